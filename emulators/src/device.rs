@@ -1,0 +1,90 @@
+//! The contract of every emulated device.
+
+use core::time::Duration;
+
+use protocols::{Instant, LineConfig, LineEvent, Port};
+
+use crate::world::World;
+
+/// A piece of hardware with one or more serial ports, advanced by whoever owns the clock.
+///
+/// The four verbs are those of a master on the other side of the wire: bytes come in with
+/// [`receive`](Self::receive), work is done in [`poll`](Self::poll), bytes leave with
+/// [`transmit`](Self::transmit), and [`poll_at`](Self::poll_at) says when to come back.
+///
+/// Time never runs backwards between calls. A device may be polled early, late or twice without
+/// effect on anything but its own lateness.
+pub trait Device {
+    /// Bytes that arrived back to back on `port`, the last of them complete at `now`. The device
+    /// knows its line coding, so it can tell when each byte ended. Never empty.
+    fn receive(&mut self, port: Port, now: Instant, bytes: &[u8]);
+
+    /// Something besides bytes happened on `port`. Devices without interest ignore it.
+    fn line_event(&mut self, _port: Port, _now: Instant, _event: LineEvent) {}
+
+    /// Does all work due by `now`, sensing and moving the world.
+    fn poll(&mut self, now: Instant, world: &mut World);
+
+    /// Moves up to `buf.len()` bytes that are ready to be sent into `buf`; returns how many. The
+    /// line calls this when it has room, so what it does not take stays in the device's queue.
+    fn transmit(&mut self, port: Port, buf: &mut [u8]) -> usize;
+
+    /// A change of the device's end of the line that the far end would see, such as a port being
+    /// opened; taken once.
+    fn line_change(&mut self, _port: Port) -> Option<LineEvent> {
+        None
+    }
+
+    /// When the device next wants to be polled by itself; `None`: only after input.
+    fn poll_at(&self) -> Option<Instant>;
+
+    /// Line coding of `port` as the device is set up now.
+    fn line_config(&self, port: Port) -> LineConfig;
+
+    /// What happened since the last call, oldest first: what the device did by itself, and what
+    /// its master did wrong.
+    fn take_events(&mut self) -> Vec<Event>;
+}
+
+/// How an [`Event`] is meant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum EventKind {
+    /// Something happened: motors on, lidar locked, radio connected.
+    Note,
+    /// The master broke a rule of the device.
+    Violation,
+}
+
+/// One entry of a device's log.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Event {
+    /// When.
+    pub at: Instant,
+    /// Note or violation.
+    pub kind: EventKind,
+    /// Short stable name in kebab case, e.g. `motors-stopped` or `unknown-register`: what scripts
+    /// and tests match.
+    pub rule: &'static str,
+    /// A sentence with the figures.
+    pub detail: String,
+    /// The bytes in question, if any.
+    pub bytes: Vec<u8>,
+}
+
+/// The instant at which byte `index` of `count` back-to-back bytes ended, when the last ended at
+/// `now`.
+pub fn byte_end(now: Instant, line: LineConfig, index: usize, count: usize) -> Instant {
+    let after = line.bytes_time((count - 1 - index) as u64);
+    Instant::ZERO + (now - Instant::ZERO).saturating_sub(after)
+}
+
+/// The earliest of some optional deadlines.
+pub fn earliest(deadlines: impl IntoIterator<Item = Option<Instant>>) -> Option<Instant> {
+    deadlines.into_iter().flatten().min()
+}
+
+/// The least multiple of `period` after the start of the run that is later than `now`.
+pub fn next_multiple(now: Instant, period: Duration) -> Instant {
+    let period = u64::try_from(period.as_nanos()).unwrap_or(u64::MAX).max(1);
+    Instant::from_nanos((now.as_nanos() / period + 1).saturating_mul(period))
+}

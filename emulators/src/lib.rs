@@ -1,0 +1,17 @@
+//! Virtual serial hardware and the world it lives in.
+//!
+//! Devices speak their real protocols byte for byte, defects included; the world closes the loop
+//! from motor command to encoder tick and lidar reading. Nothing here does I/O, reads a clock or
+//! draws unnamed randomness: equal state and equal input give equal output, on every host.
+//!
+//! | module | is |
+//! |---|---|
+//! | [`device`] | the contract of every device |
+//! | [`world`] | ground truth: scene, robot body, physics, ray casts |
+//! | [`rng`] | named random streams from one seed |
+
+pub mod device;
+pub mod rng;
+pub mod world;
+
+pub use device::{Device, Event, EventKind};

@@ -1,0 +1,46 @@
+use protocols::{Instant, LineConfig, LineEvent, Port};
+
+/// A robot's program: the master of its devices.
+///
+/// [`receive`](Self::receive) is what the receive interrupt calls, [`transmit`](Self::transmit)
+/// what the transmitter asks when it has room, [`poll`](Self::poll) is the main loop's body and
+/// may take long on a real processor. Time never runs backwards between calls; polling early,
+/// late or twice is harmless.
+pub trait Master {
+    /// Bytes that arrived on `port`, the last of them at `now`. Never empty. Called at any time,
+    /// also between a [`poll`](Self::poll) and the end of the work that it began.
+    fn receive(&mut self, port: Port, now: Instant, bytes: &[u8]);
+
+    /// Something besides bytes happened on `port`.
+    fn line_event(&mut self, _port: Port, _now: Instant, _event: LineEvent) {}
+
+    /// Does all work due by `now`. Work that costs processor time is done here at once, but its
+    /// results take effect in the next call, whose `now` tells how long it took: see
+    /// [`take_work`](Self::take_work).
+    fn poll(&mut self, now: Instant);
+
+    /// Moves up to `buf.len()` bytes to be sent on `port` into `buf`; returns how many.
+    fn transmit(&mut self, port: Port, buf: &mut [u8]) -> usize;
+
+    /// When the program next wants to be polled by itself; `None`: only after input.
+    fn poll_at(&self) -> Option<Instant>;
+
+    /// Line coding of `port`.
+    fn line_config(&self, port: Port) -> LineConfig;
+
+    /// Computing done since the last call. A rig that models the processor does not poll again
+    /// before this work would have been finished; on a real board nobody asks.
+    fn take_work(&mut self) -> Work;
+}
+
+/// Computing that takes noticeable time on the microcontroller, counted in units that a cost
+/// model can price.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Work {
+    /// Scans that went through match and map update.
+    pub scans: u32,
+    /// Candidate poses scored.
+    pub tries: u32,
+    /// Beam end points looked up in the map, over all tries.
+    pub points: u32,
+}

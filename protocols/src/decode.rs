@@ -1,0 +1,239 @@
+//! The contract of every decoder, and the one machine that keeps it.
+
+use core::fmt;
+
+/// Turns bytes into frames, whatever pieces the bytes come in.
+///
+/// - Total: any bytes, no panic. Every byte pushed ends in a frame, is discarded and counted, or is
+///   pending.
+/// - Indifferent to chunking: the frames depend on the bytes and on when [`idle`](Self::idle) was
+///   called, never on how the bytes were cut.
+/// - A rejected candidate costs one byte, so a frame that begins inside it is still found.
+pub trait Decode {
+    /// What comes out: verified, with every bit kept.
+    type Frame;
+
+    /// Takes bytes from the front of `input` until something can be said.
+    ///
+    /// `None` means that `input` is empty and that nothing more follows from what is pending. An
+    /// `Err` reports a rejected candidate, which cost exactly one byte; decoding goes on.
+    fn step(&mut self, input: &mut &[u8]) -> Option<Result<Self::Frame, FrameError>>;
+
+    /// Says that the line went quiet: an unfinished candidate will not be finished.
+    ///
+    /// Complete frames inside the given-up bytes come out of the next [`step`](Self::step) or
+    /// [`push`](Self::push), which may be given no bytes at all. Calling it twice is harmless.
+    fn idle(&mut self);
+
+    /// Bytes taken but not yet judged.
+    fn pending(&self) -> usize;
+
+    /// Bytes given up since the decoder was made.
+    fn discarded(&self) -> u64;
+
+    /// Feeds `bytes`; iterating yields frames and errors. Dropping the iterator early still feeds
+    /// the rest.
+    fn push<'a>(&'a mut self, bytes: &'a [u8]) -> Frames<'a, Self>
+    where
+        Self: Sized,
+    {
+        Frames {
+            decoder: self,
+            input: bytes,
+        }
+    }
+}
+
+/// Iterator of [`Decode::push`].
+#[derive(Debug)]
+pub struct Frames<'a, D: Decode> {
+    decoder: &'a mut D,
+    input: &'a [u8],
+}
+
+impl<D: Decode> Iterator for Frames<'_, D> {
+    type Item = Result<D::Frame, FrameError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.decoder.step(&mut self.input)
+    }
+}
+
+impl<D: Decode> Drop for Frames<'_, D> {
+    fn drop(&mut self) {
+        while self.next().is_some() {}
+    }
+}
+
+/// Why a candidate was rejected.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum FrameError {
+    /// The checksum computed from the bytes is not the one that came with them.
+    Checksum {
+        /// Computed from the frame.
+        expected: u32,
+        /// Sent with the frame.
+        found: u32,
+    },
+    /// The length field announces more than the format allows.
+    Length {
+        /// Most payload bytes that are allowed.
+        max: u32,
+        /// What the length field said.
+        found: u32,
+    },
+    /// The line went quiet before the frame was complete.
+    Truncated {
+        /// Bytes that had arrived.
+        found: u32,
+    },
+}
+
+impl fmt::Display for FrameError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Checksum { expected, found } => {
+                write!(f, "checksum is {found:#06x}, expected {expected:#06x}")
+            }
+            Self::Length { max, found } => write!(f, "length is {found}, at most {max} allowed"),
+            Self::Truncated { found } => write!(f, "line went quiet after {found} bytes"),
+        }
+    }
+}
+
+impl core::error::Error for FrameError {}
+
+/// What the bytes at the front of a buffer are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Candidate {
+    /// The first byte cannot begin a frame.
+    Noise,
+    /// So far so good; at least one more byte is needed.
+    Incomplete,
+    /// Looked like a frame, and is none.
+    Rejected(FrameError),
+    /// The first `n` bytes are a verified frame.
+    Complete(usize),
+}
+
+/// A frame format: all that [`Decoder`] has to know of a protocol.
+pub trait Format {
+    /// What a verified frame becomes.
+    type Frame;
+
+    /// Judges the non-empty `bytes` from their first one. Must say `Noise`, `Rejected` or
+    /// `Complete` at the latest when `bytes` fills the decoder's buffer, and must not change its
+    /// mind about a prefix: more bytes never turn `Noise` or `Rejected` into something else.
+    fn judge(&self, bytes: &[u8]) -> Candidate;
+
+    /// Makes the frame; called only with bytes that [`judge`](Self::judge) found complete.
+    fn frame(&self, bytes: &[u8]) -> Self::Frame;
+}
+
+/// The decoder of every format: a buffer of `N` bytes, at least the longest frame.
+#[derive(Clone, Debug)]
+pub struct Decoder<F, const N: usize> {
+    format: F,
+    buf: [u8; N],
+    /// The pending bytes are `buf[start..end]`.
+    start: usize,
+    end: usize,
+    discarded: u64,
+    quiet: bool,
+}
+
+impl<F: Format, const N: usize> Decoder<F, N> {
+    /// An empty decoder of `format`.
+    pub const fn with_format(format: F) -> Self {
+        Self {
+            format,
+            buf: [0; N],
+            start: 0,
+            end: 0,
+            discarded: 0,
+            quiet: false,
+        }
+    }
+
+    /// Judges what is pending. `Some` if that settled anything, a plain noise byte excepted.
+    fn settle(&mut self) -> Option<Result<F::Frame, FrameError>> {
+        while self.start < self.end {
+            let bytes = &self.buf[self.start..self.end];
+            match self.format.judge(bytes) {
+                Candidate::Noise => self.discard_one(),
+                Candidate::Rejected(error) => {
+                    self.discard_one();
+                    return Some(Err(error));
+                }
+                Candidate::Complete(len) => {
+                    let frame = self.format.frame(&bytes[..len]);
+                    self.start += len;
+                    return Some(Ok(frame));
+                }
+                Candidate::Incomplete if self.quiet => {
+                    let found = u32::try_from(bytes.len()).unwrap_or(u32::MAX);
+                    self.discard_one();
+                    return Some(Err(FrameError::Truncated { found }));
+                }
+                Candidate::Incomplete => return None,
+            }
+        }
+        self.quiet = false;
+        None
+    }
+
+    fn discard_one(&mut self) {
+        self.start += 1;
+        self.discarded += 1;
+    }
+
+    /// Takes as much input as the buffer holds.
+    fn fill(&mut self, input: &mut &[u8]) {
+        if self.start == self.end {
+            (self.start, self.end) = (0, 0);
+        } else if self.end == N {
+            self.buf.copy_within(self.start.., 0);
+            (self.start, self.end) = (0, self.end - self.start);
+        }
+        let (taken, rest) = input.split_at(input.len().min(N - self.end));
+        self.buf[self.end..self.end + taken.len()].copy_from_slice(taken);
+        self.end += taken.len();
+        *input = rest;
+    }
+}
+
+impl<F: Format, const N: usize> Decode for Decoder<F, N> {
+    type Frame = F::Frame;
+
+    fn step(&mut self, input: &mut &[u8]) -> Option<Result<F::Frame, FrameError>> {
+        loop {
+            // What was pending when the line went quiet is settled before new bytes join it.
+            if let Some(outcome) = self.settle() {
+                return Some(outcome);
+            }
+            if input.is_empty() {
+                return None;
+            }
+            self.fill(input);
+        }
+    }
+
+    fn idle(&mut self) {
+        self.quiet = self.start < self.end;
+    }
+
+    fn pending(&self) -> usize {
+        self.end - self.start
+    }
+
+    fn discarded(&self) -> u64 {
+        self.discarded
+    }
+}
+
+impl<F: Format + Default, const N: usize> Default for Decoder<F, N> {
+    fn default() -> Self {
+        Self::with_format(F::default())
+    }
+}

@@ -1,0 +1,168 @@
+//! AT command set of the HC-06 Bluetooth module.
+//!
+//! The module takes commands only while nobody is connected over the air. The three firmware
+//! families differ in how a command ends and how replies are worded:
+//!
+//! | family | a command ends | replies |
+//! |---|---|---|
+//! | `linvor-1.8` | after about 1 s of silence | `OKlinvorV1.8`, no line ends |
+//! | `hc01-2.0` | after about 1 s of silence | `hc01.comV2.0`, `OKsetname`, no line ends |
+//! | `3.0-20170609` | at CR LF | `+VERSION..`-style lines, then `OK` |
+//!
+//! Sources: module guides and forum measurements collected for the HC-06; `linvor` is what the
+//! rescue robot carried in 2014/15.
+
+use core::fmt;
+
+/// Baud rates by their command digit, `1` to `9`, then `A` to `C`.
+pub const BAUD_RATES: [u32; 12] = [
+    1_200, 2_400, 4_800, 9_600, 19_200, 38_400, 57_600, 115_200, 230_400, 460_800, 921_600,
+    1_382_400,
+];
+/// Rate of a module as shipped.
+pub const BAUD_DEFAULT: u32 = 9_600;
+/// Most characters in a name.
+pub const NAME_MAX: usize = 20;
+
+/// Firmware family of a module.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Family {
+    /// BC417 modules with linvor firmware, the classic.
+    #[default]
+    Linvor18,
+    /// hc01.com 2.0.
+    Hc01V20,
+    /// 3.0-20170609, with HC-05 style commands.
+    V30,
+}
+
+impl Family {
+    /// Name as in a scenario.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Linvor18 => "linvor-1.8",
+            Self::Hc01V20 => "hc01-2.0",
+            Self::V30 => "3.0-20170609",
+        }
+    }
+}
+
+impl fmt::Display for Family {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// Parity as ordered by `AT+PN`, `AT+PO`, `AT+PE`.
+pub use crate::line::Parity;
+
+/// A command of the silence-terminated families.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Command<'a> {
+    /// `AT`: are you there?
+    Attention,
+    /// `AT+VERSION`.
+    Version,
+    /// `AT+NAMExyz`, at most 20 characters.
+    Name(&'a [u8]),
+    /// `AT+PIN1234`, four digits.
+    Pin([u8; 4]),
+    /// `AT+BAUDn`; the rate in bits per second.
+    Baud(u32),
+    /// `AT+PN`, `AT+PO`, `AT+PE`.
+    Parity(Parity),
+}
+
+impl<'a> Command<'a> {
+    /// The command that exactly `bytes` are, if any: upper case only, no line end.
+    pub fn parse(bytes: &'a [u8]) -> Option<Self> {
+        let rest = bytes.strip_prefix(b"AT")?;
+        match rest {
+            b"" => return Some(Self::Attention),
+            b"+VERSION" => return Some(Self::Version),
+            b"+PN" => return Some(Self::Parity(Parity::None)),
+            b"+PO" => return Some(Self::Parity(Parity::Odd)),
+            b"+PE" => return Some(Self::Parity(Parity::Even)),
+            _ => {}
+        }
+        if let Some(name) = rest.strip_prefix(b"+NAME") {
+            (1..=NAME_MAX)
+                .contains(&name.len())
+                .then_some(Self::Name(name))
+        } else if let Some(pin) = rest.strip_prefix(b"+PIN") {
+            let pin = <[u8; 4]>::try_from(pin).ok()?;
+            pin.iter().all(u8::is_ascii_digit).then_some(Self::Pin(pin))
+        } else if let Some([digit]) = rest.strip_prefix(b"+BAUD") {
+            baud_of(*digit).map(Self::Baud)
+        } else {
+            None
+        }
+    }
+
+    /// Writes the command into the front of `out`; its length, or `None` if `out` is too small or
+    /// the command holds what cannot be said.
+    pub fn encode(self, out: &mut [u8]) -> Option<usize> {
+        match self {
+            Self::Attention => put(out, &[b"AT"]),
+            Self::Version => put(out, &[b"AT+VERSION"]),
+            Self::Name(name) => put(out, &[b"AT+NAME", name]),
+            Self::Pin(pin) => put(out, &[b"AT+PIN", &pin]),
+            Self::Baud(rate) => put(out, &[b"AT+BAUD", &[digit_of(rate)?]]),
+            Self::Parity(Parity::None) => put(out, &[b"AT+PN"]),
+            Self::Parity(Parity::Odd) => put(out, &[b"AT+PO"]),
+            Self::Parity(Parity::Even) => put(out, &[b"AT+PE"]),
+        }
+    }
+}
+
+/// The rate of a command digit.
+pub fn baud_of(digit: u8) -> Option<u32> {
+    let index = match digit {
+        b'1'..=b'9' => digit - b'1',
+        b'A'..=b'C' => digit - b'A' + 9,
+        _ => return None,
+    };
+    Some(BAUD_RATES[usize::from(index)])
+}
+
+/// The command digit of a rate.
+pub fn digit_of(rate: u32) -> Option<u8> {
+    let index = BAUD_RATES.iter().position(|&known| known == rate)?;
+    Some(b"123456789ABC"[index])
+}
+
+fn put(out: &mut [u8], parts: &[&[u8]]) -> Option<usize> {
+    let mut len = 0;
+    for part in parts {
+        out.get_mut(len..len + part.len())?.copy_from_slice(part);
+        len += part.len();
+    }
+    Some(len)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `A` is 460800: what the rescue robot's radio was set to.
+    #[test]
+    fn baud_digits_go_on_with_letters() {
+        assert_eq!(Command::parse(b"AT+BAUDA"), Some(Command::Baud(460_800)));
+        assert_eq!(Command::parse(b"AT+BAUD4"), Some(Command::Baud(9_600)));
+        assert_eq!(Command::parse(b"AT+BAUDD"), None);
+        assert_eq!(digit_of(1_382_400), Some(b'C'));
+    }
+
+    #[test]
+    fn a_command_is_exact_or_none() {
+        assert_eq!(Command::parse(b"AT"), Some(Command::Attention));
+        assert_eq!(Command::parse(b"AT\r\n"), None);
+        assert_eq!(Command::parse(b"at+version"), None);
+        assert_eq!(Command::parse(b"AT+PIN12345"), None);
+        assert_eq!(Command::parse(b"AT+NAME"), None);
+        assert_eq!(
+            Command::parse(b"AT+NAMErescue"),
+            Some(Command::Name(b"rescue"))
+        );
+    }
+}

@@ -1,0 +1,31 @@
+//! Wire formats of small serial robots.
+//!
+//! Nothing here allocates, reads a clock or does I/O. A protocol is one file: its frame layout as a
+//! diagram, a checked [`Frame`](xv11::Frame) that keeps every bit, the meaning of a frame as a
+//! second type, an encoder into the caller's buffer, and a decoder that is one [`Format`] for the
+//! shared [`Decoder`].
+//!
+//! | module | wire |
+//! |---|---|
+//! | [`xv11`] | Neato XV-11 lidar: 22-byte packets (firmware 2.4, 2.6), 1446-byte turns (2.1) |
+//! | [`avr`] | register bus of the AVR base, and its register map |
+//! | [`pcui`] | robot to PC link: framing, map rows, waypoints, state |
+//! | [`rle`] | run-length code of the map rows |
+//! | [`hc06`] | AT command set of the HC-06 radio |
+//! | [`line`](mod@line) | line coding and byte time |
+//!
+//! To add a protocol: one file here that implements [`Format`], one file of tests in `tests/wire`.
+#![no_std]
+
+pub mod avr;
+mod decode;
+pub mod hc06;
+pub mod line;
+pub mod pcui;
+pub mod rle;
+mod time;
+pub mod xv11;
+
+pub use decode::{Candidate, Decode, Decoder, Format, FrameError, Frames};
+pub use line::{LineConfig, LineEvent, Parity, Port};
+pub use time::Instant;

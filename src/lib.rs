@@ -1,0 +1,1 @@
+//! hilrig: a hardware-in-the-loop rig for small serial robots.

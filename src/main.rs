@@ -1,0 +1,3 @@
+//! The `hilrig` command.
+
+fn main() {}
