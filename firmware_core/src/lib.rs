@@ -11,4 +11,4 @@ pub mod pose;
 pub mod scan;
 pub mod slam;
 
-pub use master::{Master, Work};
+pub use master::{Inspect, Master, Work};

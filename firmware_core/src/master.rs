@@ -44,3 +44,19 @@ pub struct Work {
     /// Beam end points looked up in the map, over all tries.
     pub points: u32,
 }
+
+/// What a rig may look at in a program that runs in its own process: for checkers, reports and the
+/// page, never for devices.
+pub trait Inspect {
+    /// Where the program believes the robot is, in its own map's frame.
+    fn estimate(&self) -> Option<crate::pose::Pose>;
+
+    /// The map as the program holds it.
+    fn map(&self) -> Option<&crate::grid::Grid>;
+
+    /// What the program is doing, in one or two words, e.g. `waypoint` or `stop`.
+    fn mode(&self) -> &'static str;
+
+    /// Names every counter with its value, always in the same order: scans, retries, overflows.
+    fn counters(&self, report: &mut dyn FnMut(&'static str, u64));
+}
