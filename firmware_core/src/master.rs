@@ -48,8 +48,9 @@ pub struct Work {
 /// What a rig may look at in a program that runs in its own process: for checkers, reports and the
 /// page, never for devices.
 pub trait Inspect {
-    /// Where the program believes the robot is, in its own map's frame.
-    fn estimate(&self) -> Option<crate::pose::Pose>;
+    /// Where the program believes the robot was, in its own map's frame, and when: the end of the
+    /// last scan that was matched, not the moment of asking.
+    fn estimate(&self) -> Option<(Instant, crate::pose::Pose)>;
 
     /// The map as the program holds it.
     fn map(&self) -> Option<&crate::grid::Grid>;
