@@ -1,0 +1,442 @@
+//! Wheel ticks to pose change, and the recent past of the dead-reckoned pose.
+//!
+//! Both wheels turn at constant speed between two readings, so the robot runs along an exact arc;
+//! that is the midpoint form with the chord's true length. Readings that no motor could produce
+//! are counted and left out: a slave that sends a 32-bit counter while it carries is off by 256
+//! ticks in one reading and right again in the next.
+
+use core::f32::consts::TAU;
+use core::time::Duration;
+
+use protocols::Instant;
+
+use crate::pose::{Pose, PoseChange, sin_cos};
+
+/// The drive, as far as odometry needs it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WheelGeometry {
+    /// Radius of a wheel.
+    pub wheel_radius_mm: f32,
+    /// Distance between the wheels' points of contact.
+    pub axle_mm: f32,
+    /// Encoder counts of one turn of a wheel.
+    pub ticks_per_turn: u16,
+    /// More than a wheel can do; faster readings are not believed.
+    pub ticks_per_second_max: u16,
+}
+
+impl WheelGeometry {
+    /// Travel of a wheel's rim per tick.
+    pub fn tick_mm(&self) -> f32 {
+        TAU * self.wheel_radius_mm / f32::from(self.ticks_per_turn)
+    }
+
+    /// The arc that the robot runs when its wheels turn by `ticks` (left, right).
+    pub fn arc(&self, ticks: [i32; 2]) -> PoseChange {
+        #[expect(clippy::cast_precision_loss, reason = "a reading's ticks are few")]
+        let [left, right] = ticks.map(|count| count as f32 * self.tick_mm());
+        let turn = (right - left) / self.axle_mm;
+        let path = (right + left) / 2.0;
+        // The chord of an arc is path * sin(turn/2) / (turn/2), and leaves at half the turn.
+        let (sin, cos) = sin_cos(turn / 2.0);
+        let chord = if turn.abs() < 1e-3 {
+            path * (1.0 - turn * turn / 24.0)
+        } else {
+            path * sin / (turn / 2.0)
+        };
+        PoseChange {
+            forward_mm: chord * cos,
+            left_mm: chord * sin,
+            turn,
+        }
+    }
+}
+
+/// Ticks allowed beyond the fastest wheel, for a reading that comes a little late.
+const TICKS_SLACK: u32 = 16;
+/// Unbelievable readings in a row after which the counters must have been restarted.
+const RESTART_AFTER: u8 = 3;
+/// Samples of the past that are kept.
+const SAMPLES: usize = 16;
+/// Longest time that the last motion is continued beyond the newest sample.
+const EXTRAPOLATION_MAX: Duration = Duration::from_millis(250);
+
+#[derive(Clone, Copy, Debug)]
+struct Sample {
+    at: Instant,
+    pose: Pose,
+}
+
+/// Dead reckoning: integrates tick readings, and tells the pose at any recent time.
+#[derive(Clone, Debug)]
+pub struct Odometry {
+    geometry: WheelGeometry,
+    last_ticks: Option<[i32; 2]>,
+    /// Oldest first; all of `..len` hold.
+    samples: [Sample; SAMPLES],
+    len: usize,
+    disbelieved_in_a_row: u8,
+    disbelieved: u32,
+}
+
+impl Odometry {
+    /// Starts at the origin, knowing nothing of the counters.
+    pub const fn new(geometry: WheelGeometry) -> Self {
+        const ORIGIN: Sample = Sample {
+            at: Instant::ZERO,
+            pose: Pose {
+                x_mm: 0.0,
+                y_mm: 0.0,
+                heading: 0.0,
+            },
+        };
+        Self {
+            geometry,
+            last_ticks: None,
+            samples: [ORIGIN; SAMPLES],
+            len: 0,
+            disbelieved_in_a_row: 0,
+            disbelieved: 0,
+        }
+    }
+
+    /// Takes a reading of both counters (left, right), which wrap; returns the motion since the
+    /// previous one. The first reading, and the third unbelievable one in a row, only set the
+    /// counters; other unbelievable readings are as if they had not been made.
+    pub fn update(&mut self, now: Instant, ticks: [i32; 2]) -> PoseChange {
+        let (Some(last_ticks), Some(newest)) = (self.last_ticks, self.newest()) else {
+            self.last_ticks = Some(ticks);
+            self.push(Sample {
+                at: now,
+                pose: self.pose(),
+            });
+            return PoseChange::NONE;
+        };
+        let step = [
+            ticks[0].wrapping_sub(last_ticks[0]),
+            ticks[1].wrapping_sub(last_ticks[1]),
+        ];
+        if !self.is_believable(now - newest.at, step) {
+            self.disbelieved = self.disbelieved.saturating_add(1);
+            self.disbelieved_in_a_row += 1;
+            if self.disbelieved_in_a_row >= RESTART_AFTER {
+                self.disbelieved_in_a_row = 0;
+                self.last_ticks = Some(ticks);
+                self.push(Sample {
+                    at: now,
+                    pose: newest.pose,
+                });
+            }
+            return PoseChange::NONE;
+        }
+        self.disbelieved_in_a_row = 0;
+        self.last_ticks = Some(ticks);
+        let change = self.geometry.arc(step);
+        self.push(Sample {
+            at: now,
+            pose: newest.pose.then(change),
+        });
+        change
+    }
+
+    /// Forgets the counters, so that wheel turns up to the next reading are not integrated: for a
+    /// drive that was switched off or restarted.
+    pub const fn resynchronise(&mut self) {
+        self.last_ticks = None;
+        self.disbelieved_in_a_row = 0;
+    }
+
+    /// The dead-reckoned pose at the newest reading.
+    pub fn pose(&self) -> Pose {
+        self.newest()
+            .map_or_else(Pose::default, |sample| sample.pose)
+    }
+
+    /// When the newest reading was made.
+    pub fn updated_at(&self) -> Option<Instant> {
+        self.newest().map(|sample| sample.at)
+    }
+
+    /// The dead-reckoned pose at `at`: between two readings along the way between them, after the
+    /// newest one at its speed for at most 250 ms, before the oldest one that is kept, that one's.
+    pub fn pose_at(&self, at: Instant) -> Pose {
+        let samples = &self.samples[..self.len];
+        let Some(newest) = samples.last() else {
+            return Pose::default();
+        };
+        let after = samples.partition_point(|sample| sample.at < at);
+        if after == 0 {
+            return samples[0].pose;
+        }
+        if after < self.len {
+            return between(samples[after - 1], samples[after], at);
+        }
+        let latest = newest.at + EXTRAPOLATION_MAX;
+        let before = self.len.checked_sub(2).and_then(|index| samples.get(index));
+        before.map_or(newest.pose, |before| {
+            between(*before, *newest, at.min(latest))
+        })
+    }
+
+    /// Readings that were not believed.
+    pub const fn disbelieved(&self) -> u32 {
+        self.disbelieved
+    }
+
+    fn newest(&self) -> Option<Sample> {
+        self.samples[..self.len].last().copied()
+    }
+
+    fn is_believable(&self, elapsed: Duration, step: [i32; 2]) -> bool {
+        let micros = elapsed.as_micros().min(60_000_000);
+        let ticks = u128::from(self.geometry.ticks_per_second_max) * micros / 1_000_000;
+        let limit = u32::try_from(ticks)
+            .unwrap_or(u32::MAX)
+            .saturating_add(TICKS_SLACK);
+        step.iter().all(|ticks| ticks.unsigned_abs() <= limit)
+    }
+
+    fn push(&mut self, sample: Sample) {
+        match self.samples[..self.len].last_mut() {
+            Some(newest) if newest.at >= sample.at => newest.pose = sample.pose,
+            _ => {
+                if self.len == SAMPLES {
+                    self.samples.copy_within(1.., 0);
+                    self.len -= 1;
+                }
+                self.samples[self.len] = sample;
+                self.len += 1;
+            }
+        }
+    }
+}
+
+/// The pose at `at` when the robot runs from `a` to `b` at constant speed along an arc; `at` may
+/// lie beyond `b`.
+fn between(a: Sample, b: Sample, at: Instant) -> Pose {
+    let whole = seconds(b.at - a.at);
+    if whole <= 0.0 {
+        return b.pose;
+    }
+    let share = seconds(at - a.at) / whole;
+    let change = a.pose.change_to(b.pose);
+    // Turn the chord back to the part of the arc that has been run.
+    let turn = change.turn * share;
+    let (sin, cos) = sin_cos((turn - change.turn) / 2.0);
+    let (forward, left) = (change.forward_mm * share, change.left_mm * share);
+    let change = PoseChange {
+        forward_mm: cos * forward - sin * left,
+        left_mm: sin * forward + cos * left,
+        turn,
+    };
+    a.pose.then(change)
+}
+
+fn seconds(duration: Duration) -> f32 {
+    duration.as_secs_f32()
+}
+
+/// The fielded firmware's odometry (its document's listing B.4), kept to show what is wrong with
+/// it; see [`fielded::arc`].
+pub mod fielded {
+    use core::f32::consts::PI;
+
+    use super::{WheelGeometry, sin_cos};
+    use crate::pose::{Pose, normalised};
+
+    /// The pose after `ticks`, by the fielded rule: only the length of the motion is used, so
+    /// driving backwards moves forwards (SL-07); the heading in degrees goes through a factor
+    /// `180 / pi` into sine and cosine, where single precision runs out (SL-08); and the heading
+    /// is turned the wrong way before the motion is laid along it (SL-09). `psi_deg` is the
+    /// fielded heading, clockwise and never normalised; the new one is returned beside the pose.
+    pub fn arc(geometry: &WheelGeometry, pose: Pose, psi_deg: f32, ticks: [i32; 2]) -> (Pose, f32) {
+        #[expect(clippy::cast_precision_loss, reason = "a reading's ticks are few")]
+        let [left, right] = ticks.map(|count| count as f32 * geometry.tick_mm());
+        let turn = (left - right) / geometry.axle_mm;
+        let length = if left == right {
+            libm::fabsf(left)
+        } else {
+            let radius = -geometry.axle_mm * (left + right) / (2.0 * (right - left));
+            let garbled = psi_deg * 180.0 / PI;
+            let (sin_0, cos_0) = sin_cos(garbled);
+            let (sin_1, cos_1) = sin_cos(turn + garbled);
+            libm::hypotf(radius * (sin_1 - sin_0), radius * (cos_1 - cos_0))
+        };
+        let (sin, cos) = sin_cos((180.0 - psi_deg).to_radians() + turn);
+        let psi_deg = psi_deg + turn.to_degrees();
+        let pose = Pose {
+            x_mm: pose.x_mm + length * cos,
+            y_mm: pose.y_mm + length * sin,
+            heading: normalised((180.0 - psi_deg).to_radians()),
+        };
+        (pose, psi_deg)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::f32::consts::{FRAC_PI_2, PI};
+    use proptest::prelude::*;
+
+    /// The rescue robot's drive, seed report: radius 26 mm, axle 260 mm, 360 ticks a turn.
+    const DRIVE: WheelGeometry = WheelGeometry {
+        wheel_radius_mm: 26.0,
+        axle_mm: 260.0,
+        ticks_per_turn: 360,
+        ticks_per_second_max: 900,
+    };
+
+    fn at(millis: u64) -> Instant {
+        Instant::from_millis(millis)
+    }
+
+    fn near(a: f32, b: f32, tolerance: f32) -> bool {
+        (a - b).abs() <= tolerance
+    }
+
+    /// Seed report: one tick is 2 pi 26 mm / 360 = 0.45379 mm; defect list SL-07 gives the right
+    /// answer for backwards driving as -45.4 mm.
+    #[test]
+    fn straight_driving_keeps_length_and_sign() {
+        assert!(near(DRIVE.arc([100, 100]).forward_mm, 45.379, 1e-3));
+        assert!(near(DRIVE.arc([-100, -100]).forward_mm, -45.379, 1e-3));
+        assert!(near(DRIVE.arc([100, 100]).left_mm, 0.0, 1e-6));
+    }
+
+    /// SL-09 gives +1.48 mm sideways for 100/50 ticks (measured to the right, as the left wheel
+    /// runs further); SL-08 gives 45.15 mm for 100/99.
+    #[test]
+    fn curves_bend_to_the_slower_wheel() {
+        let curve = DRIVE.arc([100, 50]);
+        assert!(near(curve.left_mm, -1.48, 0.01), "{curve:?}");
+        assert!(near(curve.turn, -22.689 / 260.0, 1e-5));
+        assert!(near(DRIVE.arc([100, 99]).distance_mm(), 45.15, 0.01));
+    }
+
+    /// A quarter circle on the spot: each wheel runs 130 mm * pi / 2 = 204.2 mm = 450 ticks.
+    #[test]
+    fn opposite_wheels_turn_on_the_spot() {
+        let spin = DRIVE.arc([-450, 450]);
+        assert!(
+            near(spin.turn, FRAC_PI_2, 1e-4) && spin.distance_mm() < 1e-6,
+            "{spin:?}"
+        );
+    }
+
+    /// The fielded rule against its own figures (measured on the field code): SL-07, SL-09 and
+    /// one of the headings of SL-08.
+    #[test]
+    fn the_fielded_rule_shows_its_defects() {
+        let start = Pose::from_wire(crate::pose::WirePose {
+            x_mm: 0,
+            y_mm: 0,
+            psi_deg: 90,
+        });
+        let (back, _) = fielded::arc(&DRIVE, start, 90.0, [-100, -100]);
+        assert!(
+            near(back.y_mm, 45.379, 1e-2),
+            "reverse moves forward: {back:?}"
+        );
+
+        let exact = start.then(DRIVE.arc([100, 50]));
+        let (curve, psi) = fielded::arc(&DRIVE, start, 90.0, [100, 50]);
+        assert!(near(exact.x_mm, 1.48, 0.01), "{exact:?}");
+        assert!(
+            near(curve.x_mm, -2.97, 0.02),
+            "wrong side, twice as much: {curve:?}"
+        );
+        assert!(near(psi, 95.0, 0.01));
+
+        let (lost, _) = fielded::arc(&DRIVE, start, 720.0, [100, 99]);
+        assert!(
+            lost.position().distance_mm(start.position()) < 1e-3,
+            "{lost:?}"
+        );
+    }
+
+    #[test]
+    fn counters_may_wrap() {
+        let mut odometry = Odometry::new(DRIVE);
+        odometry.update(at(0), [i32::MAX - 10, i32::MIN + 5]);
+        let change = odometry.update(at(200), [i32::MIN + 39, i32::MIN + 55]);
+        assert!(near(change.forward_mm, 50.0 * 0.45379, 1e-2), "{change:?}");
+    }
+
+    /// Field defect AV-06: a counter read while it carries is 256 off, once.
+    #[test]
+    fn a_carry_glitch_is_counted_and_costs_nothing() {
+        let mut odometry = Odometry::new(DRIVE);
+        odometry.update(at(0), [200, 200]);
+        odometry.update(at(200), [300 + 256, 300]);
+        odometry.update(at(400), [400, 400]);
+        assert_eq!(odometry.disbelieved(), 1);
+        assert!(
+            near(odometry.pose().x_mm, 200.0 * 0.45379, 1e-2),
+            "{:?}",
+            odometry.pose()
+        );
+        assert!(near(odometry.pose().heading, 0.0, 1e-6));
+    }
+
+    /// A slave that was reset counts from zero again: two readings are lost, not the robot.
+    #[test]
+    fn restarted_counters_are_taken_over_at_the_third_reading() {
+        let mut odometry = Odometry::new(DRIVE);
+        odometry.update(at(0), [90_000, 90_000]);
+        odometry.update(at(200), [0, 0]);
+        odometry.update(at(400), [10, 10]);
+        odometry.update(at(600), [20, 20]);
+        let change = odometry.update(at(800), [120, 120]);
+        assert_eq!(odometry.disbelieved(), 3);
+        assert!(near(change.forward_mm, 45.379, 1e-2));
+    }
+
+    /// A quarter circle in 200 ms, asked for at its half: the exact arc, not the chord's middle.
+    #[test]
+    fn poses_between_readings_lie_on_the_arc() {
+        let mut odometry = Odometry::new(DRIVE);
+        odometry.update(at(0), [0, 0]);
+        let (left, right) = (20, 170);
+        odometry.update(at(200), [left, right]);
+        let half = odometry.pose_at(at(100));
+        let truth = Pose::default().then(DRIVE.arc([left / 2, right / 2]));
+        assert!(
+            half.position().distance_mm(truth.position()) < 1e-2,
+            "{half:?} {truth:?}"
+        );
+        assert!(near(half.heading, truth.heading, 1e-5));
+
+        let beyond = odometry.pose_at(at(300));
+        let truth = Pose::default().then(DRIVE.arc([30, 255]));
+        assert!(
+            beyond.position().distance_mm(truth.position()) < 1e-2,
+            "{beyond:?} {truth:?}"
+        );
+        assert_eq!(odometry.pose_at(at(450)), odometry.pose_at(at(9_000)));
+    }
+
+    #[test]
+    fn old_samples_make_room_for_new_ones() {
+        let mut odometry = Odometry::new(DRIVE);
+        for step in 0..40_u8 {
+            odometry.update(at(u64::from(step) * 40), [i32::from(step) * 20; 2]);
+        }
+        assert!(near(odometry.pose_at(at(1000)).x_mm, 500.0 * 0.45379, 0.05));
+        assert_eq!(odometry.pose_at(at(0)), odometry.pose_at(at(960)));
+        assert_eq!(odometry.updated_at(), Some(at(1560)));
+    }
+
+    proptest! {
+        /// Any split of an arc at constant speed gives the same end.
+        #[test]
+        fn arcs_compose(left in -60_i32..60, right in -60_i32..60, parts in 1_u8..8) {
+            let n = i32::from(parts);
+            let whole = Pose::default().then(DRIVE.arc([left * n, right * n]));
+            let stepped = (0..n).fold(Pose::default(), |p, _| p.then(DRIVE.arc([left, right])));
+            prop_assert!(whole.position().distance_mm(stepped.position()) < 0.05);
+            prop_assert!(near(crate::pose::normalised(whole.heading - stepped.heading), 0.0, 1e-4));
+            prop_assert!(whole.heading.abs() <= PI);
+        }
+    }
+}

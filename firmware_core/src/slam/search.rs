@@ -1,0 +1,187 @@
+//! Monte-Carlo search: random candidates around a base pose, better ones become the base.
+
+use super::matching::{Placement, Tally, tally};
+use super::random::Pcg32;
+use super::settings::{Method, Settings};
+use crate::grid::Grid;
+use crate::pose::{Pose, normalised, sin_cos};
+
+/// What a search works on.
+pub(super) struct Task<'a> {
+    /// The points of a usual try.
+    pub(super) sparse: &'a [[i16; 2]],
+    /// All points.
+    pub(super) dense: &'a [[i16; 2]],
+    /// Where the odometry says the robot is.
+    pub(super) predicted: Pose,
+    /// Usual tries that the time allows.
+    pub(super) tries: u32,
+}
+
+/// What a search found.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Found {
+    pub(super) pose: Pose,
+    /// Over the points of a usual try.
+    pub(super) tally: Tally,
+    pub(super) tries: u32,
+    pub(super) points: u32,
+}
+
+/// Searches by the method of `settings`.
+pub(super) fn run<const W: usize, const H: usize>(
+    grid: &Grid<W, H>,
+    settings: &Settings,
+    task: &Task<'_>,
+    random: &mut Pcg32,
+) -> Found {
+    match settings.search.method {
+        Method::Document => document(grid, settings, task, random),
+        Method::Annealed => annealed(grid, settings, task, random),
+    }
+}
+
+/// The pose that candidates are drawn around, with its trigonometry done.
+struct Base {
+    pose: Pose,
+    x_cells: f32,
+    y_cells: f32,
+    sin: f32,
+    cos: f32,
+}
+
+impl Base {
+    fn new(pose: Pose, resolution_mm: f32) -> Self {
+        let (sin, cos) = sin_cos(pose.heading);
+        Self {
+            pose,
+            x_cells: pose.x_mm / resolution_mm,
+            y_cells: pose.y_mm / resolution_mm,
+            sin,
+            cos,
+        }
+    }
+}
+
+/// A shift from a base pose: millimetres of the world, radians.
+#[derive(Clone, Copy)]
+struct Shift {
+    x_mm: f32,
+    y_mm: f32,
+    turn: f32,
+}
+
+impl Base {
+    fn pose(&self, shift: Shift) -> Pose {
+        Pose {
+            x_mm: self.pose.x_mm + shift.x_mm,
+            y_mm: self.pose.y_mm + shift.y_mm,
+            heading: normalised(self.pose.heading + shift.turn),
+        }
+    }
+
+    #[inline]
+    fn placement(&self, shift: Shift, cells_per_mm: f32) -> Placement {
+        let (sin, cos) = small_sin_cos(shift.turn);
+        Placement::from_parts(
+            self.x_cells + shift.x_mm * cells_per_mm,
+            self.y_cells + shift.y_mm * cells_per_mm,
+            self.sin * cos + self.cos * sin,
+            self.cos * cos - self.sin * sin,
+        )
+    }
+}
+
+/// Sine and cosine by the first terms of their series: exact to single precision up to half a
+/// radian, and to the matcher's 14 places far beyond.
+#[inline]
+fn small_sin_cos(angle: f32) -> (f32, f32) {
+    if angle.abs() > 0.5 {
+        return sin_cos(angle);
+    }
+    let square = angle * angle;
+    let sin = angle * (1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0)));
+    let cos = 1.0 - square / 2.0 * (1.0 - square / 12.0 * (1.0 - square / 30.0));
+    (sin, cos)
+}
+
+/// The seed report's search.
+fn document<const W: usize, const H: usize>(
+    grid: &Grid<W, H>,
+    settings: &Settings,
+    task: &Task<'_>,
+    random: &mut Pcg32,
+) -> Found {
+    let defects = settings.defects;
+    let resolution_mm = grid.resolution_mm();
+    let cells_per_mm = 1.0 / resolution_mm;
+    let rank = |tally: Tally| -> i64 {
+        if defects.outside_is_free {
+            (i64::from(tally.sum) * 1024)
+                .checked_div(i64::from(tally.inside))
+                .unwrap_or(-1)
+        } else {
+            i64::from(tally.sum)
+        }
+    };
+    let mut base = Base::new(task.predicted, resolution_mm);
+    let mut best = (
+        base.pose,
+        tally(
+            grid.rows(),
+            task.sparse,
+            &Placement::new(base.pose, resolution_mm),
+        ),
+    );
+    let mut spread = u32::from(settings.search.spread_mm);
+    let mut spread_deg = u32::from(settings.search.spread_deg);
+    for index in 0..task.tries {
+        let shift = Shift {
+            x_mm: offset(random, spread),
+            y_mm: offset(random, spread),
+            turn: offset(random, spread_deg).to_radians(),
+        };
+        let score = tally(
+            grid.rows(),
+            task.sparse,
+            &base.placement(shift, cells_per_mm),
+        );
+        if rank(score) <= rank(best.1) {
+            continue;
+        }
+        best = (base.pose(shift), score);
+        if index > task.tries / 3 {
+            base = Base::new(best.0, resolution_mm);
+            if !defects.never_narrows {
+                spread = (spread / 2).max(u32::from(!defects.spread_reaches_zero));
+                spread_deg = (spread_deg / 2).max(u32::from(!defects.heading_spread_reaches_zero));
+            }
+        }
+    }
+    Found {
+        pose: best.0,
+        tally: best.1,
+        tries: task.tries + 1,
+        points: (task.tries + 1) * super::count_u32(task.sparse.len()),
+    }
+}
+
+/// A whole number from `-spread` to `spread - 1`. With a spread of 0 the processor's remainder
+/// gives the random number itself.
+#[inline]
+#[expect(
+    clippy::cast_precision_loss,
+    reason = "spreads are small; the defect's are huge anyway"
+)]
+fn offset(random: &mut Pcg32, spread: u32) -> f32 {
+    (i64::from(random.below(2 * spread)) - i64::from(spread)) as f32
+}
+
+fn annealed<const W: usize, const H: usize>(
+    grid: &Grid<W, H>,
+    settings: &Settings,
+    task: &Task<'_>,
+    random: &mut Pcg32,
+) -> Found {
+    document(grid, settings, task, random)
+}
