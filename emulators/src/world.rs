@@ -1,0 +1,365 @@
+//! Ground truth: what is solid, where the robot's body is, what its wheels do.
+//!
+//! Physics runs in steps of 1 ms counted from the start of the run. What holds for a step is fixed
+//! at its beginning, and between beginnings every figure follows from it exactly; so no result
+//! depends on when or how often [`World::advance`] is called. A new drive takes effect at the next
+//! beginning, at most 1 ms later.
+//!
+//! | module | is |
+//! |---|---|
+//! | [`geometry`] | points, poses, ray against wall and circle |
+//! | [`scene`] | walls, furniture, obstacles; the ray cast |
+//! | [`path`] | how obstacles move |
+//! | [`occupancy`] | floor plans from occupancy images |
+//! | [`body`] | motors, wheels, slip |
+
+pub mod body;
+mod contact;
+pub mod geometry;
+mod grid;
+pub mod occupancy;
+pub mod path;
+pub mod scene;
+
+use core::fmt;
+use core::time::Duration;
+
+use protocols::Instant;
+
+pub use body::{BodyConfig, BodyError, Drive, Wheel};
+use body::{Chassis, Motion, STEP_NANOS, STEP_S};
+pub use contact::Contact;
+use contact::{Bumper, Push};
+pub use geometry::{Bounds, Point, Pose, wrap_angle};
+pub use occupancy::OccupancyImage;
+pub use path::{Path, Repeat, Waypoint};
+pub use scene::{Cause, Fixture, Hit, Obstacle, Part, Scene, SceneError, Shape};
+
+/// Steps whose motion is remembered: a lidar's packet holds beams of the last few milliseconds,
+/// one whole revolution lasts 200 ms.
+const TRAIL_STEPS: usize = 256;
+
+/// The scene, one robot body in it, and the time up to which both are known.
+#[derive(Clone, Debug)]
+pub struct World {
+    scene: Scene,
+    chassis: Chassis,
+    bumper: Bumper,
+    push: Push,
+    now: Instant,
+    /// The step that begins next. The one before it is under way, or ends right `now`.
+    next_step: u64,
+    /// Motion of step `n` at index `n % TRAIL_STEPS`.
+    trail: Vec<Motion>,
+}
+
+impl World {
+    /// A body at rest at `start`, brakes on. The noise of the floor follows from `seed`.
+    pub fn new(
+        scene: Scene,
+        config: BodyConfig,
+        start: Pose,
+        seed: u64,
+    ) -> Result<Self, WorldError> {
+        config.check().map_err(WorldError::Body)?;
+        if !start.is_finite() {
+            return Err(WorldError::StartNotFinite);
+        }
+        let bumper = Bumper::new(&scene, config.radius_m);
+        let clearance_m = bumper.clearance(&scene, Instant::ZERO, start.point());
+        if clearance_m < 0.0 {
+            return Err(WorldError::StartBlocked {
+                start,
+                overlap_m: -clearance_m,
+            });
+        }
+        Ok(Self {
+            scene,
+            chassis: Chassis::new(config, seed),
+            bumper,
+            push: Push::default(),
+            now: Instant::ZERO,
+            next_step: 0,
+            trail: vec![Motion::rest(start); TRAIL_STEPS],
+        })
+    }
+
+    /// Moves everything on to `now`; an earlier time than before changes nothing.
+    pub fn advance(&mut self, now: Instant) {
+        if now <= self.now {
+            return;
+        }
+        while self.next_step * STEP_NANOS < now.as_nanos() {
+            self.begin_step();
+        }
+        self.now = now;
+    }
+
+    /// The time up to which the world was advanced.
+    pub fn now(&self) -> Instant {
+        self.now
+    }
+
+    /// What is solid.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// The figures of the body.
+    pub fn body(&self) -> &BodyConfig {
+        &self.chassis.config
+    }
+
+    /// Where the body is now.
+    pub fn pose(&self) -> Pose {
+        self.pose_at(self.now)
+    }
+
+    /// Where the body was at `at`, which may lie up to 250 ms in the past; farther back the oldest
+    /// pose known, later than now the present one.
+    pub fn pose_at(&self, at: Instant) -> Pose {
+        let at = at.min(self.now).as_nanos();
+        let newest = self.next_step.saturating_sub(1);
+        let oldest = self.next_step.saturating_sub(TRAIL_STEPS as u64);
+        let step = (at / STEP_NANOS).clamp(oldest, newest);
+        let after = Instant::from_nanos(at.saturating_sub(step * STEP_NANOS)).as_secs_f64();
+        let pose = self.motion(step).pose(after);
+        Pose {
+            theta: wrap_angle(pose.theta),
+            ..pose
+        }
+    }
+
+    /// What a ray from `from` meets first now, up to `max_range` metres away. `angle` is in the
+    /// world's frame. The robot's own body is not in the way.
+    pub fn cast_ray(&self, from: Point, angle: f64, max_range: f64) -> Option<Hit> {
+        self.scene.cast_ray(self.now, from, angle, max_range)
+    }
+
+    /// The same with the obstacles where they are at `at`: for a beam measured a little earlier.
+    pub fn cast_ray_at(&self, at: Instant, from: Point, angle: f64, max_range: f64) -> Option<Hit> {
+        self.scene.cast_ray(at, from, angle, max_range)
+    }
+
+    /// Sets what the motor driver does to one wheel from now on.
+    pub fn set_drive(&mut self, wheel: Wheel, drive: Drive) {
+        self.chassis.motors[wheel as usize].drive = drive;
+    }
+
+    /// What the motor driver does to one wheel.
+    pub fn drive(&self, wheel: Wheel) -> Drive {
+        self.chassis.motors[wheel as usize].drive
+    }
+
+    /// Encoder counts of one wheel since the start of the run; forward counts up.
+    pub fn encoder_ticks(&self, wheel: Wheel) -> i64 {
+        let motor = &self.chassis.motors[wheel as usize];
+        let travel = motor.travel + motor.speed * self.elapsed_s();
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "a robot lives less than 2^63 ticks"
+        )]
+        let ticks = (travel / self.chassis.config.tick_m()).floor() as i64;
+        ticks
+    }
+
+    /// Speed of one wheel's rim now, m/s; forward is positive.
+    pub fn wheel_speed(&self, wheel: Wheel) -> f64 {
+        self.chassis.motors[wheel as usize].speed
+    }
+
+    /// Speed of the body over the floor now, m/s, whatever moves it.
+    pub fn speed(&self) -> f64 {
+        self.current().floor_speed()
+    }
+
+    /// Turn rate of the body now, rad/s, counter-clockwise.
+    pub fn turn_rate(&self) -> f64 {
+        self.current().turn
+    }
+
+    /// Whether the body moves or turns now.
+    pub fn is_moving(&self) -> bool {
+        let motion = self.current();
+        motion.speed != 0.0 || motion.turn != 0.0 || motion.drift != Point::default()
+    }
+
+    /// Free distance between the body and the nearest surface now, metres, capped at 1 m; negative
+    /// when they overlap.
+    pub fn clearance(&self) -> f64 {
+        self.bumper
+            .clearance(&self.scene, self.now, self.pose().point())
+    }
+
+    /// Somebody pushes the robot: the body moves by (`dx`, `dy`) metres in world axes and turns by
+    /// `dtheta` radians, evenly `over` this time and beside what its wheels do, which do not count
+    /// it. No faster than 5 m/s and 20 rad/s: a shorter time is stretched. What is left of a push
+    /// under way is added. Walls hold the robot all the same.
+    ///
+    /// # Panics
+    /// If a figure is not finite.
+    pub fn push(&mut self, dx: f64, dy: f64, dtheta: f64, over: Duration) {
+        self.push.add(Pose::new(dx, dy, dtheta), over);
+    }
+
+    /// Somebody puts the robot elsewhere at once; its wheels go on as before.
+    ///
+    /// # Panics
+    /// If a coordinate is not finite.
+    pub fn teleport(&mut self, pose: Pose) {
+        assert!(pose.is_finite(), "teleport to a pose that is not finite");
+        let after = self.elapsed_s();
+        let newest = self.next_step.saturating_sub(1);
+        let motion = &mut self.trail[index(newest)];
+        motion.start = Pose {
+            theta: pose.theta - motion.turn * after,
+            ..Pose::default()
+        };
+        let gone = motion.pose(after);
+        (motion.start.x, motion.start.y) = (pose.x - gone.x, pose.y - gone.y);
+        self.bumper.forget();
+    }
+
+    /// Collisions since the last call, oldest first: one entry per collision, however long the
+    /// robot leans on the wall afterwards. Only the first thousand or so are kept.
+    pub fn take_contacts(&mut self) -> Vec<Contact> {
+        self.bumper.take_contacts()
+    }
+
+    /// Collisions since the start of the run, including any not kept.
+    pub fn contact_count(&self) -> u64 {
+        self.bumper.count()
+    }
+
+    fn begin_step(&mut self) {
+        let step = self.next_step;
+        let began = Instant::from_nanos(step * STEP_NANOS);
+        let mut start = match step.checked_sub(1) {
+            Some(previous) => self.motion(previous).pose(STEP_S),
+            None => self.motion(0).start,
+        };
+        start.theta = wrap_angle(start.theta);
+        let (speed, turn) = self.chassis.step(step);
+        let (drift, twist) = self.push.step();
+        let wanted = Motion {
+            start,
+            speed,
+            turn: turn + twist,
+            drift,
+        };
+        self.trail[index(step)] = self.bumper.constrain(&self.scene, began, wanted);
+        self.next_step = step + 1;
+    }
+
+    fn current(&self) -> &Motion {
+        self.motion(self.next_step.saturating_sub(1))
+    }
+
+    fn motion(&self, step: u64) -> &Motion {
+        &self.trail[index(step)]
+    }
+
+    fn elapsed_s(&self) -> f64 {
+        let began = self.next_step.saturating_sub(1) * STEP_NANOS;
+        Instant::from_nanos(self.now.as_nanos().saturating_sub(began)).as_secs_f64()
+    }
+}
+
+fn index(step: u64) -> usize {
+    usize::try_from(step % TRAIL_STEPS as u64).expect("below TRAIL_STEPS")
+}
+
+/// Why a world cannot begin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum WorldError {
+    /// A figure of the body is out of range.
+    Body(BodyError),
+    /// The start pose is NaN or infinite.
+    StartNotFinite,
+    /// At the start the body would stand in a wall.
+    StartBlocked {
+        /// As given.
+        start: Pose,
+        /// How deep it stands in the wall.
+        overlap_m: f64,
+    },
+}
+
+impl fmt::Display for WorldError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Body(error) => error.fmt(f),
+            Self::StartNotFinite => write!(f, "the start pose is not a finite number"),
+            Self::StartBlocked { start, overlap_m } => write!(
+                f,
+                "at its start ({}, {}) m the robot stands {overlap_m:.3} m deep in a surface",
+                start.x, start.y
+            ),
+        }
+    }
+}
+
+impl core::error::Error for WorldError {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ideal(scene: Scene) -> World {
+        World::new(scene, BodyConfig::default().ideal(), Pose::default(), 1).unwrap()
+    }
+
+    fn open_floor() -> World {
+        ideal(Scene::new::<Shape>([], vec![]).unwrap())
+    }
+
+    fn drive(world: &mut World, left: i16, right: i16) {
+        world.set_drive(Wheel::Left, Drive::Power(left));
+        world.set_drive(Wheel::Right, Drive::Power(right));
+    }
+
+    #[test]
+    fn full_drive_settles_at_350_mm_per_second() {
+        let mut world = open_floor();
+        drive(&mut world, 255, 255);
+        world.advance(Instant::from_secs(2));
+        assert!((world.speed() - 0.350).abs() < 1e-9, "{}", world.speed());
+        assert!(world.pose().y.abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_wall_stops_the_robot_at_its_surface() {
+        let wall = Shape::Wall {
+            from: Point::new(0.5, -1.0),
+            to: Point::new(0.5, 1.0),
+        };
+        let mut world = ideal(Scene::new([wall], vec![]).unwrap());
+        drive(&mut world, 255, 255);
+        world.advance(Instant::from_secs(3));
+        assert!((world.pose().x - 0.34).abs() < 1e-9, "{:?}", world.pose());
+        let contacts = world.take_contacts();
+        assert_eq!(contacts.len(), 1);
+        assert!((contacts[0].speed_m_s - 0.35).abs() < 0.01, "{contacts:?}");
+        assert!(!world.is_moving());
+        drive(&mut world, -255, -255);
+        world.advance(Instant::from_secs(4));
+        assert!(world.pose().x < 0.2);
+        assert!(world.take_contacts().is_empty());
+    }
+
+    #[test]
+    fn a_ray_meets_the_wall_ahead() {
+        let wall = Shape::Wall {
+            from: Point::new(0.5, -1.0),
+            to: Point::new(0.5, 1.0),
+        };
+        let world = ideal(Scene::new([wall], vec![]).unwrap());
+        let hit = world.cast_ray(Point::default(), 0.0, 6.0).unwrap();
+        assert_eq!(
+            (hit.distance, hit.incidence, hit.reflectivity),
+            (0.5, 1.0, 1.0)
+        );
+        assert_eq!(world.cast_ray(Point::default(), 3.0, 6.0), None);
+    }
+}

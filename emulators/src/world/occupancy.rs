@@ -1,0 +1,84 @@
+//! A floor plan from an occupancy image, such as the map a ROS robot saved.
+
+use super::geometry::Point;
+use super::scene::Shape;
+
+/// Which squares of the floor are occupied.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OccupancyImage {
+    /// Squares along x.
+    pub width: usize,
+    /// Squares along y.
+    pub height: usize,
+    /// Side of a square, metres.
+    pub resolution_m: f64,
+    /// The corner of square 0 with the least coordinates.
+    pub origin: Point,
+    /// Row by row, the row with the least y first; missing squares are free. (Images store the
+    /// upper row first: whoever decodes one turns it over.)
+    pub cells: Vec<bool>,
+}
+
+impl OccupancyImage {
+    /// The walls between occupied and free squares, each straight run as one wall: first the
+    /// horizontal ones from below, then the vertical ones from the left. Beyond the image the
+    /// floor is free.
+    pub fn walls(&self) -> Vec<Shape> {
+        let mut walls = Vec::new();
+        for y in 0..=self.height {
+            let edge =
+                |x| self.occupied(x, y) != y.checked_sub(1).is_some_and(|y| self.occupied(x, y));
+            for (from, to) in runs(self.width, edge) {
+                walls.push(Shape::Wall {
+                    from: self.corner(from, y),
+                    to: self.corner(to, y),
+                });
+            }
+        }
+        for x in 0..=self.width {
+            let edge =
+                |y| self.occupied(x, y) != x.checked_sub(1).is_some_and(|x| self.occupied(x, y));
+            for (from, to) in runs(self.height, edge) {
+                walls.push(Shape::Wall {
+                    from: self.corner(x, from),
+                    to: self.corner(x, to),
+                });
+            }
+        }
+        walls
+    }
+
+    fn occupied(&self, x: usize, y: usize) -> bool {
+        let inside = x < self.width && y < self.height;
+        inside && self.cells.get(y * self.width + x).copied().unwrap_or(false)
+    }
+
+    #[expect(
+        clippy::cast_precision_loss,
+        reason = "an image has far fewer than 2^53 squares"
+    )]
+    fn corner(&self, x: usize, y: usize) -> Point {
+        Point::new(
+            self.origin.x + x as f64 * self.resolution_m,
+            self.origin.y + y as f64 * self.resolution_m,
+        )
+    }
+}
+
+/// Longest stretches `from..to` of `0..length` in which `edge` holds.
+fn runs(length: usize, edge: impl Fn(usize) -> bool) -> Vec<(usize, usize)> {
+    let mut found = Vec::new();
+    let mut from = None;
+    for index in 0..=length {
+        let is_edge = index < length && edge(index);
+        match (from, is_edge) {
+            (None, true) => from = Some(index),
+            (Some(start), false) => {
+                found.push((start, index));
+                from = None;
+            }
+            _ => {}
+        }
+    }
+    found
+}

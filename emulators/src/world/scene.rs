@@ -1,0 +1,567 @@
+//! Everything solid that the robot did not bring along: walls, furniture, people.
+
+use core::fmt;
+use std::sync::Arc;
+
+use protocols::Instant;
+
+use super::geometry::{Bounds, Circle, Crossing, Point, Primitive, Ray, Segment};
+use super::grid::Grid;
+use super::path::{Path, Repeat};
+
+/// Coordinates beyond this are taken for a mistake (a floor plan in millimetres, say).
+const COORDINATE_MAX_M: f64 = 1_000.0;
+/// Walls and circles in one scene; a building of 100 m x 100 m at 5 cm needs some ten thousand.
+const PRIMITIVES_MAX: usize = 200_000;
+/// Faster obstacles are taken for a mistake, and would pass through the robot between two steps.
+const OBSTACLE_SPEED_MAX_M_S: f64 = 20.0;
+
+/// The outline of something solid, metres.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Shape {
+    /// A straight wall without thickness.
+    Wall {
+        /// One end.
+        from: Point,
+        /// The other end.
+        to: Point,
+    },
+    /// A closed outline: a room or a piece of furniture. The last corner joins the first.
+    Polygon {
+        /// The corners in order, at least three.
+        corners: Vec<Point>,
+    },
+    /// A pillar, or the leg of a chair.
+    Circle {
+        /// The middle.
+        center: Point,
+        /// Metres.
+        radius_m: f64,
+    },
+}
+
+/// A shape and what its surface does to light.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fixture {
+    /// Outline.
+    pub shape: Shape,
+    /// Light returned compared with the white wall a lidar is specified for (1.0); a black
+    /// sofa has about 0.1.
+    pub reflectivity: f64,
+}
+
+impl From<Shape> for Fixture {
+    /// A white surface.
+    fn from(shape: Shape) -> Self {
+        Self {
+            shape,
+            reflectivity: 1.0,
+        }
+    }
+}
+
+/// A fixture that moves: its shape is drawn around its own origin, which follows the path.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Obstacle {
+    /// Outline, relative to the place on the path, and surface.
+    pub fixture: Fixture,
+    /// Where it is when.
+    pub path: Path,
+}
+
+/// What a ray met.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// Metres from the origin of the ray.
+    pub distance: f64,
+    /// Cosine of the angle between ray and surface normal: 1 head on, 0 grazing.
+    pub incidence: f64,
+    /// Of the surface, see [`Fixture::reflectivity`].
+    pub reflectivity: f64,
+}
+
+/// All fixtures and obstacles, checked and indexed for ray casts. Cheap to clone.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    inner: Arc<Inner>,
+}
+
+#[derive(Debug)]
+struct Inner {
+    fixtures: Vec<Fixture>,
+    obstacles: Vec<Obstacle>,
+    bounds: Bounds,
+    fixed: Body,
+    grid: Grid,
+    moving: Vec<MovingBody>,
+}
+
+/// Primitives with the reflectivity of each.
+#[derive(Debug, Default)]
+struct Body {
+    primitives: Vec<Primitive>,
+    reflectivity: Vec<f64>,
+}
+
+#[derive(Debug)]
+struct MovingBody {
+    body: Body,
+    /// Distance from its origin within which all of it lies.
+    reach: f64,
+}
+
+impl Scene {
+    /// A scene without outer limit; its bounds are those of what is in it.
+    pub fn new<F: Into<Fixture>>(
+        fixtures: impl IntoIterator<Item = F>,
+        obstacles: Vec<Obstacle>,
+    ) -> Result<Self, SceneError> {
+        let reach = Bounds::around(Point::default(), COORDINATE_MAX_M);
+        Self::build(
+            reach,
+            fixtures.into_iter().map(Into::into).collect(),
+            obstacles,
+        )
+    }
+
+    /// A scene in which everything must lie within `bounds`.
+    pub fn within<F: Into<Fixture>>(
+        bounds: Bounds,
+        fixtures: impl IntoIterator<Item = F>,
+        obstacles: Vec<Obstacle>,
+    ) -> Result<Self, SceneError> {
+        Self::build(
+            bounds,
+            fixtures.into_iter().map(Into::into).collect(),
+            obstacles,
+        )
+    }
+
+    /// The fixtures as given.
+    pub fn fixtures(&self) -> &[Fixture] {
+        &self.inner.fixtures
+    }
+
+    /// The obstacles as given.
+    pub fn obstacles(&self) -> &[Obstacle] {
+        &self.inner.obstacles
+    }
+
+    /// The least rectangle around all fixtures; a point at the origin if there is none.
+    pub fn bounds(&self) -> Bounds {
+        self.inner.bounds
+    }
+
+    /// What a ray meets first at time `at`, up to `max_range` metres away.
+    pub fn cast_ray(&self, at: Instant, from: Point, angle: f64, max_range: f64) -> Option<Hit> {
+        let ray = Ray::new(from, angle);
+        let inner = &*self.inner;
+        let fixed = inner.grid.cross(&inner.fixed.primitives, ray, max_range);
+        let mut limit = max_range;
+        let mut hit = fixed.map(|(index, crossing)| {
+            limit = crossing.distance;
+            Hit::new(crossing, inner.fixed.reflectivity[index])
+        });
+        for (obstacle, moving) in inner.obstacles.iter().zip(&inner.moving) {
+            let ray = ray.seen_from(obstacle.path.position(at));
+            if !ray.passes_origin(moving.reach) {
+                continue;
+            }
+            for (primitive, &reflectivity) in
+                moving.body.primitives.iter().zip(&moving.body.reflectivity)
+            {
+                if let Some(crossing) = primitive.cross(ray, limit).filter(|c| c.distance < limit) {
+                    limit = crossing.distance;
+                    hit = Some(Hit::new(crossing, reflectivity));
+                }
+            }
+        }
+        hit
+    }
+
+    /// The fixture surface nearest to `point`, if any is within `reach`: its place and distance.
+    pub(super) fn nearest_fixed(&self, point: Point, reach: f64) -> Option<Near> {
+        let mut best: Option<Near> = None;
+        self.each_fixed_near(point, reach, |near| {
+            if best.is_none_or(|b| near.distance < b.distance) {
+                best = Some(near);
+            }
+        });
+        best
+    }
+
+    /// Calls `visit` for each fixture surface within `reach` of `point`; possibly repeatedly.
+    pub(super) fn each_fixed_near(&self, point: Point, reach: f64, mut visit: impl FnMut(Near)) {
+        let inner = &*self.inner;
+        inner.grid.each_near(point, reach, |index| {
+            let near = Near::of(index, &inner.fixed.primitives[index], point);
+            if near.distance <= reach {
+                visit(near);
+            }
+        });
+    }
+
+    /// The nearest point of one fixture surface.
+    pub(super) fn fixed(&self, index: usize, point: Point) -> Near {
+        Near::of(index, &self.inner.fixed.primitives[index], point)
+    }
+
+    /// Calls `visit` for each obstacle surface, as placed at time `at`. Indices go on behind those
+    /// of the fixtures.
+    pub(super) fn each_moving(&self, at: Instant, point: Point, mut visit: impl FnMut(Near)) {
+        let mut index = self.inner.fixed.primitives.len();
+        for (obstacle, moving) in self.inner.obstacles.iter().zip(&self.inner.moving) {
+            let place = obstacle.path.position(at);
+            let seen = Point::new(point.x - place.x, point.y - place.y);
+            for primitive in &moving.body.primitives {
+                let mut near = Near::of(index, primitive, seen);
+                near.at = Point::new(near.at.x + place.x, near.at.y + place.y);
+                visit(near);
+                index += 1;
+            }
+        }
+    }
+
+    /// No obstacle is ever faster than this, m/s.
+    pub(super) fn obstacle_speed_m_s(&self) -> f64 {
+        self.inner
+            .obstacles
+            .iter()
+            .map(|o| o.path.top_speed_m_s())
+            .fold(0.0, f64::max)
+    }
+
+    fn build(
+        limits: Bounds,
+        fixtures: Vec<Fixture>,
+        obstacles: Vec<Obstacle>,
+    ) -> Result<Self, SceneError> {
+        let mut fixed = Body::default();
+        for (index, fixture) in fixtures.iter().enumerate() {
+            let own = fixed.add(fixture).map_err(|cause| SceneError {
+                part: Part::Fixture(index),
+                cause,
+            })?;
+            let outside = !limits.contains(own);
+            if outside {
+                let cause = Cause::OutOfBounds {
+                    found: own,
+                    bounds: limits,
+                };
+                return Err(SceneError {
+                    part: Part::Fixture(index),
+                    cause,
+                });
+            }
+        }
+        let mut moving = Vec::new();
+        for (index, obstacle) in obstacles.iter().enumerate() {
+            moving.push(
+                check_obstacle(obstacle, limits).map_err(|cause| SceneError {
+                    part: Part::Obstacle(index),
+                    cause,
+                })?,
+            );
+        }
+        let bounds = fixed
+            .primitives
+            .iter()
+            .map(Primitive::bounds)
+            .reduce(Bounds::union)
+            .unwrap_or(Bounds::around(Point::default(), 0.0));
+        let grid = Grid::new(&fixed.primitives, bounds);
+        Ok(Self {
+            inner: Arc::new(Inner {
+                fixtures,
+                obstacles,
+                bounds,
+                fixed,
+                grid,
+                moving,
+            }),
+        })
+    }
+}
+
+impl Hit {
+    fn new(crossing: Crossing, reflectivity: f64) -> Self {
+        Self {
+            distance: crossing.distance,
+            incidence: crossing.incidence,
+            reflectivity,
+        }
+    }
+}
+
+/// A surface near the robot.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Near {
+    /// Which primitive of the scene.
+    pub(super) index: usize,
+    /// Its nearest point.
+    pub(super) at: Point,
+    /// How far that is.
+    pub(super) distance: f64,
+}
+
+impl Near {
+    fn of(index: usize, primitive: &Primitive, point: Point) -> Self {
+        let (at, distance) = primitive.nearest(point);
+        Self {
+            index,
+            at,
+            distance,
+        }
+    }
+}
+
+impl Body {
+    /// Takes the surfaces of one fixture; returns the rectangle around them.
+    fn add(&mut self, fixture: &Fixture) -> Result<Bounds, Cause> {
+        let reflectivity = fixture.reflectivity;
+        if !(0.0..=100.0).contains(&reflectivity) {
+            return Err(Cause::Reflectivity {
+                found: reflectivity,
+            });
+        }
+        let before = self.primitives.len();
+        match &fixture.shape {
+            Shape::Wall { from, to } => self.primitives.push(wall(*from, *to)?),
+            Shape::Polygon { corners } => {
+                if corners.len() < 3 {
+                    return Err(Cause::TooFewCorners {
+                        found: corners.len(),
+                    });
+                }
+                for (index, &from) in corners.iter().enumerate() {
+                    self.primitives
+                        .push(wall(from, corners[(index + 1) % corners.len()])?);
+                }
+            }
+            Shape::Circle { center, radius_m } => self.primitives.push(circle(*center, *radius_m)?),
+        }
+        if self.primitives.len() > PRIMITIVES_MAX {
+            return Err(Cause::TooMany {
+                limit: PRIMITIVES_MAX,
+            });
+        }
+        self.reflectivity
+            .resize(self.primitives.len(), reflectivity);
+        let own = self.primitives[before..]
+            .iter()
+            .map(Primitive::bounds)
+            .reduce(Bounds::union);
+        Ok(own.expect("each shape adds at least one primitive"))
+    }
+}
+
+fn wall(from: Point, to: Point) -> Result<Primitive, Cause> {
+    if !from.is_finite() || !to.is_finite() {
+        return Err(Cause::NotFinite);
+    }
+    Segment::new(from, to)
+        .map(Primitive::Segment)
+        .ok_or(Cause::TooShort {
+            length_m: from.distance(to),
+        })
+}
+
+fn circle(center: Point, radius: f64) -> Result<Primitive, Cause> {
+    if !center.is_finite() || !radius.is_finite() {
+        return Err(Cause::NotFinite);
+    }
+    if radius < 1e-6 {
+        return Err(Cause::Radius { found: radius });
+    }
+    Ok(Primitive::Circle(Circle { center, radius }))
+}
+
+fn check_obstacle(obstacle: &Obstacle, limits: Bounds) -> Result<MovingBody, Cause> {
+    let mut body = Body::default();
+    let own = body.add(&obstacle.fixture)?;
+    let path = &obstacle.path;
+    let (Some(first), Some(last)) = (path.waypoints.first(), path.waypoints.last()) else {
+        return Err(Cause::NoWaypoints);
+    };
+    for waypoint in &path.waypoints {
+        let Point { x, y } = waypoint.position;
+        if !waypoint.position.is_finite() {
+            return Err(Cause::NotFinite);
+        }
+        let found = Bounds {
+            min: Point::new(own.min.x + x, own.min.y + y),
+            max: Point::new(own.max.x + x, own.max.y + y),
+        };
+        if !limits.contains(found) {
+            return Err(Cause::OutOfBounds {
+                found,
+                bounds: limits,
+            });
+        }
+    }
+    if let Some(index) = path
+        .waypoints
+        .windows(2)
+        .position(|pair| pair[1].at <= pair[0].at)
+    {
+        return Err(Cause::TimesNotRising {
+            waypoint: index + 1,
+        });
+    }
+    if path.repeat == Repeat::Loop && first.position != last.position {
+        return Err(Cause::OpenLoop);
+    }
+    let found_m_s = path.top_speed_m_s();
+    if found_m_s > OBSTACLE_SPEED_MAX_M_S {
+        return Err(Cause::TooFast {
+            found_m_s,
+            limit_m_s: OBSTACLE_SPEED_MAX_M_S,
+        });
+    }
+    let corner = |x: f64, y: f64| Point::default().distance(Point::new(x, y));
+    let reach = corner(
+        own.min.x.abs().max(own.max.x.abs()),
+        own.min.y.abs().max(own.max.y.abs()),
+    );
+    Ok(MovingBody {
+        body,
+        reach: reach + 1e-6,
+    })
+}
+
+/// Why a scene was refused, and because of which part.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SceneError {
+    /// The part at fault.
+    pub part: Part,
+    /// What is wrong with it.
+    pub cause: Cause,
+}
+
+/// A part of a scene, counted from 0 in the order given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// One of the fixtures.
+    Fixture(usize),
+    /// One of the obstacles.
+    Obstacle(usize),
+}
+
+/// What is wrong with a part of a scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Cause {
+    /// A coordinate or radius is NaN or infinite.
+    NotFinite,
+    /// A wall, or one side of a polygon, of no length.
+    TooShort {
+        /// Its length.
+        length_m: f64,
+    },
+    /// A polygon with less than three corners.
+    TooFewCorners {
+        /// How many it has.
+        found: usize,
+    },
+    /// A circle of no or negative radius.
+    Radius {
+        /// Its radius, metres.
+        found: f64,
+    },
+    /// Reflectivity outside 0..=100.
+    Reflectivity {
+        /// As given.
+        found: f64,
+    },
+    /// The part reaches beyond the scene.
+    OutOfBounds {
+        /// Where the part reaches.
+        found: Bounds,
+        /// Where the scene ends.
+        bounds: Bounds,
+    },
+    /// More walls and circles than a scene may have.
+    TooMany {
+        /// How many it may have.
+        limit: usize,
+    },
+    /// A path without way-points.
+    NoWaypoints,
+    /// A way-point that is not later than the one before it.
+    TimesNotRising {
+        /// Which, counted from 0.
+        waypoint: usize,
+    },
+    /// A looping path whose last place is not its first.
+    OpenLoop,
+    /// An obstacle too fast for the contact test.
+    TooFast {
+        /// Its greatest speed, m/s.
+        found_m_s: f64,
+        /// The limit, m/s.
+        limit_m_s: f64,
+    },
+}
+
+impl fmt::Display for SceneError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.part {
+            Part::Fixture(index) => write!(f, "fixture {index}: ")?,
+            Part::Obstacle(index) => write!(f, "obstacle {index}: ")?,
+        }
+        self.cause.fmt(f)
+    }
+}
+
+impl fmt::Display for Cause {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotFinite => write!(f, "a coordinate or radius is not a finite number"),
+            Self::TooShort { length_m } => {
+                write!(f, "a wall of {length_m} m; expected at least 0.000001 m")
+            }
+            Self::TooFewCorners { found } => {
+                write!(f, "a polygon of {found} corners; expected at least 3")
+            }
+            Self::Radius { found } => {
+                write!(f, "a radius of {found} m; expected at least 0.000001 m")
+            }
+            Self::Reflectivity { found } => {
+                write!(f, "a reflectivity of {found}; expected 0 to 100")
+            }
+            Self::OutOfBounds { found, bounds } => write!(
+                f,
+                "it reaches from ({}, {}) to ({}, {}) m; expected within ({}, {}) to ({}, {}) m",
+                found.min.x,
+                found.min.y,
+                found.max.x,
+                found.max.y,
+                bounds.min.x,
+                bounds.min.y,
+                bounds.max.x,
+                bounds.max.y,
+            ),
+            Self::TooMany { limit } => write!(f, "more than {limit} walls and circles"),
+            Self::NoWaypoints => write!(f, "a path without way-points; expected at least 1"),
+            Self::TimesNotRising { waypoint } => {
+                write!(
+                    f,
+                    "way-point {waypoint} is not later than the one before it"
+                )
+            }
+            Self::OpenLoop => write!(f, "a looping path must end where it begins"),
+            Self::TooFast {
+                found_m_s,
+                limit_m_s,
+            } => {
+                write!(
+                    f,
+                    "a speed of {found_m_s} m/s; expected at most {limit_m_s} m/s"
+                )
+            }
+        }
+    }
+}
+
+impl core::error::Error for SceneError {}
+impl core::error::Error for Cause {}
