@@ -37,13 +37,9 @@ impl WheelGeometry {
         let [left, right] = ticks.map(|count| count as f32 * self.tick_mm());
         let turn = (right - left) / self.axle_mm;
         let path = (right + left) / 2.0;
-        // The chord of an arc is path * sin(turn/2) / (turn/2), and leaves at half the turn.
+        // The chord leaves at half the turn.
         let (sin, cos) = sin_cos(turn / 2.0);
-        let chord = if turn.abs() < 1e-3 {
-            path * (1.0 - turn * turn / 24.0)
-        } else {
-            path * sin / (turn / 2.0)
-        };
+        let chord = path * chord_of_arc(turn);
         PoseChange {
             forward_mm: chord * cos,
             left_mm: chord * sin,
@@ -220,16 +216,23 @@ fn between(a: Sample, b: Sample, at: Instant) -> Pose {
     }
     let share = seconds(at - a.at) / whole;
     let change = a.pose.change_to(b.pose);
-    // Turn the chord back to the part of the arc that has been run.
+    // The chord of a part of an arc leaves at half the part's turn, and is longer for its arc.
     let turn = change.turn * share;
     let (sin, cos) = sin_cos((turn - change.turn) / 2.0);
-    let (forward, left) = (change.forward_mm * share, change.left_mm * share);
+    let length = share * chord_of_arc(turn) / chord_of_arc(change.turn);
+    let (forward, left) = (change.forward_mm * length, change.left_mm * length);
     let change = PoseChange {
         forward_mm: cos * forward - sin * left,
         left_mm: sin * forward + cos * left,
         turn,
     };
     a.pose.then(change)
+}
+
+/// Length of the chord of an arc of length 1 that turns by `turn`.
+fn chord_of_arc(turn: f32) -> f32 {
+    let half = turn / 2.0;
+    if half.abs() < 1e-3 { 1.0 - half * half / 6.0 } else { sin_cos(half).0 / half }
 }
 
 fn seconds(duration: Duration) -> f32 {

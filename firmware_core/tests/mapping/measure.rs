@@ -1,0 +1,171 @@
+//! Figures of a run: pose errors, walls found.
+
+use crate::world::{Wall, World};
+use firmware_core::grid::Grid;
+use firmware_core::pose::{Pose, normalised};
+use firmware_core::slam::{Mapper, Outcome, Settings};
+
+/// Errors of the believed pose over a run.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Errors {
+    count: f64,
+    squares_mm: f64,
+    squares_rad: f64,
+    pub(crate) worst_mm: f32,
+    pub(crate) worst_deg: f32,
+}
+
+impl Errors {
+    pub(crate) fn add(&mut self, truth: Pose, believed: Pose) {
+        let mm = truth.position().distance_mm(believed.position());
+        let angle = normalised(truth.heading - believed.heading).abs();
+        self.count += 1.0;
+        self.squares_mm += f64::from(mm * mm);
+        self.squares_rad += f64::from(angle * angle);
+        self.worst_mm = self.worst_mm.max(mm);
+        self.worst_deg = self.worst_deg.max(angle.to_degrees());
+    }
+
+    pub(crate) fn rms_mm(&self) -> f64 {
+        (self.squares_mm / self.count).sqrt()
+    }
+
+    pub(crate) fn rms_deg(&self) -> f64 {
+        (self.squares_rad / self.count).sqrt().to_degrees()
+    }
+}
+
+/// A mapper in a world, and the odometry pose that it has seen last.
+pub(crate) struct Run {
+    pub(crate) world: World,
+    pub(crate) mapper: Box<Mapper>,
+    pub(crate) errors: Errors,
+    seen: Pose,
+}
+
+impl Run {
+    pub(crate) fn new(world: World, settings: Settings) -> Self {
+        let settings = Settings { start: world.truth(), ..settings };
+        Self { world, mapper: Box::new(Mapper::new(settings)), errors: Errors::default(), seen: Pose::default() }
+    }
+
+    /// One turn of the lidar through the mapper.
+    pub(crate) fn step(&mut self) -> Outcome {
+        self.world.turn();
+        let scan = self.world.scan();
+        let reckoned = self.world.odometry.pose_at(scan.end);
+        self.mapper.predict(self.seen.change_to(reckoned));
+        self.seen = reckoned;
+        let outcome = self.mapper.integrate(&scan, self.world.wheel_speeds());
+        let took = 14_000 + u64::from(outcome.tries) * 26 + u64::from(outcome.points) * 3457 / 1000;
+        self.mapper.search_time(core::time::Duration::from_micros(took));
+        self.errors.add(self.world.truth(), outcome.pose);
+        outcome
+    }
+
+    /// Stands for ten turns, then drives the tour.
+    pub(crate) fn tour(&mut self, points: &[[f64; 2]]) {
+        for _ in 0..10 {
+            self.step();
+        }
+        for point in points {
+            let mut turns = 0;
+            while !self.world.steer_to(*point) && turns < 600 {
+                self.step();
+                turns += 1;
+            }
+        }
+    }
+}
+
+/// A cell that people would call wall: high, and a ridge along x or y.
+pub(crate) fn is_wall<const W: usize, const H: usize>(grid: &Grid<W, H>, ix: usize, iy: usize) -> bool {
+    let at = |dx: i32, dy: i32| {
+        let x = usize::try_from(ix as i32 + dx).ok();
+        let y = usize::try_from(iy as i32 + dy).ok();
+        x.zip(y).and_then(|(x, y)| grid.get(x, y)).unwrap_or(127)
+    };
+    let here = at(0, 0);
+    let ridge = |dx: i32, dy: i32| {
+        let (a, b) = (at(-3 * dx, -3 * dy), at(3 * dx, 3 * dy));
+        here > a && here > b && here >= at(-dx, -dy) && here >= at(dx, dy)
+    };
+    here >= 190 && (ridge(1, 0) || ridge(0, 1))
+}
+
+/// Shares of wall cells of the map that lie within a cell and a half of a true wall, and of
+/// points along true walls (seen from somewhere) that lie so near to a wall cell.
+pub(crate) fn overlap<const W: usize, const H: usize>(grid: &Grid<W, H>, walls: &[Wall], tour: &[[f64; 2]]) -> (f64, f64) {
+    let near = 1.5 * f64::from(grid.resolution_mm());
+    let (mut cells, mut right) = (0, 0);
+    for iy in 0..H {
+        for ix in 0..W {
+            if !is_wall(grid, ix, iy) {
+                continue;
+            }
+            cells += 1;
+            let centre = grid.centre_of(ix, iy);
+            let (x, y) = (f64::from(centre.x_mm), f64::from(centre.y_mm));
+            right += usize::from(walls.iter().any(|wall| distance(*wall, x, y) <= near));
+        }
+    }
+    let (mut points, mut found) = (0, 0);
+    for [x0, y0, x1, y1] in walls {
+        let steps = (libm::hypot(x1 - x0, y1 - y0) / 10.0).ceil();
+        for step in 0..steps as usize {
+            let share = (step as f64 + 0.5) / steps;
+            let (x, y) = (x0 + (x1 - x0) * share, y0 + (y1 - y0) * share);
+            let seen = tour.iter().any(|[tx, ty]| {
+                let way = libm::hypot(x - tx, y - ty);
+                crate::world::cast(walls, *tx, *ty, libm::atan2(y - ty, x - tx)) > way - 1.0
+            });
+            if !seen {
+                continue;
+            }
+            points += 1;
+            let res = f64::from(grid.resolution_mm());
+            let (cx, cy) = ((x / res).floor() as i32, (y / res).floor() as i32);
+            found += usize::from((-1..=1).any(|dy| (-1..=1).any(|dx| {
+                let x = usize::try_from(cx + dx).unwrap_or(usize::MAX);
+                let y = usize::try_from(cy + dy).unwrap_or(usize::MAX);
+                x < W && y < H && is_wall(grid, x, y)
+            })));
+        }
+    }
+    (f64::from(right as u32) / f64::from(cells.max(1)), f64::from(found as u32) / f64::from(points.max(1) as u32))
+}
+
+fn distance([x0, y0, x1, y1]: Wall, x: f64, y: f64) -> f64 {
+    let (ex, ey) = (x1 - x0, y1 - y0);
+    let along = (((x - x0) * ex + (y - y0) * ey) / (ex * ex + ey * ey)).clamp(0.0, 1.0);
+    libm::hypot(x - x0 - along * ex, y - y0 - along * ey)
+}
+
+/// The map as text, one character per `block` x `block` cells, top row first.
+pub(crate) fn picture<const W: usize, const H: usize>(grid: &Grid<W, H>, block: usize, robot: Pose) -> String {
+    let mut text = String::new();
+    let me = grid.cell_of(robot.position());
+    for by in (0..H / block).rev() {
+        for bx in 0..W / block {
+            let mut walls = 0;
+            let mut free = 0;
+            for y in by * block..(by + 1) * block {
+                for x in bx * block..(bx + 1) * block {
+                    walls += usize::from(is_wall(grid, x, y));
+                    free += usize::from(grid.get(x, y).unwrap_or(127) < 100);
+                }
+            }
+            let here = me.is_some_and(|(x, y)| x / block == bx && y / block == by);
+            text.push(match (here, walls > 0, free > block * block / 2) {
+                (true, ..) => '@',
+                (_, true, _) => '#',
+                (_, _, true) => '.',
+                _ => ' ',
+            });
+        }
+        let end = text.trim_end_matches(' ').len();
+        text.truncate(end);
+        text.push('\n');
+    }
+    text
+}
