@@ -1,0 +1,59 @@
+//! What computing costs on the robot's microcontroller.
+
+use core::time::Duration;
+
+use firmware_core::Work;
+
+/// Prices [`Work`] in processor time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CpuModel {
+    /// For each scan: everything but the search.
+    pub per_scan: Duration,
+    /// For each candidate pose.
+    pub per_try: Duration,
+    /// For each point of each candidate pose.
+    pub per_point: Duration,
+}
+
+impl CpuModel {
+    /// The rescue robot's STM32F4 at 168 MHz, from the seed report's figure of search times: 14 ms
+    /// per scan, 0.15 ms per try with 36 points and 1.27 ms with 360. Two equations give the price
+    /// of a try (25.6 us) and of a point (3.457 us).
+    pub const STM32F4: Self = Self {
+        per_scan: Duration::from_millis(14),
+        per_try: Duration::from_nanos(25_556),
+        per_point: Duration::from_nanos(3_457),
+    };
+
+    /// A processor that is never busy.
+    pub const IDEAL: Self = Self {
+        per_scan: Duration::ZERO,
+        per_try: Duration::ZERO,
+        per_point: Duration::ZERO,
+    };
+
+    /// Time that `work` takes.
+    pub fn cost(self, work: Work) -> Duration {
+        self.per_scan * work.scans + self.per_try * work.tries + self.per_point * work.points
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Seed figure S4: 360 points cost 8.47 times as much as 36.
+    #[test]
+    fn the_slope_over_points_is_the_seeds() {
+        let tries = |points| {
+            CpuModel::STM32F4.cost(Work {
+                scans: 0,
+                tries: 1000,
+                points,
+            })
+        };
+        let (few, many) = (tries(36_000).as_secs_f64(), tries(360_000).as_secs_f64());
+        assert!((few - 0.150).abs() < 1e-4, "{few}");
+        assert!((many / few - 8.47).abs() < 0.01, "{}", many / few);
+    }
+}

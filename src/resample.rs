@@ -1,0 +1,235 @@
+//! A receiver that reads a line at another rate or coding than the sender wrote it: each bit is
+//! sampled where the receiver believes its middle to be.
+
+use core::time::Duration;
+
+use protocols::{Instant, LineConfig, Parity};
+
+/// Rebuilds the wave form of what was sent and samples it at the receiver's rate.
+///
+/// Time is counted in units of which a sender's bit has `2 * receiver.baud` and a receiver's bit
+/// `2 * sender.baud`, so that every edge and every sampling point is a whole number.
+#[derive(Clone, Debug, Default)]
+pub struct Resampler {
+    /// Levels still to be looked at, one per sender's bit.
+    bits: Vec<bool>,
+    /// Units of `bits[0]` that the receiver has already passed.
+    phase: u64,
+    /// When the last bit given ends, and how long the line must stay idle to end a character.
+    end: Option<(Instant, Duration)>,
+    rates: Option<(LineConfig, LineConfig)>,
+}
+
+impl Resampler {
+    /// Replaces `bytes`, sent back to back from `start` on, by what the receiver has read by their
+    /// end; a character that is still being sampled comes with the next call, or with
+    /// [`idle`](Self::idle). Returns the number of characters without a valid stop bit, which are
+    /// left out.
+    pub fn feed(
+        &mut self,
+        bytes: &mut Vec<u8>,
+        start: Instant,
+        sender: LineConfig,
+        receiver: LineConfig,
+    ) -> u32 {
+        let mut received = Vec::new();
+        let mut errors = 0;
+        if self.rates != Some((sender, receiver)) {
+            errors += self.idle(&mut received);
+            self.rates = Some((sender, receiver));
+        }
+        if let Some((end, _)) = self.end {
+            let bit_ns = 1_000_000_000 / u64::from(sender.baud);
+            let gap = u64::try_from((start - end).as_nanos()).unwrap_or(u64::MAX) / bit_ns.max(1);
+            let idle_bits = usize::try_from(gap.min(2 * IDLE_BITS)).expect("small");
+            self.bits.extend(core::iter::repeat_n(true, idle_bits));
+        }
+        bytes
+            .iter()
+            .for_each(|&byte| push_character(&mut self.bits, byte, sender));
+        let duration = sender.bytes_time(bytes.len() as u64);
+        self.end = Some((
+            start + duration,
+            receiver.bytes_time(2).max(sender.bytes_time(2)),
+        ));
+        errors += self.sample(&mut received);
+        *bytes = received;
+        errors
+    }
+
+    /// When [`idle`](Self::idle) is to be called unless more is sent before.
+    pub fn idle_at(&self) -> Option<Instant> {
+        self.end.map(|(end, quiet)| end + quiet)
+    }
+
+    /// The line went quiet: what was being sampled ends in idle level.
+    pub fn idle(&mut self, received: &mut Vec<u8>) -> u32 {
+        self.end = None;
+        let Some((sender, receiver)) = self.rates else {
+            return 0;
+        };
+        let character = u64::from(receiver.bits_per_byte()) * u64::from(sender.baud);
+        let bits = character / u64::from(receiver.baud) + IDLE_BITS;
+        let bits = usize::try_from(bits.min(IDLE_BITS_MAX)).expect("small");
+        self.bits.extend(core::iter::repeat_n(true, bits));
+        let errors = self.sample(received);
+        self.bits.clear();
+        self.phase = 0;
+        errors
+    }
+
+    fn sample(&mut self, received: &mut Vec<u8>) -> u32 {
+        let Some((sender, receiver)) = self.rates else {
+            return 0;
+        };
+        let sender_bit = 2 * u64::from(receiver.baud);
+        let receiver_bit = 2 * u64::from(sender.baud);
+        let frame_bits = u64::from(receiver.bits_per_byte());
+        let mut errors = 0;
+        let mut at = self.phase;
+        let level = |bits: &[bool], at: u64| {
+            usize::try_from(at / sender_bit)
+                .ok()
+                .and_then(|index| bits.get(index))
+                .copied()
+        };
+        loop {
+            let Some(edge) = falling_edge(&self.bits, at, sender_bit) else {
+                // Nothing begins in what is left; keep the last level for the next edge.
+                at = (self.bits.len() as u64)
+                    .saturating_sub(1)
+                    .max(at / sender_bit)
+                    * sender_bit;
+                break;
+            };
+            let sample =
+                |index: u64| level(&self.bits, edge + index * receiver_bit + receiver_bit / 2);
+            if level(&self.bits, edge + frame_bits * receiver_bit).is_none() {
+                at = edge;
+                break;
+            }
+            let next = edge + (frame_bits - 1) * receiver_bit + receiver_bit / 2;
+            if sample(0) == Some(true) {
+                at = edge + receiver_bit / 2;
+                continue;
+            }
+            let byte = (0..receiver.data_bits).fold(0_u8, |byte, bit| {
+                byte | u8::from(sample(1 + u64::from(bit)) == Some(true)) << bit
+            });
+            if sample(frame_bits - 1) == Some(true) {
+                received.push(byte);
+            } else {
+                errors += 1;
+            }
+            at = next;
+        }
+        let passed = usize::try_from(at / sender_bit)
+            .unwrap_or(usize::MAX)
+            .min(self.bits.len());
+        self.bits.drain(..passed);
+        self.phase = at - passed as u64 * sender_bit;
+        errors
+    }
+}
+
+/// Idle bits that separate two bursts for certain.
+const IDLE_BITS: u64 = 24;
+/// Bound for absurd pairs of rates.
+const IDLE_BITS_MAX: u64 = 100_000;
+
+/// The first change from high to low at or after `at`. The level before the first bit counts as
+/// high, and so does a line that is low at `at` but was so before: a receiver waits for an edge.
+fn falling_edge(bits: &[bool], at: u64, bit: u64) -> Option<u64> {
+    let mut index = usize::try_from(at / bit).ok()?;
+    if at % bit == 0 && bits.get(index) == Some(&false) && (index == 0 || bits[index - 1]) {
+        return Some(at);
+    }
+    loop {
+        let (before, after) = (bits.get(index)?, bits.get(index + 1)?);
+        index += 1;
+        if *before && !*after {
+            return Some(index as u64 * bit);
+        }
+    }
+}
+
+fn push_character(bits: &mut Vec<bool>, byte: u8, line: LineConfig) {
+    bits.push(false);
+    bits.extend((0..line.data_bits).map(|bit| byte >> bit & 1 == 1));
+    let ones = (byte & (0xFF >> (8 - line.data_bits.clamp(1, 8)))).count_ones();
+    match line.parity {
+        Parity::None => {}
+        Parity::Even => bits.push(ones % 2 == 1),
+        Parity::Odd => bits.push(ones % 2 == 0),
+    }
+    bits.extend(core::iter::repeat_n(true, usize::from(line.stop_bits)));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(sent: &[u8], sender: u32, receiver: u32) -> (Vec<u8>, u32) {
+        let mut resampler = Resampler::default();
+        let mut bytes = sent.to_vec();
+        let [sender, receiver] = [sender, receiver].map(LineConfig::new_8n1);
+        let mut errors = resampler.feed(&mut bytes, Instant::ZERO, sender, receiver);
+        errors += resampler.idle(&mut bytes);
+        (bytes, errors)
+    }
+
+    #[test]
+    fn equal_rates_give_the_bytes_back() {
+        let all: Vec<u8> = (0..=255).collect();
+        assert_eq!(read(&all, 115_200, 115_200), (all, 0));
+    }
+
+    /// By hand: 0x55 is low and high in turn, beginning low. At half the rate the middle of the
+    /// start bit falls on the rising edge behind it: a false start, and so it is at each of the
+    /// five falling edges. Nothing is read.
+    #[test]
+    fn half_the_rate_sees_only_false_starts_in_0x55() {
+        assert_eq!(read(&[0x55], 115_200, 57_600), (vec![], 0));
+    }
+
+    /// By hand: 0x00 at 115200 is nine bits low, then high. At 57600 the samples lie at sender's
+    /// bits 1 (start), 3, 5, 7 (low), 9, 11, 13, 15, 17 (high: stop bit and idle), stop 19: data
+    /// 000 11111 from the least significant bit, 0xF8.
+    #[test]
+    fn a_zero_byte_read_at_half_the_rate_is_f8() {
+        assert_eq!(read(&[0x00], 115_200, 57_600), (vec![0xF8], 0));
+    }
+
+    /// The AVR's debug port runs at 111111 baud and is read at 115200: 3.5 % is still inside the
+    /// half bit that ten bits may drift (10 x 3.6 % = 36 % of a bit).
+    #[test]
+    fn three_and_a_half_per_cent_is_tolerated() {
+        let text = b"reset by watchdog".to_vec();
+        assert_eq!(read(&text, 111_111, 115_200), (text, 0));
+    }
+
+    #[test]
+    fn twelve_per_cent_is_not() {
+        let text = b"reset by watchdog".to_vec();
+        assert_ne!(read(&text, 128_000, 115_200).0, text);
+    }
+
+    #[test]
+    fn chunks_make_no_difference() {
+        let bytes: Vec<u8> = (0..200_u8).map(|i| i.wrapping_mul(37)).collect();
+        let whole = read(&bytes, 115_200, 100_000);
+
+        let mut resampler = Resampler::default();
+        let [sender, receiver] = [115_200, 100_000].map(LineConfig::new_8n1);
+        let (mut all, mut errors, mut sent) = (Vec::new(), 0, 0);
+        for chunk in bytes.chunks(7) {
+            let mut piece = chunk.to_vec();
+            let start = Instant::ZERO + sender.bytes_time(sent);
+            errors += resampler.feed(&mut piece, start, sender, receiver);
+            all.append(&mut piece);
+            sent += chunk.len() as u64;
+        }
+        errors += resampler.idle(&mut all);
+        assert_eq!((all, errors), whole);
+    }
+}

@@ -1,0 +1,569 @@
+//! World, devices and the robot's program, wired by lines, run by one clock that jumps from event
+//! to event.
+
+use std::any::Any;
+use std::collections::VecDeque;
+
+use core::time::Duration;
+
+use emulators::world::World;
+use emulators::{Device, Event, EventKind};
+use firmware_core::{Inspect, Master};
+use protocols::{Instant, LineConfig, LineEvent, Port};
+
+use crate::cpu::CpuModel;
+use crate::line::{Direction, End, Line};
+use crate::trace::{Side, Tap, Trace};
+
+/// An emulated device in a rig: any [`Device`] that owns its data.
+pub trait AnyDevice: Device + Any {}
+impl<T: Device + Any> AnyDevice for T {}
+
+/// A robot's program in a rig: any [`Master`] that can be looked at.
+pub trait Program: Master + Inspect + Any {}
+impl<T: Master + Inspect + Any> Program for T {}
+
+/// The end of a link whose other side is outside the rig: a pseudo-terminal, a serial port, a test.
+#[derive(Debug)]
+pub struct Outside {
+    line: LineConfig,
+    to_rig: VecDeque<u8>,
+    from_rig: VecDeque<u8>,
+    events_from_rig: VecDeque<LineEvent>,
+    change: Option<LineEvent>,
+    overrun: u64,
+}
+
+/// Bytes that wait for an outside reader before further ones are lost, as in a UART's driver.
+const OUTSIDE_MAX: usize = 4096;
+
+impl Outside {
+    fn new(line: LineConfig) -> Self {
+        Self {
+            line,
+            to_rig: VecDeque::new(),
+            from_rig: VecDeque::new(),
+            events_from_rig: VecDeque::new(),
+            change: None,
+            overrun: 0,
+        }
+    }
+}
+
+/// A participant of the rig.
+enum Body {
+    Device(Box<dyn AnyDevice>),
+    Program {
+        program: Box<dyn Program>,
+        busy_until: Instant,
+    },
+    Outside(Outside),
+}
+
+struct Node {
+    name: String,
+    body: Body,
+    /// Something came in since the last poll.
+    stirred: bool,
+    /// Counts everything that may have given the node something to send.
+    epoch: u64,
+    /// What was asked of the node last, so that it is not asked again each time.
+    poll_at: Option<Instant>,
+}
+
+impl Node {
+    fn line_config(&self, port: Port) -> LineConfig {
+        match &self.body {
+            Body::Device(device) => device.line_config(port),
+            Body::Program { program, .. } => program.line_config(port),
+            Body::Outside(outside) => outside.line,
+        }
+    }
+
+    /// Something happened to the node: it is polled next, and asked for bytes to send.
+    fn stir(&mut self) {
+        self.stirred = true;
+        self.epoch += 1;
+    }
+
+    fn receive(&mut self, port: Port, now: Instant, bytes: &[u8]) {
+        self.stir();
+        match &mut self.body {
+            Body::Device(device) => device.receive(port, now, bytes),
+            Body::Program { program, .. } => program.receive(port, now, bytes),
+            Body::Outside(outside) => {
+                let room = OUTSIDE_MAX - outside.from_rig.len();
+                outside.overrun += bytes.len().saturating_sub(room) as u64;
+                outside.from_rig.extend(&bytes[..bytes.len().min(room)]);
+            }
+        }
+    }
+
+    fn line_event(&mut self, port: Port, now: Instant, event: LineEvent) {
+        self.stir();
+        match &mut self.body {
+            Body::Device(device) => device.line_event(port, now, event),
+            Body::Program { program, .. } => program.line_event(port, now, event),
+            Body::Outside(outside) => outside.events_from_rig.push_back(event),
+        }
+    }
+
+    fn line_change(&mut self, port: Port) -> Option<LineEvent> {
+        match &mut self.body {
+            Body::Device(device) => device.line_change(port),
+            Body::Program { .. } => None,
+            Body::Outside(outside) => outside.change.take(),
+        }
+    }
+
+    fn transmit(&mut self, port: Port, buf: &mut [u8]) -> usize {
+        match &mut self.body {
+            Body::Device(device) => device.transmit(port, buf),
+            Body::Program { program, .. } => program.transmit(port, buf),
+            Body::Outside(outside) => {
+                let len = buf.len().min(outside.to_rig.len());
+                for (slot, byte) in buf.iter_mut().zip(outside.to_rig.drain(..len)) {
+                    *slot = byte;
+                }
+                len
+            }
+        }
+    }
+
+    /// Polls the node if it is due or was stirred; whether it was polled.
+    fn poll(&mut self, now: Instant, world: &mut World, cpu: CpuModel) -> bool {
+        let due = self.poll_at.is_some_and(|at| at <= now);
+        match &mut self.body {
+            Body::Device(device) if due || self.stirred => {
+                device.poll(now, world);
+                self.poll_at = device.poll_at().map(|at| later_than(now, at));
+            }
+            Body::Program {
+                program,
+                busy_until,
+            } if due || self.stirred => {
+                if *busy_until > now {
+                    self.poll_at = Some(*busy_until);
+                } else {
+                    program.poll(now);
+                    let cost = cpu.cost(program.take_work());
+                    self.poll_at = if cost > Duration::ZERO {
+                        *busy_until = now + cost;
+                        Some(*busy_until)
+                    } else {
+                        program.poll_at().map(|at| later_than(now, at))
+                    };
+                }
+            }
+            Body::Outside(_) if self.stirred => {}
+            _ => return false,
+        }
+        self.stirred = false;
+        self.epoch += 1;
+        true
+    }
+}
+
+/// A node that asks for a moment that has passed is polled a nanosecond later, so that time moves.
+fn later_than(now: Instant, at: Instant) -> Instant {
+    at.max(now + Duration::from_nanos(1))
+}
+
+/// A UART connection between two nodes, or a node and the outside.
+#[derive(Debug)]
+pub struct Link {
+    /// Name as in the scenario.
+    pub name: String,
+    /// From device to master, then from master to device.
+    pub lines: [Line; 2],
+}
+
+impl Link {
+    /// The line of one direction.
+    pub const fn line(&self, direction: Direction) -> &Line {
+        &self.lines[direction as usize]
+    }
+
+    /// The line of one direction.
+    pub const fn line_mut(&mut self, direction: Direction) -> &mut Line {
+        &mut self.lines[direction as usize]
+    }
+}
+
+/// A device's event with the device's name.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Logged {
+    /// Name of the device, or of the link.
+    pub source: String,
+    /// What happened.
+    pub event: Event,
+}
+
+/// Most events kept; further ones are only counted.
+pub const EVENTS_MAX: usize = 10_000;
+
+/// All of it, and the clock.
+pub struct Rig {
+    now: Instant,
+    /// Ground truth.
+    pub world: World,
+    /// Price list of the program's processor.
+    pub cpu: CpuModel,
+    nodes: Vec<Node>,
+    links: Vec<Link>,
+    trace: Trace,
+    taps: Vec<Box<dyn Tap>>,
+    events: Vec<Logged>,
+    events_dropped: u64,
+    violations: u64,
+}
+
+impl Rig {
+    /// An empty rig in `world`.
+    pub fn new(world: World) -> Self {
+        Self {
+            now: Instant::ZERO,
+            world,
+            cpu: CpuModel::STM32F4,
+            nodes: Vec::new(),
+            links: Vec::new(),
+            trace: Trace::default(),
+            taps: Vec::new(),
+            events: Vec::new(),
+            events_dropped: 0,
+            violations: 0,
+        }
+    }
+
+    /// Adds a device; the number of its node.
+    pub fn add_device(&mut self, name: &str, device: impl AnyDevice) -> usize {
+        self.add_node(name, Body::Device(Box::new(device)))
+    }
+
+    /// Adds the program under test; the number of its node.
+    pub fn add_program(&mut self, name: &str, program: Box<dyn Program>) -> usize {
+        self.add_node(
+            name,
+            Body::Program {
+                program,
+                busy_until: Instant::ZERO,
+            },
+        )
+    }
+
+    /// Adds an end that is served from outside; the number of its node.
+    pub fn add_outside(&mut self, name: &str, line: LineConfig) -> usize {
+        self.add_node(name, Body::Outside(Outside::new(line)))
+    }
+
+    fn add_node(&mut self, name: &str, body: Body) -> usize {
+        let name = name.to_owned();
+        self.nodes.push(Node {
+            name,
+            body,
+            stirred: true,
+            epoch: 0,
+            poll_at: None,
+        });
+        self.nodes.len() - 1
+    }
+
+    /// Connects two ports; the number of the link. `piece`: see [`Line::piece`].
+    pub fn connect(&mut self, name: &str, device: End, master: End, piece: usize) -> usize {
+        let mut lines = [Line::new(device, master), Line::new(master, device)];
+        lines.iter_mut().for_each(|line| line.piece = piece);
+        self.links.push(Link {
+            name: name.to_owned(),
+            lines,
+        });
+        self.links.len() - 1
+    }
+
+    /// Adds someone who sees every chunk.
+    pub fn add_tap(&mut self, tap: Box<dyn Tap>) {
+        self.taps.push(tap);
+    }
+
+    /// The time.
+    pub const fn now(&self) -> Instant {
+        self.now
+    }
+
+    /// The links in the order in which they were connected.
+    pub fn links(&self) -> &[Link] {
+        &self.links
+    }
+
+    /// The link called `name`.
+    pub fn link(&self, name: &str) -> Option<&Link> {
+        self.links.iter().find(|link| link.name == name)
+    }
+
+    /// The link called `name`, to plan faults on it.
+    pub fn link_mut(&mut self, name: &str) -> Option<&mut Link> {
+        self.links.iter_mut().find(|link| link.name == name)
+    }
+
+    /// The device called `name`, if it is a `T`.
+    pub fn device<T: Device + Any>(&self, name: &str) -> Option<&T> {
+        let node = self.nodes.iter().find(|node| node.name == name)?;
+        let Body::Device(device) = &node.body else {
+            return None;
+        };
+        let device: &dyn Any = device.as_ref();
+        device.downcast_ref()
+    }
+
+    /// The device called `name`, if it is a `T`. It is polled next, whatever it had planned.
+    pub fn device_mut<T: Device + Any>(&mut self, name: &str) -> Option<&mut T> {
+        let node = self.nodes.iter_mut().find(|node| node.name == name)?;
+        node.stir();
+        let Body::Device(device) = &mut node.body else {
+            return None;
+        };
+        let device: &mut dyn Any = device.as_mut();
+        device.downcast_mut()
+    }
+
+    /// The program under test, if it runs in this process.
+    pub fn program(&self) -> Option<&dyn Program> {
+        self.nodes.iter().find_map(|node| match &node.body {
+            Body::Program { program, .. } => Some(program.as_ref()),
+            _ => None,
+        })
+    }
+
+    /// The program under test as what it is.
+    pub fn program_as<T: Any>(&self) -> Option<&T> {
+        let program: &dyn Any = self.program()?;
+        program.downcast_ref()
+    }
+
+    /// The program under test as what it is, to change it.
+    pub fn program_as_mut<T: Any>(&mut self) -> Option<&mut T> {
+        self.nodes.iter_mut().find_map(|node| match &mut node.body {
+            Body::Program { program, .. } => {
+                let program: &mut dyn Any = program.as_mut();
+                program.downcast_mut()
+            }
+            _ => None,
+        })
+    }
+
+    /// Fingerprint of all bytes on all lines so far.
+    pub fn trace_hash(&self) -> String {
+        self.trace.hash()
+    }
+
+    /// What devices and lines reported, oldest first, at most [`EVENTS_MAX`].
+    pub fn events(&self) -> &[Logged] {
+        &self.events
+    }
+
+    /// Events beyond [`EVENTS_MAX`], which were not kept.
+    pub const fn events_dropped(&self) -> u64 {
+        self.events_dropped
+    }
+
+    /// How often a master broke a rule of its device, all events counted.
+    pub const fn violations(&self) -> u64 {
+        self.violations
+    }
+
+    /// Runs for `duration`.
+    pub fn run_for(&mut self, duration: Duration) {
+        self.run_until(self.now + duration);
+    }
+
+    /// Runs until `deadline`; events at the deadline itself still happen.
+    pub fn run_until(&mut self, deadline: Instant) {
+        loop {
+            self.settle();
+            match self.next_event() {
+                Some(at) if at <= deadline => self.now = at.max(self.now),
+                _ => break,
+            }
+        }
+        self.now = self.now.max(deadline);
+        self.world.advance(self.now);
+    }
+
+    /// Runs until `condition` holds, looking every `step`, at most until `deadline`; whether it
+    /// held.
+    pub fn run_until_condition(
+        &mut self,
+        step: Duration,
+        deadline: Instant,
+        mut condition: impl FnMut(&Self) -> bool,
+    ) -> bool {
+        while !condition(self) {
+            if self.now >= deadline {
+                return false;
+            }
+            self.run_until((self.now + step).min(deadline));
+        }
+        true
+    }
+
+    /// When something will next happen by itself.
+    pub fn next_event(&self) -> Option<Instant> {
+        let nodes = self.nodes.iter().filter_map(|node| node.poll_at);
+        let lines = self.links.iter().flat_map(|link| &link.lines);
+        let lines = lines.flat_map(|line| {
+            [
+                line.poll_at(),
+                Some(line.free_at()).filter(|&free_at| free_at > self.now),
+            ]
+        });
+        nodes.chain(lines.flatten()).min()
+    }
+
+    /// Gives bytes to an outside end, as if its owner had written them now.
+    pub fn inject(&mut self, node: usize, bytes: &[u8]) {
+        if let Body::Outside(outside) = &mut self.nodes[node].body {
+            outside.to_rig.extend(bytes);
+            self.nodes[node].stir();
+        }
+    }
+
+    /// Bytes injected that the line has not taken yet.
+    pub fn backlog(&self, node: usize) -> usize {
+        match &self.nodes[node].body {
+            Body::Outside(outside) => outside.to_rig.len(),
+            _ => 0,
+        }
+    }
+
+    /// Takes what arrived at an outside end since the last call.
+    pub fn take_output(&mut self, node: usize) -> Vec<u8> {
+        match &mut self.nodes[node].body {
+            Body::Outside(outside) => outside.from_rig.drain(..).collect(),
+            _ => Vec::new(),
+        }
+    }
+
+    /// Tells the far side that the owner of an outside end opened or closed it.
+    pub fn change_line(&mut self, node: usize, event: LineEvent) {
+        if let Body::Outside(outside) = &mut self.nodes[node].body {
+            outside.change = Some(event);
+            self.nodes[node].stir();
+        }
+    }
+
+    /// Sets the line coding that the owner of an outside end uses.
+    pub fn set_line_config(&mut self, node: usize, line: LineConfig) {
+        if let Body::Outside(outside) = &mut self.nodes[node].body {
+            outside.line = line;
+        }
+    }
+
+    /// Adds an entry to the log.
+    pub fn log(&mut self, source: &str, event: Event) {
+        self.violations += u64::from(event.kind == EventKind::Violation);
+        if self.events.len() < EVENTS_MAX {
+            self.events.push(Logged {
+                source: source.to_owned(),
+                event,
+            });
+        } else {
+            self.events_dropped += 1;
+        }
+    }
+
+    /// Does all that is due now, until nothing changes any more.
+    fn settle(&mut self) {
+        self.world.advance(self.now);
+        // Each round needs a byte that takes no time or a node that was stirred; lines take time,
+        // so a few rounds always suffice, and the bound only guards against a broken device.
+        for _ in 0..ROUNDS_MAX {
+            let delivered = self.deliver();
+            let polled = self.poll();
+            let taken = self.take();
+            if !(delivered || polled || taken) {
+                return;
+            }
+        }
+    }
+
+    fn deliver(&mut self) -> bool {
+        let mut any = false;
+        for (index, link) in self.links.iter_mut().enumerate() {
+            for direction in [Direction::ToMaster, Direction::ToDevice] {
+                let line = &mut link.lines[direction as usize];
+                while let Some(delivery) = line.deliver(self.now) {
+                    any = true;
+                    let node = &mut self.nodes[line.to.node];
+                    if let Some(event) = delivery.event {
+                        node.line_event(line.to.port, delivery.at, event);
+                    }
+                    if !delivery.bytes.is_empty() {
+                        let bytes = &delivery.bytes;
+                        self.trace
+                            .record(index, direction, Side::Received, delivery.at, bytes);
+                        for tap in &mut self.taps {
+                            tap.record(index, direction, Side::Received, delivery.at, bytes);
+                        }
+                        node.receive(line.to.port, delivery.at, bytes);
+                    }
+                    line.recycle(delivery.bytes);
+                }
+            }
+        }
+        any
+    }
+
+    fn poll(&mut self) -> bool {
+        let mut any = false;
+        for index in 0..self.nodes.len() {
+            let node = &mut self.nodes[index];
+            if !node.poll(self.now, &mut self.world, self.cpu) {
+                continue;
+            }
+            any = true;
+            if let Body::Device(device) = &mut node.body {
+                let events = device.take_events();
+                if !events.is_empty() {
+                    let name = node.name.clone();
+                    events.into_iter().for_each(|event| self.log(&name, event));
+                }
+            }
+        }
+        any
+    }
+
+    fn take(&mut self) -> bool {
+        let mut any = false;
+        for (index, link) in self.links.iter_mut().enumerate() {
+            for direction in [Direction::ToMaster, Direction::ToDevice] {
+                let line = &mut link.lines[direction as usize];
+                let epoch = self.nodes[line.from.node].epoch;
+                if line.silent_since == Some(epoch) {
+                    continue;
+                }
+                if let Some(event) = self.nodes[line.from.node].line_change(line.from.port) {
+                    self.nodes[line.to.node].line_event(line.to.port, self.now, event);
+                    any = true;
+                }
+                if !line.has_room(self.now) {
+                    continue;
+                }
+                let receiver = self.nodes[line.to.node].line_config(line.to.port);
+                let node = &mut self.nodes[line.from.node];
+                let sender = node.line_config(line.from.port);
+                let port = line.from.port;
+                let taken = line.take(self.now, sender, receiver, |buf| node.transmit(port, buf));
+                line.silent_since = taken.is_none().then_some(epoch);
+                if let Some((ends, sent)) = taken {
+                    any = true;
+                    self.trace.record(index, direction, Side::Sent, ends, &sent);
+                    for tap in &mut self.taps {
+                        tap.record(index, direction, Side::Sent, ends, &sent);
+                    }
+                }
+            }
+        }
+        any
+    }
+}
+
+const ROUNDS_MAX: usize = 1000;
