@@ -3,16 +3,22 @@
 //! The module takes commands only while nobody is connected over the air. The three firmware
 //! families differ in how a command ends and how replies are worded:
 //!
-//! | family | a command ends | replies |
-//! |---|---|---|
-//! | `linvor-1.8` | after about 1 s of silence | `OKlinvorV1.8`, no line ends |
-//! | `hc01-2.0` | after about 1 s of silence | `hc01.comV2.0`, `OKsetname`, no line ends |
-//! | `3.0-20170609` | at CR LF | `+VERSION..`-style lines, then `OK` |
+//! | family | a command ends | commands | replies |
+//! |---|---|---|---|
+//! | `linvor-1.8` | after about 1 s of silence | [`Command`] | [`Reply`]: `OKlinvorV1.8`, no line ends |
+//! | `hc01-2.0` | after about 1 s of silence | [`Command`] | [`Reply`]: `hc01.comV2.0`, no line ends |
+//! | `3.0-20170609` | at CR LF | [`LineCommand`] | [`LineReply`]: `+NAME:..` lines, then `OK` |
 //!
 //! Sources: module guides and forum measurements collected for the HC-06; `linvor` is what the
 //! rescue robot carried in 2014/15.
 
+mod lines;
+mod reply;
+
 use core::fmt;
+
+pub use lines::{LINE_END, LineCommand, LineReply};
+pub use reply::{Led, Reply, Role, Texts};
 
 /// Baud rates by their command digit, `1` to `9`, then `A` to `C`.
 pub const BAUD_RATES: [u32; 12] = [
@@ -37,6 +43,9 @@ pub enum Family {
 }
 
 impl Family {
+    /// All families.
+    pub const ALL: [Self; 3] = [Self::Linvor18, Self::Hc01V20, Self::V30];
+
     /// Name as in a scenario.
     pub const fn name(self) -> &'static str {
         match self {
@@ -71,6 +80,10 @@ pub enum Command<'a> {
     Baud(u32),
     /// `AT+PN`, `AT+PO`, `AT+PE`.
     Parity(Parity),
+    /// `AT+ROLE=S`, `AT+ROLE=M`; hc01.com 2.0 only.
+    Role(Role),
+    /// `AT+LED0`, `AT+LED1`; hc01.com 2.0 only.
+    Led(Led),
 }
 
 impl<'a> Command<'a> {
@@ -83,6 +96,10 @@ impl<'a> Command<'a> {
             b"+PN" => return Some(Self::Parity(Parity::None)),
             b"+PO" => return Some(Self::Parity(Parity::Odd)),
             b"+PE" => return Some(Self::Parity(Parity::Even)),
+            b"+ROLE=S" => return Some(Self::Role(Role::Slave)),
+            b"+ROLE=M" => return Some(Self::Role(Role::Master)),
+            b"+LED0" => return Some(Self::Led(Led::Off)),
+            b"+LED1" => return Some(Self::Led(Led::On)),
             _ => {}
         }
         if let Some(name) = rest.strip_prefix(b"+NAME") {
@@ -111,6 +128,18 @@ impl<'a> Command<'a> {
             Self::Parity(Parity::None) => put(out, &[b"AT+PN"]),
             Self::Parity(Parity::Odd) => put(out, &[b"AT+PO"]),
             Self::Parity(Parity::Even) => put(out, &[b"AT+PE"]),
+            Self::Role(Role::Slave) => put(out, &[b"AT+ROLE=S"]),
+            Self::Role(Role::Master) => put(out, &[b"AT+ROLE=M"]),
+            Self::Led(Led::Off) => put(out, &[b"AT+LED0"]),
+            Self::Led(Led::On) => put(out, &[b"AT+LED1"]),
+        }
+    }
+
+    /// Whether modules of `family` know the command.
+    pub const fn is_known_to(self, family: Family) -> bool {
+        match (family, self) {
+            (Family::V30, _) | (Family::Linvor18, Self::Role(_) | Self::Led(_)) => false,
+            (Family::Linvor18 | Family::Hc01V20, _) => true,
         }
     }
 }
