@@ -8,6 +8,7 @@
 
 mod budget;
 mod matching;
+mod prior;
 mod random;
 mod search;
 mod settings;
@@ -16,13 +17,14 @@ mod update;
 use core::time::Duration;
 
 pub use budget::Budget;
-pub use settings::{Defects, Method, Rounding, Search, Settings};
+pub use settings::{Defects, Method, MotionNoise, Rounding, Search, Settings};
 
 use crate::grid::{Grid, SIDE};
 use crate::pose::{Point, Pose, PoseChange};
 use crate::scan::{BEAMS, Scan};
 use budget::Regulator;
 use matching::{EndPoints, Placement, tally};
+use prior::{Prior, Travel};
 use random::Pcg32;
 use search::Found;
 use update::{Ink, Ray, draw};
@@ -52,6 +54,7 @@ pub struct Mapper<const W: usize = SIDE, const H: usize = SIDE> {
     random: Pcg32,
     sparse: EndPoints,
     dense: EndPoints,
+    travel: Travel,
     scans: u32,
 }
 
@@ -65,6 +68,7 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
             random: Pcg32::new(settings.seed),
             sparse: EndPoints::EMPTY,
             dense: EndPoints::EMPTY,
+            travel: Travel::default(),
             scans: 0,
             settings,
         }
@@ -105,6 +109,7 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
     /// Moves the believed pose by what the odometry reports.
     pub fn predict(&mut self, change: PoseChange) {
         self.pose = self.pose.then(change);
+        self.travel.add(change);
     }
 
     /// Finds the pose at which `scan` fits the map, and draws the scan from there.
@@ -140,13 +145,14 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
                 &search::Task {
                     sparse: self.sparse.all(),
                     dense: self.dense.all(),
-                    predicted: self.pose,
+                    prior: Prior::new(self.pose, self.travel, &self.settings.motion),
                     tries: self.regulator.tries(),
                 },
                 &mut self.random,
             )
         };
         self.pose = found.pose;
+        self.travel = Travel::default();
         self.outcome(found)
     }
 
@@ -178,10 +184,6 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
         } else {
             count_u32(self.sparse.all().len())
         };
-        let score = (found.tally.sum * 4).checked_div(of).map_or(-1, |mean| {
-            i32::try_from(mean).expect("at most four times 255 times the number of points")
-        });
-        let _ = score;
         let score = (u64::from(found.tally.sum) * 1024)
             .checked_div(u64::from(of))
             .map_or(-1, |mean| i32::try_from(mean).expect("at most 255 * 1024"));

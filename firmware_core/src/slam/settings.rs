@@ -81,6 +81,39 @@ impl Defects {
     };
 }
 
+/// How far the odometry is believed: standard deviations of a motion as it reports it. The
+/// document's search does without.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotionNoise {
+    /// Of the position, at rest.
+    pub rest_mm: f32,
+    /// Of the position, per millimetre driven.
+    pub per_mm: f32,
+    /// Of the heading, at rest.
+    pub rest_rad: f32,
+    /// Of the heading, per radian turned.
+    pub per_rad: f32,
+    /// Of the heading, per millimetre driven.
+    pub rad_per_mm: f32,
+    /// Mean map value, of 255, that one standard deviation costs; it grows with the square.
+    pub cost: f32,
+    /// The most that leaving the prediction costs, so that a robot that was pushed is found.
+    pub cost_max: f32,
+}
+
+impl MotionNoise {
+    /// A drive with a few per cent of slip.
+    pub const WHEELS: Self = Self {
+        rest_mm: 2.0,
+        per_mm: 0.04,
+        rest_rad: 0.003,
+        per_rad: 0.04,
+        rad_per_mm: 0.000_1,
+        cost: 0.5,
+        cost_max: 15.0,
+    };
+}
+
 /// Everything that a mapper is told once.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
@@ -101,6 +134,8 @@ pub struct Settings {
     pub bold_scans: u16,
     /// The candidate search.
     pub search: Search,
+    /// Trust in the odometry.
+    pub motion: MotionNoise,
     /// The time regulator.
     pub budget: Budget,
     /// Faults to show.
@@ -124,6 +159,7 @@ impl Settings {
                 spread_deg: 10,
                 points: 36,
             },
+            motion: MotionNoise::WHEELS,
             budget: Budget::DOCUMENT,
             defects: Defects::default(),
         }
@@ -135,6 +171,7 @@ impl Default for Settings {
     fn default() -> Self {
         let document = Self::document();
         Self {
+            hole_mm: 100.0,
             bold_scans: 10,
             search: Search {
                 method: Method::Annealed,

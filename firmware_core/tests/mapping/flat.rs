@@ -1,24 +1,54 @@
-//! The furnished flat of the demo.
+//! The furnished flat of the demo: two rooms inside 3 m x 3 m, eight way-points, 40 s.
 
-use crate::measure::{Run, overlap, picture};
-use crate::world::{FLAT_TOUR, World, flat};
+use core::f64::consts::FRAC_PI_2;
+
 use firmware_core::slam::Settings;
 
+use crate::measure::{Run, overlap};
+use crate::world::{FLAT_TOUR, World, flat};
+
+fn toured(seed: u64, settings: Settings) -> Run {
+    let world = World::new(flat(), [1000.0, 1000.0, FRAC_PI_2], seed);
+    let mut run = Run::new(world, Settings { seed, ..settings });
+    run.tour(&FLAT_TOUR);
+    run
+}
+
+/// Acceptance A2 asks for 30 mm and 2 deg as a median; ours is held to one cell and 0.6 deg in
+/// every run, with one odometry reading per turn as the rescue robot has it.
 #[test]
-fn tune() {
-    for (name, settings) in [("document", Settings::document()), ("default", Settings::default())] {
-        for seed in 1..=10 {
-            let world = World::new(flat(), [1000.0, 1000.0, core::f64::consts::FRAC_PI_2], seed);
-            let mut run = Run::new(world, Settings { seed, ..settings });
-            let t = std::time::Instant::now();
-            run.tour(&FLAT_TOUR);
-            let e = run.errors;
-            let (p, r) = overlap(run.mapper.grid(), &run.world.walls, &FLAT_TOUR);
-            println!("{name} {seed}: rms {:.1} mm {:.2} deg, worst {:.0} mm {:.1} deg, precision {p:.2} recall {r:.2} scans {} tries {} {:?}",
-                e.rms_mm(), e.rms_deg(), e.worst_mm, e.worst_deg, run.mapper.scans(), run.mapper.tries(), t.elapsed());
-            if seed == 1 {
-                println!("{}", picture(run.mapper.grid(), 5, run.mapper.pose()));
-            }
-        }
+fn the_flat_is_mapped_to_a_cell_in_every_run() {
+    for seed in 1..=5 {
+        let run = toured(seed, Settings::default());
+        let (right, found) = overlap(run.mapper.grid(), &run.world.walls, &FLAT_TOUR);
+        let errors = run.errors;
+        assert!(
+            errors.rms_mm() <= 10.0 && errors.rms_deg() <= 0.6,
+            "seed {seed}: {errors:?}"
+        );
+        assert!(
+            right >= 0.95 && found >= 0.75,
+            "seed {seed}: {right} {found}"
+        );
     }
+}
+
+/// The document's own search and constants, defects removed: within what A2 asks for.
+#[test]
+fn the_documents_constants_map_the_flat_within_30_mm() {
+    for seed in 1..=3 {
+        let errors = toured(seed, Settings::document()).errors;
+        assert!(
+            errors.rms_mm() <= 30.0 && errors.rms_deg() <= 2.0,
+            "seed {seed}: {errors:?}"
+        );
+    }
+}
+
+#[test]
+fn equal_runs_draw_equal_maps_and_other_seeds_others() {
+    let cells = |seed| *toured(seed, Settings::default()).mapper.grid().rows();
+    let first = cells(1);
+    assert!(first == cells(1));
+    assert!(first != cells(2));
 }

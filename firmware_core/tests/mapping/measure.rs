@@ -45,8 +45,16 @@ pub(crate) struct Run {
 
 impl Run {
     pub(crate) fn new(world: World, settings: Settings) -> Self {
-        let settings = Settings { start: world.truth(), ..settings };
-        Self { world, mapper: Box::new(Mapper::new(settings)), errors: Errors::default(), seen: Pose::default() }
+        let settings = Settings {
+            start: world.truth(),
+            ..settings
+        };
+        Self {
+            world,
+            mapper: Box::new(Mapper::new(settings)),
+            errors: Errors::default(),
+            seen: Pose::default(),
+        }
     }
 
     /// One turn of the lidar through the mapper.
@@ -58,7 +66,8 @@ impl Run {
         self.seen = reckoned;
         let outcome = self.mapper.integrate(&scan, self.world.wheel_speeds());
         let took = 14_000 + u64::from(outcome.tries) * 26 + u64::from(outcome.points) * 3457 / 1000;
-        self.mapper.search_time(core::time::Duration::from_micros(took));
+        self.mapper
+            .search_time(core::time::Duration::from_micros(took));
         self.errors.add(self.world.truth(), outcome.pose);
         outcome
     }
@@ -79,7 +88,11 @@ impl Run {
 }
 
 /// A cell that people would call wall: high, and a ridge along x or y.
-pub(crate) fn is_wall<const W: usize, const H: usize>(grid: &Grid<W, H>, ix: usize, iy: usize) -> bool {
+pub(crate) fn is_wall<const W: usize, const H: usize>(
+    grid: &Grid<W, H>,
+    ix: usize,
+    iy: usize,
+) -> bool {
     let at = |dx: i32, dy: i32| {
         let x = usize::try_from(ix as i32 + dx).ok();
         let y = usize::try_from(iy as i32 + dy).ok();
@@ -95,7 +108,11 @@ pub(crate) fn is_wall<const W: usize, const H: usize>(grid: &Grid<W, H>, ix: usi
 
 /// Shares of wall cells of the map that lie within a cell and a half of a true wall, and of
 /// points along true walls (seen from somewhere) that lie so near to a wall cell.
-pub(crate) fn overlap<const W: usize, const H: usize>(grid: &Grid<W, H>, walls: &[Wall], tour: &[[f64; 2]]) -> (f64, f64) {
+pub(crate) fn overlap<const W: usize, const H: usize>(
+    grid: &Grid<W, H>,
+    walls: &[Wall],
+    tour: &[[f64; 2]],
+) -> (f64, f64) {
     let near = 1.5 * f64::from(grid.resolution_mm());
     let (mut cells, mut right) = (0, 0);
     for iy in 0..H {
@@ -125,14 +142,19 @@ pub(crate) fn overlap<const W: usize, const H: usize>(grid: &Grid<W, H>, walls: 
             points += 1;
             let res = f64::from(grid.resolution_mm());
             let (cx, cy) = ((x / res).floor() as i32, (y / res).floor() as i32);
-            found += usize::from((-1..=1).any(|dy| (-1..=1).any(|dx| {
-                let x = usize::try_from(cx + dx).unwrap_or(usize::MAX);
-                let y = usize::try_from(cy + dy).unwrap_or(usize::MAX);
-                x < W && y < H && is_wall(grid, x, y)
-            })));
+            found += usize::from((-1..=1).any(|dy| {
+                (-1..=1).any(|dx| {
+                    let x = usize::try_from(cx + dx).unwrap_or(usize::MAX);
+                    let y = usize::try_from(cy + dy).unwrap_or(usize::MAX);
+                    x < W && y < H && is_wall(grid, x, y)
+                })
+            }));
         }
     }
-    (f64::from(right as u32) / f64::from(cells.max(1)), f64::from(found as u32) / f64::from(points.max(1) as u32))
+    (
+        f64::from(right as u32) / f64::from(cells.max(1)),
+        f64::from(found as u32) / f64::from(points.max(1) as u32),
+    )
 }
 
 fn distance([x0, y0, x1, y1]: Wall, x: f64, y: f64) -> f64 {
@@ -142,7 +164,11 @@ fn distance([x0, y0, x1, y1]: Wall, x: f64, y: f64) -> f64 {
 }
 
 /// The map as text, one character per `block` x `block` cells, top row first.
-pub(crate) fn picture<const W: usize, const H: usize>(grid: &Grid<W, H>, block: usize, robot: Pose) -> String {
+pub(crate) fn picture<const W: usize, const H: usize>(
+    grid: &Grid<W, H>,
+    block: usize,
+    robot: Pose,
+) -> String {
     let mut text = String::new();
     let me = grid.cell_of(robot.position());
     for by in (0..H / block).rev() {

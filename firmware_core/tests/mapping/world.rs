@@ -55,7 +55,12 @@ pub(crate) type Wall = [f64; 4];
 
 /// Four walls of a box.
 pub(crate) fn boxed(x0: f64, y0: f64, x1: f64, y1: f64) -> [Wall; 4] {
-    [[x0, y0, x1, y0], [x1, y0, x1, y1], [x1, y1, x0, y1], [x0, y1, x0, y0]]
+    [
+        [x0, y0, x1, y0],
+        [x1, y0, x1, y1],
+        [x1, y1, x0, y1],
+        [x0, y1, x0, y0],
+    ]
 }
 
 /// A furnished flat of two rooms inside 3 m x 3 m.
@@ -68,7 +73,12 @@ pub(crate) fn flat() -> Vec<Wall> {
     // A cupboard, a bed, a table's legs, a box.
     walls.extend(boxed(100.0, 2300.0, 500.0, 2900.0));
     walls.extend(boxed(2300.0, 100.0, 2900.0, 900.0));
-    for (x, y) in [(2150.0, 2250.0), (2550.0, 2250.0), (2150.0, 2600.0), (2550.0, 2600.0)] {
+    for (x, y) in [
+        (2150.0, 2250.0),
+        (2550.0, 2250.0),
+        (2150.0, 2600.0),
+        (2550.0, 2600.0),
+    ] {
         walls.extend(boxed(x, y, x + 40.0, y + 40.0));
     }
     walls.extend(boxed(700.0, 480.0, 900.0, 640.0));
@@ -121,10 +131,18 @@ pub(crate) struct Imperfection {
 }
 
 impl Imperfection {
-    pub(crate) const REAL: Self =
-        Self { range_noise: 1.0, slip_noise: 0.02, slip: [0.01, 0.015], range_max_mm: 6000.0 };
-    pub(crate) const NONE: Self =
-        Self { range_noise: 0.0, slip_noise: 0.0, slip: [0.0, 0.0], range_max_mm: 6000.0 };
+    pub(crate) const REAL: Self = Self {
+        range_noise: 1.0,
+        slip_noise: 0.02,
+        slip: [0.01, 0.015],
+        range_max_mm: 6000.0,
+    };
+    pub(crate) const NONE: Self = Self {
+        range_noise: 0.0,
+        slip_noise: 0.0,
+        slip: [0.0, 0.0],
+        range_max_mm: 6000.0,
+    };
 }
 
 /// Truth and the robot's senses; a turn of the lidar is the step.
@@ -173,7 +191,11 @@ impl World {
     }
 
     pub(crate) fn truth(&self) -> Pose {
-        Pose::new(self.body[0] as f32, self.body[1] as f32, self.body[2] as f32)
+        Pose::new(
+            self.body[0] as f32,
+            self.body[1] as f32,
+            self.body[2] as f32,
+        )
     }
 
     pub(crate) fn wheel_speeds(&self) -> [i16; 2] {
@@ -213,7 +235,8 @@ impl World {
     }
 
     fn read_wheels(&mut self) {
-        self.odometry.update(self.now(), self.ticks.map(|ticks| ticks.floor() as i32));
+        self.odometry
+            .update(self.now(), self.ticks.map(|ticks| ticks.floor() as i32));
     }
 
     fn drive(&mut self, step: f64, beam: usize) {
@@ -239,14 +262,26 @@ impl World {
 
     fn measure(&mut self, beam: usize) -> Reading {
         let [x, y, heading] = self.body;
-        let distance = cast(&self.walls, x, y, heading + (beam as f64).to_radians() - FRAC_PI_2);
+        let distance = cast(
+            &self.walls,
+            x,
+            y,
+            heading + (beam as f64).to_radians() - FRAC_PI_2,
+        );
         let sigma = (2e-6 * distance * distance).max(0.3) * self.imperfection.range_noise;
         let noise = self.dice.gauss();
         if distance > self.imperfection.range_max_mm || distance < 120.0 {
-            return Reading::Invalid { code: 0x35, strength: 0 };
+            return Reading::Invalid {
+                code: 0x35,
+                strength: 0,
+            };
         }
         let distance_mm = (distance + sigma * noise).round().clamp(1.0, 16383.0) as u16;
-        Reading::Range { distance_mm, strength: 200, weak: false }
+        Reading::Range {
+            distance_mm,
+            strength: 200,
+            weak: false,
+        }
     }
 
     /// Steers towards a point as the rescue robot does: 20 ticks minus or plus a third of the
