@@ -7,6 +7,8 @@
 pub mod cpu;
 pub mod fault;
 pub mod line;
+pub mod plan;
 pub mod resample;
 pub mod rig;
+pub mod scenario;
 pub mod trace;

@@ -51,6 +51,15 @@ impl LineConfig {
         1 + self.data_bits as u32 + parity + self.stop_bits as u32
     }
 
+    /// Whether a receiver so configured reads what this sender writes without resampling: equal
+    /// coding, and a rate that drifts less than a tenth of a bit over ten bits.
+    pub const fn agrees_with(self, receiver: Self) -> bool {
+        let coding = self.data_bits == receiver.data_bits
+            && self.parity as u8 == receiver.parity as u8
+            && self.stop_bits == receiver.stop_bits;
+        coding && self.baud.abs_diff(receiver.baud) as u64 * 100 <= self.baud as u64
+    }
+
     /// Time on the wire of one character, rounded down to a nanosecond.
     pub const fn byte_time(self) -> Duration {
         self.bytes_time(1)

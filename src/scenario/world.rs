@@ -1,0 +1,385 @@
+//! The world of a scenario: what is solid, where the robot starts, what moves and pushes.
+
+use emulators::world::{
+    BodyConfig, Bounds, Fixture, Obstacle, OccupancyImage, Part, Path, Point, Pose, Repeat, Scene,
+    Shape, Waypoint, World,
+};
+use protocols::Instant;
+use serde::{Deserialize, Serialize};
+use toml::Spanned;
+
+use super::{ScenarioError, Source, Span};
+use crate::plan;
+
+/// Ground truth as data.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WorldSpec {
+    /// Where the robot starts; it is told.
+    pub start: Spanned<StartSpec>,
+    /// Nothing may lie outside.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bounds: Option<BoundsSpec>,
+    /// A floor plan from a map picture.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plan: Option<Spanned<PlanSpec>>,
+    /// The robot's body.
+    #[serde(default)]
+    pub body: BodySpec,
+    /// Walls along a line of points.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub wall: Vec<Spanned<WallSpec>>,
+    /// Closed outlines.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub polygon: Vec<Spanned<PolygonSpec>>,
+    /// Round pillars and the thin legs of furniture.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub pillar: Vec<Spanned<PillarSpec>>,
+    /// Round obstacles that move.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub moving: Vec<Spanned<MovingSpec>>,
+    /// Somebody pushes the robot.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub push: Vec<PushSpec>,
+}
+
+/// Where the robot starts.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StartSpec {
+    /// Metres.
+    pub x_m: f64,
+    /// Metres.
+    pub y_m: f64,
+    /// Counter-clockwise from +x.
+    pub heading_deg: f64,
+}
+
+/// A rectangle.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BoundsSpec {
+    /// Lower left corner, metres.
+    pub min_m: [f64; 2],
+    /// Upper right corner, metres.
+    pub max_m: [f64; 2],
+}
+
+/// A ROS map: the yaml file, relative to the scenario.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PlanSpec {
+    /// Path of the yaml file.
+    pub yaml: String,
+}
+
+/// Walls along a line of points.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WallSpec {
+    /// At least two points, metres.
+    pub path_m: Vec<[f64; 2]>,
+    /// Light returned, compared with a white wall.
+    #[serde(default = "white")]
+    pub reflectivity: f64,
+}
+
+/// A closed outline.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PolygonSpec {
+    /// At least three corners, metres.
+    pub corners_m: Vec<[f64; 2]>,
+    /// Light returned, compared with a white wall.
+    #[serde(default = "white")]
+    pub reflectivity: f64,
+}
+
+/// Round pillars of one size.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PillarSpec {
+    /// Where they stand, metres.
+    pub at_m: Vec<[f64; 2]>,
+    /// Metres.
+    pub radius_m: f64,
+    /// Light returned, compared with a white wall.
+    #[serde(default = "white")]
+    pub reflectivity: f64,
+}
+
+/// A round obstacle that moves along a line of points at constant speed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MovingSpec {
+    /// At least one point, metres.
+    pub path_m: Vec<[f64; 2]>,
+    /// Metres per second.
+    pub speed_m_s: f64,
+    /// Metres.
+    pub radius_m: f64,
+    /// When it sets off.
+    #[serde(default)]
+    pub from: Span,
+    /// What it does at the end of the path.
+    #[serde(default)]
+    pub repeat: RepeatSpec,
+}
+
+/// What a moving obstacle does at the end of its path.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RepeatSpec {
+    /// It stays there.
+    #[default]
+    Once,
+    /// It begins again; the path ends where it begins.
+    Loop,
+    /// It turns back.
+    PingPong,
+}
+
+/// Somebody pushes the robot: the body moves, the wheels do not turn.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PushSpec {
+    /// When it begins.
+    pub at: Span,
+    /// Which way, metres in the world's frame.
+    pub by_m: [f64; 2],
+    /// How far the robot is turned, counter-clockwise.
+    #[serde(default)]
+    pub turn_deg: f64,
+    /// How long it takes.
+    pub over: Span,
+}
+
+/// The robot's body; what is not given is the rescue robot's.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct BodySpec {
+    /// Radius of the disc that collides.
+    pub radius_m: f64,
+    /// Radius of the wheels.
+    pub wheel_radius_m: f64,
+    /// Distance between the wheels.
+    pub axle_m: f64,
+    /// Encoder ticks per turn of a wheel.
+    pub ticks_per_turn: u32,
+    /// Speed of a wheel at full drive.
+    pub full_speed_m_s: f64,
+    /// Time constant of a driven wheel.
+    pub lag_s: f64,
+    /// Share of the wheels' travel that is lost on the floor, left and right.
+    pub slip: [f64; 2],
+    /// Noise of each wheel's travel after one metre.
+    pub slip_noise_m: f64,
+    /// Noise of the heading after one metre.
+    pub heading_noise_rad: f64,
+    /// Relative error of each wheel's radius, drawn once a run.
+    pub scale_noise: f64,
+}
+
+impl Default for BodySpec {
+    fn default() -> Self {
+        let config = BodyConfig::default();
+        Self {
+            radius_m: config.radius_m,
+            wheel_radius_m: config.wheel_radius_m,
+            axle_m: config.axle_m,
+            ticks_per_turn: config.ticks_per_turn,
+            full_speed_m_s: config.full_speed_m_s,
+            lag_s: config.lag_s,
+            slip: config.slip,
+            slip_noise_m: config.slip_noise_m,
+            heading_noise_rad: config.heading_noise_rad,
+            scale_noise: config.scale_noise,
+        }
+    }
+}
+
+impl From<BodySpec> for BodyConfig {
+    fn from(spec: BodySpec) -> Self {
+        Self {
+            radius_m: spec.radius_m,
+            wheel_radius_m: spec.wheel_radius_m,
+            axle_m: spec.axle_m,
+            ticks_per_turn: spec.ticks_per_turn,
+            full_speed_m_s: spec.full_speed_m_s,
+            lag_s: spec.lag_s,
+            slip: spec.slip,
+            slip_noise_m: spec.slip_noise_m,
+            heading_noise_rad: spec.heading_noise_rad,
+            scale_noise: spec.scale_noise,
+            ..Self::default()
+        }
+    }
+}
+
+const fn white() -> f64 {
+    1.0
+}
+
+const fn point([x, y]: [f64; 2]) -> Point {
+    Point::new(x, y)
+}
+
+/// A part of the scene and the piece of the file that it comes from.
+struct Origin {
+    key: String,
+    span: core::ops::Range<usize>,
+}
+
+impl WorldSpec {
+    /// The start pose.
+    pub fn start_pose(&self) -> Pose {
+        let start = self.start.get_ref();
+        Pose::new(start.x_m, start.y_m, start.heading_deg.to_radians())
+    }
+
+    /// Builds the world; `seed` is for the noise of the floor.
+    pub fn build(&self, seed: u64, source: &Source) -> Result<World, ScenarioError> {
+        let scene = self.scene(source)?;
+        World::new(scene, self.body.into(), self.start_pose(), seed).map_err(|error| {
+            source.invalid(Some(self.start.span()), "world.start", error.to_string())
+        })
+    }
+
+    fn scene(&self, source: &Source) -> Result<Scene, ScenarioError> {
+        let (fixtures, fixture_origins) = self.fixtures(source)?;
+        let (obstacles, obstacle_origins) = self.obstacles(source)?;
+        let scene = match &self.bounds {
+            Some(bounds) => {
+                let bounds = Bounds {
+                    min: point(bounds.min_m),
+                    max: point(bounds.max_m),
+                };
+                Scene::within(bounds, fixtures, obstacles)
+            }
+            None => Scene::new(fixtures, obstacles),
+        };
+        scene.map_err(|error| {
+            let origin = match error.part {
+                Part::Fixture(index) => fixture_origins.get(index),
+                Part::Obstacle(index) => obstacle_origins.get(index),
+            };
+            let key = origin.map_or("world", |origin| &origin.key);
+            let span = origin.map(|origin| origin.span.clone());
+            source.invalid(span, key, error.cause.to_string())
+        })
+    }
+
+    fn fixtures(&self, source: &Source) -> Result<(Vec<Fixture>, Vec<Origin>), ScenarioError> {
+        let mut fixtures = Vec::new();
+        let mut origins = Vec::new();
+        let mut add = |shape, reflectivity, key: &str, index: usize, span| {
+            fixtures.push(Fixture {
+                shape,
+                reflectivity,
+            });
+            origins.push(Origin {
+                key: format!("world.{key}[{index}]"),
+                span,
+            });
+        };
+        for (index, spec) in self.wall.iter().enumerate() {
+            let wall = spec.get_ref();
+            if wall.path_m.len() < 2 {
+                let message = format!(
+                    "path_m has {} points, expected two or more",
+                    wall.path_m.len()
+                );
+                return Err(source.invalid(
+                    Some(spec.span()),
+                    format!("world.wall[{index}]"),
+                    message,
+                ));
+            }
+            for pair in wall.path_m.windows(2) {
+                let shape = Shape::Wall {
+                    from: point(pair[0]),
+                    to: point(pair[1]),
+                };
+                add(shape, wall.reflectivity, "wall", index, spec.span());
+            }
+        }
+        for (index, spec) in self.polygon.iter().enumerate() {
+            let polygon = spec.get_ref();
+            let corners = polygon.corners_m.iter().copied().map(point).collect();
+            let shape = Shape::Polygon { corners };
+            add(shape, polygon.reflectivity, "polygon", index, spec.span());
+        }
+        for (index, spec) in self.pillar.iter().enumerate() {
+            let pillar = spec.get_ref();
+            for &at in &pillar.at_m {
+                let shape = Shape::Circle {
+                    center: point(at),
+                    radius_m: pillar.radius_m,
+                };
+                add(shape, pillar.reflectivity, "pillar", index, spec.span());
+            }
+        }
+        if let Some(spec) = &self.plan {
+            let image: OccupancyImage = plan::read(&spec.get_ref().yaml, source)
+                .map_err(|message| source.invalid(Some(spec.span()), "world.plan", message))?;
+            for shape in image.walls() {
+                add(shape, 1.0, "plan", 0, spec.span());
+            }
+        }
+        Ok((fixtures, origins))
+    }
+
+    fn obstacles(&self, source: &Source) -> Result<(Vec<Obstacle>, Vec<Origin>), ScenarioError> {
+        let mut obstacles = Vec::new();
+        let mut origins = Vec::new();
+        for (index, spec) in self.moving.iter().enumerate() {
+            let moving = spec.get_ref();
+            let key = format!("world.moving[{index}]");
+            let (span, speed) = (spec.span(), moving.speed_m_s);
+            if !(speed.is_finite() && speed > 0.0) {
+                let message = format!("speed_m_s is {speed}, expected more than 0");
+                return Err(source.invalid(Some(span), key, message));
+            }
+            let shape = Shape::Circle {
+                center: Point::default(),
+                radius_m: moving.radius_m,
+            };
+            let fixture = Fixture {
+                shape,
+                reflectivity: 1.0,
+            };
+            obstacles.push(Obstacle {
+                fixture,
+                path: moving.path(),
+            });
+            origins.push(Origin { key, span });
+        }
+        Ok((obstacles, origins))
+    }
+}
+
+impl MovingSpec {
+    fn path(&self) -> Path {
+        let mut at = self.from.instant();
+        let mut waypoints: Vec<Waypoint> = Vec::new();
+        for &place in &self.path_m {
+            let position = point(place);
+            if let Some(last) = waypoints.last() {
+                let nanos = last.position.distance(position) / self.speed_m_s * 1e9;
+                let nanos = if nanos.is_finite() {
+                    nanos.min(1e18)
+                } else {
+                    0.0
+                };
+                at = Instant::from_nanos(at.as_nanos().saturating_add(nanos as u64));
+            }
+            waypoints.push(Waypoint { at, position });
+        }
+        let repeat = match self.repeat {
+            RepeatSpec::Once => Repeat::Once,
+            RepeatSpec::Loop => Repeat::Loop,
+            RepeatSpec::PingPong => Repeat::PingPong,
+        };
+        Path { waypoints, repeat }
+    }
+}
