@@ -171,7 +171,9 @@ impl<F: Format, const N: usize> Decoder<F, N> {
                     self.start += len;
                     return Some(Ok(frame));
                 }
-                Candidate::Incomplete if self.quiet => {
+                // A full buffer that is still incomplete breaks the format's contract; giving a
+                // byte up keeps even that from standing still.
+                Candidate::Incomplete if self.quiet || bytes.len() == N => {
                     let found = u32::try_from(bytes.len()).unwrap_or(u32::MAX);
                     self.discard_one();
                     return Some(Err(FrameError::Truncated { found }));
@@ -235,5 +237,51 @@ impl<F: Format, const N: usize> Decode for Decoder<F, N> {
 impl<F: Format + Default, const N: usize> Default for Decoder<F, N> {
     fn default() -> Self {
         Self::with_format(F::default())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Breaks the contract on purpose: waits for ever once it saw a 1; any 2 is a frame.
+    struct Undecided;
+
+    impl Format for Undecided {
+        type Frame = u8;
+
+        fn judge(&self, bytes: &[u8]) -> Candidate {
+            match bytes[0] {
+                1 => Candidate::Incomplete,
+                2 => Candidate::Complete(1),
+                _ => Candidate::Noise,
+            }
+        }
+
+        fn frame(&self, bytes: &[u8]) -> u8 {
+            bytes[0]
+        }
+    }
+
+    /// A full buffer must not stop the stream, whatever the format says.
+    #[test]
+    fn a_format_that_never_decides_costs_one_byte_per_full_buffer() {
+        let mut decoder: Decoder<_, 4> = Decoder::with_format(Undecided);
+        let truncated = Err(FrameError::Truncated { found: 4 });
+        let mut outcomes = decoder.push(&[1, 2, 0, 0, 1, 2, 2, 2, 2]);
+        assert_eq!(outcomes.next(), Some(truncated));
+        assert_eq!(outcomes.next(), Some(Ok(2)));
+        assert_eq!(outcomes.next(), Some(truncated));
+        assert_eq!(outcomes.by_ref().filter(|one| *one == Ok(2)).count(), 4);
+        drop(outcomes);
+        assert_eq!((decoder.pending(), decoder.discarded()), (0, 4));
+    }
+
+    /// The iterator is lazy: what it was not asked for is fed when it is dropped.
+    #[test]
+    fn dropping_the_iterator_feeds_the_rest() {
+        let mut decoder: Decoder<_, 4> = Decoder::with_format(Undecided);
+        drop(decoder.push(&[0, 0, 1]));
+        assert_eq!((decoder.pending(), decoder.discarded()), (1, 2));
     }
 }

@@ -76,12 +76,12 @@ pub fn checksum(payload: &[u8]) -> u32 {
 /// Puts the header in front of a payload that already lies in `frame[17..]`; returns the length of
 /// the whole frame. `None` if the payload is longer than 511 bytes or than the space behind it.
 pub fn seal(frame: &mut [u8], id: [u8; 3], payload_len: usize) -> Option<usize> {
-    let len = HEADER_LEN + payload_len;
-    let sum = checksum(frame.get(HEADER_LEN..len)?);
-    let length = u16::try_from(payload_len).ok()?;
     if payload_len > PAYLOAD_MAX {
         return None;
     }
+    let len = HEADER_LEN + payload_len;
+    let sum = checksum(frame.get(HEADER_LEN..len)?);
+    let length = u16::try_from(payload_len).expect("at most 511");
     frame[..8].copy_from_slice(&MAGIC);
     frame[field::LENGTH].copy_from_slice(&length.to_le_bytes());
     frame[field::CHECKSUM].copy_from_slice(&sum.to_le_bytes());

@@ -94,3 +94,29 @@ impl fmt::Display for Instant {
         )
     }
 }
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use super::*;
+
+    /// 584 years are the end of time; before the beginning there is nothing.
+    #[test]
+    fn time_saturates_at_both_ends() {
+        let end = Instant::from_nanos(u64::MAX);
+        assert_eq!(end + Duration::from_nanos(1), end);
+        assert_eq!(Instant::ZERO + Duration::MAX, end);
+        assert_eq!(Instant::ZERO - Instant::from_secs(1), Duration::ZERO);
+        assert_eq!(
+            Instant::from_secs(3) - Instant::from_millis(1),
+            Duration::from_millis(2_999)
+        );
+    }
+
+    #[test]
+    fn an_instant_reads_as_seconds_with_six_decimals() {
+        let instant = Instant::from_micros(12_000_034) + Duration::from_nanos(999);
+        assert_eq!(std::format!("{instant}"), "12.000034");
+    }
+}

@@ -26,7 +26,7 @@ pub enum Reading {
     },
     /// There is no distance.
     Invalid {
-        /// Error code; see [`code`](Self::CODES).
+        /// Error code; see [`CODES`](Self::CODES).
         code: u8,
         /// Copied from the previous reading for some codes, else zero.
         strength: u16,
@@ -35,12 +35,13 @@ pub enum Reading {
 
 impl Reading {
     /// Error codes seen in real captures, with the meaning inferred from where they occur.
-    pub const CODES: [(u8, &'static str); 9] = [
+    pub const CODES: [(u8, &'static str); 10] = [
         (0x02, "dot shape, double dot"),
         (0x03, "dot shape, too wide"),
         (0x06, "dot shape, both"),
         (0x21, "slot skipped at an encoder tooth"),
         (0x22, "waiting for the encoder, too slow"),
+        (0x23, "encoder related, firmware 2.1 only"),
         (0x25, "dot too dim"),
         (0x35, "no dot"),
         (0x50, "resynchronised after a late tooth"),

@@ -1,0 +1,102 @@
+//! A protocol as the laws see it, and streams of it as a bad line delivers them.
+
+use proptest::collection::vec;
+use proptest::prelude::*;
+use proptest::sample::Index;
+use protocols::Decode;
+
+use crate::damage::{Damage, damage};
+
+/// A frame that can say what it was on the wire.
+pub(crate) trait Wire {
+    /// Its bytes.
+    fn wire(&self) -> Vec<u8>;
+}
+
+/// One decoder and what is known about its protocol from elsewhere.
+pub(crate) trait Protocol {
+    /// The decoder on trial.
+    type Decoder: Decode<Frame: Wire>;
+
+    /// Bytes that the format reacts to: start bytes, magic words, flags.
+    const TELLING: &'static [u8];
+    /// Whether a checksum tells frames from damaged ones.
+    const CHECKED: bool = true;
+    /// Cases per law; fewer for long frames.
+    const CASES: u32 = 4000;
+
+    /// A fresh decoder.
+    fn decoder() -> Self::Decoder;
+
+    /// The length of the frame that `bytes` begins with: the format read slowly and obviously,
+    /// without the code on trial.
+    fn frame_at(bytes: &[u8]) -> Option<usize>;
+
+    /// Valid frames, built by our encoder.
+    fn frame() -> BoxedStrategy<Vec<u8>>;
+}
+
+/// All frames in `bytes` by the simplest method: look everywhere, skip what was found.
+pub(crate) fn scan(bytes: &[u8], frame_at: fn(&[u8]) -> Option<usize>) -> Vec<Vec<u8>> {
+    let mut found = Vec::new();
+    let mut at = 0;
+    while at < bytes.len() {
+        let len = frame_at(&bytes[at..]);
+        found.extend(len.map(|len| bytes[at..at + len].to_vec()));
+        at += len.unwrap_or(1);
+    }
+    found
+}
+
+/// Up to `most` valid frames in a row.
+pub(crate) fn frames<P: Protocol>(most: usize) -> impl Strategy<Value = Vec<Vec<u8>>> {
+    vec(P::frame(), 1..=most)
+}
+
+/// The beginning of a valid frame.
+pub(crate) fn cut_frame<P: Protocol>() -> impl Strategy<Value = Vec<u8>> {
+    (P::frame(), any::<Index>()).prop_map(|(mut frame, at)| {
+        frame.truncate(at.index(frame.len()));
+        frame
+    })
+}
+
+/// A stream of valid frames, cut frames and noise in which some bytes went wrong. (Random bytes
+/// alone hardly ever come near a frame, so they find next to nothing.)
+pub(crate) fn stream<P: Protocol>() -> impl Strategy<Value = Vec<u8>> {
+    let noise = prop_oneof![any::<u8>(), proptest::sample::select(P::TELLING)];
+    let piece = prop_oneof![
+        6 => P::frame(),
+        3 => cut_frame::<P>(),
+        1 => vec(noise, 0..6),
+    ];
+    (vec(piece, 0..7), vec(damage(P::TELLING), 0..5)).prop_map(|(pieces, damages)| {
+        let mut bytes = pieces.concat();
+        damages
+            .into_iter()
+            .for_each(|damage| damage.apply(&mut bytes));
+        bytes
+    })
+}
+
+/// One damaged byte.
+pub(crate) fn one_damage<P: Protocol>() -> impl Strategy<Value = Damage> {
+    damage(P::TELLING)
+}
+
+/// Where to cut a stream into pieces: many, few or none at all.
+pub(crate) fn cuts() -> impl Strategy<Value = Vec<Index>> {
+    prop_oneof![vec(any::<Index>(), 0..4), vec(any::<Index>(), 0..60)]
+}
+
+/// `bytes` cut at `cuts`, empty pieces included.
+pub(crate) fn pieces<'a>(bytes: &'a [u8], cuts: &[Index]) -> Vec<&'a [u8]> {
+    let mut ends: Vec<usize> = cuts.iter().map(|cut| cut.index(bytes.len() + 1)).collect();
+    ends.push(bytes.len());
+    ends.sort_unstable();
+    ends.iter()
+        .scan(0, |start, &end| {
+            Some(&bytes[core::mem::replace(start, end)..end])
+        })
+        .collect()
+}
