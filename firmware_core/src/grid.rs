@@ -94,20 +94,14 @@ impl<const W: usize, const H: usize> Grid<W, H> {
     pub fn cell_of(&self, point: Point) -> Option<(usize, usize)> {
         let index = |mm: f32, limit: usize| {
             let cell = libm::floorf(mm / self.resolution_mm);
-            #[expect(clippy::cast_precision_loss, reason = "at most 8191")]
             let inside = cell >= 0.0 && cell < limit as f32;
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "range checked"
-            )]
+            #[expect(clippy::cast_possible_truncation, reason = "range checked")]
             inside.then_some(cell as usize)
         };
         Some((index(point.x_mm, W)?, index(point.y_mm, H)?))
     }
 
     /// The middle of a cell.
-    #[expect(clippy::cast_precision_loss, reason = "cell numbers are small")]
     pub fn centre_of(&self, ix: usize, iy: usize) -> Point {
         Point {
             x_mm: (ix as f32 + 0.5) * self.resolution_mm,

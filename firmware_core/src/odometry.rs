@@ -33,7 +33,6 @@ impl WheelGeometry {
 
     /// The arc that the robot runs when its wheels turn by `ticks` (left, right).
     pub fn arc(&self, ticks: [i32; 2]) -> PoseChange {
-        #[expect(clippy::cast_precision_loss, reason = "a reading's ticks are few")]
         let [left, right] = ticks.map(|count| count as f32 * self.tick_mm());
         let turn = (right - left) / self.axle_mm;
         let path = (right + left) / 2.0;
@@ -232,7 +231,11 @@ fn between(a: Sample, b: Sample, at: Instant) -> Pose {
 /// Length of the chord of an arc of length 1 that turns by `turn`.
 fn chord_of_arc(turn: f32) -> f32 {
     let half = turn / 2.0;
-    if half.abs() < 1e-3 { 1.0 - half * half / 6.0 } else { sin_cos(half).0 / half }
+    if half.abs() < 1e-3 {
+        1.0 - half * half / 6.0
+    } else {
+        sin_cos(half).0 / half
+    }
 }
 
 fn seconds(duration: Duration) -> f32 {
@@ -253,7 +256,6 @@ pub mod fielded {
     /// is turned the wrong way before the motion is laid along it (SL-09). `psi_deg` is the
     /// fielded heading, clockwise and never normalised; the new one is returned beside the pose.
     pub fn arc(geometry: &WheelGeometry, pose: Pose, psi_deg: f32, ticks: [i32; 2]) -> (Pose, f32) {
-        #[expect(clippy::cast_precision_loss, reason = "a reading's ticks are few")]
         let [left, right] = ticks.map(|count| count as f32 * geometry.tick_mm());
         let turn = (left - right) / geometry.axle_mm;
         let length = if left == right {

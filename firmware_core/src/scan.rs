@@ -14,6 +14,7 @@
 use core::f32::consts::TAU;
 use core::time::Duration;
 
+use protocols::xv11::SpeedWord;
 use protocols::{Instant, xv11};
 
 use crate::odometry::Odometry;
@@ -101,7 +102,7 @@ pub struct TurnAssembler {
     finished: Turn,
     first: Option<Arrival>,
     last: Option<Arrival>,
-    speed_rpm: f32,
+    speed: SpeedWord,
     abandoned: u32,
 }
 
@@ -126,7 +127,7 @@ impl TurnAssembler {
             finished: Turn::EMPTY,
             first: None,
             last: None,
-            speed_rpm: 0.0,
+            speed: SpeedWord(0),
             abandoned: 0,
         }
     }
@@ -141,7 +142,7 @@ impl TurnAssembler {
         {
             ended = self.close(at);
         }
-        self.speed_rpm = packet.speed_rpm();
+        self.speed = packet.speed();
         self.store(index, packet.readings());
         let arrival = Arrival { at, index };
         self.first.get_or_insert(arrival);
@@ -163,8 +164,8 @@ impl TurnAssembler {
     }
 
     /// Speed in the newest packet.
-    pub const fn speed_rpm(&self) -> f32 {
-        self.speed_rpm
+    pub fn speed_rpm(&self) -> f32 {
+        self.speed.rpm()
     }
 
     fn store(&mut self, index: u8, readings: [xv11::Reading; READINGS]) {
@@ -200,27 +201,35 @@ impl TurnAssembler {
     /// too little arrived, or whose packets arrived in bunches, is timed by the speed that the
     /// sensor reports.
     fn span(&self, first: Arrival, last: Arrival) -> (Instant, Instant) {
-        let reported = if self.speed_rpm >= 120.0 {
-            60.0 / self.speed_rpm
-        } else {
-            0.2
-        };
-        let steps = last.index - first.index;
-        let measured =
-            (last.at - first.at).as_secs_f32() * f32::from(PACKETS) / f32::from(steps.max(1));
-        let agree = (measured - reported).abs() < 0.1 * reported;
-        let period = if steps >= PACKETS / 2 && agree {
+        let reported = reported_period(self.speed);
+        let steps = u32::from(last.index - first.index);
+        let measured = (last.at - first.at) * u32::from(PACKETS) / steps.max(1);
+        let agree = measured.abs_diff(reported) < reported / 10;
+        let period = if steps >= u32::from(PACKETS / 2) && agree {
             measured
         } else {
             reported
         };
-        let period = Duration::from_secs_f32(period);
         // Packet i arrives one delay after the beams of the first i + 1 packets.
-        let ended = last.at + period * u32::from(PACKETS - 1 - last.index) / u32::from(PACKETS);
-        let back = self.mounting.delay + period;
-        let start =
-            Instant::from_nanos((ended - Instant::ZERO).saturating_sub(back).as_nanos() as u64);
-        (start, start + period)
+        let to_come = period * u32::from(PACKETS - 1 - last.index) / u32::from(PACKETS);
+        let since_zero = last.at - Instant::ZERO + to_come;
+        let start = since_zero.saturating_sub(self.mounting.delay + period);
+        (Instant::ZERO + start, Instant::ZERO + start + period)
+    }
+}
+
+/// Time of a turn at the speed that the sensor reports; 200 ms if it reports none or nonsense.
+fn reported_period(speed: SpeedWord) -> Duration {
+    const SECOND_AS_64THS_OF_RPM: u64 = 60 * 64 * 1_000_000_000;
+    let nanos = SECOND_AS_64THS_OF_RPM
+        .checked_div(u64::from(speed.0))
+        .unwrap_or(0);
+    let period = Duration::from_nanos(nanos);
+    let usual = Duration::from_millis(200);
+    if period.is_zero() || period > TURN_MAX {
+        usual
+    } else {
+        period
     }
 }
 
@@ -261,7 +270,8 @@ pub struct Scan {
 
 /// Parts of a turn within which the robot's motion is taken as even: 25 ms each at 5 turns a
 /// second.
-const KNOTS: usize = 8;
+const KNOTS: usize = KNOTS_U32 as usize;
+const KNOTS_U32: u32 = 8;
 const BEAMS_PER_KNOT: usize = BEAMS / KNOTS;
 
 impl Scan {
@@ -278,7 +288,7 @@ impl Scan {
     /// Points of `turn`, each moved by the robot's motion between its beam and the turn's end.
     pub fn deskewed(turn: &Turn, mounting: &Mounting, odometry: &Odometry) -> Self {
         let end_pose = odometry.pose_at(turn.end);
-        let step = (turn.end - turn.start) / KNOTS as u32;
+        let step = (turn.end - turn.start) / KNOTS_U32;
         let mut knots = [PoseChange::NONE; KNOTS + 1];
         for (index, knot) in (0..).zip(&mut knots) {
             *knot = end_pose.change_to(odometry.pose_at(turn.start + step * index));
@@ -365,11 +375,253 @@ impl Scan {
 fn knot_of(beam: u16) -> (usize, f32) {
     let beam = usize::from(beam).min(BEAMS - 1);
     let (knot, rest) = (beam / BEAMS_PER_KNOT, beam % BEAMS_PER_KNOT);
-    #[expect(clippy::cast_precision_loss, reason = "less than 45")]
     let share = rest as f32 / BEAMS_PER_KNOT as f32;
     (knot, share)
 }
 
 fn lerp(a: f32, b: f32, share: f32) -> f32 {
     a + (b - a) * share
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::odometry::WheelGeometry;
+    use core::f32::consts::FRAC_PI_2;
+    use protocols::xv11::{RawReading, Reading};
+
+    /// The rescue robot's lidar: sensor degree 90 looks ahead, 180 to the left.
+    const MOUNTING: Mounting = Mounting {
+        position: Point::new(0.0, 0.0),
+        first_bearing: -FRAC_PI_2,
+        distance_min_mm: 100,
+        distance_max_mm: 6000,
+        weak: WeakReadings::Use,
+        delay: Duration::ZERO,
+    };
+    const DRIVE: WheelGeometry = WheelGeometry {
+        wheel_radius_mm: 26.0,
+        axle_mm: 260.0,
+        ticks_per_turn: 360,
+        ticks_per_second_max: 900,
+    };
+
+    fn range(distance_mm: u16) -> Reading {
+        Reading::Range {
+            distance_mm,
+            strength: 200,
+            weak: false,
+        }
+    }
+
+    fn packet(index: u8, reading: Reading) -> xv11::Frame {
+        xv11::Frame::new(index, SpeedWord(300 * 64), [RawReading::from(reading); 4])
+    }
+
+    /// Arrival of packet `index` of turn `turn` at 300 turns a minute: 90 packets in 200 ms.
+    fn arrival(turn: u64, index: u8) -> Instant {
+        Instant::from_nanos(turn * 200_000_000 + (u64::from(index) + 1) * 200_000_000 / 90)
+    }
+
+    /// One turn without the packets in `lost`; the ends it reported.
+    fn feed(assembler: &mut TurnAssembler, turn: u64, distance_mm: u16, lost: &[u8]) -> usize {
+        let kept = (0..90).filter(|index| !lost.contains(index));
+        kept.filter(|index| {
+            let packet = packet(*index, range(distance_mm));
+            assembler.push(arrival(turn, *index), &packet).is_some()
+        })
+        .count()
+    }
+
+    #[test]
+    fn the_last_packet_ends_the_turn() {
+        let mut assembler = TurnAssembler::new(MOUNTING);
+        assert_eq!(feed(&mut assembler, 0, 1000, &[]), 1);
+        let turn = assembler.turn();
+        assert_eq!((turn.packets, turn.distances_mm), (90, [1000; BEAMS]));
+        let micros = |instant: Instant| instant.as_micros();
+        assert!(
+            micros(turn.start) <= 1 && micros(turn.end).abs_diff(200_000) <= 1,
+            "{turn:?}"
+        );
+    }
+
+    /// XV-06: with a lost packet 0 the fielded code skips the whole turn.
+    #[test]
+    fn a_lost_first_packet_does_not_lose_the_turn() {
+        let mut assembler = TurnAssembler::new(MOUNTING);
+        assert_eq!(feed(&mut assembler, 1, 1000, &[0]), 1);
+        assert_eq!(assembler.turn().packets, 89);
+        assert_eq!(assembler.turn().start.as_millis(), 200);
+
+        let defects = Defects {
+            synchronised_by_packet_0: true,
+            ..Defects::default()
+        };
+        let mut fielded = TurnAssembler::with_defects(MOUNTING, defects);
+        let ends: usize = (0..5)
+            .map(|turn| feed(&mut fielded, turn, 1000, &[0]))
+            .sum();
+        assert_eq!(ends, 0);
+    }
+
+    #[test]
+    fn a_lost_last_packet_only_delays_the_end_to_the_next_turn() {
+        let mut assembler = TurnAssembler::new(MOUNTING);
+        assert_eq!(feed(&mut assembler, 0, 1000, &[88, 89]), 0);
+        assert!(
+            assembler
+                .push(arrival(1, 0), &packet(0, range(2000)))
+                .is_some()
+        );
+        let turn = assembler.turn();
+        assert_eq!(
+            (turn.packets, turn.distances_mm[0], turn.distances_mm[359]),
+            (88, 1000, 0)
+        );
+        assert!(
+            turn.end.as_micros().abs_diff(200_000) <= 1,
+            "{:?}",
+            turn.end
+        );
+    }
+
+    /// XV-07: the fielded code keeps the distances of an earlier turn.
+    #[test]
+    fn a_missing_packet_is_no_data_not_old_data() {
+        let with = |defects| {
+            let mut assembler = TurnAssembler::with_defects(MOUNTING, defects);
+            feed(&mut assembler, 0, 1000, &[]);
+            feed(&mut assembler, 1, 2000, &[40]);
+            assembler.turn().distances_mm[160]
+        };
+        assert_eq!(with(Defects::default()), 0);
+        assert_eq!(
+            with(Defects {
+                stale_distances: true,
+                ..Defects::default()
+            }),
+            1000
+        );
+    }
+
+    /// The sensor is unplugged in mid-turn and comes back a second later at a higher index.
+    #[test]
+    fn a_turn_whose_packets_stopped_is_given_up() {
+        let mut assembler = TurnAssembler::new(MOUNTING);
+        feed(&mut assembler, 0, 1000, &[30, 31, 32, 89]);
+        assert!(
+            assembler
+                .push(arrival(6, 89), &packet(89, range(2000)))
+                .is_some()
+        );
+        assert_eq!(assembler.abandoned(), 1);
+        assert_eq!(
+            (assembler.turn().packets, assembler.turn().distances_mm[0]),
+            (1, 0)
+        );
+    }
+
+    /// Packets that a busy program takes out of its queue all at once still span 200 ms.
+    #[test]
+    fn a_turn_taken_in_one_go_is_timed_by_the_reported_speed() {
+        let mut assembler = TurnAssembler::new(MOUNTING);
+        let now = Instant::from_millis(900);
+        let ends = (0..90).filter(|i| assembler.push(now, &packet(*i, range(500))).is_some());
+        assert_eq!(ends.count(), 1);
+        let turn = assembler.turn();
+        assert_eq!((turn.start.as_millis(), turn.end.as_millis()), (700, 900));
+    }
+
+    #[test]
+    fn readings_that_are_not_believed_are_no_data() {
+        let weak = Reading::Range {
+            distance_mm: 300,
+            strength: 5,
+            weak: true,
+        };
+        let strict = Mounting {
+            weak: WeakReadings::Discard,
+            ..MOUNTING
+        };
+        assert_eq!(
+            (MOUNTING.believed_mm(weak), strict.believed_mm(weak)),
+            (300, 0)
+        );
+        assert_eq!(
+            MOUNTING.believed_mm(Reading::Invalid {
+                code: 0x35,
+                strength: 0
+            }),
+            0
+        );
+        let seen = [99, 100, 6000, 6001].map(|mm| MOUNTING.believed_mm(range(mm)));
+        assert_eq!(seen, [0, 100, 6000, 0]);
+    }
+
+    /// Seed report: sensor degree 90 is ahead, 180 left, 0 right, 270 behind.
+    #[test]
+    fn beams_point_where_the_lidar_is_mounted_to() {
+        let mut turn = Turn::EMPTY;
+        for beam in [0, 90, 180, 270] {
+            turn.distances_mm[beam] = 1000;
+        }
+        let scan = Scan::raw(&turn, &MOUNTING);
+        let expected = [(0.0, -1000.0), (1000.0, 0.0), (0.0, 1000.0), (-1000.0, 0.0)];
+        for (point, (x, y)) in scan.points().iter().zip(expected) {
+            assert!(point.distance_mm(Point::new(x, y)) < 0.01, "{point:?}");
+        }
+        let ahead = Mounting {
+            position: Point::new(50.0, 20.0),
+            ..MOUNTING
+        };
+        let shifted = Scan::raw(&turn, &ahead);
+        assert!(shifted.points()[1].distance_mm(Point::new(1050.0, 20.0)) < 0.01);
+    }
+
+    /// Seed figure S2: 0.3 m/s moves the robot 60 mm in a turn. A wall 1200 mm ahead at the end,
+    /// seen by beam 0 turned ahead 60 mm earlier and by beam 359 at the end.
+    #[test]
+    fn motion_within_the_turn_is_taken_out_of_the_scan() {
+        let mut odometry = Odometry::new(DRIVE);
+        let ticks = 132; // 60 mm at 0.45379 mm each
+        odometry.update(Instant::ZERO, [0, 0]);
+        odometry.update(Instant::from_millis(200), [ticks, ticks]);
+        let mut turn = Turn {
+            end: Instant::from_millis(200),
+            ..Turn::EMPTY
+        };
+        turn.distances_mm[0] = 1260;
+        turn.distances_mm[359] = 1200;
+        let forward = Mounting {
+            first_bearing: 0.0,
+            ..MOUNTING
+        };
+
+        let xs = |scan: &Scan| (scan.points()[0].x_mm, scan.points()[1].x_mm);
+        let (first, last) = xs(&Scan::raw(&turn, &forward));
+        assert!(
+            (first - last - 60.0).abs() < 3.0,
+            "raw smear: {first} {last}"
+        );
+        let scan = Scan::deskewed(&turn, &forward, &odometry);
+        let (first, last) = xs(&scan);
+        assert!(
+            (first - last).abs() < 1.0 && (first - 1200.0).abs() < 1.0,
+            "{first} {last}"
+        );
+        assert!(
+            (scan.origin(0).x_mm + 60.0).abs() < 0.5,
+            "{:?}",
+            scan.origin(0)
+        );
+        assert!(scan.origin(359).x_mm.abs() < 0.5);
+    }
+
+    #[test]
+    fn points_of_others_keep_their_order_and_their_number_is_bounded() {
+        let points = [Point::new(1.0, 2.0); 400];
+        let scan = Scan::from_points(&points, Instant::ZERO, Instant::ZERO);
+        assert_eq!((scan.points().len(), scan.beams()[359]), (BEAMS, 359));
+    }
 }

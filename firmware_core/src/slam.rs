@@ -187,7 +187,6 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
         let score = (u64::from(found.tally.sum) * 1024)
             .checked_div(u64::from(of))
             .map_or(-1, |mean| i32::try_from(mean).expect("at most 255 * 1024"));
-        #[expect(clippy::cast_precision_loss, reason = "a ratio for people")]
         let quality = (score.max(0) as f32 / (255.0 * 1024.0)).min(1.0);
         let score = if self.settings.defects.score_wraps {
             wrapped(score)

@@ -152,7 +152,6 @@ mod tests {
             points.set([Point::new(px, py)], 10.0);
             let truth = pose.to_world(Point::new(px, py));
             let (cx, cy) = Placement::new(pose, 10.0).cell(points.all()[0]);
-            #[expect(clippy::cast_precision_loss)]
             let off = |cell: i32, mm: f32| (cell as f32 + 0.5 - mm / 10.0).abs();
             prop_assert!(off(cx, truth.x_mm) < 0.6 && off(cy, truth.y_mm) < 0.6);
         }

@@ -31,10 +31,6 @@ impl Pcg32 {
     /// A number below `limit`, or any number if `limit` is 0: what a remainder by zero gives on
     /// the microcontroller, whose division answers 0.
     #[inline]
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "the high half of a 64-bit product"
-    )]
     pub(super) fn below(&mut self, limit: u32) -> u32 {
         let drawn = self.next_u32();
         if limit == 0 {
@@ -46,7 +42,6 @@ impl Pcg32 {
 
     /// From -1 to 1, evenly.
     #[inline]
-    #[expect(clippy::cast_precision_loss, reason = "24 bits are kept")]
     pub(super) fn symmetric(&mut self) -> f32 {
         (self.next_u32() >> 8) as f32 / 8_388_608.0 - 1.0
     }

@@ -178,10 +178,6 @@ fn document<const W: usize, const H: usize>(
 /// A whole number from `-spread` to `spread - 1`. With a spread of 0 the processor's remainder
 /// gives the random number itself.
 #[inline]
-#[expect(
-    clippy::cast_precision_loss,
-    reason = "spreads are small; the defect's are huge anyway"
-)]
 fn offset(random: &mut Pcg32, spread: u32) -> f32 {
     (i64::from(random.below(2 * spread)) - i64::from(spread)) as f32
 }
@@ -202,12 +198,7 @@ fn annealed<const W: usize, const H: usize>(
 ) -> Found {
     let mut walk = Walk::new(grid, settings, task, random);
     let share = |part: f32| -> u32 {
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            clippy::cast_precision_loss,
-            reason = "tries are few"
-        )]
+        #[expect(clippy::cast_possible_truncation, reason = "tries are few")]
         let tries = (task.tries as f32 * part) as u32;
         tries
     };
@@ -283,7 +274,6 @@ impl<'a, const W: usize, const H: usize> Walk<'a, W, H> {
             f32::from(spread.spread_mm),
             f32::from(spread.spread_deg).to_radians(),
         );
-        #[expect(clippy::cast_precision_loss, reason = "tries are few")]
         let shrink = libm::powf(last / first, 1.0 / tries as f32);
         let mut scale = first;
         let mut best = (
@@ -316,7 +306,6 @@ impl<'a, const W: usize, const H: usize> Walk<'a, W, H> {
     }
 
     /// Mean map value at the points, less what the way from the prediction costs.
-    #[expect(clippy::cast_precision_loss, reason = "sums stay below 2^24")]
     fn rate(&self, points: &[[i16; 2]], pose: Pose, placement: &Placement) -> f32 {
         let tally = tally(self.grid.rows(), points, placement);
         tally.sum as f32 / points.len() as f32 - self.task.prior.cost(pose)

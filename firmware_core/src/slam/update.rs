@@ -54,11 +54,7 @@ impl Line {
 }
 
 /// Draws `ray` from its start up to its end or the map's edge; nothing if it starts outside.
-#[expect(
-    clippy::cast_possible_wrap,
-    clippy::cast_possible_truncation,
-    reason = "sizes <= 8191"
-)]
+#[expect(clippy::cast_possible_truncation, reason = "sizes <= 8191")]
 pub(super) fn draw<const W: usize, const H: usize>(cells: &mut [[u8; W]; H], ray: &Ray, ink: Ink) {
     let (x, y) = ray.from;
     let (width, height) = (W as i32, H as i32);
@@ -81,7 +77,7 @@ pub(super) fn draw<const W: usize, const H: usize>(cells: &mut [[u8; W]; H], ray
         straight: 2 * short,
         diagonal: 2 * (short - long),
     };
-    let half_hole = if steep {
+    let behind_hit = if steep {
         (ray.end.1 - ray.hit.1).abs()
     } else {
         (ray.end.0 - ray.hit.0).abs()
@@ -97,7 +93,7 @@ pub(super) fn draw<const W: usize, const H: usize>(cells: &mut [[u8; W]; H], ray
     let steps = long
         .min(long_room)
         .min(steps_inside(long, short, short_room));
-    let hole = Hole::new(long, half_hole, ink);
+    let hole = Hole::new(long, behind_hit, ink);
     let free_steps = hole.begins_after.clamp(-1, steps);
     let cells = cells.as_flattened_mut();
     for _ in 0..=free_steps {
@@ -124,15 +120,16 @@ struct Hole {
 }
 
 impl Hole {
-    fn new(long: i32, half: i32, ink: Ink) -> Self {
+    /// `behind_hit` cells lie between the hit and the end of a ray of `long` cells.
+    fn new(long: i32, behind_hit: i32, ink: Ink) -> Self {
         let peak = i32::from(OBSTACLE);
-        let (half, rise, rest) = match half {
+        let (half, rise, rest) = match behind_hit {
             0 if ink.loses_short_holes => (0, 0, 0),
             0 => (1, peak, 0),
             half => (half, peak / half, peak % half),
         };
         Self {
-            begins_after: long - 2 * half,
+            begins_after: long - behind_hit - half,
             half,
             rise,
             rest,
@@ -213,5 +210,191 @@ const fn steps_inside(long: i32, short: i32, room: i32) -> i32 {
         i32::MAX
     } else {
         long * (2 * room + 1) / (2 * short)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::{Grid, UNKNOWN};
+    use proptest::prelude::*;
+
+    const BLACK: Ink = Ink {
+        weight: 255,
+        rounding: Rounding::Truncating,
+        loses_short_holes: false,
+    };
+
+    fn row<const N: usize>(ray: &Ray, ink: Ink, start: u8) -> [u8; N] {
+        let mut cells = [[start; N]; 3];
+        draw(&mut cells, ray, ink);
+        cells[1]
+    }
+
+    fn along_x(from: i32, hit: i32, end: i32) -> Ray {
+        Ray {
+            from: (from, 1),
+            hit: (hit, 1),
+            end: (end, 1),
+        }
+    }
+
+    /// Field firmware's profile, weight 255, wall at 1000 mm, hole 350 mm, 20 mm cells: hit 50
+    /// cells away, end 59 cells away.
+    #[test]
+    fn the_hole_has_the_fielded_profile() {
+        let cells = row::<70>(&along_x(0, 50, 59), BLACK, 0);
+        assert_eq!(cells[..42], [0; 42]);
+        assert_eq!(
+            cells[42..59],
+            [
+                27, 56, 84, 112, 141, 169, 197, 226, 254, 226, 197, 169, 141, 112, 84, 56, 27
+            ]
+        );
+        assert_eq!(cells[59..], [0; 11]);
+    }
+
+    /// Where weight k comes to rest under endless 255: SL-06's figures with the fielded rounding,
+    /// the full 255 with ours. Weight 1 never rises there (SL-05).
+    #[test]
+    fn only_the_fielded_rounding_makes_the_weight_a_ceiling() {
+        let ceiling = |weight, rounding| {
+            let ink = Ink {
+                weight,
+                rounding,
+                ..BLACK
+            };
+            let mut cells = [[UNKNOWN; 3]; 3];
+            (0..5000).for_each(|_| draw(&mut cells, &along_x(0, 1, 2), ink));
+            cells[1][1]
+        };
+        let fielded =
+            [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 100].map(|k| ceiling(k, Rounding::Truncating));
+        assert_eq!(
+            fielded,
+            [127, 128, 170, 192, 204, 213, 219, 224, 227, 230, 253]
+        );
+        let corrected = [1, 3, 10].map(|k| ceiling(k, Rounding::Corrected));
+        assert_eq!(corrected, [255; 3]);
+    }
+
+    /// SL-12: a hole of less than two cells divides by zero; the fielded processor answers 0 and
+    /// the wall is never drawn.
+    #[test]
+    fn a_hole_of_less_than_two_cells_still_draws_its_wall() {
+        let short = along_x(0, 5, 5);
+        assert_eq!(row::<8>(&short, BLACK, 0), [0, 0, 0, 0, 0, 254, 0, 0]);
+        let lost = Ink {
+            loses_short_holes: true,
+            ..BLACK
+        };
+        assert_eq!(row::<8>(&short, lost, 0), [0; 8]);
+    }
+
+    #[test]
+    fn a_wall_nearer_than_half_the_hole_is_drawn_at_its_place() {
+        let cells = row::<20>(&along_x(10, 12, 17), BLACK, 0);
+        assert_eq!(cells[10..18], [152, 203, 254, 203, 152, 101, 50, 0]);
+    }
+
+    #[test]
+    fn a_ray_from_outside_the_map_draws_nothing() {
+        for from in [(-1, 1), (20, 1), (5, 3), (5, -1)] {
+            let ray = Ray {
+                from,
+                hit: (10, 1),
+                end: (12, 1),
+            };
+            assert_eq!(row::<20>(&ray, BLACK, 9), [9; 20]);
+        }
+    }
+
+    /// One cell after the other along the same line, in the plainest words.
+    fn naive<const W: usize, const H: usize>(cells: &mut [[u8; W]; H], ray: &Ray, ink: Ink) {
+        let inside = |x: i32, y: i32| x >= 0 && y >= 0 && (x as usize) < W && (y as usize) < H;
+        let ((mut x, mut y), (ex, ey)) = (ray.from, ray.end);
+        let (dx, dy) = ((ex - x).abs(), (ey - y).abs());
+        let steep = dy >= dx;
+        let (long, short) = (dx.max(dy), dx.min(dy));
+        let half = if steep {
+            (ey - ray.hit.1).abs()
+        } else {
+            (ex - ray.hit.0).abs()
+        };
+        let (behind_hit, half) = (half, half.max(1));
+        let profile = |step: i32| -> i32 {
+            let (rise, rest, error) = (255 / half, 255 % half, half / 2);
+            match step - (long - behind_hit - half) {
+                ..=0 => 0,
+                // The error overflows when it exceeds `half`, so not at equality.
+                up if up <= half => rise * up + (error + rest * up - 1).div_euclid(half).max(0),
+                // On the way down it is borrowed when it falls below 0.
+                down => {
+                    let down = down - half;
+                    255 - rise * down + (error - rest * down).div_euclid(half).min(0)
+                }
+            }
+        };
+        let mut error = 2 * short - long;
+        for step in 0..=long {
+            if !inside(x, y) {
+                return;
+            }
+            let old = i32::from(cells[y as usize][x as usize]);
+            let value = profile(step);
+            let weight = i32::from(ink.weight);
+            let mixed = (256 - weight) * old + weight * value;
+            let rounds_up = ink.rounding == Rounding::Corrected && value > old;
+            cells[y as usize][x as usize] =
+                u8::try_from((mixed + if rounds_up { 255 } else { 0 }) / 256).unwrap();
+            if error > 0 {
+                if steep {
+                    x += (ex - x).signum()
+                } else {
+                    y += (ey - y).signum()
+                }
+                error -= 2 * long;
+            }
+            error += 2 * short;
+            if steep {
+                y += (ey - ray.from.1).signum()
+            } else {
+                x += (ex - ray.from.0).signum()
+            }
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2_000))]
+        #[test]
+        fn rays_draw_the_same_cells_as_the_naive_rule(
+            from in (0_i32..40, 0_i32..30), hit in (-60_i32..100, -60_i32..90),
+            tenths in 10_i32..18, weight in 1_u16..=255, corrected: bool, start: u8,
+        ) {
+            let end = |from: i32, hit: i32| from + (hit - from) * tenths / 10;
+            let ray = Ray { from, hit, end: (end(from.0, hit.0), end(from.1, hit.1)) };
+            let rounding = if corrected { Rounding::Corrected } else { Rounding::Truncating };
+            let ink = Ink { weight, rounding, loses_short_holes: false };
+            let (mut cells, mut truth) = ([[start; 40]; 30], [[start; 40]; 30]);
+            draw(&mut cells, &ray, ink);
+            naive(&mut truth, &ray, ink);
+            prop_assert!(cells == truth);
+        }
+    }
+
+    #[test]
+    fn a_ray_that_leaves_the_map_is_drawn_up_to_the_edge() {
+        let mut grid = Grid::<300, 300>::new(10.0);
+        let ray = Ray {
+            from: (150, 150),
+            hit: (9000, -9000),
+            end: (9000, -9000),
+        };
+        draw(grid.rows_mut(), &ray, BLACK);
+        // 150 rows down at a slope of 9150 : 8850, so 145 columns on.
+        assert_eq!(
+            (grid.get(295, 0), grid.get(296, 0)),
+            (Some(0), Some(UNKNOWN))
+        );
     }
 }

@@ -1,4 +1,8 @@
 //! Stories of the mapper in a small world: how well it knows where it is, and what its map shows.
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "the figures of a small world are small"
+)]
 
 mod measure;
 mod world;

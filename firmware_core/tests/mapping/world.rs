@@ -219,7 +219,7 @@ impl World {
             self.drive(step, beam);
             readings[beam % 4] = RawReading::from(self.measure(beam));
             self.nanos = started + TURN_NS * (beam as u64 + 1) / BEAMS as u64;
-            if (beam + 1) % (BEAMS / self.readings_per_turn) == 0 {
+            if (beam + 1).is_multiple_of(BEAMS / self.readings_per_turn) {
                 self.read_wheels();
             }
             if beam % 4 == 3 {
@@ -242,7 +242,7 @@ impl World {
     fn drive(&mut self, step: f64, beam: usize) {
         let lag = 1.0 - libm::exp(-step / 0.06);
         let mut travel = [0.0; 2];
-        for wheel in 0..2 {
+        for (wheel, travel) in travel.iter_mut().enumerate() {
             if beam % 72 == 0 {
                 let noise = self.imperfection.slip_noise * self.dice.gauss();
                 self.slip[wheel] = self.imperfection.slip[wheel] + noise;
@@ -250,7 +250,7 @@ impl World {
             self.wheels[wheel] += (self.command[wheel] - self.wheels[wheel]) * lag;
             let turned = self.wheels[wheel] / 0.040 * step;
             self.ticks[wheel] += turned;
-            travel[wheel] = turned * TAU * 26.0 / 360.0 * (1.0 - self.slip[wheel]);
+            *travel = turned * TAU * 26.0 / 360.0 * (1.0 - self.slip[wheel]);
         }
         let turn = (travel[1] - travel[0]) / 260.0;
         let path = (travel[0] + travel[1]) / 2.0;
