@@ -4,11 +4,18 @@
 //! struct runs in the rig, as a process of its own, and on the board.
 #![no_std]
 
-mod master;
+pub mod base_link;
+pub mod fifo;
 pub mod grid;
+pub mod lidar_motor;
+mod master;
+pub mod navigation;
 pub mod odometry;
+pub mod pc_link;
 pub mod pose;
+pub mod robots;
 pub mod scan;
 pub mod slam;
+pub mod waypoints;
 
 pub use master::{Inspect, Master, Work};

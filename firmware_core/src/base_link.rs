@@ -1,0 +1,662 @@
+//! Master side of a register bus: one transaction at a time, repeated until it is answered or
+//! given up.
+//!
+//! ```text
+//! submit -> waiting (8) -> current: request out, answer in or time-out, three tries -> done (8)
+//! ```
+//!
+//! The bus has no sequence numbers, so an answer is recognised only by saying what was asked:
+//! register, direction and count all fit, and the request has left. Everything else is counted and
+//! dropped (the fielded program looked at the register alone and took acknowledgements and short
+//! replies for data). After a repeated request a late answer to an earlier try may still be on its
+//! way; the line is left alone for one time-out, so that it cannot pass for the answer to the next.
+
+use core::time::Duration;
+
+use protocols::avr::{self, ChecksumOrder, Frame};
+use protocols::{Decode, Instant};
+
+use crate::fifo::Fifo;
+
+/// Most registers that a request reads.
+pub const READ_MAX: usize = 16;
+/// Most registers that a request writes.
+pub const WRITE_MAX: usize = 8;
+
+/// How often a request is sent before it is given up (seed report: repeated until answered; field
+/// program: three times in all).
+const TRIES: u8 = 3;
+/// Given-up transactions in a row after which the slave counts as silent.
+const SILENT_AFTER: u8 = 2;
+const QUEUE: usize = 8;
+const REQUEST_MAX: usize = WRITE_MAX + avr::OVERHEAD;
+
+/// What to ask of the slave.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Request {
+    register: u8,
+    count: u8,
+    /// Of a write.
+    data: Option<[u8; WRITE_MAX]>,
+}
+
+impl Request {
+    /// Reads `count` registers, at most [`READ_MAX`], from `register` on.
+    pub const fn read(register: u8, count: u8) -> Self {
+        assert!(count as usize <= READ_MAX, "a reply must fit its place");
+        Self {
+            register,
+            count,
+            data: None,
+        }
+    }
+
+    /// Writes the registers from `register` on.
+    pub const fn write<const N: usize>(register: u8, values: [u8; N]) -> Self {
+        const { assert!(N <= WRITE_MAX, "data must fit their place") };
+        let mut data = [0; WRITE_MAX];
+        data.split_at_mut(N).0.copy_from_slice(&values);
+        #[expect(clippy::cast_possible_truncation, reason = "at most WRITE_MAX")]
+        let count = N as u8;
+        Self {
+            register,
+            count,
+            data: Some(data),
+        }
+    }
+
+    /// The first register in question.
+    pub const fn register(&self) -> u8 {
+        self.register
+    }
+
+    /// Whether it writes.
+    pub const fn is_write(&self) -> bool {
+        self.data.is_some()
+    }
+
+    fn frame(&self, order: ChecksumOrder) -> Frame {
+        match &self.data {
+            Some(data) => Frame::write(self.register, &data[..usize::from(self.count)], order),
+            None => Frame::read(self.register, self.count, order),
+        }
+    }
+
+    /// Whether `frame` is what the slave says to this request.
+    fn is_answered_by(&self, frame: &Frame) -> bool {
+        let count = if self.is_write() { 0 } else { self.count };
+        frame.register() == self.register
+            && frame.is_write() != self.is_write()
+            && frame.count() == count
+    }
+
+    /// Whether one of the two makes the other needless: the same registers in the same direction.
+    fn replaces(&self, other: &Self) -> bool {
+        (self.register, self.count, self.is_write())
+            == (other.register, other.count, other.is_write())
+    }
+}
+
+/// How a request ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// The registers' bytes; beyond the request's count they are 0.
+    Data([u8; READ_MAX]),
+    /// The slave acknowledged a write.
+    Written,
+    /// No answer to any of the tries.
+    Failed,
+}
+
+/// A request that has ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Completion {
+    /// What had been asked.
+    pub request: Request,
+    /// When the answer was complete, or the last try given up.
+    pub at: Instant,
+    /// What came of it.
+    pub outcome: Outcome,
+}
+
+/// What happened on the bus so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Requests answered.
+    pub answered: u32,
+    /// Requests sent again.
+    pub retries: u32,
+    /// Requests given up.
+    pub failures: u32,
+    /// Valid frames that were no answer: late, unsolicited, or of another kind than asked.
+    pub unsolicited: u32,
+    /// Error frames: the slave did not understand.
+    pub errors: u32,
+    /// Candidates rejected by their checksum or cut off.
+    pub bad_frames: u32,
+    /// Requests or completions for which there was no room.
+    pub overflows: u32,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Transaction {
+    request: Request,
+    tries: u8,
+    deadline: Instant,
+}
+
+/// Master end of the bus.
+#[derive(Clone, Debug)]
+pub struct BaseLink {
+    order: ChecksumOrder,
+    timeout: Duration,
+    decoder: avr::Decoder,
+    tx: Fifo<REQUEST_MAX>,
+    current: Option<Transaction>,
+    waiting: Queue<Request>,
+    done: Queue<Completion>,
+    quiet_until: Instant,
+    failures_in_a_row: u8,
+    counters: Counters,
+}
+
+impl BaseLink {
+    /// A link to a slave of that checksum order, whose answers are waited for that long.
+    pub const fn new(order: ChecksumOrder, timeout: Duration) -> Self {
+        Self {
+            order,
+            timeout,
+            decoder: avr::Decoder::new(order),
+            tx: Fifo::new(),
+            current: None,
+            waiting: Queue::new(),
+            done: Queue::new(),
+            quiet_until: Instant::ZERO,
+            failures_in_a_row: 0,
+            counters: Counters {
+                answered: 0,
+                retries: 0,
+                failures: 0,
+                unsolicited: 0,
+                errors: 0,
+                bad_frames: 0,
+                overflows: 0,
+            },
+        }
+    }
+
+    /// Queues a request behind those that wait. One that waits for the same registers in the same
+    /// direction is replaced in its place: of two set-points only the newer one matters.
+    pub fn submit(&mut self, now: Instant, request: Request) {
+        if let Some(same) = self
+            .waiting
+            .iter_mut()
+            .find(|other| request.replaces(other))
+        {
+            *same = request;
+        } else if !self.waiting.push(request) {
+            self.counters.overflows = self.counters.overflows.saturating_add(1);
+        }
+        self.tick(now);
+    }
+
+    /// Whether such a request waits or is being made.
+    pub fn is_pending(&mut self, request: &Request) -> bool {
+        self.current
+            .is_some_and(|current| request.replaces(&current.request))
+            || self.waiting.iter_mut().any(|other| request.replaces(other))
+    }
+
+    /// Takes bytes from the bus.
+    pub fn receive(&mut self, now: Instant, bytes: &[u8]) {
+        let mut input = bytes;
+        while let Some(frame) = self.decoder.step(&mut input) {
+            match frame {
+                Ok(frame) => self.judge(now, &frame),
+                Err(_) => count(&mut self.counters.bad_frames),
+            }
+        }
+        self.tick(now);
+    }
+
+    /// Moves bytes for the bus into `buf`; returns how many.
+    pub fn transmit(&mut self, buf: &mut [u8]) -> usize {
+        self.tx.pop(buf)
+    }
+
+    /// Looks after time-outs and begins the next transaction if the line is free.
+    pub fn tick(&mut self, now: Instant) {
+        if let Some(current) = self.current
+            && now >= current.deadline
+        {
+            self.give_up_try(now);
+        }
+        if self.current.is_none()
+            && now >= self.quiet_until
+            && let Some(request) = self.waiting.pop()
+        {
+            self.decoder.idle();
+            self.settle(now);
+            self.send(
+                now,
+                Transaction {
+                    request,
+                    tries: 0,
+                    deadline: now,
+                },
+            );
+        }
+    }
+
+    /// When [`tick`](Self::tick) wants to be called.
+    pub fn next_at(&self) -> Option<Instant> {
+        match self.current {
+            Some(current) => Some(current.deadline),
+            None => (!self.waiting.is_empty()).then_some(self.quiet_until),
+        }
+    }
+
+    /// The oldest request that has ended.
+    pub fn take_completion(&mut self) -> Option<Completion> {
+        self.done.pop()
+    }
+
+    /// Whether the slave has stopped answering.
+    pub const fn is_silent(&self) -> bool {
+        self.failures_in_a_row >= SILENT_AFTER
+    }
+
+    /// What happened so far.
+    pub const fn counters(&self) -> &Counters {
+        &self.counters
+    }
+
+    /// A frame came in.
+    fn judge(&mut self, now: Instant, frame: &Frame) {
+        let is_error =
+            frame.register() == avr::ERROR_REGISTER && !frame.is_write() && frame.count() == 0;
+        match self.current {
+            Some(current) if self.tx.is_empty() && current.request.is_answered_by(frame) => {
+                count(&mut self.counters.answered);
+                self.failures_in_a_row = 0;
+                if current.tries > 1 {
+                    self.quiet_until = now + self.timeout;
+                }
+                let outcome = if current.request.is_write() {
+                    Outcome::Written
+                } else {
+                    let mut data = [0; READ_MAX];
+                    data[..frame.data().len()].copy_from_slice(frame.data());
+                    Outcome::Data(data)
+                };
+                self.finish(now, current.request, outcome);
+            }
+            Some(_) if self.tx.is_empty() && is_error => {
+                count(&mut self.counters.errors);
+                self.give_up_try(now);
+            }
+            _ => count(&mut self.counters.unsolicited),
+        }
+    }
+
+    /// The current try got no answer.
+    fn give_up_try(&mut self, now: Instant) {
+        // What a damaged count was still waiting for may hide the answer itself.
+        self.decoder.idle();
+        self.settle(now);
+        let Some(current) = self.current else {
+            return;
+        };
+        if current.tries < TRIES {
+            count(&mut self.counters.retries);
+            self.send(now, current);
+        } else {
+            count(&mut self.counters.failures);
+            self.failures_in_a_row = self.failures_in_a_row.saturating_add(1);
+            self.quiet_until = now + self.timeout;
+            self.tx.clear();
+            self.finish(now, current.request, Outcome::Failed);
+        }
+    }
+
+    /// Judges what the decoder frees after an idle line.
+    fn settle(&mut self, now: Instant) {
+        while let Some(frame) = self.decoder.step(&mut &[][..]) {
+            match frame {
+                Ok(frame) => match self.current {
+                    Some(current) if current.request.is_answered_by(&frame) => {
+                        self.judge(now, &frame)
+                    }
+                    _ => count(&mut self.counters.unsolicited),
+                },
+                Err(_) => count(&mut self.counters.bad_frames),
+            }
+        }
+    }
+
+    fn send(&mut self, now: Instant, transaction: Transaction) {
+        self.tx.clear();
+        let fits = self
+            .tx
+            .push(transaction.request.frame(self.order).as_bytes());
+        debug_assert!(fits, "the queue holds the longest request");
+        self.current = Some(Transaction {
+            tries: transaction.tries + 1,
+            deadline: now + self.timeout,
+            ..transaction
+        });
+    }
+
+    fn finish(&mut self, at: Instant, request: Request, outcome: Outcome) {
+        self.current = None;
+        if !self.done.push(Completion {
+            request,
+            at,
+            outcome,
+        }) {
+            count(&mut self.counters.overflows);
+        }
+    }
+}
+
+fn count(counter: &mut u32) {
+    *counter = counter.saturating_add(1);
+}
+
+/// A few values in the order they came; the occupied slots come first.
+#[derive(Clone, Debug)]
+struct Queue<T> {
+    slots: [Option<T>; QUEUE],
+}
+
+impl<T: Copy> Queue<T> {
+    const fn new() -> Self {
+        Self {
+            slots: [None; QUEUE],
+        }
+    }
+
+    fn push(&mut self, value: T) -> bool {
+        match self.slots.iter_mut().find(|slot| slot.is_none()) {
+            Some(slot) => {
+                *slot = Some(value);
+                true
+            }
+            None => false,
+        }
+    }
+
+    fn pop(&mut self) -> Option<T> {
+        let first = self.slots[0].take();
+        self.slots.rotate_left(1);
+        first
+    }
+
+    const fn is_empty(&self) -> bool {
+        self.slots[0].is_none()
+    }
+
+    fn iter_mut(&mut self) -> impl Iterator<Item = &mut T> {
+        self.slots.iter_mut().flatten()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use std::vec::Vec;
+
+    use ChecksumOrder::HighFirst;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const TIMEOUT: Duration = Duration::from_millis(5);
+    const WHEELS: Request = Request::read(36, 10);
+
+    /// Read of ten registers and its answer, as seen on the fielded slave's wire (b77a6df).
+    const READ: [u8; 5] = [0xAB, 0x24, 0x0A, 0x00, 0xD9];
+    const REPLY: [u8; 15] = [
+        0xAB, 0x24, 0x8A, 0x04, 0x03, 0x02, 0x01, 0xFE, 0xFF, 0xFF, 0xFF, 0x14, 0xEC, 0x06, 0x5E,
+    ];
+    const ERROR: [u8; 5] = [0xAB, 0xFF, 0x00, 0x01, 0xAA];
+
+    fn at(micros: u64) -> Instant {
+        Instant::from_micros(micros)
+    }
+
+    fn link() -> BaseLink {
+        BaseLink::new(HighFirst, TIMEOUT)
+    }
+
+    fn sent(link: &mut BaseLink) -> Vec<u8> {
+        let mut buf = [0; 64];
+        let count = link.transmit(&mut buf);
+        buf[..count].to_vec()
+    }
+
+    /// A link whose request to read the wheels has just left.
+    fn asked() -> BaseLink {
+        let mut link = link();
+        link.submit(at(0), WHEELS);
+        assert_eq!(sent(&mut link), READ);
+        link
+    }
+
+    #[test]
+    fn a_read_brings_the_golden_data() {
+        let mut link = asked();
+        link.receive(at(250), &REPLY);
+        let mut data = [0; READ_MAX];
+        data[..10].copy_from_slice(&REPLY[3..13]);
+        let done = Completion {
+            request: WHEELS,
+            at: at(250),
+            outcome: Outcome::Data(data),
+        };
+        assert_eq!(link.take_completion(), Some(done));
+        assert_eq!((link.take_completion(), link.next_at()), (None, None));
+    }
+
+    #[test]
+    fn a_write_is_done_when_it_is_acknowledged() {
+        let mut link = link();
+        let write = Request::write(46, [20, 0xEC, 0]);
+        link.submit(at(0), write);
+        assert_eq!(
+            sent(&mut link),
+            [0xAB, 0x2E, 0x83, 0x14, 0xEC, 0x00, 0x02, 0x5C]
+        );
+        link.receive(at(150), &[0xAB, 0x2E, 0x00, 0x00, 0xD9]);
+        let done = Completion {
+            request: write,
+            at: at(150),
+            outcome: Outcome::Written,
+        };
+        assert_eq!(link.take_completion(), Some(done));
+    }
+
+    /// Field defects MA-04 (two bytes for ten), MA-05 (an acknowledgement for data), MA-02 (126
+    /// bytes announced) and a reply to another register: none of them is an answer.
+    #[test]
+    fn only_the_whole_answer_counts() {
+        let mut link = asked();
+        let mut frames = Vec::from([0xAB, 0x24, 0x82, 0x09, 0x09, 0x01, 0x63]);
+        frames.extend([0xAB, 0x24, 0x00, 0x00, 0xCF]);
+        frames.extend(Frame::write(36, &[7; 126], HighFirst).as_bytes());
+        frames.extend(Frame::write(33, &[7; 10], HighFirst).as_bytes());
+        frames.extend(Frame::write(36, &[7; 127], HighFirst).as_bytes());
+        link.receive(at(4000), &frames);
+        assert_eq!(link.take_completion(), None);
+        assert_eq!(link.counters().unsolicited, 5);
+        link.receive(at(4100), &REPLY);
+        assert!(matches!(
+            link.take_completion(),
+            Some(Completion {
+                outcome: Outcome::Data(_),
+                ..
+            })
+        ));
+    }
+
+    /// Field defect MA-06: an unsolicited frame was written into memory that was gone.
+    #[test]
+    fn an_unsolicited_frame_is_counted_and_dropped() {
+        let mut link = link();
+        link.receive(
+            at(10),
+            Frame::write(36, &[0xDE, 0xAD, 0xBE], HighFirst).as_bytes(),
+        );
+        assert_eq!(
+            (link.take_completion(), link.counters().unsolicited),
+            (None, 1)
+        );
+    }
+
+    /// Field program: three tries in all; its callers did not look at the failure (MA-07).
+    #[test]
+    fn a_silent_slave_is_asked_three_times_and_then_reported() {
+        let mut link = asked();
+        assert_eq!(link.next_at(), Some(at(5_000)));
+        link.tick(at(5_000));
+        assert_eq!(sent(&mut link), READ);
+        link.tick(at(10_000));
+        assert_eq!(sent(&mut link), READ);
+        link.tick(at(15_000));
+        assert_eq!(sent(&mut link), []);
+        let done = Completion {
+            request: WHEELS,
+            at: at(15_000),
+            outcome: Outcome::Failed,
+        };
+        assert_eq!(link.take_completion(), Some(done));
+        assert_eq!((link.counters().retries, link.counters().failures), (2, 1));
+        assert!(!link.is_silent());
+
+        link.submit(at(20_000), WHEELS);
+        for tick in 1..=3 {
+            link.tick(at(20_000 + tick * 5_000));
+        }
+        assert!(link.is_silent());
+        link.submit(at(50_000), WHEELS);
+        sent(&mut link);
+        link.receive(at(50_300), &REPLY);
+        assert!(!link.is_silent());
+    }
+
+    #[test]
+    fn an_error_frame_brings_the_next_try_at_once() {
+        let mut link = asked();
+        link.receive(at(200), &ERROR);
+        assert_eq!(sent(&mut link), READ);
+        assert_eq!(link.counters().errors, 1);
+    }
+
+    /// A flipped count makes the decoder wait for 122 more bytes; the end of the try frees what
+    /// came behind it, here the answer itself.
+    #[test]
+    fn a_damaged_count_costs_one_try_at_most() {
+        let mut link = asked();
+        link.receive(at(100), &[0xAB, 0x24, 0xFF]);
+        link.receive(at(300), &REPLY);
+        assert_eq!(link.take_completion(), None);
+        link.tick(at(5_000));
+        assert!(matches!(
+            link.take_completion(),
+            Some(Completion {
+                outcome: Outcome::Data(_),
+                ..
+            })
+        ));
+        assert_eq!(link.counters().retries, 0);
+    }
+
+    /// The acknowledgement of the first try arrives after the second one has left, the second one
+    /// after the transaction is over: it must not pass for the acknowledgement of the next write.
+    #[test]
+    fn a_late_answer_is_not_taken_for_the_next_one() {
+        let mut link = link();
+        let ack = Frame::read(46, 0, HighFirst);
+        link.submit(at(0), Request::write(46, [20, 20, 0]));
+        sent(&mut link);
+        link.tick(at(5_000));
+        sent(&mut link);
+        link.receive(at(5_100), ack.as_bytes());
+        assert!(link.take_completion().is_some());
+
+        link.submit(at(5_200), Request::write(46, [0, 0, 0]));
+        assert_eq!(sent(&mut link), []);
+        link.receive(at(5_400), ack.as_bytes());
+        assert_eq!(
+            (link.take_completion(), link.counters().unsolicited),
+            (None, 1)
+        );
+        link.tick(at(10_100));
+        assert_eq!(
+            sent(&mut link),
+            Frame::write(46, &[0, 0, 0], HighFirst).as_bytes()
+        );
+    }
+
+    /// Field defect MA-08: a second caller stole the answer of a read in flight.
+    #[test]
+    fn requests_wait_for_each_other() {
+        let mut link = asked();
+        link.submit(at(50), Request::read(33, 3));
+        link.submit(at(60), Request::write(46, [1, 1, 0]));
+        link.submit(at(70), Request::write(46, [2, 2, 0]));
+        assert_eq!(sent(&mut link), []);
+        link.receive(at(250), &REPLY);
+        assert_eq!(sent(&mut link), Frame::read(33, 3, HighFirst).as_bytes());
+        link.receive(at(400), Frame::write(33, &[1, 2, 3], HighFirst).as_bytes());
+        assert_eq!(
+            sent(&mut link),
+            Frame::write(46, &[2, 2, 0], HighFirst).as_bytes()
+        );
+    }
+
+    #[test]
+    fn a_flood_of_requests_is_bounded_and_counted() {
+        let mut link = asked();
+        for register in 0..12 {
+            link.submit(at(1), Request::read(register, 1));
+        }
+        assert_eq!(link.counters().overflows, 4);
+    }
+
+    proptest! {
+        /// Whatever the slave says and whenever: no panic, at most three tries a request, and every
+        /// request ends.
+        #[test]
+        fn every_request_ends(steps in prop::collection::vec(
+            (0_u64..9_000, prop::collection::vec(any::<u8>(), 0..40), any::<bool>(), any::<bool>()), 1..60
+        )) {
+            let mut link = link();
+            let (mut now, mut submitted, mut frames, mut ended) = (0, 0_u32, 0_u32, 0_u32);
+            for (wait, mut bytes, answer, ask) in steps {
+                now += wait;
+                if ask && !link.is_pending(&WHEELS) {
+                    submitted += 1;
+                    link.submit(at(now), WHEELS);
+                }
+                frames += u32::from(!sent(&mut link).is_empty());
+                if answer {
+                    bytes.extend(REPLY);
+                }
+                if !bytes.is_empty() {
+                    link.receive(at(now), &bytes);
+                }
+                link.tick(at(now));
+                ended += u32::from(link.take_completion().is_some());
+            }
+            while let Some(next) = link.next_at() {
+                link.tick(next);
+                frames += u32::from(!sent(&mut link).is_empty());
+                ended += u32::from(link.take_completion().is_some());
+            }
+            prop_assert_eq!(ended, submitted);
+            prop_assert!(frames <= 3 * submitted);
+        }
+    }
+}

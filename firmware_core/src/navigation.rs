@@ -1,0 +1,284 @@
+//! From pose, scan and goal to wheel speeds.
+//!
+//! ```text
+//! goal -> bearing -> way that is free -> steering -> guard -> set-points (left, right)
+//! ```
+//!
+//! Speeds are the base's: encoder ticks per 40 ms, 20 being 226 mm/s. Bearings are seen from the
+//! robot, counter-clockwise from ahead. The steering law and the wall follower are the seed
+//! report's (chapter on navigation); the free way and the guard are ours, because the fielded robot
+//! drove to its waypoints without looking.
+
+mod explore;
+mod surroundings;
+
+use crate::pose::{Point, Pose, normalised, sin_cos};
+pub use explore::{Explorer, WallFollowing};
+pub use surroundings::Surroundings;
+
+/// Both wheels at rest.
+pub const HALT: [i8; 2] = [0, 0];
+
+/// How a bearing becomes wheel speeds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Steering {
+    /// Speed straight ahead.
+    pub cruise: i8,
+    /// Degrees of error that make one tick of difference on each side.
+    pub degrees_per_tick: f32,
+    /// Most ticks of difference on each side.
+    pub turn_max: f32,
+    /// Error from which on the robot turns on the spot, in degrees.
+    pub spot_deg: f32,
+}
+
+impl Steering {
+    /// The seed report's: left = 20 - err / 3, right = 20 + err / 3, each within +-20.
+    pub const DOCUMENT: Self = Self {
+        cruise: 20,
+        degrees_per_tick: 3.0,
+        turn_max: 60.0,
+        spot_deg: 360.0,
+    };
+
+    /// Slower turns, on the spot if they are large: a scan takes 200 ms, and the map suffers from
+    /// whatever the robot turns meanwhile.
+    pub const CALM: Self = Self {
+        cruise: 20,
+        degrees_per_tick: 3.0,
+        turn_max: 9.0,
+        spot_deg: 50.0,
+    };
+
+    /// Wheel speeds that turn the robot towards `bearing` (radians, any number of turns).
+    pub fn towards(&self, bearing: f32) -> [i8; 2] {
+        let error_deg = normalised(bearing).to_degrees();
+        let turn = (error_deg / self.degrees_per_tick).clamp(-self.turn_max, self.turn_max);
+        let cruise = f32::from(self.cruise);
+        let forward = if error_deg.abs() >= self.spot_deg {
+            0.0
+        } else {
+            cruise
+        };
+        [forward - turn, forward + turn].map(|wheel| ticks(wheel.clamp(-cruise, cruise)))
+    }
+}
+
+/// Towards zero, saturated.
+pub(crate) const fn ticks(speed: f32) -> i8 {
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "saturates, which is what is wanted"
+    )]
+    let ticks = speed as i8;
+    ticks
+}
+
+/// What the robot's body can do and how close it may come.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Body {
+    /// Radius of the disc that holds the robot.
+    pub radius_mm: f32,
+    /// Distance kept between the body and what the lidar sees.
+    pub clearance_mm: f32,
+    /// Speed of a wheel per tick.
+    pub tick_mm_s: f32,
+    /// Distance between the wheels.
+    pub axle_mm: f32,
+}
+
+impl Body {
+    /// Distance from the robot's middle that obstacles should keep.
+    pub fn keep_mm(&self) -> f32 {
+        self.radius_mm + self.clearance_mm
+    }
+}
+
+/// Settings of the navigator.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// How a bearing becomes wheel speeds.
+    pub steering: Steering,
+    /// The robot's body.
+    pub body: Body,
+    /// A waypoint counts as reached within this distance.
+    pub arrival_mm: f32,
+    /// One that cannot be approached any further counts as reached within this distance.
+    pub arrival_blocked_mm: f32,
+    /// The wall follower.
+    pub wall: WallFollowing,
+}
+
+impl Settings {
+    /// For a robot with this body. The document's arrival radius is 200 mm; ours is smaller because
+    /// it is the true distance that counts and the pose has its error.
+    pub const fn new(body: Body) -> Self {
+        Self {
+            steering: Steering::CALM,
+            body,
+            arrival_mm: 80.0,
+            arrival_blocked_mm: 160.0,
+            wall: WallFollowing::GENTLE,
+        }
+    }
+}
+
+/// Where to go.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Goal {
+    /// Position in the map.
+    pub position: Point,
+    /// Whether to stop there.
+    pub is_last: bool,
+}
+
+/// What to do about a goal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// Drive on.
+    Drive([i8; 2]),
+    /// The goal has been reached.
+    Arrived,
+}
+
+/// Scans without progress after which a goal counts as blocked: three seconds.
+const STALLED_SCANS: u8 = 15;
+/// Progress that counts.
+const PROGRESS_MM: f32 = 10.0;
+/// Free way that is asked for before a direction is taken.
+const FREE_WAY_MM: f32 = 450.0;
+/// Distance to the last goal at which the robot begins to slow down.
+const SLOW_DOWN_MM: f32 = 250.0;
+
+/// Drives to goals and around what is in the way.
+#[derive(Clone, Debug)]
+pub struct Navigator {
+    settings: Settings,
+    explorer: Explorer,
+    goal: Option<Point>,
+    nearest_mm: f32,
+    stalled: u8,
+    /// Side of the last way around something: 1 left, -1 right, 0 none.
+    side: f32,
+}
+
+impl Navigator {
+    /// A navigator without a goal.
+    pub const fn new(settings: Settings) -> Self {
+        Self {
+            settings,
+            explorer: Explorer::new(),
+            goal: None,
+            nearest_mm: f32::INFINITY,
+            stalled: 0,
+            side: 0.0,
+        }
+    }
+
+    /// One step of exploration.
+    pub fn explore(&mut self, around: &Surroundings) -> [i8; 2] {
+        let wanted = self.explorer.step(&self.settings, around);
+        around.guarded(&self.settings.body, wanted)
+    }
+
+    /// One step towards `goal`.
+    pub fn approach(&mut self, pose: Pose, goal: Goal, around: &Surroundings) -> Step {
+        let distance = pose.position().distance_mm(goal.position);
+        self.watch_progress(goal.position, distance);
+        let is_blocked = self.stalled >= STALLED_SCANS;
+        if distance <= self.settings.arrival_mm
+            || (is_blocked && distance <= self.settings.arrival_blocked_mm)
+        {
+            self.goal = None;
+            return Step::Arrived;
+        }
+        let to_goal = Pose::change_to(
+            pose,
+            Pose {
+                heading: 0.0,
+                ..at(goal.position)
+            },
+        );
+        let bearing = libm::atan2f(to_goal.left_mm, to_goal.forward_mm);
+        let way = self.free_way(around, bearing, distance);
+        let mut steering = self.settings.steering;
+        if goal.is_last && distance < SLOW_DOWN_MM {
+            let slow = f32::from(steering.cruise) * distance / SLOW_DOWN_MM;
+            steering.cruise = ticks(slow.max(8.0));
+        }
+        Step::Drive(around.guarded(&self.settings.body, steering.towards(way)))
+    }
+
+    /// Forgets what it was doing.
+    pub const fn reset(&mut self) {
+        self.goal = None;
+        self.side = 0.0;
+        self.explorer = Explorer::new();
+    }
+
+    fn watch_progress(&mut self, goal: Point, distance: f32) {
+        if self.goal != Some(goal) {
+            self.goal = Some(goal);
+            self.nearest_mm = f32::INFINITY;
+            self.side = 0.0;
+        }
+        if distance < self.nearest_mm - PROGRESS_MM {
+            self.nearest_mm = distance;
+            self.stalled = 0;
+        } else {
+            self.stalled = self.stalled.saturating_add(1);
+        }
+    }
+
+    /// The bearing nearest to `bearing` along which the robot fits.
+    fn free_way(&mut self, around: &Surroundings, bearing: f32, distance: f32) -> f32 {
+        let body = &self.settings.body;
+        let wanted = FREE_WAY_MM.min(distance);
+        if around.free_mm(body, bearing) >= wanted {
+            self.side = 0.0;
+            return bearing;
+        }
+        // Best cost of those that are free far enough; failing that, the freest.
+        let (mut best, mut least) = (None, f32::INFINITY);
+        let (mut freest, mut most) = (bearing, 0.0);
+        for step in 1..=24_i8 {
+            for side in [1.0, -1.0] {
+                let offset = f32::from(step) * side * STEP;
+                let free = around.free_mm(body, bearing + offset);
+                // Once a side was chosen, the other one must be much better.
+                let loyalty = if self.side == -side { STEP * 8.0 } else { 0.0 };
+                let cost = offset.abs() + loyalty;
+                if free >= wanted && cost < least {
+                    (best, least) = (Some((offset, side)), cost);
+                }
+                if free > most {
+                    (freest, most) = (bearing + offset, free);
+                }
+            }
+        }
+        match best {
+            Some((offset, side)) => {
+                self.side = side;
+                bearing + offset
+            }
+            None => freest,
+        }
+    }
+}
+
+/// Five degrees.
+const STEP: f32 = core::f32::consts::PI / 36.0;
+
+fn at(position: Point) -> Pose {
+    Pose::new(position.x_mm, position.y_mm, 0.0)
+}
+
+/// Where an arc at constant wheel speeds leads after `seconds`, seen from its beginning.
+pub(crate) fn arc_end(body: &Body, [left, right]: [i8; 2], seconds: f32) -> Point {
+    let [left, right] = [left, right].map(|wheel| f32::from(wheel) * body.tick_mm_s * seconds);
+    let turn = (right - left) / body.axle_mm;
+    let (sin, cos) = sin_cos(turn / 2.0);
+    let half = turn / 2.0;
+    let chord = (left + right) / 2.0 * if half.abs() < 1e-3 { 1.0 } else { sin / half };
+    Point::new(chord * cos, chord * sin)
+}

@@ -1,0 +1,126 @@
+use crate::pose::{Point, PoseChange, sin_cos};
+use crate::scan::{BEAMS, Scan};
+
+use super::{Body, HALT, arc_end, ticks};
+
+/// Fewer points than this say nothing: the robot sees nothing at all, or stands so close to
+/// something that every beam fails.
+const POINTS_MIN: usize = 10;
+
+/// How far ahead an arc is looked along: stopping takes one scan and the motors' lag.
+const LOOK_AHEAD_S: [f32; 5] = [0.15, 0.3, 0.5, 0.7, 0.9];
+/// A step that brings an obstacle nearer by less than this does not count as approaching it.
+const APPROACH_MM: f32 = 4.0;
+
+/// What the lidar saw last, from where the robot is now.
+#[derive(Clone, Debug)]
+pub struct Surroundings {
+    points: [Point; BEAMS],
+    /// Distances of the points.
+    ranges_mm: [f32; BEAMS],
+    count: usize,
+}
+
+impl Surroundings {
+    /// Nothing seen.
+    pub const EMPTY: Self = Self {
+        points: [Point::new(0.0, 0.0); BEAMS],
+        ranges_mm: [0.0; BEAMS],
+        count: 0,
+    };
+
+    /// The points of `scan` after the robot has moved by `since`.
+    pub fn seen(scan: &Scan, since: PoseChange) -> Self {
+        let (sin, cos) = sin_cos(-since.turn);
+        let moved = scan.points().iter().map(|point| {
+            let (x, y) = (point.x_mm - since.forward_mm, point.y_mm - since.left_mm);
+            Point::new(cos * x - sin * y, sin * x + cos * y)
+        });
+        Self::of(moved)
+    }
+
+    /// These points, at most [`BEAMS`].
+    pub fn of(points: impl Iterator<Item = Point>) -> Self {
+        let mut around = Self::EMPTY;
+        for point in points.take(BEAMS) {
+            around.points[around.count] = point;
+            around.ranges_mm[around.count] =
+                libm::sqrtf(point.x_mm * point.x_mm + point.y_mm * point.y_mm);
+            around.count += 1;
+        }
+        around
+    }
+
+    /// Whether too little was seen to move at all.
+    pub const fn is_blind(&self) -> bool {
+        self.count < POINTS_MIN
+    }
+
+    /// Points with their distances.
+    pub fn points(&self) -> impl Iterator<Item = (Point, f32)> + '_ {
+        self.points[..self.count]
+            .iter()
+            .copied()
+            .zip(self.ranges_mm[..self.count].iter().copied())
+    }
+
+    /// Distance of the nearest point between two bearings (radians, from right to left).
+    pub fn nearest_mm(&self, from: f32, to: f32) -> Option<f32> {
+        self.points()
+            .filter(|(point, _)| {
+                let bearing = libm::atan2f(point.y_mm, point.x_mm);
+                (from..=to).contains(&bearing)
+            })
+            .map(|(_, range)| range)
+            .reduce(f32::min)
+    }
+
+    /// How far the body can move along `bearing` before something comes too near. What is already
+    /// nearer than it should be only must not come nearer still.
+    pub fn free_mm(&self, body: &Body, bearing: f32) -> f32 {
+        let (sin, cos) = sin_cos(bearing);
+        let mut free = f32::INFINITY;
+        for (point, range) in self.points() {
+            let along = cos * point.x_mm + sin * point.y_mm;
+            let aside = cos * point.y_mm - sin * point.x_mm;
+            let keep = body.keep_mm().min(range - APPROACH_MM);
+            if along > 0.0 && aside.abs() < keep {
+                free = free.min(along - libm::sqrtf(keep * keep - aside * aside));
+            }
+        }
+        free.max(0.0)
+    }
+
+    /// `wanted`, slowed down as far as it takes to keep away from what is seen; at last only the
+    /// turn is left of it. Blind, the robot stands.
+    pub fn guarded(&self, body: &Body, wanted: [i8; 2]) -> [i8; 2] {
+        if self.is_blind() {
+            return HALT;
+        }
+        for share in [1.0, 0.7, 0.45, 0.25] {
+            let slower = wanted.map(|wheel| ticks(f32::from(wheel) * share));
+            if self.is_clear(body, slower) {
+                return slower;
+            }
+        }
+        let turn = (f32::from(wanted[1]) - f32::from(wanted[0])) / 2.0;
+        [-turn, turn].map(ticks)
+    }
+
+    /// Whether the arc keeps away from all points, or away from them.
+    fn is_clear(&self, body: &Body, set_point: [i8; 2]) -> bool {
+        let ends = LOOK_AHEAD_S.map(|seconds| arc_end(body, set_point, seconds));
+        let [.., last] = ends;
+        let reach =
+            body.keep_mm() + libm::sqrtf(last.x_mm * last.x_mm + last.y_mm * last.y_mm) + 1.0;
+        self.points()
+            .filter(|(_, range)| *range < reach)
+            .all(|(point, range)| {
+                let keep = body.keep_mm().min(range - APPROACH_MM).max(0.0);
+                ends.iter().all(|end| {
+                    let (x, y) = (point.x_mm - end.x_mm, point.y_mm - end.y_mm);
+                    x * x + y * y >= keep * keep
+                })
+            })
+    }
+}

@@ -1,0 +1,312 @@
+//! Robot end of the PC link: pose, map rows, waypoints and state out, orders in.
+//!
+//! Everything that is sent goes through one queue, frame by frame, so nothing can get between the
+//! bytes of a frame (the fielded program wrote its pose into the middle of map rows, and its debug
+//! text into both). Map rows fill the time that is left: the radio behind the port has 700 bytes of
+//! buffer and passes on less than half of what the port can carry, so rows are paced.
+
+use core::time::Duration;
+
+use protocols::pcui::message::{
+    MapProperties, State, encode_map_properties, encode_row, encode_state, encode_waypoints,
+};
+use protocols::pcui::{self, FRAME_MAX, Frame};
+use protocols::{Decode, Instant, rle};
+
+use crate::fifo::Fifo;
+use crate::grid::Grid;
+use crate::pose::Pose;
+use crate::waypoints::Waypoints;
+
+/// Room for the longest frame beside a queue that is still worth filling.
+const TX_LEN: usize = 2048;
+/// Rows are added only while no more than this is queued, so that a pose never waits long.
+const ROWS_BELOW: usize = 512;
+/// How often a row is tried again while the queue does not drain.
+const ROW_RETRY: Duration = Duration::from_millis(5);
+/// Quiet time after which a half-received frame is given up. The radio delivers in bursts up to 40
+/// ms apart.
+const IDLE_GAP: Duration = Duration::from_millis(100);
+/// State is sent at 5 Hz.
+const STATE_PERIOD: Duration = Duration::from_millis(200);
+
+/// Settings of the link.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// Time from pose to pose.
+    pub pose_period: Duration,
+    /// Bytes per second that the far side passes on; `None` fills the line.
+    pub pace_bytes_per_s: Option<u32>,
+    /// How rows are run-length coded.
+    pub dialect: rle::Dialect,
+}
+
+impl Default for Settings {
+    /// The seed report's 50 ms; a pace that an HC-06 carries (20.5 kB/s, half of it while the PC
+    /// talks as well) with room for its bursts.
+    fn default() -> Self {
+        Self {
+            pose_period: Duration::from_millis(50),
+            pace_bytes_per_s: Some(12_000),
+            dialect: rle::Dialect::Lossless,
+        }
+    }
+}
+
+/// What the link tells of.
+#[derive(Clone, Copy, Debug)]
+pub struct View<'a> {
+    /// The map.
+    pub map: &'a Grid,
+    /// Where the robot is.
+    pub pose: Pose,
+    /// What it does.
+    pub state: State,
+    /// Where it goes.
+    pub waypoints: &'a Waypoints,
+}
+
+/// What happened on the link so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Valid frames received.
+    pub received: u32,
+    /// Candidates rejected: checksum, length, cut off.
+    pub bad_frames: u32,
+    /// Valid frames that meant nothing to the robot.
+    pub meaningless: u32,
+    /// Frames queued for sending.
+    pub sent: u32,
+    /// Map rows among them.
+    pub rows: u32,
+}
+
+/// Robot end of the link.
+#[derive(Clone, Debug)]
+pub struct PcLink {
+    settings: Settings,
+    decoder: pcui::Decoder,
+    received_at: Instant,
+    tx: Fifo<TX_LEN>,
+    pose_at: Instant,
+    state_at: Instant,
+    row_at: Instant,
+    /// When what has been sent will have passed the far side.
+    passed_at: Instant,
+    row: u16,
+    echo_is_due: bool,
+    counters: Counters,
+}
+
+impl PcLink {
+    /// A link that begins to send at once.
+    pub fn new(settings: Settings) -> Self {
+        Self {
+            settings,
+            decoder: pcui::Decoder::default(),
+            received_at: Instant::ZERO,
+            tx: Fifo::new(),
+            pose_at: Instant::ZERO,
+            state_at: Instant::ZERO,
+            row_at: Instant::ZERO,
+            passed_at: Instant::ZERO,
+            row: 0,
+            echo_is_due: false,
+            counters: Counters::default(),
+        }
+    }
+
+    /// Takes bytes from the front of `input` until a frame is complete.
+    pub fn receive(&mut self, now: Instant, input: &mut &[u8]) -> Option<Frame> {
+        if !input.is_empty() {
+            if now - self.received_at >= IDLE_GAP {
+                self.decoder.idle();
+            }
+            self.received_at = now;
+        }
+        self.next_frame(input)
+    }
+
+    /// A frame that an idle line has freed.
+    pub fn freed(&mut self, now: Instant) -> Option<Frame> {
+        if self.decoder.pending() > 0 && now - self.received_at >= IDLE_GAP {
+            self.decoder.idle();
+        }
+        self.next_frame(&mut &[][..])
+    }
+
+    /// Gives up a half-received frame: the far end closed or the line broke.
+    pub fn line_broke(&mut self) {
+        self.decoder.idle();
+    }
+
+    /// A frame was understood by nobody.
+    pub const fn count_meaningless(&mut self) {
+        self.counters.meaningless = self.counters.meaningless.saturating_add(1);
+    }
+
+    /// The waypoints are to be sent.
+    pub const fn echo_waypoints(&mut self) {
+        self.echo_is_due = true;
+    }
+
+    /// Queues what is due.
+    pub fn tick(&mut self, now: Instant, view: &View<'_>) {
+        if now < self.next_at() {
+            return;
+        }
+        let mut frame = [0; FRAME_MAX];
+        if now >= self.pose_at {
+            self.pose_at = next_period(self.pose_at, self.settings.pose_period, now);
+            let len = encode_map_properties(&properties(view), &mut frame);
+            self.queue(now, &frame, len);
+        }
+        if self.can_echo() {
+            self.echo_is_due = false;
+            let list = view.waypoints.to_send();
+            let most = pcui::message::WAYPOINTS_MAX.min(view.waypoints.all().len());
+            let len = encode_waypoints(Counted { list, most }, &mut frame);
+            self.queue(now, &frame, len);
+        }
+        if now >= self.state_at {
+            self.state_at = next_period(self.state_at, STATE_PERIOD, now);
+            let len = encode_state(&view.state, &mut frame);
+            self.queue(now, &frame, len);
+        }
+        while now >= self.row_at {
+            self.tick_row(now, view.map, &mut frame);
+        }
+    }
+
+    /// When [`tick`](Self::tick) wants to be called.
+    pub fn next_at(&self) -> Instant {
+        if self.can_echo() {
+            return Instant::ZERO;
+        }
+        self.pose_at.min(self.state_at).min(self.row_at)
+    }
+
+    /// When [`freed`](Self::freed) wants to be called.
+    pub fn idle_at(&self) -> Option<Instant> {
+        (self.decoder.pending() > 0).then_some(self.received_at + IDLE_GAP)
+    }
+
+    /// Moves bytes for the line into `buf`; returns how many.
+    pub fn transmit(&mut self, buf: &mut [u8]) -> usize {
+        let was_full = self.tx.len() > ROWS_BELOW;
+        let count = self.tx.pop(buf);
+        if was_full && self.tx.len() <= ROWS_BELOW {
+            self.row_at = self.row_at.min(self.passed_at);
+        }
+        count
+    }
+
+    /// What happened so far.
+    pub const fn counters(&self) -> &Counters {
+        &self.counters
+    }
+
+    /// Frames for which the queue had no room.
+    pub const fn overflows(&self) -> u32 {
+        self.tx.refused()
+    }
+
+    const fn can_echo(&self) -> bool {
+        self.echo_is_due && self.tx.room() >= FRAME_MAX
+    }
+
+    fn next_frame(&mut self, input: &mut &[u8]) -> Option<Frame> {
+        loop {
+            match self.decoder.step(input)? {
+                Ok(frame) => {
+                    self.counters.received = self.counters.received.saturating_add(1);
+                    return Some(frame);
+                }
+                Err(_) => self.counters.bad_frames = self.counters.bad_frames.saturating_add(1),
+            }
+        }
+    }
+
+    /// Queues the next row, or puts it off.
+    fn tick_row(&mut self, now: Instant, map: &Grid, frame: &mut [u8]) {
+        if self.tx.len() > ROWS_BELOW {
+            self.row_at = now + ROW_RETRY;
+            return;
+        }
+        let Some(row) = map.row(usize::from(self.row)) else {
+            self.row = 0;
+            return;
+        };
+        let len = encode_row(0, self.row, row, self.settings.dialect, frame);
+        self.queue(now, frame, len);
+        self.counters.rows = self.counters.rows.saturating_add(1);
+        self.row += 1;
+        self.row_at = self.passed_at.max(now);
+        if self.tx.len() > ROWS_BELOW {
+            self.row_at = self.row_at.max(now + ROW_RETRY);
+        }
+    }
+
+    fn queue(&mut self, now: Instant, frame: &[u8], len: Option<usize>) {
+        let Some(len) = len else {
+            return;
+        };
+        if self.tx.push(&frame[..len]) {
+            self.counters.sent = self.counters.sent.saturating_add(1);
+            if let Some(pace) = self.settings.pace_bytes_per_s {
+                let nanos = len as u64 * 1_000_000_000 / u64::from(pace.max(1));
+                self.passed_at = self.passed_at.max(now) + Duration::from_nanos(nanos);
+                self.row_at = self.row_at.max(self.passed_at);
+            }
+        }
+    }
+}
+
+/// The first so many of a list, with a length that is known.
+struct Counted<I> {
+    list: I,
+    most: usize,
+}
+
+impl<I: Iterator> Iterator for Counted<I> {
+    type Item = I::Item;
+
+    fn next(&mut self) -> Option<I::Item> {
+        self.most = self.most.checked_sub(1)?;
+        self.list.next()
+    }
+
+    fn size_hint(&self) -> (usize, Option<usize>) {
+        (self.most, Some(self.most))
+    }
+}
+
+impl<I: Iterator> ExactSizeIterator for Counted<I> {}
+
+/// The next multiple of `period` after `due`; a late one is not made up for.
+fn next_period(due: Instant, period: Duration, now: Instant) -> Instant {
+    let next = due + period;
+    if next > now { next } else { now + period }
+}
+
+fn properties(view: &View<'_>) -> MapProperties {
+    let pose = view.pose.to_wire();
+    let size = |cells: usize| whole(cells as f32 * view.map.resolution_mm());
+    MapProperties {
+        resolution_mm: u8::try_from(whole(view.map.resolution_mm())).unwrap_or(u8::MAX),
+        size_mm: [size(view.map.width()), size(view.map.height())],
+        layers: 1,
+        position_mm: [pose.x_mm, pose.y_mm],
+        layer: 0,
+        psi_deg: pose.psi_deg,
+    }
+}
+
+fn whole(mm: f32) -> u16 {
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "saturates, which is what is wanted"
+    )]
+    let whole = libm::roundf(mm) as u16;
+    whole
+}

@@ -1,0 +1,3 @@
+//! One program per robot, built from the shared modules.
+
+pub mod rescue;

@@ -1,0 +1,502 @@
+//! The rescue robot of 2015: maps with a lidar, drives along walls or to waypoints, tells a PC.
+//!
+//! ```text
+//!   lidar --bytes--> turn --+                 +--> set-points --> base
+//!                           +--> match, map --+
+//!   base --encoders--> odometry               +--> pose, rows --> radio --> PC
+//! ```
+//!
+//! What arrives is dealt with at once, as an interrupt would ([`Master::receive`]): packets become
+//! turns, readings become odometry, orders take effect. The search is the only long work; it is
+//! done once per turn in [`Master::poll`], and what follows from it is decided in the next call, when
+//! it is known how long it took.
+
+mod config;
+mod drive;
+mod lidar;
+
+use core::time::Duration;
+
+use protocols::pcui::message::{Message, Mode, Order, State, WaypointList};
+use protocols::{Instant, LineConfig, LineEvent, Port, avr, pcui, xv11};
+
+pub use config::{Config, WHEELS};
+pub use drive::Battery;
+
+use crate::grid::Grid;
+use crate::navigation::{Goal, HALT, Navigator, Step, Surroundings};
+use crate::pc_link::{PcLink, View};
+use crate::pose::{Point, Pose};
+use crate::scan::Scan;
+use crate::slam::Mapper;
+use crate::waypoints::{Waypoint, Waypoints};
+use crate::{Inspect, Master, Work};
+use drive::Drive;
+use lidar::Lidar;
+
+/// How long a decision holds if no other one follows: three turns.
+const DECISION_HOLDS: Duration = Duration::from_millis(600);
+/// How long an order to drive by hand holds (seed report: at least once per second).
+const ORDER_HOLDS: Duration = Duration::from_secs(1);
+/// Largest set-point that the base takes.
+const SET_POINT_MAX: i8 = 35;
+/// How long a turn waits for the encoders' reading behind it.
+const WHEELS_WAIT: Duration = Duration::from_millis(30);
+
+/// Where a turn is on its way to a decision.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    /// No turn to work on.
+    Waiting,
+    /// A turn is complete; the encoders behind it have been asked for.
+    Reading { since: Instant },
+    /// It was matched and drawn; the time that took is told by the next poll.
+    Matched { since: Instant },
+}
+
+/// The robot's program.
+#[derive(Clone, Debug)]
+pub struct Rescue {
+    config: Config,
+    lidar: Lidar,
+    drive: Drive,
+    pc: PcLink,
+    mapper: Mapper,
+    scan: Scan,
+    navigator: Navigator,
+    waypoints: Waypoints,
+    mode: Mode,
+    ordered_at: Instant,
+    phase: Phase,
+    /// When the pose was last found by matching.
+    matched_at: Option<Instant>,
+    attend_at: Instant,
+    motor_duty: Option<u8>,
+    work: Work,
+    counters: Counters,
+}
+
+// Seed figure S10: the 192 kB of the seed's board were nearly full; this leaves a third of them.
+const _: () = assert!(size_of::<Rescue>() <= 128 * 1024);
+
+#[derive(Clone, Debug, Default)]
+struct Counters {
+    scans: u32,
+    line_errors: u32,
+    refused_waypoints: u32,
+    fallbacks: u32,
+    arrivals: u32,
+}
+
+impl Rescue {
+    /// The XV-11, 115200 baud.
+    pub const LIDAR: Port = Port(0);
+    /// The AVR base, 1 Mbaud.
+    pub const BASE: Port = Port(1);
+    /// The HC-06, 460800 baud.
+    pub const RADIO: Port = Port(2);
+    /// Duty of the lidar's motor: one byte whenever it changes.
+    pub const MOTOR: Port = Port(3);
+
+    /// A robot that has just been switched on.
+    pub fn new(config: Config) -> Self {
+        let mode = config.initial_mode;
+        Self {
+            lidar: Lidar::new(LineConfig::new_8n1(xv11::BAUD), config.mounting),
+            drive: Drive::new(&config),
+            pc: PcLink::new(config.pc_link),
+            mapper: Mapper::new(config.mapping),
+            scan: Scan::EMPTY,
+            navigator: Navigator::new(config.navigation),
+            waypoints: Waypoints::new(),
+            mode,
+            ordered_at: Instant::ZERO,
+            phase: Phase::Waiting,
+            matched_at: None,
+            attend_at: Instant::ZERO,
+            motor_duty: None,
+            work: Work::default(),
+            counters: Counters::default(),
+            config,
+        }
+    }
+
+    /// What the robot was told to do.
+    pub const fn ordered_mode(&self) -> Mode {
+        self.mode
+    }
+
+    /// What the robot does: nothing while its base does not answer or, driving by itself, while it
+    /// sees nothing.
+    pub fn mode(&self) -> Mode {
+        let blind = !self.lidar.sees() && self.mode != Mode::Manual;
+        if self.drive.is_silent() || blind {
+            Mode::Stop
+        } else {
+            self.mode
+        }
+    }
+
+    /// The waypoints.
+    pub const fn waypoints(&self) -> &Waypoints {
+        &self.waypoints
+    }
+
+    /// The waypoint that the robot drives to, or would in waypoint mode.
+    pub fn target(&self) -> Option<&Waypoint> {
+        self.waypoints.target()
+    }
+
+    /// The wheels' set-points, left and right, in ticks per 40 ms.
+    pub const fn set_point(&self) -> [i8; 2] {
+        self.drive.set_point()
+    }
+
+    /// Whether the base has acknowledged the set-points.
+    pub const fn set_point_is_confirmed(&self) -> bool {
+        self.drive.is_confirmed()
+    }
+
+    /// The battery; `None` until the base has told.
+    pub const fn battery(&self) -> Option<Battery> {
+        self.drive.battery()
+    }
+
+    /// Whether the lidar turns at its speed.
+    pub const fn lidar_speed_is_stable(&self) -> bool {
+        self.lidar.speed_is_stable()
+    }
+
+    /// Where the robot believes to be at `now`: the matched pose and the wheels since.
+    pub fn pose_at(&self, now: Instant) -> Pose {
+        match self.matched_at {
+            Some(at) => {
+                let odometry = &self.drive.odometry;
+                self.mapper
+                    .pose()
+                    .then(odometry.pose_at(at).change_to(odometry.pose_at(now)))
+            }
+            None => self.mapper.pose(),
+        }
+    }
+
+    /// What an interrupt or a timer does: everything that must not wait for the search.
+    fn attend(&mut self, now: Instant) {
+        self.lidar.tick(now);
+        if self.mode == Mode::Manual && now - self.ordered_at >= ORDER_HOLDS {
+            self.counters.fallbacks = self.counters.fallbacks.saturating_add(1);
+            self.set_mode(now, Mode::Exploration);
+        }
+        if self.mode() == Mode::Stop {
+            self.drive.command(now, HALT, now);
+        }
+        self.drive.tick(now);
+        if let Some(frame) = self.pc.freed(now) {
+            self.obey(now, &frame);
+        }
+        if now >= self.pc.next_at() {
+            let view = View {
+                map: self.mapper.grid(),
+                pose: self.pose_at(now),
+                state: self.state(),
+                waypoints: &self.waypoints,
+            };
+            self.pc.tick(now, &view);
+        }
+        if let Some(duty) = self.lidar.take_duty() {
+            self.motor_duty = Some(duty);
+        }
+        self.attend_at = self.next_attention();
+    }
+
+    fn next_attention(&self) -> Instant {
+        let own = self
+            .lidar
+            .next_at()
+            .min(self.drive.next_at())
+            .min(self.pc.next_at());
+        let idle = self.pc.idle_at().unwrap_or(own);
+        let order = if self.mode == Mode::Manual {
+            self.ordered_at + ORDER_HOLDS
+        } else {
+            own
+        };
+        own.min(idle).min(order)
+    }
+
+    fn state(&self) -> State {
+        State {
+            mode: self.mode(),
+            speed: self.drive.speed(),
+            speed_mm_s: self.drive.speed_mm_s(),
+            set_point: self.drive.set_point(),
+        }
+    }
+
+    /// Does what a frame from the PC says.
+    fn obey(&mut self, now: Instant, frame: &pcui::Frame) {
+        match frame.message() {
+            Ok(Message::Waypoints(list)) => self.take_waypoints(now, list),
+            Ok(Message::Order(order)) => self.take_order(now, order),
+            Ok(_) | Err(_) => self.pc.count_meaningless(),
+        }
+    }
+
+    fn take_waypoints(&mut self, now: Instant, list: WaypointList<'_>) {
+        let refused = self.waypoints.replace(list.iter());
+        let refused = u32::try_from(refused).unwrap_or(u32::MAX);
+        self.counters.refused_waypoints = self.counters.refused_waypoints.saturating_add(refused);
+        self.pc.echo_waypoints();
+        match self.mode {
+            Mode::Stop | Mode::Exploration if !self.waypoints.is_empty() => {
+                self.set_mode(now, Mode::Waypoint);
+            }
+            Mode::Waypoint if self.waypoints.is_empty() => self.set_mode(now, Mode::Stop),
+            _ => {}
+        }
+    }
+
+    fn take_order(&mut self, now: Instant, order: Order) {
+        self.ordered_at = now;
+        if order.mode != self.mode {
+            self.set_mode(now, order.mode);
+        }
+        if order.mode == Mode::Manual && !self.drive.is_silent() {
+            let set_point = order
+                .set_point
+                .map(|wheel| wheel.clamp(-SET_POINT_MAX, SET_POINT_MAX));
+            self.drive.command(now, set_point, now + ORDER_HOLDS);
+        }
+    }
+
+    /// Whatever the robot was doing, it stops; the next scan decides how it goes on.
+    fn set_mode(&mut self, now: Instant, mode: Mode) {
+        self.mode = mode;
+        self.navigator.reset();
+        self.drive.command(now, HALT, now);
+    }
+
+    /// Matches and draws the turn that is complete.
+    fn map_turn(&mut self) {
+        let odometry = &self.drive.odometry;
+        let turn = self.lidar.take_turn();
+        self.scan = Scan::deskewed(turn, &self.config.mounting, odometry);
+        let end = self.scan.end;
+        if let Some(before) = self.matched_at {
+            let change = odometry.pose_at(before).change_to(odometry.pose_at(end));
+            self.mapper.predict(change);
+        }
+        self.matched_at = Some(end);
+        let outcome = self
+            .mapper
+            .integrate(&self.scan, self.drive.speed().map(i16::from));
+        self.counters.scans = self.counters.scans.saturating_add(1);
+        self.work.scans += 1;
+        self.work.tries = self.work.tries.saturating_add(outcome.tries);
+        self.work.points = self.work.points.saturating_add(outcome.points);
+    }
+
+    /// Decides where to drive, from the newest scan and the wheels since.
+    fn navigate(&mut self, now: Instant) {
+        let odometry = &self.drive.odometry;
+        let since = odometry
+            .pose_at(self.scan.end)
+            .change_to(odometry.pose_at(now));
+        let pose = self.mapper.pose().then(since);
+        let around = Surroundings::seen(&self.scan, since);
+        let set_point = match self.mode() {
+            Mode::Stop => HALT,
+            Mode::Manual => return,
+            Mode::Exploration => self.navigator.explore(&around),
+            Mode::Waypoint => self.approach(pose, &around),
+        };
+        self.drive.command(now, set_point, now + DECISION_HOLDS);
+    }
+
+    /// One step to the next waypoint that is not reached yet.
+    fn approach(&mut self, pose: Pose, around: &Surroundings) -> [i8; 2] {
+        while let Some(target) = self.waypoints.target() {
+            let [x, y] = target.position_mm.map(f32::from);
+            let goal = Goal {
+                position: Point::new(x, y),
+                is_last: self.waypoints.is_last(),
+            };
+            match self.navigator.approach(pose, goal, around) {
+                Step::Drive(set_point) => return set_point,
+                Step::Arrived => {
+                    self.waypoints.advance();
+                    self.counters.arrivals = self.counters.arrivals.saturating_add(1);
+                }
+            }
+        }
+        HALT
+    }
+}
+
+impl Master for Rescue {
+    fn receive(&mut self, port: Port, now: Instant, bytes: &[u8]) {
+        match port {
+            Self::LIDAR => self.lidar.receive(now, bytes),
+            Self::BASE => {
+                self.drive.receive(now, bytes);
+                self.attend_at = Instant::ZERO;
+            }
+            Self::RADIO => {
+                let mut input = bytes;
+                while let Some(frame) = self.pc.receive(now, &mut input) {
+                    self.obey(now, &frame);
+                }
+                self.attend_at = Instant::ZERO;
+            }
+            _ => {}
+        }
+        if now >= self.attend_at {
+            self.attend(now);
+        }
+    }
+
+    fn line_event(&mut self, port: Port, _now: Instant, event: LineEvent) {
+        self.attend_at = Instant::ZERO;
+        match event {
+            LineEvent::Break | LineEvent::FramingError | LineEvent::Overrun => {
+                self.counters.line_errors = self.counters.line_errors.saturating_add(1);
+            }
+            LineEvent::Opened | LineEvent::Closed => match port {
+                Self::LIDAR => self.lidar.line_broke(),
+                Self::RADIO => self.pc.line_broke(),
+                _ => {}
+            },
+        }
+    }
+
+    fn poll(&mut self, now: Instant) {
+        if now >= self.attend_at {
+            self.attend(now);
+        }
+        if let Phase::Matched { since } = self.phase {
+            self.mapper.search_time(now - since);
+            self.navigate(now);
+            self.phase = Phase::Waiting;
+        }
+        if self.phase == Phase::Waiting && self.lidar.has_turn() {
+            self.phase = Phase::Reading { since: now };
+            self.drive.read_wheels(now);
+        }
+        if let Phase::Reading { since } = self.phase {
+            let is_read = self.drive.odometry.updated_at() >= Some(self.lidar.turn_end());
+            if !self.lidar.has_turn() {
+                self.phase = Phase::Waiting;
+            } else if is_read || self.drive.is_silent() || now >= since + WHEELS_WAIT {
+                self.map_turn();
+                self.phase = Phase::Matched { since };
+            }
+        }
+        self.attend_at = self.next_attention();
+    }
+
+    fn transmit(&mut self, port: Port, buf: &mut [u8]) -> usize {
+        match port {
+            Self::BASE => self.drive.transmit(buf),
+            Self::RADIO => self.pc.transmit(buf),
+            Self::MOTOR if !buf.is_empty() => self.motor_duty.take().map_or(0, |duty| {
+                buf[0] = duty;
+                1
+            }),
+            _ => 0,
+        }
+    }
+
+    fn poll_at(&self) -> Option<Instant> {
+        Some(match self.phase {
+            Phase::Matched { .. } => Instant::ZERO,
+            Phase::Waiting if self.lidar.has_turn() => Instant::ZERO,
+            Phase::Reading { since } => {
+                let is_read = self.drive.odometry.updated_at() >= Some(self.lidar.turn_end());
+                if is_read {
+                    Instant::ZERO
+                } else {
+                    self.attend_at.min(since + WHEELS_WAIT)
+                }
+            }
+            Phase::Waiting => self.attend_at,
+        })
+    }
+
+    fn line_config(&self, port: Port) -> LineConfig {
+        LineConfig::new_8n1(match port {
+            Self::BASE => avr::BAUD,
+            Self::RADIO => pcui::BAUD,
+            _ => xv11::BAUD,
+        })
+    }
+
+    fn take_work(&mut self) -> Work {
+        core::mem::take(&mut self.work)
+    }
+}
+
+impl Inspect for Rescue {
+    fn estimate(&self) -> Option<(Instant, Pose)> {
+        self.matched_at.map(|at| (at, self.mapper.pose()))
+    }
+
+    fn map(&self) -> Option<&Grid> {
+        Some(self.mapper.grid())
+    }
+
+    fn mode(&self) -> &'static str {
+        if self.drive.is_silent() {
+            return "base silent";
+        }
+        match self.mode {
+            Mode::Stop => "stop",
+            Mode::Manual => "manual",
+            _ if !self.lidar.sees() => "lidar silent",
+            Mode::Exploration => "exploration",
+            Mode::Waypoint => "waypoint",
+        }
+    }
+
+    fn counters(&self, report: &mut dyn FnMut(&'static str, u64)) {
+        let (lidar, base, pc) = (
+            &self.lidar.counters,
+            self.drive.link().counters(),
+            self.pc.counters(),
+        );
+        let named = [
+            ("scans", self.counters.scans),
+            ("lidar packets", lidar.packets),
+            ("lidar packets lost", lidar.lost_packets),
+            ("lidar packets bad", lidar.bad_packets),
+            ("lidar turns", lidar.turns),
+            ("lidar turns skipped", lidar.skipped_turns),
+            ("lidar silences", lidar.silences),
+            ("base answers", base.answered),
+            ("base retries", base.retries),
+            ("base failures", base.failures),
+            ("base silences", self.drive.silences),
+            ("base unsolicited", base.unsolicited),
+            ("base errors", base.errors),
+            ("base bad frames", base.bad_frames),
+            ("base queue overflows", base.overflows),
+            (
+                "encoder readings disbelieved",
+                self.drive.odometry.disbelieved(),
+            ),
+            ("set-points expired", self.drive.expired),
+            ("radio frames", pc.received),
+            ("radio bad frames", pc.bad_frames),
+            ("radio frames without meaning", pc.meaningless),
+            ("radio frames sent", pc.sent),
+            ("map rows sent", pc.rows),
+            ("radio queue overflows", self.pc.overflows()),
+            ("waypoints reached", self.counters.arrivals),
+            ("waypoints refused", self.counters.refused_waypoints),
+            ("manual fallbacks", self.counters.fallbacks),
+            ("line errors", self.counters.line_errors),
+        ];
+        for (name, value) in named {
+            report(name, u64::from(value));
+        }
+    }
+}

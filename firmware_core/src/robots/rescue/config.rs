@@ -1,0 +1,83 @@
+use core::f32::consts::FRAC_PI_2;
+use core::time::Duration;
+
+use protocols::avr::ChecksumOrder;
+use protocols::pcui::message::Mode;
+
+use crate::navigation::{self, Body};
+use crate::odometry::WheelGeometry;
+use crate::pose::Point;
+use crate::scan::{Mounting, WeakReadings};
+use crate::{pc_link, slam};
+
+/// What the robot is told once, before it starts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Config {
+    /// Byte order of the register bus's checksum.
+    pub checksum_order: ChecksumOrder,
+    /// How long the base may take to answer. The seed's loop of 65000 turns took 4 to 8 ms; a
+    /// program that sits behind a pseudo-terminal needs more.
+    pub reply_timeout: Duration,
+    /// Map, search, start pose and the search's seed.
+    pub mapping: slam::Settings,
+    /// Where the lidar sits.
+    pub mounting: Mounting,
+    /// The drive.
+    pub wheels: WheelGeometry,
+    /// Body, steering, wall follower.
+    pub navigation: navigation::Settings,
+    /// What the robot does until it is told otherwise.
+    pub initial_mode: Mode,
+    /// The PC link.
+    pub pc_link: pc_link::Settings,
+}
+
+impl Default for Config {
+    /// The seed report's robot.
+    fn default() -> Self {
+        Self {
+            checksum_order: ChecksumOrder::LowFirst,
+            reply_timeout: Duration::from_millis(5),
+            mapping: slam::Settings::default(),
+            mounting: MOUNTING,
+            wheels: WHEELS,
+            navigation: navigation::Settings::new(BODY),
+            initial_mode: Mode::Stop,
+            pc_link: pc_link::Settings::default(),
+        }
+    }
+}
+
+/// Radius 26 mm, axle 260 mm, 360 ticks a turn; the base samples its encoders at 996 Hz, so that
+/// more than 900 edges a second cannot be counted.
+pub const WHEELS: WheelGeometry = WheelGeometry {
+    wheel_radius_mm: 26.0,
+    axle_mm: 260.0,
+    ticks_per_turn: 360,
+    ticks_per_second_max: 900,
+};
+
+/// Sensor angle 90 looks ahead. A packet is sent as soon as its last beam is measured and takes 22
+/// bytes of 86.8 us.
+const MOUNTING: Mounting = Mounting {
+    position: Point {
+        x_mm: 0.0,
+        y_mm: 0.0,
+    },
+    first_bearing: -FRAC_PI_2,
+    distance_min_mm: 60,
+    distance_max_mm: 6000,
+    weak: WeakReadings::Use,
+    delay: Duration::from_micros(1910),
+};
+
+/// The report gives the axle, 260 mm; the radius of the body around it is a guess.
+const BODY: Body = Body {
+    radius_mm: 160.0,
+    clearance_mm: 45.0,
+    tick_mm_s: TICK_MM_S,
+    axle_mm: 260.0,
+};
+
+/// Speed of a wheel per tick in 40 ms: 2 pi 26 mm / 360 / 40 ms.
+pub(super) const TICK_MM_S: f32 = 11.345;

@@ -1,0 +1,247 @@
+use core::time::Duration;
+
+use protocols::Instant;
+use protocols::avr::registers;
+
+use crate::base_link::{BaseLink, Completion, Outcome, READ_MAX, Request};
+use crate::navigation::HALT;
+use crate::odometry::Odometry;
+
+use super::config::{Config, TICK_MM_S};
+
+/// Encoders and measured speeds: ten registers in one answer, so that they belong together.
+const WHEELS: Request = Request::read(registers::ENCODER_LEFT, 10);
+const BATTERY: Request = Request::read(registers::BATTERY_MV, 3);
+
+/// The base measures its speeds every 40 ms.
+const WHEELS_PERIOD: Duration = Duration::from_millis(40);
+const BATTERY_PERIOD: Duration = Duration::from_secs(1);
+/// Longest time between two writes of the set-points. The base stops by itself after a second.
+const REFRESH: Duration = Duration::from_millis(150);
+/// How often a silent base is asked whether it is back.
+const PROBE_PERIOD: Duration = Duration::from_millis(100);
+
+/// Motor driver active.
+const ACTIVE: u8 = 0;
+
+/// Battery as the base reports it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Battery {
+    /// Voltage.
+    pub millivolts: u16,
+    /// Charge; the fielded base reports the least value it has seen.
+    pub percent: i8,
+}
+
+/// What the robot wants of its base and knows of it.
+#[derive(Clone, Debug)]
+pub(super) struct Drive {
+    link: BaseLink,
+    pub(super) odometry: Odometry,
+    set_point: [i8; 2],
+    /// From then on the set-point is nobody's wish any more.
+    valid_until: Instant,
+    /// The base has acknowledged the set-point.
+    is_confirmed: bool,
+    written_at: Instant,
+    wheels_at: Instant,
+    battery_at: Instant,
+    probe_at: Instant,
+    was_silent: bool,
+    speed: [i8; 2],
+    battery: Option<Battery>,
+    /// Set-points that ran out because nobody renewed them.
+    pub(super) expired: u32,
+    pub(super) silences: u32,
+}
+
+impl Drive {
+    pub(super) const fn new(config: &Config) -> Self {
+        Self {
+            link: BaseLink::new(config.checksum_order, config.reply_timeout),
+            odometry: Odometry::new(config.wheels),
+            set_point: HALT,
+            valid_until: Instant::ZERO,
+            is_confirmed: false,
+            written_at: Instant::ZERO,
+            wheels_at: Instant::ZERO,
+            battery_at: Instant::ZERO,
+            probe_at: Instant::ZERO,
+            was_silent: false,
+            speed: HALT,
+            battery: None,
+            expired: 0,
+            silences: 0,
+        }
+    }
+
+    /// Sets the wheels' speeds until `valid_until`, then they stop.
+    pub(super) fn command(&mut self, now: Instant, set_point: [i8; 2], valid_until: Instant) {
+        self.valid_until = valid_until;
+        if set_point != self.set_point {
+            self.set_point = set_point;
+            self.is_confirmed = false;
+            if !self.link.is_silent() {
+                self.write(now);
+            }
+        }
+    }
+
+    /// Asks for the wheels now rather than when it is due.
+    pub(super) fn read_wheels(&mut self, now: Instant) {
+        if !self.link.is_silent() {
+            self.wheels_at = now + WHEELS_PERIOD;
+            self.link.submit(now, WHEELS);
+        }
+    }
+
+    pub(super) fn receive(&mut self, now: Instant, bytes: &[u8]) {
+        self.link.receive(now, bytes);
+        self.take_completions();
+    }
+
+    pub(super) fn transmit(&mut self, buf: &mut [u8]) -> usize {
+        self.link.transmit(buf)
+    }
+
+    pub(super) fn tick(&mut self, now: Instant) {
+        self.link.tick(now);
+        self.take_completions();
+        if now >= self.valid_until && self.set_point != HALT {
+            self.expired = self.expired.saturating_add(1);
+            self.command(now, HALT, now);
+        }
+        if self.link.is_silent() {
+            self.probe(now);
+            return;
+        }
+        if now - self.written_at >= REFRESH {
+            self.write(now);
+        }
+        if now >= self.wheels_at {
+            self.read_wheels(now);
+        }
+        if now >= self.battery_at {
+            self.battery_at = now + BATTERY_PERIOD;
+            self.link.submit(now, BATTERY);
+        }
+    }
+
+    pub(super) fn next_at(&self) -> Instant {
+        let link = self.link.next_at().unwrap_or(FAR);
+        if self.link.is_silent() {
+            return link.min(self.probe_at);
+        }
+        let expiry = if self.set_point == HALT {
+            FAR
+        } else {
+            self.valid_until
+        };
+        let refresh = self.written_at + REFRESH;
+        link.min(expiry)
+            .min(refresh)
+            .min(self.wheels_at)
+            .min(self.battery_at)
+    }
+
+    pub(super) const fn is_silent(&self) -> bool {
+        self.link.is_silent()
+    }
+
+    pub(super) const fn link(&self) -> &BaseLink {
+        &self.link
+    }
+
+    pub(super) const fn set_point(&self) -> [i8; 2] {
+        self.set_point
+    }
+
+    pub(super) const fn is_confirmed(&self) -> bool {
+        self.is_confirmed
+    }
+
+    /// Measured speeds, ticks per 40 ms.
+    pub(super) const fn speed(&self) -> [i8; 2] {
+        self.speed
+    }
+
+    /// Measured speeds; 20 ticks per 40 ms are 227 mm/s (field defect MA-10 called them 2).
+    pub(super) fn speed_mm_s(&self) -> [i16; 2] {
+        self.speed.map(|ticks| {
+            #[expect(clippy::cast_possible_truncation, reason = "at most 128 * 11.4")]
+            let speed = libm::roundf(f32::from(ticks) * TICK_MM_S) as i16;
+            speed
+        })
+    }
+
+    pub(super) const fn battery(&self) -> Option<Battery> {
+        self.battery
+    }
+
+    fn write(&mut self, now: Instant) {
+        self.written_at = now;
+        let [left, right] = self.set_point.map(i8::cast_unsigned);
+        self.link.submit(
+            now,
+            Request::write(registers::SPEED_LEFT_TO, [left, right, ACTIVE]),
+        );
+    }
+
+    /// Nothing is commanded to a base that does not answer but to stand still: it may be that only
+    /// its answers get lost.
+    fn probe(&mut self, now: Instant) {
+        if !self.was_silent {
+            self.was_silent = true;
+            self.silences = self.silences.saturating_add(1);
+            self.speed = HALT;
+        }
+        self.set_point = HALT;
+        self.is_confirmed = false;
+        if now >= self.probe_at {
+            self.probe_at = now + PROBE_PERIOD;
+            self.write(now);
+            self.link.submit(now, WHEELS);
+        }
+    }
+
+    fn take_completions(&mut self) {
+        while let Some(done) = self.link.take_completion() {
+            if self.was_silent && done.outcome != Outcome::Failed {
+                // It may have been restarted, and its counters with it.
+                self.was_silent = false;
+                self.odometry.resynchronise();
+            }
+            self.apply(&done);
+        }
+    }
+
+    fn apply(&mut self, done: &Completion) {
+        match done.outcome {
+            Outcome::Data(data) if done.request == WHEELS => self.wheels_read(done.at, &data),
+            Outcome::Data(data) => {
+                self.battery = Some(Battery {
+                    millivolts: u16::from_le_bytes([data[0], data[1]]),
+                    percent: data[2].cast_signed(),
+                });
+            }
+            Outcome::Written => {
+                let [left, right] = self.set_point.map(i8::cast_unsigned);
+                let wanted = Request::write(registers::SPEED_LEFT_TO, [left, right, ACTIVE]);
+                self.is_confirmed = done.request == wanted;
+            }
+            // A lost write must not wait for its refresh; a lost read comes again by itself.
+            Outcome::Failed if done.request.is_write() => self.written_at = Instant::ZERO,
+            Outcome::Failed => {}
+        }
+    }
+
+    fn wheels_read(&mut self, at: Instant, data: &[u8; READ_MAX]) {
+        let counter = |from: usize| {
+            i32::from_le_bytes([data[from], data[from + 1], data[from + 2], data[from + 3]])
+        };
+        self.odometry.update(at, [counter(0), counter(4)]);
+        self.speed = [data[8].cast_signed(), data[9].cast_signed()];
+    }
+}
+
+const FAR: Instant = Instant::from_nanos(u64::MAX);

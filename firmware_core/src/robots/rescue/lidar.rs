@@ -1,0 +1,147 @@
+use core::time::Duration;
+
+use protocols::{Decode, Instant, LineConfig, xv11};
+
+use crate::lidar_motor::LidarMotor;
+use crate::scan::{Mounting, Turn, TurnAssembler};
+
+/// Silence after which the robot counts as blind: more than a whole turn.
+const SILENCE_MAX: Duration = Duration::from_millis(300);
+/// Time without a complete turn after which it does.
+const TURNLESS_MAX: Duration = Duration::from_millis(700);
+/// Quiet time after which a half-received packet is given up. Nothing depends on it: a packet that
+/// begins inside a broken one is found anyway.
+const IDLE_GAP: Duration = Duration::from_millis(20);
+const TARGET_RPM: f32 = 300.0;
+const PACKETS: u32 = 90;
+
+/// From the lidar's bytes to turns, and the motor that turns it.
+#[derive(Clone, Debug)]
+pub(super) struct Lidar {
+    line: LineConfig,
+    decoder: xv11::Decoder,
+    assembler: TurnAssembler,
+    motor: LidarMotor,
+    received_at: Instant,
+    packet_at: Instant,
+    turn_at: Instant,
+    has_turn: bool,
+    /// Whether a turn was complete since the last silence.
+    sees: bool,
+    pub(super) counters: Counters,
+}
+
+#[derive(Clone, Debug, Default)]
+pub(super) struct Counters {
+    pub(super) packets: u32,
+    pub(super) lost_packets: u32,
+    pub(super) bad_packets: u32,
+    pub(super) turns: u32,
+    pub(super) skipped_turns: u32,
+    pub(super) silences: u32,
+}
+
+impl Lidar {
+    pub(super) fn new(line: LineConfig, mounting: Mounting) -> Self {
+        Self {
+            line,
+            decoder: xv11::Decoder::default(),
+            assembler: TurnAssembler::new(mounting),
+            motor: LidarMotor::new(TARGET_RPM),
+            received_at: Instant::ZERO,
+            packet_at: Instant::ZERO,
+            turn_at: Instant::ZERO,
+            has_turn: false,
+            sees: false,
+            counters: Counters::default(),
+        }
+    }
+
+    pub(super) fn receive(&mut self, now: Instant, bytes: &[u8]) {
+        if now - self.received_at >= IDLE_GAP {
+            self.line_broke();
+        }
+        self.received_at = now;
+        let mut input = bytes;
+        while let Some(packet) = self.decoder.step(&mut input) {
+            match packet {
+                Ok(packet) => {
+                    let behind = (input.len() + self.decoder.pending()) as u64;
+                    let late = (now - Instant::ZERO).saturating_sub(self.line.bytes_time(behind));
+                    self.take(Instant::ZERO + late, &packet);
+                }
+                Err(_) => self.counters.bad_packets = self.counters.bad_packets.saturating_add(1),
+            }
+        }
+    }
+
+    pub(super) fn line_broke(&mut self) {
+        self.decoder.idle();
+    }
+
+    /// Looks for silence.
+    pub(super) fn tick(&mut self, now: Instant) {
+        self.motor.tick(now);
+        let is_silent = now - self.packet_at >= SILENCE_MAX || now - self.turn_at >= TURNLESS_MAX;
+        if self.sees && is_silent {
+            self.sees = false;
+            self.has_turn = false;
+            self.counters.silences = self.counters.silences.saturating_add(1);
+        }
+    }
+
+    pub(super) fn next_at(&self) -> Instant {
+        let motor = self.motor.next_at();
+        if self.sees {
+            motor
+                .min(self.packet_at + SILENCE_MAX)
+                .min(self.turn_at + TURNLESS_MAX)
+        } else {
+            motor
+        }
+    }
+
+    pub(super) const fn sees(&self) -> bool {
+        self.sees
+    }
+
+    pub(super) const fn has_turn(&self) -> bool {
+        self.has_turn
+    }
+
+    /// The turn that has not been looked at yet.
+    pub(super) fn take_turn(&mut self) -> &Turn {
+        self.has_turn = false;
+        self.assembler.turn()
+    }
+
+    pub(super) const fn turn_end(&self) -> Instant {
+        self.assembler.turn().end
+    }
+
+    pub(super) fn take_duty(&mut self) -> Option<u8> {
+        self.motor.take_duty()
+    }
+
+    pub(super) const fn speed_is_stable(&self) -> bool {
+        self.motor.is_stable()
+    }
+
+    fn take(&mut self, at: Instant, packet: &xv11::Frame) {
+        self.counters.packets = self.counters.packets.saturating_add(1);
+        self.packet_at = at;
+        self.motor.packet(at, packet.speed_rpm());
+        let Some(turn) = self.assembler.push(at, packet) else {
+            return;
+        };
+        let lost = PACKETS.saturating_sub(u32::from(turn.packets));
+        self.counters.lost_packets = self.counters.lost_packets.saturating_add(lost);
+        self.counters.turns = self.counters.turns.saturating_add(1);
+        if self.has_turn {
+            self.counters.skipped_turns = self.counters.skipped_turns.saturating_add(1);
+        }
+        self.has_turn = true;
+        self.sees = true;
+        self.turn_at = at;
+    }
+}
