@@ -1,0 +1,123 @@
+//! Time for a runner: the wall clock, or one that jumps.
+//!
+//! Everything below a runner takes time as an argument. This module holds the only reader of an
+//! operating-system clock and the only place that waits, so that whatever is built on a [`Clock`]
+//! can also be run, and tested, without waiting.
+
+use core::cell::Cell;
+use core::time::Duration;
+use std::thread;
+use std::time;
+
+use protocols::Instant;
+
+/// Tells the time since the run began, and waits.
+///
+/// Time never runs backwards. `sleep_until` returns at once if the deadline has passed; it may
+/// return late, never early.
+pub trait Clock {
+    /// The time now.
+    fn now(&self) -> Instant;
+
+    /// Waits until `deadline`. Deadlines are absolute, so lateness does not add up.
+    fn sleep_until(&self, deadline: Instant);
+}
+
+/// The operating system's monotonic clock, zero when it was made.
+#[derive(Clone, Copy, Debug)]
+pub struct WallClock {
+    start: time::Instant,
+    spin: Duration,
+}
+
+impl WallClock {
+    /// A clock that begins now and sleeps to the deadline: some 80 us late on Linux, and idle.
+    pub fn start() -> Self {
+        Self::spinning(Duration::ZERO)
+    }
+
+    /// A clock that spins through the last `spin` before a deadline: within a microsecond mostly,
+    /// for the price of a busy core. 150 us cover the usual lateness of a sleep.
+    #[expect(
+        clippy::disallowed_methods,
+        reason = "the one reader of an operating-system clock"
+    )]
+    pub fn spinning(spin: Duration) -> Self {
+        Self {
+            start: time::Instant::now(),
+            spin,
+        }
+    }
+}
+
+impl Clock for WallClock {
+    fn now(&self) -> Instant {
+        Instant::ZERO + self.start.elapsed()
+    }
+
+    #[expect(clippy::disallowed_methods, reason = "the one place that waits")]
+    fn sleep_until(&self, deadline: Instant) {
+        loop {
+            let left = deadline - self.now();
+            if left.is_zero() {
+                return;
+            }
+            match left.checked_sub(self.spin) {
+                Some(sleep) if !sleep.is_zero() => thread::sleep(sleep),
+                _ => core::hint::spin_loop(),
+            }
+        }
+    }
+}
+
+/// A clock that stands still until somebody sleeps, then jumps there.
+#[derive(Clone, Debug, Default)]
+pub struct SimClock {
+    now: Cell<Instant>,
+}
+
+impl SimClock {
+    /// Lets time pass, as a busy processor would.
+    pub fn advance(&self, by: Duration) {
+        self.now.set(self.now.get() + by);
+    }
+}
+
+impl Clock for SimClock {
+    fn now(&self) -> Instant {
+        self.now.get()
+    }
+
+    fn sleep_until(&self, deadline: Instant) {
+        self.now.set(self.now.get().max(deadline));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wakes_at_or_after<C: Clock>(clock: &C, deadline: Instant) -> bool {
+        clock.sleep_until(deadline);
+        clock.now() >= deadline
+    }
+
+    #[test]
+    fn a_sleep_never_ends_early() {
+        let deadline = Instant::from_millis(3);
+        assert!(wakes_at_or_after(&WallClock::start(), deadline));
+        assert!(wakes_at_or_after(
+            &WallClock::spinning(Duration::from_micros(150)),
+            deadline
+        ));
+        assert!(wakes_at_or_after(&SimClock::default(), deadline));
+    }
+
+    #[test]
+    fn a_deadline_that_has_passed_does_not_turn_time_back() {
+        let clock = SimClock::default();
+        clock.advance(Duration::from_secs(5));
+        clock.sleep_until(Instant::from_secs(2));
+        assert_eq!(clock.now(), Instant::from_secs(5));
+    }
+}

@@ -1,0 +1,231 @@
+//! Where bytes leave the process: pseudo-terminals, real serial ports, memory.
+//!
+//! A transport carries bytes and nothing else: no timing, no faults, no line coding. Those belong
+//! to the line of the rig, which a pseudo-terminal would hide (it has no baud rate and holds some
+//! 16 kB before anybody notices that nobody reads). What a transport adds is what only the
+//! outside knows: whether somebody has the port open, at which baud rate, and that the plug was
+//! pulled.
+
+mod directory;
+mod memory;
+mod pty;
+mod serial;
+mod watch;
+
+use core::fmt;
+use core::time::Duration;
+use std::io;
+use std::os::fd::BorrowedFd;
+use std::path::{Path, PathBuf};
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+
+pub use directory::PortDir;
+pub use memory::Memory;
+pub use pty::Pty;
+pub use serial::Serial;
+
+/// One end of a byte pipe whose other end is outside the rig.
+///
+/// Nothing here ever waits. Time is nobody's business: the owner asks when it likes, and waits
+/// with [`wait`].
+pub trait Transport {
+    /// Moves bytes that the far end has sent into `buf`; 0: nothing now, or `buf` is empty.
+    ///
+    /// Events come first: what [`next_event`](Self::next_event) tells after this call happened
+    /// before the bytes that the call returned. So a far end that set its baud rate and then sent
+    /// is heard in that order.
+    ///
+    /// # Errors
+    /// [`TransportError::Lost`] if the port went away. Bytes that arrived before come first.
+    fn read(&mut self, buf: &mut [u8]) -> Result<usize, TransportError>;
+
+    /// Sends `bytes`, oldest first, and returns how many the far end will be able to read. The
+    /// rest is lost, as on a UART, and counted in [`counters`](Self::counters): nobody keeps bytes
+    /// for a far end that is closed or does not read.
+    fn write(&mut self, bytes: &[u8]) -> usize;
+
+    /// What happened to the port, oldest first, each told once.
+    fn next_event(&mut self) -> Option<PortEvent>;
+
+    /// The name under which the far end finds the port.
+    fn path(&self) -> &Path;
+
+    /// What was lost so far.
+    fn counters(&self) -> Counters;
+
+    /// Appends what becomes readable when a [`read`](Self::read) may bring something new. May be
+    /// empty for a while, so whoever waits also looks again after a few milliseconds.
+    fn readiness<'a>(&'a self, fds: &mut Vec<BorrowedFd<'a>>);
+}
+
+/// Something besides bytes happened at the far end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PortEvent {
+    /// Somebody opened the port.
+    Opened,
+    /// The last one who had the port open closed it.
+    Closed,
+    /// The far end runs at this baud rate from here on.
+    BaudChanged(u32),
+}
+
+/// Bytes that were given to a transport and reached nobody, by reason.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Written while the far end was closed.
+    pub unheard: u64,
+    /// Written while the far end was open and had no room, because it did not read.
+    pub overrun: u64,
+}
+
+/// Waits until one of `fds` is readable or `timeout` is over. May return early for no reason.
+///
+/// # Errors
+/// Those of poll(2); an interrupted wait is none.
+pub fn wait(fds: &[BorrowedFd<'_>], timeout: Duration) -> io::Result<()> {
+    let mut fds: Vec<PollFd<'_>> = fds
+        .iter()
+        .map(|&fd| PollFd::from_borrowed_fd(fd, PollFlags::IN))
+        .collect();
+    let timeout = Timespec::try_from(timeout).map_err(io::Error::other)?;
+    match poll(&mut fds, Some(&timeout)) {
+        Ok(_) | Err(rustix::io::Errno::INTR) => Ok(()),
+        Err(errno) => Err(errno.into()),
+    }
+}
+
+/// Why a port cannot be had, or is had no longer.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum TransportError {
+    /// A port name that cannot be a file name.
+    Name {
+        /// As given.
+        name: String,
+    },
+    /// The directory for the ports cannot be used.
+    Directory {
+        /// The directory.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The directory belongs to another running rig.
+    DirectoryInUse {
+        /// The directory.
+        path: PathBuf,
+    },
+    /// Something stands where the port should appear.
+    Occupied {
+        /// Where.
+        path: PathBuf,
+    },
+    /// The system gave no pseudo-terminal.
+    Pty {
+        /// Where it should have appeared.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// There is no such port.
+    Missing {
+        /// As given.
+        path: PathBuf,
+    },
+    /// The file is no serial port.
+    NotAPort {
+        /// As given.
+        path: PathBuf,
+    },
+    /// Another program has the port.
+    Busy {
+        /// As given.
+        path: PathBuf,
+    },
+    /// The port is there and cannot be opened or set up.
+    Open {
+        /// As given.
+        path: PathBuf,
+        /// What was tried.
+        baud: u32,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The port was there and went away.
+    Lost {
+        /// The port.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+}
+
+impl fmt::Display for TransportError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Name { name } => write!(
+                f,
+                "port name {name:?}: expected a plain file name such as lidar"
+            ),
+            Self::Directory { path, source } => write!(
+                f,
+                "{}: expected a directory to put ports in: {source}",
+                path.display()
+            ),
+            Self::DirectoryInUse { path } => write!(
+                f,
+                "{}: another rig has its ports here: stop it or choose another directory",
+                path.display()
+            ),
+            Self::Occupied { path } => write!(
+                f,
+                "{}: expected a free name: this is not a link that a rig left behind; \
+                 remove it or choose another directory",
+                path.display()
+            ),
+            Self::Pty { path, source } => write!(
+                f,
+                "{}: the system gave no pseudo-terminal: {source}",
+                path.display()
+            ),
+            Self::Missing { path } => write!(
+                f,
+                "{}: no such port: expected a serial port such as /dev/ttyUSB0 or a link to one",
+                path.display()
+            ),
+            Self::NotAPort { path } => write!(
+                f,
+                "{}: not a serial port: expected a device such as /dev/ttyUSB0 or a link to one",
+                path.display()
+            ),
+            Self::Busy { path } => write!(
+                f,
+                "{}: another program has this port: expected to have it alone",
+                path.display()
+            ),
+            Self::Open { path, baud, source } => write!(
+                f,
+                "{}: expected a serial port that can be set to {baud} baud: {source}",
+                path.display()
+            ),
+            Self::Lost { path, source } => write!(
+                f,
+                "{}: the port went away: expected it to stay until the end: {source}",
+                path.display()
+            ),
+        }
+    }
+}
+
+impl core::error::Error for TransportError {
+    fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
+        match self {
+            Self::Directory { source, .. }
+            | Self::Pty { source, .. }
+            | Self::Open { source, .. }
+            | Self::Lost { source, .. } => Some(source),
+            _ => None,
+        }
+    }
+}

@@ -1,0 +1,173 @@
+//! A directory in which ports appear under stable names.
+//!
+//! The names are links to whatever the system hands out. One rig owns a directory at a time: it
+//! holds a lock on the record file, which lists the links that were made. So after a rig was
+//! killed the next one knows which links are its predecessor's, replaces those, and touches
+//! nothing else. Links are made in one step; a client sees either none or one that works.
+
+use std::fs::{self, File, TryLockError};
+use std::io::{self, Read, Write};
+use std::os::unix::fs::{MetadataExt, symlink};
+use std::path::{Path, PathBuf};
+
+use super::TransportError;
+
+/// The record of links made, one `name target` a line, locked while the rig runs.
+const RECORD: &str = ".hilrig-ports";
+/// Owners that may vanish between our opening the record and locking it before we give up.
+const TRIES: usize = 8;
+/// Longest record that is believed: a rig has a handful of ports.
+const RECORD_LEN_MAX: u64 = 64 * 1024;
+
+/// A directory for ports, owned until dropped.
+#[derive(Debug)]
+pub struct PortDir {
+    path: PathBuf,
+    record: File,
+    /// Links that a predecessor left, as `(name, target)`.
+    left_behind: Vec<(String, String)>,
+    /// Whether the directory was not there before.
+    created: bool,
+}
+
+impl PortDir {
+    /// Takes `path`, making it if need be.
+    ///
+    /// # Errors
+    /// If it cannot be made or written, or if another rig has it.
+    pub fn open(path: &Path) -> Result<Self, TransportError> {
+        let fail = |source| TransportError::Directory {
+            path: path.to_owned(),
+            source,
+        };
+        let created = !path.exists();
+        fs::create_dir_all(path).map_err(fail)?;
+        let record_path = path.join(RECORD);
+        for _ in 0..TRIES {
+            let mut record = File::options()
+                .read(true)
+                .append(true)
+                .create(true)
+                .open(&record_path)
+                .map_err(fail)?;
+            match record.try_lock() {
+                Ok(()) => {}
+                Err(TryLockError::WouldBlock) => {
+                    return Err(TransportError::DirectoryInUse {
+                        path: path.to_owned(),
+                    });
+                }
+                Err(TryLockError::Error(source)) => return Err(fail(source)),
+            }
+            // The previous owner may have removed the file between our opening and locking it.
+            if is_file_at(&record, &record_path) {
+                let left_behind = read_record(&mut record).map_err(fail)?;
+                return Ok(Self {
+                    path: path.to_owned(),
+                    record,
+                    left_behind,
+                    created,
+                });
+            }
+        }
+        Err(TransportError::DirectoryInUse {
+            path: path.to_owned(),
+        })
+    }
+
+    /// The directory.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Makes `name` a link to `target`, which must not be a link that somebody else made.
+    pub(super) fn publish(&self, name: &str, target: &Path) -> Result<Link, TransportError> {
+        if name.is_empty() || name.starts_with('.') || name.contains(['/', '\n', ' ', '\0']) {
+            return Err(TransportError::Name {
+                name: name.to_owned(),
+            });
+        }
+        let path = self.path.join(name);
+        let fail = |source| TransportError::Directory {
+            path: self.path.clone(),
+            source,
+        };
+        // Recorded first: a link that the record does not know would never be replaced.
+        writeln!(&self.record, "{name} {}", target.display()).map_err(fail)?;
+        if let Ok(found) = fs::read_link(&path)
+            && self
+                .left_behind
+                .iter()
+                .any(|(left, to)| left == name && Path::new(to) == found)
+        {
+            fs::remove_file(&path).map_err(fail)?;
+        }
+        match symlink(target, &path) {
+            Ok(()) => Ok(Link {
+                path,
+                target: target.to_owned(),
+            }),
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+                Err(TransportError::Occupied { path })
+            }
+            Err(source) => Err(fail(source)),
+        }
+    }
+}
+
+impl Drop for PortDir {
+    fn drop(&mut self) {
+        // Best effort: what stays behind is recognised by the next owner.
+        for (name, target) in &self.left_behind {
+            remove_link(&self.path.join(name), Path::new(target));
+        }
+        let _ = fs::remove_file(self.path.join(RECORD));
+        if self.created {
+            let _ = fs::remove_dir(&self.path);
+        }
+    }
+}
+
+/// A published name; gone when dropped.
+#[derive(Debug)]
+pub(super) struct Link {
+    path: PathBuf,
+    target: PathBuf,
+}
+
+impl Link {
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+impl Drop for Link {
+    fn drop(&mut self) {
+        remove_link(&self.path, &self.target);
+    }
+}
+
+/// Removes the link unless somebody put something else in its place.
+fn remove_link(path: &Path, target: &Path) {
+    if fs::read_link(path).is_ok_and(|found| found == target) {
+        let _ = fs::remove_file(path);
+    }
+}
+
+fn is_file_at(file: &File, path: &Path) -> bool {
+    let identity = |meta: &fs::Metadata| (meta.dev(), meta.ino());
+    match (file.metadata(), fs::symlink_metadata(path)) {
+        (Ok(held), Ok(there)) => identity(&held) == identity(&there),
+        _ => false,
+    }
+}
+
+fn read_record(record: &mut File) -> io::Result<Vec<(String, String)>> {
+    let mut text = Vec::new();
+    record.take(RECORD_LEN_MAX).read_to_end(&mut text)?;
+    Ok(String::from_utf8_lossy(&text)
+        .lines()
+        .filter_map(|line| line.split_once(' '))
+        .map(|(name, target)| (name.to_owned(), target.to_owned()))
+        .collect())
+}

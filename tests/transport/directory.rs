@@ -1,0 +1,133 @@
+//! Names of ports: they appear, they go, and they are never somebody else's.
+
+use std::fs;
+use std::os::unix::fs::symlink;
+
+use hilrig::transport::{PortDir, Pty, Transport};
+
+use crate::support::*;
+
+#[test]
+fn a_name_leads_to_a_terminal_and_goes_with_it() {
+    let path = fresh_path("goes_with_it");
+    let dir = PortDir::open(&path).expect("a fresh directory");
+    let port = Pty::open(&dir, "lidar", LINE).expect("a free name");
+    assert_eq!(port.path(), path.join("lidar"));
+    let target = fs::read_link(path.join("lidar")).expect("a link");
+    assert!(target.starts_with("/dev/pts"));
+
+    drop(port);
+    assert!(fs::symlink_metadata(path.join("lidar")).is_err());
+    drop(dir);
+    assert!(!path.exists(), "what the rig made, it removes");
+}
+
+#[test]
+fn a_directory_with_other_things_in_it_stays() {
+    let path = fresh_path("other_things");
+    fs::create_dir_all(&path).expect("writable");
+    fs::write(path.join("notes"), "mine").expect("writable");
+    let dir = PortDir::open(&path).expect("free");
+    drop(Pty::open(&dir, "lidar", LINE).expect("a free name"));
+    drop(dir);
+    let left: Vec<_> = fs::read_dir(&path).expect("there").collect();
+    assert_eq!(left.len(), 1);
+}
+
+#[test]
+fn nothing_that_is_not_ours_is_overwritten() {
+    let path = fresh_path("not_ours");
+    fs::create_dir_all(&path).expect("writable");
+    fs::write(path.join("lidar"), "mine").expect("writable");
+    symlink("/dev/pts/999999", path.join("base")).expect("writable");
+    let dir = PortDir::open(&path).expect("free");
+
+    let on_file = Pty::open(&dir, "lidar", LINE).expect_err("a file is in the way");
+    let on_link = Pty::open(&dir, "base", LINE).expect_err("somebody's link is in the way");
+    assert_eq!(
+        on_file.to_string(),
+        format!(
+            "{}/lidar: expected a free name: this is not a link that a rig left behind; \
+             remove it or choose another directory",
+            path.display()
+        )
+    );
+    assert!(on_link.to_string().contains("base: expected a free name"));
+    assert_eq!(
+        fs::read_to_string(path.join("lidar")).expect("there"),
+        "mine"
+    );
+    assert!(fs::symlink_metadata(path.join("base")).is_ok());
+}
+
+/// A rig that was killed removes nothing. Its numbers are soon in use again, so that a link looks
+/// alive proves nothing; the record that it left tells whose it was.
+#[test]
+fn links_of_a_killed_rig_are_replaced() {
+    let path = fresh_path("killed_rig");
+    fs::create_dir_all(&path).expect("writable");
+    symlink("/dev/pts/999999", path.join("lidar")).expect("writable");
+    symlink("/dev/pts/999998", path.join("gone")).expect("writable");
+    fs::write(
+        path.join(".hilrig-ports"),
+        "lidar /dev/pts/999999\ngone /dev/pts/999998\n",
+    )
+    .expect("writable");
+
+    let dir = PortDir::open(&path).expect("its owner is dead");
+    let port = Pty::open(&dir, "lidar", LINE).expect("the link is dead");
+    drop(client(&port, LINE.baud));
+    drop(port);
+    drop(dir);
+    let left: Vec<_> = fs::read_dir(&path).expect("there").collect();
+    assert!(left.is_empty(), "dead links go too: {left:?}");
+}
+
+#[test]
+fn one_directory_belongs_to_one_rig() {
+    let path = fresh_path("one_rig");
+    let first = PortDir::open(&path).expect("a fresh directory");
+    let second = PortDir::open(&path).expect_err("taken");
+    assert_eq!(
+        second.to_string(),
+        format!(
+            "{}: another rig has its ports here: stop it or choose another directory",
+            path.display()
+        )
+    );
+    drop(first);
+    assert!(PortDir::open(&path).is_ok());
+}
+
+#[test]
+fn two_rigs_in_two_directories_share_names_and_nothing_else() {
+    let (dir_a, dir_b) = (fresh_dir("two_rigs_a"), fresh_dir("two_rigs_b"));
+    let mut a = Pty::open(&dir_a, "lidar", LINE).expect("a free name");
+    let mut b = Pty::open(&dir_b, "lidar", LINE).expect("a free name");
+    let (mut client_a, mut client_b) = (client(&a, LINE.baud), client(&b, LINE.baud));
+    assert_eq!(a.write(b"from a"), 6);
+    assert_eq!(b.write(b"from b"), 6);
+    assert_eq!(client_reads(&mut client_a), b"from a");
+    assert_eq!(client_reads(&mut client_b), b"from b");
+}
+
+#[test]
+fn a_name_with_a_slash_is_refused() {
+    let dir = fresh_dir("slash");
+    let error = Pty::open(&dir, "../lidar", LINE).expect_err("leads elsewhere");
+    assert_eq!(
+        error.to_string(),
+        r#"port name "../lidar": expected a plain file name such as lidar"#
+    );
+}
+
+#[test]
+fn a_directory_that_cannot_be_is_named() {
+    let error = PortDir::open("/dev/null/ports".as_ref()).expect_err("no directory");
+    assert!(
+        error
+            .to_string()
+            .starts_with("/dev/null/ports: expected a directory to put ports in: "),
+        "{error}"
+    );
+}

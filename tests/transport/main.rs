@@ -1,0 +1,9 @@
+//! The real edge: bytes through the operating system's terminals.
+//!
+//! Content and order only, never latency: every wait here ends early when what it waits for
+//! happens, and no assertion depends on how long that took.
+
+mod directory;
+mod pty;
+mod serial;
+mod support;

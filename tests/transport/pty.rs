@@ -1,0 +1,212 @@
+//! Pseudo-terminals as clients meet them.
+
+use core::time::Duration;
+use std::io::Write;
+use std::os::fd::BorrowedFd;
+
+use hilrig::clock::{Clock, WallClock};
+use hilrig::transport::PortEvent::{BaudChanged, Closed, Opened};
+use hilrig::transport::{Counters, Pty, Transport, wait};
+use protocols::Instant;
+use serialport::TTYPort;
+
+use crate::support::*;
+
+/// Binary protocols use every value; a terminal in its usual mode would echo, translate CR and
+/// LF, and swallow 0x03, 0x04, 0x11, 0x13, 0x1A.
+#[test]
+fn every_byte_value_passes_both_ways_unchanged() {
+    let dir = fresh_dir("every_byte_value");
+    let mut port = Pty::open(&dir, "lidar", LINE).expect("a free name");
+    let mut client = client(&port, LINE.baud);
+    let all: Vec<u8> = (0..=255).collect();
+
+    assert_eq!(port.write(&all), 256);
+    assert_eq!(client_reads(&mut client), all);
+
+    client.write_all(&all).expect("room for 256 bytes");
+    assert_eq!(read_exactly(&mut port, 256), all);
+    assert_eq!(port.counters(), Counters::default());
+}
+
+/// A client that sets nothing at all (a shell's `cat`) is right without it.
+#[test]
+fn a_fresh_port_is_raw_and_at_the_rate_of_its_line() {
+    let dir = fresh_dir("a_fresh_port");
+    let mut port = Pty::open(&dir, "lidar", LINE).expect("a free name");
+    let mut client = std::fs::File::options()
+        .read(true)
+        .write(true)
+        .open(port.path())
+        .expect("the name is there");
+
+    client.write_all(b"\x03\r\x11").expect("room");
+    assert_eq!(read_exactly(&mut port, 3), b"\x03\r\x11");
+    assert_eq!(drain_events(&mut port), [Opened]);
+}
+
+/// The kernel would keep 16 kB for whoever comes; a lidar does not.
+#[test]
+fn a_client_that_opens_late_gets_no_stale_byte() {
+    let dir = fresh_dir("opens_late");
+    let mut port = Pty::open(&dir, "lidar", LINE).expect("a free name");
+    assert_eq!(port.write(b"before anybody came"), 0);
+
+    let mut client = client(&port, LINE.baud);
+    assert_eq!(client_reads(&mut client), b"");
+    assert_eq!(port.write(b"now"), 3);
+    assert_eq!(client_reads(&mut client), b"now");
+    assert_eq!(
+        port.counters(),
+        Counters {
+            unheard: 19,
+            overrun: 0
+        }
+    );
+}
+
+/// The kernel hands what one client left unread to the next one.
+#[test]
+fn what_a_client_left_unread_is_gone_for_the_next() {
+    let dir = fresh_dir("left_unread");
+    let mut port = Pty::open(&dir, "lidar", LINE).expect("a free name");
+    let first = client(&port, LINE.baud);
+    assert_eq!(port.write(&[0xAA; 4096]), 4096);
+    drop(first);
+    assert_eq!(next_events(&mut port, 2), [Opened, Closed]);
+    assert_eq!(port.write(b"nobody there"), 0);
+
+    let mut second = client(&port, LINE.baud);
+    assert_eq!(client_reads(&mut second), b"");
+    assert_eq!(port.write(b"fresh"), 5);
+    assert_eq!(client_reads(&mut second), b"fresh");
+}
+
+/// Closed and opened again between two looks: the hang-up is gone by the time we look.
+#[test]
+fn a_quick_restart_of_the_client_is_noticed() {
+    let dir = fresh_dir("quick_restart");
+    let mut port = Pty::open(&dir, "lidar", LINE).expect("a free name");
+    let first = client(&port, LINE.baud);
+    assert_eq!(next_events(&mut port, 1), [Opened]);
+    assert_eq!(port.write(b"unread"), 6);
+
+    drop(first);
+    let mut second = client(&port, LINE.baud);
+    assert_eq!(next_events(&mut port, 2), [Closed, Opened]);
+    assert_eq!(client_reads(&mut second), b"");
+    drop(second);
+    assert_eq!(next_events(&mut port, 1), [Closed]);
+}
+
+/// `stty -F` and the like open a port beside the one who uses it.
+#[test]
+fn a_second_visitor_neither_opens_nor_closes() {
+    let dir = fresh_dir("second_visitor");
+    let mut port = Pty::open(&dir, "lidar", LINE).expect("a free name");
+    let open = || std::fs::File::open(port.path()).expect("not exclusive");
+    let (client, visitor) = (open(), open());
+    assert_eq!(next_events(&mut port, 1), [Opened]);
+    drop(visitor);
+    assert_eq!(next_events(&mut port, 0), []);
+    drop(client);
+    assert_eq!(next_events(&mut port, 1), [Closed]);
+}
+
+/// `echo command > DIR/pc`: the client is gone before we look for the first time.
+#[test]
+fn a_client_that_sends_and_leaves_is_heard_before_it_is_gone() {
+    let dir = fresh_dir("sends_and_leaves");
+    let mut port = Pty::open(&dir, "pc", LINE).expect("a free name");
+    std::fs::write(port.path(), b"hello").expect("room");
+
+    assert_eq!(read_exactly(&mut port, 5), b"hello");
+    assert_eq!(drain_events(&mut port), [Opened]);
+    assert_eq!(next_events(&mut port, 1), [Closed]);
+}
+
+/// The rate must be known before the bytes that were sent at it.
+#[test]
+fn the_clients_baud_rate_is_told_before_its_bytes() {
+    let dir = fresh_dir("baud_rate");
+    let mut port = Pty::open(&dir, "lidar", LINE).expect("a free name");
+    let mut client = client(&port, 9600);
+    client.write_all(b"x").expect("room");
+
+    assert_eq!(read_exactly(&mut port, 1), b"x");
+    assert_eq!(drain_events(&mut port), [Opened, BaudChanged(9600)]);
+
+    serialport::SerialPort::set_baud_rate(&mut client, 250_000).expect("any rate will do");
+    assert_eq!(next_events(&mut port, 1), [BaudChanged(250_000)]);
+}
+
+/// As in a UART driver: what came first is kept, what finds no room is lost and counted, and the
+/// line goes on as soon as somebody reads.
+#[test]
+fn a_client_that_does_not_read_loses_the_newest_bytes() {
+    let dir = fresh_dir("does_not_read");
+    let mut port = Pty::open(&dir, "lidar", LINE).expect("a free name");
+    let mut client = client(&port, LINE.baud);
+    let sent: Vec<u8> = (0..=249).cycle().take(6000).collect();
+
+    assert_eq!(port.write(&sent), Pty::UNREAD_MAX);
+    assert_eq!(port.write(b"lost too"), 0);
+    assert_eq!(port.counters().overrun, 6000 - 4096 + 8);
+
+    assert_eq!(client_reads(&mut client), sent[..Pty::UNREAD_MAX]);
+    assert_eq!(port.write(b"again"), 5);
+    assert_eq!(client_reads(&mut client), b"again");
+}
+
+/// A hung-up terminal is "ready" without end: 183,000 times in 50 ms. Nobody may wait for it.
+#[test]
+fn waiting_for_a_port_that_nobody_has_open_is_no_busy_loop() {
+    let dir = fresh_dir("no_busy_loop");
+    let mut port = Pty::open(&dir, "lidar", LINE).expect("a free name");
+    let client = client(&port, LINE.baud);
+    assert_eq!(next_events(&mut port, 1), [Opened]);
+    drop(client);
+    assert_eq!(next_events(&mut port, 1), [Closed]);
+    next_events(&mut port, 0);
+
+    let clock = WallClock::start();
+    let mut fds = Vec::new();
+    port.readiness(&mut fds);
+    wait(&fds, Duration::from_millis(50)).expect("poll works");
+    assert!(clock.now() >= Instant::from_millis(50));
+}
+
+#[test]
+fn waiting_ends_when_a_client_opens_or_sends() {
+    let dir = fresh_dir("waiting_ends");
+    let mut port = Pty::open(&dir, "lidar", LINE).expect("a free name");
+    next_events(&mut port, 0);
+    let mut client = client(&port, LINE.baud);
+    assert!(is_ready(&port));
+    assert_eq!(next_events(&mut port, 1), [Opened]);
+    assert!(!is_ready(&port));
+
+    client.write_all(b"x").expect("room");
+    assert!(is_ready(&port));
+}
+
+fn is_ready(port: &Pty) -> bool {
+    let mut fds: Vec<BorrowedFd<'_>> = Vec::new();
+    port.readiness(&mut fds);
+    let clock = WallClock::start();
+    let timeout = Duration::from_millis(100);
+    wait(&fds, timeout).expect("poll works");
+    clock.now() < Instant::ZERO + timeout
+}
+
+/// Two programs on one port would each get half of the bytes.
+#[test]
+fn a_port_that_a_client_took_for_itself_is_busy_for_the_next() {
+    let dir = fresh_dir("busy_for_the_next");
+    let port = Pty::open(&dir, "lidar", LINE).expect("a free name");
+    let first = client(&port, LINE.baud);
+    let builder = serialport::new(port.path().to_string_lossy(), LINE.baud);
+    assert!(is_busy(&TTYPort::open(&builder)));
+    drop(first);
+    assert!(TTYPort::open(&builder).is_ok());
+}

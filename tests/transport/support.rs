@@ -1,0 +1,96 @@
+//! What all tests of this binary need: a directory of their own, a client, patience.
+
+use core::time::Duration;
+use std::path::PathBuf;
+
+use hilrig::clock::{Clock, WallClock};
+use hilrig::transport::{PortDir, PortEvent, Transport};
+use protocols::{Instant, LineConfig};
+use serialport::{ErrorKind, TTYPort};
+
+/// The lidar's line, as any line would do.
+pub(crate) const LINE: LineConfig = LineConfig::new_8n1(115_200);
+
+/// How long a test waits for what must happen. Only a failing test waits that long.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// How long a test waits for what must not happen.
+const QUIET: Duration = Duration::from_millis(30);
+
+/// A path that no other test and no other test run uses; nothing is there yet.
+pub(crate) fn fresh_path(name: &str) -> PathBuf {
+    let path =
+        PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}-{}", std::process::id()));
+    let _ = std::fs::remove_dir_all(&path);
+    path
+}
+
+pub(crate) fn fresh_dir(name: &str) -> PortDir {
+    PortDir::open(&fresh_path(name)).expect("a fresh directory is free")
+}
+
+/// A client as most programs are: it sets raw mode, exclusive use and the baud rate.
+pub(crate) fn client(port: &impl Transport, baud: u32) -> TTYPort {
+    let builder = serialport::new(port.path().to_string_lossy(), baud).timeout(QUIET);
+    TTYPort::open(&builder).expect("the port is free")
+}
+
+/// All that the client can read until its line is quiet.
+pub(crate) fn client_reads(client: &mut TTYPort) -> Vec<u8> {
+    let mut all = Vec::new();
+    let mut buf = [0; 1024];
+    loop {
+        match std::io::Read::read(client, &mut buf) {
+            Ok(len) => all.extend_from_slice(&buf[..len]),
+            Err(error) if error.kind() == std::io::ErrorKind::TimedOut => return all,
+            Err(error) => panic!("client: {error}"),
+        }
+    }
+}
+
+/// Reads until `count` bytes are there.
+pub(crate) fn read_exactly(port: &mut impl Transport, count: usize) -> Vec<u8> {
+    let mut all = Vec::new();
+    let mut buf = [0; 1024];
+    wait_until(|| {
+        let len = port.read(&mut buf).expect("the port stays");
+        all.extend_from_slice(&buf[..len]);
+        all.len() >= count
+    });
+    assert_eq!(all.len(), count, "more bytes than were sent");
+    all
+}
+
+/// The next `count` events, in order.
+pub(crate) fn next_events(port: &mut impl Transport, count: usize) -> Vec<PortEvent> {
+    let mut events = Vec::new();
+    wait_until(|| {
+        let len = port.read(&mut [0; 1]).expect("the port stays");
+        assert_eq!(len, 0, "no bytes were sent");
+        events.extend(drain_events(port));
+        events.len() >= count
+    });
+    assert_eq!(
+        events.len(),
+        count,
+        "more happened than was done: {events:?}"
+    );
+    events
+}
+
+pub(crate) fn drain_events(port: &mut impl Transport) -> Vec<PortEvent> {
+    core::iter::from_fn(|| port.next_event()).collect()
+}
+
+/// Tries again until `done`, for as long as patience lasts.
+pub(crate) fn wait_until(mut done: impl FnMut() -> bool) {
+    let clock = WallClock::start();
+    while !done() {
+        assert!(clock.now() < Instant::ZERO + PATIENCE, "waited in vain");
+        clock.sleep_until(clock.now() + Duration::from_millis(1));
+    }
+}
+
+/// Whether the port's library calls this error a port that somebody else has.
+pub(crate) fn is_busy(opened: &serialport::Result<TTYPort>) -> bool {
+    matches!(opened, Err(error) if error.kind() == ErrorKind::NoDevice)
+}
