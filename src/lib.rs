@@ -1,14 +1,35 @@
 //! hilrig: a hardware-in-the-loop rig for small serial robots.
 //!
-//! Follow a byte: a device makes it ([`emulators`]), a [`line`](mod@line) carries it, damages it by its
-//! [`fault`]s and shows it to the [`trace`], the [`rig`] hands it to the robot's program
+//! Follow a byte: a device makes it ([`emulators`]), a [`line`](mod@line) carries it, damages it by
+//! its [`fault`]s and shows it to the [`trace`], the [`rig`] hands it to the robot's program
 //! ([`firmware_core`]) and carries the answer back.
+//!
+//! | module | is |
+//! |---|---|
+//! | [`scenario`], [`plan`] | a run as data; floor plans |
+//! | [`robots`] | which devices, links and program a robot consists of |
+//! | [`rig`], [`line`](mod@line), [`fault`], [`resample`], [`cpu`] | nodes and lines under one clock |
+//! | [`trace`] | who sees the bytes |
+//! | [`run`], [`mission`], [`check`], [`score`] | a run watched and judged |
+//! | [`folder`], [`render`] | what a run leaves behind |
+//! | [`transport`], [`clock`] | the outside world |
+//! | [`cli`] | the commands |
 
+pub mod check;
+pub mod cli;
+pub mod clock;
 pub mod cpu;
 pub mod fault;
+pub mod folder;
 pub mod line;
+pub mod mission;
 pub mod plan;
+pub mod render;
 pub mod resample;
 pub mod rig;
+pub mod robots;
+pub mod run;
 pub mod scenario;
+pub mod score;
 pub mod trace;
+pub mod transport;

@@ -1,3 +1,7 @@
-//! The `hilrig` command.
+//! The `hilrig` command: parses, runs, maps the result to an exit code.
 
-fn main() {}
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    hilrig::cli::main()
+}

@@ -199,6 +199,23 @@ pub struct Logged {
     pub event: Event,
 }
 
+impl Logged {
+    /// Whether a master broke a rule.
+    pub fn is_violation(&self) -> bool {
+        self.event.kind == EventKind::Violation
+    }
+}
+
+impl core::fmt::Display for Logged {
+    /// `12.345678 base unknown-register: ..`.
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let Event {
+            at, rule, detail, ..
+        } = &self.event;
+        write!(f, "{at} {} {rule}: {detail}", self.source)
+    }
+}
+
 /// Most events kept; further ones are only counted.
 pub const EVENTS_MAX: usize = 10_000;
 

@@ -8,9 +8,11 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use emulators::rng::Rng;
+use protocols::Instant;
 use serde::{Deserialize, Serialize};
 
-use crate::fault::DamageKind;
+use crate::fault::{Damage, DamageKind, LineFaults, Strike, Window};
 use crate::line::Direction;
 pub use span::Span;
 pub use world::WorldSpec;
@@ -296,6 +298,78 @@ pub struct FaultSpec {
     /// Ends here instead of at the end of the run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub until: Option<Span>,
+}
+
+impl FaultSpec {
+    /// The fault that does once more what `strike` did.
+    pub fn of_strike(link: &str, direction: DirectionSpec, strike: Strike) -> Self {
+        let (kind, bit, value) = match strike.damage {
+            Damage::Flip { bit } => (FaultKind::Flip, Some(bit), None),
+            Damage::Drop => (FaultKind::Drop, None, None),
+            Damage::Insert { value } => (FaultKind::Insert, None, Some(value)),
+            Damage::Duplicate => (FaultKind::Duplicate, None, None),
+        };
+        let link = toml::Spanned::new(0..0, link.to_owned());
+        let byte = Some(strike.byte);
+        Self {
+            link,
+            direction,
+            kind,
+            rate: None,
+            byte,
+            bit,
+            value,
+            from: None,
+            until: None,
+        }
+    }
+
+    /// Plans the fault on `line`; `index` is its place in the scenario's list.
+    pub fn plan(
+        &self,
+        index: usize,
+        line: &mut LineFaults,
+        seed: u64,
+        source: &Source,
+    ) -> Result<(), ScenarioError> {
+        let invalid = |key: &str, message: &str| {
+            let key = format!("fault[{index}].{key}");
+            Err(source.invalid(Some(self.link.span()), key, message))
+        };
+        let window = Window {
+            from: self.from.map_or(Instant::ZERO, Span::instant),
+            until: self.until.map_or(Window::ALWAYS.until, Span::instant),
+        };
+        let Some(kind) = self.kind.damage() else {
+            line.add_cut(window);
+            return Ok(());
+        };
+        match (&self.rate, self.byte) {
+            (Some(rate), None) if (0.0..=1.0).contains(rate.get_ref()) => {
+                let stream = format!("fault.{index}");
+                line.add_rate(kind, window, *rate.get_ref(), Rng::stream(seed, &stream));
+                Ok(())
+            }
+            (Some(_), None) => invalid("rate", "expected a chance per byte from 0 to 1"),
+            (None, Some(byte)) => {
+                let damage = match (self.kind, self.bit, self.value) {
+                    (FaultKind::Flip, Some(bit @ 0..8), None) => Damage::Flip { bit },
+                    (FaultKind::Flip, ..) => {
+                        return invalid("bit", "a flip of one byte needs its bit, 0 to 7");
+                    }
+                    (FaultKind::Insert, None, Some(value)) => Damage::Insert { value },
+                    (FaultKind::Insert, ..) => {
+                        return invalid("value", "an insertion at one byte needs its value");
+                    }
+                    (FaultKind::Duplicate, ..) => Damage::Duplicate,
+                    (FaultKind::Drop | FaultKind::Cut, ..) => Damage::Drop,
+                };
+                line.add_strike(Strike { byte, damage });
+                Ok(())
+            }
+            _ => invalid("rate", "expected either a rate or the number of a byte"),
+        }
+    }
 }
 
 /// Directions as in a file.

@@ -1,0 +1,99 @@
+//! The command line: one file per command.
+
+mod demo;
+mod run;
+
+use std::fmt;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use crate::folder::FolderError;
+use crate::scenario::ScenarioError;
+
+/// Hardware-in-the-loop rig for small serial robots.
+#[derive(Debug, Parser)]
+#[command(
+    name = "hilrig",
+    version,
+    max_term_width = 100,
+    arg_required_else_help = true
+)]
+#[command(after_help = "Exit codes: 0 all expectations hold, 1 some fail, 2 usage or set-up.")]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Demo(demo::Demo),
+    Run(run::RunArgs),
+}
+
+/// What a command came to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// Everything held.
+    Pass,
+    /// An expectation failed.
+    Fail,
+}
+
+/// Why a command could not do its work: usage or set-up, exit code 2.
+#[derive(Debug)]
+pub enum CliError {
+    /// A scenario cannot be run.
+    Scenario(ScenarioError),
+    /// A result cannot be written.
+    Folder(FolderError),
+    /// Anything else, as a sentence that names what is wrong and what was expected.
+    Other(String),
+}
+
+impl fmt::Display for CliError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Scenario(error) => error.fmt(f),
+            Self::Folder(error) => error.fmt(f),
+            Self::Other(error) => f.write_str(error),
+        }
+    }
+}
+
+impl std::error::Error for CliError {}
+
+impl From<ScenarioError> for CliError {
+    fn from(error: ScenarioError) -> Self {
+        Self::Scenario(error)
+    }
+}
+
+impl From<FolderError> for CliError {
+    fn from(error: FolderError) -> Self {
+        Self::Folder(error)
+    }
+}
+
+/// Runs the command that the process was started with.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let result = match cli.command {
+        Command::Demo(args) => demo::run(args),
+        Command::Run(args) => run::run(args),
+    };
+    match result {
+        Ok(Verdict::Pass) => ExitCode::SUCCESS,
+        Ok(Verdict::Fail) => ExitCode::from(1),
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// Where results go unless told otherwise.
+fn default_out(name: &str, seed: u64) -> PathBuf {
+    PathBuf::from("hilrig-out").join(format!("{name}-{seed}"))
+}

@@ -1,0 +1,164 @@
+use core::time::Duration;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use protocols::Instant;
+
+use super::{CliError, Verdict, default_out};
+use crate::check::Status;
+use crate::clock::{Clock, WallClock};
+use crate::folder::{self, FolderError, Metrics};
+use crate::run::{Outcome, Run};
+use crate::scenario::{Scenario, Source};
+
+/// Run scenarios and judge them, for CI.
+///
+/// Each run leaves a result folder. When something fails, the one command that repeats the case is
+/// printed.
+#[derive(Debug, Args)]
+#[command(
+    after_long_help = "Examples:\n  hilrig run scenarios/rescue-flat.toml\n  \
+    hilrig run scenarios/*.toml --junit junit.xml\n  \
+    hilrig run hilrig-out/rescue-flat-1/case.toml   # a saved case: the same bytes again"
+)]
+pub(super) struct RunArgs {
+    /// Scenario files, or saved cases
+    #[arg(required = true, value_name = "SCENARIO")]
+    scenarios: Vec<PathBuf>,
+    /// Seed in place of the scenarios' own
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
+    seed: Option<u64>,
+    /// Folder for the results; with several scenarios, one folder in it for each
+    /// [default: hilrig-out/NAME-SEED]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Write the verdicts of all runs as JUnit XML
+    #[arg(long, value_name = "FILE")]
+    junit: Option<PathBuf>,
+}
+
+pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
+    // All files are read before the first run, so that a typing error in the last one is not
+    // found out after an hour.
+    let scenarios = args
+        .scenarios
+        .iter()
+        .map(|path| Ok((path, Scenario::read(path)?)))
+        .collect::<Result<Vec<_>, CliError>>()?;
+    let several = scenarios.len() > 1;
+    let mut outcomes = Vec::new();
+    let mut wall = Duration::ZERO;
+    for (path, (scenario, source)) in scenarios {
+        let seed = args.seed.unwrap_or(scenario.seed);
+        let out = match &args.out {
+            Some(out) if several => out.join(format!("{}-{seed}", scenario.name)),
+            Some(out) => out.clone(),
+            None => default_out(&scenario.name, seed),
+        };
+        let ran = virtual_run(scenario, &source, args.seed, &out, Talk::Verdict)?;
+        wall += ran.wall;
+        if !ran.outcome.passed() {
+            eprintln!("repeat with: hilrig run {} --seed {seed}", path.display());
+        }
+        outcomes.push(ran.outcome);
+    }
+    if let Some(path) = args.junit {
+        let text = folder::junit(&outcomes, wall);
+        std::fs::write(&path, text).map_err(|source| FolderError { path, source })?;
+    }
+    Ok(if outcomes.iter().all(Outcome::passed) {
+        Verdict::Pass
+    } else {
+        Verdict::Fail
+    })
+}
+
+/// How much is said while a run goes on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Talk {
+    /// What the robot does, as it does it.
+    Story,
+    /// The verdict only, and progress when it takes long.
+    Verdict,
+}
+
+/// A finished run.
+pub(super) struct Ran {
+    pub(super) outcome: Outcome,
+    pub(super) wall: Duration,
+}
+
+/// Time of silence after which a long run says how far it is.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// Runs one scenario in virtual time and writes its result folder.
+pub(super) fn virtual_run(
+    scenario: Scenario,
+    source: &Source,
+    seed: Option<u64>,
+    out: &Path,
+    talk: Talk,
+) -> Result<Ran, CliError> {
+    // Before the run: a folder that cannot be written must not cost a whole run.
+    let make = std::fs::create_dir_all(out);
+    make.map_err(|source| FolderError {
+        path: out.to_owned(),
+        source,
+    })?;
+    let clock = WallClock::start();
+    let mut run = Run::new(scenario, source, seed)?;
+    let name = run.scenario().name.clone();
+    let seed = run.scenario().seed;
+    if talk == Talk::Story {
+        eprintln!(
+            "{name}, seed {seed}: up to {} of virtual time",
+            run.scenario().duration
+        );
+    }
+    let (mut visits, mut said) = (0, Duration::ZERO);
+    while !run.is_over() {
+        run.step();
+        let progress = run.progress();
+        let elapsed = clock.now() - Instant::ZERO;
+        let new_visit = progress.visits().len() > visits;
+        visits = progress.visits().len();
+        if (talk == Talk::Story && new_visit) || elapsed - said >= PATIENCE {
+            said = elapsed;
+            let mode = run.rig.program().map_or("", |program| program.mode());
+            let (now, all) = (run.rig.now(), progress.waypoints());
+            eprintln!("  {now} s  waypoint {visits} of {all} visited  {mode}");
+        }
+    }
+    let outcome = run.judge();
+    let wall = clock.now() - Instant::ZERO;
+    folder::write(out, &outcome, wall)?;
+    print_summary(&outcome, wall, out);
+    Ok(Ran { outcome, wall })
+}
+
+fn print_summary(outcome: &Outcome, wall: Duration, out: &Path) {
+    let metrics = Metrics::of(outcome, wall);
+    let verdict = if outcome.passed() { "PASS" } else { "FAIL" };
+    println!("{verdict} {} seed {}", outcome.case.name, outcome.seed);
+    for check in &outcome.checks {
+        let mark = match check.status {
+            Status::Pass => "ok  ",
+            Status::Fail => "FAIL",
+        };
+        println!("  {mark} {:<25} {}", check.name, check.detail);
+    }
+    let (sim_s, wall_s) = (metrics.sim_s, metrics.wall_s);
+    println!(
+        "  {sim_s:.1} s simulated in {wall_s:.2} s, {:.0} times real time",
+        metrics.speedup
+    );
+    if let Some(error) = outcome.pose_error {
+        let (mm, deg) = (error.rms_mm, error.rms_deg);
+        println!(
+            "  pose error {mm:.1} mm and {deg:.2} deg RMS, at worst {:.1} mm",
+            error.max_mm
+        );
+    }
+    println!("  trace {}", outcome.trace_hash);
+    println!("  results in {}", out.display());
+}

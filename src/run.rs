@@ -1,0 +1,336 @@
+//! One run of a scenario in virtual time: wired, driven, watched, judged.
+
+use core::time::Duration;
+use std::collections::BTreeMap;
+
+use emulators::world::Pose;
+use firmware_core::grid::Grid;
+use protocols::Instant;
+
+use crate::check::{self, Check, Checker, Look, Status};
+use crate::line::Direction;
+use crate::mission::Progress;
+use crate::rig::{Logged, Rig};
+use crate::robots::{self, Dut, PcEnd, Wired};
+use crate::scenario::world::PushSpec;
+use crate::scenario::{
+    DirectionSpec, FaultKind, FaultSpec, Origin, Scenario, ScenarioError, Source,
+};
+use crate::score::{self, PoseError, PosePair, WallOverlap};
+
+/// Virtual time between two looks of the checkers. Each millisecond more would hide a shorter
+/// lapse, each less would cost a look; the shortest rule watched is tens of milliseconds.
+const LOOK_EVERY: Duration = Duration::from_millis(10);
+/// Virtual time between two points of the true way that is kept.
+const WAY_EVERY: u32 = 5;
+
+/// A run under way.
+pub struct Run {
+    /// The rig.
+    pub rig: Rig,
+    scenario: Scenario,
+    seed: u64,
+    checkers: Vec<Box<dyn Checker>>,
+    progress: Progress,
+    pushes: Vec<PushSpec>,
+    truth: Vec<(Instant, Pose)>,
+    pairs: Vec<PosePair>,
+    looks: u32,
+}
+
+/// How a run ended.
+pub struct Outcome {
+    /// The scenario as run, faults written out as what they did: running it again gives the same
+    /// bytes.
+    pub case: Scenario,
+    /// The seed.
+    pub seed: u64,
+    /// All verdicts.
+    pub checks: Vec<Check>,
+    /// Length of the run in virtual time.
+    pub ran: Duration,
+    /// Errors of the believed pose, if the program runs in this process.
+    pub pose_error: Option<PoseError>,
+    /// Agreement of map and world, if the program runs in this process.
+    pub wall_overlap: Option<WallOverlap>,
+    /// True way.
+    pub truth: Vec<(Instant, Pose)>,
+    /// Believed poses beside the true ones.
+    pub pairs: Vec<PosePair>,
+    /// The program's map.
+    pub map: Option<Box<Grid>>,
+    /// The program's counters.
+    pub counters: BTreeMap<&'static str, u64>,
+    /// What devices reported.
+    pub events: Vec<Logged>,
+    /// How often the program broke a rule of a device.
+    pub violations: u64,
+    /// Waypoints visited and demanded.
+    pub waypoints: [usize; 2],
+    /// Fingerprint of all bytes.
+    pub trace_hash: String,
+}
+
+impl Outcome {
+    /// Whether every check passed.
+    pub fn passed(&self) -> bool {
+        self.checks.iter().all(|check| check.status == Status::Pass)
+    }
+}
+
+impl Run {
+    /// Wires `scenario` for a run in this process, with `seed` in place of its own if given.
+    pub fn new(
+        scenario: Scenario,
+        source: &Source,
+        seed: Option<u64>,
+    ) -> Result<Self, ScenarioError> {
+        let mut scenario = scenario;
+        scenario.seed = seed.unwrap_or(scenario.seed);
+        let world = scenario.world.build(scenario.seed, source)?;
+        let Wired { rig, .. } =
+            robots::wire(&scenario, source, world, Dut::Internal, PcEnd::Scripted)?;
+        Ok(Self::with_rig(scenario, rig))
+    }
+
+    /// A run of `scenario` in a rig that was wired for it.
+    pub fn with_rig(scenario: Scenario, rig: Rig) -> Self {
+        let watch = robots::watch(scenario.robot);
+        let mut pushes = scenario.world.push.clone();
+        pushes.sort_by_key(|push| push.at);
+        Self {
+            rig,
+            seed: scenario.seed,
+            checkers: check::standard(watch.command_link, watch.silence_max),
+            progress: Progress::new(&scenario.mission, &scenario.expect),
+            pushes,
+            truth: Vec::new(),
+            pairs: Vec::new(),
+            looks: 0,
+            scenario,
+        }
+    }
+
+    /// The scenario being run.
+    pub const fn scenario(&self) -> &Scenario {
+        &self.scenario
+    }
+
+    /// How far the mission has come.
+    pub const fn progress(&self) -> &Progress {
+        &self.progress
+    }
+
+    /// Adds a checker of one's own.
+    pub fn add_checker(&mut self, checker: Box<dyn Checker>) {
+        self.checkers.push(checker);
+    }
+
+    /// Whether the mission is over or the time is up.
+    pub fn is_over(&self) -> bool {
+        let now = self.rig.now();
+        let received = match self.scenario.expect.map_received {
+            Some(true) => robots::map_received(self.scenario.robot, &self.rig).unwrap_or(true),
+            _ => true,
+        };
+        now >= self.scenario.duration.instant() || (received && self.progress.is_over(now))
+    }
+
+    /// Runs on until the next look of the checkers.
+    pub fn step(&mut self) {
+        let next = (self.rig.now() + LOOK_EVERY).min(self.scenario.duration.instant());
+        while let Some(push) = self.pushes.first().copied()
+            && push.at.instant() <= next
+        {
+            self.rig.run_until(push.at.instant());
+            let turn = push.turn_deg.to_radians();
+            self.rig
+                .world
+                .push(push.by_m[0], push.by_m[1], turn, push.over.0);
+            self.pushes.remove(0);
+        }
+        self.rig.run_until(next);
+        self.look();
+    }
+
+    fn look(&mut self) {
+        let contacts = self.rig.world.take_contacts();
+        let actuators = robots::actuators(self.scenario.robot, &self.rig);
+        let look = Look {
+            rig: &self.rig,
+            actuators,
+            contacts: &contacts,
+        };
+        self.checkers
+            .iter_mut()
+            .for_each(|checker| checker.observe(&look));
+
+        let (now, pose) = (self.rig.now(), self.rig.world.pose());
+        self.progress.observe(now, pose, self.rig.world.is_moving());
+        if self.looks.is_multiple_of(WAY_EVERY) {
+            self.truth.push((now, pose));
+        }
+        self.looks += 1;
+        if let Some((at, estimate)) = self.rig.program().and_then(|program| program.estimate())
+            && self.pairs.last().is_none_or(|pair| pair.at < at)
+        {
+            let truth = self.rig.world.pose_at(at);
+            self.pairs.push(PosePair::new(at, truth, estimate));
+        }
+    }
+
+    /// Runs to the end.
+    pub fn finish(mut self) -> Outcome {
+        while !self.is_over() {
+            self.step();
+        }
+        self.judge()
+    }
+
+    /// Ends the run here and judges it.
+    pub fn judge(self) -> Outcome {
+        let program = self.rig.program();
+        let map = program
+            .and_then(|program| program.map())
+            .map(|map| Box::new(map.clone()));
+        let mut counters = BTreeMap::new();
+        if let Some(program) = program {
+            program.counters(&mut |name, value| {
+                counters.insert(name, value);
+            });
+        }
+        let way: Vec<Pose> = self
+            .truth
+            .iter()
+            .step_by(WAY_EVERY as usize)
+            .map(|&(_, pose)| pose)
+            .collect();
+        let wall_overlap = map
+            .as_ref()
+            .map(|map| score::wall_overlap(map, &self.rig.world, &way));
+        let pose_error = score::pose_error(&self.pairs);
+        let mut checks: Vec<Check> = self
+            .checkers
+            .iter()
+            .map(|checker| checker.verdict())
+            .collect();
+        checks.extend(self.expectations(pose_error, wall_overlap));
+        Outcome {
+            case: self.case(),
+            seed: self.seed,
+            checks,
+            ran: self.rig.now() - Instant::ZERO,
+            pose_error,
+            wall_overlap,
+            map,
+            counters,
+            events: self.rig.events().to_vec(),
+            violations: self.rig.violations(),
+            waypoints: [self.progress.visits().len(), self.progress.waypoints()],
+            trace_hash: self.rig.trace_hash(),
+            truth: self.truth,
+            pairs: self.pairs,
+        }
+    }
+
+    fn expectations(
+        &self,
+        pose_error: Option<PoseError>,
+        wall_overlap: Option<WallOverlap>,
+    ) -> Vec<Check> {
+        let expect = &self.scenario.expect;
+        let mut checks = Vec::new();
+        let mut at_most = |name: &str, max: Option<f64>, value: Option<f64>, unit: &str| {
+            if let Some(max) = max {
+                let pass = value.is_some_and(|value| value <= max);
+                let value = value.map_or("nothing".to_owned(), |value| format!("{value:.1}"));
+                checks.push(Check::new(
+                    name,
+                    pass,
+                    format!("{value} {unit}, at most {max}"),
+                ));
+            }
+        };
+        let rms = pose_error;
+        at_most(
+            "pose-rms",
+            expect.pose_rms_mm_max,
+            rms.map(|e| e.rms_mm),
+            "mm",
+        );
+        at_most(
+            "heading-rms",
+            expect.heading_rms_deg_max,
+            rms.map(|e| e.rms_deg),
+            "deg",
+        );
+        let from_last = self.progress.from_last_mm();
+        at_most(
+            "returned",
+            expect.return_within_mm,
+            from_last,
+            "mm from the last waypoint",
+        );
+        if let Some(within) = expect.visit_within_mm {
+            let (visits, all) = (self.progress.visits().len(), self.progress.waypoints());
+            let detail = format!("{visits} of {all} waypoints within {within} mm");
+            checks.push(Check::new("waypoints-visited", visits == all, detail));
+        }
+        if let Some(min) = expect.wall_overlap_min {
+            let overlap = wall_overlap.unwrap_or_default();
+            let detail = format!(
+                "{:.3} of the walls found, {:.3} of the found ones right, at least {min}",
+                overlap.found, overlap.right
+            );
+            checks.push(Check::new("wall-overlap", overlap.least() >= min, detail));
+        }
+        if let Some(max) = expect.violations_max {
+            let found = self.rig.violations();
+            let mut detail = format!("{found} broken rules, at most {max}");
+            if let Some(first) = self
+                .rig
+                .events()
+                .iter()
+                .find(|logged| logged.is_violation())
+            {
+                detail += &format!("; first: {first}");
+            }
+            checks.push(Check::new("violations", found <= max, detail));
+        }
+        if let Some(wanted) = expect.map_received {
+            let received = robots::map_received(self.scenario.robot, &self.rig);
+            let pass = received == Some(wanted);
+            let detail = if received == Some(true) {
+                "all rows"
+            } else {
+                "rows are missing"
+            };
+            checks.push(Check::new("map-received", pass, detail));
+        }
+        checks
+    }
+
+    /// The scenario as a value: seed and defaults written out, and random faults replaced by the
+    /// bytes that they hit.
+    fn case(&self) -> Scenario {
+        let mut case = self.scenario.clone();
+        case.seed = self.seed;
+        case.origin = Some(Origin {
+            tool: concat!("hilrig ", env!("CARGO_PKG_VERSION")).to_owned(),
+            trace_hash: self.rig.trace_hash(),
+        });
+        let is_cut = |fault: &FaultSpec| fault.kind == FaultKind::Cut;
+        case.fault.retain(is_cut);
+        for link in self.rig.links() {
+            for (direction, spec) in [
+                (Direction::ToMaster, DirectionSpec::ToMaster),
+                (Direction::ToDevice, DirectionSpec::ToDevice),
+            ] {
+                let struck = link.line(direction).faults.struck();
+                case.fault
+                    .extend(struck.map(|strike| FaultSpec::of_strike(&link.name, spec, *strike)));
+            }
+        }
+        case
+    }
+}
