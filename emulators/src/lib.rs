@@ -7,10 +7,13 @@
 //! | module | is |
 //! |---|---|
 //! | [`device`] | the contract of every device |
+//! | [`hc06`] | Bluetooth radio: command and data mode, finite FIFO, slow air |
 //! | [`world`] | ground truth: scene, robot body, physics, ray casts |
 //! | [`rng`] | named random streams from one seed |
 
 pub mod device;
+mod event_log;
+pub mod hc06;
 pub mod rng;
 pub mod world;
 

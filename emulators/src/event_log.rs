@@ -1,0 +1,176 @@
+//! A device's log that cannot be flooded: a rule broken a thousand times a second makes a few
+//! entries with counts, not a thousand entries.
+
+use core::time::Duration;
+
+use protocols::Instant;
+
+use crate::device::{Event, EventKind, earliest};
+
+/// Most entries kept until somebody takes them; further ones are only counted.
+const EVENTS_MAX: usize = 1024;
+/// First pause between two entries about the same rule; doubles while the rule is being broken.
+const PAUSE_MIN: Duration = Duration::from_secs(1);
+/// Longest pause between two entries about the same rule.
+const PAUSE_MAX: Duration = Duration::from_secs(64);
+
+/// Entries not taken yet, and rules whose repetitions are being counted.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct EventLog {
+    events: Vec<Event>,
+    dropped: u64,
+    repeats: Vec<Repeat>,
+}
+
+#[derive(Clone, Debug)]
+struct Repeat {
+    kind: EventKind,
+    rule: &'static str,
+    pause: Duration,
+    report_at: Instant,
+    count: u64,
+    last: Instant,
+}
+
+impl EventLog {
+    /// Something happened.
+    pub(crate) fn note(&mut self, at: Instant, rule: &'static str, detail: String) {
+        self.push(at, EventKind::Note, rule, detail, &[]);
+    }
+
+    /// The master broke a rule that it cannot break often.
+    pub(crate) fn violation(
+        &mut self,
+        at: Instant,
+        rule: &'static str,
+        detail: String,
+        bytes: &[u8],
+    ) {
+        self.push(at, EventKind::Violation, rule, detail, bytes);
+    }
+
+    /// Something that may happen at any rate: the first time makes an entry, further times are
+    /// counted and make an entry after a pause.
+    pub(crate) fn repeated(
+        &mut self,
+        at: Instant,
+        kind: EventKind,
+        rule: &'static str,
+        detail: impl FnOnce() -> String,
+    ) {
+        if let Some(repeat) = self.repeats.iter_mut().find(|repeat| repeat.rule == rule) {
+            repeat.count += 1;
+            repeat.last = at;
+            return;
+        }
+        self.repeats.push(Repeat {
+            kind,
+            rule,
+            pause: PAUSE_MIN,
+            report_at: at + PAUSE_MIN,
+            count: 0,
+            last: at,
+        });
+        self.push(at, kind, rule, detail(), &[]);
+    }
+
+    /// Writes the counts that are due; rules that were kept meanwhile are forgotten.
+    pub(crate) fn poll(&mut self, now: Instant) {
+        if self.repeats.iter().all(|repeat| repeat.report_at > now) {
+            return;
+        }
+        let mut repeats = core::mem::take(&mut self.repeats);
+        repeats.retain_mut(|repeat| {
+            if repeat.report_at > now {
+                return true;
+            }
+            if repeat.count == 0 {
+                return false;
+            }
+            let detail = format!("{} more times until {} s", repeat.count, repeat.last);
+            self.push(now, repeat.kind, repeat.rule, detail, &[]);
+            repeat.count = 0;
+            repeat.pause = (repeat.pause * 2).min(PAUSE_MAX);
+            repeat.report_at = now + repeat.pause;
+            true
+        });
+        self.repeats = repeats;
+    }
+
+    /// When a count is due.
+    pub(crate) fn poll_at(&self) -> Option<Instant> {
+        earliest(self.repeats.iter().map(|repeat| Some(repeat.report_at)))
+    }
+
+    /// The entries since the last call, oldest first.
+    pub(crate) fn take(&mut self) -> Vec<Event> {
+        let mut events = core::mem::take(&mut self.events);
+        let dropped = core::mem::take(&mut self.dropped);
+        if let (Some(last), 1..) = (events.last(), dropped) {
+            let at = last.at;
+            events.push(Event {
+                at,
+                kind: EventKind::Note,
+                rule: "events-dropped",
+                detail: format!("{dropped} later entries did not fit the log"),
+                bytes: Vec::new(),
+            });
+        }
+        events
+    }
+
+    fn push(
+        &mut self,
+        at: Instant,
+        kind: EventKind,
+        rule: &'static str,
+        detail: String,
+        bytes: &[u8],
+    ) {
+        if self.events.len() == EVENTS_MAX {
+            self.dropped += 1;
+            return;
+        }
+        self.events.push(Event {
+            at,
+            kind,
+            rule,
+            detail,
+            bytes: bytes.to_vec(),
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ten times in the first second: one entry at once, one count a second later, then silence.
+    #[test]
+    fn a_rule_broken_again_and_again_is_counted_not_repeated() {
+        let mut log = EventLog::default();
+        for at in (0..10).map(|n| Instant::from_millis(n * 10)) {
+            log.repeated(at, EventKind::Violation, "too-fast", || "one".to_owned());
+        }
+        assert_eq!(log.poll_at(), Some(Instant::from_secs(1)));
+        log.poll(Instant::from_secs(1));
+        log.poll(Instant::from_secs(3));
+
+        let events = log.take();
+        assert_eq!(events.len(), 2);
+        assert_eq!(events[1].detail, "9 more times until 0.090000 s");
+        assert_eq!(log.poll_at(), None);
+    }
+
+    #[test]
+    fn a_log_that_nobody_takes_stays_bounded() {
+        let mut log = EventLog::default();
+        for _ in 0..EVENTS_MAX + 5 {
+            log.note(Instant::ZERO, "again", String::new());
+        }
+        let events = log.take();
+        assert_eq!(events.len(), EVENTS_MAX + 1);
+        assert_eq!(events[EVENTS_MAX].rule, "events-dropped");
+        assert!(log.take().is_empty());
+    }
+}
