@@ -335,7 +335,7 @@ mod identity {
             prop_assert_eq!(found.iter().collect::<Vec<_>>(), list);
         }
 
-        /// Whichever form a row takes, its pixels arrive, and it is never longer than the plain one.
+        /// Whichever form a row takes, its pixels arrive, and none is longer than the plain one.
         #[test]
         fn of_map_rows(layer: u8, y: u16, pixels in super::super::rle::row(1..=300)) {
             let bytes = encoded(|frame| {

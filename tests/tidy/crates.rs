@@ -1,0 +1,159 @@
+//! Rules about crates: who may know whom, and what they may be used under.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::process::Command;
+
+use serde_json::Value;
+
+use crate::files::root;
+
+/// What cargo knows about this workspace and everything it is built from on this host.
+fn metadata() -> Value {
+    let cargo = env!("CARGO");
+    let version = Command::new(cargo).arg("-vV").output().expect("cargo runs");
+    let version = String::from_utf8(version.stdout).expect("cargo speaks UTF-8");
+    let host = version
+        .lines()
+        .find_map(|line| line.strip_prefix("host: "))
+        .expect("cargo names its host");
+    let output = Command::new(cargo)
+        .args([
+            "metadata",
+            "--offline",
+            "--format-version=1",
+            "--filter-platform",
+            host,
+        ])
+        .current_dir(root())
+        .output()
+        .expect("cargo runs");
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "cargo metadata: {errors}");
+    serde_json::from_slice(&output.stdout).expect("cargo writes JSON")
+}
+
+fn text<'a>(value: &'a Value, key: &str) -> &'a str {
+    value[key]
+        .as_str()
+        .unwrap_or_else(|| panic!("no {key} in {value}"))
+}
+
+fn list<'a>(value: &'a Value, key: &str) -> &'a [Value] {
+    value[key].as_array().unwrap_or_else(|| panic!("no {key}"))
+}
+
+/// The crates of the workspace with the names of what they depend on, for tests or not.
+fn dependencies(metadata: &Value, with_tests: bool) -> BTreeMap<String, BTreeSet<String>> {
+    let ours = list(metadata, "packages")
+        .iter()
+        .filter(|package| package["source"].is_null());
+    ours.map(|package| {
+        let known = list(package, "dependencies")
+            .iter()
+            .filter(|known| with_tests || known["kind"] != "dev")
+            .map(|known| text(known, "name").to_owned());
+        (text(package, "name").to_owned(), known.collect())
+    })
+    .collect()
+}
+
+/// Emulators and firmware share nothing but the wire, and nobody knows the rig; not even in their
+/// tests, where a short cut would be hardest to see.
+#[test]
+fn crates_know_only_what_lies_below_them() {
+    let crates = dependencies(&metadata(), true);
+    let ours: BTreeSet<_> = crates.keys().cloned().collect();
+    assert!(ours.contains("hilrig"), "{ours:?}");
+    for (name, known) in &crates {
+        let below: &[&str] = match name.as_str() {
+            "protocols" => &[],
+            "firmware_core" | "emulators" => &["protocols"],
+            _ => &["protocols", "firmware_core", "emulators"],
+        };
+        let wrong = known
+            .intersection(&ours)
+            .filter(|known| !below.contains(&known.as_str()));
+        assert_eq!(
+            wrong.count(),
+            0,
+            "{name} knows {known:?}, may know {below:?}"
+        );
+    }
+}
+
+/// What runs on a board or must give the same bytes everywhere has few and harmless dependencies:
+/// no runtime, no I/O, no host mathematics.
+#[test]
+fn the_lower_crates_depend_on_next_to_nothing() {
+    let crates = dependencies(&metadata(), false);
+    let allowed: [(&str, &[&str]); 3] = [
+        ("protocols", &["crc"]),
+        ("firmware_core", &["protocols", "libm", "heapless"]),
+        (
+            "emulators",
+            &["protocols", "libm", "rand_xoshiro", "parry2d-f64"],
+        ),
+    ];
+    for (name, allowed) in allowed {
+        let wrong = crates[name]
+            .iter()
+            .filter(|known| !allowed.contains(&known.as_str()));
+        assert_eq!(wrong.collect::<Vec<_>>(), Vec::<&String>::new(), "{name}");
+    }
+}
+
+/// Licences that ask for nothing but their text; MPL-2.0 asks for changes to its own files only,
+/// and we make none.
+const LICENCES: [&str; 13] = [
+    "0BSD",
+    "Apache-2.0",
+    "Apache-2.0 WITH LLVM-exception",
+    "BSD-2-Clause",
+    "BSD-3-Clause",
+    "BSL-1.0",
+    "CC0-1.0",
+    "ISC",
+    "MIT",
+    "MPL-2.0",
+    "Unicode-3.0",
+    "Unlicense",
+    "Zlib",
+];
+
+/// Whether an SPDX expression can be kept with the licences above. `A/B` is how older crates
+/// write `A OR B`.
+fn is_free(expression: &str) -> bool {
+    let expression = expression.replace('/', " OR ").replace(['(', ')'], " ");
+    // With "and" binding tighter than "or", dropping brackets can only turn a choice into more
+    // demands inside one alternative or split a demand, so every licence named is looked at.
+    let is_known = |licence: &str| LICENCES.contains(&licence.trim());
+    if expression.contains(" AND ") {
+        expression
+            .split(" OR ")
+            .flat_map(|part| part.split(" AND "))
+            .all(is_known)
+    } else {
+        expression.split(" OR ").any(is_known)
+    }
+}
+
+#[test]
+fn dependencies_are_free_to_use() {
+    assert!(is_free("MIT OR Apache-2.0") && is_free("MIT/Apache-2.0"));
+    assert!(is_free("(MIT OR Apache-2.0) AND Unicode-3.0"));
+    assert!(is_free("Apache-2.0 WITH LLVM-exception OR GPL-3.0"));
+    assert!(!is_free("GPL-3.0") && !is_free("MIT AND GPL-3.0"));
+
+    let metadata = metadata();
+    let used: BTreeSet<&str> = list(&metadata["resolve"], "nodes")
+        .iter()
+        .map(|node| text(node, "id"))
+        .collect();
+    let packages = list(&metadata, "packages").iter();
+    let wrong: Vec<String> = packages
+        .filter(|package| used.contains(text(package, "id")))
+        .filter(|package| !package["license"].as_str().is_some_and(is_free))
+        .map(|package| format!("{} {}", text(package, "name"), package["license"]))
+        .collect();
+    assert_eq!(wrong, Vec::<String>::new());
+}

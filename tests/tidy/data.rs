@@ -1,0 +1,104 @@
+//! Rules about files that others name: snapshots, scenarios, licences.
+
+use crate::files::{File, all, root};
+
+/// Why the snapshot `file` belongs to nobody; `source` is the test that its head names.
+fn orphan(file: &File, source: Option<&str>) -> Option<String> {
+    let stem = file.path.rsplit('/').next().unwrap_or(&file.path);
+    let name = stem.strip_suffix(".snap")?.rsplit("__").next()?;
+    let Some(source) = source else {
+        return Some(format!("{}: its test is gone", file.path));
+    };
+    // A name of its own, or the test function's, with a number from the second one on.
+    let function = name
+        .trim_end_matches(|c: char| c.is_ascii_digit())
+        .trim_end_matches('-');
+    let is_named = [name, function].iter().any(|name| {
+        source.contains(&format!("\"{name}\""))
+            || source.contains(&format!("fn {name}("))
+            || source.contains(&format!("fn test_{name}("))
+    });
+    (!is_named).then(|| format!("{}: nobody in its test is called {name}", file.path))
+}
+
+fn source_of(snapshot: &File) -> Option<String> {
+    let source = snapshot
+        .text
+        .lines()
+        .find_map(|line| line.strip_prefix("source: "))?;
+    std::fs::read_to_string(root().join(source)).ok()
+}
+
+#[test]
+fn every_snapshot_has_its_test() {
+    let snapshot = |name| File::sample(name, "");
+    let test = "#[test]\nfn a_map() {}\n  assert_snapshot!(\"legs\", map);";
+    assert_eq!(
+        orphan(&snapshot("s/rig__maps__a_map.snap"), Some(test)),
+        None
+    );
+    assert_eq!(
+        orphan(&snapshot("s/rig__maps__a_map-2.snap"), Some(test)),
+        None
+    );
+    assert_eq!(
+        orphan(&snapshot("s/rig__maps__legs.snap"), Some(test)),
+        None
+    );
+    assert!(orphan(&snapshot("s/rig__maps__gone.snap"), Some(test)).is_some());
+    assert!(orphan(&snapshot("s/rig__maps__a_map.snap"), None).is_some());
+
+    let snapshots = all(&[".snap", "README.md"]);
+    let orphans: Vec<String> = snapshots
+        .iter()
+        .filter_map(|file| orphan(file, source_of(file).as_deref()))
+        .collect();
+    assert!(orphans.is_empty(), "\n{}", orphans.join("\n"));
+}
+
+/// A scenario that no page names is found by nobody, and a name without its file misleads.
+#[test]
+fn the_pages_name_every_scenario_and_no_other() {
+    let pages: String = all(&[".md"]).into_iter().map(|file| file.text).collect();
+    let scenarios = all(&[".toml"]);
+    let scenarios: Vec<&str> = scenarios
+        .iter()
+        .filter_map(|file| file.path.strip_prefix("scenarios/"))
+        .collect();
+    assert!(!scenarios.is_empty());
+    for scenario in &scenarios {
+        assert!(
+            pages.contains(scenario),
+            "no page names scenarios/{scenario}"
+        );
+    }
+    let named = pages.split("scenarios/").skip(1).filter_map(|rest| {
+        let end = rest.find(|c: char| !(c.is_alphanumeric() || "-_/.".contains(c)))?;
+        rest[..end]
+            .trim_end_matches('.')
+            .ends_with(".toml")
+            .then(|| &rest[..end])
+    });
+    for name in named {
+        let name = name.trim_end_matches('.');
+        assert!(
+            scenarios.contains(&name),
+            "a page names scenarios/{name}, there is none"
+        );
+    }
+}
+
+/// Both licences of the crates' manifests come with their text.
+#[test]
+fn both_licences_are_here() {
+    for (file, words) in [
+        (
+            "LICENSE-MIT",
+            "Permission is hereby granted, free of charge",
+        ),
+        ("LICENSE-APACHE", "Version 2.0, January 2004"),
+    ] {
+        let text = std::fs::read_to_string(root().join(file)).expect(file);
+        assert!(text.contains(words), "{file}");
+    }
+}

@@ -1,0 +1,268 @@
+//! Rules about single files.
+
+use crate::files::{File, all};
+
+/// What is wrong, as `path:line: what`.
+type Findings = Vec<String>;
+
+const COLUMNS_MAX: usize = 100;
+const LINES_MAX: usize = 500;
+
+/// Fails with all findings of `rule` over `files` at once.
+fn judge(files: &[File], rule: fn(&File) -> Findings) {
+    let findings: Findings = files.iter().flat_map(rule).collect();
+    assert!(findings.is_empty(), "\n{}", findings.join("\n"));
+}
+
+fn found_in(rule: fn(&File) -> Findings, path: &str, text: &str) -> usize {
+    rule(&File::sample(path, text)).len()
+}
+
+fn numbered(file: &File) -> impl Iterator<Item = (usize, &str)> {
+    (1..).zip(file.text.lines())
+}
+
+fn lines_that<'a>(
+    file: &File,
+    lines: impl Iterator<Item = (usize, &'a str)>,
+    is_wrong: impl Fn(&str) -> bool,
+    what: &str,
+) -> Findings {
+    lines
+        .filter(|(_, line)| is_wrong(line))
+        .map(|(number, _)| format!("{}:{number}: {what}", file.path))
+        .collect()
+}
+
+fn long_lines(file: &File) -> Findings {
+    // A row of a table in the docs cannot be broken.
+    let is_row = |line: &str| {
+        ["//! |", "/// |"]
+            .iter()
+            .any(|row| line.trim().starts_with(row))
+    };
+    let is_wrong = |line: &str| line.chars().count() > COLUMNS_MAX && !is_row(line);
+    lines_that(file, numbered(file), is_wrong, "longer than 100 columns")
+}
+
+#[test]
+fn lines_fit_in_100_columns() {
+    assert_eq!(found_in(long_lines, "a.rs", &"ä".repeat(100)), 0);
+    assert_eq!(found_in(long_lines, "a.rs", &"a".repeat(101)), 1);
+    judge(&all(&[".rs", ".sh"]), long_lines);
+}
+
+fn long_files(file: &File) -> Findings {
+    let lines = file.product_lines().count();
+    let is_wrong = !file.is_test() && lines > LINES_MAX;
+    let finding = format!(
+        "{}: {lines} lines without its tests, at most 500",
+        file.path
+    );
+    Vec::from_iter(is_wrong.then_some(finding))
+}
+
+#[test]
+fn files_of_the_product_have_at_most_500_lines() {
+    let lines = "\n".repeat(501);
+    assert_eq!(found_in(long_files, "src/a.rs", &lines), 1);
+    assert_eq!(found_in(long_files, "tests/rig/a.rs", &lines), 0);
+    let tests = format!("#[cfg(test)]\n{lines}");
+    assert_eq!(found_in(long_files, "src/a.rs", &tests), 0);
+    judge(&all(&[".rs"]), long_files);
+}
+
+fn os_clocks(file: &File) -> Findings {
+    let may = ["src/clock.rs", "src/realtime.rs"].contains(&file.path.as_str())
+        || file.path.starts_with("src/realtime/");
+    let calls = ["Instant", "SystemTime"].map(|clock| [clock, "::now("].concat());
+    let is_wrong = |line: &str| !may && calls.iter().any(|call| line.contains(call));
+    lines_that(
+        file,
+        numbered(file),
+        is_wrong,
+        "reads the clock of the operating system",
+    )
+}
+
+/// The lint of the same purpose can be expected away; this cannot.
+#[test]
+fn only_the_clock_and_the_real_time_runner_read_an_os_clock() {
+    let call = ["let start = Instant", "::now();"].concat();
+    assert_eq!(found_in(os_clocks, "src/rig.rs", &call), 1);
+    assert_eq!(found_in(os_clocks, "src/clock.rs", &call), 0);
+    // Tests and benches that judge how long something takes may look at a clock.
+    let files = all(&[".rs"]).into_iter().filter(|file| !file.is_test());
+    judge(&files.collect::<Vec<_>>(), os_clocks);
+}
+
+fn ignored_tests(file: &File) -> Findings {
+    let attribute = ["#[", "ignore"].concat();
+    let is_wrong = |line: &str| line.trim_start().starts_with(&attribute);
+    lines_that(file, numbered(file), is_wrong, "an ignored test")
+}
+
+#[test]
+fn no_test_is_ignored() {
+    let sample = ["    #[", "ignore = \"slow\"]"].concat();
+    assert_eq!(found_in(ignored_tests, "tests/a.rs", &sample), 1);
+    judge(&all(&[".rs"]), ignored_tests);
+}
+
+fn leftovers(file: &File) -> Findings {
+    let words = [
+        ["TO", "DO"],
+        ["FIX", "ME"],
+        ["dbg", "!("],
+        ["todo", "!("],
+        ["unimplemented", "!("],
+    ]
+    .map(|halves| halves.concat());
+    let is_wrong = |line: &str| words.iter().any(|word| line.contains(word));
+    lines_that(file, numbered(file), is_wrong, "a leftover marker")
+}
+
+#[test]
+fn nothing_is_left_for_later() {
+    let sample = ["// TO", "DO: later"].concat();
+    assert_eq!(found_in(leftovers, "src/a.rs", &sample), 1);
+    judge(&all(&[".rs", ".sh", ".toml", ".md", ".lua"]), leftovers);
+}
+
+fn lints_without_reason(file: &File) -> Findings {
+    let allow = ["#[", "allow("].concat();
+    let expect = ["#[", "expect("].concat();
+    let attribute = |text: &str, at: usize| {
+        let end = text[at..].find(")]").map_or(text.len(), |end| at + end);
+        text[at..end].to_owned()
+    };
+    [allow, expect]
+        .iter()
+        .flat_map(|start| file.text.match_indices(start.as_str()))
+        .filter(|&(at, _)| !attribute(&file.text, at).contains("reason ="))
+        .map(|(at, _)| {
+            let line = file.text[..at].lines().count().max(1);
+            format!(
+                "{}:{line}: a lint is switched off without a reason",
+                file.path
+            )
+        })
+        .collect()
+}
+
+#[test]
+fn no_lint_is_switched_off_without_a_reason() {
+    let bare = ["#[", "allow(dead_code)]"].concat();
+    let told = ["#[", "expect(\n    dead_code,\n    reason = \"told\"\n)]"].concat();
+    assert_eq!(found_in(lints_without_reason, "src/a.rs", &bare), 1);
+    assert_eq!(found_in(lints_without_reason, "src/a.rs", &told), 0);
+    judge(&all(&[".rs"]), lints_without_reason);
+}
+
+fn unwraps(file: &File) -> Findings {
+    let call = [".unwrap", "()"].concat();
+    let is_wrong = |line: &str| {
+        line.contains(&call) && !line.trim_start().starts_with("//") && !file.is_test()
+    };
+    lines_that(
+        file,
+        file.product_lines(),
+        is_wrong,
+        "unwrap: say why it holds",
+    )
+}
+
+#[test]
+fn the_product_does_not_unwrap() {
+    let sample = ["    let a = b.unwrap", "();"].concat();
+    assert_eq!(found_in(unwraps, "src/a.rs", &sample), 1);
+    assert_eq!(
+        found_in(unwraps, "emulators/src/world/tests.rs", &sample),
+        0
+    );
+    let files = all(&[".rs"]);
+    judge(&files, unwraps);
+}
+
+fn machine_paths(file: &File) -> Findings {
+    let folders = ["root", "home", "work", "Users"].map(|folder| format!("/{folder}/"));
+    let begins = |line: &str, at: usize| {
+        !line[..at].ends_with(|c: char| c.is_alphanumeric() || "._-~$}".contains(c))
+    };
+    let is_wrong = |line: &str| {
+        let mut places = folders
+            .iter()
+            .flat_map(|folder| line.match_indices(folder.as_str()));
+        places.any(|(at, _)| begins(line, at))
+    };
+    lines_that(
+        file,
+        numbered(file),
+        is_wrong,
+        "a path of somebody's machine",
+    )
+}
+
+#[test]
+fn no_file_knows_the_machine_it_was_written_on() {
+    let sample = ["let path = \"/ho", "me/me/rig\";"].concat();
+    assert_eq!(found_in(machine_paths, "src/a.rs", &sample), 1);
+    assert_eq!(
+        found_in(machine_paths, "README.md", "https://a.org/b/home/"),
+        0
+    );
+    judge(&all(&[".rs", ".sh", ".toml", ".md", "/run"]), machine_paths);
+}
+
+fn neighbours(file: &File) -> Findings {
+    let folder = ["../sha", "red"].concat();
+    let is_guarded = file.text.contains("fn skipped(") || file.text.contains("skipped(&");
+    let is_wrong = |line: &str| line.contains(&folder) && !is_guarded;
+    lines_that(
+        file,
+        numbered(file),
+        is_wrong,
+        "needs a neighbour without the skip rule",
+    )
+}
+
+/// What lies beside the repository is no part of it: a test that wants it must pass without it,
+/// and say so.
+#[test]
+fn what_lies_beside_the_repository_is_not_needed() {
+    let sample = ["include_str!(\"../../../sha", "red/spec.md\")"].concat();
+    assert_eq!(found_in(neighbours, "tests/wire/a.rs", &sample), 1);
+    judge(&all(&[".rs", ".sh", ".toml"]), neighbours);
+}
+
+fn robot_names(file: &File) -> Findings {
+    let shared = (file.path.starts_with("firmware_core/src/")
+        && !file.path.starts_with("firmware_core/src/robots")
+        || file.path.starts_with("protocols/src/"))
+        && !file.is_test();
+    let is_wrong = |line: &str| {
+        let code = line
+            .split("//")
+            .next()
+            .expect("split yields at least one part");
+        shared && code.to_lowercase().contains("rescue")
+    };
+    lines_that(
+        file,
+        file.product_lines(),
+        is_wrong,
+        "a shared module knows one robot",
+    )
+}
+
+#[test]
+fn shared_modules_know_no_robot_by_name() {
+    let code = "use crate::robots::rescue::Rescue;";
+    assert_eq!(found_in(robot_names, "firmware_core/src/slam.rs", code), 1);
+    let comment = "/// The rescue robot's drive.";
+    assert_eq!(
+        found_in(robot_names, "firmware_core/src/slam.rs", comment),
+        0
+    );
+    judge(&all(&[".rs"]), robot_names);
+}
