@@ -2,75 +2,94 @@ use core::f32::consts::FRAC_PI_2;
 
 use super::{HALT, Settings, Surroundings, ticks};
 
-/// Settings of the wall follower and of the avoider before it.
+/// How a wall is followed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WallLaw {
+    /// The seed report's: the beam 50 degrees left of ahead is kept at a fixed length. It needs a
+    /// wall to start with: without one the robot runs in circles.
+    Beam,
+    /// The nearest point ahead or on the left is kept abeam and at a fixed distance, which also
+    /// leads around corners of both kinds.
+    Nearest,
+}
+
+/// Settings of the wall follower.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WallFollowing {
-    /// Distance to the wall on the left that is kept, along a beam 50 degrees left of ahead.
-    pub beam_mm: f32,
-    /// Strongest turn towards a wall that is too far, in tens of millimetres.
-    pub towards_max: f32,
-    /// A wall farther than this along the beam is not followed.
+    /// How a wall is followed.
+    pub law: WallLaw,
+    /// Distance that is kept.
+    pub distance_mm: f32,
+    /// A wall farther than this is not followed.
     pub lost_mm: f32,
-    /// What is nearer than this ahead is turned away from.
+    /// What is nearer than this ahead is turned away from; only for the beam's law, which does not
+    /// see it by itself.
     pub front_mm: f32,
 }
 
 impl WallFollowing {
-    /// The seed report's: 260 mm, full turns both ways, obstacles within 300 mm.
+    /// The seed report's: 260 mm along the beam, obstacles within 300 mm.
     pub const DOCUMENT: Self = Self {
-        beam_mm: 260.0,
-        towards_max: 20.0,
+        law: WallLaw::Beam,
+        distance_mm: 260.0,
         lost_mm: f32::INFINITY,
         front_mm: 300.0,
     };
 
-    /// Wider bends around corners, and a little more room.
-    pub const GENTLE: Self = Self {
-        beam_mm: 320.0,
-        towards_max: 13.0,
+    /// Around corners, with a little more room.
+    pub const NEAREST: Self = Self {
+        law: WallLaw::Nearest,
+        distance_mm: 270.0,
         lost_mm: 700.0,
         front_mm: 330.0,
     };
 
-    /// The seed report's rule: reg = (260 - distance) / 10, left = 20 + reg within 0 to 20, right =
-    /// 20 - reg within -20 to 20.
-    pub fn follow(&self, distance_mm: f32) -> [i8; 2] {
-        let reg = ((self.beam_mm - distance_mm) / 10.0).max(-self.towards_max);
+    /// The seed report's rule for the length of the beam: reg = (260 - length) / 10, left = 20 + reg
+    /// within 0 to 20, right = 20 - reg within -20 to 20.
+    pub fn follow_beam(&self, length_mm: f32) -> [i8; 2] {
+        let reg = (self.distance_mm - length_mm) / 10.0;
         [
             ticks((20.0 + reg).clamp(0.0, 20.0)),
             ticks((20.0 - reg).clamp(-20.0, 20.0)),
         ]
     }
+
+    /// The bearing to steer for, with the wall's nearest point at `bearing` and `range_mm`.
+    pub fn follow_nearest(&self, bearing: f32, range_mm: f32) -> f32 {
+        let towards = (range_mm - self.distance_mm) * TOWARDS_PER_MM;
+        bearing - FRAC_PI_2 + towards.clamp(-TOWARDS_MAX, TOWARDS_MAX)
+    }
 }
+
+/// Half a degree towards the wall per millimetre too far from it, up to 40 degrees.
+const TOWARDS_PER_MM: f32 = DEGREE / 2.0;
+const TOWARDS_MAX: f32 = 40.0 * DEGREE;
+
+/// Where the followed wall is looked for.
+const LEFT: core::ops::RangeInclusive<f32> = -45.0 * DEGREE..=150.0 * DEGREE;
 
 /// Direction of the beam that measures the wall.
 const WALL_BEARING: f32 = 50.0 * DEGREE;
 /// Beams this far beside it help if it has no reading.
 const WALL_SPREAD: f32 = 3.0 * DEGREE;
-/// Scans for which a wall that got lost is looked for in a bend: half a turn.
-const SEARCH_SCANS: u8 = 25;
 /// A turn away from an obstacle goes on until this much more is free.
 const HYSTERESIS_MM: f32 = 60.0;
 
 const DEGREE: f32 = core::f32::consts::PI / 180.0;
 
 /// Turns on the spot, as the fielded robot's avoider did.
-const TURN: i8 = 9;
+const TURN: i8 = 10;
 
-/// Follows walls on the left, turns away from what is in front.
+/// Follows walls on the left.
 #[derive(Clone, Debug)]
 pub struct Explorer {
     /// Direction of a turn that is not finished: 1 left, -1 right, 0 none.
     turning: i8,
-    scans_without_wall: u8,
 }
 
 impl Explorer {
     pub(super) const fn new() -> Self {
-        Self {
-            turning: 0,
-            scans_without_wall: SEARCH_SCANS,
-        }
+        Self { turning: 0 }
     }
 
     pub(super) fn step(&mut self, settings: &Settings, around: &Surroundings) -> [i8; 2] {
@@ -79,31 +98,41 @@ impl Explorer {
             return HALT;
         }
         let wall = &settings.wall;
+        let cruise = [settings.steering.cruise; 2];
+        match wall.law {
+            WallLaw::Beam => self.turn_away(settings, around).unwrap_or_else(|| {
+                around
+                    .nearest(WALL_BEARING - WALL_SPREAD..=WALL_BEARING + WALL_SPREAD)
+                    .map_or(cruise, |(_, length)| wall.follow_beam(length))
+            }),
+            WallLaw::Nearest => around
+                .nearest(LEFT)
+                .filter(|(_, range)| *range <= wall.lost_mm)
+                .map_or(cruise, |(bearing, range)| {
+                    settings
+                        .steering
+                        .towards(wall.follow_nearest(bearing, range))
+                }),
+        }
+    }
+
+    /// A turn away from what is too near ahead, with the side kept until the way is free.
+    fn turn_away(&mut self, settings: &Settings, around: &Surroundings) -> Option<[i8; 2]> {
         let (left, right) = front_mm(settings, around);
-        let near = if self.turning == 0 {
-            wall.front_mm
-        } else {
-            wall.front_mm + HYSTERESIS_MM
-        };
-        if left.min(right) < near {
-            if self.turning == 0 {
-                self.turning = if left <= right { -1 } else { 1 };
-            }
-            self.scans_without_wall = 0;
-            return [-TURN * self.turning, TURN * self.turning];
+        let near = settings.wall.front_mm
+            + if self.turning == 0 {
+                0.0
+            } else {
+                HYSTERESIS_MM
+            };
+        if left.min(right) >= near {
+            self.turning = 0;
+            return None;
         }
-        self.turning = 0;
-        match around.nearest_mm(WALL_BEARING - WALL_SPREAD, WALL_BEARING + WALL_SPREAD) {
-            Some(distance) if distance <= wall.lost_mm => {
-                self.scans_without_wall = 0;
-                wall.follow(distance)
-            }
-            _ if self.scans_without_wall < SEARCH_SCANS => {
-                self.scans_without_wall += 1;
-                wall.follow(wall.lost_mm.min(1000.0))
-            }
-            _ => [20, 20],
+        if self.turning == 0 {
+            self.turning = if left <= right { -1 } else { 1 };
         }
+        Some([-TURN * self.turning, TURN * self.turning])
     }
 }
 

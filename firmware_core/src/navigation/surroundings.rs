@@ -1,3 +1,5 @@
+use core::ops::RangeInclusive;
+
 use crate::pose::{Point, PoseChange, sin_cos};
 use crate::scan::{BEAMS, Scan};
 
@@ -9,7 +11,7 @@ const POINTS_MIN: usize = 10;
 
 /// How far ahead an arc is looked along: stopping takes one scan and the motors' lag.
 const LOOK_AHEAD_S: [f32; 5] = [0.15, 0.3, 0.5, 0.7, 0.9];
-/// A step that brings an obstacle nearer by less than this does not count as approaching it.
+/// Coming nearer by less than this does not count.
 const APPROACH_MM: f32 = 4.0;
 
 /// What the lidar saw last, from where the robot is now.
@@ -19,6 +21,7 @@ pub struct Surroundings {
     /// Distances of the points.
     ranges_mm: [f32; BEAMS],
     count: usize,
+    nearest_mm: f32,
 }
 
 impl Surroundings {
@@ -27,6 +30,7 @@ impl Surroundings {
         points: [Point::new(0.0, 0.0); BEAMS],
         ranges_mm: [0.0; BEAMS],
         count: 0,
+        nearest_mm: f32::INFINITY,
     };
 
     /// The points of `scan` after the robot has moved by `since`.
@@ -44,8 +48,9 @@ impl Surroundings {
         let mut around = Self::EMPTY;
         for point in points.take(BEAMS) {
             around.points[around.count] = point;
-            around.ranges_mm[around.count] =
-                libm::sqrtf(point.x_mm * point.x_mm + point.y_mm * point.y_mm);
+            let range = libm::sqrtf(point.x_mm * point.x_mm + point.y_mm * point.y_mm);
+            around.ranges_mm[around.count] = range;
+            around.nearest_mm = around.nearest_mm.min(range);
             around.count += 1;
         }
         around
@@ -64,26 +69,23 @@ impl Surroundings {
             .zip(self.ranges_mm[..self.count].iter().copied())
     }
 
-    /// Distance of the nearest point between two bearings (radians, from right to left).
-    pub fn nearest_mm(&self, from: f32, to: f32) -> Option<f32> {
+    /// Bearing and distance of the nearest point between two bearings (radians, from right to
+    /// left).
+    pub fn nearest(&self, bearings: RangeInclusive<f32>) -> Option<(f32, f32)> {
         self.points()
-            .filter(|(point, _)| {
-                let bearing = libm::atan2f(point.y_mm, point.x_mm);
-                (from..=to).contains(&bearing)
-            })
-            .map(|(_, range)| range)
-            .reduce(f32::min)
+            .map(|(point, range)| (libm::atan2f(point.y_mm, point.x_mm), range))
+            .filter(|(bearing, _)| bearings.contains(bearing))
+            .reduce(|nearest, other| if other.1 < nearest.1 { other } else { nearest })
     }
 
-    /// How far the body can move along `bearing` before something comes too near. What is already
-    /// nearer than it should be only must not come nearer still.
+    /// How far the body can move along `bearing` before something comes too near.
     pub fn free_mm(&self, body: &Body, bearing: f32) -> f32 {
         let (sin, cos) = sin_cos(bearing);
+        let keep = self.keep_mm(body);
         let mut free = f32::INFINITY;
-        for (point, range) in self.points() {
+        for (point, _) in self.points() {
             let along = cos * point.x_mm + sin * point.y_mm;
             let aside = cos * point.y_mm - sin * point.x_mm;
-            let keep = body.keep_mm().min(range - APPROACH_MM);
             if along > 0.0 && aside.abs() < keep {
                 free = free.min(along - libm::sqrtf(keep * keep - aside * aside));
             }
@@ -107,16 +109,21 @@ impl Surroundings {
         [-turn, turn].map(ticks)
     }
 
-    /// Whether the arc keeps away from all points, or away from them.
+    /// The distance to keep. A robot that something is nearer to already may move along it, but
+    /// not nearer still.
+    fn keep_mm(&self, body: &Body) -> f32 {
+        body.keep_mm().min(self.nearest_mm - APPROACH_MM).max(0.0)
+    }
+
+    /// Whether the arc keeps away from all points.
     fn is_clear(&self, body: &Body, set_point: [i8; 2]) -> bool {
         let ends = LOOK_AHEAD_S.map(|seconds| arc_end(body, set_point, seconds));
         let [.., last] = ends;
-        let reach =
-            body.keep_mm() + libm::sqrtf(last.x_mm * last.x_mm + last.y_mm * last.y_mm) + 1.0;
+        let keep = self.keep_mm(body);
+        let reach = keep + libm::sqrtf(last.x_mm * last.x_mm + last.y_mm * last.y_mm) + 1.0;
         self.points()
             .filter(|(_, range)| *range < reach)
-            .all(|(point, range)| {
-                let keep = body.keep_mm().min(range - APPROACH_MM).max(0.0);
+            .all(|(point, _)| {
                 ends.iter().all(|end| {
                     let (x, y) = (point.x_mm - end.x_mm, point.y_mm - end.y_mm);
                     x * x + y * y >= keep * keep

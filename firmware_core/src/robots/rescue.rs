@@ -307,7 +307,7 @@ impl Rescue {
         let set_point = match self.mode() {
             Mode::Stop => HALT,
             Mode::Manual => return,
-            Mode::Exploration => self.navigator.explore(&around),
+            Mode::Exploration => self.navigator.explore(pose, &around),
             Mode::Waypoint => self.approach(pose, &around),
         };
         self.drive.command(now, set_point, now + DECISION_HOLDS);

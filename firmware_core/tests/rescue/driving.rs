@@ -1,0 +1,197 @@
+//! Where the robot goes, and what it keeps away from.
+
+use core::time::Duration;
+
+use firmware_core::robots::rescue::Config;
+use protocols::pcui::message::Mode;
+
+use crate::bench::{Bench, SECOND, boxed, flat};
+
+/// Visits both rooms through the door and returns.
+const TOUR: [[i16; 2]; 7] = [
+    [1000, 1550],
+    [1900, 1550],
+    [2600, 1500],
+    [1900, 1550],
+    [1000, 1550],
+    [1000, 2500],
+    [1000, 1000],
+];
+
+/// Sends the tour and follows the robot through it; the time it took.
+fn drive_tour(bench: &mut Bench) -> Duration {
+    let begun = bench.now;
+    bench.send_waypoints(&TOUR);
+    for (index, waypoint) in TOUR.iter().enumerate() {
+        let reached = bench.run_until(40 * SECOND, |bench| {
+            bench.robot.waypoints().reached() > index
+        });
+        assert!(reached, "waypoint {index}: {:?}", bench.body);
+        assert!(
+            bench.distance_to(*waypoint) < 200.0,
+            "waypoint {index}: {:?}",
+            bench.body
+        );
+        let (apart_mm, turned_deg) = bench.pose_error();
+        assert!(
+            apart_mm < 40.0 && turned_deg.abs() < 2.0,
+            "{apart_mm} mm, {turned_deg} degrees"
+        );
+    }
+    bench.now - begun
+}
+
+/// What the robot is for. Truth decides: every waypoint within 200 mm (the seed report's radius),
+/// no contact, the belief near the truth, and rest at the end.
+#[test]
+fn all_waypoints_of_a_furnished_flat_are_reached() {
+    let mut bench = Bench::new(flat(), 1);
+    bench.run_for(3 * SECOND);
+    let took = drive_tour(&mut bench);
+    assert!(took < 60 * SECOND, "{took:?}");
+    bench.run_for(SECOND);
+    assert!(bench.speed() < 0.5);
+    assert!(bench.clearance_mm > 10.0, "{}", bench.clearance_mm);
+    assert_eq!(bench.robot.target(), None);
+}
+
+/// Waypoints may come before the robot has seen anything.
+#[test]
+fn a_list_that_comes_first_thing_is_driven() {
+    let mut bench = Bench::new(flat(), 2);
+    drive_tour(&mut bench);
+    assert!(bench.clearance_mm > 10.0, "{}", bench.clearance_mm);
+}
+
+/// A box of 250 mm stands across the straight way; the fielded robot would have driven into it.
+#[test]
+fn a_box_in_the_way_is_driven_around() {
+    let mut walls = flat();
+    walls.extend(boxed(850.0, 1600.0, 1100.0, 1700.0));
+    let mut bench = Bench::new(walls, 3);
+    bench.run_for(2 * SECOND);
+    bench.send_waypoints(&[[1000, 2200]]);
+    let arrived = bench.run_until(40 * SECOND, |bench| bench.robot.target().is_none());
+    assert!(arrived, "{:?}", bench.body);
+    assert!(bench.distance_to([1000, 2200]) < 200.0 && bench.clearance_mm > 10.0);
+}
+
+/// Somebody puts a box 350 mm in front of the driving robot.
+#[test]
+fn the_robot_stops_for_what_suddenly_stands_in_front_of_it() {
+    let mut bench = Bench::new(flat(), 4);
+    bench.send_waypoints(&[[1000, 2500]]);
+    let drives = bench.run_until(10 * SECOND, |bench| bench.body[1] > 1400.0);
+    assert!(drives && bench.speed() > 15.0);
+    let front = bench.body[1] + 350.0 + 160.0;
+    bench
+        .walls
+        .extend(boxed(500.0, front, 1550.0, front + 100.0));
+    bench.run_for(5 * SECOND);
+    assert!(bench.clearance_mm > 10.0, "{}", bench.clearance_mm);
+}
+
+/// Two minutes of exploration: through the door into the other room, without a contact.
+#[test]
+fn exploration_finds_both_rooms_and_touches_nothing() {
+    let mut bench = Bench::new(flat(), 5);
+    bench.order(Mode::Exploration, [0, 0]);
+    let crossed = bench.run_until(120 * SECOND, |bench| bench.body[0] > 2000.0);
+    assert!(crossed, "{:?}", bench.body);
+    bench.run_for(60 * SECOND);
+    assert!(bench.clearance_mm > 10.0, "{}", bench.clearance_mm);
+    let (apart_mm, _) = bench.pose_error();
+    assert!(apart_mm < 40.0, "{apart_mm}");
+}
+
+/// Field defect XV-11: so near to a wall that no beam comes back, the robot drove straight ahead.
+#[test]
+fn a_robot_that_sees_nothing_stands() {
+    let mut bench = Bench::new(boxed(900.0, 900.0, 1100.0, 1100.0).to_vec(), 6);
+    bench.order(Mode::Exploration, [0, 0]);
+    bench.run_for(5 * SECOND);
+    assert!(bench.counter("scans") > 20);
+    assert_eq!(bench.body[..2], [1000.0, 1000.0]);
+}
+
+/// Stop is an order: it must not wait for the search that is being made.
+#[test]
+fn a_stop_reaches_the_base_within_milliseconds() {
+    let mut bench = Bench::new(flat(), 7);
+    bench.send_waypoints(&TOUR);
+    let drives = bench.run_until(10 * SECOND, |bench| bench.set_point == [20, 20]);
+    assert!(drives);
+    bench.order(Mode::Stop, [0, 0]);
+    let stopped = bench.run_until(Duration::from_millis(3), |bench| bench.set_point == [0, 0]);
+    assert!(stopped);
+    bench.run_for(2 * SECOND);
+    assert_eq!(
+        (bench.set_point, bench.robot.ordered_mode()),
+        ([0, 0], Mode::Stop)
+    );
+}
+
+/// Field defects PU-20 and PU-21: orders to drive by hand were ignored, and their end as well.
+#[test]
+fn driving_by_hand_ends_a_second_after_the_last_order() {
+    let mut bench = Bench::new(flat(), 8);
+    bench.run_for(SECOND);
+    bench.order(Mode::Manual, [-10, 10]);
+    bench.run_for(Duration::from_millis(900));
+    assert_eq!(
+        (bench.set_point, bench.robot.mode()),
+        ([-10, 10], Mode::Manual)
+    );
+    bench.order(Mode::Manual, [100, -100]);
+    bench.run_for(Duration::from_millis(990));
+    assert_eq!(bench.set_point, [35, -35], "the base's largest set-points");
+    bench.run_for(Duration::from_millis(20));
+    assert_eq!(bench.robot.mode(), Mode::Exploration);
+    assert_eq!(bench.counter("manual fallbacks"), 1);
+    assert!(
+        bench
+            .writes
+            .iter()
+            .any(|(at, wheels)| *wheels == [0, 0] && *at + SECOND > bench.now)
+    );
+}
+
+/// Field defect PU-11: an empty list left the goal standing.
+#[test]
+fn an_empty_list_stops_the_robot() {
+    let mut bench = Bench::new(flat(), 9);
+    bench.send_waypoints(&TOUR);
+    bench.run_for(3 * SECOND);
+    assert_eq!(bench.robot.mode(), Mode::Waypoint);
+    bench.send_waypoints(&[]);
+    bench.run_for(SECOND);
+    assert_eq!((bench.robot.mode(), bench.set_point), (Mode::Stop, [0, 0]));
+    assert_eq!(bench.robot.target(), None);
+}
+
+/// Seed figure S6 by the cost model of S4 (14 ms a scan, 0.15 ms a try): 150 ms of each 200 ms.
+#[test]
+fn the_search_takes_150_of_200_ms() {
+    let mut bench = Bench::new(flat(), 10);
+    bench.run_for(20 * SECOND);
+    bench.busy = Duration::ZERO;
+    let before = bench.counter("scans");
+    bench.run_for(10 * SECOND);
+    let scans = bench.counter("scans") - before;
+    assert!((49..=51).contains(&scans), "{scans}");
+    let mean = bench.busy / u32::try_from(scans).expect("few");
+    assert!(
+        mean > Duration::from_millis(140) && mean < Duration::from_millis(160),
+        "{mean:?}"
+    );
+    assert_eq!(bench.counter("lidar turns skipped"), 0);
+}
+
+/// The lidar's motor is at its set speed, so its duty stays what it was at the start.
+#[test]
+fn the_lidar_motor_gets_its_duty() {
+    let mut bench = Bench::with_config(flat(), 11, Config::default());
+    bench.run_for(2 * SECOND);
+    assert_eq!(bench.duty, 180);
+    assert!(bench.robot.lidar_speed_is_stable());
+}

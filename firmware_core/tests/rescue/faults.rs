@@ -1,0 +1,150 @@
+//! What the robot does when its devices fail it.
+
+use core::time::Duration;
+
+use firmware_core::Inspect;
+use protocols::pcui::message::Mode;
+
+use crate::bench::{Bench, SECOND, flat};
+
+const AHEAD: [[i16; 2]; 2] = [[1000, 2400], [1000, 1000]];
+
+/// A robot that drives to its first waypoint.
+fn driving(seed: u64) -> Bench {
+    let mut bench = Bench::new(flat(), seed);
+    bench.send_waypoints(&AHEAD);
+    let drives = bench.run_until(10 * SECOND, |bench| bench.set_point == [20, 20]);
+    assert!(drives);
+    bench
+}
+
+/// Field defect XV-08: with the lidar unplugged the program waited for ever and only the base's
+/// watchdog stopped the robot, a second later.
+#[test]
+fn a_robot_without_lidar_stops_and_says_so() {
+    let mut bench = driving(1);
+    bench.lidar_is_plugged = false;
+    let stopped = bench.run_until(Duration::from_millis(400), |bench| {
+        bench.set_point == [0, 0]
+    });
+    assert!(stopped);
+    assert_eq!(
+        (Inspect::mode(&bench.robot), bench.robot.mode()),
+        ("lidar silent", Mode::Stop)
+    );
+
+    bench.run_for(5 * SECOND);
+    assert!(
+        bench
+            .heard
+            .states
+            .last()
+            .is_some_and(|state| state.mode == Mode::Stop)
+    );
+    bench.lidar_is_plugged = true;
+    let arrived = bench.run_until(60 * SECOND, |bench| bench.robot.target().is_none());
+    assert!(arrived, "{:?}", bench.body);
+}
+
+/// Field defect MA-07: a silent base was noticed by nobody. The base hears nothing, answers nothing
+/// and stops by its own watchdog; when it is back the mission goes on.
+#[test]
+fn a_silent_base_is_noticed_and_its_return_as_well() {
+    let mut bench = driving(2);
+    (bench.base_hears, bench.base_is_heard) = (false, false);
+    bench.run_for(Duration::from_millis(300));
+    assert_eq!(
+        (Inspect::mode(&bench.robot), bench.robot.mode()),
+        ("base silent", Mode::Stop)
+    );
+    assert_eq!(bench.robot.set_point(), [0, 0]);
+    bench.run_for(5 * SECOND);
+    assert!(bench.counter("base failures") > 2 && bench.counter("base silences") == 1);
+    assert!(
+        bench
+            .heard
+            .states
+            .last()
+            .is_some_and(|state| state.mode == Mode::Stop)
+    );
+
+    (bench.base_hears, bench.base_is_heard) = (true, true);
+    let arrived = bench.run_until(60 * SECOND, |bench| bench.robot.target().is_none());
+    assert!(arrived, "{:?}", bench.body);
+}
+
+/// Only the answers are lost: the robot cannot know that it is heard, so what it says is "stop".
+#[test]
+fn a_base_that_hears_but_is_not_heard_is_stopped() {
+    let mut bench = driving(3);
+    bench.base_is_heard = false;
+    let stopped = bench.run_until(Duration::from_millis(300), |bench| {
+        bench.set_point == [0, 0]
+    });
+    assert!(stopped);
+    bench.run_for(5 * SECOND);
+    assert!(
+        bench
+            .writes
+            .iter()
+            .rev()
+            .take(5)
+            .all(|(_, wheels)| *wheels == [0, 0])
+    );
+}
+
+/// Seed figure S8: lost answers are repeated; with a third of them lost the tour is driven all the
+/// same, and the base never gets a set-point that was not meant.
+#[test]
+fn lost_answers_cost_retries_and_nothing_else() {
+    let mut bench = Bench::new(flat(), 4);
+    bench.base_loss = 0.33;
+    bench.send_waypoints(&AHEAD);
+    let arrived = bench.run_until(90 * SECOND, |bench| bench.robot.target().is_none());
+    assert!(arrived, "{:?}", bench.body);
+    assert!(bench.counter("base retries") > 50);
+    let bound = 20;
+    let in_range = |(_, wheels): &(_, [i8; 2])| wheels.iter().all(|wheel| wheel.abs() <= bound);
+    assert!(bench.writes.iter().all(in_range));
+    assert!(bench.clearance_mm > 10.0);
+}
+
+/// The base restarts: its counters begin at zero and its set-points are gone. The pose must not
+/// jump, and the set-points must come back by themselves.
+#[test]
+fn a_restarted_base_goes_on_where_it_was() {
+    let mut bench = driving(5);
+    bench.run_for(2 * SECOND);
+    bench.restart_base();
+    bench.run_for(Duration::from_millis(300));
+    assert_ne!(bench.set_point, [0, 0], "the set-points are refreshed");
+    bench.run_for(SECOND);
+    let (apart_mm, turned_deg) = bench.pose_error();
+    assert!(
+        apart_mm < 60.0 && turned_deg.abs() < 3.0,
+        "{apart_mm} mm, {turned_deg} degrees"
+    );
+    assert!(bench.counter("encoder readings disbelieved") <= 3);
+}
+
+/// The base's watchdog needs a write each second; the seed wants them refreshed in time.
+#[test]
+fn set_points_are_refreshed_at_least_each_200_ms() {
+    let mut bench = driving(6);
+    bench.run_for(20 * SECOND);
+    let gaps = bench.writes.windows(2).map(|pair| pair[1].0 - pair[0].0);
+    let longest = gaps.max().expect("many writes");
+    assert!(longest <= Duration::from_millis(200), "{longest:?}");
+}
+
+/// Field defect MA-09: before the base's first answer the battery was taken for empty.
+#[test]
+fn the_battery_is_unknown_until_the_base_has_told() {
+    let mut bench = Bench::new(flat(), 7);
+    assert_eq!(bench.robot.battery(), None);
+    bench.run_for(SECOND);
+    assert_eq!(
+        bench.robot.battery().map(|battery| battery.millivolts),
+        Some(12_000)
+    );
+}
