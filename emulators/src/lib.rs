@@ -6,11 +6,13 @@
 //!
 //! | module | is |
 //! |---|---|
+//! | [`avr_base`] | register slave that owns motors, encoders and infrared sensors |
 //! | [`device`] | the contract of every device |
 //! | [`hc06`] | Bluetooth radio: command and data mode, finite FIFO, slow air |
 //! | [`world`] | ground truth: scene, robot body, physics, ray casts |
 //! | [`rng`] | named random streams from one seed |
 
+pub mod avr_base;
 pub mod device;
 mod event_log;
 pub mod hc06;

@@ -1,0 +1,151 @@
+//! The battery and what its two registers say of it.
+//!
+//! ```text
+//! voltage -> reading (15 mV each, 300 mV offset) -> mV = reading * 15 - 300
+//!                                                -> percent = 0.037 * mV - 363
+//! ```
+//!
+//! Source: field firmware b77a6df.
+
+use protocols::Instant;
+use protocols::avr::registers;
+
+use super::memory::Memory;
+use super::profile::BatteryRegisters;
+
+/// A battery that loses the same voltage every second.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BatteryConfig {
+    /// At the start, mV.
+    pub start_mv: f64,
+    /// Lost per second, mV.
+    pub drop_mv_per_s: f64,
+}
+
+impl Default for BatteryConfig {
+    /// Three lithium cells, nearly full, empty after an hour: 12.4 V is 95 percent, 9.9 V is 3.
+    fn default() -> Self {
+        Self {
+            start_mv: 12_400.0,
+            drop_mv_per_s: 0.7,
+        }
+    }
+}
+
+/// The battery, and what the firmware remembers of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Battery {
+    config: BatteryConfig,
+    since: Instant,
+    /// Least voltage seen since the firmware started, mV.
+    least_mv: u16,
+}
+
+impl Battery {
+    pub(super) const fn new(config: BatteryConfig) -> Self {
+        Self {
+            config,
+            since: Instant::ZERO,
+            least_mv: u16::MAX,
+        }
+    }
+
+    /// Another battery, or a charger.
+    pub(super) const fn replace(&mut self, now: Instant, config: BatteryConfig) {
+        self.config = config;
+        self.since = now;
+    }
+
+    /// The firmware starts again.
+    pub(super) const fn forget(&mut self) {
+        self.least_mv = u16::MAX;
+    }
+
+    /// One run of the analog task.
+    pub(super) fn sample(&mut self, now: Instant, kind: BatteryRegisters, memory: &mut Memory) {
+        let gone_s = (now - self.since).as_secs_f64();
+        let volts_mv = self.config.start_mv - self.config.drop_mv_per_s * gone_s;
+        let raw = whole(((volts_mv + 300.0) / 15.0).clamp(0.0, 1023.0));
+        memory.set_i16(BATTERY_RAW, raw);
+        let mv = (raw * 15 - 300).cast_unsigned();
+        let percent = whole(0.037 * f64::from(mv) - 363.0);
+        let [low, high] = mv.to_le_bytes();
+        match kind {
+            BatteryRegisters::LowFirst => {
+                memory.write(registers::BATTERY_MV, &[low, high]);
+                let percent = percent.clamp(0, 100).to_le_bytes()[0];
+                memory.set(registers::BATTERY_PERCENT, percent);
+            }
+            BatteryRegisters::HighByteOnly => {
+                memory.set(registers::BATTERY_MV, high);
+                if mv < self.least_mv {
+                    self.least_mv = mv;
+                    memory.set(registers::BATTERY_PERCENT, percent.to_le_bytes()[0]);
+                }
+            }
+        }
+    }
+}
+
+/// Raw reading of the battery's converter.
+const BATTERY_RAW: u8 = 19;
+
+fn whole(value: f64) -> i16 {
+    #[expect(clippy::cast_possible_truncation, reason = "truncates and saturates")]
+    let whole = value as i16;
+    whole
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sampled(start_mv: f64, kind: BatteryRegisters) -> Memory {
+        let mut memory = Memory::new();
+        let mut battery = Battery::new(BatteryConfig {
+            start_mv,
+            drop_mv_per_s: 0.0,
+        });
+        battery.sample(Instant::ZERO, kind, &mut memory);
+        memory
+    }
+
+    /// 12000 mV is 2EE0 hex and 0.037 * 12000 - 363 = 81 percent.
+    #[test]
+    fn the_documented_registers_hold_the_voltage_low_byte_first() {
+        let memory = sampled(12_000.0, BatteryRegisters::LowFirst);
+        assert_eq!(memory.read(33, 3), [0xE0, 0x2E, 81]);
+        assert_eq!(memory.read(19, 2), 820_u16.to_le_bytes());
+    }
+
+    #[test]
+    fn the_fielded_registers_hold_the_high_byte_only() {
+        let memory = sampled(12_000.0, BatteryRegisters::HighByteOnly);
+        assert_eq!(memory.read(33, 3), [0x2E, 0x00, 81]);
+    }
+
+    /// 0.037 * 13305 - 363 = 129.3: eight bits with sign make -127 of it.
+    #[test]
+    fn fielded_percent_wrap_above_127() {
+        let memory = sampled(13_305.0, BatteryRegisters::HighByteOnly);
+        assert_eq!(memory.get(35).cast_signed(), -127);
+        let memory = sampled(13_305.0, BatteryRegisters::LowFirst);
+        assert_eq!(memory.get(35), 100);
+    }
+
+    /// 10995 mV is what the reading makes of 11000: 43 percent. The new battery has 95.
+    #[test]
+    fn fielded_percent_never_rise() {
+        let mut memory = Memory::new();
+        let mut battery = Battery::new(BatteryConfig {
+            start_mv: 12_000.0,
+            drop_mv_per_s: 100.0,
+        });
+        let kind = BatteryRegisters::HighByteOnly;
+        battery.sample(Instant::from_secs(10), kind, &mut memory);
+        let low = memory.get(35);
+        battery.replace(Instant::from_secs(11), BatteryConfig::default());
+        battery.sample(Instant::from_secs(11), kind, &mut memory);
+        assert_eq!((low, memory.get(35)), (43, 43));
+    }
+}

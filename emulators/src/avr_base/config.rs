@@ -1,0 +1,73 @@
+//! How a base is set up.
+
+use core::time::Duration;
+
+use super::battery::BatteryConfig;
+use super::profile::Profile;
+
+/// How a base is set up.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AvrBaseConfig {
+    /// Its firmware.
+    pub profile: Profile,
+    /// How long before the run all its tasks ran together, up to 200.8 ms; `None`: drawn.
+    pub phase: Option<Duration>,
+    /// Its battery.
+    pub battery: BatteryConfig,
+    /// Messages of its own accord: the status register whenever the stop button changes it. Only
+    /// firmware that reports a status has them.
+    pub announce: Announce,
+    /// The text that the fielded builds print on [`AvrBase::DEBUG`] for each request when a button
+    /// is held at the start; it makes every reply some 7 ms late.
+    pub debug_text: DebugText,
+    /// Chance that a read of an encoder meets a count that carried into a higher byte while the
+    /// registers were filled, given that it carried since the last look. See [`NATURAL_TEAR`].
+    pub encoder_tear: f64,
+}
+
+/// Whether the base speaks of its own accord.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Announce {
+    /// Only answers.
+    #[default]
+    Nothing,
+    /// Tells when the stop button changes the status.
+    StopButton,
+}
+
+/// Whether the debug build's text is on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DebugText {
+    /// No button was held at the start.
+    #[default]
+    Off,
+    /// A button was held.
+    On,
+}
+
+/// Chance of a torn encoder as it follows from the firmware: a copy of 1 us in a main loop of
+/// 38 us, of which the one before the reply counts, while the last look was up to 25 ms ago. An
+/// estimate; nobody has seen one.
+pub const NATURAL_TEAR: f64 = 4e-5;
+
+impl Default for AvrBaseConfig {
+    fn default() -> Self {
+        Self {
+            profile: Profile::Document,
+            phase: None,
+            battery: BatteryConfig::default(),
+            announce: Announce::Nothing,
+            debug_text: DebugText::Off,
+            encoder_tear: NATURAL_TEAR,
+        }
+    }
+}
+
+/// Why the processor started.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StartCause {
+    /// Power, or the reset button.
+    PowerOn,
+    /// Its own watchdog, after the main loop had stood still for a second.
+    Watchdog,
+}

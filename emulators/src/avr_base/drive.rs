@@ -1,0 +1,216 @@
+//! Speed regulator and odometer of one wheel.
+//!
+//! ```text
+//! e = to - is;  if |sum + e| < 200 { sum += e }
+//! power = e * (|to| / 3) + sum * (|to| / 10 + 1)     whole numbers, clamped to +-255
+//! pulse = 0.84 * |power| + 40                         whole, 0 for power 0
+//! ```
+//!
+//! Source: field firmware b77a6df; build 5f54f4d has no `+ 1`. The loop is closed every 40.16 ms.
+
+use protocols::Instant;
+
+use super::profile::{Gains, Odometer, SET_POINT_MAX};
+use super::ticks::Ticks;
+use crate::world::Drive;
+
+/// The sum of errors stays below this.
+const SUM_LIMIT: i32 = 200;
+
+/// One side of the speed regulator.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Regulator {
+    sum: i32,
+}
+
+impl Regulator {
+    /// What the motor driver does next, given set-point and measured speed in ticks per period.
+    pub(super) fn step(&mut self, gains: Gains, set_point: i16, is: i8) -> Drive {
+        let to = i32::from(set_point.clamp(-SET_POINT_MAX, SET_POINT_MAX));
+        if to == 0 {
+            self.sum = 0;
+            return Drive::Brake;
+        }
+        let error = to - i32::from(is);
+        if (self.sum + error).abs() < SUM_LIMIT {
+            self.sum += error;
+        }
+        let p = (to.abs() / 3).max(gains.p_min);
+        let i = to.abs() / 10 + gains.i_plus;
+        Drive::Power(pulse((error * p + self.sum * i).clamp(-255, 255)))
+    }
+}
+
+/// Pulse width of a power, with its sign.
+fn pulse(power: i32) -> i16 {
+    // 0.84 = 21 / 25; division of positive whole numbers truncates as the firmware does.
+    let width = i16::try_from(power.abs() * 21 / 25 + 40).expect("at most 254");
+    match power.signum() {
+        0 => 0,
+        1 => width,
+        _ => -width,
+    }
+}
+
+/// Counts the encoder of one wheel as the firmware does, from what the wheel really turned.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Counter {
+    /// Edges of the real wheel at the last look.
+    seen: i64,
+    /// When that was.
+    at: Instant,
+    /// What the firmware counted. Wraps as the 32 bits of the firmware do.
+    count: i32,
+    /// The count at the look before the last.
+    before: i32,
+}
+
+impl Counter {
+    /// A counter that stands at 0 with the wheel at `edges`.
+    pub(super) const fn started(at: Instant, edges: i64) -> Self {
+        Self {
+            seen: edges,
+            at,
+            count: 0,
+            before: 0,
+        }
+    }
+
+    /// The wheel has turned to `edges` by `now`.
+    pub(super) fn look(&mut self, odometer: Odometer, ticks: Ticks, now: Instant, edges: i64) {
+        let turned = edges - self.seen;
+        let counted = match odometer {
+            Odometer::EveryEdge => turned,
+            Odometer::PolledPerTick => {
+                let samples = ticks.ticks(self.at, now);
+                if samples == 0 {
+                    return;
+                }
+                polled(turned, samples)
+            }
+        };
+        self.before = self.count;
+        #[expect(clippy::cast_possible_truncation, reason = "32 bits that wrap")]
+        let counted = counted as i32;
+        self.count = self.count.wrapping_add(counted);
+        (self.seen, self.at) = (edges, now);
+    }
+
+    /// What the firmware counted.
+    pub(super) const fn count(&self) -> i32 {
+        self.count
+    }
+
+    /// The wheel turns on unseen.
+    pub(super) fn miss(&mut self, now: Instant, edges: i64) {
+        (self.seen, self.at) = (edges, now);
+    }
+
+    /// What the registers hold when the count changes while they are filled: the low byte of
+    /// before, the others of now. `None` if the change did not carry into a higher byte.
+    pub(super) fn torn(&self) -> Option<i32> {
+        let low = self.before & 0xFF;
+        let torn = (self.count & !0xFF) | low;
+        (self.count ^ self.before > 0xFF || (self.count ^ self.before) < 0).then_some(torn)
+    }
+}
+
+/// Edges counted of `turned` that came evenly over `samples` looks at the two signals: none of
+/// two between two looks, one back of three, and so on round the four states.
+fn polled(turned: i64, samples: u64) -> i64 {
+    if turned.unsigned_abs() <= samples {
+        return turned;
+    }
+    let (turned, samples) = (i128::from(turned), i128::from(samples));
+    let edge = |sample: i128| turned * sample / samples;
+    // Longer silence than a few periods only happens to a rig that was stopped.
+    (1..=samples.min(10_000))
+        .map(
+            |sample| match (edge(sample) - edge(sample - 1)).rem_euclid(4) {
+                1 => 1,
+                3 => -1,
+                _ => 0,
+            },
+        )
+        .sum()
+}
+
+/// Speed as its register shows it: eight bits.
+pub(super) fn speed_register(ticks: i32) -> i8 {
+    #[expect(clippy::cast_possible_truncation, reason = "the register wraps")]
+    let speed = ticks as i8;
+    speed
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GAINS: Gains = Gains {
+        p_min: 0,
+        i_plus: 1,
+    };
+
+    /// Seen in the simulated ATmega2560: with the wheels held, set-point 20 drives pulse widths
+    /// BF, F1, FE in a row. By hand: 20*6 + 20*3 = 180, 120 + 120 = 240, 120 + 180 = 300.
+    #[test]
+    fn a_held_wheel_winds_the_regulator_up_to_full_drive() {
+        let mut regulator = Regulator::default();
+        let pulses: Vec<_> = (0..3).map(|_| regulator.step(GAINS, 20, 0)).collect();
+        assert_eq!(pulses, [0xBF, 0xF1, 0xFE].map(Drive::Power));
+    }
+
+    #[test]
+    fn the_2014_build_has_a_weaker_integral() {
+        let gains = Gains {
+            p_min: 0,
+            i_plus: 0,
+        };
+        // 20*6 + 20*2 = 160; 0.84 * 160 + 40 = 174.4.
+        let drive = Regulator::default().step(gains, 20, 0);
+        assert_eq!(drive, Drive::Power(174));
+    }
+
+    #[test]
+    fn speed_zero_brakes_and_forgets_the_sum() {
+        let mut regulator = Regulator::default();
+        regulator.step(GAINS, 20, 0);
+        assert_eq!(regulator.step(GAINS, 0, 15), Drive::Brake);
+        assert_eq!(regulator, Regulator::default());
+    }
+
+    #[test]
+    fn a_set_point_beyond_35_counts_as_35() {
+        let [mut wild, mut limited] = [Regulator::default(); 2];
+        assert_eq!(wild.step(GAINS, -100, 0), limited.step(GAINS, -35, 0));
+    }
+
+    #[test]
+    fn power_zero_is_pulse_zero() {
+        assert_eq!([0, 1, -1, 255, -255].map(pulse), [0, 40, -40, 254, -254]);
+    }
+
+    /// 996 looks a second: one edge a look is the limit, two are invisible, three go backwards.
+    #[test]
+    fn edges_faster_than_the_tick_are_lost_or_reversed() {
+        assert_eq!(polled(40, 40), 40);
+        assert_eq!(polled(60, 40), 20);
+        assert_eq!(polled(80, 40), 0);
+        assert_eq!(polled(-120, 40), 40);
+    }
+
+    fn at_counts(before: i32, count: i32) -> Counter {
+        Counter {
+            before,
+            count,
+            ..Counter::default()
+        }
+    }
+
+    #[test]
+    fn a_carry_during_the_copy_tears_the_count() {
+        assert_eq!(at_counts(0x00FF, 0x0100).torn(), Some(0x01FF));
+        assert_eq!(at_counts(0x00FE, 0x00FF).torn(), None);
+        assert_eq!(at_counts(0, -1).torn(), Some(-256));
+    }
+}

@@ -1,0 +1,170 @@
+//! What the base tells about itself and about its master, without flooding anybody.
+
+use std::collections::BTreeMap;
+
+use core::time::Duration;
+
+use protocols::Instant;
+
+use crate::{Event, EventKind};
+
+/// The rules that a master can break, and what an innocent master does.
+pub mod rules {
+    /// Bytes that belong to no frame: none between frames.
+    pub const STRAY_BYTES: &str = "stray-bytes";
+    /// A frame whose checksum does not hold.
+    pub const BAD_CHECKSUM: &str = "bad-checksum";
+    /// A frame whose end never came.
+    pub const FRAME_CUT_OFF: &str = "frame-cut-off";
+    /// A pause inside a frame that may cost the frame: bytes follow each other within 1 ms.
+    pub const GAP_IN_FRAME: &str = "gap-in-frame";
+    /// Bytes while the base works on a request and does not listen.
+    pub const BYTES_WHILE_BUSY: &str = "bytes-while-busy";
+    /// A frame that begins before the reply to the one before has ended.
+    pub const REQUEST_BEFORE_REPLY: &str = "request-before-reply";
+    /// More requests than the base queues.
+    pub const QUEUE_FULL: &str = "queue-full";
+    /// Registers beyond the map.
+    pub const UNKNOWN_REGISTER: &str = "unknown-register";
+    /// A write to what the base itself feeds.
+    pub const WRITE_READ_ONLY: &str = "write-read-only";
+    /// A request that cuts through a value of several registers.
+    pub const VALUE_CUT: &str = "value-cut";
+    /// A wheel speed beyond what the regulator obeys.
+    pub const SET_POINT_OUT_OF_RANGE: &str = "set-point-out-of-range";
+    /// A write of 127 bytes to a firmware that counts only to 126.
+    pub const COUNT_TOO_LARGE: &str = "count-too-large";
+    /// Bytes while the base starts up.
+    pub const BYTES_WHILE_STARTING: &str = "bytes-while-starting";
+    /// A character without stop bit: noise, or a wrong baud rate.
+    pub const FRAMING_ERROR: &str = "framing-error";
+    /// The line was held low.
+    pub const BREAK: &str = "break";
+}
+
+/// Events kept until somebody takes them.
+const CAPACITY: usize = 256;
+/// A rule that is broken again this soon is only counted.
+const REPEAT: Duration = Duration::from_millis(100);
+
+/// Events until they are taken. Repeats of a violation are counted, not listed.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Journal {
+    events: Vec<Event>,
+    lost: u64,
+    repeats: BTreeMap<&'static str, Repeats>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Repeats {
+    reported: Instant,
+    unreported: u64,
+}
+
+impl Journal {
+    /// Something that the base did.
+    pub(super) fn note(&mut self, at: Instant, rule: &'static str, detail: String) {
+        self.push(Event {
+            at,
+            kind: EventKind::Note,
+            rule,
+            detail,
+            bytes: Vec::new(),
+        });
+    }
+
+    /// Something that the master did wrong. `detail` is only asked when it will be read.
+    pub(super) fn violation(
+        &mut self,
+        at: Instant,
+        rule: &'static str,
+        bytes: &[u8],
+        detail: impl FnOnce() -> String,
+    ) {
+        let mut text = String::new();
+        if let Some(repeats) = self.repeats.get_mut(rule) {
+            if at - repeats.reported < REPEAT {
+                repeats.unreported += 1;
+                return;
+            }
+            if repeats.unreported > 0 {
+                text = format!("; {} more since the last report", repeats.unreported);
+            }
+        }
+        let fresh = Repeats {
+            reported: at,
+            unreported: 0,
+        };
+        self.repeats.insert(rule, fresh);
+        self.push(Event {
+            at,
+            kind: EventKind::Violation,
+            rule,
+            detail: detail() + &text,
+            bytes: bytes.to_vec(),
+        });
+    }
+
+    fn push(&mut self, event: Event) {
+        if self.events.len() < CAPACITY {
+            self.events.push(event);
+        } else {
+            self.lost += 1;
+        }
+    }
+
+    /// Oldest first. Work is done in the order of its time within one call, but a request may be
+    /// judged after a later one has come in, so the list is sorted here.
+    pub(super) fn take(&mut self) -> Vec<Event> {
+        if self.lost > 0 {
+            let at = self.events.iter().map(|event| event.at).max();
+            self.events.push(Event {
+                at: at.unwrap_or_default(),
+                kind: EventKind::Note,
+                rule: "events-lost",
+                detail: format!("{} events came after these and were not kept", self.lost),
+                bytes: Vec::new(),
+            });
+            self.lost = 0;
+        }
+        let mut events = core::mem::take(&mut self.events);
+        events.sort_by_key(|event| event.at);
+        events
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn break_rule(journal: &mut Journal, millis: u64) {
+        journal.violation(Instant::from_millis(millis), rules::BREAK, &[1], || {
+            "low".into()
+        });
+    }
+
+    #[test]
+    fn repeats_are_counted_and_told_later() {
+        let mut journal = Journal::default();
+        for millis in [0, 1, 99, 100, 500] {
+            break_rule(&mut journal, millis);
+        }
+        let details: Vec<_> = journal.take().into_iter().map(|e| e.detail).collect();
+        assert_eq!(details, ["low", "low; 2 more since the last report", "low"]);
+    }
+
+    #[test]
+    fn an_unread_journal_stays_small_and_says_so() {
+        let mut journal = Journal::default();
+        for millis in 0..1_000 {
+            break_rule(&mut journal, millis * 100);
+        }
+        let events = journal.take();
+        assert_eq!(events.len(), CAPACITY + 1);
+        assert_eq!(
+            events[CAPACITY].detail,
+            "744 events came after these and were not kept"
+        );
+        assert!(journal.take().is_empty());
+    }
+}

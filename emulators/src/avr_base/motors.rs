@@ -1,0 +1,120 @@
+//! What the base does to its motors: the speed regulator's run, and the time-out that stops them.
+
+use core::time::Duration;
+
+use protocols::Instant;
+use protocols::avr::registers;
+
+use super::drive::{Regulator, speed_register};
+use super::profile::{Registers, Watchdog};
+use super::receiver::{Request, RequestKind};
+use super::ticks::{DIVIDER, REGULATOR};
+use super::{AvrBase, SET_POINT_REGISTERS, WHEELS};
+use crate::world::{Drive, World};
+
+/// The expired motor watchdog is acted on this much later: 980.6 ms were the least observed, 978.9
+/// is what the divider makes of it.
+const WATCHDOG_LAG: Duration = Duration::from_micros(1_700);
+
+impl AvrBase {
+    /// A valid request came in and is worked on at `at`.
+    pub(super) fn restart_watchdog(&mut self, at: Instant, request: &Request) {
+        match self.quirks.watchdog {
+            Watchdog::AnyFrame { timeout } => self.watchdog_at = Some(request.at + timeout),
+            Watchdog::Divider { counts, .. } => {
+                let drives = registers::SPEED_LEFT_TO..=registers::MOTOR_STANDBY;
+                if request.kind() == RequestKind::Write && drives.contains(&request.register()) {
+                    self.watchdog_at = Some(self.ticks.after(at, DIVIDER, counts) + WATCHDOG_LAG);
+                }
+            }
+        }
+    }
+
+    /// The master has been silent for too long.
+    pub(super) fn motor_watchdog(&mut self, at: Instant, world: &mut World) {
+        self.watchdog_at = None;
+        if !self.memory.timer_task_runs() {
+            return;
+        }
+        let speeds = self.set_points();
+        let [left, right] = speeds;
+        let mut effect = "motors stop";
+        match self.quirks.watchdog {
+            Watchdog::Divider {
+                clears: Registers::Kept,
+                ..
+            } => effect = "without effect: the registers keep the speeds",
+            Watchdog::Divider { .. } => self.clear_set_points(),
+            Watchdog::AnyFrame { .. } => {
+                self.clear_set_points();
+                for side in &mut self.sides {
+                    side.regulator = Regulator::default();
+                }
+                if self.motors.driven {
+                    for wheel in WHEELS {
+                        world.set_drive(wheel, Drive::Brake);
+                    }
+                }
+            }
+        }
+        if speeds != [0; 2] {
+            self.motors.reason = "watchdog";
+            let detail = format!("silence at speeds {left}, {right}: {effect}");
+            self.journal.note(at, "watchdog", detail);
+        }
+        if let Watchdog::AnyFrame { .. } = self.quirks.watchdog {
+            self.tell_motors(at, false);
+        }
+    }
+
+    fn clear_set_points(&mut self) {
+        for (side, address) in self.sides.iter_mut().zip(SET_POINT_REGISTERS) {
+            self.memory.set(address, 0);
+            side.set_point = 0;
+        }
+    }
+
+    /// One run of the speed regulator.
+    pub(super) fn regulate(&mut self, at: Instant, world: &mut World) {
+        let periods = self.ticks.runs(self.regulated, self.now, REGULATOR).max(1);
+        let periods = i32::try_from(periods).unwrap_or(i32::MAX);
+        self.regulated = self.now;
+        self.regulator_at = self.ticks.after(self.now, REGULATOR, 1);
+        self.look_at_wheels(world);
+        let set_points = self.set_points();
+        let enabled = self.motors_enabled();
+        for ((side, wheel), set_point) in self.sides.iter_mut().zip(WHEELS).zip(set_points) {
+            let count = side.counter.count();
+            // A rig that comes late sees several periods at once.
+            let ticks = count.wrapping_sub(side.counted) / periods;
+            side.counted = count;
+            side.is = speed_register(ticks);
+            let drive = side.regulator.step(self.quirks.gains, set_point, side.is);
+            world.set_drive(wheel, if enabled { drive } else { Drive::Coast });
+        }
+        self.tell_motors(at, enabled && set_points != [0; 2]);
+    }
+
+    /// Notes when the motors begin and end to be driven.
+    pub(super) fn tell_motors(&mut self, at: Instant, driven: bool) {
+        if driven == self.motors.driven {
+            return;
+        }
+        self.motors.driven = driven;
+        if driven {
+            let [left, right] = self.set_points();
+            let detail = format!("speeds {left}, {right} ticks per 40 ms");
+            self.journal.note(at, "motors-on", detail);
+            self.motors.reason = "set-point";
+            return;
+        }
+        let reason = if self.is_stopped() {
+            "stop-button"
+        } else if !self.motors_enabled() {
+            "stand-by"
+        } else {
+            self.motors.reason
+        };
+        self.journal.note(at, "motors-stopped", reason.into());
+    }
+}

@@ -1,0 +1,323 @@
+//! Which firmware the base runs: names, and the differences as data.
+//!
+//! No other module asks for a profile by name; they read [`Quirks`]. A build of the fielded
+//! firmware is a set of quirks, the base as the seed report describes it is another.
+
+use core::fmt;
+use core::time::Duration;
+
+use protocols::avr::ChecksumOrder;
+
+/// A firmware of the base.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Profile {
+    /// The base as the seed report of 2015 describes it, sound where the report is silent.
+    #[default]
+    Document,
+    /// Field firmware b77a6df of May 2015 with all its defects.
+    Rcj2015,
+    /// Field firmware 5f54f4d of September 2014: the same, and two defects more.
+    Rcj2014,
+}
+
+impl Profile {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Document, Self::Rcj2015, Self::Rcj2014];
+
+    /// The profile that scenarios call `name`.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|profile| profile.name() == name)
+    }
+
+    /// What scenarios call it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Document => "document",
+            Self::Rcj2015 => "rcj2015-2015",
+            Self::Rcj2014 => "rcj2015-2014",
+        }
+    }
+
+    /// What is particular about it.
+    pub const fn quirks(self) -> Quirks {
+        match self {
+            Self::Document => DOCUMENT,
+            Self::Rcj2015 => RCJ_2015,
+            Self::Rcj2014 => RCJ_2014,
+        }
+    }
+}
+
+impl fmt::Display for Profile {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// Everything in which one firmware differs from another. The ids in brackets are those of the
+/// field-bug catalogue.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Quirks {
+    /// Byte order of the checksum (AV-01).
+    pub checksum: ChecksumOrder,
+    /// How frames are found in the byte stream (AV-04, AV-06 to AV-10).
+    pub receiver: ReceiverKind,
+    /// What happens outside the register map (AV-03, AV-11, AV-20).
+    pub bounds: Bounds,
+    /// When the motors stop by themselves (AV-02, H-AV-1).
+    pub watchdog: Watchdog,
+    /// How a set-point register becomes a set-point (AV-13, H-AV-2).
+    pub set_points: SetPoints,
+    /// What the two registers of the battery voltage hold, and how percent follow (AV-05, AV-18).
+    pub battery: BatteryRegisters,
+    /// Whether a count can change while it is copied to its registers (AV-12).
+    pub encoder: EncoderCopy,
+    /// How the two encoder signals are sampled (AV-15).
+    pub odometer: Odometer,
+    /// Gains of the speed regulator (AV-14).
+    pub gains: Gains,
+    /// What an object nearer than the infrared curves allow for reads as (AV-19).
+    pub near_objects: NearObjects,
+    /// What the stop button does.
+    pub button: Button,
+    /// What the status register says.
+    pub status: Status,
+    /// Speed of the processor (AV-07, AV-17).
+    pub processor: Processor,
+    /// What a restart by the processor's own watchdog costs (AV-16).
+    pub restart: Restart,
+}
+
+/// How frames are found in the byte stream.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ReceiverKind {
+    /// A state machine in the receive interrupt: deaf while a request is worked on, no second
+    /// look at bytes it misread, a signed counter of eight bits, and the gap that ends an
+    /// unfinished frame is the next count of a free-running divider.
+    Interrupt,
+    /// A buffer that is searched again after a rejected candidate, and a queue of requests.
+    Buffered {
+        /// Silence that ends an unfinished frame, never less.
+        idle_gap: Duration,
+        /// Requests that wait at most; further ones are refused with an error frame.
+        queue: usize,
+    },
+}
+
+/// What happens outside the register map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Bounds {
+    /// Any address is read and written: behind the registers lies the firmware's memory.
+    Memory,
+    /// Unknown and read-only registers are refused with an error frame, without side effect.
+    Refused,
+}
+
+/// When the motors stop by themselves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Watchdog {
+    /// Armed by writes that begin at a drive register, counted by the 25.1 ms divider.
+    Divider {
+        /// Counts of the divider.
+        counts: u16,
+        /// Whether expiry also clears the registers the set-points are copied from. If not, the
+        /// next pass of the main loop restores what expiry cleared.
+        clears: Registers,
+    },
+    /// Restarted by every valid frame; stops the motors at once.
+    AnyFrame {
+        /// Silence allowed.
+        timeout: Duration,
+    },
+}
+
+/// What the expired watchdog does to registers 46 and 47.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Registers {
+    /// Sets them to zero.
+    Cleared,
+    /// Leaves them.
+    Kept,
+}
+
+/// How a set-point register becomes a set-point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SetPoints {
+    /// Signed, limited in the regulator; the register keeps what was written.
+    Signed,
+    /// Signed, and the register shows the limited value.
+    SignedAndReported,
+    /// Taken for unsigned: all that is negative means full ahead.
+    Unsigned,
+}
+
+/// What the battery registers hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BatteryRegisters {
+    /// The high byte lies where the low byte belongs, the high byte's place is never written.
+    /// Percent start at 0, wrap at 127 and only ever fall.
+    HighByteOnly,
+    /// Low byte first. Percent are between 0 and 100 and known from the start.
+    LowFirst,
+}
+
+/// Whether a count can change while it is copied to its registers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EncoderCopy {
+    /// Byte by byte while the timer interrupt counts on.
+    Torn,
+    /// In one piece.
+    Snapshot,
+}
+
+/// How the two encoder signals are sampled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Odometer {
+    /// Once per tick of the timer: of two edges in a tick none counts, three count as one back.
+    PolledPerTick,
+    /// Every edge.
+    EveryEdge,
+}
+
+/// Gains of the speed regulator: power = error * max(|to| / 3, `p_min`) + sum * (|to| / 10 +
+/// `i_plus`), all in whole numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Gains {
+    /// Least proportional factor.
+    pub p_min: i32,
+    /// Added to the integral factor.
+    pub i_plus: i32,
+}
+
+/// What an object nearer than the infrared curves allow for reads as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NearObjects {
+    /// What the curve says: negative, or farther again.
+    FollowCurve,
+    /// Nearer and nearer down to zero.
+    Clamped,
+}
+
+/// What the stop button does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Button {
+    /// Stops while pressed and for 120 counts of the divider after.
+    HoldAndDelay,
+    /// Each press stops or releases.
+    Toggle,
+}
+
+/// What the status register says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Status {
+    /// Nothing: always 0.
+    Zero,
+    /// Bit 0: error, bit 1: motors off. A guess from the headers of both field programs, which
+    /// agree if the master's count bits from one.
+    Reported,
+}
+
+/// Speed of the processor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Processor {
+    /// 16 MHz with all tasks in interrupts, as measured.
+    Measured,
+    /// Answers after a fixed time and fills the line.
+    Steady {
+        /// From the end of a request to the first byte of the reply.
+        latency: Duration,
+    },
+}
+
+/// What a restart by the processor's own watchdog costs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Restart {
+    /// Five seconds without main loop, but with interrupts: one request is kept and answered late.
+    FiveSecondsStale,
+    /// As any other start: deaf until up.
+    Normal,
+}
+
+/// Greatest set-point that the regulator obeys, ticks per 40.16 ms.
+pub const SET_POINT_MAX: i16 = 35;
+
+const DOCUMENT: Quirks = Quirks {
+    checksum: ChecksumOrder::LowFirst,
+    receiver: ReceiverKind::Buffered {
+        // The report gives no figure. Long against a byte (10 us), short against a master's
+        // time-out (4 to 8 ms in the field), so that a repeated request is always heard.
+        idle_gap: Duration::from_millis(2),
+        queue: 4,
+    },
+    bounds: Bounds::Refused,
+    watchdog: Watchdog::AnyFrame {
+        // "No messages for a short time", says the report; the figure is the field firmware's.
+        timeout: Duration::from_secs(1),
+    },
+    set_points: SetPoints::SignedAndReported,
+    battery: BatteryRegisters::LowFirst,
+    encoder: EncoderCopy::Snapshot,
+    odometer: Odometer::EveryEdge,
+    gains: Gains {
+        p_min: 1,
+        i_plus: 1,
+    },
+    near_objects: NearObjects::Clamped,
+    button: Button::HoldAndDelay,
+    status: Status::Reported,
+    processor: Processor::Steady {
+        latency: Duration::from_micros(50),
+    },
+    restart: Restart::Normal,
+};
+
+const RCJ_2015: Quirks = Quirks {
+    checksum: ChecksumOrder::HighFirst,
+    receiver: ReceiverKind::Interrupt,
+    bounds: Bounds::Memory,
+    watchdog: Watchdog::Divider {
+        counts: 40,
+        clears: Registers::Cleared,
+    },
+    set_points: SetPoints::Signed,
+    battery: BatteryRegisters::HighByteOnly,
+    encoder: EncoderCopy::Torn,
+    odometer: Odometer::PolledPerTick,
+    gains: Gains {
+        p_min: 0,
+        i_plus: 1,
+    },
+    near_objects: NearObjects::FollowCurve,
+    button: Button::HoldAndDelay,
+    status: Status::Zero,
+    processor: Processor::Measured,
+    restart: Restart::FiveSecondsStale,
+};
+
+const RCJ_2014: Quirks = Quirks {
+    watchdog: Watchdog::Divider {
+        // "2000 ms" in the source; taken as 80 counts, twice what the later build has for 1000.
+        counts: 80,
+        clears: Registers::Kept,
+    },
+    set_points: SetPoints::Unsigned,
+    gains: Gains {
+        p_min: 0,
+        i_plus: 0,
+    },
+    button: Button::Toggle,
+    ..RCJ_2015
+};
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_profile_is_found_by_its_name() {
+        assert_eq!(Profile::from_name("document"), Some(Profile::Document));
+        assert_eq!(Profile::from_name("rcj2015-2015"), Some(Profile::Rcj2015));
+        assert_eq!(Profile::from_name("rcj2015-2014"), Some(Profile::Rcj2014));
+        assert_eq!(Profile::from_name("rcj2015"), None);
+    }
+}

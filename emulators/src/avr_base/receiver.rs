@@ -1,0 +1,343 @@
+//! The receiving end of the bus: bytes with their times become requests.
+//!
+//! Two receivers, chosen by [`ReceiverKind`]. The fielded one is a state machine in the receive
+//! interrupt that never looks back:
+//!
+//! ```text
+//! WAIT -AB-> REGISTER -> COUNT -+-> CHECKSUM -> CHECKSUM -> request, deaf until it is answered
+//!                               +-> DATA x N -^      any state but WAIT: given up when quiet
+//! ```
+//!
+//! The other keeps what it misread and searches it again, so that a stray start byte costs nothing.
+
+use core::time::Duration;
+
+use protocols::avr::{self, ChecksumOrder};
+use protocols::{Decode, FrameError, Instant};
+
+use super::journal::{Journal, rules};
+use super::profile::{Quirks, ReceiverKind};
+use super::ticks::{DIVIDER, Ticks};
+
+/// What a request wants, as the top bit of its count says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum RequestKind {
+    Read,
+    Write,
+}
+
+/// A complete frame, also one with a wrong checksum: the base answers both.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Request {
+    /// When its last byte ended.
+    pub(super) at: Instant,
+    /// All bytes, from the start byte to the checksum.
+    pub(super) bytes: Vec<u8>,
+    /// Whether the checksum holds.
+    pub(super) valid: bool,
+}
+
+impl Request {
+    pub(super) fn register(&self) -> u8 {
+        self.bytes[1]
+    }
+
+    pub(super) fn kind(&self) -> RequestKind {
+        if self.bytes[2] & 0x80 == 0 {
+            RequestKind::Read
+        } else {
+            RequestKind::Write
+        }
+    }
+
+    pub(super) fn count(&self) -> u8 {
+        self.bytes[2] & 0x7F
+    }
+
+    /// The data of a write.
+    pub(super) fn data(&self) -> &[u8] {
+        &self.bytes[3..self.bytes.len() - 2]
+    }
+
+    /// Bytes of the reply that the base will give.
+    pub(super) fn reply_len(&self) -> u32 {
+        match self.kind() {
+            RequestKind::Read if self.valid => 5 + u32::from(self.count()),
+            _ => 5,
+        }
+    }
+}
+
+/// What bytes led to.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Heard {
+    /// A request is complete.
+    Request(Request),
+    /// The receiver wrote over the memory below its buffer, and the processor ran away.
+    Crash,
+}
+
+/// Bytes inside a frame that follow later than this are reported: the fielded firmware loses one
+/// frame in 25 for each millisecond.
+const GAP_REPORTED: Duration = Duration::from_millis(1);
+
+/// The receiver of either kind.
+#[derive(Clone, Debug)]
+pub(super) enum Receiver {
+    Interrupt(Interrupt),
+    Buffered(Buffered),
+}
+
+impl Receiver {
+    pub(super) fn new(quirks: &Quirks) -> Self {
+        match quirks.receiver {
+            ReceiverKind::Interrupt => Self::Interrupt(Interrupt::new(quirks.checksum)),
+            ReceiverKind::Buffered { idle_gap, .. } => {
+                Self::Buffered(Buffered::new(quirks.checksum, idle_gap))
+            }
+        }
+    }
+
+    /// Whether no frame has begun.
+    pub(super) fn is_waiting(&self) -> bool {
+        match self {
+            Self::Interrupt(receiver) => receiver.frame.is_empty(),
+            Self::Buffered(receiver) => receiver.decoder.pending() == 0,
+        }
+    }
+
+    /// A byte that ended at `at`; what it led to is added to `heard`.
+    pub(super) fn byte(
+        &mut self,
+        at: Instant,
+        byte: u8,
+        journal: &mut Journal,
+        heard: &mut Vec<Heard>,
+    ) {
+        match self {
+            Self::Interrupt(receiver) => heard.extend(receiver.byte(at, byte, journal)),
+            Self::Buffered(receiver) => receiver.byte(at, byte, journal, heard),
+        }
+    }
+
+    /// When an unfinished frame is given up if nothing more comes.
+    pub(super) fn deadline(&self, divider: Divider) -> Option<Instant> {
+        match self {
+            Self::Interrupt(receiver) => receiver.deadline(divider),
+            Self::Buffered(receiver) => receiver.deadline(),
+        }
+    }
+
+    /// The deadline has come; frames that the unfinished one hid are added to `heard`.
+    pub(super) fn expire(&mut self, at: Instant, journal: &mut Journal, heard: &mut Vec<Heard>) {
+        match self {
+            Self::Interrupt(receiver) => receiver.give_up(at, journal),
+            Self::Buffered(receiver) => receiver.give_up(at, journal, heard),
+        }
+    }
+}
+
+/// The divider that ends unfinished frames, as the fielded receiver sees it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Divider {
+    /// `None` once the task that counts it was overwritten.
+    pub(super) ticks: Option<Ticks>,
+    /// The main loop, which looks at the result, runs from here on.
+    pub(super) main_loop_from: Instant,
+}
+
+/// The main loop looks at the expired count this much later; a byte in between saves the frame.
+/// Measured least time to the loss of a frame: 0.113 ms.
+const MAIN_LOOP_PASS: Duration = Duration::from_micros(100);
+/// Longest usable count of the fielded receiver, whose counter is signed.
+const COUNT_MAX: u8 = 126;
+/// Bytes of a frame of count 127 after which the counter has run once through the memory below
+/// the buffer. One such frame alone does no visible harm; with 300 bytes more the processor
+/// crashed.
+const CRASH_AFTER: usize = 3 + 256;
+
+/// The fielded state machine.
+#[derive(Clone, Debug)]
+pub(super) struct Interrupt {
+    order: ChecksumOrder,
+    /// The frame so far; empty while waiting for a start byte.
+    frame: Vec<u8>,
+    last: Instant,
+}
+
+impl Interrupt {
+    fn new(order: ChecksumOrder) -> Self {
+        Self {
+            order,
+            frame: Vec::new(),
+            last: Instant::ZERO,
+        }
+    }
+
+    fn byte(&mut self, at: Instant, byte: u8, journal: &mut Journal) -> Option<Heard> {
+        let quiet = at - self.last;
+        self.last = at;
+        if self.frame.is_empty() {
+            if byte == avr::START {
+                self.frame.push(byte);
+            } else {
+                stray(at, byte, journal);
+            }
+            return None;
+        }
+        self.frame.push(byte);
+        report_gap(at, quiet, &self.frame, journal);
+        let &control = self.frame.get(2)?;
+        let is_write = control & 0x80 != 0;
+        let count = control & 0x7F;
+        if is_write && count > COUNT_MAX {
+            return self.overflow(at, journal);
+        }
+        let data = if is_write { usize::from(count) } else { 0 };
+        if self.frame.len() < 5 + data {
+            return None;
+        }
+        let bytes = core::mem::take(&mut self.frame);
+        Some(Heard::Request(self.request(at, bytes, journal)))
+    }
+
+    /// A counter that has passed 127 is negative and never reaches its end.
+    fn overflow(&mut self, at: Instant, journal: &mut Journal) -> Option<Heard> {
+        if self.frame.len() == 3 {
+            journal.violation(at, rules::COUNT_TOO_LARGE, &self.frame, || {
+                "write of 127 bytes; this firmware counts to 126".into()
+            });
+        }
+        if self.frame.len() < CRASH_AFTER {
+            return None;
+        }
+        self.frame.clear();
+        Some(Heard::Crash)
+    }
+
+    fn request(&self, at: Instant, bytes: Vec<u8>, journal: &mut Journal) -> Request {
+        let (body, sum) = bytes.split_at(bytes.len() - 2);
+        let found = match self.order {
+            ChecksumOrder::LowFirst => u16::from_le_bytes([sum[0], sum[1]]),
+            ChecksumOrder::HighFirst => u16::from_be_bytes([sum[0], sum[1]]),
+        };
+        let expected = avr::checksum(body);
+        if found != expected {
+            bad_checksum(at, &bytes, u32::from(expected), u32::from(found), journal);
+        }
+        Request {
+            at,
+            valid: found == expected,
+            bytes,
+        }
+    }
+
+    fn deadline(&self, divider: Divider) -> Option<Instant> {
+        let ticks = divider.ticks?;
+        if self.frame.is_empty() {
+            return None;
+        }
+        let expired = ticks
+            .after(self.last, DIVIDER, 1)
+            .max(divider.main_loop_from);
+        Some(expired + MAIN_LOOP_PASS)
+    }
+
+    fn give_up(&mut self, at: Instant, journal: &mut Journal) {
+        cut_off(at, &self.frame, journal);
+        self.frame.clear();
+    }
+}
+
+/// The sound receiver.
+#[derive(Clone, Debug)]
+pub(super) struct Buffered {
+    decoder: avr::Decoder,
+    idle_gap: Duration,
+    last: Instant,
+}
+
+impl Buffered {
+    const fn new(order: ChecksumOrder, idle_gap: Duration) -> Self {
+        Self {
+            decoder: avr::Decoder::new(order),
+            idle_gap,
+            last: Instant::ZERO,
+        }
+    }
+
+    fn byte(&mut self, at: Instant, byte: u8, journal: &mut Journal, heard: &mut Vec<Heard>) {
+        let quiet = at - self.last;
+        self.last = at;
+        let fresh = self.decoder.pending() == 0;
+        if !fresh {
+            report_gap(at, quiet, &[byte], journal);
+        }
+        if fresh && byte != avr::START {
+            stray(at, byte, journal);
+        }
+        self.search(at, &[byte], journal, heard);
+    }
+
+    /// What follows from one byte more, or from an idle line. A rejected candidate is heard as a
+    /// request that is not valid; the base forgives it if a good frame follows closely.
+    fn search(&mut self, at: Instant, bytes: &[u8], journal: &mut Journal, heard: &mut Vec<Heard>) {
+        for outcome in self.decoder.push(bytes) {
+            let (bytes, valid) = match outcome {
+                Ok(frame) => (frame.as_bytes().to_vec(), true),
+                Err(FrameError::Checksum { expected, found }) => {
+                    bad_checksum(at, bytes, expected, found, journal);
+                    (vec![avr::START, avr::ERROR_REGISTER, 0, 0, 0], false)
+                }
+                Err(_) => continue,
+            };
+            heard.push(Heard::Request(Request { at, bytes, valid }));
+        }
+    }
+
+    fn deadline(&self) -> Option<Instant> {
+        (self.decoder.pending() > 0).then(|| self.last + self.idle_gap)
+    }
+
+    fn give_up(&mut self, at: Instant, journal: &mut Journal, heard: &mut Vec<Heard>) {
+        let pending = self.decoder.pending();
+        journal.violation(at, rules::FRAME_CUT_OFF, &[], || {
+            format!("the line went quiet after {pending} bytes of a frame")
+        });
+        self.decoder.idle();
+        let before = heard.len();
+        self.search(at, &[], journal, heard);
+        // An idle line is no reason to answer what could not be read.
+        let mut index = 0;
+        heard.retain(|heard| {
+            index += 1;
+            index <= before || matches!(heard, Heard::Request(request) if request.valid)
+        });
+    }
+}
+
+fn stray(at: Instant, byte: u8, journal: &mut Journal) {
+    journal.violation(at, rules::STRAY_BYTES, &[byte], || {
+        format!("byte {byte:02X} outside a frame")
+    });
+}
+
+fn report_gap(at: Instant, quiet: Duration, bytes: &[u8], journal: &mut Journal) {
+    if quiet > GAP_REPORTED {
+        journal.violation(at, rules::GAP_IN_FRAME, bytes, || {
+            format!("{} us of silence inside a frame", quiet.as_micros())
+        });
+    }
+}
+
+fn bad_checksum(at: Instant, bytes: &[u8], expected: u32, found: u32, journal: &mut Journal) {
+    journal.violation(at, rules::BAD_CHECKSUM, bytes, || {
+        format!("checksum is {found:04X}, expected {expected:04X}")
+    });
+}
+
+fn cut_off(at: Instant, frame: &[u8], journal: &mut Journal) {
+    journal.violation(at, rules::FRAME_CUT_OFF, frame, || {
+        format!("the line went quiet after {} bytes of a frame", frame.len())
+    });
+}

@@ -1,0 +1,131 @@
+//! The sending end of a port: bytes and when each of them is ready.
+
+use std::collections::VecDeque;
+
+use core::time::Duration;
+
+use protocols::Instant;
+
+/// Bytes that wait at most, in case nobody takes them; a queue of the longest replies fits.
+const CAPACITY: usize = 2_048;
+
+/// When the bytes of a reply follow each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Pace {
+    /// All are ready at once; the line takes this long for each.
+    Line(Duration),
+    /// The interrupt that feeds the line is slower than the line: one byte each time.
+    Each(Duration),
+}
+
+/// Bytes on their way out.
+#[derive(Clone, Debug)]
+pub(super) struct Sender {
+    pace: Pace,
+    queue: VecDeque<(Instant, u8)>,
+    /// When the line has sent all.
+    free_at: Instant,
+}
+
+impl Sender {
+    pub(super) const fn new(pace: Pace) -> Self {
+        Self {
+            pace,
+            queue: VecDeque::new(),
+            free_at: Instant::ZERO,
+        }
+    }
+
+    /// Sends `bytes` from `at` on, behind what is on its way.
+    pub(super) fn send(&mut self, at: Instant, bytes: &[u8]) {
+        let start = at.max(self.free_at);
+        let room = CAPACITY - self.queue.len().min(CAPACITY);
+        for &byte in &bytes[..bytes.len().min(room)] {
+            let ready = match self.pace {
+                Pace::Line(_) => start,
+                Pace::Each(_) => self.free_at.max(start),
+            };
+            self.queue.push_back((ready, byte));
+            self.free_at = self.free_at.max(start) + self.byte_time();
+        }
+    }
+
+    /// Moves what is ready at `now` into `buf`.
+    pub(super) fn take(&mut self, now: Instant, buf: &mut [u8]) -> usize {
+        let ready = self.queue.iter().take_while(|&&(at, _)| at <= now).count();
+        let len = ready.min(buf.len());
+        for (slot, (_, byte)) in buf.iter_mut().zip(self.queue.drain(..len)) {
+            *slot = byte;
+        }
+        len
+    }
+
+    /// When the next byte after `now` is ready. What is ready already waits for the line.
+    pub(super) fn ready_after(&self, now: Instant) -> Option<Instant> {
+        let ready = self.queue.partition_point(|&(at, _)| at <= now);
+        self.queue.get(ready).map(|&(at, _)| at)
+    }
+
+    /// Bytes that are not on the line yet at `now`.
+    pub(super) fn waiting(&self, now: Instant) -> u32 {
+        let ready = self.queue.partition_point(|&(at, _)| at <= now);
+        u32::try_from(self.queue.len() - ready).expect("at most CAPACITY")
+    }
+
+    /// When the line has sent all.
+    pub(super) const fn free_at(&self) -> Instant {
+        self.free_at
+    }
+
+    /// Time of one byte in a long reply.
+    pub(super) const fn byte_time(&self) -> Duration {
+        match self.pace {
+            Pace::Line(time) | Pace::Each(time) => time,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEN_US: Duration = Duration::from_micros(10);
+
+    fn taken(sender: &mut Sender, micros: u64) -> Vec<u8> {
+        let mut buf = [0; 16];
+        let len = sender.take(Instant::from_micros(micros), &mut buf);
+        buf[..len].to_vec()
+    }
+
+    #[test]
+    fn a_slow_interrupt_hands_out_byte_by_byte() {
+        let mut sender = Sender::new(Pace::Each(TEN_US));
+        sender.send(Instant::from_micros(100), &[1, 2, 3]);
+        assert_eq!(taken(&mut sender, 99), [0_u8; 0]);
+        assert_eq!(taken(&mut sender, 100), [1]);
+        assert_eq!(
+            sender.ready_after(Instant::from_micros(100)),
+            Some(Instant::from_micros(110))
+        );
+        assert_eq!(taken(&mut sender, 125), [2, 3]);
+    }
+
+    #[test]
+    fn a_reply_waits_for_the_one_before() {
+        let mut sender = Sender::new(Pace::Line(TEN_US));
+        sender.send(Instant::from_micros(100), &[1, 2]);
+        sender.send(Instant::from_micros(105), &[3]);
+        assert_eq!(taken(&mut sender, 119), [1, 2]);
+        assert_eq!(taken(&mut sender, 120), [3]);
+        assert_eq!(sender.free_at(), Instant::from_micros(130));
+    }
+
+    #[test]
+    fn a_reader_that_never_reads_costs_bounded_memory() {
+        let mut sender = Sender::new(Pace::Line(TEN_US));
+        for _ in 0..1_000 {
+            sender.send(Instant::ZERO, &[0; 100]);
+        }
+        assert_eq!(sender.queue.len(), CAPACITY);
+    }
+}

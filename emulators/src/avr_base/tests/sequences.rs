@@ -1,0 +1,314 @@
+//! Properties over sequences of frames: the bank against a plain reference, and what must never
+//! happen whatever the master sends.
+
+use proptest::collection::vec;
+use proptest::prelude::*;
+
+use super::*;
+
+/// What the reference knows of the registers: what was written to those that a master may write.
+/// Everything else is asked to be zero or not asked at all.
+#[derive(Clone, Debug)]
+struct Reference {
+    bytes: [u8; 53],
+}
+
+/// Registers that keep what is written, with an answer that needs no knowledge of the world:
+/// speeds, stand-by and light.
+const FIRST: u8 = 46;
+const LAST: u8 = 52;
+
+#[derive(Clone, Debug)]
+enum Step {
+    Write {
+        register: u8,
+        data: Vec<u8>,
+    },
+    Read {
+        register: u8,
+        count: u8,
+    },
+    /// One bit of a good frame is flipped.
+    Damaged {
+        register: u8,
+        data: Vec<u8>,
+        bit: usize,
+    },
+    /// The frame ends too early.
+    CutOff {
+        register: u8,
+        data: Vec<u8>,
+        len: usize,
+    },
+    Noise(Vec<u8>),
+}
+
+fn registers() -> impl Strategy<Value = (u8, Vec<u8>)> {
+    (FIRST..=LAST).prop_flat_map(|register| {
+        let room = usize::from(LAST - register) + 1;
+        (Just(register), vec(any::<u8>(), 0..=room))
+    })
+}
+
+fn step() -> impl Strategy<Value = Step> {
+    prop_oneof![
+        registers().prop_map(|(register, data)| Step::Write { register, data }),
+        (FIRST..=LAST).prop_flat_map(|register| {
+            (Just(register), 0..=LAST - register + 1)
+                .prop_map(|(register, count)| Step::Read { register, count })
+        }),
+        (registers(), any::<usize>()).prop_map(|((register, data), bit)| Step::Damaged {
+            register,
+            data,
+            bit
+        }),
+        (registers(), any::<usize>()).prop_map(|((register, data), len)| Step::CutOff {
+            register,
+            data,
+            len
+        }),
+        vec(prop_oneof![0_u8..0xAB, 0xAC_u8..], 1..20).prop_map(Step::Noise),
+    ]
+}
+
+impl Reference {
+    /// Takes the step and returns what the base must answer; `None` if that depends on the bit.
+    fn answer(&mut self, step: &Step, profile: Profile) -> Option<Vec<u8>> {
+        let order = profile.quirks().checksum;
+        let reply = match step {
+            Step::Write { register, data } => {
+                let first = usize::from(*register);
+                self.bytes[first..first + data.len()].copy_from_slice(data);
+                if profile == Profile::Document {
+                    for speed in &mut self.bytes[46..48] {
+                        let limited = speed.cast_signed().clamp(-35, 35);
+                        *speed = limited.cast_unsigned();
+                    }
+                }
+                Frame::read(*register, 0, order)
+            }
+            Step::Read { register, count } => {
+                let data = &self.bytes[usize::from(*register)..][..usize::from(*count)];
+                Frame::write(*register, data, order)
+            }
+            Step::Damaged { .. } => return None,
+            Step::CutOff { .. } | Step::Noise(_) => return Some(Vec::new()),
+        };
+        Some(reply.as_bytes().to_vec())
+    }
+}
+
+/// The bytes of a step on the wire.
+fn bytes(step: &Step, order: ChecksumOrder) -> Vec<u8> {
+    let write =
+        |register: &u8, data: &Vec<u8>| Frame::write(*register, data, order).as_bytes().to_vec();
+    match step {
+        Step::Write { register, data } => write(register, data),
+        Step::Read { register, count } => Frame::read(*register, *count, order).as_bytes().to_vec(),
+        Step::Damaged {
+            register,
+            data,
+            bit,
+        } => {
+            let mut bytes = write(register, data);
+            let bit = bit % (bytes.len() * 8);
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            bytes
+        }
+        Step::CutOff {
+            register,
+            data,
+            len,
+        } => {
+            let bytes = write(register, data);
+            // A prefix that holds a whole frame would be answered: data may look like one.
+            bytes[..1 + len % (bytes.len() - 1).min(3)].to_vec()
+        }
+        Step::Noise(bytes) => bytes.clone(),
+    }
+}
+
+/// What the base under test holds of the registers in question.
+fn held(bench: &Bench) -> Vec<u8> {
+    (FIRST..=LAST).map(|r| bench.base.register(r)).collect()
+}
+
+fn follow(profile: Profile, steps: &[Step], phase_us: u64) -> Result<(), TestCaseError> {
+    let phase = Duration::from_micros(phase_us);
+    let mut bench = Bench::new(with_phase(profile, phase));
+    let mut reference = Reference { bytes: [0; 53] };
+    let mut armed = bench.now;
+    for step in steps {
+        // The motors must not time out under the reference: keep them armed as the master would.
+        if bench.now - armed > Duration::from_millis(700) {
+            bench.write(48, &[reference.bytes[48]]);
+            armed = bench.now;
+        }
+        let before = held(&bench);
+        let reply = bench.ask(&bytes(step, bench.order()));
+        match reference.answer(step, profile) {
+            Some(expected) => prop_assert_eq!(reply, expected),
+            None => {
+                let refused = Frame::read(0xFF, 0, bench.order());
+                // A flipped start byte or count leaves noise or an unfinished frame.
+                prop_assert!(
+                    reply.is_empty() || reply == refused.as_bytes(),
+                    "{:02X?}",
+                    reply
+                );
+                prop_assert_eq!(held(&bench), before);
+            }
+        }
+        prop_assert_eq!(&held(&bench)[..], &reference.bytes[46..53]);
+    }
+    Ok(())
+}
+
+/// Frames and rubbish as a fuzzer makes them: any register, any count, damaged, cut, glued.
+#[derive(Clone, Debug)]
+struct Attack {
+    register: u8,
+    count: u8,
+    is_write: bool,
+    fill: u8,
+    damage: Option<(usize, u8)>,
+    keep: usize,
+    gap_us: u32,
+}
+
+fn attack() -> impl Strategy<Value = Attack> {
+    let place = (any::<u8>(), 0_u8..=127, any::<bool>(), any::<u8>());
+    let damage = proptest::option::weighted(0.3, (0_usize..132, 1_u8..));
+    let keep = prop_oneof![4 => Just(132), 1 => 0_usize..132];
+    let gap = prop_oneof![Just(0), 0_u32..300, 0_u32..30_000];
+    (place, damage, keep, gap).prop_map(
+        |((register, count, is_write, fill), damage, keep, gap_us)| Attack {
+            register,
+            count,
+            is_write,
+            fill,
+            damage,
+            keep,
+            gap_us,
+        },
+    )
+}
+
+impl Attack {
+    fn bytes(&self, order: ChecksumOrder) -> Vec<u8> {
+        let frame = if self.is_write {
+            Frame::write(
+                self.register,
+                &vec![self.fill; usize::from(self.count)],
+                order,
+            )
+        } else {
+            Frame::read(self.register, self.count, order)
+        };
+        let mut bytes = frame.as_bytes().to_vec();
+        if let Some((index, mask)) = self.damage {
+            let len = bytes.len();
+            bytes[index % len] ^= mask;
+        }
+        bytes.truncate(self.keep);
+        bytes
+    }
+}
+
+/// Sends the attacks in one burst each, as a rig with large pieces would.
+fn endure(profile: Profile, attacks: &[Attack], phase_us: u64) -> Bench {
+    let mut bench = Bench::new(with_phase(profile, Duration::from_micros(phase_us)));
+    for attack in attacks {
+        let bytes = attack.bytes(bench.order());
+        if bytes.is_empty() {
+            continue;
+        }
+        bench.run(Duration::from_micros(u64::from(attack.gap_us)));
+        bench.run(BUS_LINE.bytes_time(bytes.len() as u64));
+        bench.base.receive(AvrBase::BUS, bench.now, &bytes);
+        bench.poll();
+    }
+    bench
+}
+
+/// The worst a sequence can do to the fielded time-out by its known defects: write the speeds
+/// without arming it (AV-02), or write over its task (AV-03b).
+fn is_defect(attack: &Attack) -> bool {
+    let end = usize::from(attack.register) + usize::from(attack.count);
+    attack.is_write && (attack.register < 46 && end > 46 || end > 255)
+}
+
+fn split(sent: &[u8], order: ChecksumOrder) -> bool {
+    use protocols::Decode;
+    let mut decoder = protocols::avr::Decoder::new(order);
+    let whole = decoder.push(sent).all(|outcome| outcome.is_ok());
+    whole && decoder.pending() == 0 && decoder.discarded() == 0
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+
+    #[test]
+    fn the_documented_bank_is_the_reference(
+        steps in vec(step(), 1..25),
+        phase_us in 0_u64..200_800,
+    ) {
+        follow(Profile::Document, &steps, phase_us)?;
+    }
+
+    #[test]
+    fn the_fielded_bank_is_the_reference(steps in vec(step(), 1..25), phase_us in 0_u64..200_800) {
+        follow(Profile::Rcj2015, &steps, phase_us)?;
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(5_000))]
+
+    /// Whatever was sent: no panic, all answers are whole frames, a silent second later the motors
+    /// stand, and the next good request is answered.
+    #[test]
+    fn the_documented_base_endures_anything(
+        attacks in vec(attack(), 1..12),
+        phase_us in 0_u64..200_800,
+    ) {
+        let mut bench = endure(Profile::Document, &attacks, phase_us);
+        bench.run(Duration::from_millis(1_041));
+        prop_assert_eq!(bench.base.set_points(), [0, 0]);
+        for wheel in WHEELS {
+            prop_assert!(!matches!(bench.world.drive(wheel), Drive::Power(_)));
+        }
+        let sent = bench.take();
+        prop_assert!(split(&sent, bench.order()), "{:02X?}", sent);
+        prop_assert_eq!(bench.read(46, 2), [0, 0]);
+    }
+
+    /// The same for the fielded base, its known defects left out.
+    #[test]
+    fn the_fielded_base_endures_anything_but_its_known_defects(
+        attacks in vec(attack().prop_filter("known", |attack| !is_defect(attack)), 1..12),
+        phase_us in 0_u64..200_800,
+    ) {
+        let mut bench = endure(Profile::Rcj2015, &attacks, phase_us);
+        bench.run(Duration::from_millis(1_050));
+        let crashed = bench.notes().iter().any(|note| note.1 == "crashed");
+        if crashed {
+            bench.run(Duration::from_secs(7));
+        }
+        for wheel in WHEELS {
+            prop_assert!(!matches!(bench.world.drive(wheel), Drive::Power(_)));
+        }
+        bench.take();
+        prop_assert_eq!(bench.read(36, 1).len(), 1);
+    }
+
+    /// Its defects let in: still no panic.
+    #[test]
+    fn no_sequence_panics_the_fielded_builds(
+        attacks in vec(attack(), 1..12),
+        phase_us in 0_u64..200_800,
+    ) {
+        endure(Profile::Rcj2015, &attacks, phase_us).run(PAUSE);
+        endure(Profile::Rcj2014, &attacks, phase_us).run(PAUSE);
+    }
+}
