@@ -9,14 +9,18 @@
 //! | [`avr_base`] | register slave that owns motors, encoders and infrared sensors |
 //! | [`device`] | the contract of every device |
 //! | [`hc06`] | Bluetooth radio: command and data mode, finite FIFO, slow air |
+//! | [`pc`] | scripted PC at the far end of the radio: sends waypoints, collects the map |
 //! | [`world`] | ground truth: scene, robot body, physics, ray casts |
+//! | [`xv11`] | Neato XV-11 lidar |
 //! | [`rng`] | named random streams from one seed |
 
 pub mod avr_base;
 pub mod device;
 mod event_log;
 pub mod hc06;
+pub mod pc;
 pub mod rng;
 pub mod world;
+pub mod xv11;
 
 pub use device::{Device, Event, EventKind};

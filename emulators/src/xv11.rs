@@ -1,0 +1,292 @@
+//! Neato XV-11 lidar: a turning head with an encoder ring, one beam per degree, and a firmware
+//! that streams without being asked.
+//!
+//! ```text
+//! OFF -> BOOT (text) -> SPIN (waits for the head) -> LOCKED (packets)
+//!                         ^                            |  ^
+//!                         |              late tooth    v  | second edge
+//!                         |                           SLOW (0x22, then 3 x 0x50)
+//!   restart after 0.6 s   |              tooth lost    |
+//!   without a tooth       +-------- LOST (0x52) <------+
+//! ```
+//!
+//! | module | is |
+//! |---|---|
+//! | `rotor` | motor, friction, what feeds them |
+//! | `encoder` | the ring: where the teeth are, early and late |
+//! | `scan` | slots of a turn, packets |
+//! | `optics`, `eye` | laws of range and strength; one beam from world to reading |
+//! | `uart` | the transmitter with its ring |
+//! | `firmware` | the states above |
+
+mod encoder;
+mod eye;
+mod fault;
+mod firmware;
+mod optics;
+mod profile;
+mod rotor;
+mod scan;
+#[cfg(test)]
+mod tests;
+mod uart;
+
+use protocols::{Instant, LineConfig, LineEvent, Port};
+
+use crate::device::{Device, Event, EventKind, earliest};
+use crate::rng::Rng;
+use crate::world::World;
+use encoder::Encoder;
+use eye::Eye;
+use fault::Faults;
+use firmware::Firmware;
+use rotor::Rotor;
+use uart::Uart;
+
+pub use fault::Fault;
+pub use optics::{
+    Direction, Mount, Optics, RANGE_MAX_MM, RANGE_MIN_MM, is_weak, range_sigma_mm, strength_mean,
+};
+pub use profile::Profile;
+pub use rotor::MotorSupply;
+
+/// Everything about a sensor that differs between units and robots.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Config {
+    /// Firmware generation.
+    pub profile: Profile,
+    /// What turns the head.
+    pub supply: MotorSupply,
+    /// Where it sits on the robot.
+    pub mount: Mount,
+    /// Geometry of the optics.
+    pub optics: Optics,
+    /// What is wrong with it from the start.
+    pub faults: Vec<Fault>,
+}
+
+/// What the firmware is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum State {
+    /// No supply.
+    Off,
+    /// About to print the boot text.
+    Boot,
+    /// Waits for the head to turn evenly.
+    Spin,
+    /// Sends packets.
+    Locked,
+    /// A tooth came late: fills in 0x22 until the second edge of the tooth.
+    Slow,
+    /// A tooth was taken for two: measures at twice the pace and labels angles wrongly.
+    Doubled,
+    /// Has lost the encoder: sends 0x52 at line rate.
+    Lost,
+    /// The text console, which ends the stream.
+    Console,
+}
+
+/// Events kept for [`Device::take_events`].
+const EVENTS_MAX: usize = 256;
+/// Work done in one poll at most; a device polled later than this goes on at the next poll.
+const STEPS_PER_POLL_MAX: u32 = 20_000;
+
+/// A Neato XV-11 lidar.
+#[derive(Clone, Debug)]
+pub struct Xv11 {
+    profile: Profile,
+    rotor: Rotor,
+    encoder: Encoder,
+    /// When the next tooth passes; follows from rotor and encoder.
+    edge_at: Option<Instant>,
+    eye: Eye,
+    uart: Uart,
+    firmware: Firmware,
+    faults: Faults,
+    /// Which byte of a packet is damaged, and how.
+    garbage: Rng,
+    /// Whether it was reported that the host's motor drive is not connected.
+    duty_told: bool,
+    events: Vec<Event>,
+}
+
+impl Xv11 {
+    /// The serial port: packets out; three ESC or a break in.
+    pub const UART: Port = Port(0);
+    /// The motor pin: each byte in is the duty of the host's drive from now on, 255 is always on.
+    pub const MOTOR: Port = Port(1);
+
+    /// A sensor that is switched on as the run begins. `name` and `seed` choose its noise.
+    pub fn new(name: &str, seed: u64, config: Config) -> Self {
+        let mut encoder = Encoder::new(Rng::stream(seed, &format!("{name}.encoder")));
+        let angle = encoder.any_angle();
+        let mut rotor = Rotor::new(config.supply, angle);
+        if encoder.seek(angle) {
+            rotor.wrap();
+        }
+        let mut xv11 = Self {
+            profile: config.profile,
+            rotor,
+            encoder,
+            edge_at: None,
+            eye: Eye::new(config.mount, config.optics, seed, name),
+            uart: Uart::default(),
+            firmware: Firmware::new(),
+            faults: Faults::default(),
+            garbage: Rng::stream(seed, &format!("{name}.garbage")),
+            duty_told: false,
+            events: Vec::new(),
+        };
+        xv11.plan();
+        for fault in config.faults {
+            xv11.set_fault(Instant::ZERO, fault);
+        }
+        xv11
+    }
+
+    /// Something breaks at `now`.
+    pub fn set_fault(&mut self, now: Instant, fault: Fault) {
+        self.faults.set(fault);
+        self.faults_changed(now);
+        match fault {
+            Fault::Off => self.switch_off(now),
+            Fault::Restart => {
+                self.faults.clear(fault);
+                self.order_restart(now);
+            }
+            _ => {}
+        }
+    }
+
+    /// A fault is mended at `now`, whatever its figure was.
+    pub fn clear_fault(&mut self, now: Instant, fault: Fault) {
+        let was_off = self.faults.has(Fault::Off);
+        self.faults.clear(fault);
+        self.faults_changed(now);
+        if was_off && !self.faults.has(Fault::Off) {
+            self.switch_on(now);
+        }
+    }
+
+    /// Something else feeds the motor from `now` on.
+    pub fn set_supply(&mut self, now: Instant, supply: MotorSupply) {
+        self.rotor.advance(now);
+        self.rotor.supply = supply;
+        self.plan();
+    }
+
+    /// What the firmware is doing.
+    pub fn state(&self) -> State {
+        self.firmware.state()
+    }
+
+    /// True speed of the head at the last tooth or change of drive.
+    pub fn speed_rpm(&self) -> f64 {
+        self.rotor.speed_rpm()
+    }
+
+    /// Packets the firmware has dropped because its transmitter was full.
+    pub const fn dropped(&self) -> u64 {
+        self.uart.dropped()
+    }
+
+    fn faults_changed(&mut self, now: Instant) {
+        self.rotor.advance(now);
+        self.rotor.dust_rpm_s = self.faults.dust_rpm_s();
+        self.rotor.stuck = self.faults.has(Fault::Stuck);
+        self.rotor.unpowered = self.faults.has(Fault::Off);
+        self.eye.dark = self.faults.has(Fault::Dark);
+        self.plan();
+    }
+
+    /// Finds out when the next tooth passes.
+    fn plan(&mut self) {
+        self.edge_at = self.rotor.reaches(self.encoder.edge_deg());
+    }
+
+    fn event(&mut self, at: Instant, kind: EventKind, rule: &'static str, detail: String) {
+        if self.events.len() < EVENTS_MAX {
+            self.events.push(Event {
+                at,
+                kind,
+                rule,
+                detail,
+                bytes: Vec::new(),
+            });
+        }
+    }
+
+    fn set_duty(&mut self, now: Instant, duty: u8) {
+        if !matches!(self.rotor.supply, MotorSupply::Host { .. }) {
+            if !self.duty_told {
+                self.duty_told = true;
+                let detail = "a motor duty arrives, but the rig feeds the motor".to_owned();
+                self.event(now, EventKind::Note, "motor-not-wired", detail);
+            }
+            return;
+        }
+        let duty = f64::from(duty) / 255.0;
+        if duty != self.rotor.duty {
+            self.rotor.advance(now);
+            self.rotor.duty = duty;
+            self.plan();
+        }
+    }
+}
+
+impl Device for Xv11 {
+    fn receive(&mut self, port: Port, now: Instant, bytes: &[u8]) {
+        match port {
+            Self::MOTOR => self.set_duty(now, *bytes.last().expect("receive is given bytes")),
+            _ => self.host_bytes(now, bytes),
+        }
+    }
+
+    fn line_event(&mut self, port: Port, now: Instant, event: LineEvent) {
+        if port != Self::UART || self.firmware.state() == State::Off {
+            return;
+        }
+        match event {
+            LineEvent::Break => self.open_console(now, "break"),
+            LineEvent::FramingError => {
+                let detail = "a character without stop bit: noise, or not 115200 baud".to_owned();
+                self.event(now, EventKind::Violation, "framing-error", detail);
+            }
+            LineEvent::Opened | LineEvent::Closed | LineEvent::Overrun => {}
+        }
+    }
+
+    fn poll(&mut self, now: Instant, world: &mut World) {
+        world.advance(now);
+        for _ in 0..STEPS_PER_POLL_MAX {
+            match self.poll_at() {
+                Some(at) if at <= now => self.step(at, world),
+                _ => break,
+            }
+        }
+    }
+
+    fn transmit(&mut self, port: Port, buf: &mut [u8]) -> usize {
+        if port == Self::UART {
+            self.uart.transmit(buf)
+        } else {
+            0
+        }
+    }
+
+    fn poll_at(&self) -> Option<Instant> {
+        earliest([
+            self.uart.release_at(),
+            self.edge_at,
+            self.firmware.next_at(&self.uart),
+        ])
+    }
+
+    fn line_config(&self, _port: Port) -> LineConfig {
+        uart::LINE
+    }
+
+    fn take_events(&mut self) -> Vec<Event> {
+        core::mem::take(&mut self.events)
+    }
+}

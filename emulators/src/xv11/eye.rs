@@ -1,0 +1,287 @@
+//! One beam: from a place and a direction in the world to the four bytes of a reading.
+//!
+//! (A) and (B) are the captures named in `optics`.
+
+use core::f64::consts::PI;
+
+use protocols::Instant;
+use protocols::xv11::{RawReading, Reading};
+
+use super::optics::{
+    Direction, Mount, Optics, RANGE_MAX_MM, RANGE_MIN_MM, is_weak, range_sigma_mm, strength_mean,
+};
+use crate::rng::Rng;
+use crate::world::{Hit, Point, World};
+
+/// Error codes that the optics give; meanings are inferred from where they occur.
+mod code {
+    pub(super) const DOUBLE_DOT: u8 = 0x02;
+    pub(super) const TOO_WIDE: u8 = 0x03;
+    pub(super) const BOTH: u8 = 0x06;
+    pub(super) const TOO_DIM: u8 = 0x25;
+    pub(super) const NO_DOT: u8 = 0x35;
+}
+
+/// Nearer than this the camera does not see the dot at all. A guess.
+const BLIND_MM: f64 = 60.0;
+/// Angular jitter of a beam: walls at 45 degrees scatter by 0.45 mm at 0.5 m (A).
+const JITTER_RAD: f64 = 0.03 * PI / 180.0;
+/// Half the width of the dot. A corner spoils one reading in some turns, as (A) shows.
+const DOT_RAD: f64 = 0.15 * PI / 180.0;
+/// Triangulation: distances come in steps of d^2 / K, 1.33 mm at 2.68 m (B).
+const QUANTUM_MM: f64 = 5.4e6;
+/// Weakest dot that gives a distance, and weakest one that is noticed.
+const STRENGTH_MIN: f64 = 2.5;
+const STRENGTH_DIM: f64 = 2.0;
+/// Strongest return of a white surface, seen in (A).
+const STRENGTH_MAX: f64 = 1_200.0;
+/// Odds that a wall spoils the dot for no visible reason: (A) outside of hand and corners.
+const FLAW_TOO_WIDE: f64 = 7e-4;
+const FLAW_TOO_DIM: f64 = 3e-4;
+const FLAW_BOTH: f64 = 3e-5;
+
+/// The optics with their noise and what they saw in the last turn.
+#[derive(Clone, Debug)]
+pub(super) struct Eye {
+    pub(super) mount: Mount,
+    pub(super) optics: Optics,
+    /// No laser light: nothing is seen.
+    pub(super) dark: bool,
+    range: Rng,
+    strength: Rng,
+    beam: Rng,
+    /// True distance per degree as last seen, millimetres; infinite without a dot. Tells where a
+    /// closer look is worth its ray casts.
+    seen_mm: Box<[f64; 360]>,
+}
+
+/// A beam in the world.
+#[derive(Clone, Copy, Debug)]
+struct Beam {
+    at: Instant,
+    from: Point,
+    angle: f64,
+}
+
+impl Eye {
+    pub(super) fn new(mount: Mount, optics: Optics, seed: u64, name: &str) -> Self {
+        Self {
+            mount,
+            optics,
+            dark: false,
+            range: Rng::stream(seed, &format!("{name}.range")),
+            strength: Rng::stream(seed, &format!("{name}.strength")),
+            beam: Rng::stream(seed, &format!("{name}.beam")),
+            seen_mm: Box::new([f64::INFINITY; 360]),
+        }
+    }
+
+    /// Measures once: reading `slot` of the turn, head at `angle_deg`, at `at`. Draws the same
+    /// numbers whatever is seen.
+    pub(super) fn measure(
+        &mut self,
+        world: &World,
+        at: Instant,
+        slot: u16,
+        angle_deg: f64,
+    ) -> RawReading {
+        let noise = Noise {
+            angle: normal(&mut self.beam),
+            chance: self.beam.uniform(),
+            range: normal(&mut self.range),
+            strength: normal(&mut self.strength),
+        };
+        let beam = self.beam_at(world, at, angle_deg, noise.angle);
+        let hit = world
+            .cast_ray_at(at, beam.from, beam.angle, RANGE_MAX_MM / 1e3)
+            .filter(|_| !self.dark);
+        let mm = hit.map_or(f64::INFINITY, |hit| hit.distance * 1e3);
+        let slot = usize::from(slot % 360);
+        let behind = self.seen_mm[(slot + 359) % 360];
+        let ahead = self.seen_mm[(slot + 1) % 360];
+        let shadowed = self.may_be_shadowed(slot, mm);
+        self.seen_mm[slot] = mm;
+        let Some(hit) = hit else {
+            return no_dot();
+        };
+        if shadowed && self.is_shadowed(world, beam, hit) {
+            return no_dot();
+        }
+        if is_rough(behind, mm, ahead) {
+            if let Some(reading) = rough(world, beam, hit, &noise) {
+                return reading;
+            }
+        }
+        smooth(mm, hit, &noise)
+    }
+
+    fn beam_at(&self, world: &World, at: Instant, angle_deg: f64, jitter: f64) -> Beam {
+        let pose = world.pose_at(at);
+        let turned = match self.optics.direction {
+            Direction::CounterClockwise => angle_deg,
+            Direction::Clockwise => -angle_deg,
+        };
+        let degrees = self.mount.yaw_deg + self.optics.index0_deg + turned;
+        let angle = pose.theta + degrees * (PI / 180.0) + JITTER_RAD * jitter;
+        let mut from = pose.point();
+        if self.mount.x_m != 0.0 || self.mount.y_m != 0.0 {
+            from = pose.offset(self.mount.x_m, self.mount.y_m);
+        }
+        if self.optics.beam_offset_mm != 0.0 {
+            from = aside(from, angle, self.optics.beam_offset_mm / 1e3);
+        }
+        Beam { at, from, angle }
+    }
+
+    /// Whether something much nearer follows within the next degrees, as far as known.
+    fn may_be_shadowed(&self, slot: usize, mm: f64) -> bool {
+        mm.is_finite() && (1..=6).any(|n| self.seen_mm[(slot + n) % 360] < 0.93 * mm)
+    }
+
+    /// Whether something stands between the dot and the camera.
+    fn is_shadowed(&self, world: &World, beam: Beam, hit: Hit) -> bool {
+        let (sin, cos) = libm::sincos(beam.angle);
+        let dot = Point::new(
+            beam.from.x + hit.distance * cos,
+            beam.from.y + hit.distance * sin,
+        );
+        let side = match self.optics.direction {
+            Direction::CounterClockwise => self.optics.baseline_mm / 1e3,
+            Direction::Clockwise => -self.optics.baseline_mm / 1e3,
+        };
+        let camera = aside(beam.from, beam.angle, side);
+        let angle = libm::atan2(dot.y - camera.y, dot.x - camera.x);
+        let reach = camera.distance(dot) - 0.01;
+        reach > 0.0 && world.cast_ray_at(beam.at, camera, angle, reach).is_some()
+    }
+}
+
+/// The draws of one beam: three standard normal numbers and one in [0, 1).
+#[derive(Clone, Copy, Debug)]
+struct Noise {
+    angle: f64,
+    chance: f64,
+    range: f64,
+    strength: f64,
+}
+
+/// Standard normal to 3.5 sigma: the sum of four 16-bit numbers. One draw, and a tenth of the time
+/// of an exact one; a sensor's noise has no longer tails.
+fn normal(rng: &mut Rng) -> f64 {
+    let bits = rng.next_u64();
+    let sum = (bits & 0xFFFF) + (bits >> 16 & 0xFFFF) + (bits >> 32 & 0xFFFF) + (bits >> 48);
+    let sum = u32::try_from(sum).expect("four 16-bit numbers fit 18 bits");
+    (f64::from(sum) - 131_070.0) * (3.0_f64.sqrt() / 65_536.0)
+}
+
+/// The point `left_m` to the left of `from`, looking along `angle`.
+fn aside(from: Point, angle: f64, left_m: f64) -> Point {
+    let (sin, cos) = libm::sincos(angle);
+    Point::new(from.x - left_m * sin, from.y + left_m * cos)
+}
+
+/// Whether the neighbours say that an edge or a corner may be in the dot.
+fn is_rough(behind: f64, mm: f64, ahead: f64) -> bool {
+    let bend = (behind - mm) + (ahead - mm);
+    bend.is_nan() || bend.abs() > 0.02 * mm
+}
+
+/// Looks at both sides of the dot. `Some` if it lies on an edge or in a corner.
+fn rough(world: &World, beam: Beam, hit: Hit, noise: &Noise) -> Option<RawReading> {
+    let mm = hit.distance * 1e3;
+    let look = |offset: f64| {
+        world
+            .cast_ray_at(beam.at, beam.from, beam.angle + offset, RANGE_MAX_MM / 1e3)
+            .map_or(f64::INFINITY, |hit| hit.distance * 1e3)
+    };
+    let (right, left) = (look(-DOT_RAD), look(DOT_RAD));
+    let bend = (right - mm) + (left - mm);
+    if bend.abs() < 0.002 * mm {
+        return None;
+    }
+    let (near, far) = (mm.min(right).min(left), mm.max(right).max(left));
+    if far - near < 30.0 {
+        // A corner: two dots in one picture, most of the time.
+        return (noise.chance < 0.75).then(|| invalid(code::DOUBLE_DOT));
+    }
+    // An edge: (A) shows double dots, bad shapes, nothing at all, or the part that was hit.
+    Some(match noise.chance {
+        ..0.35 => invalid(code::DOUBLE_DOT),
+        0.35..0.45 => invalid(code::TOO_WIDE),
+        0.45..0.50 => invalid(code::TOO_DIM),
+        0.50..0.65 => no_dot(),
+        chance => {
+            let covered = (chance - 0.65) / 0.35;
+            let part = Hit {
+                reflectivity: hit.reflectivity * covered.max(0.05),
+                ..hit
+            };
+            let mixed = if far.is_finite() && covered > 0.8 {
+                near + (far - near) * (covered - 0.8)
+            } else {
+                near
+            };
+            smooth(mixed, part, noise)
+        }
+    })
+}
+
+/// A dot on an even surface.
+fn smooth(mm: f64, hit: Hit, noise: &Noise) -> RawReading {
+    if mm < RANGE_MIN_MM {
+        return invalid(if mm < BLIND_MM {
+            code::NO_DOT
+        } else {
+            code::TOO_WIDE
+        });
+    }
+    // Facing has no visible influence in (A) up to 60 degrees; grazing light must fade somewhere.
+    let facing = (hit.incidence / 0.25).min(1.0);
+    let ceiling = STRENGTH_MAX * hit.reflectivity.max(1.0);
+    let mean = (strength_mean(mm) * hit.reflectivity * facing).min(ceiling);
+    let strength = mean * (1.0 + 0.03 * noise.strength);
+    if mean < STRENGTH_MIN {
+        return invalid(if mean < STRENGTH_DIM {
+            code::NO_DOT
+        } else {
+            code::TOO_DIM
+        });
+    }
+    if noise.chance > 1.0 - FLAW_TOO_WIDE - FLAW_TOO_DIM - FLAW_BOTH {
+        let rest = 1.0 - noise.chance;
+        return match rest {
+            ..FLAW_BOTH => RawReading::from(Reading::Invalid {
+                code: code::BOTH,
+                strength: 12,
+            }),
+            ..FLAW_TOO_DIM => invalid(code::TOO_DIM),
+            _ => invalid(code::TOO_WIDE),
+        };
+    }
+    let noisy = (mm + range_sigma_mm(mm) * noise.range).max(1.0);
+    let quantised = QUANTUM_MM / (QUANTUM_MM / noisy).round();
+    RawReading::from(Reading::Range {
+        distance_mm: whole(quantised),
+        strength: whole(strength),
+        weak: is_weak(quantised, strength),
+    })
+}
+
+fn invalid(code: u8) -> RawReading {
+    RawReading::from(Reading::Invalid { code, strength: 0 })
+}
+
+fn no_dot() -> RawReading {
+    invalid(code::NO_DOT)
+}
+
+/// Rounded to the wire's 16 bits.
+fn whole(value: f64) -> u16 {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a cast of a float saturates, which is what the wire can do"
+    )]
+    let whole = value.round() as u16;
+    whole
+}

@@ -1,0 +1,134 @@
+//! What can be wrong with a sensor, as data.
+
+/// One thing that is wrong. Setting a fault again replaces its figure.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Fault {
+    /// No supply: the line is silent, the head runs out. Clearing it is a power-on.
+    Off,
+    /// Dust or hair on the axle: additional dry friction. A regulated supply holds 300 rpm up to
+    /// about 450 rpm/s.
+    Dust {
+        /// Deceleration by it, rpm/s; a clean head has 288.
+        friction_rpm_s: f64,
+    },
+    /// The head is held. It stops at once.
+    Stuck,
+    /// The encoder is not seen. The head never locks, and the boot text repeats for ever.
+    EncoderBlind,
+    /// The speed word no longer changes. Everything else is right.
+    FrozenSpeed,
+    /// One tooth is taken for two: the next speed word is doubled, angles are wrong for a turn of
+    /// the tooth, then synchronisation is lost. Once; clears itself.
+    FalseDoubling,
+    /// No laser light: every reading says that there is no dot.
+    Dark,
+    /// Every strength looks like the beginning of a packet (FA, then an index), and every distance
+    /// ends in FA: the hardest traffic for a parser that hunts for start bytes.
+    DenseStarts,
+    /// One byte of each packet is damaged after the checksum was made.
+    Garbage,
+    /// The processor restarts, in the middle of a packet. Once; clears itself.
+    Restart,
+}
+
+impl Fault {
+    /// Every fault, with a figure where one is needed.
+    pub const ALL: [Self; 10] = [
+        Self::Off,
+        Self::Dust {
+            friction_rpm_s: 400.0,
+        },
+        Self::Stuck,
+        Self::EncoderBlind,
+        Self::FrozenSpeed,
+        Self::FalseDoubling,
+        Self::Dark,
+        Self::DenseStarts,
+        Self::Garbage,
+        Self::Restart,
+    ];
+
+    /// The fault with this name, with the figure of [`ALL`](Self::ALL).
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|fault| fault.name() == name)
+    }
+
+    /// Stable name, as in scenario files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Off => "off",
+            Self::Dust { .. } => "dust",
+            Self::Stuck => "stuck",
+            Self::EncoderBlind => "encoder-blind",
+            Self::FrozenSpeed => "frozen-speed",
+            Self::FalseDoubling => "false-doubling",
+            Self::Dark => "dark",
+            Self::DenseStarts => "dense-starts",
+            Self::Garbage => "garbage",
+            Self::Restart => "restart",
+        }
+    }
+}
+
+/// The faults that are set.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Faults(Vec<Fault>);
+
+impl Faults {
+    pub(super) fn set(&mut self, fault: Fault) {
+        self.clear(fault);
+        self.0.push(fault);
+    }
+
+    pub(super) fn clear(&mut self, fault: Fault) {
+        self.0.retain(|set| set.name() != fault.name());
+    }
+
+    pub(super) fn has(&self, fault: Fault) -> bool {
+        self.0.contains(&fault)
+    }
+
+    /// Clears a fault that acts once; whether it was set.
+    pub(super) fn take(&mut self, fault: Fault) -> bool {
+        let had = self.has(fault);
+        self.clear(fault);
+        had
+    }
+
+    pub(super) fn dust_rpm_s(&self) -> f64 {
+        let dust = self.0.iter().find_map(|fault| match fault {
+            Fault::Dust { friction_rpm_s } => Some(*friction_rpm_s),
+            _ => None,
+        });
+        dust.unwrap_or(0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_fault_is_found_by_its_name() {
+        for fault in Fault::ALL {
+            assert_eq!(Fault::from_name(fault.name()), Some(fault));
+        }
+        assert_eq!(Fault::from_name("broken"), None);
+    }
+
+    #[test]
+    fn a_fault_set_twice_has_the_later_figure() {
+        let mut faults = Faults::default();
+        faults.set(Fault::Dust {
+            friction_rpm_s: 1.0,
+        });
+        faults.set(Fault::Dust {
+            friction_rpm_s: 2.0,
+        });
+        assert_eq!(faults.dust_rpm_s(), 2.0);
+        faults.clear(Fault::Dust {
+            friction_rpm_s: 0.0,
+        });
+        assert_eq!(faults.dust_rpm_s(), 0.0);
+    }
+}

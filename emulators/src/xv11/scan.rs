@@ -1,0 +1,167 @@
+//! The slots of a turn: when each is due, and how readings become packets.
+
+use protocols::Instant;
+use protocols::xv11::{RawReading, Reading};
+
+use super::encoder::PHASE_SLOTS;
+use super::rotor::nanos;
+
+/// A measurement takes this long: at a (shown) speed of more than 320 rpm every second slot is
+/// skipped. The folklore of "sparse data above 320 rpm", and what the doubled tooth of the "hand
+/// in box" capture shows at 351 rpm.
+const MEASUREMENT_S: f64 = 60.0 / 320.0 / 360.0;
+
+/// A run of slots from one known edge on.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pace {
+    /// The edge.
+    pub(super) edge: Instant,
+    /// Number of the first slot behind it.
+    pub(super) first: u16,
+    /// Slots in the run.
+    pub(super) count: u16,
+    /// Time of a slot, as the firmware believes.
+    pub(super) slot_s: f64,
+    /// Where the head is at the edge, degrees.
+    pub(super) angle_deg: f64,
+    /// How fast it truly turns from there on.
+    pub(super) deg_per_s: f64,
+}
+
+impl Pace {
+    /// When slot `index` of the run is due.
+    pub(super) fn due(&self, index: u16) -> Instant {
+        self.edge + nanos((f64::from(index) + PHASE_SLOTS) * self.slot_s)
+    }
+
+    /// Where the head is at `at`, degrees.
+    pub(super) fn angle_at(&self, at: Instant) -> f64 {
+        self.angle_deg + self.deg_per_s * (at - self.edge).as_secs_f64()
+    }
+
+    /// Whether every second slot must be skipped.
+    pub(super) fn is_rushed(&self) -> bool {
+        self.slot_s < MEASUREMENT_S
+    }
+}
+
+/// The turn being measured.
+#[derive(Clone, Debug)]
+pub(super) struct Scan {
+    pub(super) pace: Option<Pace>,
+    /// Next slot of the pace.
+    index: u16,
+    /// Readings so far of the packet at hand.
+    readings: [RawReading; 4],
+    /// Whether the packet at hand was begun with its first reading.
+    whole: bool,
+    /// Speed word of the packet at hand: it is written when the packet is begun.
+    word: u16,
+    /// Readings still spoilt by a late tooth.
+    pub(super) resync: u8,
+    /// Strength of the reading before, which some error codes carry.
+    pub(super) strength: u16,
+    /// Whether the reading before was measured.
+    pub(super) measured: bool,
+}
+
+/// A packet that is full.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Full {
+    /// 0 to 89.
+    pub(super) index: u8,
+    pub(super) word: u16,
+    pub(super) readings: [RawReading; 4],
+}
+
+impl Scan {
+    pub(super) fn new() -> Self {
+        Self {
+            pace: None,
+            index: 0,
+            readings: [RawReading([0; 4]); 4],
+            whole: false,
+            word: 0,
+            resync: 0,
+            strength: 0,
+            measured: false,
+        }
+    }
+
+    /// Goes on with `pace` at its slot `index`. A packet begun stays begun only if its next slot
+    /// is the next one.
+    pub(super) fn follow(&mut self, pace: Pace, index: u16) {
+        let before = self.slot();
+        self.pace = Some(pace);
+        self.index = index;
+        if before.is_none_or(|slot| slot % 360 != (pace.first + index) % 360) {
+            self.whole = false;
+        }
+    }
+
+    /// Stops measuring.
+    pub(super) fn stop(&mut self) {
+        self.pace = None;
+        self.whole = false;
+        self.resync = 0;
+        self.measured = false;
+    }
+
+    /// The next slot of the turn, not yet wrapped; `None` without a pace.
+    pub(super) fn slot(&self) -> Option<u16> {
+        self.pace.map(|pace| pace.first + self.index)
+    }
+
+    /// Position of the next slot in its pace.
+    pub(super) const fn index(&self) -> u16 {
+        self.index
+    }
+
+    /// The next slot and when it is due; `None` when the run is over.
+    pub(super) fn next(&self) -> Option<(u16, Instant)> {
+        let pace = self.pace.filter(|pace| self.index < pace.count)?;
+        Some((pace.first + self.index, pace.due(self.index)))
+    }
+
+    /// When the packet at hand will be full; `None` if the run ends before.
+    pub(super) fn full_at(&self) -> Option<Instant> {
+        let pace = self.pace?;
+        let last = self.index + 3 - (pace.first + self.index) % 4;
+        (last < pace.count).then(|| pace.due(last))
+    }
+
+    /// When the last slot of the run is done.
+    pub(super) fn end(&self) -> Option<Instant> {
+        self.pace.map(|pace| pace.due(pace.count))
+    }
+
+    /// Stores the reading of the next slot; a full packet comes back.
+    pub(super) fn store(&mut self, reading: RawReading, word: u16) -> Option<Full> {
+        let slot = self.slot()? % 360;
+        self.index += 1;
+        self.strength = u16::from_le_bytes([reading.0[2], reading.0[3]]);
+        let place = usize::from(slot % 4);
+        if place == 0 {
+            self.whole = true;
+            self.word = word;
+        }
+        self.readings[place] = reading;
+        if place != 3 || !self.whole {
+            return None;
+        }
+        self.whole = false;
+        Some(Full {
+            index: u8::try_from(slot / 4).expect("359 / 4 is 89"),
+            word: self.word,
+            readings: self.readings,
+        })
+    }
+
+    /// A reading that was not made, with the strength of the one before.
+    pub(super) fn excuse(&self, code: u8) -> RawReading {
+        RawReading::from(Reading::Invalid {
+            code,
+            strength: self.strength,
+        })
+    }
+}
