@@ -3,9 +3,10 @@
 use core::time::Duration;
 
 use emulators::world::World;
-use protocols::LineConfig;
+use protocols::{LineConfig, Port};
 
-use crate::rig::Rig;
+use crate::line::End;
+use crate::rig::{Program, Rig};
 use crate::scenario::{Robot, Scenario, ScenarioError, Source};
 
 pub mod rescue;
@@ -60,6 +61,47 @@ pub struct Wired {
     pub open_ends: Vec<OpenEnd>,
 }
 
+impl Wired {
+    fn open_end(&mut self, name: &str, line: LineConfig, connect: &'static str) -> End {
+        let node = self.rig.add_outside(name, line);
+        let (name, link) = (name.to_owned(), name.to_owned());
+        self.open_ends.push(OpenEnd {
+            name,
+            link,
+            node,
+            line,
+            connect,
+        });
+        End {
+            node,
+            port: Port(0),
+        }
+    }
+}
+
+/// Plans the scenario's latencies and faults on the links of a wired rig.
+fn plan_links(rig: &mut Rig, scenario: &Scenario, source: &Source) -> Result<(), ScenarioError> {
+    for (name, spec) in &scenario.link {
+        if let Some(link) = rig.link_mut(name) {
+            link.lines
+                .iter_mut()
+                .for_each(|line| line.latency = spec.latency.0);
+        }
+    }
+    let names: Vec<String> = rig.links().iter().map(|link| link.name.clone()).collect();
+    for (index, fault) in scenario.fault.iter().enumerate() {
+        let Some(link) = rig.link_mut(fault.link.get_ref()) else {
+            let found = fault.link.get_ref();
+            let message = format!("is \"{found}\", expected one of {}", names.join(", "));
+            let key = format!("fault[{index}].link");
+            return Err(source.invalid(Some(fault.link.span()), key, message));
+        };
+        let line = link.line_mut(fault.direction.into());
+        fault.plan(index, &mut line.faults, scenario.seed, source)?;
+    }
+    Ok(())
+}
+
 /// What a robot's checkers need to know.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Watch {
@@ -79,6 +121,32 @@ pub fn wire(
 ) -> Result<Wired, ScenarioError> {
     match scenario.robot {
         Robot::Rescue => rescue::wire(scenario, source, world, dut, pc),
+    }
+}
+
+/// A robot's program by itself, with the names of its ports.
+pub struct Alone {
+    /// The program.
+    pub program: Box<dyn Program>,
+    /// Its ports.
+    pub ports: Vec<ProgramPort>,
+}
+
+/// A port of a robot's program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ProgramPort {
+    /// Name of the link that belongs there.
+    pub name: &'static str,
+    /// The program's number for it.
+    pub port: Port,
+    /// Whether the program can do without.
+    pub is_optional: bool,
+}
+
+/// The program of the scenario's robot, for a process of its own.
+pub fn program(scenario: &Scenario, source: &Source) -> Result<Alone, ScenarioError> {
+    match scenario.robot {
+        Robot::Rescue => rescue::alone(scenario, source),
     }
 }
 

@@ -10,6 +10,7 @@ use protocols::Instant;
 use crate::check::{self, Check, Checker, Look, Status};
 use crate::line::Direction;
 use crate::mission::Progress;
+use crate::realtime::Paced;
 use crate::rig::{Logged, Rig};
 use crate::robots::{self, Dut, PcEnd, Wired};
 use crate::scenario::world::PushSpec;
@@ -36,6 +37,7 @@ pub struct Run {
     truth: Vec<(Instant, Pose)>,
     pairs: Vec<PosePair>,
     looks: u32,
+    next_look: Instant,
 }
 
 /// How a run ended.
@@ -107,6 +109,7 @@ impl Run {
             truth: Vec::new(),
             pairs: Vec::new(),
             looks: 0,
+            next_look: Instant::ZERO + LOOK_EVERY,
             scenario,
         }
     }
@@ -138,9 +141,14 @@ impl Run {
 
     /// Runs on until the next look of the checkers.
     pub fn step(&mut self) {
-        let next = (self.rig.now() + LOOK_EVERY).min(self.scenario.duration.instant());
+        self.advance(self.next_look.min(self.scenario.duration.instant()));
+        self.look();
+    }
+
+    /// Runs the rig until `deadline`, pushing the robot when it is time to.
+    fn advance(&mut self, deadline: Instant) {
         while let Some(push) = self.pushes.first().copied()
-            && push.at.instant() <= next
+            && push.at.instant() <= deadline
         {
             self.rig.run_until(push.at.instant());
             let turn = push.turn_deg.to_radians();
@@ -149,11 +157,11 @@ impl Run {
                 .push(push.by_m[0], push.by_m[1], turn, push.over.0);
             self.pushes.remove(0);
         }
-        self.rig.run_until(next);
-        self.look();
+        self.rig.run_until(deadline);
     }
 
     fn look(&mut self) {
+        self.next_look = self.rig.now() + LOOK_EVERY;
         let contacts = self.rig.world.take_contacts();
         let actuators = robots::actuators(self.scenario.robot, &self.rig);
         let look = Look {
@@ -332,5 +340,19 @@ impl Run {
             }
         }
         case
+    }
+}
+
+impl Paced for Run {
+    fn rig(&mut self) -> &mut Rig {
+        &mut self.rig
+    }
+
+    fn run_until(&mut self, deadline: Instant) {
+        while self.next_look <= deadline {
+            self.advance(self.next_look);
+            self.look();
+        }
+        self.advance(deadline);
     }
 }

@@ -232,9 +232,31 @@ pub struct Xv11Spec {
     /// Firmware: `fw2.1`, `fw2.4.13386`, `fw2.6.15295`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub profile: Option<toml::Spanned<String>>,
-    /// Speed that its own supply holds; without it the host drives the motor.
+    /// What turns the head; 300 rpm held by the rig if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub regulated_rpm: Option<f64>,
+    pub supply: Option<SupplySpec>,
+}
+
+/// What turns the head of a lidar.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub enum SupplySpec {
+    /// The rig holds this speed, turns per minute.
+    RegulatedRpm(f64),
+    /// A fixed voltage.
+    FixedV(f64),
+    /// The host's drive, this voltage at full duty.
+    HostV(f64),
+}
+
+impl From<SupplySpec> for emulators::xv11::MotorSupply {
+    fn from(spec: SupplySpec) -> Self {
+        match spec {
+            SupplySpec::RegulatedRpm(rpm) => Self::Regulated { rpm },
+            SupplySpec::FixedV(volts) => Self::Fixed { volts },
+            SupplySpec::HostV(volts) => Self::Host { volts },
+        }
+    }
 }
 
 /// Settings of an AVR base.
@@ -522,6 +544,15 @@ pub struct Source {
 }
 
 impl Source {
+    /// Where `name` stands as a table header or key, for messages.
+    pub fn find(&self, name: &str) -> Option<core::ops::Range<usize>> {
+        let start = self
+            .text
+            .find(&format!(".{name}"))
+            .or_else(|| self.text.find(name))?;
+        Some(start..start + name.len())
+    }
+
     /// The error that `key`, whose value lies at `span` of the text, is wrong.
     pub fn invalid(
         &self,

@@ -1,28 +1,363 @@
-//! The rescue robot.
-use super::{Actuators, Dut, PcEnd, Watch, Wired};
-use crate::rig::Rig;
-use crate::scenario::{Scenario, ScenarioError, Source};
-use core::time::Duration;
-use emulators::world::World;
+//! The rescue robot: XV-11 lidar, AVR base, HC-06 radio, and a PC at the far end of the air.
+//!
+//! | link | device end | master end |
+//! |---|---|---|
+//! | `lidar` | XV-11 UART | program, 115200 baud |
+//! | `motor` | XV-11 motor pin | program, one byte a duty |
+//! | `base` | AVR base | program, 1 Mbaud |
+//! | `radio` | HC-06 UART | program, 460800 baud |
+//! | `pc` | HC-06 air end | PC |
 
-/// What the checkers watch.
-pub const WATCH: Watch = Watch {
-    command_link: "base",
-    silence_max: Duration::from_millis(1100),
+use core::time::Duration;
+
+use emulators::avr_base::{self, AvrBase, AvrBaseConfig};
+use emulators::hc06::{self, Hc06};
+use emulators::pc::{self, Pc};
+use emulators::world::World;
+use emulators::xv11::{self, Xv11};
+use firmware_core::pose::Pose;
+use firmware_core::robots::rescue::{Config, Rescue};
+use firmware_core::slam;
+use protocols::avr::ChecksumOrder;
+use protocols::hc06::Family;
+use protocols::pcui::message::{Mode, Order};
+use protocols::{LineConfig, Port};
+
+use super::{Actuators, Alone, Dut, PcEnd, ProgramPort, Watch, Wired};
+use crate::cpu::CpuModel;
+use crate::line::End;
+use crate::rig::Rig;
+use crate::scenario::{
+    Action, AvrBaseSpec, CpuSpec, DeviceSpec, Hc06Spec, MapperSpec, ModeSpec, Scenario,
+    ScenarioError, Source, Xv11Spec,
 };
 
+/// What the checkers watch: the base stops the motors within 1.006 s of silence (field firmware,
+/// measured), plus a regulator's period of 40 ms and a look of the checker.
+pub const WATCH: Watch = Watch {
+    command_link: "base",
+    silence_max: Duration::from_millis(1060),
+};
+
+/// Largest set-point that the fielded base follows, ticks per 40 ms.
+const SET_POINT_MAX: i16 = 35;
+
+const LINKS: [&str; 5] = ["lidar", "motor", "base", "radio", "pc"];
+
+/// The duty of the lidar's motor is a level, not a message: it gets through at once.
+const PIN: LineConfig = LineConfig::new_8n1(10_000_000);
+
 pub(super) fn wire(
-    _: &Scenario,
-    _: &Source,
-    _: World,
-    _: Dut,
-    _: PcEnd,
+    scenario: &Scenario,
+    source: &Source,
+    world: World,
+    dut: Dut,
+    pc: PcEnd,
 ) -> Result<Wired, ScenarioError> {
-    todo!()
+    check_names(scenario, source)?;
+    let seed = scenario.seed;
+    let mut rig = Rig::new(world);
+    rig.cpu = match scenario.program.cpu {
+        CpuSpec::Stm32f4 => CpuModel::STM32F4,
+        CpuSpec::Ideal => CpuModel::IDEAL,
+    };
+    let base = base(scenario, source)?;
+    let order = order_of(&base);
+    let lidar_node = rig.add_device("lidar", Xv11::new("lidar", seed, lidar(scenario, source)?));
+    let base_node = rig.add_device("base", AvrBase::new(base, seed));
+    let radio_node = rig.add_device("radio", Hc06::new(radio(scenario, source)?, seed));
+
+    let mut wired = Wired {
+        rig,
+        open_ends: Vec::new(),
+    };
+    let program = match dut {
+        Dut::Internal => {
+            let program = Box::new(Rescue::new(program(scenario, order)));
+            Some(wired.rig.add_program("program", program))
+        }
+        Dut::External => None,
+    };
+    // Pieces: the lidar sends packets of 22 bytes; on the base's bus every byte counts by itself,
+    // because the slave is deaf between a request and its answer.
+    let to_program = [
+        (
+            "lidar",
+            lidar_node,
+            Xv11::UART,
+            Rescue::LIDAR,
+            22,
+            "the robot's lidar input",
+        ),
+        (
+            "motor",
+            lidar_node,
+            Xv11::MOTOR,
+            Rescue::MOTOR,
+            1,
+            "the lidar's motor drive, optional",
+        ),
+        (
+            "base",
+            base_node,
+            AvrBase::BUS,
+            Rescue::BASE,
+            1,
+            "the robot's register bus",
+        ),
+        (
+            "radio",
+            radio_node,
+            Hc06::UART,
+            Rescue::RADIO,
+            16,
+            "the robot's radio UART",
+        ),
+    ];
+    for (name, node, device_port, port, piece, connect) in to_program {
+        let device = End {
+            node,
+            port: device_port,
+        };
+        let master = match program {
+            Some(node) => End { node, port },
+            None => wired.open_end(name, line_of(port), connect),
+        };
+        wired.rig.connect(name, device, master, piece);
+    }
+    let air = End {
+        node: radio_node,
+        port: Hc06::AIR,
+    };
+    let far = match pc {
+        PcEnd::Scripted => {
+            let node = wired
+                .rig
+                .add_device("pc", Pc::new(script(scenario, source)?));
+            End {
+                node,
+                port: Pc::AIR,
+            }
+        }
+        PcEnd::External => wired.open_end("pc", hc06::AIR_LINE, "a PC program"),
+    };
+    wired.rig.connect("pc", air, far, 64);
+    super::plan_links(&mut wired.rig, scenario, source)?;
+    Ok(wired)
 }
-pub(super) fn actuators(_: &Rig) -> Option<Actuators> {
-    None
+
+/// The program by itself. The motor's drive is no UART on a real board.
+pub(super) fn alone(scenario: &Scenario, source: &Source) -> Result<Alone, ScenarioError> {
+    check_names(scenario, source)?;
+    let order = order_of(&base(scenario, source)?);
+    let port = |name, port, is_optional| ProgramPort {
+        name,
+        port,
+        is_optional,
+    };
+    Ok(Alone {
+        program: Box::new(Rescue::new(program(scenario, order))),
+        ports: vec![
+            port("lidar", Rescue::LIDAR, false),
+            port("motor", Rescue::MOTOR, true),
+            port("base", Rescue::BASE, false),
+            port("radio", Rescue::RADIO, false),
+        ],
+    })
 }
-pub(super) fn map_received(_: &Rig) -> Option<bool> {
-    None
+
+/// The order in which the base sends its checksum, which the program must share.
+const fn order_of(base: &AvrBaseConfig) -> ChecksumOrder {
+    match base.profile {
+        avr_base::Profile::Document => ChecksumOrder::LowFirst,
+        avr_base::Profile::Rcj2015 | avr_base::Profile::Rcj2014 => ChecksumOrder::HighFirst,
+    }
+}
+
+const fn line_of(port: Port) -> LineConfig {
+    match port {
+        Rescue::LIDAR => LineConfig::new_8n1(protocols::xv11::BAUD),
+        Rescue::BASE => LineConfig::new_8n1(protocols::avr::BAUD),
+        Rescue::RADIO => LineConfig::new_8n1(protocols::pcui::BAUD),
+        _ => PIN,
+    }
+}
+
+fn check_names(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError> {
+    let expected = |names: &[&str]| format!("the rescue robot has {}", names.join(", "));
+    for (name, spec) in &scenario.device {
+        let kind = match name.as_str() {
+            "lidar" => "xv11",
+            "base" => "avr-base",
+            "radio" => "hc06",
+            _ => {
+                let message = format!("no such device; {}", expected(&["lidar", "base", "radio"]));
+                return Err(source.invalid(source.find(name), format!("device.{name}"), message));
+            }
+        };
+        if spec.kind() != kind {
+            let message = format!("is of kind {}, expected {kind}", spec.kind());
+            return Err(source.invalid(source.find(name), format!("device.{name}"), message));
+        }
+    }
+    for name in scenario.link.keys() {
+        if !LINKS.contains(&name.as_str()) {
+            let message = format!("no such link; {}", expected(&LINKS));
+            return Err(source.invalid(source.find(name), format!("link.{name}"), message));
+        }
+    }
+    Ok(())
+}
+
+fn unknown(
+    source: &Source,
+    key: &str,
+    found: &toml::Spanned<String>,
+    known: &[&str],
+) -> ScenarioError {
+    let message = format!(
+        "is \"{}\", expected one of {}",
+        found.get_ref(),
+        known.join(", ")
+    );
+    source.invalid(Some(found.span()), key, message)
+}
+
+fn lidar(scenario: &Scenario, source: &Source) -> Result<xv11::Config, ScenarioError> {
+    let mut config = xv11::Config::default();
+    let Some(DeviceSpec::Xv11(Xv11Spec { profile, supply })) = scenario.device.get("lidar") else {
+        return Ok(config);
+    };
+    if let Some(name) = profile {
+        let known = xv11::Profile::ALL.map(xv11::Profile::name);
+        config.profile = xv11::Profile::from_name(name.get_ref())
+            .ok_or_else(|| unknown(source, "device.lidar.xv11.profile", name, &known))?;
+    }
+    if let Some(supply) = supply {
+        config.supply = (*supply).into();
+    }
+    Ok(config)
+}
+
+fn base(scenario: &Scenario, source: &Source) -> Result<AvrBaseConfig, ScenarioError> {
+    let mut config = AvrBaseConfig::default();
+    if let Some(DeviceSpec::AvrBase(AvrBaseSpec {
+        profile: Some(name),
+    })) = scenario.device.get("base")
+    {
+        let known = avr_base::Profile::ALL.map(avr_base::Profile::name);
+        config.profile = avr_base::Profile::from_name(name.get_ref())
+            .ok_or_else(|| unknown(source, "device.base.avr-base.profile", name, &known))?;
+    }
+    Ok(config)
+}
+
+fn radio(scenario: &Scenario, source: &Source) -> Result<hc06::Profile, ScenarioError> {
+    let spec = match scenario.device.get("radio") {
+        Some(DeviceSpec::Hc06(spec)) => spec.clone(),
+        _ => Hc06Spec::default(),
+    };
+    let family = match &spec.family {
+        None => Family::default(),
+        Some(name) => {
+            let families = [Family::Linvor18, Family::Hc01V20, Family::V30];
+            let known = families.map(Family::name);
+            let found = families
+                .into_iter()
+                .find(|family| family.name() == name.get_ref());
+            found.ok_or_else(|| unknown(source, "device.radio.hc06.family", name, &known))?
+        }
+    };
+    let mut profile = hc06::Profile::of(family).at_baud(spec.baud.unwrap_or(protocols::pcui::BAUD));
+    if let Some(delay) = spec.connect_delay {
+        profile.connect_delay = delay.0;
+    }
+    Ok(profile)
+}
+
+fn program(scenario: &Scenario, checksum_order: ChecksumOrder) -> Config {
+    let mut mapping = match scenario.program.mapper {
+        MapperSpec::Best => slam::Settings::default(),
+        MapperSpec::Document => slam::Settings::document(),
+    };
+    mapping.seed = scenario.seed;
+    // The robot is told where it starts; map and world share their frame.
+    let start = scenario.world.start_pose();
+    #[expect(clippy::cast_possible_truncation, reason = "millimetres fit an f32")]
+    let [x_mm, y_mm, heading] = [start.x * 1000.0, start.y * 1000.0, start.theta].map(|v| v as f32);
+    mapping.start = Pose::new(x_mm, y_mm, heading);
+    let initial_mode = scenario.program.start_mode.map_or(Mode::Stop, Mode::from);
+    Config {
+        checksum_order,
+        mapping,
+        initial_mode,
+        ..Config::default()
+    }
+}
+
+impl From<ModeSpec> for Mode {
+    fn from(spec: ModeSpec) -> Self {
+        match spec {
+            ModeSpec::Stop => Self::Stop,
+            ModeSpec::Exploration => Self::Exploration,
+            ModeSpec::Waypoint => Self::Waypoint,
+        }
+    }
+}
+
+fn millimetres(waypoints: &[[f64; 2]]) -> Vec<[i16; 2]> {
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "clamped by the cast to the wire's range"
+    )]
+    let to_mm = |metres: f64| (metres * 1000.0).round() as i16;
+    waypoints.iter().map(|place| place.map(to_mm)).collect()
+}
+
+fn script(scenario: &Scenario, source: &Source) -> Result<pc::Script, ScenarioError> {
+    let mission = &scenario.mission;
+    let mut steps = vec![pc::Step {
+        when: pc::When::At(mission.connect.0),
+        action: pc::Action::Open,
+    }];
+    if !mission.waypoints_m.is_empty() {
+        let action = pc::Action::Waypoints(millimetres(&mission.waypoints_m));
+        steps.push(pc::Step {
+            when: pc::When::AfterConnected(Duration::from_millis(200)),
+            action,
+        });
+    }
+    for step in &mission.step {
+        let action = match &step.action {
+            Action::Connect => pc::Action::Open,
+            Action::Disconnect => pc::Action::Close,
+            Action::WaypointsM(waypoints) => pc::Action::Waypoints(millimetres(waypoints)),
+            Action::Mode(mode) => pc::Action::Order(Order {
+                mode: (*mode).into(),
+                set_point: [0, 0],
+            }),
+            Action::Drive(set_point) => pc::Action::Order(Order {
+                mode: Mode::Manual,
+                set_point: *set_point,
+            }),
+        };
+        steps.push(pc::Step {
+            when: pc::When::At(step.at.0),
+            action,
+        });
+    }
+    pc::Script::new(steps)
+        .map_err(|error| source.invalid(source.find("mission"), "mission", error.to_string()))
+}
+
+pub(super) fn actuators(rig: &Rig) -> Option<Actuators> {
+    let base = rig.device::<AvrBase>("base")?;
+    Some(Actuators {
+        set_points: base.set_points(),
+        limit: SET_POINT_MAX,
+    })
+}
+
+pub(super) fn map_received(rig: &Rig) -> Option<bool> {
+    Some(rig.device::<Pc>("pc")?.map_complete_at().is_some())
 }

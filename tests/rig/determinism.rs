@@ -1,0 +1,90 @@
+//! Same case, same bytes: the promise that everything else stands on.
+
+use core::sync::atomic::{AtomicBool, Ordering};
+use std::path::Path;
+
+use hilrig::run::Outcome;
+use hilrig::scenario::Scenario;
+
+use super::{run_to_end, shipped, start};
+
+/// What must be equal for two runs to count as the same.
+fn identity(outcome: &Outcome) -> (String, String, String) {
+    let map = outcome
+        .map
+        .as_ref()
+        .expect("the program is in this process");
+    let map = hilrig::trace::fingerprint(map.rows().as_flattened());
+    (outcome.trace_hash.clone(), map, outcome.case.to_toml())
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes_map_and_case() {
+    let first = identity(&run_to_end(shipped("rescue-flat")));
+    let second = identity(&run_to_end(shipped("rescue-flat")));
+    assert_eq!(first, second);
+}
+
+#[test]
+fn another_seed_gives_other_bytes() {
+    let (mut scenario, source) = shipped("empty-room");
+    let first = run_to_end((scenario.clone(), source.clone()));
+    scenario.seed = 2;
+    assert_ne!(first.trace_hash, run_to_end((scenario, source)).trace_hash);
+}
+
+/// Both cores spin while the run goes on: nothing may depend on how fast it goes.
+#[test]
+fn load_on_the_processor_changes_nothing() {
+    let quiet = identity(&run_to_end(shipped("two-rooms")));
+    let done = AtomicBool::new(false);
+    let loaded = std::thread::scope(|scope| {
+        for _ in 0..4 {
+            scope.spawn(|| {
+                while !done.load(Ordering::Relaxed) {
+                    core::hint::spin_loop();
+                }
+            });
+        }
+        let loaded = identity(&run_to_end(shipped("two-rooms")));
+        done.store(true, Ordering::Relaxed);
+        loaded
+    });
+    assert_eq!(quiet, loaded);
+}
+
+/// A saved case means the same again, also when random faults were at work: it holds what they
+/// did, not the dice.
+#[test]
+fn a_saved_case_gives_the_same_bytes_again() {
+    let faults = "[[fault]]\nlink = \"base\"\ndirection = \"to-master\"\nkind = \"flip\"\n\
+        rate = 0.002\n[[fault]]\nlink = \"lidar\"\ndirection = \"to-master\"\nkind = \"drop\"\n\
+        rate = 0.0005\nuntil = \"20s\"\n[[fault]]\nlink = \"radio\"\n\
+        direction = \"to-device\"\nkind = \"cut\"\nfrom = \"5s\"\nuntil = \"6s\"\n";
+    let (scenario, source) = shipped("empty-room");
+    let text = source
+        .text
+        .replace("[mission]", &format!("{faults}\n[mission]"));
+    let faulty = Scenario::parse(&source.path, text).expect("sound");
+    assert_ne!(scenario, faulty.0);
+    let first = run_to_end(faulty);
+    assert!(first.case.fault.len() > 10, "the dice must have fallen");
+    assert!(first.case.fault.iter().all(|fault| fault.rate.is_none()));
+
+    let saved = first.case.to_toml();
+    let again = run_to_end(Scenario::parse(Path::new("case.toml"), saved).expect("sound"));
+    assert_eq!(first.trace_hash, again.trace_hash);
+    assert_eq!(first.case, again.case);
+}
+
+/// How the run is cut into steps is the runner's business, not the world's.
+#[test]
+fn looking_more_often_changes_nothing() {
+    let mut coarse = start(shipped("empty-room"));
+    coarse.rig.run_for(core::time::Duration::from_secs(8));
+    let mut fine = start(shipped("empty-room"));
+    for _ in 0..8_000 {
+        fine.rig.run_for(core::time::Duration::from_millis(1));
+    }
+    assert_eq!(coarse.rig.trace_hash(), fine.rig.trace_hash());
+}

@@ -1,0 +1,55 @@
+//! Maps that a person can judge: one world each, as text beside its figures.
+
+use hilrig::render;
+
+use super::{failures, run_to_end, shipped};
+
+fn story(name: &str) -> String {
+    let outcome = run_to_end(shipped(name));
+    assert_eq!(failures(&outcome), Vec::<String>::new(), "{name}");
+    let error = outcome.pose_error.expect("the program is in this process");
+    let walls = outcome
+        .wall_overlap
+        .expect("the program is in this process");
+    let map = outcome.map.expect("the program is in this process");
+    let robot = outcome.truth.last().map(|&(_, pose)| pose);
+    format!(
+        "{:.1} s, pose error {:.0} mm {:.1} deg RMS, walls {:.2} found {:.2} right\n{}",
+        outcome.ran.as_secs_f64(),
+        error.rms_mm,
+        error.rms_deg,
+        walls.found,
+        walls.right,
+        render::text(&map, 6, robot)
+    )
+}
+
+#[test]
+fn an_empty_room_is_four_walls() {
+    insta::assert_snapshot!(story("empty-room"));
+}
+
+#[test]
+fn two_rooms_have_a_door() {
+    insta::assert_snapshot!(story("two-rooms"));
+}
+
+#[test]
+fn legs_are_in_the_map() {
+    insta::assert_snapshot!(story("legs"));
+}
+
+#[test]
+fn an_island_has_four_sides() {
+    insta::assert_snapshot!(story("island"));
+}
+
+#[test]
+fn an_l_is_not_mirrored() {
+    insta::assert_snapshot!(story("l-shape"));
+}
+
+#[test]
+fn who_walks_by_leaves_no_wall() {
+    insta::assert_snapshot!(story("moving-obstacle"));
+}
