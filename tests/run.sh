@@ -1,0 +1,52 @@
+#!/usr/bin/env bash
+# Every check of this repository, cheapest first; the first that fails ends the run.
+#
+# usage: bash tests/run.sh
+#
+# Needs Debian 12 and Rust 1.95 by rustup; installs what else is missing. From nothing it takes
+# some ten minutes on two cores, most of them spent compiling.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+started=$SECONDS
+step() { printf '\n== [%4d s] %s\n' $((SECONDS - started)) "$*"; }
+
+# apt PACKAGE..: what this machine lacks. As root in a container there is no sudo, and no need.
+install() {
+    local as_root=()
+    [[ $EUID -eq 0 ]] || as_root=(sudo)
+    "${as_root[@]}" apt-get update -qq
+    "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
+        apt-get install -qq -y --no-install-recommends "$@" >/dev/null
+}
+
+step "what is needed"
+command -v cargo >/dev/null || {
+    echo "tests/run.sh: cargo is missing; install Rust 1.95 with rustup" >&2
+    exit 1
+}
+command -v cc >/dev/null && command -v readelf >/dev/null || install gcc libc6-dev binutils
+cargo fmt --version >/dev/null 2>&1 || rustup component add rustfmt
+cargo clippy --version >/dev/null 2>&1 || rustup component add clippy
+cargo --version
+
+step "format"
+cargo fmt --all --check
+rustfmt --edition 2024 --check tests/bare_metal/src/lib.rs
+
+step "bare metal: no std, no heap, 128 KiB"
+bash tests/bare_metal/prove.sh
+
+step "lints"
+cargo clippy --locked --workspace --all-targets -- -D warnings
+
+step "docs"
+RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps --quiet
+
+step "tests"
+cargo test --locked --workspace
+
+step "demo"
+cargo run --locked --release -- demo
+
+step "all checks passed"
