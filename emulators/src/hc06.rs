@@ -22,7 +22,7 @@ mod connection;
 mod lane;
 mod profile;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 use std::collections::VecDeque;
 

@@ -1,0 +1,345 @@
+//! A PC at the far end of the radio, with a person who follows a script.
+//!
+//! It opens the port, sends waypoints and orders, and collects what the robot tells: map, pose,
+//! state, waypoints. A list of waypoints that does not come back within two seconds is sent again;
+//! in manual mode the order is repeated all the time, as the robot stops without it. Nothing that
+//! the robot sends can break the PC: what makes no sense is counted, and a violation of the robot.
+//!
+//! Rules: `bad-message`, `bad-row`, `waypoints-not-confirmed`, `order-not-confirmed`.
+
+mod map;
+mod record;
+mod script;
+mod talk;
+#[cfg(test)]
+mod tests;
+mod wish;
+
+use std::collections::VecDeque;
+
+use core::time::Duration;
+
+use protocols::pcui::message::{Mode, Order};
+use protocols::{Instant, LineConfig, LineEvent, Port};
+
+use crate::device::{Device, Event, earliest};
+use crate::event_log::EventLog;
+use crate::hc06::AIR_LINE;
+use crate::world::World;
+
+pub use map::{CELLS_MAX, PcMap, RowError, UNSEEN};
+pub use record::{Counts, Record, StatedPose, TRAJECTORY_MAX};
+pub use script::{Action, RAW_MAX, STEPS_MAX, Script, ScriptError, Step, When};
+
+use wish::{Insist, Wish};
+
+/// Bytes that wait for the port; a frame that does not fit is not written.
+const OUT_MAX: usize = 131_072;
+
+/// How patient the PC is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Patience {
+    /// Silence after which a half-received frame is given up. The radio's own gaps stay below
+    /// 40 ms.
+    pub idle: Duration,
+    /// Time for the robot to confirm waypoints or an order before they are sent again.
+    pub confirm: Duration,
+    /// How often waypoints or an order are sent at most, without being confirmed.
+    pub tries_max: u32,
+    /// Time between two orders in manual mode: the robot wants one a second at least.
+    pub order_period: Duration,
+    /// Time after which a port that the far end closed is opened again; `None`: never.
+    pub reopen: Option<Duration>,
+}
+
+impl Default for Patience {
+    fn default() -> Self {
+        Self {
+            idle: Duration::from_millis(50),
+            confirm: Duration::from_secs(2),
+            tries_max: 5,
+            order_period: Duration::from_millis(500),
+            reopen: Some(Duration::from_secs(1)),
+        }
+    }
+}
+
+impl Patience {
+    const fn until_confirmed(&self) -> Insist {
+        Insist::UntilConfirmed {
+            every: self.confirm,
+            tries_max: self.tries_max,
+        }
+    }
+}
+
+/// The PC's side of the connection.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Connection {
+    /// The port is closed.
+    Closed,
+    /// The port is open; nothing was heard yet.
+    Opening,
+    /// Connected since then: told by the radio, or by the first frame.
+    Connected(Instant),
+}
+
+/// A scripted PC.
+#[derive(Clone, Debug)]
+pub struct Pc {
+    script: Script,
+    patience: Patience,
+    /// The step that is done next, and when the one before was done.
+    next_step: usize,
+    stepped_at: Instant,
+    connection: Connection,
+    reopen_at: Option<Instant>,
+    waypoints: Option<Wish<Vec<[i16; 2]>>>,
+    order: Option<Wish<Order>>,
+    quiet_at: Option<Instant>,
+    record: Record,
+    out: VecDeque<u8>,
+    changes: VecDeque<LineEvent>,
+    log: EventLog,
+}
+
+impl Pc {
+    /// The serial port.
+    pub const AIR: Port = Port(0);
+
+    /// A PC with its port closed.
+    pub fn new(script: Script) -> Self {
+        Self::with_patience(script, Patience::default())
+    }
+
+    /// A PC with its port closed and its own idea of patience.
+    pub fn with_patience(script: Script, patience: Patience) -> Self {
+        Self {
+            script,
+            patience,
+            next_step: 0,
+            stepped_at: Instant::ZERO,
+            connection: Connection::Closed,
+            reopen_at: None,
+            waypoints: None,
+            order: None,
+            quiet_at: None,
+            record: Record::default(),
+            out: VecDeque::new(),
+            changes: VecDeque::new(),
+            log: EventLog::default(),
+        }
+    }
+
+    /// Everything learned from the robot.
+    pub const fn record(&self) -> &Record {
+        &self.record
+    }
+
+    /// The map, once its size is known.
+    pub const fn map(&self) -> Option<&PcMap> {
+        self.record.map.as_ref()
+    }
+
+    /// When every row of the map had been seen.
+    pub fn map_complete_at(&self) -> Option<Instant> {
+        self.map()?.complete_at()
+    }
+
+    /// The PC's side of the connection.
+    pub const fn connection(&self) -> Connection {
+        self.connection
+    }
+
+    /// When the robot confirmed the last waypoints.
+    pub fn waypoints_confirmed_at(&self) -> Option<Instant> {
+        self.waypoints.as_ref()?.confirmed_at()
+    }
+
+    /// Whether every step was done and the robot confirmed what it was asked for.
+    pub fn is_done(&self) -> bool {
+        self.next_step == self.script.steps().len() && self.confirmed_at().is_some()
+    }
+
+    /// Does something that is not in the script, as somebody at the keyboard would.
+    pub fn perform(&mut self, now: Instant, action: Action) -> Result<(), ScriptError> {
+        action.check()?;
+        self.do_it(now, action);
+        self.say(now);
+        Ok(())
+    }
+
+    fn do_it(&mut self, now: Instant, action: Action) {
+        match action {
+            Action::Open => self.open(),
+            Action::Close => self.close(now),
+            Action::Waypoints(list) => {
+                self.waypoints = Some(Wish::new(list, self.patience.until_confirmed()));
+            }
+            Action::Order(order) => {
+                let insist = match order.mode {
+                    Mode::Manual => Insist::ForEver {
+                        every: self.patience.order_period,
+                    },
+                    Mode::Stop | Mode::Exploration | Mode::Waypoint => {
+                        self.patience.until_confirmed()
+                    }
+                };
+                self.order = Some(Wish::new(order, insist));
+            }
+            Action::Raw(bytes) => self.write(now, &bytes),
+        }
+    }
+
+    fn open(&mut self) {
+        self.reopen_at = None;
+        if self.connection == Connection::Closed {
+            self.connection = Connection::Opening;
+            self.changes.push_back(LineEvent::Opened);
+        }
+    }
+
+    fn close(&mut self, now: Instant) {
+        self.reopen_at = None;
+        if self.connection != Connection::Closed {
+            self.changes.push_back(LineEvent::Closed);
+            self.lose(now);
+        }
+    }
+
+    /// The connection is gone, whoever ended it.
+    fn lose(&mut self, now: Instant) {
+        self.connection = Connection::Closed;
+        self.quiet_at = None;
+        self.idle(now);
+        self.waypoints.iter_mut().for_each(Wish::start_again);
+        self.order.iter_mut().for_each(Wish::start_again);
+        self.log.note(now, "disconnected", String::new());
+    }
+
+    fn connect(&mut self, now: Instant) {
+        if self.connection == Connection::Opening {
+            self.connection = Connection::Connected(now);
+            self.log.note(now, "connected", String::new());
+        }
+    }
+
+    fn write(&mut self, now: Instant, bytes: &[u8]) {
+        if self.connection == Connection::Closed || self.out.len() + bytes.len() > OUT_MAX {
+            let detail = format!(
+                "{} bytes: the port is closed or does not keep up",
+                bytes.len()
+            );
+            self.log.note(now, "not-written", detail);
+            return;
+        }
+        self.out.extend(bytes);
+    }
+
+    /// When the next step is due, as far as is known.
+    fn step_at(&self) -> Option<Instant> {
+        let step = self.script.steps().get(self.next_step)?;
+        let at = match step.when {
+            When::At(after) => Instant::ZERO + after,
+            When::AfterPrevious(after) => self.stepped_at + after,
+            When::AfterConnected(after) => match self.connection {
+                Connection::Connected(since) => since + after,
+                Connection::Closed | Connection::Opening => return None,
+            },
+            When::AfterMode(mode, after) => {
+                let (_, state) = self.record.state?;
+                let since = self.record.mode_since.filter(|_| state.mode == mode)?;
+                since + after
+            }
+            When::AfterConfirmed(after) => self.confirmed_at()? + after,
+            When::AfterMapComplete(after) => self.map_complete_at()? + after,
+        };
+        Some(at.max(self.stepped_at))
+    }
+}
+
+impl Device for Pc {
+    fn receive(&mut self, port: Port, now: Instant, bytes: &[u8]) {
+        if port != Self::AIR || self.connection == Connection::Closed {
+            return;
+        }
+        if self.quiet_at.take().is_some_and(|at| at <= now) {
+            self.idle(now);
+        }
+        self.quiet_at = Some(now + self.patience.idle);
+        let mut news = Vec::new();
+        self.record.take(now, bytes, |item| news.push(item));
+        self.hear(now, &news);
+    }
+
+    fn line_event(&mut self, port: Port, now: Instant, event: LineEvent) {
+        match (port, event) {
+            (Self::AIR, LineEvent::Opened) => self.connect(now),
+            (Self::AIR, LineEvent::Closed) if self.connection != Connection::Closed => {
+                self.changes.clear();
+                self.out.clear();
+                self.lose(now);
+                self.reopen_at = self.patience.reopen.map(|after| now + after);
+            }
+            _ => {}
+        }
+    }
+
+    fn poll(&mut self, now: Instant, _world: &mut World) {
+        if self.quiet_at.is_some_and(|at| at <= now) {
+            self.quiet_at = None;
+            self.idle(now);
+        }
+        if self.reopen_at.is_some_and(|at| at <= now) {
+            self.open();
+        }
+        // A new wish takes the place of the old one before that is said again.
+        while self.step_at().is_some_and(|at| at <= now) {
+            let action = self.script.steps()[self.next_step].action.clone();
+            self.next_step += 1;
+            self.stepped_at = now;
+            self.do_it(now, action);
+            self.say(now);
+        }
+        self.say(now);
+        self.log.poll(now);
+    }
+
+    fn transmit(&mut self, port: Port, buf: &mut [u8]) -> usize {
+        if port != Self::AIR {
+            return 0;
+        }
+        let len = buf.len().min(self.out.len());
+        for (slot, byte) in buf.iter_mut().zip(self.out.drain(..len)) {
+            *slot = byte;
+        }
+        len
+    }
+
+    fn line_change(&mut self, port: Port) -> Option<LineEvent> {
+        // Closing waits until everything is written, as an operating system does.
+        let waits = self.changes.front() == Some(&LineEvent::Closed) && !self.out.is_empty();
+        if port != Self::AIR || waits {
+            return None;
+        }
+        self.changes.pop_front()
+    }
+
+    fn poll_at(&self) -> Option<Instant> {
+        earliest([
+            self.quiet_at,
+            self.reopen_at,
+            self.say_at(),
+            self.step_at(),
+            self.log.poll_at(),
+        ])
+    }
+
+    fn line_config(&self, _port: Port) -> LineConfig {
+        AIR_LINE
+    }
+
+    fn take_events(&mut self) -> Vec<Event> {
+        self.log.take()
+    }
+}

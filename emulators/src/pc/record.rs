@@ -1,0 +1,201 @@
+//! Everything the PC has learned from the robot.
+
+use protocols::pcui::message::{MapProperties, MapRow, Message, MessageError, State, Waypoint};
+use protocols::pcui::{Decoder, Frame};
+use protocols::{Decode, Instant};
+
+use super::map::{PcMap, RowError};
+
+/// Most poses kept; further ones are only counted.
+pub const TRAJECTORY_MAX: usize = 500_000;
+
+/// A pose that the robot stated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StatedPose {
+    /// When the message was complete.
+    pub at: Instant,
+    /// Position in the robot's map.
+    pub position_mm: [i16; 2],
+    /// Heading, clockwise, 0 towards -x.
+    pub psi_deg: i16,
+}
+
+/// What came in, by kind.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Bytes in all.
+    pub bytes: u64,
+    /// MPD frames.
+    pub map_properties: u64,
+    /// MAP frames.
+    pub rows: u64,
+    /// MAR frames.
+    pub coded_rows: u64,
+    /// LWP frames.
+    pub waypoint_lists: u64,
+    /// STA frames of the robot.
+    pub states: u64,
+    /// Candidates with a wrong checksum or length, or cut off.
+    pub bad_frames: u64,
+    /// Sound frames that mean nothing.
+    pub bad_messages: u64,
+    /// Rows that do not fit the map.
+    pub bad_rows: u64,
+    /// Rows that came before the PC knew how wide they should be.
+    pub early_rows: u64,
+    /// Poses beyond [`TRAJECTORY_MAX`].
+    pub poses_dropped: u64,
+}
+
+/// Everything the PC has learned.
+#[derive(Clone, Debug, Default)]
+pub struct Record {
+    /// The last map properties.
+    pub map_properties: Option<(Instant, MapProperties)>,
+    /// The last state.
+    pub state: Option<(Instant, State)>,
+    /// Since when the robot has been reporting its present mode.
+    pub mode_since: Option<Instant>,
+    /// The last list of waypoints.
+    pub waypoints: Option<(Instant, Vec<Waypoint>)>,
+    /// The map, once its size is known.
+    pub map: Option<PcMap>,
+    /// The poses that the robot stated, each change once.
+    pub trajectory: Vec<StatedPose>,
+    /// What came in.
+    pub counts: Counts,
+    decoder: Decoder,
+}
+
+/// What a message was about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum News {
+    MapProperties,
+    /// The map's size changed, or became known.
+    MapSize,
+    Row,
+    /// The last missing row.
+    MapComplete,
+    Waypoints,
+    State,
+    /// The map's size makes no sense.
+    BadSize,
+    BadMessage(MessageError),
+    BadRow(RowError),
+}
+
+impl Record {
+    /// Bytes that belong to no frame: text of the robot, or wreckage.
+    pub fn text_bytes(&self) -> u64 {
+        self.decoder.discarded()
+    }
+
+    /// Takes bytes and tells what was in them.
+    pub(super) fn take(&mut self, now: Instant, bytes: &[u8], mut tell: impl FnMut(News)) {
+        self.counts.bytes += bytes.len() as u64;
+        let mut input = bytes;
+        while let Some(outcome) = self.decoder.step(&mut input) {
+            match outcome {
+                Ok(frame) => tell(self.read(now, &frame)),
+                Err(_) => self.counts.bad_frames += 1,
+            }
+        }
+    }
+
+    /// The line went quiet.
+    pub(super) fn idle(&mut self, now: Instant, tell: impl FnMut(News)) {
+        self.decoder.idle();
+        self.take(now, &[], tell);
+    }
+
+    fn read(&mut self, now: Instant, frame: &Frame) -> News {
+        match frame.message() {
+            Ok(Message::Map(properties)) => self.read_properties(now, properties),
+            Ok(Message::Row(row)) => {
+                self.counts.rows += 1;
+                self.read_row(now, row, PcMap::put_row)
+            }
+            Ok(Message::CodedRow(row)) => {
+                self.counts.coded_rows += 1;
+                self.read_row(now, row, PcMap::put_coded_row)
+            }
+            Ok(Message::Waypoints(list)) => {
+                self.counts.waypoint_lists += 1;
+                self.waypoints = Some((now, list.iter().collect()));
+                News::Waypoints
+            }
+            Ok(Message::State(state)) => {
+                self.counts.states += 1;
+                if self.state.is_none_or(|(_, old)| old.mode != state.mode) {
+                    self.mode_since = Some(now);
+                }
+                self.state = Some((now, state));
+                News::State
+            }
+            // Only the PC gives orders.
+            Ok(Message::Order(_)) => self.refuse(MessageError::Length {
+                expected: 9,
+                found: 3,
+            }),
+            Err(error) => self.refuse(error),
+        }
+    }
+
+    fn refuse(&mut self, error: MessageError) -> News {
+        self.counts.bad_messages += 1;
+        News::BadMessage(error)
+    }
+
+    fn read_properties(&mut self, now: Instant, properties: MapProperties) -> News {
+        self.counts.map_properties += 1;
+        self.map_properties = Some((now, properties));
+        let pose = StatedPose {
+            at: now,
+            position_mm: properties.position_mm,
+            psi_deg: properties.psi_deg,
+        };
+        let moved = |last: &StatedPose| StatedPose { at: now, ..*last } != pose;
+        if self.trajectory.last().is_none_or(moved) {
+            if self.trajectory.len() < TRAJECTORY_MAX {
+                self.trajectory.push(pose);
+            } else {
+                self.counts.poses_dropped += 1;
+            }
+        }
+        let known = self.map.as_ref();
+        if known.is_some_and(|map| map.matches(&properties)) {
+            return News::MapProperties;
+        }
+        match PcMap::new(&properties) {
+            Some(map) => {
+                self.map = Some(map);
+                News::MapSize
+            }
+            None => {
+                self.counts.bad_messages += 1;
+                News::BadSize
+            }
+        }
+    }
+
+    fn read_row(
+        &mut self,
+        now: Instant,
+        row: MapRow<'_>,
+        put: impl FnOnce(&mut PcMap, Instant, u8, u16, &[u8]) -> Result<(), RowError>,
+    ) -> News {
+        let Some(map) = &mut self.map else {
+            self.counts.early_rows += 1;
+            return News::Row;
+        };
+        let was_complete = map.complete_at();
+        match put(map, now, row.layer, row.y, row.data) {
+            Ok(()) if map.complete_at() != was_complete => News::MapComplete,
+            Ok(()) => News::Row,
+            Err(error) => {
+                self.counts.bad_rows += 1;
+                News::BadRow(error)
+            }
+        }
+    }
+}

@@ -1,0 +1,171 @@
+//! What the person at the PC does, and when.
+
+use core::fmt;
+use core::time::Duration;
+
+use protocols::pcui::message::{Mode, Order, WAYPOINTS_MAX};
+
+/// Most bytes of one [`Action::Raw`].
+pub const RAW_MAX: usize = 65_536;
+/// Most steps of a script.
+pub const STEPS_MAX: usize = 10_000;
+
+/// When a step is due. Steps are done in order: none before the one in front of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum When {
+    /// This long after the run began.
+    At(Duration),
+    /// This long after the step before.
+    AfterPrevious(Duration),
+    /// This long after the present connection began.
+    AfterConnected(Duration),
+    /// Once the robot has been reporting this mode for this long.
+    AfterMode(Mode, Duration),
+    /// This long after the last waypoints and the last order were confirmed by the robot.
+    AfterConfirmed(Duration),
+    /// This long after every row of the map had been seen.
+    AfterMapComplete(Duration),
+}
+
+/// What is done.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Action {
+    /// Opens the port.
+    Open,
+    /// Closes it.
+    Close,
+    /// Sends a list of points to visit, in mm of the robot's map, and again until it comes back.
+    Waypoints(Vec<[i16; 2]>),
+    /// Sends an order, and again until the robot reports its mode; in manual mode for ever.
+    Order(Order),
+    /// Writes bytes as they are, if the port is open.
+    Raw(Vec<u8>),
+}
+
+/// An action and its time.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Step {
+    /// When it is due.
+    pub when: When,
+    /// What is done.
+    pub action: Action,
+}
+
+/// Steps that can be done.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Script(Vec<Step>);
+
+impl Script {
+    /// Checks the limits of the protocol.
+    pub fn new(steps: Vec<Step>) -> Result<Self, ScriptError> {
+        if steps.len() > STEPS_MAX {
+            return Err(ScriptError::Steps { found: steps.len() });
+        }
+        for (step, Step { action, .. }) in steps.iter().enumerate() {
+            action.check().map_err(|error| match error {
+                ScriptError::Waypoints { found, .. } => ScriptError::Waypoints { step, found },
+                ScriptError::Raw { found, .. } => ScriptError::Raw { step, found },
+                ScriptError::Steps { .. } => error,
+            })?;
+        }
+        Ok(Self(steps))
+    }
+
+    /// Opens the port at the beginning and, a second after the connection stands, sends
+    /// `waypoints`: the everyday mission.
+    pub fn mission(waypoints: Vec<[i16; 2]>) -> Result<Self, ScriptError> {
+        Self::new(vec![
+            Step {
+                when: When::At(Duration::ZERO),
+                action: Action::Open,
+            },
+            Step {
+                when: When::AfterConnected(Duration::from_secs(1)),
+                action: Action::Waypoints(waypoints),
+            },
+        ])
+    }
+
+    /// The steps in order.
+    pub fn steps(&self) -> &[Step] {
+        &self.0
+    }
+}
+
+impl Action {
+    /// Whether it stays within the limits of the protocol; an error names step 0.
+    pub(super) fn check(&self) -> Result<(), ScriptError> {
+        match self {
+            Self::Waypoints(list) if list.len() > WAYPOINTS_MAX => Err(ScriptError::Waypoints {
+                step: 0,
+                found: list.len(),
+            }),
+            Self::Raw(bytes) if bytes.len() > RAW_MAX => Err(ScriptError::Raw {
+                step: 0,
+                found: bytes.len(),
+            }),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Why a script cannot be done.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum ScriptError {
+    /// More steps than [`STEPS_MAX`].
+    Steps {
+        /// How many there are.
+        found: usize,
+    },
+    /// More waypoints than one frame holds.
+    Waypoints {
+        /// Index of the step.
+        step: usize,
+        /// How many there are.
+        found: usize,
+    },
+    /// More bytes than [`RAW_MAX`].
+    Raw {
+        /// Index of the step.
+        step: usize,
+        /// How many there are.
+        found: usize,
+    },
+}
+
+impl fmt::Display for ScriptError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Steps { found } => write!(f, "{found} steps, at most {STEPS_MAX} allowed"),
+            Self::Waypoints { step, found } => {
+                write!(
+                    f,
+                    "step {step}: {found} waypoints, at most {WAYPOINTS_MAX} fit a frame"
+                )
+            }
+            Self::Raw { step, found } => {
+                write!(f, "step {step}: {found} bytes, at most {RAW_MAX} allowed")
+            }
+        }
+    }
+}
+
+impl core::error::Error for ScriptError {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 56 waypoints fit 511 bytes of payload, 57 do not; the error names the step.
+    #[test]
+    fn a_list_that_fits_no_frame_is_refused() {
+        assert!(Script::mission(vec![[0, 0]; 56]).is_ok());
+        let error = Script::mission(vec![[0, 0]; 57]).expect_err("too long");
+        assert_eq!(error, ScriptError::Waypoints { step: 1, found: 57 });
+        assert_eq!(
+            error.to_string(),
+            "step 1: 57 waypoints, at most 56 fit a frame"
+        );
+    }
+}

@@ -1,0 +1,157 @@
+//! What the PC says to the robot, and how it takes what it hears.
+
+use protocols::Instant;
+use protocols::pcui::FRAME_MAX;
+use protocols::pcui::message::{self, NO_WAYPOINT, Waypoint};
+
+use super::record::News;
+use super::wish::{Due, Wish};
+use super::{Connection, Pc};
+use crate::device::{EventKind, earliest};
+
+impl Pc {
+    /// Sends what is to be sent now.
+    pub(super) fn say(&mut self, now: Instant) {
+        if matches!(self.connection, Connection::Connected(_)) {
+            self.say_waypoints(now);
+            self.say_order(now);
+        }
+    }
+
+    fn say_waypoints(&mut self, now: Instant) {
+        let Some(wish) = &mut self.waypoints else {
+            return;
+        };
+        match wish.take_due(now) {
+            Due::Nothing => {}
+            Due::Say => {
+                let mut frame = [0; FRAME_MAX];
+                let len = encode_list(&wish.what, &mut frame);
+                self.write(now, &frame[..len]);
+            }
+            Due::GiveUp => {
+                let (count, tries) = (wish.what.len(), wish.tries());
+                let detail = format!("{count} waypoints did not come back in {tries} tries");
+                let rule = "waypoints-not-confirmed";
+                self.log.violation(now, rule, detail, &[]);
+            }
+        }
+    }
+
+    fn say_order(&mut self, now: Instant) {
+        let Some(wish) = &mut self.order else {
+            return;
+        };
+        match wish.take_due(now) {
+            Due::Nothing => {}
+            Due::Say => {
+                let mut frame = [0; FRAME_MAX];
+                let len = message::encode_order(&wish.what, &mut frame).expect("twenty bytes");
+                self.write(now, &frame[..len]);
+            }
+            Due::GiveUp => {
+                let (mode, tries) = (wish.what.mode, wish.tries());
+                let detail = format!("{mode:?} was not reported after {tries} tries");
+                self.log.violation(now, "order-not-confirmed", detail, &[]);
+            }
+        }
+    }
+
+    pub(super) fn idle(&mut self, now: Instant) {
+        let mut news = Vec::new();
+        self.record.idle(now, |item| news.push(item));
+        self.hear(now, &news);
+    }
+
+    pub(super) fn hear(&mut self, now: Instant, news: &[News]) {
+        for item in news {
+            self.connect(now);
+            match item {
+                News::MapProperties | News::Row => {}
+                News::MapSize => {
+                    let map = self.record.map.as_ref().expect("its size is known");
+                    let detail = format!("{} x {} cells", map.width, map.height);
+                    self.log.note(now, "map-size", detail);
+                }
+                News::MapComplete => self.log.note(now, "map-complete", String::new()),
+                News::Waypoints => self.compare_waypoints(now),
+                News::State => self.compare_mode(now),
+                News::BadSize => {
+                    let kind = EventKind::Violation;
+                    let detail = || "a map size without sense".to_owned();
+                    self.log.repeated(now, kind, "bad-message", detail);
+                }
+                News::BadMessage(error) => {
+                    let kind = EventKind::Violation;
+                    self.log
+                        .repeated(now, kind, "bad-message", || error.to_string());
+                }
+                News::BadRow(error) => {
+                    let kind = EventKind::Violation;
+                    self.log
+                        .repeated(now, kind, "bad-row", || error.to_string());
+                }
+            }
+        }
+    }
+
+    /// The robot renumbers its waypoints, so only the positions are compared.
+    fn compare_waypoints(&mut self, now: Instant) {
+        let (Some(wish), Some((_, echo))) = (&mut self.waypoints, &self.record.waypoints) else {
+            return;
+        };
+        let echo = echo.iter().map(|waypoint| waypoint.position_mm);
+        if echo.eq(wish.what.iter().copied()) && wish.confirm(now) {
+            let detail = format!("{} waypoints, sent {} times", wish.what.len(), wish.tries());
+            self.log.note(now, "waypoints-confirmed", detail);
+        }
+    }
+
+    fn compare_mode(&mut self, now: Instant) {
+        let (Some(wish), Some((_, state))) = (&mut self.order, &self.record.state) else {
+            return;
+        };
+        if state.mode == wish.what.mode && wish.confirm(now) {
+            let detail = format!("{:?}, sent {} times", state.mode, wish.tries());
+            self.log.note(now, "order-confirmed", detail);
+        }
+    }
+
+    /// When something is to be said.
+    pub(super) fn say_at(&self) -> Option<Instant> {
+        let Connection::Connected(_) = self.connection else {
+            return None;
+        };
+        let waypoints = self.waypoints.as_ref().and_then(Wish::due_at);
+        let order = self.order.as_ref().and_then(Wish::due_at);
+        earliest([waypoints, order])
+    }
+
+    /// When everything asked for was confirmed; the beginning if nothing was asked for.
+    pub(super) fn confirmed_at(&self) -> Option<Instant> {
+        let waypoints = match &self.waypoints {
+            Some(wish) => wish.confirmed_at()?,
+            None => Instant::ZERO,
+        };
+        let order = match &self.order {
+            Some(wish) => wish.confirmed_at()?,
+            None => Instant::ZERO,
+        };
+        Some(waypoints.max(order))
+    }
+}
+
+/// Writes `list` as the robot wants it, numbered and chained in order; the length of the frame.
+fn encode_list(list: &[[i16; 2]], frame: &mut [u8; FRAME_MAX]) -> usize {
+    let waypoint = |index: usize| {
+        let id = i16::try_from(index).expect("at most 56 waypoints");
+        Waypoint {
+            position_mm: list[index],
+            layer: 0,
+            id,
+            previous: if id == 0 { NO_WAYPOINT } else { id - 1 },
+        }
+    };
+    message::encode_waypoints((0..list.len()).map(waypoint), frame)
+        .expect("the length was checked with the script")
+}
