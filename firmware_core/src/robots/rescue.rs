@@ -14,6 +14,7 @@
 mod config;
 mod drive;
 mod lidar;
+mod report;
 
 use core::time::Duration;
 
@@ -23,14 +24,13 @@ use protocols::{Instant, LineConfig, LineEvent, Port, avr, pcui, xv11};
 pub use config::{Config, WHEELS};
 pub use drive::Battery;
 
-use crate::grid::Grid;
 use crate::navigation::{Goal, HALT, Navigator, Step, Surroundings};
 use crate::pc_link::{PcLink, View};
 use crate::pose::{Point, Pose};
 use crate::scan::Scan;
 use crate::slam::Mapper;
 use crate::waypoints::{Waypoint, Waypoints};
-use crate::{Inspect, Master, Work};
+use crate::{Master, Work};
 use drive::Drive;
 use lidar::Lidar;
 
@@ -432,71 +432,5 @@ impl Master for Rescue {
 
     fn take_work(&mut self) -> Work {
         core::mem::take(&mut self.work)
-    }
-}
-
-impl Inspect for Rescue {
-    fn estimate(&self) -> Option<(Instant, Pose)> {
-        self.matched_at.map(|at| (at, self.mapper.pose()))
-    }
-
-    fn map(&self) -> Option<&Grid> {
-        Some(self.mapper.grid())
-    }
-
-    fn mode(&self) -> &'static str {
-        if self.drive.is_silent() {
-            return "base silent";
-        }
-        match self.mode {
-            Mode::Stop => "stop",
-            Mode::Manual => "manual",
-            _ if !self.lidar.sees() => "lidar silent",
-            Mode::Exploration => "exploration",
-            Mode::Waypoint => "waypoint",
-        }
-    }
-
-    fn counters(&self, report: &mut dyn FnMut(&'static str, u64)) {
-        let (lidar, base, pc) = (
-            &self.lidar.counters,
-            self.drive.link().counters(),
-            self.pc.counters(),
-        );
-        let named = [
-            ("scans", self.counters.scans),
-            ("lidar packets", lidar.packets),
-            ("lidar packets lost", lidar.lost_packets),
-            ("lidar packets bad", lidar.bad_packets),
-            ("lidar turns", lidar.turns),
-            ("lidar turns skipped", lidar.skipped_turns),
-            ("lidar silences", lidar.silences),
-            ("base answers", base.answered),
-            ("base retries", base.retries),
-            ("base failures", base.failures),
-            ("base silences", self.drive.silences),
-            ("base unsolicited", base.unsolicited),
-            ("base errors", base.errors),
-            ("base bad frames", base.bad_frames),
-            ("base queue overflows", base.overflows),
-            (
-                "encoder readings disbelieved",
-                self.drive.odometry.disbelieved(),
-            ),
-            ("set-points expired", self.drive.expired),
-            ("radio frames", pc.received),
-            ("radio bad frames", pc.bad_frames),
-            ("radio frames without meaning", pc.meaningless),
-            ("radio frames sent", pc.sent),
-            ("map rows sent", pc.rows),
-            ("radio queue overflows", self.pc.overflows()),
-            ("waypoints reached", self.counters.arrivals),
-            ("waypoints refused", self.counters.refused_waypoints),
-            ("manual fallbacks", self.counters.fallbacks),
-            ("line errors", self.counters.line_errors),
-        ];
-        for (name, value) in named {
-            report(name, u64::from(value));
-        }
     }
 }
