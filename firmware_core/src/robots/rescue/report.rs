@@ -1,0 +1,73 @@
+use protocols::Instant;
+use protocols::pcui::message::Mode;
+
+use super::Rescue;
+use crate::Inspect;
+use crate::grid::Grid;
+use crate::pose::Pose;
+
+impl Inspect for Rescue {
+    fn estimate(&self) -> Option<(Instant, Pose)> {
+        self.matched_at.map(|at| (at, self.mapper.pose()))
+    }
+
+    fn map(&self) -> Option<&Grid> {
+        Some(self.mapper.grid())
+    }
+
+    fn mode(&self) -> &'static str {
+        if self.drive.is_silent() {
+            return "base silent";
+        }
+        match self.mode {
+            Mode::Stop => "stop",
+            Mode::Manual => "manual",
+            _ if !self.lidar.sees() => "lidar silent",
+            Mode::Exploration => "exploration",
+            Mode::Waypoint => "waypoint",
+        }
+    }
+
+    fn counters(&self, report: &mut dyn FnMut(&'static str, u64)) {
+        let (lidar, base, pc) = (
+            &self.lidar.counters,
+            self.drive.link().counters(),
+            self.pc.counters(),
+        );
+        let named = [
+            ("scans", self.counters.scans),
+            ("lidar packets", lidar.packets),
+            ("lidar packets lost", lidar.lost_packets),
+            ("lidar packets bad", lidar.bad_packets),
+            ("lidar turns", lidar.turns),
+            ("lidar turns skipped", lidar.skipped_turns),
+            ("lidar silences", lidar.silences),
+            ("base answers", base.answered),
+            ("base retries", base.retries),
+            ("base failures", base.failures),
+            ("base silences", self.drive.silences),
+            ("base unsolicited", base.unsolicited),
+            ("base errors", base.errors),
+            ("base bad frames", base.bad_frames),
+            ("base queue overflows", base.overflows),
+            (
+                "encoder readings disbelieved",
+                self.drive.odometry.disbelieved(),
+            ),
+            ("set-points expired", self.drive.expired),
+            ("radio frames", pc.received),
+            ("radio bad frames", pc.bad_frames),
+            ("radio frames without meaning", pc.meaningless),
+            ("radio frames sent", pc.sent),
+            ("map rows sent", pc.rows),
+            ("radio queue overflows", self.pc.overflows()),
+            ("waypoints reached", self.counters.arrivals),
+            ("waypoints refused", self.counters.refused_waypoints),
+            ("manual fallbacks", self.counters.fallbacks),
+            ("line errors", self.counters.line_errors),
+        ];
+        for (name, value) in named {
+            report(name, u64::from(value));
+        }
+    }
+}
