@@ -1,7 +1,11 @@
 //! The command line: one file per command.
 
 mod demo;
+mod dut;
+mod place;
 mod run;
+mod stop;
+mod up;
 
 use std::fmt;
 use std::path::PathBuf;
@@ -11,6 +15,7 @@ use clap::{Parser, Subcommand};
 
 use crate::folder::FolderError;
 use crate::scenario::ScenarioError;
+use crate::transport::TransportError;
 
 /// Hardware-in-the-loop rig for small serial robots.
 #[derive(Debug, Parser)]
@@ -30,6 +35,8 @@ struct Cli {
 enum Command {
     Demo(demo::Demo),
     Run(run::RunArgs),
+    Up(up::Up),
+    Dut(dut::DutArgs),
 }
 
 /// What a command came to.
@@ -48,6 +55,8 @@ pub enum CliError {
     Scenario(ScenarioError),
     /// A result cannot be written.
     Folder(FolderError),
+    /// A port cannot be had, or went away.
+    Transport(TransportError),
     /// Anything else, as a sentence that names what is wrong and what was expected.
     Other(String),
 }
@@ -57,6 +66,7 @@ impl fmt::Display for CliError {
         match self {
             Self::Scenario(error) => error.fmt(f),
             Self::Folder(error) => error.fmt(f),
+            Self::Transport(error) => error.fmt(f),
             Self::Other(error) => f.write_str(error),
         }
     }
@@ -76,12 +86,20 @@ impl From<FolderError> for CliError {
     }
 }
 
+impl From<TransportError> for CliError {
+    fn from(error: TransportError) -> Self {
+        Self::Transport(error)
+    }
+}
+
 /// Runs the command that the process was started with.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
     let result = match cli.command {
         Command::Demo(args) => demo::run(args),
         Command::Run(args) => run::run(args),
+        Command::Up(args) => up::run(args),
+        Command::Dut(args) => dut::run(args),
     };
     match result {
         Ok(Verdict::Pass) => ExitCode::SUCCESS,

@@ -12,6 +12,7 @@
 //! | [`trace`] | who sees the bytes |
 //! | [`run`], [`mission`], [`check`], [`score`] | a run watched and judged |
 //! | [`folder`], [`render`] | what a run leaves behind |
+//! | [`realtime`], [`standalone`] | the rig, or the program alone, at the pace of the wall clock |
 //! | [`transport`], [`clock`] | the outside world |
 //! | [`cli`] | the commands |
 
@@ -24,6 +25,7 @@ pub mod folder;
 pub mod line;
 pub mod mission;
 pub mod plan;
+pub mod realtime;
 pub mod render;
 pub mod resample;
 pub mod rig;
@@ -31,5 +33,6 @@ pub mod robots;
 pub mod run;
 pub mod scenario;
 pub mod score;
+pub mod standalone;
 pub mod trace;
 pub mod transport;

@@ -139,6 +139,8 @@ pub struct ProgramPort {
     pub name: &'static str,
     /// The program's number for it.
     pub port: Port,
+    /// Coding of its line.
+    pub line: LineConfig,
     /// Whether the program can do without.
     pub is_optional: bool,
 }

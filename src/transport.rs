@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
-pub use directory::PortDir;
+pub use directory::{Note, PortDir};
 pub use memory::Memory;
 pub use pty::Pty;
 pub use serial::Serial;

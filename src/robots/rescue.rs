@@ -153,6 +153,7 @@ pub(super) fn alone(scenario: &Scenario, source: &Source) -> Result<Alone, Scena
     let port = |name, port, is_optional| ProgramPort {
         name,
         port,
+        line: line_of(port),
         is_optional,
     };
     Ok(Alone {

@@ -28,6 +28,23 @@ pub struct PortDir {
     left_behind: Vec<(String, String)>,
     /// Whether the directory was not there before.
     created: bool,
+    notes: Vec<PathBuf>,
+}
+
+/// What a rig tells about itself in its directory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Note {
+    /// The scenario as it runs.
+    Scenario,
+}
+
+impl Note {
+    /// Where it is in a directory of ports.
+    pub fn path_in(self, dir: &Path) -> PathBuf {
+        match self {
+            Self::Scenario => dir.join(".hilrig-scenario.toml"),
+        }
+    }
 }
 
 impl PortDir {
@@ -67,6 +84,7 @@ impl PortDir {
                     record,
                     left_behind,
                     created,
+                    notes: Vec::new(),
                 });
             }
         }
@@ -78,6 +96,20 @@ impl PortDir {
     /// The directory.
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// Leaves a note for clients that know of this tool, gone when the directory is given up.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn leave_note(&mut self, note: Note, text: &str) -> Result<(), TransportError> {
+        let path = note.path_in(&self.path);
+        fs::write(&path, text).map_err(|source| TransportError::Directory {
+            path: self.path.clone(),
+            source,
+        })?;
+        self.notes.push(path);
+        Ok(())
     }
 
     /// Makes `name` a link to `target`, which must not be a link that somebody else made.
@@ -120,6 +152,9 @@ impl Drop for PortDir {
         // Best effort: what stays behind is recognised by the next owner.
         for (name, target) in &self.left_behind {
             remove_link(&self.path.join(name), Path::new(target));
+        }
+        for note in &self.notes {
+            let _ = fs::remove_file(note);
         }
         let _ = fs::remove_file(self.path.join(RECORD));
         if self.created {

@@ -1,0 +1,102 @@
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::place::{self, Place};
+use super::stop::Stop;
+use super::{CliError, Verdict};
+use crate::clock::{Clock, WallClock};
+use crate::rig::Program;
+use crate::robots::{self, Alone};
+use crate::scenario::{Scenario, Span};
+use crate::standalone::Standalone;
+use crate::transport::{Note, Serial, Transport};
+
+/// Run the robot's program as a process of its own, on serial ports.
+///
+/// It opens the ports as any foreign program would and knows nothing else of the rig. What the
+/// robot's owner would tell it (where it starts, which dialect its base speaks) comes from the
+/// scenario: that of the rig in DIR unless another one is named.
+#[derive(Debug, Args)]
+#[command(after_long_help = "Examples:\n  \
+    hilrig dut --dir /tmp/robot\n  \
+    hilrig dut --dir /tmp/robot --link lidar=/dev/ttyUSB0   # a real lidar\n  \
+    hilrig dut --dir . --link lidar=/dev/ttyS0 --link base=/dev/ttyS1 --link radio=/dev/ttyS2 \\\n    \
+    --scenario scenarios/rescue-flat.toml                 # all on real ports")]
+pub(super) struct DutArgs {
+    /// Directory in which `hilrig up` offers the ports
+    #[arg(long, value_name = "DIR")]
+    dir: PathBuf,
+    /// Port of one link, in place of DIR/NAME
+    #[arg(long, value_name = "NAME=PATH")]
+    link: Vec<Place>,
+    /// Scenario whose robot this is [default: the one that the rig in DIR runs]
+    #[arg(long, value_name = "FILE")]
+    scenario: Option<PathBuf>,
+    /// End by itself after this time, e.g. 60s or 5min [default: at SIGINT or SIGTERM]
+    #[arg(long, value_name = "TIME")]
+    duration: Option<Span>,
+}
+
+pub(super) fn run(args: DutArgs) -> Result<Verdict, CliError> {
+    let scenario_path = match &args.scenario {
+        Some(path) => path.clone(),
+        None => noted_scenario(&args.dir)?,
+    };
+    let (scenario, source) = Scenario::read(&scenario_path)?;
+    let Alone { program, ports } = robots::program(&scenario, &source)?;
+    let names: Vec<String> = ports.iter().map(|port| port.name.to_owned()).collect();
+    place::check("--link", &args.link, &names)?;
+
+    let stop = Stop::new(args.duration.map(|duration| duration.0))?;
+    let mut opened = Vec::new();
+    for port in ports {
+        let path = match place::find(&args.link, port.name) {
+            Some(place) => place.path.clone(),
+            None => args.dir.join(port.name),
+        };
+        if port.is_optional && !path.exists() {
+            eprintln!("{}: not there, going without it", path.display());
+            continue;
+        }
+        opened.push((port.port, Serial::open(&path, port.line)?));
+    }
+    let mut alone = Standalone::new(program, WallClock::start());
+    for (port, serial) in opened {
+        eprintln!("opened {}", serial.path().display());
+        alone.connect(port, Box::new(serial));
+    }
+    follow(&mut alone, &stop)
+}
+
+/// Runs until it is time to stop, telling which mode the program is in.
+fn follow(
+    alone: &mut Standalone<dyn Program, WallClock>,
+    stop: &Stop,
+) -> Result<Verdict, CliError> {
+    let mut mode = "";
+    while !stop.is_due(alone.clock().now()) {
+        alone.turn()?;
+        if alone.program().mode() != mode {
+            mode = alone.program().mode();
+            eprintln!("  {} mode {mode}", alone.clock().now());
+        }
+    }
+    let mut counters = Vec::new();
+    alone
+        .program()
+        .counters(&mut |name, value| counters.push(format!("{name} {value}")));
+    println!("ran {} s: {}", alone.clock().now(), counters.join(", "));
+    Ok(Verdict::Pass)
+}
+
+fn noted_scenario(dir: &Path) -> Result<PathBuf, CliError> {
+    let path = Note::Scenario.path_in(dir);
+    if path.exists() {
+        return Ok(path);
+    }
+    Err(CliError::Other(format!(
+        "{}: no rig runs here: expected a directory of `hilrig up`, or --scenario FILE",
+        dir.display()
+    )))
+}

@@ -1,0 +1,283 @@
+//! The rig at the pace of the wall clock, some of its link ends on transports.
+//!
+//! ```text
+//!   client <--> transport <--> outside end | line | device ...  rig, virtual time
+//!                         turn by turn, never ahead of the clock
+//! ```
+//!
+//! The rig is the same as in virtual time; only who moves its clock differs. Each turn runs it up
+//! to the present, carries bytes and events across, and waits for the rig's next event or for a
+//! client. After a delay the rig catches up in small slices, so that no virtual time is skipped and
+//! a client can read and answer in between. Nothing here is exact to better than a few hundred
+//! microseconds, and how late it was is measured: verdicts come from virtual time.
+
+mod lateness;
+
+use core::fmt;
+use core::time::Duration;
+
+use emulators::{Event, EventKind};
+use protocols::{Instant, LineConfig, LineEvent};
+
+use crate::clock::Clock;
+use crate::rig::Rig;
+use crate::robots::OpenEnd;
+use crate::transport::{Counters, PortEvent, Transport, TransportError, wait};
+
+pub use lateness::Lateness;
+
+/// Most virtual time that passes in one turn. Late by more than this, the rig takes several turns,
+/// between which clients get a chance to read and to answer.
+const SLICE: Duration = Duration::from_millis(5);
+/// Least time between two turns when nobody sends. Single bytes at 1 Mbaud are 10 us apart; to
+/// wake up for each would cost a whole processor, and no client could tell the difference.
+const GRAIN: Duration = Duration::from_micros(200);
+/// Least time between two turns while catching up: room for a client to breathe.
+const BREATH: Duration = Duration::from_millis(1);
+/// Longest wait: a port may have no way to wake us.
+const WAIT_MAX: Duration = Duration::from_millis(5);
+/// Bytes of a client that may wait for the line before no more are read, as in a UART's driver.
+const BACKLOG_MAX: usize = 4096;
+
+/// What can be run at the pace of a clock: a rig, or a rig with its checkers.
+pub trait Paced {
+    /// The rig.
+    fn rig(&mut self) -> &mut Rig;
+
+    /// Runs until `deadline`, doing whatever belongs to that time.
+    fn run_until(&mut self, deadline: Instant);
+}
+
+impl Paced for Rig {
+    fn rig(&mut self) -> &mut Rig {
+        self
+    }
+
+    fn run_until(&mut self, deadline: Instant) {
+        Self::run_until(self, deadline);
+    }
+}
+
+/// Runs a rig at the pace of a clock.
+pub struct Realtime<C> {
+    clock: C,
+    ports: Vec<Port>,
+    lateness: Lateness,
+}
+
+/// An end of a link and the transport that it is on.
+struct Port {
+    end: OpenEnd,
+    transport: Box<dyn Transport>,
+    traffic: Traffic,
+    is_open: bool,
+    baud: u32,
+}
+
+/// What passed a port.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Traffic {
+    /// Bytes that clients sent.
+    pub from_client: u64,
+    /// Bytes that clients could read.
+    pub to_client: u64,
+}
+
+/// A port's name with what passed it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PortReport {
+    /// The port's name.
+    pub name: String,
+    /// What passed.
+    pub traffic: Traffic,
+    /// What did not.
+    pub lost: Counters,
+}
+
+impl<C: Clock> Realtime<C> {
+    /// Paced by `clock`, whose zero is the rig's zero.
+    pub fn new(clock: C) -> Self {
+        Self {
+            clock,
+            ports: Vec::new(),
+            lateness: Lateness::default(),
+        }
+    }
+
+    /// Puts an end of a link on a transport.
+    pub fn serve(&mut self, end: OpenEnd, transport: Box<dyn Transport>) {
+        self.ports.push(Port {
+            baud: end.line.baud,
+            end,
+            transport,
+            traffic: Traffic::default(),
+            is_open: false,
+        });
+    }
+
+    /// The clock.
+    pub const fn clock(&self) -> &C {
+        &self.clock
+    }
+
+    /// How late the rig did what was due, over all events so far.
+    pub const fn lateness(&self) -> &Lateness {
+        &self.lateness
+    }
+
+    /// What passed each port so far.
+    pub fn reports(&self) -> impl Iterator<Item = PortReport> {
+        self.ports.iter().map(|port| PortReport {
+            name: port.end.name.clone(),
+            traffic: port.traffic,
+            lost: port.transport.counters(),
+        })
+    }
+
+    /// Brings `paced` up to the present, or one slice nearer to it, carries across what came, and
+    /// waits until something is due.
+    ///
+    /// # Errors
+    /// If a port went away. The rig has been told; it may go on without that port.
+    pub fn turn(&mut self, paced: &mut impl Paced) -> Result<(), TransportError> {
+        let present = self.clock.now();
+        let due = paced.rig().next_event().filter(|&due| due <= present);
+        if let Some(due) = due {
+            self.lateness.record(present - due);
+        }
+        let target = present.min(paced.rig().now() + SLICE);
+        paced.run_until(target);
+        for port in &mut self.ports {
+            port.carry_in(paced)?;
+        }
+        for port in &mut self.ports {
+            port.carry_out(paced.rig());
+        }
+        let earliest = if target < present { BREATH } else { GRAIN };
+        self.wait(paced.rig(), earliest);
+        Ok(())
+    }
+
+    /// Waits for the next event, but at least `earliest`, unless a client sends.
+    fn wait(&self, rig: &Rig, earliest: Duration) {
+        let now = self.clock.now();
+        let next = rig.next_event().map_or(WAIT_MAX, |next| next - now);
+        let timeout = next.min(WAIT_MAX).max(earliest);
+        let mut fds = Vec::new();
+        for port in &self.ports {
+            // A port that is not read for want of room would end the wait at once.
+            if rig.backlog(port.end.node) < BACKLOG_MAX {
+                port.transport.readiness(&mut fds);
+            }
+        }
+        if fds.is_empty() || wait(&fds, timeout).is_err() {
+            self.clock.sleep_until(now + timeout);
+        }
+    }
+}
+
+impl Port {
+    /// What the client did and sent, in the order in which it did.
+    fn carry_in(&mut self, paced: &mut impl Paced) -> Result<(), TransportError> {
+        let mut buf = [0; 1024];
+        let node = self.end.node;
+        while paced.rig().backlog(node) < BACKLOG_MAX {
+            let read = self.transport.read(&mut buf);
+            while let Some(event) = self.transport.next_event() {
+                self.tell(paced.rig(), event);
+                // The rig holds one change of the line at a time.
+                let now = paced.rig().now();
+                paced.run_until(now);
+            }
+            let len = read?;
+            if len == 0 {
+                break;
+            }
+            self.traffic.from_client += len as u64;
+            paced.rig().inject(node, &buf[..len]);
+        }
+        let now = paced.rig().now();
+        paced.run_until(now);
+        Ok(())
+    }
+
+    /// What the rig has for the client.
+    fn carry_out(&mut self, rig: &mut Rig) {
+        let bytes = rig.take_output(self.end.node);
+        if !bytes.is_empty() {
+            self.traffic.to_client += self.transport.write(&bytes) as u64;
+        }
+    }
+
+    /// Tells the rig and the log what happened to the port.
+    fn tell(&mut self, rig: &mut Rig, event: PortEvent) {
+        let node = self.end.node;
+        match event {
+            PortEvent::Opened => {
+                self.is_open = true;
+                rig.change_line(node, LineEvent::Opened);
+                self.log(rig, "port-opened", format!("client at {} baud", self.baud));
+                self.judge_baud(rig);
+            }
+            PortEvent::Closed => {
+                self.is_open = false;
+                rig.change_line(node, LineEvent::Closed);
+                self.log(rig, "port-closed", "no client any more".to_owned());
+            }
+            PortEvent::BaudChanged(baud) => {
+                self.baud = baud;
+                if baud > 0 {
+                    let line = LineConfig {
+                        baud,
+                        ..self.end.line
+                    };
+                    rig.set_line_config(node, line);
+                }
+                self.judge_baud(rig);
+            }
+        }
+    }
+
+    fn judge_baud(&self, rig: &mut Rig) {
+        let expected = self.end.line.baud;
+        if self.is_open && self.baud != expected {
+            let baud = self.baud;
+            let detail = format!("client at {baud} baud, expected {expected}: it reads garbage");
+            self.log(rig, "wrong-baud", detail);
+        }
+    }
+
+    fn log(&self, rig: &mut Rig, rule: &'static str, detail: String) {
+        let event = Event {
+            at: rig.now(),
+            kind: EventKind::Note,
+            rule,
+            detail,
+            bytes: Vec::new(),
+        };
+        rig.log(&self.end.name, event);
+    }
+}
+
+impl fmt::Display for PortReport {
+    /// One line for people.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Traffic {
+            from_client,
+            to_client,
+        } = self.traffic;
+        write!(
+            f,
+            "{}: {to_client} B to the client, {from_client} B from it",
+            self.name
+        )?;
+        let Counters { unheard, overrun } = self.lost;
+        if unheard > 0 {
+            write!(f, ", {unheard} B while nobody had it open")?;
+        }
+        if overrun > 0 {
+            write!(f, ", {overrun} B lost because the client did not read")?;
+        }
+        Ok(())
+    }
+}
