@@ -14,6 +14,7 @@
 //! | [`body`] | motors, wheels, slip |
 
 pub mod body;
+mod bundle;
 mod contact;
 pub mod geometry;
 mod grid;

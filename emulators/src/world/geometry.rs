@@ -104,6 +104,15 @@ impl Bounds {
         }
     }
 
+    /// The same rectangle with `by` metres more to each side.
+    #[must_use]
+    pub const fn grown(self, by: f64) -> Self {
+        Self {
+            min: Point::new(self.min.x - by, self.min.y - by),
+            max: Point::new(self.max.x + by, self.max.y + by),
+        }
+    }
+
     /// The least rectangle around this and `other`.
     #[must_use]
     pub const fn union(self, other: Self) -> Self {
@@ -189,7 +198,9 @@ impl Primitive {
 
     pub(super) fn bounds(&self) -> Bounds {
         match self {
-            Self::Segment(s) => Bounds::around(s.from, 0.0).union(Bounds::around(s.end(), 0.0)),
+            Self::Segment(s) => {
+                Bounds::around(s.from, 0.0).union(Bounds::around(s.at(s.length), 0.0))
+            }
             Self::Circle(c) => Bounds::around(c.center, c.radius),
         }
     }
@@ -235,10 +246,23 @@ impl Segment {
         })
     }
 
-    fn end(&self) -> Point {
+    /// Unit vector from one end to the other.
+    pub(super) fn along(&self) -> Point {
+        self.along
+    }
+
+    pub(super) fn length(&self) -> f64 {
+        self.length
+    }
+
+    pub(super) fn middle(&self) -> Point {
+        self.at(0.5 * self.length)
+    }
+
+    fn at(&self, distance: f64) -> Point {
         Point::new(
-            self.from.x + self.along.x * self.length,
-            self.from.y + self.along.y * self.length,
+            self.from.x + self.along.x * distance,
+            self.from.y + self.along.y * distance,
         )
     }
 
