@@ -117,9 +117,9 @@ impl<'a> Command<'a> {
     }
 
     /// Writes the command into the front of `out`; its length, or `None` if `out` is too small or
-    /// the command holds what cannot be said.
+    /// the command holds what cannot be said, such as a name that is too long.
     pub fn encode(self, out: &mut [u8]) -> Option<usize> {
-        match self {
+        let len = match self {
             Self::Attention => put(out, &[b"AT"]),
             Self::Version => put(out, &[b"AT+VERSION"]),
             Self::Name(name) => put(out, &[b"AT+NAME", name]),
@@ -132,7 +132,8 @@ impl<'a> Command<'a> {
             Self::Role(Role::Master) => put(out, &[b"AT+ROLE=M"]),
             Self::Led(Led::Off) => put(out, &[b"AT+LED0"]),
             Self::Led(Led::On) => put(out, &[b"AT+LED1"]),
-        }
+        }?;
+        (Command::parse(&out[..len]) == Some(self)).then_some(len)
     }
 
     /// Whether modules of `family` know the command.

@@ -1,12 +1,12 @@
 //! Commands of the HC-06 radio, both ways.
 
 use proptest::prelude::*;
-use protocols::hc06::{BAUD_RATES, Command};
-use protocols::line::Parity;
+use protocols::hc06::{BAUD_RATES, Command, Led, LineCommand, Role};
+use protocols::line::{LineConfig, Parity};
 
 /// The command table of the linvor firmware, as module guides and a scripted set-up session give
 /// it: upper case, no line end.
-const TABLE: [(&str, Command<'static>); 12] = [
+const TABLE: [(&str, Command<'static>); 15] = [
     ("AT", Command::Attention),
     ("AT+VERSION", Command::Version),
     ("AT+NAMErescue", Command::Name(b"rescue")),
@@ -22,6 +22,25 @@ const TABLE: [(&str, Command<'static>); 12] = [
     ("AT+PN", Command::Parity(Parity::None)),
     ("AT+PO", Command::Parity(Parity::Odd)),
     ("AT+PE", Command::Parity(Parity::Even)),
+    // These three the 2.0 firmware alone knows.
+    ("AT+ROLE=S", Command::Role(Role::Slave)),
+    ("AT+LED0", Command::Led(Led::Off)),
+    ("AT+LED1", Command::Led(Led::On)),
+];
+
+const AT_230400: LineConfig = LineConfig::new_8n1(230_400);
+
+/// The command set of firmware 3.0-20170609 as two public threads report it: CR LF at the end of
+/// each line, values behind an equals sign.
+const LINES: [(&str, LineCommand<'static>); 8] = [
+    ("AT\r\n", LineCommand::Attention),
+    ("AT+VERSION\r\n", LineCommand::Version),
+    ("AT+NAME=rescue\r\n", LineCommand::Name(b"rescue")),
+    ("AT+PSWD=\"1234\"\r\n", LineCommand::Pin(*b"1234")),
+    ("AT+UART=230400,0,0\r\n", LineCommand::Uart(AT_230400)),
+    ("AT+UART\r\n", LineCommand::AskUart),
+    ("AT+ORGL\r\n", LineCommand::Restore),
+    ("AT+RESET\r\n", LineCommand::Reset),
 ];
 
 #[test]
@@ -32,6 +51,42 @@ fn commands_are_understood_and_said_as_in_the_table() {
         let len = command.encode(&mut out).expect("fits");
         assert_eq!(out[..len], *text.as_bytes());
     }
+}
+
+#[test]
+fn lines_are_understood_and_said_as_reported() {
+    for (text, command) in LINES {
+        let line = text.strip_suffix("\r\n").expect("a line");
+        assert_eq!(
+            LineCommand::parse(line.as_bytes()),
+            Some(command),
+            "{text:?}"
+        );
+        let mut out = [0; 40];
+        let len = command.encode(&mut out).expect("fits");
+        assert_eq!(out[..len], *text.as_bytes());
+    }
+}
+
+/// A name of 21 characters, a PIN of letters, nine data bits: the module would not understand
+/// them, so they are not said.
+#[test]
+fn what_cannot_be_understood_is_not_said() {
+    let mut out = [0; 64];
+    assert_eq!(
+        Command::Name(b"012345678901234567890").encode(&mut out),
+        None
+    );
+    assert_eq!(Command::Name(b"").encode(&mut out), None);
+    assert_eq!(Command::Pin(*b"12a4").encode(&mut out), None);
+    assert_eq!(Command::Baud(14_400).encode(&mut out), None);
+    assert_eq!(LineCommand::Name(b"two\r\nlines").encode(&mut out), None);
+    assert_eq!(LineCommand::Pin(*b"\"\"\"\"").encode(&mut out), None);
+    let nine = LineConfig {
+        data_bits: 9,
+        ..AT_230400
+    };
+    assert_eq!(LineCommand::Uart(nine).encode(&mut out), None);
 }
 
 /// The module answers nothing to what it does not know; so nothing near a command may pass.
@@ -71,7 +126,6 @@ fn each_baud_rate_has_its_character() {
         let text = [b"AT+BAUD".as_slice(), &[*digit]].concat();
         assert_eq!(Command::parse(&text), Some(Command::Baud(rate)));
     }
-    assert_eq!(Command::Baud(14_400).encode(&mut [0; 32]), None);
 }
 
 proptest! {
@@ -91,6 +145,22 @@ proptest! {
             let mut out = [0; 32];
             let len = command.encode(&mut out).expect("fits");
             prop_assert_eq!(&out[..len], &text[..]);
+        }
+    }
+
+    /// The same for lines; a question mark and a colon may be said in another way.
+    #[test]
+    fn whatever_line_is_understood_can_be_said_again(
+        start in proptest::sample::select(LINES.map(|(text, _)| text).to_vec()),
+        at: proptest::sample::Index,
+        byte in prop_oneof![any::<u8>(), proptest::sample::select(b"=:?\r\n\",".to_vec())],
+    ) {
+        let mut text = start.strip_suffix("\r\n").expect("a line").as_bytes().to_vec();
+        *at.get_mut(&mut text) = byte;
+        if let Some(command) = LineCommand::parse(&text) {
+            let mut out = [0; 40];
+            let len = command.encode(&mut out).expect("fits");
+            prop_assert_eq!(LineCommand::parse(&out[..len - 2]), Some(command));
         }
     }
 }

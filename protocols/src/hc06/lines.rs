@@ -77,9 +77,10 @@ impl<'a> LineCommand<'a> {
 
     fn setting(name: &[u8], value: &'a [u8]) -> Option<Self> {
         match name {
-            b"NAME" => (1..=NAME_MAX)
-                .contains(&value.len())
-                .then_some(Self::Name(value)),
+            b"NAME" => {
+                let is_line = value.iter().all(|byte| !LINE_END.contains(byte));
+                (is_line && (1..=NAME_MAX).contains(&value.len())).then_some(Self::Name(value))
+            }
             b"PSWD" => {
                 let [b'"', pin @ .., b'"'] = value else {
                     return None;
@@ -95,7 +96,7 @@ impl<'a> LineCommand<'a> {
     /// Writes the command with its line end into the front of `out`; its length, or `None` if
     /// `out` is too small or the command holds what cannot be said.
     pub fn encode(self, out: &mut [u8]) -> Option<usize> {
-        match self {
+        let len = match self {
             Self::Attention => put(out, &[b"AT", &LINE_END]),
             Self::Version => put(out, &[b"AT+VERSION", &LINE_END]),
             Self::Name(name) => put(out, &[b"AT+NAME=", name, &LINE_END]),
@@ -108,7 +109,9 @@ impl<'a> LineCommand<'a> {
             Self::AskAddress => put(out, &[b"AT+ADDR", &LINE_END]),
             Self::Restore => put(out, &[b"AT+ORGL", &LINE_END]),
             Self::Reset => put(out, &[b"AT+RESET", &LINE_END]),
-        }
+        }?;
+        let line = &out[..len - LINE_END.len()];
+        (LineCommand::parse(line) == Some(self)).then_some(len)
     }
 }
 
