@@ -34,6 +34,7 @@ mod uart;
 use protocols::{Instant, LineConfig, LineEvent, Port};
 
 use crate::device::{Device, Event, EventKind, earliest};
+use crate::event_log::EventLog;
 use crate::rng::Rng;
 use crate::world::World;
 use encoder::Encoder;
@@ -86,8 +87,6 @@ pub enum State {
     Console,
 }
 
-/// Events kept for [`Device::take_events`].
-const EVENTS_MAX: usize = 256;
 /// Work done in one poll at most; a device polled later than this goes on at the next poll.
 const STEPS_PER_POLL_MAX: u32 = 20_000;
 
@@ -107,7 +106,7 @@ pub struct Xv11 {
     garbage: Rng,
     /// Whether it was reported that the host's motor drive is not connected.
     duty_told: bool,
-    events: Vec<Event>,
+    log: EventLog,
 }
 
 impl Xv11 {
@@ -135,7 +134,7 @@ impl Xv11 {
             faults: Faults::default(),
             garbage: Rng::stream(seed, &format!("{name}.garbage")),
             duty_told: false,
-            events: Vec::new(),
+            log: EventLog::default(),
         };
         xv11.plan();
         for fault in config.faults {
@@ -190,6 +189,15 @@ impl Xv11 {
         self.uart.dropped()
     }
 
+    /// When the sensor itself has something to do.
+    fn next_at(&self) -> Option<Instant> {
+        earliest([
+            self.uart.release_at(),
+            self.edge_at,
+            self.firmware.next_at(&self.uart),
+        ])
+    }
+
     fn faults_changed(&mut self, now: Instant) {
         self.rotor.advance(now);
         self.rotor.dust_rpm_s = self.faults.dust_rpm_s();
@@ -204,24 +212,12 @@ impl Xv11 {
         self.edge_at = self.rotor.reaches(self.encoder.edge_deg());
     }
 
-    fn event(&mut self, at: Instant, kind: EventKind, rule: &'static str, detail: String) {
-        if self.events.len() < EVENTS_MAX {
-            self.events.push(Event {
-                at,
-                kind,
-                rule,
-                detail,
-                bytes: Vec::new(),
-            });
-        }
-    }
-
     fn set_duty(&mut self, now: Instant, duty: u8) {
         if !matches!(self.rotor.supply, MotorSupply::Host { .. }) {
             if !self.duty_told {
                 self.duty_told = true;
                 let detail = "a motor duty arrives, but the rig feeds the motor".to_owned();
-                self.event(now, EventKind::Note, "motor-not-wired", detail);
+                self.log.note(now, "motor-not-wired", detail);
             }
             return;
         }
@@ -249,17 +245,20 @@ impl Device for Xv11 {
         match event {
             LineEvent::Break => self.open_console(now, "break"),
             LineEvent::FramingError => {
-                let detail = "a character without stop bit: noise, or not 115200 baud".to_owned();
-                self.event(now, EventKind::Violation, "framing-error", detail);
+                let kind = EventKind::Violation;
+                self.log.repeated(now, kind, "framing-error", || {
+                    "a character without stop bit: noise, or not 115200 baud".to_owned()
+                });
             }
             LineEvent::Opened | LineEvent::Closed | LineEvent::Overrun => {}
         }
     }
 
     fn poll(&mut self, now: Instant, world: &mut World) {
+        self.log.poll(now);
         world.advance(now);
         for _ in 0..STEPS_PER_POLL_MAX {
-            match self.poll_at() {
+            match self.next_at() {
                 Some(at) if at <= now => self.step(at, world),
                 _ => break,
             }
@@ -275,11 +274,7 @@ impl Device for Xv11 {
     }
 
     fn poll_at(&self) -> Option<Instant> {
-        earliest([
-            self.uart.release_at(),
-            self.edge_at,
-            self.firmware.next_at(&self.uart),
-        ])
+        earliest([self.next_at(), self.log.poll_at()])
     }
 
     fn line_config(&self, _port: Port) -> LineConfig {
@@ -287,6 +282,6 @@ impl Device for Xv11 {
     }
 
     fn take_events(&mut self) -> Vec<Event> {
-        core::mem::take(&mut self.events)
+        self.log.take()
     }
 }

@@ -107,10 +107,10 @@ impl Eye {
         if shadowed && self.is_shadowed(world, beam, hit) {
             return no_dot();
         }
-        if is_rough(behind, mm, ahead) {
-            if let Some(reading) = rough(world, beam, hit, &noise) {
-                return reading;
-            }
+        if is_rough(behind, mm, ahead)
+            && let Some(reading) = rough(world, beam, hit, &noise)
+        {
+            return reading;
         }
         smooth(mm, hit, &noise)
     }

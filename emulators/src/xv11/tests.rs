@@ -348,6 +348,8 @@ fn the_seed_regulator_holds_300_rpm_with_the_hosts_drive() {
         ..Config::default()
     };
     let mut bench = Bench::new(1, host, room(1.0));
+    #[expect(clippy::cast_possible_truncation, reason = "clamped to 255")]
+    let whole = |duty: f32| duty as u8;
     let mut duty = 180.0_f32;
     bench.lidar.receive(Xv11::MOTOR, Instant::ZERO, &[180]);
     for step in 1..6_000 {
@@ -358,7 +360,7 @@ fn the_seed_regulator_holds_300_rpm_with_the_hosts_drive() {
         }
         bench
             .lidar
-            .receive(Xv11::MOTOR, millis(2 * step), &[duty as u8]);
+            .receive(Xv11::MOTOR, millis(2 * step), &[whole(duty)]);
     }
     assert_eq!(bench.lidar.state(), State::Locked);
     assert!((bench.lidar.speed_rpm() - 300.0).abs() < 10.0);

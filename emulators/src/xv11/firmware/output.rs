@@ -1,0 +1,141 @@
+//! Readings and packets: measured, excused, or made up by a loop that has nothing to measure.
+
+use protocols::Instant;
+use protocols::xv11::{FRAME_LEN, Frame, RawReading, Reading, SpeedWord};
+
+use super::Phase;
+use crate::world::World;
+use crate::xv11::scan::{Full, Pace};
+use crate::xv11::{Fault, Xv11};
+
+/// Codes that the encoder gives; meanings are inferred from where they occur.
+pub(super) mod code {
+    pub(in crate::xv11) const SKIPPED: u8 = 0x21;
+    pub(in crate::xv11) const WAITING: u8 = 0x22;
+    pub(in crate::xv11) const RESYNCHRONISED: u8 = 0x50;
+    pub(in crate::xv11) const LOST: u8 = 0x52;
+}
+
+/// Bytes of the packet on the line that still go out at a restart on command, as in the capture.
+const CUT_BYTES: u64 = 7;
+
+impl Xv11 {
+    pub(super) fn give_up_due(&self, at: Instant) -> bool {
+        matches!(self.firmware.phase, Phase::Slow { give_up_at, resume: None, .. } if give_up_at <= at)
+    }
+
+    /// One packet without measuring.
+    pub(super) fn free_run(&mut self, at: Instant) {
+        let (Phase::Slow { run, .. } | Phase::Lost { run }) = &mut self.firmware.phase else {
+            return;
+        };
+        let tick = run.next_tick(&self.uart);
+        run.tick = tick + 1;
+        let (index, code) = (run.index(tick), run.code);
+        let reading = self.firmware.scan.excuse(code);
+        if !self.profile.whole_turns() {
+            self.send(
+                at,
+                Full {
+                    index,
+                    word: self.firmware.word,
+                    readings: [reading; 4],
+                },
+            );
+        }
+    }
+
+    /// Measures all slots due by `at`.
+    pub(super) fn measure_until(&mut self, at: Instant, world: &World) {
+        let Some(pace) = self.firmware.scan.pace else {
+            return;
+        };
+        while let Some((slot, due)) = self.firmware.scan.next().filter(|&(_, due)| due <= at) {
+            self.measure(slot, due, pace, world);
+        }
+    }
+
+    pub(super) fn measure(&mut self, slot: u16, due: Instant, pace: Pace, world: &World) {
+        let scan = &mut self.firmware.scan;
+        if scan.resync > 0 {
+            scan.resync -= 1;
+            self.excuse(due, code::RESYNCHRONISED);
+        } else if pace.is_rushed() && scan.measured {
+            self.excuse(due, code::SKIPPED);
+        } else {
+            let reading = self.eye.measure(world, due, slot, pace.angle_at(due));
+            self.store(due, reading);
+            self.firmware.scan.measured = true;
+        }
+    }
+
+    pub(super) fn excuse(&mut self, at: Instant, code: u8) {
+        let reading = self.firmware.scan.excuse(code);
+        self.firmware.scan.measured = false;
+        self.store(at, reading);
+    }
+
+    fn store(&mut self, at: Instant, reading: RawReading) {
+        let word = self.firmware.word;
+        if let Some(full) = self.firmware.scan.store(reading, word) {
+            self.send(at, full);
+        }
+    }
+
+    fn send(&mut self, at: Instant, mut full: Full) {
+        if self.faults.has(Fault::DenseStarts) {
+            full.readings = dense(full.index, full.readings);
+        }
+        if self.profile.whole_turns() {
+            self.send_part_of_turn(at, full);
+        } else {
+            let frame = Frame::new(full.index, SpeedWord(full.word), full.readings);
+            let mut bytes = *frame.as_bytes();
+            if self.faults.has(Fault::Garbage) {
+                let place = usize::try_from(self.garbage.below(FRAME_LEN as u64));
+                let flip = u8::try_from(1 + self.garbage.below(255));
+                bytes[place.expect("below 22")] ^= flip.expect("1 to 255");
+            }
+            self.uart.push(at, &bytes);
+        }
+        let mut cut = None;
+        if self.faults.take(Fault::Restart) {
+            cut = Some(self.uart.part_out_at(CUT_BYTES));
+            self.firmware.restart_at = cut;
+        }
+        self.uart.release(at, cut);
+    }
+
+    /// Firmware 2.1: a header, then the readings as they are measured. Whether the real one sends
+    /// them so or as one burst is unknown.
+    fn send_part_of_turn(&mut self, at: Instant, full: Full) {
+        let [a, b, c, d] = full.readings.map(|reading| reading.0);
+        let readings = [a, b, c, d].concat();
+        if full.index == 0 {
+            let [low, high] = full.word.to_le_bytes();
+            let header = [0x5A, 0xA5, 0x00, 0xC0, low, high];
+            self.uart.push(at, &[&header[..], &readings].concat());
+            self.firmware.turn_begun = true;
+        } else if self.firmware.turn_begun {
+            self.uart.push(at, &readings);
+        }
+    }
+}
+
+/// The same readings full of packet starts: FA and an index as strength, FA as last distance byte.
+fn dense(index: u8, readings: [RawReading; 4]) -> [RawReading; 4] {
+    let mut degree = 0;
+    readings.map(|raw| {
+        degree += 1;
+        match Reading::from(raw) {
+            Reading::Range {
+                distance_mm, weak, ..
+            } => RawReading::from(Reading::Range {
+                distance_mm: distance_mm & 0xFF00 | 0xFA,
+                strength: u16::from_le_bytes([0xFA, 0xA0 + (index + degree) % 90]),
+                weak,
+            }),
+            Reading::Invalid { .. } => raw,
+        }
+    })
+}
