@@ -30,6 +30,17 @@ pub struct Grid<const W: usize = SIDE, const H: usize = SIDE> {
     resolution_mm: f32,
 }
 
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "checked to be at most 8191"
+)]
+impl<const W: usize, const H: usize> Grid<W, H> {
+    /// Cells along x, as a coordinate.
+    pub(crate) const WIDTH: i32 = W as i32;
+    /// Cells along y, as a coordinate.
+    pub(crate) const HEIGHT: i32 = H as i32;
+}
+
 impl<const W: usize, const H: usize> Grid<W, H> {
     /// A grid of unknown cells with edges of `resolution_mm`.
     pub const fn new(resolution_mm: f32) -> Self {

@@ -1,33 +1,53 @@
-//! Simultaneous localisation and mapping: tinySLAM as in the seed report. The odometry predicts
-//! where the robot is, a search finds where the scan fits the map best, and the scan is drawn into
-//! the map from there.
+//! Simultaneous localisation and mapping in two modes behind one interface: the seed report's
+//! tinySLAM ([`Mode::Document`]), with its faults as switches, and ours ([`Mode::Core`]).
 //!
 //! ```text
 //! odometry -> predict -> search (map, scan) -> pose -> update (map, scan)
 //! ```
 
 mod budget;
+mod correlate;
+mod effort;
+mod evidence;
 mod matching;
 mod prior;
 mod random;
+mod refine;
+mod relocate;
+mod row;
 mod search;
 mod settings;
+mod trace;
+mod tracking;
 mod update;
 
 use core::time::Duration;
 
 pub use budget::Budget;
-pub use settings::{Defects, Method, MotionNoise, Rounding, Search, Settings};
+pub use settings::{Defects, Mode, MotionNoise, Rounding, Search, Settings};
 
 use crate::grid::{Grid, SIDE};
 use crate::pose::{Point, Pose, PoseChange};
 use crate::scan::{BEAMS, Scan};
 use budget::Regulator;
+use effort::Effort;
 use matching::{EndPoints, Placement, tally};
 use prior::{Prior, Travel};
 use random::Pcg32;
-use search::Found;
-use update::{Ink, Ray, draw};
+use relocate::{Answer, relocate};
+use tracking::DOUBTFUL;
+
+/// How sure a pose is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Certainty {
+    /// The scan agrees with the map. The seed report's mode knows nothing else.
+    #[default]
+    Sure,
+    /// The scan contradicts the map; the pose is the odometry's word, and the scan is not drawn.
+    Doubtful,
+    /// The robot is lost, and several places fit the scan about equally well; nothing is drawn.
+    Ambiguous,
+}
 
 /// What became of a scan.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -36,13 +56,24 @@ pub struct Outcome {
     pub pose: Pose,
     /// 1024 times the mean map value at the end points; -1 if the scan had none.
     pub score: i32,
-    /// Candidates scored.
+    /// Candidates scored in the document's way, for a model of the processor's time.
     pub tries: u32,
-    /// End points looked up, over all tries.
+    /// End points looked up in the document's way; the core's effort is given as the number of
+    /// these that takes as long.
     pub points: u32,
-    /// The score as part of the best that the map update can draw, 0 to 1.
+    /// Poses compared, by whatever means.
+    pub poses: u32,
+    /// 0 to 1. In core mode the part of the points that agree with what the map knows; else the
+    /// score as a part of its maximum.
     pub quality: f32,
+    /// How sure the pose is.
+    pub certainty: Certainty,
 }
+
+/// Scans in doubt before the whole map is searched.
+const DOUBTS_MAX: u8 = 2;
+/// Agreement that a lost robot's new place must have.
+const FOUND_AGAIN: f32 = 0.75;
 
 /// Map, pose, and what is needed to keep both; the only large thing a robot has.
 #[derive(Clone, Debug)]
@@ -55,6 +86,7 @@ pub struct Mapper<const W: usize = SIDE, const H: usize = SIDE> {
     sparse: EndPoints,
     dense: EndPoints,
     travel: Travel,
+    doubts: u8,
     scans: u32,
 }
 
@@ -69,6 +101,7 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
             sparse: EndPoints::EMPTY,
             dense: EndPoints::EMPTY,
             travel: Travel::default(),
+            doubts: 0,
             scans: 0,
             settings,
         }
@@ -103,6 +136,8 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
     pub fn restart(&mut self) {
         self.grid.clear();
         self.pose = self.settings.start;
+        self.travel = Travel::default();
+        self.doubts = 0;
         self.scans = 0;
     }
 
@@ -112,12 +147,14 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
         self.travel.add(change);
     }
 
-    /// Finds the pose at which `scan` fits the map, and draws the scan from there.
-    /// `wheel_speeds` (left, right; ticks per 40 ms) tell how fast the robot turns: a turning
-    /// robot's scan is drawn more weakly.
+    /// Finds the pose at which `scan` fits the map, and draws the scan from there, unless it
+    /// contradicts the map. `wheel_speeds` (left, right; ticks per 40 ms) tell how fast the robot
+    /// turns: a turning robot's scan is drawn more weakly.
     pub fn integrate(&mut self, scan: &Scan, wheel_speeds: [i16; 2]) -> Outcome {
         let outcome = self.locate(scan);
-        self.draw(scan, self.weight(wheel_speeds));
+        if outcome.certainty == Certainty::Sure {
+            self.draw(scan, wheel_speeds);
+        }
         outcome
     }
 
@@ -133,62 +170,69 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
         }
         let wanted = usize::from(self.settings.search.points).clamp(1, BEAMS);
         self.sparse
-            .set(self.chosen(points, wanted), self.settings.resolution_mm);
+            .set(spread(points, wanted), self.settings.resolution_mm);
         self.dense
             .set(points.iter().copied(), self.settings.resolution_mm);
-        let found = if self.scans == 0 {
-            self.only_here()
+        let outcome = if self.scans == 0 {
+            self.stay()
         } else {
-            search::run(
-                &self.grid,
-                &self.settings,
-                &search::Task {
-                    sparse: self.sparse.all(),
-                    dense: self.dense.all(),
-                    prior: Prior::new(self.pose, self.travel, &self.settings.motion),
-                    tries: self.regulator.tries(),
-                },
-                &mut self.random,
-            )
+            match self.settings.mode {
+                Mode::Document => self.try_candidates(),
+                Mode::Core => self.track(),
+            }
         };
-        self.pose = found.pose;
+        self.pose = outcome.pose;
         self.travel = Travel::default();
-        self.outcome(found)
+        outcome
     }
 
     /// Tells how long the last scan took, from reading the wheels to the end of the map update;
-    /// the number of tries follows.
+    /// the document's number of tries follows.
     pub fn search_time(&mut self, elapsed: Duration) {
         self.regulator.search_took(elapsed, &self.settings.budget);
     }
 
-    /// Tries that the next search may make.
+    /// Tries that the document's next search may make.
     pub const fn tries(&self) -> u32 {
         self.regulator.tries()
     }
 
-    fn only_here(&self) -> Found {
+    /// The first scan defines the map's place.
+    fn stay(&self) -> Outcome {
         let points = self.sparse.all();
         let placement = Placement::new(self.pose, self.settings.resolution_mm);
-        Found {
+        let tally = tally(self.grid.rows(), points, &placement);
+        let points = count_u32(points.len());
+        let score = score(tally.sum, points);
+        Outcome {
             pose: self.pose,
-            tally: tally(self.grid.rows(), points, &placement),
+            score,
             tries: 1,
-            points: count_u32(points.len()),
+            points,
+            poses: 1,
+            ..Outcome::default()
         }
     }
 
-    fn outcome(&self, found: Found) -> Outcome {
-        let of = if self.settings.defects.outside_is_free {
+    fn try_candidates(&mut self) -> Outcome {
+        let found = search::run(
+            &self.grid,
+            &self.settings,
+            self.sparse.all(),
+            self.pose,
+            self.regulator.tries(),
+            &mut self.random,
+        );
+        let defects = self.settings.defects;
+        let count = count_u32(self.sparse.all().len());
+        let of = if defects.outside_is_free {
             found.tally.inside
         } else {
-            count_u32(self.sparse.all().len())
+            count
         };
-        let score = (u64::from(found.tally.sum) * 1024)
-            .checked_div(u64::from(of))
-            .map_or(-1, |mean| i32::try_from(mean).expect("at most 255 * 1024"));
+        let score = score(found.tally.sum, of);
         let quality = (score.max(0) as f32 / (255.0 * 1024.0)).min(1.0);
-        let score = if self.settings.defects.score_wraps {
+        let score = if defects.score_wraps {
             wrapped(score)
         } else {
             score
@@ -197,94 +241,91 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
             pose: found.pose,
             score,
             tries: found.tries,
-            points: found.points,
+            points: found.tries.saturating_mul(count),
+            poses: found.tries,
             quality,
+            certainty: Certainty::Sure,
         }
     }
 
-    /// The points that a try looks at: in the document every tenth beam, whether it came back or
-    /// not; else evenly spread over those that did, a different set each time.
-    fn chosen<'a>(&self, points: &'a [Point], wanted: usize) -> impl Iterator<Item = Point> + 'a {
-        let count = points.len();
-        let shift = match self.settings.search.method {
-            Method::Document => 0,
-            Method::Annealed => (self.scans as usize * 7) % (count / wanted.min(count)).max(1),
-        };
-        let taken = wanted.min(count);
-        (0..taken).map(move |index| points[(index * count / taken + shift) % count])
-    }
-
-    fn weight(&self, [left, right]: [i16; 2]) -> u16 {
+    fn track(&mut self) -> Outcome {
         let Settings {
-            weight,
-            weight_min,
-            bold_scans,
-            defects,
+            motion,
+            resolution_mm,
             ..
-        } = self.settings;
-        if defects.constant_weight {
-            return weight;
-        }
-        let least = if defects.weight_down_to_one {
-            1
-        } else {
-            weight_min
+        } = &self.settings;
+        let task = tracking::Task {
+            sparse: self.sparse.all(),
+            dense: self.dense.all(),
+            prior: Prior::new(self.pose, self.travel, motion, *resolution_mm),
         };
-        let usual = weight.saturating_sub(left.abs_diff(right)).max(least);
-        if self.scans < u32::from(bold_scans) {
-            let bold = 256 / (self.scans + 2);
-            usual.max(u16::try_from(bold).expect("at most 128"))
+        let mut effort = Effort::default();
+        let mut place = tracking::track(&self.grid, &task, &mut effort);
+        let mut certainty = Certainty::Sure;
+        if place.evidence.agreement() >= DOUBTFUL {
+            self.doubts = 0;
         } else {
-            usual
+            certainty = Certainty::Doubtful;
+            self.doubts = self.doubts.saturating_add(1);
+            place.pose = self.pose;
+        }
+        if self.doubts >= DOUBTS_MAX {
+            match relocate(&self.grid, task.sparse, &mut effort) {
+                Some(Answer::Here(best)) => {
+                    let found = tracking::settle(&self.grid, &task, &best, &mut effort);
+                    if found.evidence.is_broad() && found.evidence.agreement() >= FOUND_AGAIN {
+                        place = found;
+                        certainty = Certainty::Sure;
+                        self.doubts = 0;
+                    }
+                }
+                Some(Answer::Ambiguous(_)) => certainty = Certainty::Ambiguous,
+                None => {}
+            }
+        }
+        Outcome {
+            pose: place.pose,
+            score: score(place.sum, count_u32(self.sparse.all().len())),
+            tries: 1,
+            points: effort.document_points(),
+            poses: effort.poses,
+            quality: place.evidence.agreement(),
+            certainty,
         }
     }
 
-    fn draw(&mut self, scan: &Scan, weight: u16) {
-        let ink = Ink {
-            weight,
-            rounding: if self.settings.defects.truncating_rounding {
-                Rounding::Truncating
-            } else {
-                Rounding::Corrected
-            },
-            loses_short_holes: self.settings.defects.loses_short_holes,
-        };
-        let half_hole = self.settings.hole_mm / 2.0;
-        for (point, beam) in scan.points().iter().zip(scan.beams()) {
-            let origin = scan.origin(*beam);
-            let length = point.distance_mm(origin);
-            if length < 1.0 {
-                continue;
+    fn draw(&mut self, scan: &Scan, wheel_speeds: [i16; 2]) {
+        let weight = self.settings.turning_weight(wheel_speeds);
+        let hole_cells = self.settings.hole_mm / self.settings.resolution_mm;
+        match self.settings.mode {
+            Mode::Document => {
+                let ink = update::Ink::new(weight, &self.settings.defects);
+                update::draw_scan(&mut self.grid, self.pose, scan, hole_cells, ink);
             }
-            let stretch = 1.0 + half_hole / length;
-            let end = Point::new(
-                origin.x_mm + (point.x_mm - origin.x_mm) * stretch,
-                origin.y_mm + (point.y_mm - origin.y_mm) * stretch,
-            );
-            let ray = Ray {
-                from: self.cell(origin),
-                hit: self.cell(*point),
-                end: self.cell(end),
-            };
-            draw(self.grid.rows_mut(), &ray, ink);
+            Mode::Core => {
+                let strokes = trace::Strokes::new(weight, &self.settings);
+                trace::trace_scan(&mut self.grid, self.pose, scan, hole_cells, strokes);
+            }
         }
         self.scans = self.scans.saturating_add(1);
     }
+}
 
-    /// The cell of a point of the robot's frame, possibly outside the map.
-    fn cell(&self, point: Point) -> (i32, i32) {
-        let world = self.pose.to_world(point);
-        let index = |mm: f32| {
-            #[expect(clippy::cast_possible_truncation, reason = "clamped")]
-            let cell = libm::floorf(mm / self.settings.resolution_mm).clamp(-9e3, 9e3) as i32;
-            cell
-        };
-        (index(world.x_mm), index(world.y_mm))
-    }
+/// `wanted` of `points`, evenly spread over those that there are.
+fn spread(points: &[Point], wanted: usize) -> impl Iterator<Item = Point> + '_ {
+    let taken = wanted.min(points.len());
+    (0..taken).map(move |index| points[index * points.len() / taken])
+}
+
+/// 1024 times the mean of `of` map values; -1 if there are none.
+fn score(sum: u32, of: u32) -> i32 {
+    (u64::from(sum) * 1024)
+        .checked_div(u64::from(of))
+        .map_or(-1, |mean| i32::try_from(mean).expect("at most 255 * 1024"))
 }
 
 fn count_u32(count: usize) -> u32 {
-    u32::try_from(count).expect("at most 360 points")
+    u32::try_from(count).expect("numbers of points and blocks are small")
 }
 
 /// As a 16-bit register with sign would hold it.

@@ -99,11 +99,54 @@ impl Placement {
 
     /// The cell of a point, possibly outside the map.
     #[inline]
-    pub(super) const fn cell(&self, [x, y]: [i16; 2]) -> (i32, i32) {
+    pub(super) const fn cell(&self, point: [i16; 2]) -> (i32, i32) {
+        let (x, y) = self.fixed(point);
+        (x >> CELL_BITS, y >> CELL_BITS)
+    }
+
+    /// The place of a point, in cells with [`CELL_BITS`] binary places.
+    #[inline]
+    pub(super) const fn fixed(&self, [x, y]: [i16; 2]) -> (i32, i32) {
         let (x, y) = (x as i32, y as i32);
         (
-            (self.cos * x - self.sin * y + self.x) >> CELL_BITS,
-            (self.sin * x + self.cos * y + self.y) >> CELL_BITS,
+            self.cos * x - self.sin * y + self.x,
+            self.sin * x + self.cos * y + self.y,
+        )
+    }
+}
+
+/// The robot's frame at a pose, seen in cells of the map.
+pub(super) struct CellFrame {
+    x: f32,
+    y: f32,
+    sin: f32,
+    cos: f32,
+    cells_per_mm: f32,
+}
+
+impl CellFrame {
+    pub(super) fn new(pose: Pose, resolution_mm: f32) -> Self {
+        let (sin, cos) = sin_cos(pose.heading);
+        let cells_per_mm = 1.0 / resolution_mm;
+        Self {
+            x: pose.x_mm * cells_per_mm,
+            y: pose.y_mm * cells_per_mm,
+            sin,
+            cos,
+            cells_per_mm,
+        }
+    }
+
+    /// Where a point of the robot's frame lies.
+    #[inline]
+    pub(super) fn place(&self, point: Point) -> (f32, f32) {
+        let (x, y) = (
+            point.x_mm * self.cells_per_mm,
+            point.y_mm * self.cells_per_mm,
+        );
+        (
+            self.x + self.cos * x - self.sin * y,
+            self.y + self.sin * x + self.cos * y,
         )
     }
 }
@@ -126,6 +169,16 @@ pub(super) fn tally<const W: usize, const H: usize>(
         }
     }
     tally
+}
+
+/// The whole part of a number, saturated.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "saturates, which is what is wanted"
+)]
+#[inline]
+pub(super) const fn whole(value: f32) -> i32 {
+    value as i32
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "range checked")]

@@ -39,12 +39,6 @@ impl Pcg32 {
             ((u64::from(drawn) * u64::from(limit)) >> 32) as u32
         }
     }
-
-    /// From -1 to 1, evenly.
-    #[inline]
-    pub(super) fn symmetric(&mut self) -> f32 {
-        (self.next_u32() >> 8) as f32 / 8_388_608.0 - 1.0
-    }
 }
 
 #[cfg(test)]
@@ -59,7 +53,6 @@ mod tests {
         let mut seen = [false; 20];
         for _ in 0..2_000 {
             seen[usize::try_from(random.below(20)).unwrap()] = true;
-            assert!((-1.0..1.0).contains(&random.symmetric()));
         }
         assert_eq!(seen, [true; 20]);
         assert!(Pcg32::new(7).next_u32() != Pcg32::new(8).next_u32());

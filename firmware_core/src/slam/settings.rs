@@ -3,16 +3,16 @@ use core::f32::consts::FRAC_PI_2;
 use super::budget::Budget;
 use crate::pose::Pose;
 
-/// How a scan finds its place in the map.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Method {
+/// How a scan finds its place in the map, and how it is drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Mode {
     /// The seed report's: random candidates around the predicted pose, whole millimetres and
-    /// degrees, both spreads halved after each late improvement.
+    /// degrees, both spreads halved after each late improvement; rays from cell to cell.
     Document,
-    /// The same number of tries, spent better: the spread shrinks on a schedule, candidates are
-    /// continuous and drawn around the best so far, the prediction has a say, and the last tries
-    /// look at more points.
-    Annealed,
+    /// Ours: every pose of the window that the odometry leaves, then between the cells; a scan that
+    /// contradicts the map is doubted instead of drawn. No random numbers.
+    #[default]
+    Core,
 }
 
 /// How a blended cell value is rounded.
@@ -25,17 +25,15 @@ pub enum Rounding {
     Truncating,
 }
 
-/// Settings of the candidate search.
+/// Settings of the search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Search {
-    /// How candidates are made.
-    pub method: Method,
-    /// First spread of the position, to each side.
-    pub spread_mm: u16,
-    /// First spread of the heading, to each side, in degrees.
-    pub spread_deg: u16,
-    /// Points that a try looks at.
+    /// Points that are looked up for each pose.
     pub points: u16,
+    /// Document mode: first spread of the position, to each side.
+    pub spread_mm: u16,
+    /// Document mode: first spread of the heading, to each side, in degrees.
+    pub spread_deg: u16,
 }
 
 /// Faults of the fielded code, to show what they do; all off by default. Numbers are those of the
@@ -85,10 +83,12 @@ impl Defects {
 /// document's search does without.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionNoise {
-    /// Of the position, at rest.
-    pub rest_mm: f32,
+    /// Of the position, at rest, in cells of the map: the pose before was no surer.
+    pub rest_cells: f32,
     /// Of the position, per millimetre driven.
     pub per_mm: f32,
+    /// Of the position, per radian turned.
+    pub mm_per_rad: f32,
     /// Of the heading, at rest.
     pub rest_rad: f32,
     /// Of the heading, per radian turned.
@@ -104,12 +104,13 @@ pub struct MotionNoise {
 impl MotionNoise {
     /// A drive with a few per cent of slip.
     pub const WHEELS: Self = Self {
-        rest_mm: 2.0,
+        rest_cells: 0.3,
         per_mm: 0.04,
+        mm_per_rad: 30.0,
         rest_rad: 0.003,
-        per_rad: 0.04,
-        rad_per_mm: 0.000_1,
-        cost: 0.5,
+        per_rad: 0.15,
+        rad_per_mm: 0.000_2,
+        cost: 1.0,
         cost_max: 15.0,
     };
 }
@@ -117,28 +118,31 @@ impl MotionNoise {
 /// Everything that a mapper is told once.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
+    /// The seed report's way or ours.
+    pub mode: Mode,
     /// Edge of a map cell.
     pub resolution_mm: f32,
     /// Where the robot believes to start.
     pub start: Pose,
-    /// Of the search's random numbers.
+    /// Of the document's random numbers.
     pub seed: u64,
     /// Width of the hole that a beam's end draws into the map.
     pub hole_mm: f32,
     /// Weight of a map update when the robot does not turn, of 256.
     pub weight: u16,
-    /// Least weight, reached when the wheels' speeds differ by seven ticks per 40 ms.
+    /// Least weight, when the robot turns fast.
     pub weight_min: u16,
-    /// Scans at the start that are drawn more strongly, so that the map stands before the robot
-    /// moves: the n-th with at least 256 / (n + 1).
-    pub bold_scans: u16,
-    /// The candidate search.
+    /// Core mode: weight of the free way of a beam.
+    pub free_weight: u16,
+    /// Core mode: weight on a cell that was never drawn.
+    pub first_weight: u16,
+    /// The search.
     pub search: Search,
-    /// Trust in the odometry.
+    /// Core mode: trust in the odometry.
     pub motion: MotionNoise,
-    /// The time regulator.
+    /// Document mode: the time regulator.
     pub budget: Budget,
-    /// Faults to show.
+    /// Document mode: faults to show.
     pub defects: Defects,
 }
 
@@ -146,38 +150,64 @@ impl Settings {
     /// The seed report's constants for its 3 m x 3 m map, without the defects.
     pub fn document() -> Self {
         Self {
+            mode: Mode::Document,
             resolution_mm: 10.0,
             start: Pose::new(1000.0, 1000.0, FRAC_PI_2),
             seed: 1,
             hole_mm: 350.0,
             weight: 10,
             weight_min: 3,
-            bold_scans: 0,
+            free_weight: 10,
+            first_weight: 10,
             search: Search {
-                method: Method::Document,
+                points: 36,
                 spread_mm: 100,
                 spread_deg: 10,
-                points: 36,
             },
             motion: MotionNoise::WHEELS,
             budget: Budget::DOCUMENT,
             defects: Defects::default(),
         }
     }
-}
 
-impl Default for Settings {
-    /// What maps best within the seed report's time and memory.
-    fn default() -> Self {
+    /// The core's settings for cells of `resolution_mm`, the same for every world and log.
+    pub fn core(resolution_mm: f32) -> Self {
         let document = Self::document();
         Self {
-            hole_mm: 100.0,
-            bold_scans: 10,
+            mode: Mode::Core,
+            resolution_mm,
+            hole_mm: 12.0 * resolution_mm,
+            weight: 40,
+            weight_min: 12,
+            free_weight: 20,
+            first_weight: 128,
             search: Search {
-                method: Method::Annealed,
+                points: 120,
                 ..document.search
             },
             ..document
         }
+    }
+
+    /// Weight of a map update while the wheels turn at these speeds (left, right; ticks per
+    /// 40 ms): a tenth less for each tick between them (seed figure S5).
+    pub(super) fn turning_weight(&self, [left, right]: [i16; 2]) -> u16 {
+        if self.defects.constant_weight {
+            return self.weight;
+        }
+        let least = if self.defects.weight_down_to_one {
+            1
+        } else {
+            self.weight_min
+        };
+        let tenths = 10_u16.saturating_sub(left.abs_diff(right));
+        (self.weight * tenths / 10).max(least)
+    }
+}
+
+impl Default for Settings {
+    /// What maps best on the seed report's 3 m x 3 m at 10 mm.
+    fn default() -> Self {
+        Self::core(10.0)
     }
 }

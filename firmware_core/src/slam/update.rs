@@ -8,8 +8,11 @@
 //!     robot       hit  end
 //! ```
 
-use super::settings::Rounding;
-use crate::grid::OBSTACLE;
+use super::matching::CellFrame;
+use super::settings::{Defects, Rounding};
+use crate::grid::{Grid, OBSTACLE};
+use crate::pose::Pose;
+use crate::scan::Scan;
 
 /// One ray, in cells, from the lidar to the end of the hole.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,6 +30,58 @@ pub(super) struct Ink {
     pub(super) rounding: Rounding,
     /// Draw holes shorter than two cells as the fielded code on its processor would: not at all.
     pub(super) loses_short_holes: bool,
+}
+
+impl Ink {
+    pub(super) const fn new(weight: u16, defects: &Defects) -> Self {
+        let rounding = if defects.truncating_rounding {
+            Rounding::Truncating
+        } else {
+            Rounding::Corrected
+        };
+        Self {
+            weight,
+            rounding,
+            loses_short_holes: defects.loses_short_holes,
+        }
+    }
+}
+
+/// Draws all beams of a scan that was taken at `pose`.
+pub(super) fn draw_scan<const W: usize, const H: usize>(
+    grid: &mut Grid<W, H>,
+    pose: Pose,
+    scan: &Scan,
+    hole_cells: f32,
+    ink: Ink,
+) {
+    let frame = CellFrame::new(pose, grid.resolution_mm());
+    for (point, beam) in scan.points().iter().zip(scan.beams()) {
+        let (from, hit) = (frame.place(scan.origin(*beam)), frame.place(*point));
+        let (dx, dy) = (hit.0 - from.0, hit.1 - from.1);
+        let length = libm::hypotf(dx, dy);
+        if length < 0.1 {
+            continue;
+        }
+        let stretch = 1.0 + hole_cells / 2.0 / length;
+        let end = (from.0 + dx * stretch, from.1 + dy * stretch);
+        let ray = Ray {
+            from: cell(from),
+            hit: cell(hit),
+            end: cell(end),
+        };
+        draw(grid.rows_mut(), &ray, ink);
+    }
+}
+
+/// The cell of a place; places far off the map are brought nearer.
+fn cell((x, y): (f32, f32)) -> (i32, i32) {
+    let index = |cells: f32| {
+        #[expect(clippy::cast_possible_truncation, reason = "clamped")]
+        let index = libm::floorf(cells).clamp(-9e3, 9e3) as i32;
+        index
+    };
+    (index(x), index(y))
 }
 
 /// A line of cells: the long axis advances in every step, the short one when the error overflows.
@@ -216,7 +271,7 @@ const fn steps_inside(long: i32, short: i32, room: i32) -> i32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::grid::{Grid, UNKNOWN};
+    use crate::grid::UNKNOWN;
     use proptest::prelude::*;
 
     const BLACK: Ink = Ink {

@@ -1,0 +1,150 @@
+//! Exhaustive search of a window of poses: every heading step, every cell up and down, 32 cells
+//! across at once (Olson, "Real-time correlative scan matching", 2009, with a row kernel of ours).
+
+use super::effort::Effort;
+use super::matching::{Placement, whole};
+use super::prior::Prior;
+use super::row::{LANES, POINTS_MAX, sums};
+use crate::grid::Grid;
+use crate::pose::{Pose, normalised};
+
+/// Cells before and after the middle lane.
+const LANES_BEFORE: i32 = 16;
+
+/// Which poses a search looks at, around its centre.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Window {
+    /// Cells to each side along y; along x it is 16 down and 15 up.
+    pub(super) rows: i32,
+    /// Heading steps to each side.
+    pub(super) turns: i32,
+    /// Radians per heading step.
+    pub(super) turn_step: f32,
+}
+
+/// The best pose of a window.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Best {
+    /// The pose.
+    pub(super) pose: Pose,
+    /// Sixteen times the sum over the points, less the prior's cost.
+    pub(super) rating: i32,
+    /// Sum over the points.
+    pub(super) sum: u32,
+    /// Steps from the window's centre: cells along x and y, heading steps.
+    pub(super) steps: [i32; 3],
+}
+
+/// Looks at every pose of `window` around `centre`. Of equal ones the first wins: lowest heading,
+/// then lowest y, then lowest x.
+pub(super) fn search<const W: usize, const H: usize>(
+    grid: &Grid<W, H>,
+    points: &[[i16; 2]],
+    centre: Pose,
+    window: &Window,
+    prior: &Prior,
+    effort: &mut Effort,
+) -> Best {
+    let points = &points[..points.len().min(POINTS_MAX)];
+    let count = super::count_u32(points.len());
+    let cell_mm = grid.resolution_mm();
+    let mut best = Best {
+        pose: centre,
+        rating: i32::MIN,
+        sum: 0,
+        steps: [0; 3],
+    };
+    let scale = 16.0 * points.len() as f32;
+    let mut costs_x = [0.0; LANES];
+    for (column, cost) in (-LANES_BEFORE..).zip(&mut costs_x) {
+        let x_mm = centre.x_mm + column as f32 * cell_mm;
+        *cost = prior.deviation_x(x_mm) * prior.cost * scale;
+    }
+    let cost_max = prior.cost_max * scale;
+    for turn in -window.turns..=window.turns {
+        effort.placed(count);
+        effort.rows((2 * window.rows + 1).unsigned_abs(), 32, count);
+        let heading = normalised(centre.heading + turn as f32 * window.turn_step);
+        let placement = Placement::new(Pose { heading, ..centre }, cell_mm);
+        let cost_turn = prior.deviation_heading(heading) * prior.cost * scale;
+        let mut placed = Placed::<W, H>::new(points, &placement, window.rows);
+        for row in -window.rows..=window.rows {
+            let lanes = placed.sums(grid, row);
+            let y_mm = centre.y_mm + row as f32 * cell_mm;
+            let cost_row = cost_turn + prior.deviation_y(y_mm) * prior.cost * scale;
+            for ((column, sum), cost_x) in (-LANES_BEFORE..).zip(&lanes).zip(&costs_x) {
+                let cost = whole((cost_row + cost_x).min(cost_max));
+                let rating = 16 * i32::from(*sum) - cost;
+                if rating > best.rating {
+                    best = Best {
+                        pose: Pose {
+                            x_mm: centre.x_mm + column as f32 * cell_mm,
+                            y_mm,
+                            heading,
+                        },
+                        rating,
+                        sum: u32::from(*sum),
+                        steps: [column, row, turn],
+                    };
+                }
+            }
+        }
+    }
+    best
+}
+
+/// Points of one heading, as places in the map.
+struct Placed<const W: usize, const H: usize> {
+    /// Of points whose whole window lies on the map: index of lane 0 in the lowest row.
+    starts: [u32; POINTS_MAX],
+    whole: usize,
+    /// Of other points that touch the map: cell of the middle lane.
+    edges: [(i32, i32); POINTS_MAX],
+    cut: usize,
+    rows: i32,
+}
+
+impl<const W: usize, const H: usize> Placed<W, H> {
+    fn new(points: &[[i16; 2]], placement: &Placement, rows: i32) -> Self {
+        let mut placed = Self {
+            starts: [0; POINTS_MAX],
+            whole: 0,
+            edges: [(0, 0); POINTS_MAX],
+            cut: 0,
+            rows,
+        };
+        let (width, height) = (Grid::<W, H>::WIDTH, Grid::<W, H>::HEIGHT);
+        for point in points {
+            let (x, y) = placement.cell(*point);
+            let (left, low) = (x - LANES_BEFORE, y - rows);
+            let (right, high) = (left + 2 * LANES_BEFORE, y + rows + 1);
+            if left >= 0 && low >= 0 && right <= width && high <= height {
+                placed.starts[placed.whole] = (low * width + left).unsigned_abs();
+                placed.whole += 1;
+            } else if right > 0 && high > 0 && left < width && low < height {
+                placed.edges[placed.cut] = (x, y);
+                placed.cut += 1;
+            }
+        }
+        placed
+    }
+
+    /// Scores of the lanes of a row of the window.
+    fn sums(&mut self, grid: &Grid<W, H>, row: i32) -> [u16; LANES] {
+        let cells = grid.rows().as_flattened();
+        let offset = (row + self.rows).unsigned_abs() as usize * W;
+        let mut lanes = sums(cells, &self.starts[..self.whole], offset);
+        for (x, y) in &self.edges[..self.cut] {
+            let Some(cells) = usize::try_from(y + row).ok().and_then(|y| grid.row(y)) else {
+                continue;
+            };
+            for (lane, sum) in (0..).zip(&mut lanes) {
+                let x = usize::try_from(x - LANES_BEFORE + lane).ok();
+                *sum += x
+                    .and_then(|x| cells.get(x))
+                    .map_or(0, |cell| u16::from(*cell));
+            }
+        }
+        lanes
+    }
+}

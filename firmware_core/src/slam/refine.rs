@@ -1,0 +1,166 @@
+//! From the best cell to the pose between the cells: Newton steps on the interpolated score, less
+//! the odometry's cost. Along a direction in which the scan says nothing, a corridor's axis, the
+//! score is flat and only the odometry's cost is curved, so the odometry stands.
+
+use super::effort::Effort;
+use super::matching::{CELL_BITS, Placement};
+use super::prior::Prior;
+use super::row::POINTS_MAX;
+use crate::grid::Grid;
+use crate::pose::Pose;
+
+/// Newton steps, each on a narrower stencil.
+const STEPS: u32 = 3;
+/// Scores that a step looks at: the middle, both ways along three axes, three corners.
+const SCORES_PER_STEP: u32 = 10;
+/// Half-width of the first stencil, in cells.
+const STENCIL_CELLS: f32 = 1.0;
+/// Longest step, in stencils.
+const STEP_MAX: f32 = 1.5;
+
+/// Binary places of the interpolation.
+const FRACTION_BITS: u32 = 6;
+const ONE: u32 = 1 << FRACTION_BITS;
+
+/// The best pose near `start`, and how curved the score is there: per square stencil, along its
+/// least and most certain direction.
+pub(super) fn refine<const W: usize, const H: usize>(
+    grid: &Grid<W, H>,
+    points: &[[i16; 2]],
+    start: Pose,
+    prior: &Prior,
+    effort: &mut Effort,
+) -> Pose {
+    let points = &points[..points.len().min(POINTS_MAX)];
+    let score = |pose: Pose| smooth_mean(grid, points, pose) - prior.uncapped_cost(pose);
+    let cell_mm = grid.resolution_mm();
+    let lever_mm = mean_reach_cells(points).max(8.0) * cell_mm;
+    let mut pose = start;
+    let mut stencil_mm = STENCIL_CELLS * cell_mm;
+    for _ in 0..STEPS {
+        effort.smooth(SCORES_PER_STEP * super::count_u32(points.len()));
+        let unit = [stencil_mm, stencil_mm, stencil_mm / lever_mm];
+        let shifted = |[x, y, turn]: [f32; 3]| {
+            Pose::new(
+                pose.x_mm + x * unit[0],
+                pose.y_mm + y * unit[1],
+                pose.heading + turn * unit[2],
+            )
+        };
+        let Some(step) = newton_step(|at| score(shifted(at))) else {
+            break;
+        };
+        pose = shifted(step);
+        stencil_mm *= 0.5;
+    }
+    pose
+}
+
+/// One Newton step towards the maximum of `f`, in units of the stencil; `None` where `f` is not
+/// curved like a summit.
+fn newton_step(f: impl Fn([f32; 3]) -> f32) -> Option<[f32; 3]> {
+    let here = f([0.0; 3]);
+    let axis = |index: usize, by: f32| {
+        let mut at = [0.0; 3];
+        at[index] = by;
+        at
+    };
+    let plus = [0, 1, 2].map(|index| f(axis(index, 1.0)));
+    let minus = [0, 1, 2].map(|index| f(axis(index, -1.0)));
+    let corner = |a: usize, b: usize| {
+        let mut at = axis(a, 1.0);
+        at[b] = 1.0;
+        f(at) - plus[a] - plus[b] + here
+    };
+    let slope = [0, 1, 2].map(|index| (plus[index] - minus[index]) / 2.0);
+    let bend = [0, 1, 2].map(|index| 2.0 * here - plus[index] - minus[index]);
+    // The cross terms from one corner each are noisy; half of them keeps the matrix well behaved.
+    let cross = [-corner(0, 1), -corner(0, 2), -corner(1, 2)].map(|value| value * 0.5);
+    let step = solve(bend, cross, slope)?;
+    Some(step.map(|part| part.clamp(-STEP_MAX, STEP_MAX)))
+}
+
+/// Solves the symmetric system with this diagonal and these entries 01, 02, 12 by Cholesky's
+/// decomposition; `None` if the matrix is not positive definite.
+fn solve(diagonal: [f32; 3], cross: [f32; 3], right: [f32; 3]) -> Option<[f32; 3]> {
+    const LEAST: f32 = 1e-6;
+    let d0 = diagonal[0];
+    if d0 < LEAST {
+        return None;
+    }
+    let (l10, l20) = (cross[0] / d0, cross[1] / d0);
+    let d1 = diagonal[1] - l10 * cross[0];
+    if d1 < LEAST {
+        return None;
+    }
+    let l21 = (cross[2] - l20 * cross[0]) / d1;
+    let d2 = diagonal[2] - l20 * cross[1] - l21 * l21 * d1;
+    if d2 < LEAST {
+        return None;
+    }
+    let z0 = right[0];
+    let z1 = right[1] - l10 * z0;
+    let z2 = right[2] - l20 * z0 - l21 * z1;
+    let x2 = z2 / d2;
+    let x1 = z1 / d1 - l21 * x2;
+    Some([z0 / d0 - l10 * x1 - l20 * x2, x1, x2])
+}
+
+/// Mean of the smoothed map at the points; points off the map count as 0.
+fn smooth_mean<const W: usize, const H: usize>(
+    grid: &Grid<W, H>,
+    points: &[[i16; 2]],
+    pose: Pose,
+) -> f32 {
+    let placement = Placement::new(pose, grid.resolution_mm());
+    let sum: u32 = points
+        .iter()
+        .map(|point| smooth_value(grid, &placement, *point))
+        .sum();
+    sum as f32 / ((ONE * ONE) as f32 * points.len().max(1) as f32)
+}
+
+/// Nine neighbouring cells under a quadratic B-spline; 64 times 64 times the value. Straight lines
+/// between four cells would be flat between two equal ones, and a wall on the border of two cells
+/// could be anywhere between their middles.
+#[inline]
+fn smooth_value<const W: usize, const H: usize>(
+    grid: &Grid<W, H>,
+    placement: &Placement,
+    point: [i16; 2],
+) -> u32 {
+    let (x, y) = placement.fixed(point);
+    let (column, row) = ((x >> CELL_BITS) - 1, (y >> CELL_BITS) - 1);
+    let (Ok(column), Ok(row)) = (usize::try_from(column), usize::try_from(row)) else {
+        return 0;
+    };
+    let (across, up) = (spline(x), spline(y));
+    let mut sum = 0;
+    for (row, weight) in (row..).zip(up) {
+        let Some(cells) = grid
+            .row(row)
+            .and_then(|row| row.get(column..)?.first_chunk::<3>())
+        else {
+            return 0;
+        };
+        let [a, b, c] = cells.map(u32::from);
+        sum += weight * (a * across[0] + b * across[1] + c * across[2]);
+    }
+    sum
+}
+
+/// Weights of the cell before, this cell and the cell behind, of 64.
+#[inline]
+fn spline(fixed: i32) -> [u32; 3] {
+    // Position within the cell, 0 to 63; the middle is at 31.5, taken as 32.
+    let part = (fixed >> (CELL_BITS - FRACTION_BITS)).cast_unsigned() % ONE;
+    let rest = ONE - part;
+    let (before, behind) = (rest * rest / (2 * ONE), part * part / (2 * ONE));
+    [before, ONE - before - behind, behind]
+}
+
+/// Mean distance of the points from the robot, in cells.
+fn mean_reach_cells(points: &[[i16; 2]]) -> f32 {
+    let reach = |[x, y]: &[i16; 2]| libm::hypotf(f32::from(*x), f32::from(*y)) / 16.0;
+    points.iter().map(reach).sum::<f32>() / points.len().max(1) as f32
+}

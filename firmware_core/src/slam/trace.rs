@@ -1,0 +1,233 @@
+//! Drawing a scan into the map between the cells: like [`super::update`], but the beam crosses the
+//! cells where it really does and the hole's summit lies where the wall is, not in the middle of
+//! the nearest cell.
+
+use core::cmp::Ordering;
+
+use super::matching::{CellFrame, whole};
+use super::settings::Settings;
+use crate::grid::{Grid, UNKNOWN};
+use crate::pose::Pose;
+use crate::scan::Scan;
+
+/// How strongly rays are drawn, each of 256.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Strokes {
+    /// The hole around a beam's end.
+    pub(super) wall: u16,
+    /// The free way to it.
+    pub(super) free: u16,
+    /// Either, on a cell that was never drawn.
+    pub(super) first: u16,
+}
+
+impl Strokes {
+    /// Strokes for a scan whose walls are drawn with `weight`; the others follow in proportion.
+    pub(super) fn new(weight: u16, settings: &Settings) -> Self {
+        let part = |of: u16| {
+            let scaled = u32::from(of) * u32::from(weight) / u32::from(settings.weight.max(1));
+            u16::try_from(scaled.clamp(1, 256)).expect("clamped")
+        };
+        Self {
+            wall: weight,
+            free: part(settings.free_weight),
+            first: part(settings.first_weight),
+        }
+    }
+}
+
+/// Draws all beams of a scan that was taken at `pose`.
+pub(super) fn trace_scan<const W: usize, const H: usize>(
+    grid: &mut Grid<W, H>,
+    pose: Pose,
+    scan: &Scan,
+    hole_cells: f32,
+    strokes: Strokes,
+) {
+    let frame = CellFrame::new(pose, grid.resolution_mm());
+    for (point, beam) in scan.points().iter().zip(scan.beams()) {
+        let beam = Beam {
+            from: frame.place(scan.origin(*beam)),
+            hit: frame.place(*point),
+            half_hole: hole_cells / 2.0,
+        };
+        trace(grid.rows_mut(), &beam, strokes);
+    }
+}
+
+/// A beam in cells of the map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Beam {
+    /// Where it was sent.
+    pub(super) from: (f32, f32),
+    /// Where it came back from.
+    pub(super) hit: (f32, f32),
+    /// Half the hole's width along the beam.
+    pub(super) half_hole: f32,
+}
+
+const BITS: u32 = 16;
+const CELL: f32 = (1 << BITS) as f32;
+/// Part of a cell that is kept from the map's edge, so that rounding never leaves the map.
+const EDGE: f32 = 0.01;
+
+/// Draws one beam; the part outside the map is left out.
+pub(super) fn trace<const W: usize, const H: usize>(
+    cells: &mut [[u8; W]; H],
+    beam: &Beam,
+    strokes: Strokes,
+) {
+    let (dx, dy) = (beam.hit.0 - beam.from.0, beam.hit.1 - beam.from.1);
+    let cells = cells.as_flattened_mut();
+    if dx.abs() >= dy.abs() {
+        let line = Line::new(beam.from, (dx, dy), beam.half_hole, (W, H));
+        line.draw(strokes, |long, short| short * W + long, cells);
+    } else {
+        let swapped = (beam.from.1, beam.from.0);
+        let line = Line::new(swapped, (dy, dx), beam.half_hole, (H, W));
+        line.draw(strokes, |long, short| long * W + short, cells);
+    }
+}
+
+/// A beam along its long axis: cells `first..=last` in the direction of `step`.
+struct Line {
+    first: i32,
+    step: i32,
+    /// Cells to draw as free, then as hole.
+    free: i32,
+    hole: i32,
+    /// Along the short axis, at the middle of the first cell, and its change per cell.
+    short: i32,
+    slope: i32,
+    /// Value of the hole at its first cell, 16 binary places, and its rise per cell.
+    value: i32,
+    rise: i32,
+}
+
+impl Line {
+    fn new(
+        from: (f32, f32),
+        (long, short): (f32, f32),
+        half_hole: f32,
+        (size_long, size_short): (usize, usize),
+    ) -> Self {
+        let nothing = Self {
+            first: 0,
+            step: 1,
+            free: 0,
+            hole: 0,
+            short: 0,
+            slope: 0,
+            value: 0,
+            rise: 0,
+        };
+        let length = libm::hypotf(long, short);
+        if !(length > 0.1 && length < 1e4) {
+            return nothing;
+        }
+        let along = long.abs() / length;
+        // Position s counts cells along the long axis in the direction of the beam.
+        let sign = long.signum();
+        let start = from.0 * sign;
+        let hit = start + long.abs();
+        let half = (half_hole * along).max(0.75);
+        let (size_long, size_short) = (size_long as f32, size_short as f32);
+        let slope = short / long.abs();
+        let (low, high) = if sign > 0.0 {
+            (0.0, size_long)
+        } else {
+            (-size_long, 0.0)
+        };
+        // Where the beam is on the map along both axes.
+        let (mut enter, mut leave) = (start.max(low), (hit + half).min(high));
+        if slope != 0.0 {
+            let (low, high) = (EDGE - from.1, size_short - EDGE - from.1);
+            let (a, b) = (start + low / slope, start + high / slope);
+            enter = enter.max(a.min(b));
+            leave = leave.min(a.max(b));
+        } else if !(EDGE..size_short - EDGE).contains(&from.1) {
+            return nothing;
+        }
+        if leave.partial_cmp(&enter) != Some(Ordering::Greater) {
+            return nothing;
+        }
+        // The first cell whose middle is passed, the first with a share of the hole, the last.
+        let first = libm::ceilf(enter - 0.5);
+        let last = libm::ceilf(leave - 0.5) - 1.0;
+        let hole_from = libm::ceilf(hit - half - 0.5).max(first);
+        if last < first {
+            return nothing;
+        }
+        let middle = first + 0.5;
+        let cell = if sign > 0.0 { first } else { -first - 1.0 };
+        let rise = 255.0 / half;
+        Self {
+            first: whole(cell),
+            step: whole(sign),
+            free: whole(hole_from.min(last + 1.0) - first),
+            hole: whole((last + 1.0 - hole_from).max(0.0)),
+            short: whole((from.1 + (middle - start) * slope) * CELL),
+            slope: whole(slope * CELL),
+            value: whole((255.0 - (hit - hole_from - 0.5) * rise) * CELL),
+            rise: whole(rise * CELL),
+        }
+    }
+
+    #[inline]
+    fn draw(&self, strokes: Strokes, index: impl Fn(usize, usize) -> usize, cells: &mut [u8]) {
+        let (mut long, mut short) = (self.first, self.short);
+        let mut next = || {
+            let at = index(
+                long.unsigned_abs() as usize,
+                (short >> BITS).unsigned_abs() as usize,
+            );
+            long += self.step;
+            short += self.slope;
+            at
+        };
+        for _ in 0..self.free {
+            if let Some(cell) = cells.get_mut(next()) {
+                *cell = blended(
+                    *cell,
+                    0,
+                    if *cell == UNKNOWN {
+                        strokes.first
+                    } else {
+                        strokes.free
+                    },
+                );
+            }
+        }
+        let peak = 255 << BITS;
+        let mut value = self.value;
+        for _ in 0..self.hole {
+            let height = if value > peak {
+                2 * peak - value
+            } else {
+                value
+            };
+            let height = u16::try_from((height >> BITS).clamp(0, 255)).expect("clamped");
+            value += self.rise;
+            if let Some(cell) = cells.get_mut(next()) {
+                *cell = blended(
+                    *cell,
+                    height,
+                    if *cell == UNKNOWN {
+                        strokes.first
+                    } else {
+                        strokes.wall
+                    },
+                );
+            }
+        }
+    }
+}
+
+/// Moves `old` towards `value` by `weight` parts of 256, rounded towards the value.
+#[inline]
+fn blended(old: u8, value: u16, weight: u16) -> u8 {
+    let old = u16::from(old);
+    let up = if value > old { 255 } else { 0 };
+    let [_, new] = ((256 - weight) * old + weight * value + up).to_le_bytes();
+    new
+}
