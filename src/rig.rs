@@ -56,6 +56,8 @@ enum Body {
     Program {
         program: Box<dyn Program>,
         busy_until: Instant,
+        /// Of the last work that took time.
+        last_cost: Duration,
     },
     Outside(Outside),
 }
@@ -141,6 +143,7 @@ impl Node {
             Body::Program {
                 program,
                 busy_until,
+                last_cost,
             } if due || self.stirred => {
                 if *busy_until > now {
                     self.poll_at = Some(*busy_until);
@@ -149,6 +152,7 @@ impl Node {
                     let cost = cpu.cost(program.take_work());
                     self.poll_at = if cost > Duration::ZERO {
                         *busy_until = now + cost;
+                        *last_cost = cost;
                         Some(*busy_until)
                     } else {
                         program.poll_at().map(|at| later_than(now, at))
@@ -264,6 +268,7 @@ impl Rig {
             Body::Program {
                 program,
                 busy_until: Instant::ZERO,
+                last_cost: Duration::ZERO,
             },
         )
     }
@@ -350,6 +355,14 @@ impl Rig {
         })
     }
 
+    /// Processor time of the program's last long work.
+    pub fn last_cost(&self) -> Option<Duration> {
+        self.nodes.iter().find_map(|node| match &node.body {
+            Body::Program { last_cost, .. } => Some(*last_cost),
+            _ => None,
+        })
+    }
+
     /// The program under test as what it is.
     pub fn program_as<T: Any>(&self) -> Option<&T> {
         let program: &dyn Any = self.program()?;
@@ -424,6 +437,9 @@ impl Rig {
 
     /// When something will next happen by itself.
     pub fn next_event(&self) -> Option<Instant> {
+        if self.nodes.iter().any(|node| node.stirred) {
+            return Some(self.now);
+        }
         let nodes = self.nodes.iter().filter_map(|node| node.poll_at);
         let lines = self.links.iter().flat_map(|link| &link.lines);
         let lines = lines.flat_map(|line| {
