@@ -11,11 +11,14 @@
 
 mod escape;
 mod explore;
+mod planner;
 mod surroundings;
 
+use crate::grid::Grid;
 use crate::pose::{Point, Pose, normalised, sin_cos};
 use escape::Escape;
 pub use explore::{Explorer, WallFollowing, WallLaw};
+use planner::Planner;
 pub use surroundings::Surroundings;
 
 /// Both wheels at rest.
@@ -149,6 +152,8 @@ const STALLED_SCANS: u8 = 15;
 const PROGRESS_MM: f32 = 10.0;
 /// Free way that is asked for before a direction is taken.
 const FREE_WAY_MM: f32 = 450.0;
+/// A plan is made anew each second.
+const PLAN_SCANS: u8 = 5;
 /// Distance to the last goal at which the robot begins to slow down.
 const SLOW_DOWN_MM: f32 = 250.0;
 
@@ -158,6 +163,9 @@ pub struct Navigator {
     settings: Settings,
     explorer: Explorer,
     escape: Escape,
+    planner: Planner,
+    /// Scans until the plan is made anew.
+    plan_ages: u8,
     goal: Option<Point>,
     nearest_mm: f32,
     stalled: u8,
@@ -172,6 +180,8 @@ impl Navigator {
             settings,
             explorer: Explorer::new(),
             escape: Escape::new(),
+            planner: Planner::new(),
+            plan_ages: 0,
             goal: None,
             nearest_mm: f32::INFINITY,
             stalled: 0,
@@ -188,8 +198,8 @@ impl Navigator {
         around.guarded(&self.settings.body, wanted)
     }
 
-    /// One step towards `goal`.
-    pub fn approach(&mut self, pose: Pose, goal: Goal, around: &Surroundings) -> Step {
+    /// One step towards `goal`. `map` is the map so far.
+    pub fn approach(&mut self, map: &Grid, pose: Pose, goal: Goal, around: &Surroundings) -> Step {
         let distance = pose.position().distance_mm(goal.position);
         self.watch_progress(goal.position, distance);
         let is_blocked = self.stalled >= STALLED_SCANS;
@@ -199,17 +209,16 @@ impl Navigator {
             self.goal = None;
             return Step::Arrived;
         }
-        let to_goal = Pose::change_to(
-            pose,
-            Pose {
-                heading: 0.0,
-                ..at(goal.position)
-            },
-        );
-        let bearing = libm::atan2f(to_goal.left_mm, to_goal.forward_mm);
         let way = match self.escape.step(&self.settings, pose, around) {
             Some(way) => way,
-            None => self.free_way(around, bearing, distance),
+            None => {
+                let aim = self.aim(map, pose, goal.position, around);
+                self.free_way(
+                    around,
+                    bearing_of(pose, aim),
+                    pose.position().distance_mm(aim),
+                )
+            }
         };
         let mut steering = self.settings.steering;
         if goal.is_last && distance < SLOW_DOWN_MM {
@@ -230,6 +239,7 @@ impl Navigator {
     fn watch_progress(&mut self, goal: Point, distance: f32) {
         if self.goal != Some(goal) {
             self.goal = Some(goal);
+            self.plan_ages = 0;
             self.nearest_mm = f32::INFINITY;
             self.side = 0.0;
         }
@@ -239,6 +249,24 @@ impl Navigator {
         } else {
             self.stalled = self.stalled.saturating_add(1);
         }
+    }
+
+    /// What to steer for: the goal itself if the way there is free, else the next part of a way
+    /// around.
+    fn aim(&mut self, map: &Grid, pose: Pose, goal: Point, around: &Surroundings) -> Point {
+        self.plan_ages = self.plan_ages.saturating_sub(1);
+        let distance = pose.position().distance_mm(goal);
+        let free = around.free_mm(&self.settings.body, bearing_of(pose, goal));
+        if free >= distance {
+            self.plan_ages = 0;
+            return goal;
+        }
+        if self.plan_ages == 0 {
+            self.plan_ages = PLAN_SCANS;
+            self.planner
+                .plan(map, &self.settings.body, pose, goal, around);
+        }
+        self.planner.way_from(pose.position()).unwrap_or(goal)
     }
 
     /// The bearing nearest to `bearing` along which the robot fits.
@@ -280,8 +308,10 @@ impl Navigator {
 /// Five degrees.
 const STEP: f32 = core::f32::consts::PI / 36.0;
 
-fn at(position: Point) -> Pose {
-    Pose::new(position.x_mm, position.y_mm, 0.0)
+/// Where a point of the map lies, seen from `pose`.
+fn bearing_of(pose: Pose, point: Point) -> f32 {
+    let (dx, dy) = (point.x_mm - pose.x_mm, point.y_mm - pose.y_mm);
+    normalised(libm::atan2f(dy, dx) - pose.heading)
 }
 
 /// Where an arc at constant wheel speeds leads after `seconds`, seen from its beginning.
@@ -400,7 +430,8 @@ mod tests {
             position: Point::new(1000.0, 0.0),
             is_last: true,
         };
-        let step = navigator.approach(Pose::default(), goal, &around);
+        let map = std::boxed::Box::new(Grid::new(10.0));
+        let step = navigator.approach(&map, Pose::default(), goal, &around);
         assert_eq!(step, Step::Drive(HALT));
     }
 

@@ -321,7 +321,10 @@ impl Rescue {
                 position: Point::new(x, y),
                 is_last: self.waypoints.is_last(),
             };
-            match self.navigator.approach(pose, goal, around) {
+            match self
+                .navigator
+                .approach(self.mapper.grid(), pose, goal, around)
+            {
                 Step::Drive(set_point) => return set_point,
                 Step::Arrived => {
                     self.waypoints.advance();

@@ -76,6 +76,44 @@ fn a_box_in_the_way_is_driven_around() {
     assert!(bench.distance_to([1000, 2200]) < 200.0 && bench.clearance_mm > 10.0);
 }
 
+/// The other room's corner lies straight behind the wall; the way there leads back through the
+/// door. A robot that only steers for its goal, or around what is in front of it, stays here.
+#[test]
+fn a_goal_behind_a_wall_is_reached_through_the_door() {
+    let mut bench = Bench::new(flat(), 12);
+    bench.run_for(2 * SECOND);
+    bench.send_waypoints(&[[1900, 500], [1000, 500], [2100, 2450]]);
+    let arrived = bench.run_until(90 * SECOND, |bench| bench.robot.target().is_none());
+    assert!(
+        arrived,
+        "{:?} {}",
+        bench.body,
+        bench.robot.waypoints().reached()
+    );
+    assert!(bench.distance_to([2100, 2450]) < 200.0 && bench.clearance_mm > 10.0);
+}
+
+/// A dead end of 900 mm depth and 700 mm width, open towards the robot, with the goal behind it.
+#[test]
+fn a_dead_end_is_left_again() {
+    let mut walls = boxed(100.0, 100.0, 2900.0, 2900.0).to_vec();
+    walls.extend([
+        [600.0, 1300.0, 600.0, 2200.0],
+        [600.0, 2200.0, 1300.0, 2200.0],
+        [1300.0, 2200.0, 1300.0, 1300.0],
+    ]);
+    let mut bench = Bench::new(walls, 13);
+    bench.send_waypoints(&[[1000, 1900], [950, 2550]]);
+    let arrived = bench.run_until(90 * SECOND, |bench| bench.robot.target().is_none());
+    assert!(
+        arrived,
+        "{:?} {}",
+        bench.body,
+        bench.robot.waypoints().reached()
+    );
+    assert!(bench.clearance_mm > 10.0, "{}", bench.clearance_mm);
+}
+
 /// Somebody puts a box 350 mm in front of the driving robot.
 #[test]
 fn the_robot_stops_for_what_suddenly_stands_in_front_of_it() {
