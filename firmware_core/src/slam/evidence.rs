@@ -3,12 +3,13 @@ use crate::grid::{Grid, UNKNOWN};
 use crate::pose::Pose;
 
 /// How a scan agrees with what the map already knows. Points on cells that were never drawn say
-/// nothing: a robot that looks into a new room is not lost.
+/// nothing, unless their beam runs through a known wall: a robot that looks into a new room is not
+/// lost, one that looks through walls is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Evidence {
     /// Points on cells that look like wall.
     hits: u32,
-    /// Points on cells that were seen free.
+    /// Points on cells that were seen free, or behind walls.
     misses: u32,
     /// All points.
     of: u32,
@@ -16,6 +17,10 @@ pub(super) struct Evidence {
 
 /// How much darker than unknown a cell is that was seen free.
 const FREE_MARGIN: u8 = 20;
+/// A cell that is surely wall.
+const WALL: u8 = 200;
+/// Eighths of a beam's length at which it is looked for walls.
+const WAY: [i16; 3] = [4, 6, 7];
 
 impl Evidence {
     /// Looks all points up.
@@ -25,17 +30,25 @@ impl Evidence {
         pose: Pose,
     ) -> Self {
         let placement = Placement::new(pose, grid.resolution_mm());
+        let value = |point| {
+            let (x, y) = placement.cell(point);
+            let at = usize::try_from(x).ok().zip(usize::try_from(y).ok());
+            at.and_then(|(x, y)| grid.get(x, y)).unwrap_or(UNKNOWN)
+        };
         let mut evidence = Self {
             of: super::count_u32(points.len()),
             ..Self::default()
         };
         for point in points {
-            let (x, y) = placement.cell(*point);
-            let at = usize::try_from(x).ok().zip(usize::try_from(y).ok());
-            match at.and_then(|(x, y)| grid.get(x, y)) {
-                None | Some(UNKNOWN) => {}
-                Some(value) if value < UNKNOWN - FREE_MARGIN => evidence.misses += 1,
-                Some(_) => evidence.hits += 1,
+            let end = value(*point);
+            if end > UNKNOWN || (UNKNOWN - FREE_MARGIN..UNKNOWN).contains(&end) {
+                evidence.hits += 1;
+            } else if end < UNKNOWN
+                || WAY
+                    .iter()
+                    .any(|part| value(point.map(|x| x / 8 * part)) > WALL)
+            {
+                evidence.misses += 1;
             }
         }
         evidence

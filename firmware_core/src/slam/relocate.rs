@@ -7,6 +7,7 @@ use core::f32::consts::TAU;
 
 use super::correlate::{Best, Window, search};
 use super::effort::Effort;
+use super::evidence::Evidence;
 use super::matching::Placement;
 use super::prior::Prior;
 use super::row::POINTS_MAX;
@@ -34,7 +35,8 @@ const PLACES: usize = 24;
 /// Places nearer than this, in blocks and headings, are one.
 const APART_BLOCKS: i32 = 4;
 const APART_HEADINGS: i32 = 8;
-/// A second place that fits to this part of the first makes the answer ambiguous.
+/// A second place at which the points agree to this part of the first's makes the answer ambiguous.
+/// The sums do not tell: a map is drawn better where the robot was nearer.
 const AMBIGUOUS: f32 = 0.92;
 
 /// Block maxima of a grid: each the greatest value of its block and its three neighbours to the
@@ -176,43 +178,31 @@ pub(super) fn relocate<const W: usize, const H: usize>(
         turns: 4,
         turn_step: 0.5_f32.to_radians(),
     };
-    let (mut first, mut second): (Option<Best>, Option<Best>) = (None, None);
-    for candidate in shortlist
-        .best
-        .iter()
-        .filter(|candidate| candidate.bound > 0)
-    {
+    let mut found = [None; PLACES];
+    for (found, candidate) in found.iter_mut().zip(&shortlist.best) {
+        if candidate.bound == 0 {
+            break;
+        }
         let centre = Pose::new(
             (candidate.x as f32 + 0.5) * block_mm,
             (candidate.y as f32 + 0.5) * block_mm,
             heading_of(candidate.heading),
         );
-        let prior = Prior::none(centre);
-        let found = search(grid, points, centre, &window, &prior, effort);
-        let is_new = |old: &Best| {
-            old.pose.position().distance_mm(found.pose.position()) > 2.0 * block_mm
-                || normalised(old.pose.heading - found.pose.heading).abs() > 0.2
-        };
-        match first {
-            Some(old) if found.sum <= old.sum => {
-                if is_new(&old) && second.is_none_or(|second| found.sum > second.sum) {
-                    second = Some(found);
-                }
-            }
-            old => {
-                if let Some(old) = old.filter(is_new) {
-                    second = Some(old);
-                }
-                first = Some(found);
-            }
-        }
+        let best = search(grid, points, centre, &window, &Prior::none(centre), effort);
+        *found = Some((best, Evidence::of(grid, points, best.pose)));
     }
-    let first = first?;
-    let rival = second.map_or(0.0, |second| second.sum as f32 / first.sum.max(1) as f32);
-    Some(if rival >= AMBIGUOUS {
-        Answer::Ambiguous(first)
+    let (first, evidence) = found.iter().flatten().max_by_key(|(best, _)| best.sum)?;
+    let is_rival = |(best, other): &(Best, Evidence)| {
+        let (a, b) = (first.pose, best.pose);
+        let is_elsewhere = a.position().distance_mm(b.position()) > 3.0 * block_mm
+            || normalised(a.heading - b.heading).abs() > 0.2;
+        is_elsewhere && other.is_broad() && other.agreement() >= AMBIGUOUS * evidence.agreement()
+    };
+    let is_ambiguous = found.iter().flatten().any(is_rival);
+    Some(if is_ambiguous {
+        Answer::Ambiguous(*first)
     } else {
-        Answer::Here(first)
+        Answer::Here(*first)
     })
 }
 

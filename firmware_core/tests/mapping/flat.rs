@@ -9,7 +9,7 @@ use crate::world::{FLAT_TOUR, World, flat};
 
 fn toured(seed: u64, settings: Settings) -> Run {
     let world = World::new(flat(), [1000.0, 1000.0, FRAC_PI_2], seed);
-    let mut run = Run::new(world, Settings { seed, ..settings });
+    let mut run: Run = Run::new(world, Settings { seed, ..settings });
     run.tour(&FLAT_TOUR);
     run
 }

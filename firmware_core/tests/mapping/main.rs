@@ -7,4 +7,6 @@
 mod measure;
 mod world;
 
+mod corridor;
 mod flat;
+mod lost;

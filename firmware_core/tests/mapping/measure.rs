@@ -36,14 +36,14 @@ impl Errors {
 }
 
 /// A mapper in a world, and the odometry pose that it has seen last.
-pub(crate) struct Run {
+pub(crate) struct Run<const W: usize = 300, const H: usize = 300> {
     pub(crate) world: World,
-    pub(crate) mapper: Box<Mapper>,
+    pub(crate) mapper: Box<Mapper<W, H>>,
     pub(crate) errors: Errors,
     seen: Pose,
 }
 
-impl Run {
+impl<const W: usize, const H: usize> Run<W, H> {
     pub(crate) fn new(world: World, settings: Settings) -> Self {
         let settings = Settings {
             start: world.truth(),
@@ -54,6 +54,31 @@ impl Run {
             mapper: Box::new(Mapper::new(settings)),
             errors: Errors::default(),
             seen: Pose::default(),
+        }
+    }
+
+    /// The believed pose.
+    pub(crate) fn pose(&self) -> Pose {
+        self.mapper.pose()
+    }
+
+    /// Stands still for a second, so that motors and mapper come to rest.
+    pub(crate) fn stop(&mut self) {
+        self.world.command = [0.0; 2];
+        self.steps(5);
+    }
+
+    /// Somebody pushes the robot for a second, by so many millimetres per millisecond.
+    pub(crate) fn push_by(&mut self, [x, y]: [f64; 2]) {
+        self.world.push = [x, y, 0.0];
+        self.steps(5);
+        self.world.push = [0.0; 3];
+    }
+
+    /// So many turns of the lidar.
+    pub(crate) fn steps(&mut self, count: u32) {
+        for _ in 0..count {
+            self.step();
         }
     }
 

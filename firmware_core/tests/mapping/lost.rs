@@ -1,0 +1,91 @@
+//! Pushed, carried away, in places that look alike: what the mapper makes of a robot that is not
+//! where its wheels say.
+
+use core::f64::consts::{FRAC_PI_2, PI};
+
+use firmware_core::slam::{Certainty, Settings};
+
+use crate::measure::Run;
+use crate::world::{FLAT_TOUR, World, boxed, flat};
+
+fn toured(settings: Settings) -> Run {
+    let world = World::new(flat(), [1000.0, 1000.0, FRAC_PI_2], 7);
+    let mut run: Run = Run::new(world, settings);
+    run.tour(&FLAT_TOUR);
+    run.stop();
+    run
+}
+
+/// Scans until the pose is right again, to 50 mm and 3 degrees.
+fn scans_until_found(run: &mut Run, limit: u32) -> Option<u32> {
+    (1..=limit).find(|_| {
+        let pose = run.step().pose;
+        let off = run.world.truth().change_to(pose);
+        off.distance_mm() < 50.0 && off.turn.to_degrees().abs() < 3.0
+    })
+}
+
+/// Seed figure S3: pushed by 400 mm within a second at rest, the document's robot is back on its
+/// position after 6 searches of about 1000 tries.
+#[test]
+fn the_documents_search_finds_a_pushed_robot_within_six_scans() {
+    let mut run = toured(Settings::document());
+    run.push_by([0.4, 0.0]);
+    let found = scans_until_found(&mut run, 6);
+    assert!(
+        found.is_some(),
+        "{:?}",
+        run.world.truth().change_to(run.mapper.pose())
+    );
+    assert!(
+        (600..=1300).contains(&run.mapper.tries()),
+        "{}",
+        run.mapper.tries()
+    );
+}
+
+/// The same push: the core follows it.
+#[test]
+fn the_core_finds_a_pushed_robot_within_two_scans() {
+    let mut run = toured(Settings::default());
+    run.push_by([0.4, 0.0]);
+    let found = scans_until_found(&mut run, 2);
+    assert!(
+        found.is_some(),
+        "{:?}",
+        run.world.truth().change_to(run.mapper.pose())
+    );
+}
+
+/// Carried away by 2 m and a quarter turn into the other room. Nothing is drawn in doubt.
+#[test]
+fn a_kidnapped_robot_is_found_within_five_scans() {
+    let mut run = toured(Settings::default());
+    let before = *run.mapper.grid().rows();
+    let [x, y, heading] = run.world.body;
+    run.world.body = [x + 2000.0, y + 200.0, heading + FRAC_PI_2];
+    let first = run.step();
+    assert_ne!(first.certainty, Certainty::Sure);
+    assert!(*run.mapper.grid().rows() == before);
+    let found = scans_until_found(&mut run, 4);
+    assert!(
+        found.is_some(),
+        "{:?}",
+        run.world.truth().change_to(run.mapper.pose())
+    );
+}
+
+/// In a bare square room four places look alike: the robot says that it cannot know.
+#[test]
+fn a_robot_that_cannot_know_its_place_says_so() {
+    let room = boxed(500.0, 500.0, 2500.0, 2500.0).to_vec();
+    let mut run: Run = Run::new(
+        World::new(room, [900.0, 1000.0, 0.3], 5),
+        Settings::default(),
+    );
+    run.steps(20);
+    run.world.body = [1900.0, 2100.0, 0.3 + PI * 0.6];
+    let outcomes: [Certainty; 5] = core::array::from_fn(|_| run.step().certainty);
+    assert_eq!(outcomes[0], Certainty::Doubtful);
+    assert_eq!(outcomes[1..], [Certainty::Ambiguous; 4]);
+}
