@@ -355,6 +355,16 @@ impl Motion {
         }
     }
 
+    /// The same turn, and `part` of the way.
+    pub(super) fn slowed(self, part: f64) -> Self {
+        let drift = Point::new(self.drift.x * part, self.drift.y * part);
+        Self {
+            speed: self.speed * part,
+            drift,
+            ..self
+        }
+    }
+
     /// Speed over the floor, m/s.
     pub(super) fn floor_speed(&self) -> f64 {
         let (sin, cos) = libm::sincos(self.start.theta);

@@ -1,8 +1,9 @@
 //! What stops the body: walls and obstacles. And what moves it besides its wheels: hands.
 //!
 //! The body is a disc. A surface that the next step would bring into the disc blocks the step's
-//! translation where they meet; turning on the spot stays free, and so does any way out. Tests are
-//! skipped for as long as the free distance measured last cannot have been used up.
+//! translation where they meet; turning on the spot stays free, and so does any way out. An
+//! obstacle that walks into the body shoves it along, but through no wall. Tests are skipped for as
+//! long as the free distance measured last cannot have been used up.
 
 use core::time::Duration;
 
@@ -14,6 +15,8 @@ use super::scene::{Near, Scene};
 
 /// Free distance beyond which nobody looks.
 const REACH_M: f64 = 1.0;
+/// Where to look first.
+const CLOSE_M: f64 = 0.02;
 /// The body has left a surface when it is this far off.
 const LEFT_M: f64 = 1e-3;
 /// Contacts kept until somebody takes them; more are counted only.
@@ -60,10 +63,12 @@ impl Bumper {
 
     /// Free distance around a body at `place`; at most [`REACH_M`].
     pub(super) fn clearance(&self, scene: &Scene, at: Instant, place: Point) -> f64 {
-        let reach = REACH_M + self.radius;
-        let mut least = scene
-            .nearest_fixed(place, reach)
-            .map_or(reach, |near| near.distance);
+        let far = REACH_M + self.radius;
+        // Most questions come from a body that stands close to something.
+        let mut least = [self.radius + CLOSE_M, far]
+            .into_iter()
+            .find_map(|reach| scene.nearest_fixed(place, reach))
+            .map_or(far, |near| near.distance);
         scene.each_moving(at, place, |near| least = least.min(near.distance));
         least - self.radius
     }
@@ -86,6 +91,9 @@ impl Bumper {
     pub(super) fn constrain(&mut self, scene: &Scene, began: Instant, wanted: Motion) -> Motion {
         let own = wanted.speed.abs() + wanted.drift.x.abs() + wanted.drift.y.abs();
         let used = (own + self.obstacle_speed) * STEP_S;
+        if used == 0.0 {
+            return wanted;
+        }
         self.free -= used;
         if self.free > 0.0 {
             return wanted;
@@ -94,7 +102,9 @@ impl Bumper {
         let clearance = self.clearance(scene, began, start);
         self.free = clearance - used;
         if self.free > 0.0 {
-            self.touching.clear();
+            if clearance > LEFT_M {
+                self.touching.clear();
+            }
             return wanted;
         }
         self.free = 0.0;
@@ -111,29 +121,50 @@ impl Bumper {
             part: 1.0,
             met: Vec::new(),
         };
-
-        let mut stays: Vec<Near> = Vec::new();
-        scene.each_fixed_near(start, self.radius + used + LEFT_M, |near| stays.push(near));
-        for stay in stays {
-            let goes = scene.fixed(stay.index, end);
-            test.surface(stay, stay, goes);
-        }
+        test.fixtures(scene, start, end, used + LEFT_M);
         if self.obstacle_speed > 0.0 {
-            let (mut before, mut stays, mut goes) = (Vec::new(), Vec::new(), Vec::new());
-            scene.each_moving(began, start, |near| before.push(near));
-            scene.each_moving(ended, start, |near| stays.push(near));
-            scene.each_moving(ended, end, |near| goes.push(near));
-            for ((before, stay), go) in before.into_iter().zip(stays).zip(goes) {
-                test.surface(before, stay, go);
+            test.obstacles(scene, (began, start), (ended, end));
+        }
+        let mut motion = wanted.slowed(test.part);
+        if self.obstacle_speed > 0.0 {
+            let shove = self.shove(scene, began, ended, motion.pose(STEP_S).point());
+            motion.drift.x += shove.x / STEP_S;
+            motion.drift.y += shove.y / STEP_S;
+        }
+        self.record(began, test.met);
+        motion
+    }
+
+    /// How far an obstacle that stands in the body at the end of the step moves it: out of its own
+    /// way, but into no wall. A body between the two stays where it is, and a surface that has
+    /// passed its middle leaves it behind.
+    fn shove(&self, scene: &Scene, began: Instant, ended: Instant, place: Point) -> Point {
+        let mut before = Vec::new();
+        scene.each_moving(began, place, |near| before.push(near));
+        let mut before = before.into_iter();
+        let mut deepest: Option<Near> = None;
+        scene.each_moving(ended, place, |near| {
+            let comes = before.next().is_some_and(|before| {
+                near.distance < before.distance && same_side(place, before.at, near.at)
+            });
+            if comes && near.distance < deepest.map_or(self.radius, |deepest| deepest.distance) {
+                deepest = Some(near);
             }
-        }
-        let Test { part, met, .. } = test;
-        self.record(began, met);
-        Motion {
-            speed: wanted.speed * part,
-            drift: Point::new(wanted.drift.x * part, wanted.drift.y * part),
-            ..wanted
-        }
+        });
+        let Some(near) = deepest.filter(|near| near.distance > 0.0) else {
+            return Point::default();
+        };
+        let way = (self.radius - near.distance).min(self.obstacle_speed * STEP_S);
+        let scale = way / near.distance;
+        let by = Point::new((place.x - near.at.x) * scale, (place.y - near.at.y) * scale);
+        let to = Point::new(place.x + by.x, place.y + by.y);
+        let mut test = Test {
+            radius: self.radius,
+            part: 1.0,
+            met: Vec::new(),
+        };
+        test.fixtures(scene, place, to, way);
+        Point::new(by.x * test.part, by.y * test.part)
     }
 
     /// One contact for all surfaces met in one step, unless the body leaned on each already.
@@ -175,6 +206,31 @@ struct Test {
 }
 
 impl Test {
+    /// Fixtures near the way from `start` to `end`, which is at most `way` long.
+    fn fixtures(&mut self, scene: &Scene, start: Point, end: Point, way: f64) {
+        scene.each_fixed_near(start, self.radius + way, |stay| {
+            self.surface(stay, stay, scene.fixed(stay.index, end));
+        });
+    }
+
+    /// Obstacles, which move meanwhile.
+    fn obstacles(
+        &mut self,
+        scene: &Scene,
+        (began, start): (Instant, Point),
+        (ended, end): (Instant, Point),
+    ) {
+        let near = |at: Instant, place: Point| {
+            let mut found = Vec::new();
+            scene.each_moving(at, place, |near| found.push(near));
+            found
+        };
+        let stays = near(ended, start).into_iter().zip(near(ended, end));
+        for (before, (stay, go)) in near(began, start).into_iter().zip(stays) {
+            self.surface(before, stay, go);
+        }
+    }
+
     /// `before`: at the beginning; `stay` and `go`: at the end, if the body stays or goes.
     fn surface(&mut self, before: Near, stay: Near, go: Near) {
         let enters = go.distance < self.radius && go.distance < before.distance;
@@ -189,6 +245,11 @@ impl Test {
             self.part = self.part.min(free / own_way);
         }
     }
+}
+
+/// Whether `one` and `other` lie in the same half of the floor as seen from `place`.
+fn same_side(place: Point, one: Point, other: Point) -> bool {
+    (one.x - place.x) * (other.x - place.x) + (one.y - place.y) * (other.y - place.y) > 0.0
 }
 
 /// Hands that move the robot.

@@ -82,3 +82,69 @@ fn runs(length: usize, edge: impl Fn(usize) -> bool) -> Vec<(usize, usize)> {
     }
     found
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn image(rows_from_above: &[&str]) -> OccupancyImage {
+        OccupancyImage {
+            width: rows_from_above[0].len(),
+            height: rows_from_above.len(),
+            resolution_m: 0.5,
+            origin: Point::new(-1.0, 2.0),
+            cells: rows_from_above
+                .iter()
+                .rev()
+                .flat_map(|row| row.chars())
+                .map(|c| c == '#')
+                .collect(),
+        }
+    }
+
+    fn wall(x0: f64, y0: f64, x1: f64, y1: f64) -> Shape {
+        Shape::Wall {
+            from: Point::new(x0, y0),
+            to: Point::new(x1, y1),
+        }
+    }
+
+    #[test]
+    fn one_occupied_square_has_four_walls() {
+        let walls = image(&["...", ".#.", "..."]).walls();
+        assert_eq!(
+            walls,
+            [
+                wall(-0.5, 2.5, 0.0, 2.5),
+                wall(-0.5, 3.0, 0.0, 3.0),
+                wall(-0.5, 2.5, -0.5, 3.0),
+                wall(0.0, 2.5, 0.0, 3.0),
+            ]
+        );
+    }
+
+    /// A room whose outer squares are occupied: four long walls outside, four inside.
+    #[test]
+    fn straight_runs_become_one_wall() {
+        let walls = image(&["#####", "#...#", "#...#", "#####"]).walls();
+        assert_eq!(walls.len(), 8);
+        assert!(walls.contains(&wall(-1.0, 2.0, 1.5, 2.0)));
+        assert!(walls.contains(&wall(-0.5, 2.5, 1.0, 2.5)));
+    }
+
+    #[test]
+    fn the_first_row_is_the_lowest() {
+        let walls = image(&["..", "##"]).walls();
+        assert!(walls.contains(&wall(-1.0, 2.0, 0.0, 2.0)));
+        assert!(walls.contains(&wall(-1.0, 2.5, 0.0, 2.5)));
+    }
+
+    #[test]
+    fn an_empty_or_truncated_image_has_no_walls_where_squares_are_missing() {
+        let mut empty = image(&["##", "##"]);
+        empty.cells.clear();
+        assert_eq!(empty.walls(), []);
+        empty.cells = vec![true];
+        assert_eq!(empty.walls().len(), 4);
+    }
+}

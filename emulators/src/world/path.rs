@@ -95,3 +95,69 @@ impl Path {
 fn seconds(nanos: u64) -> f64 {
     Instant::from_nanos(nanos).as_secs_f64()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// At x = 0 after 1 s, at x = 2 after 3 s, at x = 3 after 4 s.
+    fn path(repeat: Repeat) -> Path {
+        let waypoint = |secs, x| Waypoint {
+            at: Instant::from_secs(secs),
+            position: Point::new(x, 0.5),
+        };
+        Path {
+            waypoints: vec![waypoint(1, 0.0), waypoint(3, 2.0), waypoint(4, 3.0)],
+            repeat,
+        }
+    }
+
+    fn x_at(repeat: Repeat, millis: u64) -> f64 {
+        path(repeat).position(Instant::from_millis(millis)).x
+    }
+
+    #[test]
+    fn an_obstacle_waits_walks_straight_and_stays() {
+        assert_eq!(x_at(Repeat::Once, 0), 0.0);
+        assert_eq!(x_at(Repeat::Once, 1_000), 0.0);
+        assert_eq!(x_at(Repeat::Once, 2_500), 1.5);
+        assert_eq!(x_at(Repeat::Once, 3_000), 2.0);
+        assert_eq!(x_at(Repeat::Once, 4_000), 3.0);
+        assert_eq!(x_at(Repeat::Once, 1_000_000), 3.0);
+    }
+
+    #[test]
+    fn ping_pong_walks_back_the_same_way() {
+        assert_eq!(x_at(Repeat::PingPong, 3_500), 2.5);
+        assert_eq!(x_at(Repeat::PingPong, 4_500), 2.5);
+        assert_eq!(x_at(Repeat::PingPong, 7_000), 0.0);
+        assert_eq!(x_at(Repeat::PingPong, 8_500), 1.5);
+    }
+
+    #[test]
+    fn a_loop_begins_again_after_three_seconds() {
+        assert_eq!(x_at(Repeat::Loop, 2_500), 1.5);
+        assert_eq!(x_at(Repeat::Loop, 5_500), 1.5);
+    }
+
+    #[test]
+    fn a_single_waypoint_is_a_place() {
+        let waypoint = Waypoint {
+            at: Instant::ZERO,
+            position: Point::new(1.0, 2.0),
+        };
+        let path = Path {
+            waypoints: vec![waypoint],
+            repeat: Repeat::PingPong,
+        };
+        assert_eq!(path.position(Instant::from_secs(9)), Point::new(1.0, 2.0));
+        assert_eq!(path.top_speed_m_s(), 0.0);
+    }
+
+    #[test]
+    fn the_top_speed_is_that_of_the_fastest_leg() {
+        let mut path = path(Repeat::Once);
+        path.waypoints[2].position.x = 4.5;
+        assert_eq!(path.top_speed_m_s(), 2.5);
+    }
+}

@@ -1,0 +1,693 @@
+//! The world as its users see it. Unless a test says otherwise the body has the seed report's
+//! figures (26 mm wheels 260 mm apart, 360 ticks a turn, 350 mm/s), a perfect floor and a radius of
+//! 160 mm.
+
+use core::f64::consts::{FRAC_PI_2, PI, TAU};
+
+use proptest::prelude::*;
+
+use super::*;
+
+fn wall(x0: f64, y0: f64, x1: f64, y1: f64) -> Shape {
+    Shape::Wall {
+        from: Point::new(x0, y0),
+        to: Point::new(x1, y1),
+    }
+}
+
+fn ideal(scene: Scene) -> World {
+    World::new(scene, BodyConfig::default().ideal(), Pose::default(), 1).unwrap()
+}
+
+fn open_floor() -> World {
+    ideal(Scene::new::<Shape>([], vec![]).unwrap())
+}
+
+/// A wall 0.5 m ahead: the body touches it after 0.34 m.
+fn facing_a_wall() -> World {
+    ideal(Scene::new([wall(0.5, -1.0, 0.5, 1.0)], vec![]).unwrap())
+}
+
+fn drive(world: &mut World, left: i16, right: i16) {
+    world.set_drive(Wheel::Left, Drive::Power(left));
+    world.set_drive(Wheel::Right, Drive::Power(right));
+}
+
+fn ticks(world: &World) -> [i64; 2] {
+    [
+        world.encoder_ticks(Wheel::Left),
+        world.encoder_ticks(Wheel::Right),
+    ]
+}
+
+fn close(found: f64, expected: f64, slack: f64) -> bool {
+    (found - expected).abs() <= slack
+}
+
+/// 2 pi * 26 mm / 360 = 0.45379 mm.
+#[test]
+fn a_tick_is_0_45379_mm_of_wheel_travel() {
+    assert!(close(BodyConfig::default().tick_m(), 0.453_79e-3, 5e-9));
+}
+
+/// 31 ticks in the base's regulator period of 40.16 ms are 350 mm/s by the seed report.
+#[test]
+fn full_drive_settles_at_350_mm_per_second_and_31_ticks_a_period() {
+    let mut world = open_floor();
+    drive(&mut world, 255, 255);
+    world.advance(Instant::from_secs(2));
+    assert!(close(world.speed(), 0.350, 1e-12));
+    let before = ticks(&world)[0];
+    world.advance(Instant::from_secs(2) + Duration::from_micros(40_160 * 10));
+    assert!((308..=311).contains(&(ticks(&world)[0] - before)));
+}
+
+/// 20 * 0.45379 mm / 40.16 ms = 226 mm/s: 2000 ticks in 100 periods move the body 907.6 mm.
+#[test]
+fn twenty_ticks_a_period_are_226_mm_per_second() {
+    let mut config = BodyConfig::default().ideal();
+    config.full_speed_m_s = 20.0 * 0.453_785_6e-3 / 0.040_16;
+    assert!(close(config.full_speed_m_s, 0.226, 5e-5));
+    let scene = Scene::new::<Shape>([], vec![]).unwrap();
+    let mut world = World::new(scene, config, Pose::default(), 1).unwrap();
+    drive(&mut world, 255, 255);
+    world.advance(Instant::from_secs(2));
+    let (ticks_before, x_before) = (ticks(&world), world.pose().x);
+    world.advance(Instant::from_secs(2) + Duration::from_micros(40_160 * 100));
+    assert!((1999..=2001).contains(&(ticks(&world)[0] - ticks_before[0])));
+    assert_eq!(
+        ticks(&world)[0] - ticks_before[0],
+        ticks(&world)[1] - ticks_before[1]
+    );
+    assert!(close(world.pose().x - x_before, 0.9076, 0.000_5));
+    assert!(close(world.pose().y, 0.0, 1e-12));
+}
+
+/// Between 40 and 255 speed grows evenly: drive 41 is one part in 215 of 350 mm/s.
+#[test]
+fn wheels_turn_only_above_the_dead_zone() {
+    let config = BodyConfig::default();
+    assert_eq!(config.steady_speed_m_s(Drive::Power(40)), 0.0);
+    assert_eq!(config.steady_speed_m_s(Drive::Power(-40)), 0.0);
+    assert!(close(
+        config.steady_speed_m_s(Drive::Power(41)),
+        0.350 / 215.0,
+        1e-15
+    ));
+    assert!(close(
+        config.steady_speed_m_s(Drive::Power(-255)),
+        -0.350,
+        1e-15
+    ));
+    assert!(close(
+        config.steady_speed_m_s(Drive::Power(i16::MAX)),
+        0.350,
+        1e-15
+    ));
+    let mut world = open_floor();
+    drive(&mut world, 40, -40);
+    world.advance(Instant::from_secs(1));
+    assert!(!world.is_moving());
+    assert_eq!(ticks(&world), [0, 0]);
+}
+
+/// After one time constant a lag has made 1 - 1/e of its way.
+#[test]
+fn a_wheel_has_63_percent_of_its_speed_after_60_ms() {
+    let mut world = open_floor();
+    drive(&mut world, 255, 255);
+    world.advance(Instant::from_millis(60));
+    assert!(
+        close(world.speed() / 0.350, 0.632_12, 1e-5),
+        "{}",
+        world.speed()
+    );
+}
+
+#[test]
+fn brakes_stop_the_robot_sooner_than_coasting() {
+    let mut braking = open_floor();
+    drive(&mut braking, 255, 255);
+    braking.advance(Instant::from_secs(1));
+    let mut coasting = braking.clone();
+    for wheel in [Wheel::Left, Wheel::Right] {
+        braking.set_drive(wheel, Drive::Brake);
+        coasting.set_drive(wheel, Drive::Coast);
+    }
+    // From 350 mm/s a lag of 20 ms is below 1 mm/s after 20 ms * ln 350 = 117 ms.
+    braking.advance(Instant::from_millis(1_120));
+    coasting.advance(Instant::from_millis(1_120));
+    assert!(!braking.is_moving());
+    assert!(coasting.is_moving());
+    // 150 ms * ln 350 = 879 ms.
+    coasting.advance(Instant::from_millis(1_885));
+    assert!(!coasting.is_moving());
+}
+
+#[test]
+fn driving_backwards_counts_down_and_moves_back() {
+    let mut world = open_floor();
+    drive(&mut world, -255, -255);
+    world.advance(Instant::from_secs(1));
+    assert!(world.pose().x < -0.3);
+    let expected = world.pose().x / 0.453_785_6e-3;
+    assert!(
+        close(ticks(&world)[0] as f64, expected, 1.0),
+        "{:?}",
+        ticks(&world)
+    );
+}
+
+/// Wheels at 350 mm/s against each other, 260 mm apart: 0.7 / 0.26 = 2.6923 rad/s, to the left when
+/// the right wheel goes forward.
+#[test]
+fn wheels_against_each_other_turn_the_robot_on_the_spot() {
+    let mut world = open_floor();
+    drive(&mut world, -255, 255);
+    world.advance(Instant::from_secs(2));
+    let before = world.pose().theta;
+    world.advance(Instant::from_secs(3));
+    assert!(close(
+        wrap_angle(world.pose().theta - before),
+        2.692_307_7,
+        1e-6
+    ));
+    assert!(close(world.turn_rate(), 2.692_307_7, 1e-6));
+    assert!(close(world.pose().x, 0.0, 1e-9) && close(world.pose().y, 0.0, 1e-9));
+}
+
+/// Left at 175 mm/s (drive 147.5 of 255, so 40 + 215/2 cannot be set exactly: the ratio is taken
+/// from the speeds themselves), right at 350 mm/s: radius = axle / 2 * (vr + vl) / (vr - vl), to
+/// the left.
+#[test]
+fn unequal_wheels_drive_a_circle_of_the_right_radius() {
+    let mut world = open_floor();
+    drive(&mut world, 147, 255);
+    world.advance(Instant::from_secs(2));
+    let (left, right) = (
+        world.wheel_speed(Wheel::Left),
+        world.wheel_speed(Wheel::Right),
+    );
+    let radius = 0.13 * (right + left) / (right - left);
+    let middle = world.pose().offset(0.0, radius);
+    for second in 3..20 {
+        world.advance(Instant::from_secs(second));
+        let off = world.pose().point().distance(middle) - radius;
+        assert!(off.abs() < 1e-9, "{off} m off the circle after {second} s");
+    }
+}
+
+#[test]
+fn slip_shortens_the_way_but_not_the_count() {
+    let mut config = BodyConfig::default().ideal();
+    config.slip = [0.1, 0.1];
+    let scene = Scene::new::<Shape>([], vec![]).unwrap();
+    let mut slipping = World::new(scene, config, Pose::default(), 1).unwrap();
+    let mut gripping = open_floor();
+    for world in [&mut slipping, &mut gripping] {
+        drive(world, 255, 255);
+        world.advance(Instant::from_secs(3));
+    }
+    assert_eq!(ticks(&slipping), ticks(&gripping));
+    assert!(close(slipping.pose().x, 0.9 * gripping.pose().x, 1e-9));
+}
+
+/// 2 mm per root metre on each wheel: the body's way, their mean, deviates by 2 mm / sqrt 2 after
+/// a metre; the heading by 2 mm * sqrt 2 / 260 mm = 10.9 mrad, and 4 mrad of its own: 11.6 mrad.
+/// With 400 runs the deviation itself is known to 3.5 %; 15 % are allowed.
+#[test]
+fn noise_after_a_metre_is_as_large_as_stated() {
+    let mut config = BodyConfig::default().ideal();
+    config.slip_noise_m = 0.002;
+    config.heading_noise_rad = 0.004;
+    let runs: Vec<Pose> = (0..400)
+        .map(|seed| {
+            let scene = Scene::new::<Shape>([], vec![]).unwrap();
+            let mut world = World::new(scene, config.clone(), Pose::default(), seed).unwrap();
+            drive(&mut world, 255, 255);
+            world.advance(Instant::from_millis(2_917));
+            world.pose()
+        })
+        .collect();
+    let deviation = |value: fn(&Pose) -> f64| {
+        let mean = runs.iter().map(value).sum::<f64>() / 400.0;
+        (runs
+            .iter()
+            .map(|run| (value(run) - mean).powi(2))
+            .sum::<f64>()
+            / 400.0)
+            .sqrt()
+    };
+    let (way, heading) = (deviation(|pose| pose.x), deviation(|pose| pose.theta));
+    assert!(close(way, 1.414e-3, 0.15 * 1.414e-3), "{way}");
+    assert!(close(heading, 11.6e-3, 0.15 * 11.6e-3), "{heading}");
+}
+
+#[test]
+fn a_push_moves_the_body_and_counts_no_tick() {
+    let mut world = open_floor();
+    world.advance(Instant::from_millis(1_234));
+    world.push(0.3, -0.4, 0.5, Duration::from_secs(1));
+    world.advance(Instant::from_millis(1_734));
+    assert!(close(world.speed(), 0.5, 1e-12));
+    assert!(world.is_moving());
+    world.advance(Instant::from_secs(3));
+    let pose = world.pose();
+    assert!(
+        close(pose.x, 0.3, 1e-12) && close(pose.y, -0.4, 1e-12),
+        "{pose:?}"
+    );
+    assert!(close(pose.theta, 0.5, 1e-12));
+    assert!(!world.is_moving());
+    assert_eq!(ticks(&world), [0, 0]);
+}
+
+#[test]
+fn a_second_push_adds_to_what_is_left_of_the_first() {
+    let mut world = open_floor();
+    world.push(1.0, 0.0, 0.0, Duration::from_secs(1));
+    world.advance(Instant::from_millis(500));
+    world.push(0.0, 1.0, 0.0, Duration::from_secs(2));
+    world.advance(Instant::from_secs(3));
+    let pose = world.pose();
+    assert!(
+        close(pose.x, 1.0, 1e-9) && close(pose.y, 1.0, 1e-9),
+        "{pose:?}"
+    );
+}
+
+/// 5 m/s at most: 0.5 m take 100 ms, not the 1 ns asked for.
+#[test]
+fn a_sudden_push_is_stretched() {
+    let mut world = open_floor();
+    world.push(0.5, 0.0, 0.0, Duration::from_nanos(1));
+    world.advance(Instant::from_millis(50));
+    assert!(close(world.pose().x, 0.25, 1e-12));
+    world.advance(Instant::from_millis(200));
+    assert!(close(world.pose().x, 0.5, 1e-12));
+}
+
+#[test]
+fn a_push_does_not_go_through_a_wall() {
+    let mut world = facing_a_wall();
+    world.push(2.0, 0.0, 0.0, Duration::from_millis(1));
+    world.advance(Instant::from_secs(2));
+    assert!(close(world.pose().x, 0.34, 1e-9), "{:?}", world.pose());
+    assert!(close(world.take_contacts()[0].speed_m_s, 5.0, 1e-9));
+}
+
+#[test]
+fn a_wall_stops_the_robot_at_its_surface_while_the_wheels_slip() {
+    let mut world = facing_a_wall();
+    drive(&mut world, 255, 255);
+    world.advance(Instant::from_secs(3));
+    assert!(close(world.pose().x, 0.34, 1e-9), "{:?}", world.pose());
+    assert!(!world.is_moving());
+    assert!(close(world.clearance(), 0.0, 1e-9));
+    // 60 ms of lag cost 21 mm of the 1050.
+    assert!(close(
+        ticks(&world)[0] as f64 * 0.453_785_6e-3,
+        1.029,
+        0.001
+    ));
+}
+
+#[test]
+fn leaning_on_a_wall_is_one_contact_at_the_speed_of_arrival() {
+    let mut world = facing_a_wall();
+    drive(&mut world, 255, 255);
+    world.advance(Instant::from_secs(3));
+    let contacts = world.take_contacts();
+    assert_eq!(contacts.len(), 1);
+    assert!(close(contacts[0].speed_m_s, 0.350, 1e-6), "{contacts:?}");
+    assert!(close(contacts[0].place.x, 0.5, 1e-12) && close(contacts[0].place.y, 0.0, 1e-9));
+    // 0.34 m at 350 mm/s with 60 ms of lag: 1.031 s.
+    assert!(
+        close(contacts[0].at.as_secs_f64(), 1.031, 0.002),
+        "{contacts:?}"
+    );
+    assert!(world.take_contacts().is_empty());
+    assert_eq!(world.contact_count(), 1);
+}
+
+#[test]
+fn the_way_back_from_a_wall_is_free_and_a_second_bump_counts() {
+    let mut world = facing_a_wall();
+    drive(&mut world, 255, 255);
+    world.advance(Instant::from_secs(2));
+    drive(&mut world, -255, -255);
+    world.advance(Instant::from_secs(3));
+    assert!(world.pose().x < 0.1, "{:?}", world.pose());
+    assert_eq!(world.contact_count(), 1);
+    drive(&mut world, 255, 255);
+    world.advance(Instant::from_secs(5));
+    assert_eq!(world.contact_count(), 2);
+}
+
+#[test]
+fn a_robot_at_a_wall_can_turn_and_leave_along_it() {
+    let mut world = facing_a_wall();
+    drive(&mut world, 255, 255);
+    world.advance(Instant::from_secs(2));
+    drive(&mut world, -255, 255);
+    world.advance(Instant::from_millis(2_700));
+    assert!(world.pose().theta > FRAC_PI_2, "{:?}", world.pose());
+    drive(&mut world, 255, 255);
+    world.advance(Instant::from_secs(4));
+    assert!(world.pose().y > 0.2, "{:?}", world.pose());
+}
+
+/// The corner of two walls, both met in the same step.
+#[test]
+fn a_corner_stops_the_robot_with_one_contact() {
+    let scene = Scene::new(
+        [wall(0.5, -1.0, 0.5, 0.5), wall(-1.0, 0.5, 0.5, 0.5)],
+        vec![],
+    )
+    .unwrap();
+    let start = Pose::new(0.0, 0.0, FRAC_PI_2 / 2.0);
+    let mut world = World::new(scene, BodyConfig::default().ideal(), start, 1).unwrap();
+    drive(&mut world, 255, 255);
+    world.advance(Instant::from_secs(3));
+    let pose = world.pose();
+    assert!(
+        close(pose.x, 0.34, 1e-9) && close(pose.y, 0.34, 1e-9),
+        "{pose:?}"
+    );
+    assert_eq!(world.contact_count(), 1);
+}
+
+/// A leg of 10 mm radius beside the way: the middles never come closer than 170 mm, but for some
+/// nanometres by which a way straight on differs from a circle within one step.
+#[test]
+fn a_thin_leg_is_not_driven_over() {
+    let leg = Shape::Circle {
+        center: Point::new(0.5, 0.05),
+        radius_m: 0.01,
+    };
+    let mut world = ideal(Scene::new([leg], vec![]).unwrap());
+    drive(&mut world, 255, 255);
+    world.advance(Instant::from_secs(4));
+    let distance = world.pose().point().distance(Point::new(0.5, 0.05));
+    assert!(close(distance, 0.17, 1e-7), "{distance}");
+}
+
+fn walker(from: Point, to: Point, secs: u64) -> Obstacle {
+    let waypoints = vec![
+        Waypoint {
+            at: Instant::ZERO,
+            position: from,
+        },
+        Waypoint {
+            at: Instant::from_secs(secs),
+            position: to,
+        },
+    ];
+    let shape = Shape::Circle {
+        center: Point::default(),
+        radius_m: 0.2,
+    };
+    Obstacle {
+        fixture: shape.into(),
+        path: Path {
+            waypoints,
+            repeat: Repeat::Once,
+        },
+    }
+}
+
+/// Somebody walks at 0.5 m/s into the resting robot, 0.36 m centre to centre on contact, and shoves
+/// it along until he stops at x = 0.
+#[test]
+fn somebody_who_walks_into_the_robot_shoves_it_along() {
+    let person = walker(Point::new(-2.0, 0.0), Point::new(0.0, 0.0), 4);
+    let mut world = ideal(Scene::new::<Shape>([], vec![person]).unwrap());
+    world.advance(Instant::from_secs(3));
+    assert!(!world.is_moving());
+    world.advance(Instant::from_secs(5));
+    assert!(close(world.pose().x, 0.36, 1e-6), "{:?}", world.pose());
+    assert_eq!(ticks(&world), [0, 0]);
+    let contacts = world.take_contacts();
+    assert_eq!(contacts.len(), 1);
+    assert!(close(contacts[0].speed_m_s, 0.5, 1e-6), "{contacts:?}");
+    // He is 1.64 m away from touching: 3.28 s.
+    assert!(
+        close(contacts[0].at.as_secs_f64(), 3.28, 0.002),
+        "{contacts:?}"
+    );
+}
+
+#[test]
+fn somebody_cannot_shove_the_robot_through_a_wall() {
+    let person = walker(Point::new(-2.0, 0.0), Point::new(0.3, 0.0), 4);
+    let mut world = ideal(Scene::new([wall(0.5, -1.0, 0.5, 1.0)], vec![person]).unwrap());
+    world.advance(Instant::from_secs(6));
+    assert!(close(world.pose().x, 0.34, 1e-6), "{:?}", world.pose());
+}
+
+#[test]
+fn a_robot_drives_up_to_somebody_who_stands_still() {
+    let person = walker(Point::new(3.0, 1.0), Point::new(1.0, 0.0), 1);
+    let mut world = ideal(Scene::new::<Shape>([], vec![person]).unwrap());
+    drive(&mut world, 255, 255);
+    world.advance(Instant::from_secs(5));
+    assert!(
+        close(world.pose().x, 1.0 - 0.36, 1e-6),
+        "{:?}",
+        world.pose()
+    );
+    assert_eq!(world.contact_count(), 1);
+}
+
+#[test]
+fn rays_follow_a_moving_obstacle_into_the_past() {
+    let person = walker(Point::new(2.0, 0.0), Point::new(4.0, 0.0), 2);
+    let mut world = ideal(Scene::new::<Shape>([], vec![person]).unwrap());
+    world.advance(Instant::from_secs(1));
+    assert_eq!(
+        world.cast_ray(Point::default(), 0.0, 6.0).unwrap().distance,
+        2.8
+    );
+    let past = Instant::from_millis(500);
+    assert_eq!(
+        world
+            .cast_ray_at(past, Point::default(), 0.0, 6.0)
+            .unwrap()
+            .distance,
+        2.3
+    );
+}
+
+#[test]
+fn a_teleported_robot_is_exactly_there_and_drives_on() {
+    let mut world = open_floor();
+    drive(&mut world, 255, 255);
+    world.advance(Instant::from_micros(1_500_300));
+    let speed = world.speed();
+    world.teleport(Pose::new(2.0, 1.0, FRAC_PI_2));
+    let pose = world.pose();
+    assert!(
+        close(pose.x, 2.0, 1e-15) && close(pose.y, 1.0, 1e-15),
+        "{pose:?}"
+    );
+    assert!(close(pose.theta, FRAC_PI_2, 1e-15));
+    world.advance(Instant::from_micros(2_500_300));
+    assert!(
+        close(world.pose().y, 1.0 + speed, 1e-6),
+        "{:?}",
+        world.pose()
+    );
+}
+
+#[test]
+fn a_teleported_robot_leaves_no_contact_behind() {
+    let mut world = facing_a_wall();
+    drive(&mut world, 255, 255);
+    world.advance(Instant::from_secs(2));
+    world.teleport(Pose::new(-5.0, 0.0, PI));
+    world.advance(Instant::from_secs(3));
+    assert!(world.pose().x < -5.2, "{:?}", world.pose());
+    assert_eq!(world.contact_count(), 1);
+}
+
+#[test]
+fn a_start_in_a_wall_is_refused_with_its_depth() {
+    let scene = Scene::new([wall(0.1, -1.0, 0.1, 1.0)], vec![]).unwrap();
+    let error = World::new(scene, BodyConfig::default(), Pose::default(), 1).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "at its start (0, 0) m the robot stands 0.060 m deep in a surface"
+    );
+}
+
+#[test]
+fn a_body_of_impossible_figures_is_refused_by_name() {
+    let scene = Scene::new::<Shape>([], vec![]).unwrap();
+    let config = BodyConfig {
+        axle_m: f64::NAN,
+        ..BodyConfig::default()
+    };
+    let error = World::new(scene.clone(), config, Pose::default(), 1).unwrap_err();
+    assert_eq!(error.to_string(), "body.axle_m is NaN; expected 0.01 to 4");
+    let config = BodyConfig {
+        dead_zone_drive: 255,
+        ..BodyConfig::default()
+    };
+    assert!(World::new(scene, config, Pose::default(), 1).is_err());
+}
+
+/// What somebody does to the world, and when.
+#[derive(Clone, Debug)]
+enum Act {
+    Drive(i16, i16),
+    Brake,
+    Push(f64, f64, f64, u64),
+    Teleport(f64, f64, f64),
+}
+
+impl Act {
+    fn perform(&self, world: &mut World) {
+        match *self {
+            Self::Drive(left, right) => drive(world, left, right),
+            Self::Brake => world.set_drive(Wheel::Left, Drive::Brake),
+            Self::Push(x, y, turn, ms) => world.push(x, y, turn, Duration::from_millis(ms)),
+            Self::Teleport(x, y, theta) => world.teleport(Pose::new(x, y, theta)),
+        }
+    }
+}
+
+fn act() -> impl Strategy<Value = Act> {
+    prop_oneof![
+        4 => (-255..=255_i16, -255..=255_i16).prop_map(|(left, right)| Act::Drive(left, right)),
+        1 => Just(Act::Brake),
+        1 => (-0.5..0.5_f64, -0.5..0.5_f64, -1.0..1.0_f64, 0..800_u64)
+            .prop_map(|(x, y, turn, ms)| Act::Push(x, y, turn, ms)),
+        1 => (-0.5..0.5_f64, -0.5..0.5_f64, -PI..PI).prop_map(|(x, y, t)| Act::Teleport(x, y, t)),
+    ]
+}
+
+/// A small room with a leg and somebody who walks to and fro: much to bump into.
+fn crowded_room(seed: u64) -> World {
+    let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
+    let corners = corners.map(|(x, y)| Point::new(x, y)).to_vec();
+    let leg = Shape::Circle {
+        center: Point::new(0.4, 0.4),
+        radius_m: 0.02,
+    };
+    let mut person = walker(Point::new(-0.7, 0.7), Point::new(0.7, -0.7), 3);
+    person.path.repeat = Repeat::PingPong;
+    let scene = Scene::new([Shape::Polygon { corners }, leg], vec![person]).unwrap();
+    World::new(
+        scene,
+        BodyConfig::default(),
+        Pose::new(-0.5, -0.5, 0.0),
+        seed,
+    )
+    .unwrap()
+}
+
+/// Runs `acts` at their times and also stops at each of `cuts` without doing anything.
+fn run(seed: u64, acts: &[(u64, Act)], cuts: &[u64]) -> World {
+    let mut world = crowded_room(seed);
+    let mut stops: Vec<(u64, Option<&Act>)> = cuts
+        .iter()
+        .map(|&at| (at, None))
+        .chain(acts.iter().map(|(at, act)| (*at, Some(act))))
+        .collect();
+    stops.sort_by_key(|(at, _)| *at);
+    for (at, act) in stops {
+        world.advance(Instant::from_nanos(at));
+        if let Some(act) = act {
+            act.perform(&mut world);
+        }
+    }
+    world.advance(Instant::from_secs(4));
+    world
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    /// Who polls the world, and how often, must not matter: devices are polled by chance of their
+    /// deadlines. The printed state holds every bit of every number.
+    #[test]
+    fn the_world_does_not_depend_on_when_it_is_advanced(
+        seed: u64,
+        acts in prop::collection::vec((0..3_900_000_000_u64, act()), 0..12),
+        cuts in prop::collection::vec(0..4_000_000_000_u64, 0..60),
+        grid_cuts in prop::collection::vec((0..4_000_u64).prop_map(|ms| ms * 1_000_000), 0..20),
+    ) {
+        let mut acts = acts;
+        acts.sort_by_key(|(at, _)| *at);
+        let all: Vec<u64> = cuts.into_iter().chain(grid_cuts).collect();
+        let (whole, cut) = (run(seed, &acts, &[]), run(seed, &acts, &all));
+        prop_assert_eq!(format!("{whole:?}"), format!("{cut:?}"));
+    }
+
+    /// Whatever is done to it, the body stays in the room, up to rounding; and no figure is lost.
+    #[test]
+    fn nothing_moves_the_robot_through_a_wall(
+        seed: u64,
+        acts in prop::collection::vec((0..3_900_000_000_u64, act()), 0..12),
+    ) {
+        let mut acts = acts;
+        acts.sort_by_key(|(at, _)| *at);
+        let world = run(seed, &acts, &[]);
+        let pose = world.pose();
+        prop_assert!(pose.is_finite());
+        prop_assert!(pose.x.abs() <= 0.84 + 1e-6 && pose.y.abs() <= 0.84 + 1e-6, "{:?}", pose);
+    }
+
+    /// A beam cast for a moment in the past takes the pose that was reported then.
+    #[test]
+    fn poses_of_the_last_250_ms_are_remembered_to_the_bit(
+        seed: u64,
+        acts in prop::collection::vec((0..1_000_000_000_u64, act()), 0..6),
+        back in prop::collection::vec(0..250_000_000_u64, 1..20),
+    ) {
+        let acts: Vec<_> = acts.into_iter().filter(|(_, a)| !matches!(a, Act::Teleport(..))).collect();
+        let end = 1_300_000_000;
+        let mut world = run_until(seed, &acts, end);
+        world.advance(Instant::from_nanos(end));
+        for ago in back {
+            let at = Instant::from_nanos(end - ago);
+            let then = run_until(seed, &acts, at.as_nanos());
+            prop_assert_eq!(world.pose_at(at), then.pose());
+        }
+    }
+}
+
+fn run_until(seed: u64, acts: &[(u64, Act)], end: u64) -> World {
+    let mut acts: Vec<_> = acts.to_vec();
+    acts.sort_by_key(|(at, _)| *at);
+    let mut world = crowded_room(seed);
+    for (at, act) in acts.iter().filter(|(at, _)| *at < end) {
+        world.advance(Instant::from_nanos(*at));
+        act.perform(&mut world);
+    }
+    world.advance(Instant::from_nanos(end));
+    world
+}
+
+#[test]
+fn time_does_not_run_backwards() {
+    let mut world = open_floor();
+    drive(&mut world, 255, 255);
+    world.advance(Instant::from_secs(1));
+    let before = world.pose();
+    world.advance(Instant::from_millis(500));
+    assert_eq!(world.now(), Instant::from_secs(1));
+    assert_eq!(world.pose(), before);
+}
+
+#[test]
+fn headings_stay_within_half_a_turn() {
+    let mut world = open_floor();
+    drive(&mut world, -255, 255);
+    let mut widest: f64 = 0.0;
+    for step in 0..1_000 {
+        world.advance(Instant::from_micros(step * 9_970));
+        widest = widest.max(world.pose().theta.abs());
+    }
+    assert!(widest <= PI && widest > PI - TAU / 100.0, "{widest}");
+}
