@@ -281,3 +281,6 @@ impl fmt::Display for PortReport {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests;

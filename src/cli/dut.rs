@@ -1,6 +1,8 @@
+use core::time::Duration;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use protocols::Instant;
 
 use super::place::{self, Place};
 use super::stop::Stop;
@@ -69,17 +71,31 @@ pub(super) fn run(args: DutArgs) -> Result<Verdict, CliError> {
     follow(&mut alone, &stop)
 }
 
-/// Runs until it is time to stop, telling which mode the program is in.
+/// Time between two reports of where the program believes to be.
+const REPORT_EVERY: Duration = Duration::from_secs(2);
+
+/// Runs until it is time to stop, telling what the program does and where it believes to be.
 fn follow(
     alone: &mut Standalone<dyn Program, WallClock>,
     stop: &Stop,
 ) -> Result<Verdict, CliError> {
-    let mut mode = "";
+    let (mut mode, mut report_at) = ("", Instant::ZERO + REPORT_EVERY);
     while !stop.is_due(alone.clock().now()) {
         alone.turn()?;
+        let now = alone.clock().now();
         if alone.program().mode() != mode {
             mode = alone.program().mode();
-            eprintln!("  {} mode {mode}", alone.clock().now());
+            eprintln!("  {now} mode {mode}");
+        }
+        if now >= report_at {
+            report_at = now + REPORT_EVERY;
+            match alone.program().estimate() {
+                Some((_, pose)) => {
+                    let [x_m, y_m] = [pose.x_mm, pose.y_mm].map(|mm| mm / 1000.0);
+                    eprintln!("  {now} mode {mode}, at ({x_m:.2}, {y_m:.2}) m");
+                }
+                None => eprintln!("  {now} mode {mode}, place unknown"),
+            }
         }
     }
     let mut counters = Vec::new();

@@ -4,6 +4,8 @@
 //! happens, and no assertion depends on how long that took.
 
 mod directory;
+mod processes;
 mod pty;
+mod realtime;
 mod serial;
 mod support;

@@ -1,0 +1,285 @@
+//! `hilrig up` and `hilrig dut` as processes of their own, met only through their ports, their
+//! output and signals.
+
+use core::time::Duration;
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::thread;
+
+use hilrig::clock::{Clock, WallClock};
+use hilrig::transport::{Pty, Transport};
+use protocols::xv11;
+use protocols::{Decode, Instant, LineConfig};
+use rustix::process::{Pid, Signal, kill_process};
+use serialport::TTYPort;
+
+use crate::support::*;
+
+const SHORT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/transport/short.toml");
+const LIDAR: LineConfig = LineConfig::new_8n1(xv11::BAUD);
+
+/// How long a test waits for a line of output. A mission takes some seconds of real time, more on
+/// a machine that is busy with other tests.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A process whose output is followed line by line. Killed when dropped.
+struct Running {
+    child: Child,
+    lines: Receiver<String>,
+    seen: Vec<String>,
+}
+
+impl Running {
+    fn start(args: &[&str]) -> Self {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_hilrig"))
+            .args(args)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the binary is built");
+        let (sender, lines) = channel();
+        let stdout: Box<dyn Read + Send> = Box::new(child.stdout.take().expect("piped"));
+        let stderr: Box<dyn Read + Send> = Box::new(child.stderr.take().expect("piped"));
+        for output in [stdout, stderr] {
+            let sender = sender.clone();
+            thread::spawn(move || {
+                for line in BufReader::new(output).lines().map_while(Result::ok) {
+                    if sender.send(line).is_err() {
+                        return;
+                    }
+                }
+            });
+        }
+        Self {
+            child,
+            lines,
+            seen: Vec::new(),
+        }
+    }
+
+    fn up(dir: &Path, more: &[&str]) -> Self {
+        let dir = dir.to_str().expect("plain");
+        let mut up = Self::start(&[&["up", SHORT, "--dir", dir], more].concat());
+        up.wait_for("running until");
+        up
+    }
+
+    fn dut(dir: &Path) -> Self {
+        let dir = dir.to_str().expect("plain");
+        let mut dut = Self::start(&["dut", "--dir", dir]);
+        dut.wait_for("opened");
+        dut
+    }
+
+    /// Waits for a line that contains `text`.
+    fn wait_for(&mut self, text: &str) -> String {
+        let clock = WallClock::start();
+        loop {
+            let left = Instant::ZERO + PATIENCE - clock.now();
+            match self.lines.recv_timeout(left) {
+                Ok(line) => {
+                    self.seen.push(line.clone());
+                    if line.contains(text) {
+                        return line;
+                    }
+                }
+                Err(_) => panic!("no {text:?} in:\n{}", self.seen.join("\n")),
+            }
+        }
+    }
+
+    fn signal(&self, signal: Signal) {
+        let pid = i32::try_from(self.child.id()).ok().and_then(Pid::from_raw);
+        kill_process(pid.expect("a pid"), signal).expect("still there");
+    }
+
+    /// Waits for the end; status and all that was said.
+    fn end(mut self) -> (ExitStatus, String) {
+        let mut status = None;
+        wait_until(|| {
+            status = self.child.try_wait().expect("our own child");
+            status.is_some()
+        });
+        while let Ok(line) = self.lines.recv() {
+            self.seen.push(line);
+        }
+        (status.expect("just seen"), self.seen.join("\n"))
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn client_at(path: &Path, baud: u32) -> TTYPort {
+    let builder = serialport::new(path.to_string_lossy(), baud).timeout(Duration::from_millis(100));
+    TTYPort::open(&builder).expect("the port is free")
+}
+
+/// Reads whole lidar packets until there are `count`.
+fn read_packets(client: &mut TTYPort, count: usize) {
+    let mut decoder = xv11::Decoder::default();
+    let (mut packets, mut buf) = (0, [0; 512]);
+    wait_until(|| {
+        let len = client.read(&mut buf).unwrap_or(0);
+        packets += decoder.push(&buf[..len]).filter(Result::is_ok).count();
+        packets >= count
+    });
+}
+
+/// The rig outlives its robot: killed at work, started again, and the new one finds its way.
+#[test]
+fn a_robot_that_is_killed_at_work_can_be_started_again() {
+    let dir = fresh_path("started_again");
+    let mut up = Running::up(&dir, &[]);
+
+    let mut first = Running::dut(&dir);
+    up.wait_for("base port-opened");
+    first.wait_for("mode waypoint");
+    up.wait_for("motors-on");
+    first.signal(Signal::KILL);
+    up.wait_for("base port-closed");
+    // Its master is gone: the base stops by itself.
+    up.wait_for("motors-stopped");
+    drop(first);
+
+    let mut second = Running::dut(&dir);
+    up.wait_for("base port-opened");
+    second.wait_for(", at (");
+    second.signal(Signal::TERM);
+    let (status, said) = second.end();
+    assert!(status.success(), "{said}");
+
+    up.signal(Signal::INT);
+    let (status, said) = up.end();
+    assert_eq!(status.code(), Some(0), "{said}");
+    assert!(said.contains("late by"), "{said}");
+    assert!(!dir.exists(), "the ports are removed");
+}
+
+#[test]
+fn a_robot_in_a_process_of_its_own_reaches_its_waypoint() {
+    let dir = fresh_path("waypoint");
+    let mut up = Running::up(&dir, &[]);
+    let mut dut = Running::dut(&dir);
+    up.wait_for("waypoint 1 of 1 visited");
+    dut.signal(Signal::INT);
+    dut.wait_for("ran ");
+    drop(dut);
+    up.signal(Signal::TERM);
+    let (status, said) = up.end();
+    assert_eq!(status.code(), Some(0), "{said}");
+    assert!(!said.contains("broke a rule"), "{said}");
+}
+
+/// Any program will do as a client: here one that only listens to the lidar.
+#[test]
+fn a_foreign_client_reads_whole_packets_from_the_lidars_port() {
+    let dir = fresh_path("foreign");
+    let mut up = Running::up(&dir, &["--duration", "30s"]);
+    up.wait_for("locked");
+    let mut client = client_at(&dir.join("lidar"), xv11::BAUD);
+    read_packets(&mut client, 90);
+    up.signal(Signal::INT);
+    assert!(up.end().0.success());
+}
+
+#[test]
+fn up_says_which_client_has_the_wrong_rate() {
+    let dir = fresh_path("told");
+    let mut up = Running::up(&dir, &["--duration", "30s"]);
+    let _client = client_at(&dir.join("lidar"), 9600);
+    let line = up.wait_for("wrong-baud");
+    assert!(
+        line.ends_with("client at 9600 baud, expected 115200: it reads garbage"),
+        "{line}"
+    );
+}
+
+/// A real device on a cable; here a terminal that the test holds.
+#[test]
+fn a_device_that_is_pulled_while_the_rig_runs_ends_it_with_an_error() {
+    let dir = fresh_dir("pulled_device");
+    let mut device = Pty::open(&dir, "device", LIDAR).expect("a free name");
+    let place = format!("lidar={}", device.path().display());
+    let ports: PathBuf = fresh_path("pulled_ports");
+    let up = Running::up(&ports, &["--device-at", &place]);
+    let mut client = client_at(&ports.join("lidar"), xv11::BAUD);
+    let mut open = false;
+    wait_until(|| {
+        let _ = device.read(&mut [0; 16]);
+        open |= device.next_event().is_some();
+        open
+    });
+    assert_eq!(device.write(b"from the real device"), 20);
+    let mut read = Vec::new();
+    wait_until(|| {
+        read.extend(client_reads(&mut client));
+        read.len() >= 20
+    });
+    assert_eq!(read, b"from the real device");
+
+    drop(device);
+    let (status, said) = up.end();
+    assert_eq!(status.code(), Some(2), "{said}");
+    assert!(said.contains("device: the port went away"), "{said}");
+    assert!(!ports.exists(), "the ports are removed all the same");
+}
+
+/// What a command says when it cannot do its work: one line that names the port.
+#[test]
+fn ports_that_cannot_be_had_are_named_and_the_exit_code_is_2() {
+    let dir = fresh_path("cannot");
+    let dir_text = dir.to_str().expect("plain");
+    let said = |args: &[&str]| {
+        let (status, said) = Running::start(args).end();
+        assert_eq!(status.code(), Some(2), "{said}");
+        said.replace(dir_text, "DIR")
+    };
+    assert_eq!(
+        said(&[
+            "up",
+            SHORT,
+            "--dir",
+            dir_text,
+            "--dut-at",
+            "lidar=/dev/ttyNONE"
+        ]),
+        "error: /dev/ttyNONE: no such port: expected a serial port such as /dev/ttyUSB0 or a link \
+         to one"
+    );
+    assert_eq!(
+        said(&[
+            "up",
+            SHORT,
+            "--dir",
+            dir_text,
+            "--dut-at",
+            "sonar=/dev/ttyUSB0"
+        ]),
+        "error: --dut-at sonar=/dev/ttyUSB0: no such link; expected one of lidar, motor, base, \
+         radio"
+    );
+    assert_eq!(
+        said(&["dut", "--dir", dir_text]),
+        "error: DIR: no rig runs here: expected a directory of `hilrig up`, or --scenario FILE"
+    );
+    assert!(!dir.exists(), "nothing is left behind");
+
+    let _up = Running::up(&dir, &[]);
+    assert_eq!(
+        said(&["up", SHORT, "--dir", dir_text]),
+        "error: DIR: another rig has its ports here: stop it or choose another directory"
+    );
+    let _first = Running::dut(&dir);
+    assert_eq!(
+        said(&["dut", "--dir", dir_text]),
+        "error: DIR/lidar: another program has this port: expected to have it alone"
+    );
+}
