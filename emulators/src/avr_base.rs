@@ -388,7 +388,6 @@ impl AvrBase {
         }
         for (side, wheel) in self.sides.iter_mut().zip(WHEELS) {
             side.counter = Counter::started(self.now, world.encoder_ticks(wheel));
-            side.counted = 0;
         }
         if self.quirks.bounds == Bounds::Refused {
             self.battery

@@ -17,7 +17,7 @@ pub struct AvrBaseConfig {
     /// Messages of its own accord: the status register whenever the stop button changes it. Only
     /// firmware that reports a status has them.
     pub announce: Announce,
-    /// The text that the fielded builds print on [`AvrBase::DEBUG`] for each request when a button
+    /// The text that the fielded builds print on [`AvrBase::DEBUG`](super::AvrBase::DEBUG) for each request when a button
     /// is held at the start; it makes every reply some 7 ms late.
     pub debug_text: DebugText,
     /// Chance that a read of an encoder meets a count that carried into a higher byte while the

@@ -179,6 +179,17 @@ mod tests {
         assert_eq!(regulator, Regulator::default());
     }
 
+    /// Errors of 35 add up to 175 and no further, as 210 is too much. Then an error of -35 gives
+    /// -35 * 11 + 140 * 4 = 175, and 0.84 * 175 + 40 = 187.
+    #[test]
+    fn the_sum_of_errors_is_bounded() {
+        let mut regulator = Regulator::default();
+        for _ in 0..100 {
+            regulator.step(GAINS, 35, 0);
+        }
+        assert_eq!(regulator.step(GAINS, 35, 70), Drive::Power(187));
+    }
+
     #[test]
     fn a_set_point_beyond_35_counts_as_35() {
         let [mut wild, mut limited] = [Regulator::default(); 2];

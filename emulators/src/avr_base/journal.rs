@@ -154,6 +154,15 @@ mod tests {
     }
 
     #[test]
+    fn events_come_in_the_order_of_their_time() {
+        let mut journal = Journal::default();
+        journal.note(Instant::from_millis(2), "later", String::new());
+        journal.note(Instant::from_millis(1), "earlier", String::new());
+        let rules: Vec<_> = journal.take().into_iter().map(|e| e.rule).collect();
+        assert_eq!(rules, ["earlier", "later"]);
+    }
+
+    #[test]
     fn an_unread_journal_stays_small_and_says_so() {
         let mut journal = Journal::default();
         for millis in 0..1_000 {

@@ -56,7 +56,7 @@ impl AvrBase {
             return;
         }
         if let Some(deadline) = self.receiver.deadline(self.divider())
-            && deadline < at
+            && deadline <= at
         {
             self.receiver.expire(deadline, &mut self.journal, heard);
         }

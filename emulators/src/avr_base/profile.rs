@@ -38,6 +38,22 @@ impl Profile {
         }
     }
 
+    /// Longest time from the end of a write of the speeds until silence has made them zero; `None`
+    /// if it never does.
+    pub const fn silence_max(self) -> Option<Duration> {
+        match self.quirks().watchdog {
+            Watchdog::AnyFrame { timeout } => Some(timeout),
+            Watchdog::Divider {
+                clears: Registers::Kept,
+                ..
+            } => None,
+            // Observed for 40 counts of 25.1 ms: 1006.2 ms at most.
+            Watchdog::Divider { counts, .. } => {
+                Some(Duration::from_micros(25_100 * counts as u64 + 2_200))
+            }
+        }
+    }
+
     /// What is particular about it.
     pub const fn quirks(self) -> Quirks {
         match self {

@@ -1,6 +1,7 @@
 //! The base on a test bench: a master that writes bytes at exact times and notes when the answers
 //! come, and a robot that stands on an open floor.
 
+mod counting;
 mod defects;
 mod judge;
 mod sequences;
@@ -28,6 +29,8 @@ struct Bench {
     now: Instant,
     /// What the base sent, and when each byte was ready.
     sent: Vec<(Instant, u8)>,
+    /// From the end of what was asked last to the first byte of the answer.
+    latency: Option<Duration>,
 }
 
 fn config(profile: Profile) -> AvrBaseConfig {
@@ -60,6 +63,7 @@ impl Bench {
             world,
             now: Instant::ZERO,
             sent: Vec::new(),
+            latency: None,
         };
         bench.base.poll(Instant::ZERO, &mut bench.world);
         bench.run(10 * MS);
@@ -106,7 +110,9 @@ impl Bench {
         self.run(PAUSE);
         self.sent.clear();
         self.send(bytes);
+        let end = self.now;
         self.run(4 * MS);
+        self.latency = self.sent.first().map(|&(at, _)| at - end);
         self.take()
     }
 

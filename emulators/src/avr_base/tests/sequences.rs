@@ -3,6 +3,7 @@
 
 use proptest::collection::vec;
 use proptest::prelude::*;
+use protocols::Decode;
 
 use super::*;
 
@@ -128,6 +129,14 @@ fn bytes(step: &Step, order: ChecksumOrder) -> Vec<u8> {
     }
 }
 
+/// Whether a checksum truly holds somewhere in damaged bytes: one in 65536 does by chance.
+fn holds_a_frame(bytes: &[u8], order: ChecksumOrder) -> bool {
+    let mut decoder = protocols::avr::Decoder::new(order);
+    let found = decoder.push(bytes).any(|outcome| outcome.is_ok());
+    decoder.idle();
+    found || decoder.push(&[]).any(|outcome| outcome.is_ok())
+}
+
 /// What the base under test holds of the registers in question.
 fn held(bench: &Bench) -> Vec<u8> {
     (FIRST..=LAST).map(|r| bench.base.register(r)).collect()
@@ -148,6 +157,7 @@ fn follow(profile: Profile, steps: &[Step], phase_us: u64) -> Result<(), TestCas
         let reply = bench.ask(&bytes(step, bench.order()));
         match reference.answer(step, profile) {
             Some(expected) => prop_assert_eq!(reply, expected),
+            None if holds_a_frame(&bytes(step, bench.order()), bench.order()) => return Ok(()),
             None => {
                 let refused = Frame::read(0xFF, 0, bench.order());
                 // A flipped start byte or count leaves noise or an unfinished frame.
@@ -238,8 +248,17 @@ fn is_defect(attack: &Attack) -> bool {
     attack.is_write && (attack.register < 46 && end > 46 || end > 255)
 }
 
+/// The registers of the writes that the base acknowledged.
+fn acknowledged(sent: &[u8], order: ChecksumOrder) -> impl Iterator<Item = u8> {
+    let frames: Vec<_> = protocols::avr::Decoder::new(order).push(sent).collect();
+    let frames = frames.into_iter().filter_map(Result::ok);
+    frames
+        .filter(|frame| !frame.is_write())
+        .map(|frame| frame.register())
+}
+
+/// Whether the base sent whole frames and nothing else.
 fn split(sent: &[u8], order: ChecksumOrder) -> bool {
-    use protocols::Decode;
     let mut decoder = protocols::avr::Decoder::new(order);
     let whole = decoder.push(sent).all(|outcome| outcome.is_ok());
     whole && decoder.pending() == 0 && decoder.discarded() == 0
@@ -295,10 +314,15 @@ proptest! {
         if crashed {
             bench.run(Duration::from_secs(7));
         }
+        // Pieces of frames may have made a frame that nobody sent; its reply tells.
+        let sent = bench.take();
+        let by_chance = acknowledged(&sent, bench.order()).any(|register| {
+            register < 46 && !attacks.iter().any(|attack| attack.register == register)
+        });
         for wheel in WHEELS {
-            prop_assert!(!matches!(bench.world.drive(wheel), Drive::Power(_)));
+            let driven = matches!(bench.world.drive(wheel), Drive::Power(_));
+            prop_assert!(!driven || by_chance);
         }
-        bench.take();
         prop_assert_eq!(bench.read(36, 1).len(), 1);
     }
 

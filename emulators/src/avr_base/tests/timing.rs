@@ -118,6 +118,40 @@ fn motors_time_out_after_980_6_to_1006_2_ms() {
     );
 }
 
+/// In the fielded builds only writes that begin at 46, 47 or 48 keep the motors alive: neither
+/// reads nor other writes do.
+#[test]
+fn only_drive_writes_keep_the_fielded_motors_alive() {
+    let alive_by = |request: Frame| {
+        let mut bench = Bench::new(in_phase(Profile::Rcj2015));
+        bench.write(46, &[20, 20, 0]);
+        bench.run(500 * MS);
+        bench.ask(request.as_bytes());
+        bench.run(600 * MS);
+        bench.base.set_points() == [20, 20]
+    };
+    let order = ChecksumOrder::HighFirst;
+    let writes = [46, 47, 48].map(|register| Frame::write(register, &[], order));
+    assert_eq!(writes.map(alive_by), [true; 3]);
+    assert!(!alive_by(Frame::write(49, &[0], order)));
+    assert!(!alive_by(Frame::write(45, &[], order)));
+    assert!(!alive_by(Frame::read(46, 3, order)));
+}
+
+/// Three seconds (120 counts) without a frame make the light blink green; any frame, also a bad
+/// one, ends that.
+#[test]
+fn the_light_shows_that_nobody_speaks() {
+    let mut bench = Bench::new(in_phase(Profile::Rcj2015));
+    bench.read(36, 1);
+    bench.run(Duration::from_millis(2_950));
+    assert!(matches!(bench.base.led(), Led::Heartbeat { .. }));
+    bench.run(100 * MS);
+    assert_eq!(bench.base.led(), Led::Blink { hue: 85 });
+    bench.ask(&hex("AB 24 01 00 00"));
+    assert!(matches!(bench.base.led(), Led::Heartbeat { .. }));
+}
+
 /// The measurement's other half: the pulse ends at the next run of the regulator.
 #[test]
 fn the_drive_ends_within_a_period_of_the_regulator_after_the_time_out() {
@@ -300,4 +334,92 @@ fn polling_more_often_changes_nothing() {
         (registers, bench.world.pose(), bench.base.take_events())
     };
     assert_eq!(run(SECOND), run(Duration::from_micros(400)));
+}
+
+/// A rig in real time may come late. Five periods at once must not look like five times the speed,
+/// or the regulator would throw the robot about.
+#[test]
+fn a_late_poll_does_not_upset_the_regulator() {
+    let mut bench = Bench::new(in_phase(Profile::Document));
+    for _ in 0..10 {
+        bench.write(46, &[20, 20, 0]);
+        bench.run(200 * MS);
+    }
+    bench.write(46, &[20, 20, 0]);
+    bench.now += 200 * MS;
+    bench.poll();
+    let speed = bench.base.register(44);
+    assert!((18..=22).contains(&speed), "{speed}");
+}
+
+/// A processor that starts anew knows nothing of before: counts begin at 0, speeds are 0, the
+/// driver lets go, and no answer comes before it is up.
+#[test]
+fn a_reset_forgets_everything() {
+    for profile in Profile::ALL {
+        let mut bench = Bench::new(in_phase(profile));
+        bench.write(46, &[20, 20, 0]);
+        bench.run(500 * MS);
+        bench.base.reset(bench.now, StartCause::PowerOn);
+        bench.run(MS);
+        assert_eq!(bench.world.drive(Wheel::Left), Drive::Coast);
+        bench.run(PAUSE);
+        let reply = bench.read(36, 10);
+        assert!(
+            reply[0] < 60 && reply[1..4] == [0; 3],
+            "{profile}: {reply:?}"
+        );
+        assert_eq!(bench.read(46, 3), [0, 0, 0]);
+        bench.run(500 * MS);
+        assert!(!bench.world.is_moving());
+        let notes: Vec<_> = bench.notes().into_iter().map(|note| note.1).collect();
+        assert_eq!(notes, ["motors-on", "started", "motors-stopped"]);
+    }
+}
+
+/// Percent never rise, but a firmware that starts anew has seen nothing lower yet. 12.4 V read as
+/// 12390 mV: 0.037 * 12390 - 363 = 95.
+#[test]
+fn a_reset_forgets_the_lowest_voltage() {
+    let mut bench = Bench::new(in_phase(Profile::Rcj2015));
+    let empty = BatteryConfig {
+        start_mv: 10_500.0,
+        drop_mv_per_s: 0.0,
+    };
+    bench.base.replace_battery(bench.now, empty);
+    bench.run(100 * MS);
+    let full = BatteryConfig::default();
+    bench.base.replace_battery(bench.now, full);
+    bench.base.reset(bench.now, StartCause::PowerOn);
+    bench.run(100 * MS);
+    assert_eq!(bench.read(35, 1), [95]);
+}
+
+/// Turning on the spot: the signs of both wheels go all the way round.
+#[test]
+fn a_negative_speed_turns_its_wheel_backwards() {
+    let mut bench = Bench::new(in_phase(Profile::Document));
+    bench.write(46, &[20, 0xEC, 0]);
+    bench.run(800 * MS);
+    let read = bench.read(36, 10);
+    let right = i32::from_le_bytes(read[4..8].try_into().unwrap());
+    assert!(right < -200, "{right}");
+    assert!((-22..=-18).contains(&read[9].cast_signed()), "{read:?}");
+    assert!(bench.world.turn_rate() < 0.0);
+}
+
+/// How long silence may drive the robot, as the profile promises.
+#[test]
+fn the_promised_silence_holds_for_every_phase() {
+    for profile in [Profile::Document, Profile::Rcj2015] {
+        let promised = profile.silence_max().expect("it stops");
+        let kept = phases(24).all(|phase| {
+            let mut bench = Bench::new(with_phase(profile, phase));
+            bench.send(Frame::write(46, &[20, 20, 0], bench.order()).as_bytes());
+            bench.run(promised);
+            bench.base.set_points() == [0, 0]
+        });
+        assert!(kept, "{profile}");
+    }
+    assert_eq!(Profile::Rcj2014.silence_max(), None);
 }
