@@ -514,6 +514,19 @@ mod tests {
         );
     }
 
+    /// What comes in before the request has left cannot be its answer.
+    #[test]
+    fn an_answer_from_before_the_question_does_not_count() {
+        let mut link = link();
+        link.submit(at(0), WHEELS);
+        link.receive(at(10), &REPLY);
+        assert_eq!(
+            (link.take_completion(), link.counters().unsolicited),
+            (None, 1)
+        );
+        assert_eq!(sent(&mut link), READ);
+    }
+
     /// Field program: three tries in all; its callers did not look at the failure (MA-07).
     #[test]
     fn a_silent_slave_is_asked_three_times_and_then_reported() {

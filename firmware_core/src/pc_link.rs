@@ -386,6 +386,19 @@ mod tests {
         assert_eq!(sent(&mut link), row);
     }
 
+    /// A list of which the rest was lost, then 200 ms of silence and a whole one.
+    #[test]
+    fn silence_ends_a_frame_that_was_cut_off() {
+        let mut link = link(None);
+        let mut input = &b"PCUI_MSG\xFF\x01\x00\x00\x00\x00LWP\x38\x00"[..];
+        assert_eq!(link.receive(at(0), &mut input), None);
+        assert_eq!(link.idle_at(), Some(at(100)));
+        let mut input = &b"PCUI_MSG\x02\x00\x00\x00\x00\x00LWP\x00\x00"[..];
+        let frame = link.receive(at(200), &mut input).expect("whole");
+        assert_eq!(frame.id(), *b"LWP");
+        assert_eq!((link.counters().bad_frames, link.idle_at()), (1, None));
+    }
+
     #[test]
     fn without_a_pace_the_queue_is_kept_filled() {
         let (mut link, robot) = (link(None), Robot::new());

@@ -72,3 +72,43 @@ fn freest(settings: &Settings, around: &Surroundings) -> f32 {
     }
     best.0
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::navigation::Body;
+
+    const SETTINGS: Settings = Settings::new(Body {
+        radius_mm: 160.0,
+        clearance_mm: 45.0,
+        tick_mm_s: 11.345,
+        axle_mm: 260.0,
+    });
+
+    /// A wall ahead and on both sides: the only way out is behind.
+    fn niche() -> Surroundings {
+        let side = |y: f32| (-20..=40_i8).map(move |n| Point::new(f32::from(n) * 10.0, y));
+        let front = (-30..=30_i8).map(|n| Point::new(400.0, f32::from(n) * 10.0));
+        Surroundings::of(side(300.0).chain(side(-300.0)).chain(front))
+    }
+
+    #[test]
+    fn a_robot_that_does_not_move_for_six_seconds_leaves_by_the_free_side() {
+        let (mut escape, around) = (Escape::new(), niche());
+        let mut step = || escape.step(&SETTINGS, Pose::default(), &around);
+        assert!((0..30).all(|_| step().is_none()));
+        let way = step().expect("a way out");
+        assert!(way.abs() > 2.0, "{way}");
+        assert_eq!((0..30).take_while(|_| step().is_some()).count(), 14);
+    }
+
+    #[test]
+    fn a_robot_that_moves_is_left_alone() {
+        let (mut escape, around) = (Escape::new(), niche());
+        let is_quiet = (0..100_u8).all(|scan| {
+            let pose = Pose::new(f32::from(scan) * 3.0, 0.0, 0.0);
+            escape.step(&SETTINGS, pose, &around).is_none()
+        });
+        assert!(is_quiet);
+    }
+}

@@ -1,6 +1,6 @@
 use core::f32::consts::FRAC_PI_2;
 
-use super::{HALT, Settings, Surroundings, ticks};
+use super::{Settings, Surroundings, ticks};
 
 /// How a wall is followed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -93,10 +93,6 @@ impl Explorer {
     }
 
     pub(super) fn step(&mut self, settings: &Settings, around: &Surroundings) -> [i8; 2] {
-        // Field defect XV-11: with every beam invalid the fielded robot drove straight ahead.
-        if around.is_blind() {
-            return HALT;
-        }
         let wall = &settings.wall;
         let cruise = [settings.steering.cruise; 2];
         match wall.law {

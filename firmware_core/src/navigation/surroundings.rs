@@ -96,6 +96,7 @@ impl Surroundings {
     /// `wanted`, slowed down as far as it takes to keep away from what is seen; at last only the
     /// turn is left of it. Blind, the robot stands.
     pub fn guarded(&self, body: &Body, wanted: [i8; 2]) -> [i8; 2] {
+        // Field defect XV-11: with every beam invalid the fielded robot drove straight ahead.
         if self.is_blind() {
             return HALT;
         }

@@ -3,7 +3,6 @@
 use core::time::Duration;
 
 use firmware_core::robots::rescue::Config;
-use firmware_core::slam;
 use protocols::pcui::message::Mode;
 
 use crate::bench::{Bench, SECOND, boxed, flat};
@@ -156,7 +155,7 @@ fn a_robot_that_sees_nothing_stands() {
 /// Stop is an order: it must not wait for the search that is being made.
 #[test]
 fn a_stop_reaches_the_base_within_milliseconds() {
-    let mut bench = Bench::new(flat(), 7);
+    let mut bench = Bench::searching(flat(), 7);
     bench.send_waypoints(&TOUR);
     let drives = bench.run_until(10 * SECOND, |bench| bench.set_point == [20, 20]);
     assert!(drives);
@@ -195,6 +194,19 @@ fn driving_by_hand_ends_a_second_after_the_last_order() {
     );
 }
 
+/// Between two modes the robot stands, until a scan has told the new one where to go.
+#[test]
+fn a_change_of_mode_stops_the_robot_first() {
+    let mut bench = Bench::new(flat(), 14);
+    bench.run_for(SECOND);
+    bench.order(Mode::Manual, [10, 10]);
+    bench.run_for(Duration::from_millis(300));
+    assert_eq!(bench.set_point, [10, 10]);
+    bench.order(Mode::Exploration, [0, 0]);
+    let stops = bench.run_until(Duration::from_millis(3), |bench| bench.set_point == [0, 0]);
+    assert!(stops);
+}
+
 /// Field defect PU-11: an empty list left the goal standing.
 #[test]
 fn an_empty_list_stops_the_robot() {
@@ -212,9 +224,7 @@ fn an_empty_list_stops_the_robot() {
 /// ms of each 200 ms, and no turn is lost by it.
 #[test]
 fn the_seeds_search_takes_150_of_200_ms() {
-    let mut config = Config::default();
-    config.mapping = slam::Settings::document();
-    let mut bench = Bench::with_config(flat(), 10, config);
+    let mut bench = Bench::searching(flat(), 10);
     bench.run_for(20 * SECOND);
     bench.busy = Duration::ZERO;
     let before = bench.counter("scans");

@@ -127,6 +127,48 @@ fn a_restarted_base_goes_on_where_it_was() {
     assert!(bench.counter("encoder readings disbelieved") <= 3);
 }
 
+/// The base was away and comes back with counters that begin at zero: not one reading of them may
+/// be taken for a motion, or for a glitch.
+#[test]
+fn a_base_that_was_away_is_read_afresh() {
+    let mut bench = driving(8);
+    bench.run_for(2 * SECOND);
+    (bench.base_hears, bench.base_is_heard) = (false, false);
+    bench.run_for(SECOND);
+    bench.restart_base();
+    (bench.base_hears, bench.base_is_heard) = (true, true);
+    bench.run_for(SECOND);
+    assert_eq!(bench.counter("encoder readings disbelieved"), 0);
+}
+
+/// The base would follow its last set-point for as long as somebody repeats it. If the program's
+/// main loop hangs, its interrupts must not be the ones who do.
+#[test]
+fn a_hanging_main_loop_does_not_drive_on() {
+    let mut bench = driving(9);
+    bench.hangs = true;
+    let stopped = bench.run_until(Duration::from_millis(850), |bench| {
+        bench.set_point == [0, 0]
+    });
+    assert!(stopped, "before the base's own watchdog");
+    assert_eq!(bench.counter("set-points expired"), 1);
+}
+
+/// All three tries of a write are lost: it is made again at once, not when its refresh is due.
+#[test]
+fn a_lost_write_is_made_again_at_once() {
+    for phase in 0..8 {
+        let mut bench = Bench::new(flat(), 10);
+        bench.run_for(SECOND + Duration::from_millis(5) * phase);
+        bench.base_hears = false;
+        bench.order(Mode::Manual, [7, 7]);
+        bench.run_for(Duration::from_micros(15_800));
+        bench.base_hears = true;
+        let told = bench.run_until(Duration::from_millis(30), |bench| bench.set_point == [7, 7]);
+        assert!(told, "phase {phase}");
+    }
+}
+
 /// The base's watchdog needs a write each second; the seed wants them refreshed in time.
 #[test]
 fn set_points_are_refreshed_at_least_each_200_ms() {

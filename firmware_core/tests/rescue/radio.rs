@@ -23,7 +23,7 @@ fn the_pc_hears_whole_frames_only() {
 /// SL-13: psi stays within a turn.
 #[test]
 fn the_pose_comes_each_50_ms() {
-    let mut bench = Bench::new(flat(), 2);
+    let mut bench = Bench::searching(flat(), 2);
     bench.run_for(10 * SECOND);
     let times: Vec<_> = bench.heard.properties.iter().map(|(at, _)| *at).collect();
     assert!((199..=201).contains(&times.len()), "{}", times.len());
