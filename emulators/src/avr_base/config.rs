@@ -17,8 +17,8 @@ pub struct AvrBaseConfig {
     /// Messages of its own accord: the status register whenever the stop button changes it. Only
     /// firmware that reports a status has them.
     pub announce: Announce,
-    /// The text that the fielded builds print on [`AvrBase::DEBUG`](super::AvrBase::DEBUG) for each request when a button
-    /// is held at the start; it makes every reply some 7 ms late.
+    /// The text that the fielded builds print for each request when a button is held at the start,
+    /// see [`AvrBase::DEBUG`](super::AvrBase::DEBUG); it makes every reply some 7 ms late.
     pub debug_text: DebugText,
     /// Chance that a read of an encoder meets a count that carried into a higher byte while the
     /// registers were filled, given that it carried since the last look. See [`NATURAL_TEAR`].
