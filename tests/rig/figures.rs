@@ -108,11 +108,11 @@ fn s2_the_raw_scan_is_smeared_by_60_mm_at_0_3_m_s() {
     );
     rig.connect("lidar", device, master, 22);
     rig.run_for(3 * SECOND);
-    rig.take_output(node);
     for wheel in [Wheel::Left, Wheel::Right] {
         rig.world.set_drive(wheel, Drive::Power(255));
     }
     rig.run_for(SECOND);
+    rig.take_output(node);
 
     let ranges = ranges_of_beam_0(&mut rig, node, 5);
     assert!(ranges.len() >= 4, "{ranges:?}");
@@ -126,31 +126,50 @@ fn s2_the_raw_scan_is_smeared_by_60_mm_at_0_3_m_s() {
 }
 
 /// S3: pushed by 400 mm within a second at rest, the robot knows where it is again after six
-/// searches (1.2 s) of about a thousand tries: with the document's algorithm and constants.
+/// searches (1.2 s) of about a thousand tries, with the document's algorithm and constants. "Again"
+/// is within 50 mm, an eighth of the push; the search is random, so five seeds have a median.
 #[test]
 fn s3_a_push_of_400_mm_is_made_good_in_six_searches() {
+    let mut errors: Vec<f64> = (1..=5).map(error_after_push).collect();
+    errors.sort_by(f64::total_cmp);
+    assert!(errors[2] < 50.0, "{errors:?}");
+    assert!(errors[4] < 100.0, "{errors:?}");
+}
+
+/// Error in mm of the sixth pose that was found after the end of the push.
+fn error_after_push(seed: u64) -> f64 {
+    use hilrig::scenario::{Span, world::PushSpec};
+
     let (mut scenario, source) = in_a_room("20s", "[program]\nmapper = \"document\"\n");
-    scenario.world.push = vec![hilrig::scenario::world::PushSpec {
-        at: hilrig::scenario::Span::from_millis(10_000),
+    scenario.world.push = vec![PushSpec {
+        at: Span::from_millis(10_000),
         by_m: [0.0, 0.4],
         turn_deg: 0.0,
-        over: hilrig::scenario::Span::from_millis(1_000),
+        over: Span::from_millis(1_000),
     }];
-    let mut run = Run::new(scenario, &source, None).expect("can be wired");
-    while run.rig.now() < Instant::from_millis(11_000) {
+    let mut run = Run::new(scenario, &source, Some(seed)).expect("can be wired");
+    let pushed = Instant::from_secs(11);
+    let (mut searches, mut last) = (0, pushed);
+    loop {
         run.step();
+        assert!(
+            run.rig.now() < Instant::from_secs(15),
+            "no six searches in four seconds"
+        );
+        let found = run.rig.program().and_then(|program| program.estimate());
+        let Some((at, estimate)) = found.filter(|(at, _)| *at > last) else {
+            continue;
+        };
+        (searches, last) = (searches + 1, at);
+        if searches == 6 {
+            let truth = run.rig.world.pose();
+            assert!(
+                (truth.y - 1.6).abs() < 0.01,
+                "the push moves the robot: {truth:?}"
+            );
+            return hilrig::score::PosePair::new(at, truth, estimate).error_mm();
+        }
     }
-    let pushed = run.rig.world.pose();
-    assert!((pushed.y - 1.6).abs() < 0.01, "{pushed:?}");
-    while run.rig.now() < Instant::from_millis(12_200 + 400) {
-        run.step();
-    }
-    let program = run.rig.program().expect("in this process");
-    let (at, estimate) = program.estimate().expect("ten seconds of scans");
-    let error = ((f64::from(estimate.x_mm) - pushed.x * 1000.0).powi(2)
-        + (f64::from(estimate.y_mm) - pushed.y * 1000.0).powi(2))
-    .sqrt();
-    assert!(error < 50.0, "{error:.0} mm at {at}");
 }
 
 /// S6: search time is regulated to 150 ms of each 200 ms scan. In the model of the processor a
@@ -293,11 +312,4 @@ fn s8_no_set_point_is_ever_wrong_on_a_bad_line() {
         "{:?}",
         outcome.counters
     );
-}
-
-/// The demo's whole mission, as the issue of its seeds is the acceptance of the foundation.
-#[test]
-fn the_flat_is_mapped_and_every_waypoint_visited() {
-    let outcome = super::run_to_end(shipped("rescue-flat"));
-    assert_eq!(super::failures(&outcome), Vec::<String>::new());
 }

@@ -3,6 +3,7 @@
 mod determinism;
 mod figures;
 mod maps;
+mod mission;
 mod silence;
 
 use std::path::Path;

@@ -1,0 +1,160 @@
+//! Every mistake is told with file, line, field and what was expected, and ends with exit code 2.
+
+use super::{Session, shipped, text};
+
+/// Runs `scenario` and returns what the command says on stderr; it must refuse.
+fn refusal(name: &str, scenario: &str) -> String {
+    let session = Session::new(name);
+    session.write("s.toml", scenario);
+    let output = session.hilrig(&["run", "s.toml"]);
+    let said = text(&output.stderr).to_owned();
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(!said.contains("panicked"), "{said}");
+    said
+}
+
+#[test]
+fn a_misspelt_key_is_shown_with_its_line() {
+    let scenario = shipped("empty-room").replace("duration", "duratoin");
+    insta::assert_snapshot!(refusal("key", &scenario), @r#"
+    error: s.toml: TOML parse error at line 6, column 1
+      |
+    6 | duratoin = "90s"
+      | ^^^^^^^^
+    unknown field `duratoin`, expected one of `schema`, `name`, `description`, `robot`, `duration`, `seed`, `origin`, `mission`, `expect`, `program`, `device`, `link`, `world`, `fault`
+    "#);
+}
+
+#[test]
+fn a_time_without_unit_is_refused() {
+    let scenario = shipped("empty-room").replace("\"90s\"", "90");
+    insta::assert_snapshot!(refusal("unit", &scenario), @r#"
+    error: s.toml: TOML parse error at line 6, column 12
+      |
+    6 | duration = 90
+      |            ^^
+    invalid type: integer `90`, expected a time with its unit such as "90s" or "200ms"
+    "#);
+}
+
+#[test]
+fn a_wrong_unit_is_refused() {
+    let scenario = shipped("empty-room").replace("\"90s\"", "\"90m\"");
+    insta::assert_snapshot!(refusal("wrong-unit", &scenario), @r#"
+    error: s.toml: TOML parse error at line 6, column 12
+      |
+    6 | duration = "90m"
+      |            ^^^^^
+    "90m" is no time, expected a number with its unit such as "90s" or "200ms"
+    "#);
+}
+
+#[test]
+fn a_wall_outside_is_named() {
+    let scenario =
+        shipped("rescue-flat").replace("[2.90, 2.90], [0.10, 2.90]", "[2.90, 3.90], [0.10, 2.90]");
+    insta::assert_snapshot!(refusal("outside", &scenario), @"error: s.toml:35: world.wall[0]: it reaches from (2.9, 0.1) to (2.9, 3.9) m; expected within (0, 0) to (3, 3) m");
+}
+
+#[test]
+fn a_start_inside_a_wall_is_refused() {
+    let scenario = shipped("empty-room").replace("x_m = 1.0, y_m = 1.0", "x_m = 0.3, y_m = 1.0");
+    insta::assert_snapshot!(refusal("start", &scenario), @"error: s.toml:16: world.start: at its start (0.3, 1) m the robot stands 0.160 m deep in a surface");
+}
+
+#[test]
+fn an_unknown_profile_lists_the_known_ones() {
+    let device = "[device.lidar.xv11]\nprofile = \"fw9\"\n\n[world]\n";
+    let scenario = shipped("empty-room").replace("[world]\n", device);
+    insta::assert_snapshot!(refusal("profile", &scenario), @r#"
+    error: s.toml:16: device.lidar.xv11.profile: is "fw9", expected one of fw2.1, fw2.4.13386, fw2.6.15295
+    "#);
+}
+
+#[test]
+fn an_unknown_device_lists_the_known_ones() {
+    let device = "[device.ldar.xv11]\n\n[world]\n";
+    let scenario = shipped("empty-room").replace("[world]\n", device);
+    insta::assert_snapshot!(refusal("device", &scenario), @"error: s.toml:15: device.ldar: no such device; the rescue robot has lidar, base, radio");
+}
+
+#[test]
+fn a_fault_on_no_link_lists_the_links() {
+    let fault = "[[fault]]\nlink = \"bus\"\ndirection = \"to-master\"\nkind = \"drop\"\nrate = 0.1\n\n[world]\n";
+    let scenario = shipped("empty-room").replace("[world]\n", fault);
+    insta::assert_snapshot!(refusal("fault", &scenario), @r#"
+    error: s.toml:16: fault[0].link: is "bus", expected one of lidar, motor, base, radio, pc
+    "#);
+}
+
+#[test]
+fn a_rate_beyond_one_is_refused() {
+    let fault = "[[fault]]\nlink = \"base\"\ndirection = \"to-master\"\nkind = \"drop\"\nrate = 10\n\n[world]\n";
+    let scenario = shipped("empty-room").replace("[world]\n", fault);
+    insta::assert_snapshot!(refusal("rate", &scenario), @"error: s.toml:16: fault[0].rate: expected a chance per byte from 0 to 1");
+}
+
+#[test]
+fn a_floor_plan_that_is_not_there_is_named() {
+    let scenario = shipped("empty-room").replace(
+        "[[world.wall]]",
+        "[world.plan]\nyaml = \"flat.yaml\"\n\n[[world.wall]]",
+    );
+    insta::assert_snapshot!(refusal("plan", &scenario), @"error: s.toml:18: world.plan: cannot read flat.yaml: No such file or directory (os error 2)");
+}
+
+#[test]
+fn a_schema_of_the_future_is_refused() {
+    let scenario = shipped("empty-room").replace("schema = 1", "schema = 2");
+    insta::assert_snapshot!(refusal("schema", &scenario), @r#"
+    error: s.toml: TOML parse error at line 2, column 10
+      |
+    2 | schema = 2
+      |          ^
+    schema is 2, expected 1
+    "#);
+}
+
+#[test]
+fn a_file_that_is_not_there_is_named() {
+    let output = Session::new("missing").hilrig(&["run", "nowhere.toml"]);
+    assert_eq!(output.status.code(), Some(2));
+    insta::assert_snapshot!(text(&output.stderr), @"error: cannot read scenario nowhere.toml: No such file or directory (os error 2)");
+}
+
+#[test]
+fn a_file_that_is_no_text_is_refused() {
+    let session = Session::new("binary");
+    std::fs::write(session.folder.join("s.toml"), [0xFA, 0xA0, 0x80, 0x00]).expect("writable");
+    let output = session.hilrig(&["run", "s.toml"]);
+    assert_eq!(output.status.code(), Some(2));
+    insta::assert_snapshot!(text(&output.stderr), @"error: cannot read scenario s.toml: stream did not contain valid UTF-8");
+}
+
+/// The results have nowhere to go: that is found out before the run, not after.
+#[test]
+fn a_folder_that_cannot_be_made_is_named() {
+    let session = Session::new("out");
+    session.write("taken", "a file");
+    let output = session.hilrig(&["demo", "--out", "taken/out"]);
+    assert_eq!(output.status.code(), Some(2));
+    insta::assert_snapshot!(text(&output.stderr), @"error: cannot write taken/out: Not a directory (os error 20)");
+}
+
+#[test]
+fn a_seed_that_is_no_number_names_the_flag() {
+    let output = Session::new("seed").hilrig(&["demo", "--seed", "lucky"]);
+    assert_eq!(output.status.code(), Some(2));
+    insta::assert_snapshot!(text(&output.stderr), @r#"
+    error: invalid value 'lucky' for '--seed <N>': invalid digit found in string
+
+    For more information, try '--help'.
+    "#);
+}
+
+#[test]
+fn no_command_is_a_question_for_help() {
+    let output = Session::new("none").hilrig(&[]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("Usage: hilrig <COMMAND>"));
+}

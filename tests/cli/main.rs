@@ -1,0 +1,52 @@
+//! The command line as a user meets it: exit codes, messages, files.
+
+mod errors;
+mod mutated;
+mod results;
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// The command, in an empty folder of its own that is removed afterwards.
+struct Session {
+    folder: PathBuf,
+}
+
+impl Session {
+    fn new(name: &str) -> Self {
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("cli-{name}"));
+        let _ = std::fs::remove_dir_all(&folder);
+        std::fs::create_dir_all(&folder).expect("the target folder can be written");
+        Self { folder }
+    }
+
+    fn write(&self, name: &str, text: &str) {
+        std::fs::write(self.folder.join(name), text).expect("the target folder can be written");
+    }
+
+    fn read(&self, name: &str) -> String {
+        std::fs::read_to_string(self.folder.join(name)).expect("the command wrote it")
+    }
+
+    fn hilrig(&self, arguments: &[&str]) -> Output {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_hilrig"));
+        command.args(arguments).current_dir(&self.folder);
+        command.output().expect("the command starts")
+    }
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.folder);
+    }
+}
+
+/// A shipped scenario's text.
+fn shipped(name: &str) -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenarios/{name}.toml"));
+    std::fs::read_to_string(path).expect("shipped")
+}
+
+fn text(bytes: &[u8]) -> &str {
+    core::str::from_utf8(bytes).expect("the command speaks UTF-8")
+}

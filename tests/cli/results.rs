@@ -1,0 +1,141 @@
+//! What a run leaves behind, and what its exit code says.
+
+use super::{Session, shipped, text};
+
+/// Lines of `text` that begin with `start`, without the figures that differ from host to host.
+fn lines(text: &str, start: &str) -> Vec<String> {
+    text.lines()
+        .filter(|line| line.trim_start().starts_with(start))
+        .map(str::to_owned)
+        .collect()
+}
+
+#[test]
+fn the_demo_passes_and_leaves_the_whole_folder() {
+    let session = Session::new("demo");
+    let output = session.hilrig(&["demo", "--out", "out"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    assert_eq!(
+        lines(text(&output.stdout), "PASS"),
+        ["PASS rescue-flat seed 1"]
+    );
+    assert_eq!(
+        lines(text(&output.stderr), "").len(),
+        8,
+        "a title and seven waypoints"
+    );
+
+    let mut files: Vec<String> = std::fs::read_dir(session.folder.join("out"))
+        .expect("made")
+        .map(|entry| {
+            entry
+                .expect("readable")
+                .file_name()
+                .into_string()
+                .expect("plain names")
+        })
+        .collect();
+    files.sort();
+    let expected = [
+        "case.toml",
+        "estimate.tum",
+        "events.txt",
+        "junit.xml",
+        "map.pgm",
+        "map.png",
+        "map.txt",
+        "map.yaml",
+        "result.json",
+        "true.tum",
+    ];
+    assert_eq!(files, expected);
+    let result: serde_json::Value =
+        serde_json::from_str(&session.read("out/result.json")).expect("JSON");
+    assert_eq!(result["tool"], "hilrig");
+    assert_eq!(result["scenario"], "rescue-flat");
+    assert_eq!(result["verdict"], "pass");
+    assert!(result["metrics"]["pose_rms_mm"].as_f64().expect("a number") <= 30.0);
+    assert!(result["checks"].as_array().expect("a list").len() >= 8);
+    assert_eq!(result["trace_hash"].as_str().expect("a string").len(), 16);
+}
+
+/// A saved case gives the same bytes again, through the files.
+#[test]
+fn a_saved_case_repeats_the_run() {
+    let session = Session::new("case");
+    session.write("s.toml", &shipped("empty-room"));
+    session.hilrig(&["run", "s.toml", "--seed", "7", "--out", "first"]);
+    let output = session.hilrig(&["run", "first/case.toml", "--out", "second"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    assert_eq!(
+        session.read("first/case.toml"),
+        session.read("second/case.toml")
+    );
+    let hash = |file: &str| {
+        let result: serde_json::Value = serde_json::from_str(&session.read(file)).expect("JSON");
+        (
+            result["trace_hash"].clone(),
+            result["map_hash"].clone(),
+            result["seed"].clone(),
+        )
+    };
+    assert_eq!(hash("first/result.json"), hash("second/result.json"));
+}
+
+/// Wheels that slip away by a fifth on one side: no waypoint is reached as demanded of a map of
+/// that quality, and the command says how to see it again.
+#[test]
+fn a_failed_expectation_is_exit_code_1_and_tells_how_to_repeat() {
+    let session = Session::new("fail");
+    session.write("s.toml", &shipped("empty-room").replace("= 200", "= 1"));
+    let output = session.hilrig(&["run", "s.toml", "--seed", "3", "--junit", "junit.xml"]);
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output.stderr));
+    assert_eq!(
+        lines(text(&output.stderr), "repeat"),
+        ["repeat with: hilrig run s.toml --seed 3"]
+    );
+    let junit = session.read("junit.xml");
+    assert!(junit.contains("failures=\"1\""), "{junit}");
+    assert!(junit.contains("waypoints-visited"), "{junit}");
+}
+
+/// Trajectories in TUM form have exactly eight columns; evo refuses anything else.
+#[test]
+fn trajectories_have_eight_columns_and_rising_time() {
+    let session = Session::new("tum");
+    session.write("s.toml", &shipped("empty-room"));
+    session.hilrig(&["run", "s.toml", "--out", "out"]);
+    for file in ["out/true.tum", "out/estimate.tum"] {
+        let text = session.read(file);
+        let rows: Vec<Vec<f64>> = text
+            .lines()
+            .filter(|line| !line.starts_with('#'))
+            .map(|line| {
+                line.split(' ')
+                    .map(|field| field.parse().expect("a number"))
+                    .collect()
+            })
+            .collect();
+        assert!(rows.len() > 50, "{file}");
+        assert!(rows.iter().all(|row| row.len() == 8), "{file}");
+        assert!(rows.is_sorted_by(|a, b| a[0] < b[0]), "{file}");
+    }
+}
+
+/// The ROS map reads back as what it was written from: nav2's default free_thresh would turn
+/// unknown cells into free ones.
+#[test]
+fn unknown_stays_unknown_in_the_ros_map() {
+    let session = Session::new("ros");
+    session.hilrig(&["demo", "--out", "out"]);
+    let yaml = session.read("out/map.yaml");
+    assert!(yaml.contains("free_thresh: 0.196"), "{yaml}");
+    let map = image::open(session.folder.join("out/map.pgm"))
+        .expect("a PGM")
+        .into_luma8();
+    assert_eq!((map.width(), map.height()), (300, 300));
+    // Below the sofa, in the corner of the picture, nobody has ever looked.
+    let corner = map.get_pixel(299, 299).0[0];
+    let occupancy = f64::from(255 - corner) / 255.0;
+    assert!(occupancy > 0.196 && occupancy < 0.65, "{corner}");
+}
