@@ -18,10 +18,12 @@
 //! | `optics`, `eye` | laws of range and strength; one beam from world to reading |
 //! | `uart` | the transmitter with its ring |
 //! | `firmware` | the states above |
+//! | [`fidelity`] | statistics of a byte stream, real or emulated |
 
 mod encoder;
 mod eye;
 mod fault;
+pub mod fidelity;
 mod firmware;
 mod optics;
 mod profile;
@@ -47,6 +49,7 @@ use uart::Uart;
 pub use fault::Fault;
 pub use optics::{
     Direction, Mount, Optics, RANGE_MAX_MM, RANGE_MIN_MM, is_weak, range_sigma_mm, strength_mean,
+    strength_sigma,
 };
 pub use profile::Profile;
 pub use rotor::MotorSupply;

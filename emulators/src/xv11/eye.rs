@@ -9,6 +9,7 @@ use protocols::xv11::{RawReading, Reading};
 
 use super::optics::{
     Direction, Mount, Optics, RANGE_MAX_MM, RANGE_MIN_MM, is_weak, range_sigma_mm, strength_mean,
+    strength_sigma,
 };
 use crate::rng::Rng;
 use crate::world::{Hit, Point, World};
@@ -24,10 +25,16 @@ mod code {
 
 /// Nearer than this the camera does not see the dot at all. A guess.
 const BLIND_MM: f64 = 60.0;
-/// Angular jitter of a beam: walls at 45 degrees scatter by 0.45 mm at 0.5 m (A).
-const JITTER_RAD: f64 = 0.03 * PI / 180.0;
-/// Half the width of the dot. A corner spoils one reading in some turns, as (A) shows.
-const DOT_RAD: f64 = 0.15 * PI / 180.0;
+/// Angular jitter of a beam. A guess; it lets the dot fall on either side of an edge, and is small
+/// enough to leave the noise of slanting walls to the range law.
+const JITTER_RAD: f64 = 0.01 * PI / 180.0;
+/// Half the width of the dot: the first reading on the hand of (A) is mostly a dim one.
+const DOT_RAD: f64 = 0.45 * PI / 180.0;
+/// How much a surface must bend within the dot to spoil it, and between neighbouring beams to be
+/// looked at; parts of the distance. A right angle bends by 1.6 % if it lies in the middle of the
+/// dot, and by 1 % if it is 0.15 degrees off: (A) shows a double dot in one of four corners.
+const BEND_IN_DOT: f64 = 0.0105;
+const BEND_AROUND: f64 = 0.02;
 /// Triangulation: distances come in steps of d^2 / K, 1.33 mm at 2.68 m (B).
 const QUANTUM_MM: f64 = 5.4e6;
 /// Weakest dot that gives a distance, and weakest one that is noticed.
@@ -183,7 +190,7 @@ fn aside(from: Point, angle: f64, left_m: f64) -> Point {
 /// Whether the neighbours say that an edge or a corner may be in the dot.
 fn is_rough(behind: f64, mm: f64, ahead: f64) -> bool {
     let bend = (behind - mm) + (ahead - mm);
-    bend.is_nan() || bend.abs() > 0.02 * mm
+    bend.is_nan() || bend.abs() > BEND_AROUND * mm
 }
 
 /// Looks at both sides of the dot. `Some` if it lies on an edge or in a corner.
@@ -196,28 +203,29 @@ fn rough(world: &World, beam: Beam, hit: Hit, noise: &Noise) -> Option<RawReadin
     };
     let (right, left) = (look(-DOT_RAD), look(DOT_RAD));
     let bend = (right - mm) + (left - mm);
-    if bend.abs() < 0.002 * mm {
+    if bend.abs() < BEND_IN_DOT * mm {
         return None;
     }
     let (near, far) = (mm.min(right).min(left), mm.max(right).max(left));
-    if far - near < 30.0 {
+    if far - near < 30.0 + 0.03 * mm {
         // A corner: two dots in one picture, most of the time.
         return (noise.chance < 0.75).then(|| invalid(code::DOUBLE_DOT));
     }
-    // An edge: (A) shows double dots, bad shapes, nothing at all, or the part that was hit.
+    // An edge: (A) shows double dots, bad shapes, nothing at all, or a dim dot of what was hit.
     Some(match noise.chance {
-        ..0.35 => invalid(code::DOUBLE_DOT),
-        0.35..0.45 => invalid(code::TOO_WIDE),
-        0.45..0.50 => invalid(code::TOO_DIM),
-        0.50..0.65 => no_dot(),
+        ..0.25 => invalid(code::DOUBLE_DOT),
+        0.25..0.30 => invalid(code::TOO_WIDE),
+        0.30..0.33 => invalid(code::TOO_DIM),
+        0.33..0.45 => no_dot(),
         chance => {
-            let covered = (chance - 0.65) / 0.35;
+            let covered = (chance - 0.45) / 0.55;
             let part = Hit {
-                reflectivity: hit.reflectivity * covered.max(0.05),
+                reflectivity: hit.reflectivity * covered.max(0.03),
                 ..hit
             };
-            let mixed = if far.is_finite() && covered > 0.8 {
-                near + (far - near) * (covered - 0.8)
+            // A dot that hardly touches the near side may be seen anywhere up to half way.
+            let mixed = if covered < 0.1 && far.is_finite() {
+                near + (far - near) * (0.5 - 5.0 * covered)
             } else {
                 near
             };
@@ -236,10 +244,10 @@ fn smooth(mm: f64, hit: Hit, noise: &Noise) -> RawReading {
         });
     }
     // Facing has no visible influence in (A) up to 60 degrees; grazing light must fade somewhere.
-    let facing = (hit.incidence / 0.25).min(1.0);
+    let facing = (hit.incidence / 0.5).min(1.0);
     let ceiling = STRENGTH_MAX * hit.reflectivity.max(1.0);
     let mean = (strength_mean(mm) * hit.reflectivity * facing).min(ceiling);
-    let strength = mean * (1.0 + 0.03 * noise.strength);
+    let strength = (mean + strength_sigma(mean) * noise.strength).max(1.0);
     if mean < STRENGTH_MIN {
         return invalid(if mean < STRENGTH_DIM {
             code::NO_DOT

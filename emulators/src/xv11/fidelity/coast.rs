@@ -1,0 +1,90 @@
+//! The coast-down: times reconstructed from the speed words, as no capture has time stamps.
+
+use protocols::xv11::Frame;
+
+use crate::xv11::encoder::TEETH;
+
+/// Speeds between which the coast-down is timed: from the last one that is surely steady, to where
+/// the encoder is lost, to the last that is surely shown.
+const FROM_RPM: f64 = 290.0;
+const VIA_RPM: f64 = 185.0;
+const TO_RPM: f64 = 75.0;
+
+/// Speeds in the order in which they were shown, one per tooth.
+#[derive(Debug, Default)]
+pub(super) struct Teeth {
+    /// 64ths of a turn per minute.
+    words: Vec<u16>,
+    /// Packets that showed the last of them.
+    packets: u64,
+}
+
+impl Teeth {
+    pub(super) fn frame(&mut self, frame: &Frame) {
+        let word = frame.speed().0;
+        if self.words.last() == Some(&word) {
+            self.packets += 1;
+        } else {
+            self.words.push(word);
+            self.packets = 1;
+        }
+    }
+
+    /// Packets that show the speed of the last tooth, if the head stopped after it.
+    pub(super) fn stalled_packets(&self) -> u64 {
+        let last = self.words.last().map_or(f64::MAX, |&word| rpm(word));
+        if last < VIA_RPM { self.packets } else { 0 }
+    }
+
+    /// Seconds of both halves of the last coast-down, interpolated between the middles of teeth.
+    pub(super) fn coast_s(&self) -> Option<[f64; 2]> {
+        let [from, via, to] = [FROM_RPM, VIA_RPM, TO_RPM].map(|rpm| self.falls_below(rpm));
+        let (from, via, to) = (from?, via?, to?);
+        (from < via && via < to).then(|| [via - from, to - via])
+    }
+
+    /// When the speed last fell below `limit` rpm, seconds since the first tooth.
+    fn falls_below(&self, limit: f64) -> Option<f64> {
+        let mut end_s = 0.0;
+        let mut before: Option<(f64, f64)> = None;
+        let mut fell = None;
+        for &word in &self.words {
+            let tooth_s = tooth_s(word);
+            let speed = rpm_of(tooth_s);
+            let middle_s = end_s + tooth_s / 2.0;
+            if let Some((at_s, faster)) = before.filter(|&(_, faster)| faster >= limit)
+                && speed < limit
+            {
+                let part = (faster - limit) / (faster - speed);
+                fell = Some(at_s + part * (middle_s - at_s));
+            }
+            before = Some((middle_s, speed));
+            end_s += tooth_s;
+        }
+        fell
+    }
+}
+
+/// Time of a tooth. A doubled one took twice as long as its speed says.
+fn tooth_s(word: u16) -> f64 {
+    let shown_s = rpm_of(rpm(word).max(1.0));
+    if is_doubled(word) {
+        2.0 * shown_s
+    } else {
+        shown_s
+    }
+}
+
+/// Time of a tooth from its speed, and its speed from its time.
+fn rpm_of(tooth_s: f64) -> f64 {
+    60.0 / f64::from(TEETH) / tooth_s
+}
+
+/// Faster than the line allows: a tooth taken for two.
+fn is_doubled(word: u16) -> bool {
+    rpm(word) > 330.0
+}
+
+fn rpm(word: u16) -> f64 {
+    f64::from(word) / 64.0
+}

@@ -1,0 +1,120 @@
+//! The emulator in the scene of the "hand in box" capture.
+
+use protocols::{Instant, Port};
+
+use crate::device::Device;
+use crate::world::{
+    BodyConfig, Fixture, Obstacle, Path, Point, Pose, Repeat, Scene, Shape, Waypoint, World,
+};
+use crate::xv11::{Config, MotorSupply, Mount, Profile, Xv11};
+
+/// Corners of the box as the capture shows them: angle in degrees and distance in metres.
+const CORNERS: [(f64, f64); 4] = [
+    (56.0, 0.467),
+    (142.4, 0.556),
+    (229.5, 0.605),
+    (309.6, 0.524),
+];
+/// Outline of the hand: slanting sides, as (nearly) flat things have that are not held upright.
+const HAND_M: [(f64, f64); 6] = [
+    (-0.045, -0.010),
+    (0.000, -0.025),
+    (0.045, -0.010),
+    (0.045, 0.010),
+    (0.000, 0.025),
+    (-0.045, 0.010),
+];
+/// The capture lasts 120 turns at 297 rpm before the motor is cut.
+const CUT_AT: Instant = Instant::from_millis(28_700);
+const END_AT: Instant = Instant::from_millis(30_500);
+/// Recording begins in the middle of the stream.
+const BEGIN_AT: Instant = Instant::from_millis(4_450);
+
+/// Bytes of an emulated sensor that goes through what the captured one went through: 120 turns in a
+/// box with a hand moving about, then the motor is cut, until after the boot text.
+pub fn hand_in_box(profile: Profile, seed: u64) -> Vec<u8> {
+    let config = Config {
+        profile,
+        supply: MotorSupply::Fixed { volts: 3.3 },
+        mount: Mount {
+            yaw_deg: 0.0,
+            ..Mount::default()
+        },
+        ..Config::default()
+    };
+    let mut lidar = Xv11::new("lidar", seed, config);
+    let mut world = scene();
+    run(&mut lidar, &mut world, BEGIN_AT);
+    let mut bytes = run(&mut lidar, &mut world, CUT_AT);
+    lidar.set_supply(CUT_AT, MotorSupply::Fixed { volts: 0.0 });
+    bytes.extend(run(&mut lidar, &mut world, END_AT));
+    bytes
+}
+
+fn run(lidar: &mut Xv11, world: &mut World, until: Instant) -> Vec<u8> {
+    const PORT: Port = Xv11::UART;
+    let mut bytes = Vec::new();
+    let mut buf = [0; 1024];
+    while let Some(at) = lidar.poll_at().filter(|&at| at < until) {
+        lidar.poll(at, world);
+        let len = lidar.transmit(PORT, &mut buf);
+        bytes.extend_from_slice(&buf[..len]);
+    }
+    bytes
+}
+
+fn scene() -> World {
+    let box_walls = Shape::Polygon {
+        corners: CORNERS
+            .map(|(degrees, metres)| polar(degrees, metres))
+            .to_vec(),
+    };
+    let fixed = Fixture {
+        shape: box_walls,
+        reflectivity: 0.9,
+    };
+    let scene = Scene::new([fixed], vec![hand()]).expect("a box and a hand");
+    let body = BodyConfig {
+        radius_m: 0.02,
+        ..BodyConfig::default().ideal()
+    };
+    World::new(scene, body, Pose::default(), 0).expect("the middle of the box is free")
+}
+
+/// A hand: comes in after 14 turns, wanders about the sensor, leaves after 92, and lies close by
+/// from turn 115 on.
+fn hand() -> Obstacle {
+    let place = |seconds, angle_deg, distance_m| Waypoint {
+        at: BEGIN_AT + core::time::Duration::from_secs_f64(seconds),
+        position: polar(angle_deg, distance_m),
+    };
+    Obstacle {
+        fixture: Fixture {
+            shape: Shape::Polygon {
+                corners: HAND_M.map(|(x, y)| Point::new(x, y)).to_vec(),
+            },
+            reflectivity: 0.16,
+        },
+        path: Path {
+            waypoints: vec![
+                place(2.6, 66.0, 0.75),
+                place(2.9, 66.0, 0.30),
+                place(6.0, 75.0, 0.26),
+                place(8.0, 130.0, 0.32),
+                place(10.0, 170.0, 0.30),
+                place(13.0, 210.0, 0.34),
+                place(15.0, 300.0, 0.32),
+                place(17.0, 350.0, 0.26),
+                place(18.4, 350.0, 0.75),
+                place(23.0, 72.0, 0.75),
+                place(23.4, 72.0, 0.168),
+            ],
+            repeat: Repeat::Once,
+        },
+    }
+}
+
+fn polar(degrees: f64, metres: f64) -> Point {
+    let (sin, cos) = libm::sincos(degrees.to_radians());
+    Point::new(metres * cos, metres * sin)
+}
