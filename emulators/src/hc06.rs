@@ -14,7 +14,8 @@
 //!
 //! Rules the module judges its master by: `unknown-command`, `line-end-after-command`,
 //! `line-end-missing`, `lower-case-command`, `command-too-slow`, `no-pause-between-commands`,
-//! `command-while-connected`, `fifo-overflow`, `framing-error`, and for the host `host-overflow`.
+//! `command-while-connected`, `fifo-overflow`, `framing-error`; the host by `host-overflow`,
+//! `host-port-closed`.
 
 mod air;
 mod command;
@@ -200,7 +201,7 @@ impl Hc06 {
     /// Does what is due exactly at `now`.
     fn fire(&mut self, now: Instant) {
         if self.collector.deadline() == Some(now) {
-            let attempt = self.collector.finish(End::Silence);
+            let attempt = self.collector.silence();
             self.judge_or_execute(&attempt, now);
         }
         if let Some((_, line)) = self.next_line.filter(|&(at, _)| at == now) {
@@ -238,13 +239,23 @@ impl Hc06 {
                 let rule = "command-while-connected";
                 self.log.violation(now, rule, detail, &attempt.text);
             }
-            (Mode::Command, Some(answer)) => self.obey(attempt, answer, now),
+            (Mode::Command, Some(answer)) => {
+                if attempt.end == End::Silence && attempt.text.ends_with(b"\n") {
+                    let detail = format!("\"{text}\": the line end became part of the name");
+                    let rule = "line-end-after-command";
+                    self.log.violation(now, rule, detail, &attempt.text);
+                }
+                self.obey(attempt, answer, now);
+            }
             (Mode::Command, None) => {
                 if let Some((rule, advice)) = command::complaint(attempt, &self.profile) {
                     let detail = format!("\"{text}\": {advice}");
                     self.log.violation(now, rule, detail, &attempt.text);
                 }
-                if self.profile.family == Family::V30 && attempt.end == End::Line {
+                if self.profile.family == Family::V30 {
+                    if attempt.end == End::Silence {
+                        return;
+                    }
                     self.refuse();
                 }
                 self.count_vanished(attempt.count, now);

@@ -22,6 +22,8 @@ pub(super) struct Collector {
     count: u64,
     first: Instant,
     last: Instant,
+    /// The line-terminated family waits on after a silence, which is judged once.
+    silence_seen: bool,
 }
 
 /// Bytes must be looked at one by one.
@@ -57,13 +59,23 @@ impl Collector {
             count: 0,
             first: Instant::ZERO,
             last: Instant::ZERO,
+            silence_seen: false,
         }
     }
 
-    /// When silence will have ended the text. The line-terminated family does not care; there the
-    /// deadline is for the judge only.
+    /// When silence will have ended the text.
     pub(super) fn deadline(&self) -> Option<Instant> {
-        (self.count > 0).then(|| self.last + self.silence)
+        (self.count > 0 && !self.silence_seen).then(|| self.last + self.silence)
+    }
+
+    /// The silence is over its limit: what it ended, or in the line-terminated family what it
+    /// interrupted, which stays.
+    pub(super) fn silence(&mut self) -> Attempt {
+        if self.family != Family::V30 {
+            return self.finish(End::Silence);
+        }
+        self.silence_seen = true;
+        self.clone().finish(End::Silence)
     }
 
     /// Takes one byte; the attempt if a line end completed it.
@@ -73,6 +85,7 @@ impl Collector {
         }
         self.count += 1;
         self.last = at;
+        self.silence_seen = false;
         if self.text.len() < TEXT_MAX {
             self.text.push(byte);
         } else if self.family == Family::V30 {
@@ -120,7 +133,7 @@ impl Collector {
     }
 
     /// Ends what has been collected.
-    pub(super) fn finish(&mut self, end: End) -> Attempt {
+    fn finish(&mut self, end: End) -> Attempt {
         let attempt = Attempt {
             text: core::mem::take(&mut self.text),
             count: self.count,
@@ -165,6 +178,9 @@ pub(super) fn execute(attempt: &Attempt, settings: &Settings, profile: &Profile)
     };
     let mut out = [0; REPLY_MAX];
     let len = if profile.family == Family::V30 {
+        if attempt.end == End::Silence {
+            return None;
+        }
         let command = LineCommand::parse(whole(attempt)?)?;
         execute_line(command, &mut answer, profile).encode(&mut out)
     } else {
@@ -346,7 +362,11 @@ mod tests {
         let profile = Profile::of(Family::V30);
         let mut settings = profile.settings.clone();
         settings.name = vec![b'n'; protocols::hc06::NAME_MAX];
-        let answer = execute(&attempt(b"AT+NAME"), &settings, &profile).expect("known");
+        let line = Attempt {
+            end: End::Line,
+            ..attempt(b"AT+NAME")
+        };
+        let answer = execute(&line, &settings, &profile).expect("known");
         assert_eq!(answer.reply, b"+NAME:nnnnnnnnnnnnnnnnnnnn\r\nOK\r\n");
     }
 }

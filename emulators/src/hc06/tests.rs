@@ -1,5 +1,7 @@
 //! The module between a robot that sends at its line's rate and a host that always reads.
 
+mod reference;
+
 use super::*;
 use crate::world::{BodyConfig, Pose, Scene, Shape};
 
@@ -732,4 +734,53 @@ fn framing_errors_are_judged_once_a_second() {
     bench.run_for(5 * SECOND);
     assert_eq!(bench.violations(), ["framing-error", "framing-error"]);
     assert!(bench.events[1].detail.starts_with("99 more"));
+}
+
+/// A host that writes a mebibyte at once did not wait; one that asks for room loses nothing.
+#[test]
+fn a_host_that_does_not_wait_is_judged() {
+    let mut bench = Bench::connected(at(BAUD));
+    let room = bench.radio.room(Hc06::AIR);
+    assert_eq!(room, 1 << 20);
+    bench.host_sends(&vec![0; room]);
+    assert_eq!(bench.violations(), [""; 0]);
+    assert_eq!(bench.radio.room(Hc06::AIR), 0);
+    bench.host_sends(&[1, 2, 3]);
+    assert_eq!(bench.violations(), ["host-overflow"]);
+    assert_eq!(bench.radio.down().lost, 3);
+}
+
+/// Bytes over a port that nobody opened come from a wrongly wired rig, or a foreign program.
+#[test]
+fn bytes_over_a_closed_port_are_judged() {
+    let mut bench = Bench::new(at(BAUD));
+    bench.host_sends(b"hello");
+    bench.open();
+    bench.host_sends(b"world");
+    bench.run_for(2 * SECOND);
+    assert_eq!(bench.violations(), ["host-port-closed"]);
+    assert_eq!(text_of(&bench.robot), "world");
+}
+
+/// The line-terminated family waits for its line end for ever; the judge does not.
+#[test]
+fn a_line_without_its_end_is_judged_and_waits() {
+    let mut bench = Bench::new(Profile::of(Family::V30));
+    assert_eq!(bench.command(b"AT+"), "");
+    bench.run_for(20 * SECOND);
+    assert_eq!(
+        bench.command(b"VERSION\r\n"),
+        "VERSION:3.0-20170609\r\nOK\r\n"
+    );
+    assert_eq!(bench.violations(), ["line-end-missing"]);
+}
+
+/// Of all commands only a name can swallow the line end that a terminal program adds: the module
+/// obeys, and is found on the air under a name with a line end in it.
+#[test]
+fn a_line_end_becomes_part_of_the_name() {
+    let mut bench = Bench::new(Profile::default());
+    assert_eq!(bench.command(b"AT+NAMEbot\r\n"), "OKsetname");
+    assert_eq!(bench.radio.settings().name, b"bot\r\n");
+    assert_eq!(bench.violations(), ["line-end-after-command"]);
 }

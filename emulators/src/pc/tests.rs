@@ -231,6 +231,33 @@ fn manual_orders_are_repeated_twice_a_second() {
     assert!(desk.pc.is_done());
 }
 
+/// A mode that the robot never reports is ordered five times, two seconds apart, on each
+/// connection.
+#[test]
+fn an_order_that_is_not_obeyed_is_given_up() {
+    let order = Order {
+        mode: Mode::Exploration,
+        set_point: [0, 0],
+    };
+    let script = opened_at_once(vec![step(
+        When::AfterConnected(Duration::ZERO),
+        Action::Order(order),
+    )]);
+    let mut desk = Desk::new(script);
+    desk.hears(&reported(Mode::Stop));
+    desk.run_until(Instant::from_secs(60));
+    assert_eq!(desk.frame_times(), [0, 2_000, 4_000, 6_000, 8_000]);
+    assert_eq!(desk.rules(), ["connected", "order-not-confirmed"]);
+
+    desk.pc.line_event(Pc::AIR, desk.now, LineEvent::Closed);
+    desk.run_for(2 * SECOND);
+    desk.pc.line_event(Pc::AIR, desk.now, LineEvent::Opened);
+    desk.run_for(Duration::ZERO);
+    desk.hears(&reported(Mode::Exploration));
+    assert!(desk.pc.is_done());
+    assert_eq!(desk.frame_times().len(), 6);
+}
+
 /// Each kind of condition, in one script.
 #[test]
 fn steps_wait_for_their_condition() {
