@@ -82,6 +82,8 @@ pub struct Line {
     pub(crate) silent_since: Option<u64>,
     traffic: Traffic,
     free_at: Instant,
+    /// When [`deliver`](Self::deliver) next has something to do.
+    due: Instant,
     chunks: VecDeque<Chunk>,
     in_flight: u64,
     resampler: Resampler,
@@ -90,6 +92,8 @@ pub struct Line {
 
 /// Most chunks on their way at once; a sender is asked for more only below it.
 const CHUNKS_MAX: usize = 64;
+/// Later than any run.
+const NEVER: Instant = Instant::from_nanos(u64::MAX);
 /// Largest piece.
 const PIECE_MAX: usize = 64;
 
@@ -105,6 +109,7 @@ impl Line {
             silent_since: None,
             traffic: Traffic::default(),
             free_at: Instant::ZERO,
+            due: NEVER,
             chunks: VecDeque::new(),
             in_flight: 0,
             resampler: Resampler::default(),
@@ -137,25 +142,33 @@ impl Line {
         sent - lost + added + t.resampled == delivered + errors + in_flight
     }
 
-    /// When the line next has something to deliver or to take.
-    pub fn poll_at(&self) -> Option<Instant> {
-        let idle = self.resampler.idle_at();
-        self.chunks
-            .front()
-            .map(|chunk| chunk.arrives)
+    /// When the line next has something to deliver, or can take more from a sender that had more
+    /// the last time.
+    pub fn poll_at(&self, now: Instant) -> Option<Instant> {
+        let asks_again = self.silent_since.is_none() && self.free_at > now;
+        let due = asks_again
+            .then_some(self.free_at)
+            .map_or(self.due, |at| at.min(self.due));
+        (due < NEVER).then_some(due)
+    }
+
+    /// Whether something has arrived by `now`.
+    pub(crate) fn is_due(&self, now: Instant) -> bool {
+        self.due <= now
+    }
+
+    fn note_due(&mut self) {
+        let front = self.chunks.front().map(|chunk| chunk.arrives);
+        self.due = front
             .into_iter()
-            .chain(idle)
+            .chain(self.resampler.idle_at())
             .min()
+            .unwrap_or(NEVER);
     }
 
     /// Whether the line can take bytes from its sender at `now`.
     pub fn has_room(&self, now: Instant) -> bool {
         self.free_at <= now && self.chunks.len() < CHUNKS_MAX
-    }
-
-    /// When the line has sent what it holds: the sender may then be asked again.
-    pub const fn free_at(&self) -> Instant {
-        self.free_at
     }
 
     /// Takes what the sender has ready, `transmit(buf) -> len`, and puts it on the wire. Returns
@@ -208,10 +221,14 @@ impl Line {
             bytes,
             framing_errors,
         });
+        self.note_due();
     }
 
     /// Hands over what has arrived by `now`, one chunk a call.
     pub fn deliver(&mut self, now: Instant) -> Option<Delivery> {
+        if self.due > now {
+            return None;
+        }
         if self.resampler.idle_at().is_some_and(|at| at <= now) {
             let mut bytes = self.spare.pop().unwrap_or_default();
             bytes.clear();
@@ -223,6 +240,7 @@ impl Line {
             return None;
         }
         let chunk = self.chunks.pop_front()?;
+        self.note_due();
         self.in_flight -= chunk.bytes.len() as u64 + u64::from(chunk.framing_errors);
         self.traffic.delivered += chunk.bytes.len() as u64;
         self.traffic.framing_errors += u64::from(chunk.framing_errors);

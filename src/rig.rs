@@ -132,6 +132,18 @@ impl Node {
         }
     }
 
+    /// Whether the node wants to be polled by `now`.
+    fn is_due(&self, now: Instant) -> bool {
+        self.stirred || self.poll_at.is_some_and(|at| at <= now)
+    }
+
+    /// Room in a device's transmitter may be what it was waiting for.
+    fn after_transmit(&mut self, now: Instant) {
+        if let Body::Device(device) = &self.body {
+            self.poll_at = device.poll_at().map(|at| later_than(now, at));
+        }
+    }
+
     /// Polls the node if it is due or was stirred; whether it was polled.
     fn poll(&mut self, now: Instant, world: &mut World, cpu: CpuModel) -> bool {
         let due = self.poll_at.is_some_and(|at| at <= now);
@@ -159,7 +171,7 @@ impl Node {
                     };
                 }
             }
-            Body::Outside(_) if self.stirred => {}
+            _ if self.stirred => {}
             _ => return false,
         }
         self.stirred = false;
@@ -442,13 +454,9 @@ impl Rig {
         }
         let nodes = self.nodes.iter().filter_map(|node| node.poll_at);
         let lines = self.links.iter().flat_map(|link| &link.lines);
-        let lines = lines.flat_map(|line| {
-            [
-                line.poll_at(),
-                Some(line.free_at()).filter(|&free_at| free_at > self.now),
-            ]
-        });
-        nodes.chain(lines.flatten()).min()
+        nodes
+            .chain(lines.filter_map(|line| line.poll_at(self.now)))
+            .min()
     }
 
     /// Gives bytes to an outside end, as if its owner had written them now.
@@ -528,25 +536,26 @@ impl Rig {
     /// Does all that is due now, until nothing changes any more.
     fn settle(&mut self) {
         self.world.advance(self.now);
-        // Each round needs a byte that takes no time or a node that was stirred; lines take time,
-        // so a few rounds always suffice, and the bound only guards against a broken device.
+        // A further round needs a byte that takes no time, or a node that another one stirred; the
+        // bound only guards against a broken device.
         for _ in 0..ROUNDS_MAX {
-            let delivered = self.deliver();
-            let polled = self.poll();
-            let taken = self.take();
-            if !(delivered || polled || taken) {
+            self.deliver();
+            self.poll();
+            self.take();
+            let mut lines = self.links.iter().flat_map(|link| &link.lines);
+            if !self.nodes.iter().any(|node| node.is_due(self.now))
+                && !lines.any(|line| line.is_due(self.now))
+            {
                 return;
             }
         }
     }
 
-    fn deliver(&mut self) -> bool {
-        let mut any = false;
+    fn deliver(&mut self) {
         for (index, link) in self.links.iter_mut().enumerate() {
             for direction in [Direction::ToMaster, Direction::ToDevice] {
                 let line = &mut link.lines[direction as usize];
                 while let Some(delivery) = line.deliver(self.now) {
-                    any = true;
                     let node = &mut self.nodes[line.to.node];
                     if let Some(event) = delivery.event {
                         node.line_event(line.to.port, delivery.at, event);
@@ -564,17 +573,14 @@ impl Rig {
                 }
             }
         }
-        any
     }
 
-    fn poll(&mut self) -> bool {
-        let mut any = false;
+    fn poll(&mut self) {
         for index in 0..self.nodes.len() {
             let node = &mut self.nodes[index];
             if !node.poll(self.now, &mut self.world, self.cpu) {
                 continue;
             }
-            any = true;
             if let Body::Device(device) = &mut node.body {
                 let events = device.take_events();
                 if !events.is_empty() {
@@ -583,11 +589,9 @@ impl Rig {
                 }
             }
         }
-        any
     }
 
-    fn take(&mut self) -> bool {
-        let mut any = false;
+    fn take(&mut self) {
         for (index, link) in self.links.iter_mut().enumerate() {
             for direction in [Direction::ToMaster, Direction::ToDevice] {
                 let line = &mut link.lines[direction as usize];
@@ -597,7 +601,6 @@ impl Rig {
                 }
                 if let Some(event) = self.nodes[line.from.node].line_change(line.from.port) {
                     self.nodes[line.to.node].line_event(line.to.port, self.now, event);
-                    any = true;
                 }
                 if !line.has_room(self.now) {
                     continue;
@@ -609,7 +612,7 @@ impl Rig {
                 let taken = line.take(self.now, sender, receiver, |buf| node.transmit(port, buf));
                 line.silent_since = taken.is_none().then_some(epoch);
                 if let Some((ends, sent)) = taken {
-                    any = true;
+                    node.after_transmit(self.now);
                     self.trace.record(index, direction, Side::Sent, ends, &sent);
                     for tap in &mut self.taps {
                         tap.record(index, direction, Side::Sent, ends, &sent);
@@ -617,7 +620,6 @@ impl Rig {
                 }
             }
         }
-        any
     }
 }
 
