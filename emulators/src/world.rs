@@ -144,12 +144,12 @@ impl World {
 
     /// Sets what the motor driver does to one wheel from now on.
     pub fn set_drive(&mut self, wheel: Wheel, drive: Drive) {
-        self.chassis.motors[wheel as usize].drive = drive;
+        self.chassis.set_drive(wheel, drive);
     }
 
     /// What the motor driver does to one wheel.
     pub fn drive(&self, wheel: Wheel) -> Drive {
-        self.chassis.motors[wheel as usize].drive
+        self.chassis.drive(wheel)
     }
 
     /// Encoder counts of one wheel since the start of the run; forward counts up.

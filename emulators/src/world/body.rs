@@ -201,7 +201,10 @@ impl core::error::Error for BodyError {}
 /// One wheel with its motor.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Motor {
-    pub(super) drive: Drive,
+    drive: Drive,
+    /// Speed that the drive leads to, and the part of the way there made in one step.
+    target: f64,
+    approach: f64,
     /// Of the rim, m/s; holds for the current step.
     pub(super) speed: f64,
     /// Of the rim at the beginning of the current step, metres.
@@ -214,47 +217,19 @@ pub(super) struct Motor {
 }
 
 impl Motor {
-    fn step(&mut self, config: &BodyConfig, approach: &Approach) {
+    fn step(&mut self) {
         self.travel += self.speed * STEP_S;
-        let target = config.steady_speed_m_s(self.drive);
-        let part = match self.drive {
-            Drive::Power(_) => approach.driven,
-            Drive::Brake => approach.braked,
-            Drive::Coast => approach.coasting,
-        };
-        self.speed += (target - self.speed) * part;
-        if target == 0.0 && self.speed.abs() < STICTION_M_S {
+        self.speed += (self.target - self.speed) * self.approach;
+        if self.target == 0.0 && self.speed.abs() < STICTION_M_S {
             self.speed = 0.0;
         }
     }
 
     fn floor_speed(&self) -> f64 {
-        self.speed * self.grip + self.noise_now * self.speed.abs().sqrt()
-    }
-}
-
-/// Part of the way to its final speed that a wheel makes in one step.
-#[derive(Clone, Debug, PartialEq)]
-struct Approach {
-    driven: f64,
-    braked: f64,
-    coasting: f64,
-}
-
-impl Approach {
-    fn new(config: &BodyConfig) -> Self {
-        let part = |lag_s: f64| {
-            if lag_s > 0.0 {
-                1.0 - libm::exp(-STEP_S / lag_s)
-            } else {
-                1.0
-            }
-        };
-        Self {
-            driven: part(config.lag_s),
-            braked: part(config.brake_lag_s),
-            coasting: part(config.coast_lag_s),
+        if self.speed == 0.0 {
+            return 0.0;
         }
+        self.speed * self.grip + self.noise_now * self.speed.abs().sqrt()
     }
 }
 
@@ -263,7 +238,6 @@ impl Approach {
 pub(super) struct Chassis {
     pub(super) config: BodyConfig,
     pub(super) motors: [Motor; 2],
-    approach: Approach,
     heading_noise: Rng,
     heading_noise_now: f64,
 }
@@ -272,6 +246,8 @@ impl Chassis {
     pub(super) fn new(config: BodyConfig, seed: u64) -> Self {
         let motor = |side: usize, name: &str| Motor {
             drive: Drive::Brake,
+            target: 0.0,
+            approach: part_per_step(config.brake_lag_s),
             speed: 0.0,
             travel: 0.0,
             grip: (1.0 - config.slip[side])
@@ -283,11 +259,28 @@ impl Chassis {
         };
         Self {
             motors: [motor(0, "left"), motor(1, "right")],
-            approach: Approach::new(&config),
             heading_noise: Rng::stream(seed, "world.heading"),
             heading_noise_now: 0.0,
             config,
         }
+    }
+
+    pub(super) fn set_drive(&mut self, wheel: Wheel, drive: Drive) {
+        let motor = &mut self.motors[wheel as usize];
+        if motor.drive == drive {
+            return;
+        }
+        motor.drive = drive;
+        motor.target = self.config.steady_speed_m_s(drive);
+        motor.approach = part_per_step(match drive {
+            Drive::Power(_) => self.config.lag_s,
+            Drive::Brake => self.config.brake_lag_s,
+            Drive::Coast => self.config.coast_lag_s,
+        });
+    }
+
+    pub(super) fn drive(&self, wheel: Wheel) -> Drive {
+        self.motors[wheel as usize].drive
     }
 
     /// Begins step `number`; returns speed and turn rate over the floor that hold for it.
@@ -296,7 +289,7 @@ impl Chassis {
             self.draw_noise();
         }
         for motor in &mut self.motors {
-            motor.step(&self.config, &self.approach);
+            motor.step();
         }
         let [left, right] = &self.motors;
         let (left_m_s, right_m_s) = (left.floor_speed(), right.floor_speed());
@@ -316,6 +309,15 @@ impl Chassis {
             motor.noise_now = self.config.slip_noise_m / root * motor.noise.gauss();
         }
         self.heading_noise_now = self.config.heading_noise_rad / root * self.heading_noise.gauss();
+    }
+}
+
+/// Part of the way to its final value that a first-order lag makes in one step.
+fn part_per_step(lag_s: f64) -> f64 {
+    if lag_s > 0.0 {
+        1.0 - libm::exp(-STEP_S / lag_s)
+    } else {
+        1.0
     }
 }
 
@@ -344,6 +346,9 @@ impl Motion {
     /// The pose `after` seconds: exact for constant speed and turn rate. The chord of an arc of
     /// angle 2h is shorter than the arc by sin(h) / h, whose series ends below rounding here.
     pub(super) fn pose(&self, after: f64) -> Pose {
+        if self.speed == 0.0 && self.turn == 0.0 && self.drift == Point::default() {
+            return self.start;
+        }
         let half = 0.5 * self.turn * after;
         let square = half * half;
         let chord = self.speed * after * (1.0 - square / 6.0 * (1.0 - square / 20.0));

@@ -98,14 +98,12 @@ impl Bumper {
         if self.free > 0.0 {
             return wanted;
         }
-        let start = wanted.start.point();
-        let clearance = self.clearance(scene, began, start);
-        self.free = clearance - used;
-        if self.free > 0.0 {
-            if clearance > LEFT_M {
-                self.touching.clear();
+        // A body that leans on something is near to it; no need to ask.
+        if self.touching.is_empty() {
+            self.free = self.clearance(scene, began, wanted.start.point()) - used;
+            if self.free > 0.0 {
+                return wanted;
             }
-            return wanted;
         }
         self.free = 0.0;
         self.collide(scene, began, wanted, used)

@@ -1,6 +1,7 @@
 //! Everything solid that the robot did not bring along: walls, furniture, people.
 
-use core::fmt;
+mod error;
+
 use std::sync::Arc;
 
 use protocols::Instant;
@@ -8,6 +9,7 @@ use protocols::Instant;
 use super::geometry::{Bounds, Circle, Crossing, Point, Primitive, Ray, Segment};
 use super::grid::Grid;
 use super::path::{Path, Repeat};
+pub use error::{Cause, Part, SceneError};
 
 /// Coordinates beyond this are taken for a mistake (a floor plan in millimetres, say).
 const COORDINATE_MAX_M: f64 = 1_000.0;
@@ -428,143 +430,6 @@ fn check_obstacle(obstacle: &Obstacle, limits: Bounds) -> Result<MovingBody, Cau
         reach: reach + 1e-6,
     })
 }
-
-/// Why a scene was refused, and because of which part.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SceneError {
-    /// The part at fault.
-    pub part: Part,
-    /// What is wrong with it.
-    pub cause: Cause,
-}
-
-/// A part of a scene, counted from 0 in the order given.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
-    /// One of the fixtures.
-    Fixture(usize),
-    /// One of the obstacles.
-    Obstacle(usize),
-}
-
-/// What is wrong with a part of a scene.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub enum Cause {
-    /// A coordinate or radius is NaN or infinite.
-    NotFinite,
-    /// A wall, or one side of a polygon, of no length.
-    TooShort {
-        /// Its length.
-        length_m: f64,
-    },
-    /// A polygon with less than three corners.
-    TooFewCorners {
-        /// How many it has.
-        found: usize,
-    },
-    /// A circle of no or negative radius.
-    Radius {
-        /// Its radius, metres.
-        found: f64,
-    },
-    /// Reflectivity outside 0..=100.
-    Reflectivity {
-        /// As given.
-        found: f64,
-    },
-    /// The part reaches beyond the scene.
-    OutOfBounds {
-        /// Where the part reaches.
-        found: Bounds,
-        /// Where the scene ends.
-        bounds: Bounds,
-    },
-    /// More walls and circles than a scene may have.
-    TooMany {
-        /// How many it may have.
-        limit: usize,
-    },
-    /// A path without way-points.
-    NoWaypoints,
-    /// A way-point that is not later than the one before it.
-    TimesNotRising {
-        /// Which, counted from 0.
-        waypoint: usize,
-    },
-    /// A looping path whose last place is not its first.
-    OpenLoop,
-    /// An obstacle too fast for the contact test.
-    TooFast {
-        /// Its greatest speed, m/s.
-        found_m_s: f64,
-        /// The limit, m/s.
-        limit_m_s: f64,
-    },
-}
-
-impl fmt::Display for SceneError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.part {
-            Part::Fixture(index) => write!(f, "fixture {index}: ")?,
-            Part::Obstacle(index) => write!(f, "obstacle {index}: ")?,
-        }
-        self.cause.fmt(f)
-    }
-}
-
-impl fmt::Display for Cause {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NotFinite => write!(f, "a coordinate or radius is not a finite number"),
-            Self::TooShort { length_m } => {
-                write!(f, "a wall of {length_m} m; expected at least 0.000001 m")
-            }
-            Self::TooFewCorners { found } => {
-                write!(f, "a polygon of {found} corners; expected at least 3")
-            }
-            Self::Radius { found } => {
-                write!(f, "a radius of {found} m; expected at least 0.000001 m")
-            }
-            Self::Reflectivity { found } => {
-                write!(f, "a reflectivity of {found}; expected 0 to 100")
-            }
-            Self::OutOfBounds { found, bounds } => write!(
-                f,
-                "it reaches from ({}, {}) to ({}, {}) m; expected within ({}, {}) to ({}, {}) m",
-                found.min.x,
-                found.min.y,
-                found.max.x,
-                found.max.y,
-                bounds.min.x,
-                bounds.min.y,
-                bounds.max.x,
-                bounds.max.y,
-            ),
-            Self::TooMany { limit } => write!(f, "more than {limit} walls and circles"),
-            Self::NoWaypoints => write!(f, "a path without way-points; expected at least 1"),
-            Self::TimesNotRising { waypoint } => {
-                write!(
-                    f,
-                    "way-point {waypoint} is not later than the one before it"
-                )
-            }
-            Self::OpenLoop => write!(f, "a looping path must end where it begins"),
-            Self::TooFast {
-                found_m_s,
-                limit_m_s,
-            } => {
-                write!(
-                    f,
-                    "a speed of {found_m_s} m/s; expected at most {limit_m_s} m/s"
-                )
-            }
-        }
-    }
-}
-
-impl core::error::Error for SceneError {}
-impl core::error::Error for Cause {}
 
 #[cfg(test)]
 mod tests {
