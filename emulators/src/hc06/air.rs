@@ -4,9 +4,8 @@ use core::time::Duration;
 
 use protocols::Instant;
 
-use super::lane::Lane;
+use super::lane::{Lane, NEVER};
 use super::{Profile, Radio};
-use crate::device::earliest;
 use crate::rng::Rng;
 
 /// Both directions, and the time up to which they are known.
@@ -70,36 +69,33 @@ impl Air {
 
     /// Moves and delivers everything due by `now`.
     pub(super) fn advance(&mut self, now: Instant) {
-        while self.carrier == Radio::InReach {
-            let due = earliest([self.up.due(), self.down.due()]);
-            let moves_at = earliest([self.up.moves_at(), self.down.moves_at()]);
-            match (due, moves_at) {
-                (Some(due), moves_at) if due <= now && moves_at.is_none_or(|at| due <= at) => {
-                    let lane = match self.up.due() {
-                        Some(up) if up == due => &mut self.up,
-                        _ => &mut self.down,
-                    };
-                    lane.deliver();
-                }
-                (due, Some(moves_at)) if moves_at <= now => {
-                    self.shift(moves_at, due.map_or(now, |due| due.min(now)));
-                }
-                _ => break,
-            }
+        if now <= self.now {
+            return;
         }
-        self.now = self.now.max(now);
-    }
-
-    /// Moves the byte that is next at `at`, and its followers until `until` if the other direction
-    /// rests.
-    fn shift(&mut self, at: Instant, until: Instant) {
-        let (lane, other) = match self.up.moves_at() {
-            Some(up) if up == at => (&mut self.up, &self.down),
-            _ => (&mut self.down, &self.up),
-        };
-        let until = if other.is_moving() { at } else { until };
-        let step = step_beside(self.step, other);
-        lane.shift(self.now, until, step);
+        while self.carrier == Radio::InReach {
+            let [up, down] = [&self.up, &self.down].map(|lane| lane.due().min(lane.moves_at()));
+            if up.min(down) > now {
+                break;
+            }
+            let (lane, other) = if up <= down {
+                (&mut self.up, &self.down)
+            } else {
+                (&mut self.down, &self.up)
+            };
+            let (due, moves_at) = (lane.due(), lane.moves_at());
+            if due <= moves_at {
+                lane.deliver();
+                continue;
+            }
+            // The other direction, if loaded, gets its turn after each byte.
+            let until = if other.is_moving() {
+                moves_at
+            } else {
+                due.min(now)
+            };
+            lane.shift(self.now, until, step_beside(self.step, other));
+        }
+        self.now = now;
     }
 
     /// When something next happens by itself.
@@ -107,12 +103,16 @@ impl Air {
         if self.carrier == Radio::Lost {
             return None;
         }
-        earliest([&self.up, &self.down].map(|lane| {
+        let [up, down] = [&self.up, &self.down].map(|lane| {
             // A frame on its way is due before any that is yet to be made. A lane that is stopped
             // looks again a slot later, as nobody tells when its far end has taken bytes.
-            let stopped = (lane.queued() > 0 && lane.is_stopped()).then(|| self.now + self.slot);
-            lane.due().or(lane.moves_at()).or(stopped)
-        }))
+            match lane.due() {
+                NEVER if lane.is_waiting() => self.now + self.slot,
+                NEVER => lane.moves_at(),
+                due => due,
+            }
+        });
+        Some(up.min(down)).filter(|&at| at != NEVER)
     }
 }
 

@@ -18,6 +18,9 @@ use super::Profile;
 use crate::device::next_multiple;
 use crate::rng::Rng;
 
+/// Later than anything: this is asked for each byte, and comparing plain times is quick.
+pub(super) const NEVER: Instant = Instant::from_nanos(u64::MAX);
+
 /// Bytes that travel as one radio frame.
 #[derive(Clone, Debug)]
 struct Burst {
@@ -92,11 +95,6 @@ impl Lane {
         self.queue_len - self.queue.len()
     }
 
-    /// Bytes waiting to be moved.
-    pub(super) fn queued(&self) -> usize {
-        self.queue.len()
-    }
-
     /// Puts bytes into the queue, all at `at`, as far as there is room; how many. `step` is the
     /// time that moving a byte takes now.
     pub(super) fn push(&mut self, bytes: &[u8], at: Instant, step: Duration) -> usize {
@@ -135,20 +133,29 @@ impl Lane {
         !self.queue.is_empty() && !self.is_stopped()
     }
 
+    /// Whether bytes wait for the far end to take some.
+    pub(super) fn is_waiting(&self) -> bool {
+        !self.queue.is_empty() && self.is_stopped()
+    }
+
     /// Whether too much is under way for further bytes to be moved.
-    pub(super) fn is_stopped(&self) -> bool {
+    fn is_stopped(&self) -> bool {
         self.under_way + self.ready.len() >= self.window
     }
 
-    /// When the next byte will have been moved.
-    pub(super) fn moves_at(&self) -> Option<Instant> {
-        self.is_moving().then_some(self.moves_at)
+    /// When the next byte will have been moved, or [`NEVER`].
+    pub(super) fn moves_at(&self) -> Instant {
+        if self.is_moving() {
+            self.moves_at
+        } else {
+            NEVER
+        }
     }
 
-    /// When the next frame arrives.
-    pub(super) fn due(&self) -> Option<Instant> {
-        let next = self.air.front().or(self.open.as_ref())?;
-        Some(next.due)
+    /// When the next frame arrives, or [`NEVER`].
+    pub(super) fn due(&self) -> Instant {
+        let next = self.air.front().or(self.open.as_ref());
+        next.map_or(NEVER, |burst| burst.due)
     }
 
     /// Hands over the next frame.
