@@ -3,11 +3,11 @@
 //! The module takes commands only while nobody is connected over the air. The three firmware
 //! families differ in how a command ends and how replies are worded:
 //!
-//! | family | a command ends | commands | replies |
+//! | family | a command ends | words | replies |
 //! |---|---|---|---|
-//! | `linvor-1.8` | after about 1 s of silence | [`Command`] | [`Reply`]: `OKlinvorV1.8`, no line ends |
-//! | `hc01-2.0` | after about 1 s of silence | [`Command`] | [`Reply`]: `hc01.comV2.0`, no line ends |
-//! | `3.0-20170609` | at CR LF | [`LineCommand`] | [`LineReply`]: `+NAME:..` lines, then `OK` |
+//! | `linvor-1.8` | after about 1 s of silence | [`Command`] | [`Reply`], e.g. `OKlinvorV1.8` |
+//! | `hc01-2.0` | after about 1 s of silence | [`Command`] | [`Reply`], e.g. `hc01.comV2.0` |
+//! | `3.0-20170609` | at CR LF | [`LineCommand`] | [`LineReply`]: lines, then `OK` |
 //!
 //! Sources: module guides and forum measurements collected for the HC-06; `linvor` is what the
 //! rescue robot carried in 2014/15.

@@ -1,8 +1,8 @@
 //! One direction of the way through the module and over the air.
 //!
 //! ```text
-//! push -> queue --one byte per step--> open burst -> bursts on the air --at their slot--> ready -> take
-//!         bounded                      one frame     in order, one a slot
+//! push -> queue --a byte per step--> open burst -> on the air --at its slot--> ready -> take
+//!         bounded                    one frame     in order, one frame a slot
 //! ```
 //!
 //! The module's processor is the bottleneck: it moves a byte every 48.8 us. Frames arrive on the
