@@ -147,6 +147,12 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
         self.travel.add(change);
     }
 
+    /// The robot may have moved by about so much without the odometry's knowing, for instance
+    /// because the base did not answer: the next search trusts its prediction that much less.
+    pub fn doubt(&mut self, unseen_mm: f32, unseen_rad: f32) {
+        self.travel.doubt(unseen_mm, unseen_rad);
+    }
+
     /// Finds the pose at which `scan` fits the map, and draws the scan from there, unless it
     /// contradicts the map. `wheel_speeds` (left, right; ticks per 40 ms) tell how fast the robot
     /// turns: a turning robot's scan is drawn more weakly.

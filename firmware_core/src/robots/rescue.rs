@@ -43,6 +43,13 @@ const SET_POINT_MAX: i8 = 35;
 /// How long a turn waits for the encoders' reading behind it.
 const WHEELS_WAIT: Duration = Duration::from_millis(30);
 
+/// Encoders older than this at a turn's end do not tell how the robot moved.
+const WHEELS_STALE: Duration = Duration::from_millis(60);
+
+/// How far the robot may roll and turn meanwhile, from one turn to the next: it drives 45 mm.
+const UNSEEN_MM: f32 = 50.0;
+const UNSEEN_RAD: f32 = 0.1;
+
 /// Where a turn is on its way to a decision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
@@ -287,9 +294,17 @@ impl Rescue {
             self.mapper.predict(change);
         }
         self.matched_at = Some(end);
-        let outcome = self
-            .mapper
-            .integrate(&self.scan, self.drive.speed().map(i16::from));
+        // Without the wheels' word for it, a moving robot would drag the map along with it.
+        let knows_motion = odometry
+            .updated_at()
+            .is_some_and(|at| at + WHEELS_STALE >= end);
+        let outcome = if knows_motion {
+            let speed = self.drive.speed().map(i16::from);
+            self.mapper.integrate(&self.scan, speed)
+        } else {
+            self.mapper.doubt(UNSEEN_MM, UNSEEN_RAD);
+            self.mapper.locate(&self.scan)
+        };
         self.counters.scans = self.counters.scans.saturating_add(1);
         self.work.scans += 1;
         self.work.tries = self.work.tries.saturating_add(outcome.tries);

@@ -21,6 +21,8 @@ pub(super) struct Prior {
 pub(super) struct Travel {
     distance_mm: f32,
     turned: f32,
+    unseen_mm: f32,
+    unseen_rad: f32,
 }
 
 impl Travel {
@@ -28,15 +30,24 @@ impl Travel {
         self.distance_mm += change.distance_mm();
         self.turned += change.turn.abs();
     }
+
+    /// Standard deviations of what the odometry did not see.
+    pub(super) fn doubt(&mut self, unseen_mm: f32, unseen_rad: f32) {
+        self.unseen_mm += unseen_mm;
+        self.unseen_rad += unseen_rad;
+    }
 }
 
 impl Prior {
     pub(super) fn new(predicted: Pose, travel: Travel, noise: &MotionNoise, cell_mm: f32) -> Self {
         let mm = noise.rest_cells * cell_mm
             + noise.per_mm * travel.distance_mm
-            + noise.mm_per_rad * travel.turned;
-        let rad =
-            noise.rest_rad + noise.per_rad * travel.turned + noise.rad_per_mm * travel.distance_mm;
+            + noise.mm_per_rad * travel.turned
+            + travel.unseen_mm;
+        let rad = noise.rest_rad
+            + noise.per_rad * travel.turned
+            + noise.rad_per_mm * travel.distance_mm
+            + travel.unseen_rad;
         Self {
             predicted,
             per_mm2: 1.0 / (mm * mm),

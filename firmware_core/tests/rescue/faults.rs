@@ -73,6 +73,25 @@ fn a_silent_base_is_noticed_and_its_return_as_well() {
     assert!(arrived, "{:?}", bench.body);
 }
 
+/// Unanswered, the robot rolls on until the base's watchdog stops it, 200 mm and more that no
+/// encoder reading tells of. The scans have to, and the map must not be dragged along meanwhile.
+#[test]
+fn the_way_without_encoders_is_seen_by_the_lidar() {
+    let mut bench = driving(11);
+    bench.run_for(2 * SECOND);
+    let [_, before, _] = bench.body;
+    (bench.base_hears, bench.base_is_heard) = (false, false);
+    bench.run_for(2 * SECOND);
+    (bench.base_hears, bench.base_is_heard) = (true, true);
+    bench.run_for(SECOND);
+    assert!(bench.body[1] - before > 200.0);
+    let (apart_mm, turned_deg) = bench.pose_error();
+    assert!(
+        apart_mm < 20.0 && turned_deg.abs() < 1.0,
+        "{apart_mm} mm, {turned_deg} degrees"
+    );
+}
+
 /// Only the answers are lost: the robot cannot know that it is heard, so what it says is "stop".
 #[test]
 fn a_base_that_hears_but_is_not_heard_is_stopped() {
@@ -133,11 +152,19 @@ fn a_restarted_base_goes_on_where_it_was() {
 fn a_base_that_was_away_is_read_afresh() {
     let mut bench = driving(8);
     bench.run_for(2 * SECOND);
+    bench.order(Mode::Stop, [0, 0]);
+    bench.run_for(SECOND);
     (bench.base_hears, bench.base_is_heard) = (false, false);
     bench.run_for(SECOND);
     bench.restart_base();
+    let answers = bench.counter("base answers");
     (bench.base_hears, bench.base_is_heard) = (true, true);
-    bench.run_for(SECOND);
+    let back = bench.run_until(SECOND, |bench| bench.counter("base answers") > answers + 2);
+    let (apart_mm, _) = bench.pose_error();
+    assert!(
+        back && apart_mm < 40.0,
+        "{apart_mm} mm, before a scan could mend it"
+    );
     assert_eq!(bench.counter("encoder readings disbelieved"), 0);
 }
 
