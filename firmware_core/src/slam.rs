@@ -300,7 +300,8 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
         }
     }
 
-    fn draw(&mut self, scan: &Scan, wheel_speeds: [i16; 2]) {
+    /// Draws `scan` from the believed pose.
+    pub fn draw(&mut self, scan: &Scan, wheel_speeds: [i16; 2]) {
         let weight = self.settings.turning_weight(wheel_speeds);
         let hole_cells = self.settings.hole_mm / self.settings.resolution_mm;
         match self.settings.mode {
@@ -342,4 +343,155 @@ const fn wrapped(value: i32) -> i32 {
     )]
     let register = value as i16;
     register as i32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use protocols::Instant;
+
+    fn scan_of(points: &[Point]) -> Scan {
+        Scan::from_points(points, Instant::ZERO, Instant::ZERO)
+    }
+
+    /// A square room of 2 m around the robot.
+    fn room() -> [Point; 360] {
+        core::array::from_fn(|degree| {
+            let degree = u16::try_from(degree).expect("small");
+            let (sin, cos) = crate::pose::sin_cos(f32::from(degree).to_radians());
+            let distance = 1000.0 / sin.abs().max(cos.abs());
+            Point::new(distance * cos, distance * sin)
+        })
+    }
+
+    fn mapper(settings: Settings) -> Mapper {
+        Mapper::new(Settings {
+            start: Pose::new(1500.0, 1500.0, 0.0),
+            ..settings
+        })
+    }
+
+    /// Budget S10: 128 KiB for the whole robot, some 14 KiB of it for everything else.
+    const _: () = assert!(size_of::<Mapper>() <= 105 * 1024);
+
+    /// Field firmware, checked on its code: at psi 90 a beam 1000 mm ahead from (3000, 3000) with
+    /// cells of 20 mm clears column 150, row 180: columns are x, and psi 90 looks to +y.
+    #[test]
+    fn the_map_is_not_mirrored() {
+        let start = Pose::from_wire(crate::pose::WirePose {
+            x_mm: 3000,
+            y_mm: 3000,
+            psi_deg: 90,
+        });
+        let settings = Settings {
+            resolution_mm: 20.0,
+            start,
+            ..Settings::document()
+        };
+        let mut mapper: Mapper = Mapper::new(settings);
+        mapper.integrate(&scan_of(&[Point::new(1000.0, 0.0)]), [0, 0]);
+        let grid = mapper.grid();
+        assert!(grid.get(150, 180) < Some(127) && grid.get(150, 200) > Some(127));
+        assert_eq!(grid.get(180, 150), Some(127));
+    }
+
+    /// Seed figure S5 and SL-05: weight 10 less the difference of the wheels, at least 3; the
+    /// fielded code went down to 1, which draws nothing.
+    #[test]
+    fn turning_weakens_the_update_down_to_three() {
+        let sound = Settings::document();
+        let weights = |settings: &Settings| {
+            [[20, 20], [20, 17], [20, 13], [-20, 20]].map(|wheels| settings.turning_weight(wheels))
+        };
+        assert_eq!(weights(&sound), [10, 7, 3, 3]);
+        let with = |defects| weights(&Settings { defects, ..sound });
+        let none = Defects::default();
+        assert_eq!(
+            with(Defects {
+                weight_down_to_one: true,
+                ..none
+            }),
+            [10, 7, 3, 1]
+        );
+        assert_eq!(
+            with(Defects {
+                constant_weight: true,
+                ..none
+            }),
+            [10; 4]
+        );
+    }
+
+    /// F-02: a robot that spins in an unknown room must still draw it.
+    #[test]
+    fn a_spinning_robot_draws_new_cells_unless_it_has_the_fielded_faults() {
+        let walls = |defects| {
+            let mut mapper = mapper(Settings {
+                defects,
+                ..Settings::document()
+            });
+            for _ in 0..100 {
+                mapper.integrate(&scan_of(&room()), [-20, 20]);
+            }
+            mapper
+                .grid()
+                .rows()
+                .as_flattened()
+                .iter()
+                .filter(|cell| **cell > 150)
+                .count()
+        };
+        assert!(walls(Defects::default()) > 300);
+        assert_eq!(walls(Defects::FIELDED), 0);
+    }
+
+    /// SL-11: 230000, which the document calls a full match, reads as -32144 in 16 bits.
+    #[test]
+    fn the_score_does_not_wrap() {
+        assert_eq!(wrapped(230_000), -32_144);
+        assert_eq!(score(36 * 255, 36), 261_120);
+        assert_eq!(score(0, 0), -1);
+    }
+
+    #[test]
+    fn a_scan_without_points_changes_nothing() {
+        for settings in [Settings::document(), Settings::default()] {
+            let mut mapper = mapper(settings);
+            mapper.integrate(&scan_of(&room()), [0, 0]);
+            let before = (mapper.pose(), *mapper.grid().rows());
+            let outcome = mapper.integrate(&Scan::EMPTY, [0, 0]);
+            assert_eq!((outcome.score, outcome.pose), (-1, before.0));
+            assert!(*mapper.grid().rows() == before.1);
+        }
+    }
+
+    /// Not-a-number, infinities, points at the robot and far off the map: skipped, never a panic,
+    /// and the pose stays a number.
+    #[test]
+    fn absurd_points_do_no_harm() {
+        let odd = [f32::NAN, f32::INFINITY, -1e30, 1e9, 0.0, 0.01, 40_000.0];
+        let mut points = [Point::default(); 49];
+        for (index, point) in points.iter_mut().enumerate() {
+            *point = Point::new(odd[index / 7], odd[index % 7]);
+        }
+        for settings in [Settings::document(), Settings::default()] {
+            let mut mapper = mapper(settings);
+            mapper.integrate(&scan_of(&room()), [0, 0]);
+            for _ in 0..5 {
+                let outcome = mapper.integrate(&scan_of(&points), [i16::MIN, i16::MAX]);
+                assert!(outcome.pose.x_mm.is_finite() && outcome.pose.heading.is_finite());
+            }
+        }
+    }
+
+    /// A robot at rest in front of walls that it knows stays where it is, to a fifth of a cell.
+    #[test]
+    fn a_robot_at_rest_stays() {
+        let mut mapper = mapper(Settings::default());
+        for _ in 0..50 {
+            mapper.integrate(&scan_of(&room()), [0, 0]);
+        }
+        let off = Pose::new(1500.0, 1500.0, 0.0).change_to(mapper.pose());
+        assert!(off.distance_mm() < 2.0 && off.turn.abs() < 0.002, "{off:?}");
+    }
 }

@@ -148,3 +148,74 @@ impl<const W: usize, const H: usize> Placed<W, H> {
         lanes
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::slam::matching::tally;
+    use crate::slam::prior::Travel;
+    use crate::slam::settings::MotionNoise;
+    use proptest::prelude::*;
+
+    const CELL_MM: f32 = 10.0;
+
+    /// Pose after pose, each scored by itself.
+    fn naive(
+        grid: &Grid<60, 50>,
+        points: &[[i16; 2]],
+        centre: Pose,
+        window: &Window,
+        prior: &Prior,
+    ) -> (i32, [i32; 3]) {
+        let mut best = (i32::MIN, [0; 3]);
+        let scale = 16.0 * points.len() as f32;
+        for turn in -window.turns..=window.turns {
+            let heading = normalised(centre.heading + turn as f32 * window.turn_step);
+            for row in -window.rows..=window.rows {
+                for column in -16..16 {
+                    let pose = Pose {
+                        x_mm: centre.x_mm + column as f32 * CELL_MM,
+                        y_mm: centre.y_mm + row as f32 * CELL_MM,
+                        heading,
+                    };
+                    let mut placement = Placement::new(Pose { heading, ..centre }, CELL_MM);
+                    placement.x += column << 18;
+                    placement.y += row << 18;
+                    let sum = tally(grid.rows(), points, &placement).sum;
+                    let cost = prior.deviation_heading(heading) * prior.cost * scale
+                        + prior.deviation_y(pose.y_mm) * prior.cost * scale
+                        + prior.deviation_x(pose.x_mm) * prior.cost * scale;
+                    let cost = whole(cost.min(prior.cost_max * scale));
+                    let rating = 16 * i32::try_from(sum).unwrap() - cost;
+                    if rating > best.0 {
+                        best = (rating, [column, row, turn]);
+                    }
+                }
+            }
+        }
+        best
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        /// In the middle of the map and at its edges, with points inside and outside.
+        #[test]
+        fn the_search_finds_what_trying_every_pose_finds(
+            values in proptest::collection::vec(0_u8.., 3000),
+            points in proptest::collection::vec([-500_i16..500, -500_i16..500], 1..40),
+            x in -50.0_f32..650.0, y in -50.0_f32..550.0, heading in -3.0_f32..3.0,
+            rows in 0_i32..6, turns in 0_i32..4, driven in 0.0_f32..200.0,
+        ) {
+            let mut grid = Grid::<60, 50>::new(CELL_MM);
+            grid.rows_mut().as_flattened_mut().copy_from_slice(&values);
+            let centre = Pose::new(x, y, heading);
+            let mut travel = Travel::default();
+            travel.add(crate::pose::PoseChange { forward_mm: driven, left_mm: 0.0, turn: 0.1 });
+            let prior = Prior::new(centre, travel, &MotionNoise::WHEELS, CELL_MM);
+            let window = Window { rows, turns, turn_step: 0.01 };
+            let found = search(&grid, &points, centre, &window, &prior, &mut Effort::default());
+            let (rating, steps) = naive(&grid, &points, centre, &window, &prior);
+            prop_assert_eq!((found.rating, found.steps), (rating, steps));
+        }
+    }
+}

@@ -69,3 +69,44 @@ impl Evidence {
         (self.hits + self.misses) * 2 >= self.of
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A wall at cell 20 of a row that was seen free up to it; everything else unknown.
+    fn wall() -> Grid<40, 3> {
+        let mut grid = Grid::new(10.0);
+        (0..20).for_each(|x| grid.set(x, 1, 0));
+        grid.set(20, 1, 255);
+        grid
+    }
+
+    /// The robot looks along the row from cell 2: distances in cells.
+    fn agreement(distances: &[i16]) -> f32 {
+        let mut points = [[0; 2]; 8];
+        for (point, distance) in points.iter_mut().zip(distances) {
+            *point = [distance * 16, 0];
+        }
+        let pose = Pose::new(25.0, 15.0, 0.0);
+        Evidence::of(&wall(), &points[..distances.len()], pose).agreement()
+    }
+
+    #[test]
+    fn points_on_walls_agree_and_points_in_the_open_do_not() {
+        assert!((agreement(&[18, 18, 18, 10]) - 0.75).abs() < 1e-6);
+    }
+
+    #[test]
+    fn points_behind_walls_contradict() {
+        assert!(agreement(&[24, 24, 24, 24]) < 0.01);
+    }
+
+    #[test]
+    fn points_in_unknown_places_say_nothing() {
+        let mut up = [[0, 16 * 5]; 4];
+        up[0] = [16 * 18, 0];
+        let evidence = Evidence::of(&wall(), &up, Pose::new(25.0, 15.0, 0.0));
+        assert!((evidence.agreement() - 1.0).abs() < 1e-6 && !evidence.is_broad());
+    }
+}

@@ -164,3 +164,109 @@ fn mean_reach_cells(points: &[[i16; 2]]) -> f32 {
     let reach = |[x, y]: &[i16; 2]| libm::hypotf(f32::from(*x), f32::from(*y)) / 16.0;
     points.iter().map(reach).sum::<f32>() / points.len().max(1) as f32
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pose::Point;
+    use crate::slam::matching::EndPoints;
+    use crate::slam::prior::Travel;
+    use crate::slam::settings::MotionNoise;
+    use crate::slam::trace::{Beam, Strokes, trace};
+
+    const CELL_MM: f32 = 10.0;
+    const HERE: Pose = Pose {
+        x_mm: 503.0,
+        y_mm: 496.0,
+        heading: 0.2,
+    };
+
+    /// Where a beam from `HERE` ends: at walls y = 202 mm and y = 797 mm, and at x = 204 mm and
+    /// x = 801 mm; a corridor has only the first two, and what is beyond 480 mm is out of sight.
+    fn end(bearing: f32, in_corridor: bool) -> Option<Point> {
+        let (sin, cos) = crate::pose::sin_cos(bearing + HERE.heading);
+        let to_y = (if sin > 0.0 { 797.0 } else { 202.0 } - HERE.y_mm) / sin;
+        let to_x = (if cos > 0.0 { 801.0 } else { 204.0 } - HERE.x_mm) / cos;
+        let (sin, cos) = crate::pose::sin_cos(bearing);
+        let distance = if in_corridor { to_y } else { to_x.min(to_y) };
+        let point = Point::new(distance * cos, distance * sin);
+        (!in_corridor || distance < 480.0).then_some(point)
+    }
+
+    /// A map drawn with sixteen beams to the degree, and a scan of 180 points without noise.
+    fn seen(in_corridor: bool) -> (Grid<100, 100>, EndPoints) {
+        let mut grid = Grid::new(CELL_MM);
+        let strokes = Strokes {
+            wall: 40,
+            free: 20,
+            first: 256,
+        };
+        let bearing = |index: u16, step: f32| f32::from(index) * step.to_radians();
+        for point in (0..5760).filter_map(|index| end(bearing(index, 1.0 / 16.0), in_corridor)) {
+            let hit = HERE.to_world(point);
+            let beam = Beam {
+                from: (HERE.x_mm / CELL_MM, HERE.y_mm / CELL_MM),
+                hit: (hit.x_mm / CELL_MM, hit.y_mm / CELL_MM),
+                half_hole: 6.0,
+            };
+            trace(grid.rows_mut(), &beam, strokes);
+        }
+        let mut points = EndPoints::EMPTY;
+        let scan = (0..180).filter_map(|index| end(bearing(index, 2.0), in_corridor));
+        // The scan reaches less far than the map, which so has no ends either.
+        points.set(
+            scan.filter(|point| point.distance_mm(Point::default()) < 380.0),
+            CELL_MM,
+        );
+        (grid, points)
+    }
+
+    fn refined(in_corridor: bool, start: Pose) -> Pose {
+        let (grid, points) = seen(in_corridor);
+        let mut travel = Travel::default();
+        travel.add(start.change_to(HERE));
+        let noise = MotionNoise {
+            rest_cells: 1.0,
+            rest_rad: 0.05,
+            ..MotionNoise::WHEELS
+        };
+        let prior = Prior::new(start, travel, &noise, CELL_MM);
+        refine(&grid, points.all(), start, &prior, &mut Effort::default())
+    }
+
+    /// A cell off in both directions and half a degree turned: found to a fraction of a cell.
+    #[test]
+    fn a_room_fixes_the_pose_between_the_cells() {
+        let start = Pose::new(HERE.x_mm + 9.0, HERE.y_mm - 8.0, HERE.heading + 0.01);
+        let off = HERE.change_to(refined(false, start));
+        assert!(off.distance_mm() < 2.5 && off.turn.abs() < 0.004, "{off:?}");
+    }
+
+    /// Two parallel walls tell nothing along them: there the odometry stands.
+    #[test]
+    fn a_corridor_fixes_the_pose_across_it_only() {
+        let start = Pose::new(HERE.x_mm + 9.0, HERE.y_mm - 8.0, HERE.heading);
+        let end = refined(true, start);
+        assert!((end.y_mm - HERE.y_mm).abs() < 2.5, "{end:?}");
+        assert!((end.x_mm - start.x_mm).abs() < 1.0, "{end:?}");
+    }
+
+    /// x + 2y = 5, 2x + 8y + z = 21, y + 3z = 11 has the solution 1, 2, 3.
+    #[test]
+    fn the_equations_are_solved_and_saddles_refused() {
+        let solution = solve([1.0, 8.0, 3.0], [2.0, 0.0, 1.0], [5.0, 21.0, 11.0]).unwrap();
+        for (part, expected) in solution.iter().zip([1.0, 2.0, 3.0]) {
+            assert!((part - expected).abs() < 1e-4, "{solution:?}");
+        }
+        assert_eq!(solve([1.0, 1.0, 1.0], [2.0, 0.0, 0.0], [1.0; 3]), None);
+    }
+
+    #[test]
+    fn the_splines_weights_are_whole_and_symmetric() {
+        for part in 0..64 {
+            let weights = spline(part << (CELL_BITS - FRACTION_BITS));
+            assert_eq!(weights.iter().sum::<u32>(), ONE);
+        }
+        assert_eq!(spline(32 << (CELL_BITS - FRACTION_BITS)), [8, 48, 8]);
+    }
+}

@@ -74,3 +74,35 @@ fn packed(cells: &[u8], starts: &[u32], offset: usize) -> Sums {
 fn lanes(cells: &[u8], start: u32, offset: usize) -> Option<&[u8; LANES]> {
     cells.get(start as usize + offset..)?.first_chunk()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Both forms of the kernel, and the target's choice, against one sum after the other.
+        #[test]
+        fn every_form_of_the_kernel_gives_the_naive_sums(
+            cells in proptest::collection::vec(0_u8.., 400..800),
+            starts in proptest::collection::vec(0_u32..800, 0..POINTS_MAX),
+            offset in 0_usize..200,
+        ) {
+            let naive: Sums = core::array::from_fn(|lane| {
+                let whole = starts.iter().map(|start| *start as usize + offset);
+                let whole = whole.filter(|start| start + LANES <= cells.len());
+                whole.map(|start| u16::from(cells[start + lane])).sum()
+            });
+            prop_assert_eq!(spread(&cells, &starts, offset), naive);
+            prop_assert_eq!(packed(&cells, &starts, offset), naive);
+            prop_assert_eq!(sums(&cells, &starts, offset), naive);
+        }
+    }
+
+    #[test]
+    fn the_most_points_of_the_highest_value_do_not_overflow() {
+        let starts = [0; POINTS_MAX];
+        assert_eq!(sums(&[255; LANES], &starts, 0), [u16::MAX; LANES]);
+        assert_eq!(packed(&[255; LANES], &starts, 0), [u16::MAX; LANES]);
+    }
+}

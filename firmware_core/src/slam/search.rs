@@ -148,3 +148,141 @@ const fn halved(spread: u32, reaches_zero: bool) -> u32 {
 fn offset(random: &mut Pcg32, spread: u32) -> f32 {
     (i64::from(random.below(2 * spread)) - i64::from(spread)) as f32
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pose::Point;
+    use crate::slam::matching::EndPoints;
+    use proptest::prelude::*;
+
+    /// A pillar of one cell in the middle of free space: only the very pose scores.
+    fn pillar() -> Grid<300, 300> {
+        let mut grid = Grid::new(10.0);
+        grid.rows_mut().as_flattened_mut().fill(0);
+        grid.set(200, 150, 255);
+        grid
+    }
+
+    fn points(at: &[Point]) -> EndPoints {
+        let mut points = EndPoints::EMPTY;
+        points.set(at.iter().copied(), 10.0);
+        points
+    }
+
+    const CENTRE: Pose = Pose {
+        x_mm: 1505.0,
+        y_mm: 1505.0,
+        heading: 0.0,
+    };
+
+    /// How far candidates lie from the base for a spread, over many draws: the document's interval
+    /// is [-s, s - 1].
+    fn reach(spread: u32) -> (f32, f32) {
+        let mut random = Pcg32::new(3);
+        (0..20_000)
+            .map(|_| offset(&mut random, spread))
+            .fold((0.0, 0.0), |(low, high), value| {
+                (f32::min(low, value), f32::max(high, value))
+            })
+    }
+
+    #[test]
+    fn candidates_fill_the_documents_interval() {
+        assert_eq!(reach(100), (-100.0, 99.0));
+        assert_eq!(reach(10), (-10.0, 9.0));
+        assert_eq!(reach(1), (-1.0, 0.0));
+    }
+
+    /// SL-01: seven halvings take 100 mm to 0, and the remainder by zero gives the random number
+    /// itself: candidates a million metres away. With the floor they stay at a millimetre.
+    #[test]
+    fn the_spread_never_reaches_zero() {
+        let after = |halvings, reaches_zero| {
+            (0..halvings).fold(100, |spread, _| halved(spread, reaches_zero))
+        };
+        assert_eq!(
+            (after(6, false), after(7, false), after(20, false)),
+            (1, 1, 1)
+        );
+        assert_eq!((after(6, true), after(7, true)), (1, 0));
+        let (low, high) = reach(0);
+        assert!(low == 0.0 && high > 2e9, "{low} {high}");
+    }
+
+    /// SL-02: four halvings take 10 degrees to 0, which turns the robot anywhere.
+    #[test]
+    fn the_headings_spread_never_reaches_zero() {
+        let spread = |reaches_zero| (0..4).fold(10, |spread, _| halved(spread, reaches_zero));
+        assert_eq!((spread(false), spread(true)), (1, 0));
+    }
+
+    /// SL-10: near the map's edge one point inside on a wall beats a full match of mean 200.
+    #[test]
+    fn one_good_point_inside_does_not_beat_many() {
+        let alone = Tally {
+            sum: 255,
+            inside: 1,
+        };
+        let full = Tally {
+            sum: 36 * 200,
+            inside: 36,
+        };
+        let sound = Defects::default();
+        let fielded = Defects {
+            outside_is_free: true,
+            ..sound
+        };
+        assert!(rank(full, sound) > rank(alone, sound));
+        assert_eq!(
+            (rank(alone, fielded), rank(full, fielded)),
+            (261_120, 204_800)
+        );
+    }
+
+    /// The map rises towards a wall 150 mm ahead. In the first third candidates reach 99 mm, and
+    /// around the old base no later one beats the best of those: the document's base moves with a
+    /// *new* best only. At 99 mm the point lies in column 195, 25 below the summit.
+    #[test]
+    fn the_best_pose_within_the_spread_is_found() {
+        let mut grid = pillar();
+        for x in 170..=215 {
+            for y in 130..170 {
+                grid.set(
+                    x,
+                    y,
+                    u8::try_from(255 - 5 * (200_usize).abs_diff(x)).unwrap(),
+                );
+            }
+        }
+        let scan = points(&[Point::new(350.0, 0.0)]);
+        let settings = Settings::document();
+        let mut random = Pcg32::new(1);
+        let found = run(&grid, &settings, scan.all(), CENTRE, 1000, &mut random);
+        assert_eq!((found.tally.sum, found.tries), (230, 1001));
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        /// Whatever the map, the answer is never worse than staying.
+        #[test]
+        fn the_search_never_returns_a_worse_pose(seed: u64, tries in 0_u32..300, cell: u8) {
+            let mut grid = pillar();
+            grid.rows_mut().as_flattened_mut()[40_000..50_000].fill(cell);
+            let scan = points(&[Point::new(500.0, 0.0), Point::new(-100.0, 80.0)]);
+            let here = tally(grid.rows(), scan.all(), &Placement::new(CENTRE, 10.0));
+            let mut random = Pcg32::new(seed);
+            let found = run(&grid, &Settings::document(), scan.all(), CENTRE, tries, &mut random);
+            prop_assert!(found.tally.sum >= here.sum);
+        }
+    }
+
+    #[test]
+    fn short_series_are_as_good_as_the_library() {
+        for step in -2000_i16..=2000 {
+            let angle = f32::from(step) / 1000.0;
+            let ((s0, c0), (s1, c1)) = (small_sin_cos(angle), sin_cos(angle));
+            assert!((s0 - s1).abs() < 1e-6 && (c0 - c1).abs() < 1e-6, "{angle}");
+        }
+    }
+}

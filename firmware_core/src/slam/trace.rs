@@ -231,3 +231,122 @@ fn blended(old: u8, value: u16, weight: u16) -> u8 {
     let [_, new] = ((256 - weight) * old + weight * value + up).to_le_bytes();
     new
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const BLACK: Strokes = Strokes {
+        wall: 256,
+        free: 256,
+        first: 256,
+    };
+
+    /// A beam along x from the middle of cell 2, wall a quarter into cell 10, half a hole of four
+    /// cells: 255 less 63.75 for each cell between a cell's middle and the wall.
+    #[test]
+    fn the_summit_lies_where_the_wall_is() {
+        let mut cells = [[7; 16]; 3];
+        let beam = Beam {
+            from: (2.5, 1.5),
+            hit: (10.25, 1.5),
+            half_hole: 4.0,
+        };
+        trace(&mut cells, &beam, BLACK);
+        assert_eq!(cells[1][..7], [7, 7, 0, 0, 0, 0, 15]);
+        assert_eq!(cells[1][7..], [79, 143, 207, 239, 175, 111, 47, 7, 7]);
+        assert_eq!([cells[0], cells[2]], [[7; 16]; 2]);
+    }
+
+    #[test]
+    fn a_cell_that_was_never_drawn_takes_the_first_stroke() {
+        let mut cells = [[UNKNOWN; 8]; 1];
+        cells[0][3] = 100;
+        let beam = Beam {
+            from: (0.5, 0.5),
+            hit: (7.5, 0.5),
+            half_hole: 1.0,
+        };
+        trace(
+            &mut cells,
+            &beam,
+            Strokes {
+                wall: 40,
+                free: 64,
+                first: 128,
+            },
+        );
+        assert_eq!(cells[0], [63, 63, 63, 75, 63, 63, 63, 191]);
+    }
+
+    #[test]
+    fn absurd_beams_draw_nothing() {
+        let nan = f32::NAN;
+        let far = [
+            (nan, 1.0),
+            (1.0, nan),
+            (f32::INFINITY, 1.0),
+            (3.0, 3.0),
+            (1e9, 1.0),
+        ];
+        for hit in far {
+            let mut cells = [[9; 8]; 8];
+            trace(
+                &mut cells,
+                &Beam {
+                    from: (3.0, 3.0),
+                    hit,
+                    half_hole: 6.0,
+                },
+                BLACK,
+            );
+            assert_eq!(cells, [[9; 8]; 8], "{hit:?}");
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2_000))]
+        /// Every cell against the plain rule in double precision: its middle along the long axis
+        /// lies on the beam, its row is the beam's there. Beams that pass a border of two rows
+        /// within a hundredth of a cell may choose either.
+        #[test]
+        fn beams_draw_the_cells_that_they_cross(
+            fx in -5.0_f32..45.0, fy in -5.0_f32..35.0, hx in -20.0_f32..60.0, hy in -20.0_f32..50.0,
+            half in 1.0_f32..8.0,
+        ) {
+            let beam = Beam { from: (fx, fy), hit: (hx, hy), half_hole: half };
+            let mut cells = [[9; 40]; 30];
+            trace(&mut cells, &beam, BLACK);
+            let [fx, fy, hx, hy, half] = [fx, fy, hx, hy, half].map(f64::from);
+            let (dx, dy) = (hx - fx, hy - fy);
+            let length = dx.hypot(dy);
+            prop_assume!(length > 0.2);
+            let flat = dx.abs() >= dy.abs();
+            let (long, from, hit) = if flat { (dx, fx, hx) } else { (dy, fy, hy) };
+            let half = (half * long.abs() / length).max(0.75);
+            for (y, row) in cells.iter().enumerate() {
+                for (x, cell) in row.iter().enumerate() {
+                    let (x, y) = (x as f64, y as f64);
+                    let middle = 0.5 + if flat { x } else { y };
+                    let along = (middle - from) / long;
+                    let across = if flat { fy + along * dy - y } else { fx + along * dx - x };
+                    let to_end = (middle - hit) * long.signum();
+                    let borders = [across, across - 1.0, along * 9.0, to_end - half];
+                    if borders.iter().any(|border| border.abs() < 0.01) {
+                        continue;
+                    }
+                    let edge = if flat { fy + along * dy } else { fx + along * dx };
+                    let size = if flat { 30.0 } else { 40.0 };
+                    if edge < 0.03 || edge > size - 0.03 {
+                        continue;
+                    }
+                    let crossed = (0.0..1.0).contains(&across) && along > 0.0 && to_end < half;
+                    let expected = if crossed { 255.0 * (1.0 - to_end.abs() / half) } else { 9.0 };
+                    prop_assert!((f64::from(*cell) - expected.max(0.0)).abs() <= 2.0,
+                        "{x} {y}: {cell} {expected}");
+                }
+            }
+        }
+    }
+}

@@ -8,5 +8,6 @@ mod measure;
 mod world;
 
 mod corridor;
+mod endurance;
 mod flat;
 mod lost;

@@ -1,8 +1,9 @@
 //! Figures of a run: pose errors, walls found.
 
-use crate::world::{Wall, World};
+use crate::world::{MOUNTING, Wall, World};
 use firmware_core::grid::Grid;
 use firmware_core::pose::{Pose, normalised};
+use firmware_core::scan::Scan;
 use firmware_core::slam::{Mapper, Outcome, Settings};
 
 /// Errors of the believed pose over a run.
@@ -35,11 +36,22 @@ impl Errors {
     }
 }
 
+/// How a run makes scans of turns.
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
+pub(crate) enum Sense {
+    /// As it should be.
+    #[default]
+    Deskewed,
+    /// The motion within the turn stays in.
+    Raw,
+}
+
 /// A mapper in a world, and the odometry pose that it has seen last.
 pub(crate) struct Run<const W: usize = 300, const H: usize = 300> {
     pub(crate) world: World,
     pub(crate) mapper: Box<Mapper<W, H>>,
     pub(crate) errors: Errors,
+    pub(crate) sense: Sense,
     seen: Pose,
 }
 
@@ -53,6 +65,7 @@ impl<const W: usize, const H: usize> Run<W, H> {
             world,
             mapper: Box::new(Mapper::new(settings)),
             errors: Errors::default(),
+            sense: Sense::default(),
             seen: Pose::default(),
         }
     }
@@ -85,7 +98,7 @@ impl<const W: usize, const H: usize> Run<W, H> {
     /// One turn of the lidar through the mapper.
     pub(crate) fn step(&mut self) -> Outcome {
         self.world.turn();
-        let scan = self.world.scan();
+        let scan = self.scan();
         let reckoned = self.world.odometry.pose_at(scan.end);
         self.mapper.predict(self.seen.change_to(reckoned));
         self.seen = reckoned;
@@ -95,6 +108,14 @@ impl<const W: usize, const H: usize> Run<W, H> {
             .search_time(core::time::Duration::from_micros(took));
         self.errors.add(self.world.truth(), outcome.pose);
         outcome
+    }
+
+    fn scan(&self) -> Scan {
+        let turn = self.world.assembler.turn();
+        match self.sense {
+            Sense::Deskewed => self.world.scan(),
+            Sense::Raw => Scan::raw(turn, &MOUNTING),
+        }
     }
 
     /// Stands for ten turns, then drives the tour.
@@ -186,37 +207,4 @@ fn distance([x0, y0, x1, y1]: Wall, x: f64, y: f64) -> f64 {
     let (ex, ey) = (x1 - x0, y1 - y0);
     let along = (((x - x0) * ex + (y - y0) * ey) / (ex * ex + ey * ey)).clamp(0.0, 1.0);
     libm::hypot(x - x0 - along * ex, y - y0 - along * ey)
-}
-
-/// The map as text, one character per `block` x `block` cells, top row first.
-pub(crate) fn picture<const W: usize, const H: usize>(
-    grid: &Grid<W, H>,
-    block: usize,
-    robot: Pose,
-) -> String {
-    let mut text = String::new();
-    let me = grid.cell_of(robot.position());
-    for by in (0..H / block).rev() {
-        for bx in 0..W / block {
-            let mut walls = 0;
-            let mut free = 0;
-            for y in by * block..(by + 1) * block {
-                for x in bx * block..(bx + 1) * block {
-                    walls += usize::from(is_wall(grid, x, y));
-                    free += usize::from(grid.get(x, y).unwrap_or(127) < 100);
-                }
-            }
-            let here = me.is_some_and(|(x, y)| x / block == bx && y / block == by);
-            text.push(match (here, walls > 0, free > block * block / 2) {
-                (true, ..) => '@',
-                (_, true, _) => '#',
-                (_, _, true) => '.',
-                _ => ' ',
-            });
-        }
-        let end = text.trim_end_matches(' ').len();
-        text.truncate(end);
-        text.push('\n');
-    }
-    text
 }

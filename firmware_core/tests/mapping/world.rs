@@ -137,12 +137,6 @@ impl Imperfection {
         slip: [0.01, 0.015],
         range_max_mm: 6000.0,
     };
-    pub(crate) const NONE: Self = Self {
-        range_noise: 0.0,
-        slip_noise: 0.0,
-        slip: [0.0, 0.0],
-        range_max_mm: 6000.0,
-    };
 }
 
 /// Truth and the robot's senses; a turn of the lidar is the step.
@@ -243,7 +237,7 @@ impl World {
         let lag = 1.0 - libm::exp(-step / 0.06);
         let mut travel = [0.0; 2];
         for (wheel, travel) in travel.iter_mut().enumerate() {
-            if beam % 72 == 0 {
+            if beam.is_multiple_of(72) {
                 let noise = self.imperfection.slip_noise * self.dice.gauss();
                 self.slip[wheel] = self.imperfection.slip[wheel] + noise;
             }
