@@ -38,6 +38,7 @@ pub struct Run {
     pairs: Vec<PosePair>,
     looks: u32,
     next_look: Instant,
+    is_over: bool,
 }
 
 /// How a run ended.
@@ -110,6 +111,7 @@ impl Run {
             pairs: Vec::new(),
             looks: 0,
             next_look: Instant::ZERO + LOOK_EVERY,
+            is_over: false,
             scenario,
         }
     }
@@ -129,20 +131,35 @@ impl Run {
         self.checkers.push(checker);
     }
 
-    /// Whether the mission is over or the time is up.
-    pub fn is_over(&self) -> bool {
+    /// Whether the mission was over or the time up at the last look of the checkers.
+    pub const fn is_over(&self) -> bool {
+        self.is_over
+    }
+
+    fn next_look(&self) -> Instant {
+        self.next_look.min(self.scenario.duration.instant())
+    }
+
+    /// Runs on until the next look of the checkers.
+    pub fn step(&mut self) {
+        self.advance(self.next_look());
+        self.look();
         let now = self.rig.now();
         let received = match self.scenario.expect.map_received {
             Some(true) => robots::map_received(self.scenario.robot, &self.rig).unwrap_or(true),
             _ => true,
         };
-        now >= self.scenario.duration.instant() || (received && self.progress.is_over(now))
+        self.is_over =
+            now >= self.scenario.duration.instant() || (received && self.progress.is_over(now));
     }
 
-    /// Runs on until the next look of the checkers.
-    pub fn step(&mut self) {
-        self.advance(self.next_look.min(self.scenario.duration.instant()));
-        self.look();
+    /// Runs until `deadline`, whether or not the mission is over by then.
+    pub fn go_on_until(&mut self, deadline: Instant) {
+        while self.next_look <= deadline {
+            self.advance(self.next_look);
+            self.look();
+        }
+        self.advance(deadline);
     }
 
     /// Runs the rig until `deadline`, pushing the robot when it is time to.
@@ -348,11 +365,13 @@ impl Paced for Run {
         &mut self.rig
     }
 
+    /// Stops at the look at which the run is over, so that it ends in the same state at any pace.
     fn run_until(&mut self, deadline: Instant) {
-        while self.next_look <= deadline {
-            self.advance(self.next_look);
-            self.look();
+        while !self.is_over && self.next_look() <= deadline {
+            self.step();
         }
-        self.advance(deadline);
+        if !self.is_over {
+            self.advance(deadline);
+        }
     }
 }

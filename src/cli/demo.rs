@@ -2,7 +2,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::run::{self, Talk};
+use super::run::{self, Pace, Talk};
 use super::{CliError, Verdict, default_out};
 use crate::scenario::Scenario;
 
@@ -32,7 +32,14 @@ pub(super) fn run(args: Demo) -> Result<Verdict, CliError> {
     let out = args
         .out
         .unwrap_or_else(|| default_out(&scenario.name, args.seed.unwrap_or(scenario.seed)));
-    let ran = run::virtual_run(scenario, &source, args.seed, &out, Talk::Story)?;
+    let ran = run::judged_run(
+        scenario,
+        &source,
+        args.seed,
+        &out,
+        Pace::Virtual,
+        Talk::Story,
+    )?;
     Ok(if ran.outcome.passed() {
         Verdict::Pass
     } else {

@@ -8,6 +8,7 @@ use super::{CliError, Verdict, default_out};
 use crate::check::Status;
 use crate::clock::{Clock, WallClock};
 use crate::folder::{self, FolderError, Metrics};
+use crate::realtime::Realtime;
 use crate::run::{Outcome, Run};
 use crate::scenario::{Scenario, Source};
 
@@ -32,6 +33,9 @@ pub(super) struct RunArgs {
     /// [default: hilrig-out/NAME-SEED]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// At the pace of the wall clock instead of as fast as possible; the verdicts are the same
+    #[arg(long)]
+    realtime: bool,
     /// Write the verdicts of all runs as JUnit XML
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
@@ -55,7 +59,11 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
             Some(out) => out.clone(),
             None => default_out(&scenario.name, seed),
         };
-        let ran = virtual_run(scenario, &source, args.seed, &out, Talk::Verdict)?;
+        let pace = match args.realtime {
+            true => Pace::Realtime,
+            false => Pace::Virtual,
+        };
+        let ran = judged_run(scenario, &source, args.seed, &out, pace, Talk::Verdict)?;
         wall += ran.wall;
         if !ran.outcome.passed() {
             eprintln!("repeat with: hilrig run {} --seed {seed}", path.display());
@@ -82,6 +90,15 @@ pub(super) enum Talk {
     Verdict,
 }
 
+/// What moves a run's clock.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Pace {
+    /// Jumps from event to event.
+    Virtual,
+    /// The wall clock.
+    Realtime,
+}
+
 /// A finished run.
 pub(super) struct Ran {
     pub(super) outcome: Outcome,
@@ -91,12 +108,13 @@ pub(super) struct Ran {
 /// Time of silence after which a long run says how far it is.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// Runs one scenario in virtual time and writes its result folder.
-pub(super) fn virtual_run(
+/// Runs one scenario in this process and writes its result folder.
+pub(super) fn judged_run(
     scenario: Scenario,
     source: &Source,
     seed: Option<u64>,
     out: &Path,
+    pace: Pace,
     talk: Talk,
 ) -> Result<Ran, CliError> {
     // Before the run: a folder that cannot be written must not cost a whole run.
@@ -115,9 +133,13 @@ pub(super) fn virtual_run(
             run.scenario().duration
         );
     }
+    let mut realtime = Realtime::new(clock);
     let (mut visits, mut said) = (0, Duration::ZERO);
     while !run.is_over() {
-        run.step();
+        match pace {
+            Pace::Virtual => run.step(),
+            Pace::Realtime => realtime.turn(&mut run)?,
+        }
         let progress = run.progress();
         let elapsed = clock.now() - Instant::ZERO;
         let new_visit = progress.visits().len() > visits;
@@ -133,6 +155,9 @@ pub(super) fn virtual_run(
     let wall = clock.now() - Instant::ZERO;
     folder::write(out, &outcome, wall)?;
     print_summary(&outcome, wall, out);
+    if pace == Pace::Realtime {
+        println!("  {}", realtime.lateness());
+    }
     Ok(Ran { outcome, wall })
 }
 

@@ -7,7 +7,8 @@ use super::place::{self, Place};
 use super::stop::Stop;
 use super::{CliError, Verdict};
 use crate::clock::{Clock, WallClock};
-use crate::realtime::Realtime;
+use crate::realtime::{Paced, Realtime};
+use crate::rig::Rig;
 use crate::robots::{self, Dut, OpenEnd, PcEnd, Wired};
 use crate::run::Run;
 use crate::scenario::{Scenario, Span};
@@ -76,7 +77,7 @@ pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
         args.duration
             .map_or("SIGINT or SIGTERM".to_owned(), |time| time.to_string())
     );
-    let mut run = Run::with_rig(scenario, rig);
+    let mut run = Endless(Run::with_rig(scenario, rig));
     // The clock starts last: setting up takes no time of the run.
     let mut realtime = Realtime::new(WallClock::start());
     for (end, port) in ports {
@@ -90,21 +91,30 @@ pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
         if let Err(error) = realtime.turn(&mut run) {
             break Err(error.into());
         }
-        log.follow(&run);
+        log.follow(&run.0);
     };
-    print_report(&realtime, &run);
+    print_report(&realtime, &run.0);
     ended
+}
+
+/// A run that goes on when its mission is over: whoever is connected may have other plans.
+struct Endless(Run);
+
+impl Paced for Endless {
+    fn rig(&mut self) -> &mut Rig {
+        &mut self.0.rig
+    }
+
+    fn run_until(&mut self, deadline: Instant) {
+        self.0.go_on_until(deadline);
+    }
 }
 
 /// An end of a link and the port that it is on.
 type Placed = (OpenEnd, Box<dyn Transport>);
 
 /// Opens or makes a port for each open end.
-fn place_ends(
-    wired: Wired,
-    args: &Up,
-    dir: &PortDir,
-) -> Result<(crate::rig::Rig, Vec<Placed>), CliError> {
+fn place_ends(wired: Wired, args: &Up, dir: &PortDir) -> Result<(Rig, Vec<Placed>), CliError> {
     let Wired { mut rig, open_ends } = wired;
     let names: Vec<String> = open_ends.iter().map(|end| end.name.clone()).collect();
     place::check("--dut-at", &args.dut_at, &names)?;

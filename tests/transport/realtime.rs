@@ -5,11 +5,13 @@ use std::io::Write;
 
 use emulators::world::{BodyConfig, Pose, Scene, Shape, World};
 use emulators::{Device, Event};
-use hilrig::clock::{Clock, WallClock};
+use hilrig::clock::{Clock, SimClock, WallClock};
 use hilrig::line::End;
 use hilrig::realtime::Realtime;
 use hilrig::rig::Rig;
 use hilrig::robots::OpenEnd;
+use hilrig::run::Run;
+use hilrig::scenario::Scenario;
 use hilrig::transport::{PortDir, Pty, Serial, Transport};
 use protocols::{Instant, LineConfig, Port};
 use serialport::TTYPort;
@@ -121,6 +123,27 @@ impl Station {
 fn client_at(path: &std::path::Path, baud: u32) -> TTYPort {
     let builder = serialport::new(path.to_string_lossy(), baud).timeout(Duration::from_millis(30));
     TTYPort::open(&builder).expect("the port is free")
+}
+
+/// Real time is the same run, cut into other pieces: turns of the wall clock, a delay in between.
+#[test]
+fn a_run_at_the_pace_of_a_clock_gives_the_same_bytes_as_in_virtual_time() {
+    let text = include_str!("short.toml").to_owned();
+    let (scenario, source) = Scenario::parse("short.toml".as_ref(), text).expect("sound");
+    let start = || Run::new(scenario.clone(), &source, None).expect("can be wired");
+
+    let mut paced = start();
+    let mut realtime = Realtime::new(SimClock::default());
+    while !paced.is_over() {
+        realtime.turn(&mut paced).expect("no port to lose");
+        if realtime.clock().now() < Instant::from_secs(1) {
+            realtime.clock().advance(Duration::from_micros(1234));
+        }
+    }
+    let (paced, virtual_time) = (paced.judge(), start().finish());
+    assert_eq!(paced.trace_hash, virtual_time.trace_hash);
+    assert_eq!(paced.checks, virtual_time.checks);
+    assert_eq!(paced.ran, virtual_time.ran);
 }
 
 #[test]
