@@ -1,10 +1,10 @@
 //! Maps as pictures and as text.
 
-use emulators::world::Pose;
+use emulators::world::{Pose, Shape};
 use firmware_core::grid::Grid;
 use image::{GrayImage, Luma, Rgb, RgbImage};
 
-use crate::score::is_wall;
+use crate::score::{is_wall, outline};
 
 /// Gray of an unknown cell in a ROS map, as its own savers write it.
 const ROS_UNKNOWN: u8 = 205;
@@ -119,19 +119,32 @@ pub fn picture(grid: &Grid, truth: &[Pose], estimate: &[Pose]) -> RgbImage {
         let value = 255 - grid.get(x as usize, height - 1 - y as usize).unwrap_or(127);
         Rgb([value; 3])
     });
-    let cell_m = f64::from(grid.resolution_mm()) / 1000.0;
+    let pixel_m = f64::from(grid.resolution_mm()) / 1000.0 / f64::from(SCALE);
     for (way, colour) in [(truth, Rgb([0, 160, 60])), (estimate, Rgb([220, 40, 30]))] {
-        for pose in way {
-            let x = pose.x / cell_m * f64::from(SCALE);
-            let y = f64::from(h) - pose.y / cell_m * f64::from(SCALE);
-            if x >= 0.0 && y >= 0.0 && x < f64::from(w) && y < f64::from(h) {
-                #[expect(clippy::cast_possible_truncation, reason = "inside the picture")]
-                #[expect(clippy::cast_sign_loss, reason = "inside the picture")]
-                image.put_pixel(x as u32, y as u32, colour);
-            }
+        for pair in way.windows(2) {
+            let shape = Shape::Wall {
+                from: pair[0].point(),
+                to: pair[1].point(),
+            };
+            outline(&shape, pixel_m, |place| {
+                let (x, y) = (place.x / pixel_m, f64::from(h) - place.y / pixel_m);
+                dot(&mut image, x, y, colour);
+            });
         }
     }
     image
+}
+
+/// Two by two pixels, as far as they lie inside.
+fn dot(image: &mut RgbImage, x: f64, y: f64, colour: Rgb<u8>) {
+    for (x, y) in [(x, y), (x + 1.0, y), (x, y + 1.0), (x + 1.0, y + 1.0)] {
+        let inside = x >= 0.0 && y >= 0.0;
+        if inside && x < f64::from(image.width()) && y < f64::from(image.height()) {
+            #[expect(clippy::cast_possible_truncation, reason = "inside the picture")]
+            #[expect(clippy::cast_sign_loss, reason = "inside the picture")]
+            image.put_pixel(x as u32, y as u32, colour);
+        }
+    }
 }
 
 fn size(cells: usize) -> u32 {

@@ -1,7 +1,7 @@
 //! A run as data: world, robot, devices, faults, mission, expectations. One TOML file with a
 //! closed schema: a key that nobody reads is an error, not a silent wish.
 
-pub mod span;
+mod span;
 pub mod world;
 
 use std::collections::BTreeMap;
