@@ -125,6 +125,21 @@ fn a_plain_row_is_golden_both_ways() {
     }
 }
 
+/// The fielded threshold: 149 runs are 301 bytes of payload and go out coded, 150 would be 303 like
+/// the plain row and go out plain.
+#[test]
+fn a_row_is_coded_up_to_149_runs() {
+    let row = |runs: usize| -> Vec<u8> {
+        let single = (0..runs - 1).map(|run| if run % 2 == 0 { 0xFF } else { 0x00 });
+        single.chain([127].repeat(301 - runs)).collect()
+    };
+    let dialect = rle::Dialect::Lossless;
+    let coded = encoded(|frame| encode_row(0, 0, &row(149), dialect, frame));
+    assert_eq!((coded.len(), &coded[14..17]), (17 + 301, &b"MAR"[..]));
+    let plain = encoded(|frame| encode_row(0, 0, &row(150), dialect, frame));
+    assert_eq!((plain.len(), &plain[14..17]), (17 + 303, &b"MAP"[..]));
+}
+
 /// By hand: (1500, -2) as id 0, first; (300, 600) as id 7 behind it. Sum of
 /// 02 00 DC 05 FE FF 00 00 00 FF FF 2C 01 58 02 00 07 00 00 00 is 1388, 0x56C.
 #[test]

@@ -313,6 +313,31 @@ fn the_captures_of_firmware_2_1_hold_21_turns_and_one() {
     assert_eq!(one.invalid, codes.into());
 }
 
+/// The layout of a turn by hand: header, period 0xD194 (310.7 rpm), then degree 0 (1000 mm), degree
+/// 1 (no dot), and in the last four bytes degree 359 (weak at 271 mm). Little-endian throughout.
+#[test]
+fn a_turn_is_header_period_and_360_readings() {
+    let mut readings = [RawReading::from(none(0x35, 0)); 360];
+    readings[0] = ok(1000, 200).into();
+    readings[359] = weak(271, 80).into();
+    let turn = turn::Frame::new(0xD194, &readings);
+    let bytes = turn.as_bytes();
+    assert_eq!(
+        bytes[..14],
+        hex("5A A5 00 C0 94 D1 E8 03 C8 00 35 80 00 00")
+    );
+    assert_eq!(
+        (bytes.len(), &bytes[1442..]),
+        (1446, &hex("0F 41 50 00")[..])
+    );
+
+    let mut decoder = turn::Decoder::default();
+    let turns: Vec<_> = decoder.push(bytes).flatten().collect();
+    assert_eq!((turns.len(), turns[0].period()), (1, 0xD194));
+    let found = [0, 1, 359].map(|degree| turns[0].reading(degree));
+    assert_eq!(found, [ok(1000, 200), none(0x35, 0), weak(271, 80)]);
+}
+
 /// Every code of the captures has its place in the table of codes, and nothing else has.
 #[test]
 fn the_table_of_codes_is_what_the_captures_hold() {
