@@ -512,6 +512,19 @@ fn a_power_cycle_is_a_dead_connection_for_the_host() {
     assert_eq!(bench.changes, [(at + 20 * SECOND, LineEvent::Closed)]);
 }
 
+/// The supervision time counts from the first silence, whatever else goes wrong meanwhile.
+#[test]
+fn a_power_cut_does_not_prolong_the_supervision_time() {
+    let mut bench = Bench::connected(at(BAUD));
+    bench.changes.clear();
+    let lost_at = bench.now;
+    bench.radio.set_radio(lost_at, Radio::Lost);
+    bench.run_for(5 * SECOND);
+    bench.radio.power_off(bench.now);
+    bench.run_for(30 * SECOND);
+    assert_eq!(bench.changes, [(lost_at + 20 * SECOND, LineEvent::Closed)]);
+}
+
 /// Whether bytes survive a disconnect is not documented: both are there.
 #[test]
 fn leftovers_are_dropped_or_kept_as_the_profile_says() {

@@ -236,7 +236,9 @@ proptest! {
         for op in &ops {
             if let Op::PowerOff = op {
                 // A reply that is cut off is another story.
-                bench.run_for(Duration::from_millis(200));
+                while !bench.radio.air.down.is_drained() {
+                    bench.run_for(Duration::from_millis(20));
+                }
             }
             reference.does(op, bench.now);
             match op {
