@@ -154,6 +154,12 @@ const PROGRESS_MM: f32 = 10.0;
 const FREE_WAY_MM: f32 = 450.0;
 /// A plan is made anew each second.
 const PLAN_SCANS: u8 = 5;
+/// Scans without moving after which the robot makes itself thin: longer than any turn; for how many
+/// scans it does; and how thin and slow it gets.
+const SQUEEZE_AFTER: u8 = 22;
+const SQUEEZE_SCANS: u8 = 40;
+const SQUEEZE_CLEARANCE_MM: f32 = 15.0;
+const SQUEEZE_CRUISE: i8 = 8;
 /// Distance to the last goal at which the robot begins to slow down.
 const SLOW_DOWN_MM: f32 = 250.0;
 
@@ -171,6 +177,8 @@ pub struct Navigator {
     stalled: u8,
     /// Side of the last way around something: 1 left, -1 right, 0 none.
     side: f32,
+    /// For how many scans the robot still makes itself thin.
+    squeeze: u8,
 }
 
 impl Navigator {
@@ -186,6 +194,7 @@ impl Navigator {
             nearest_mm: f32::INFINITY,
             stalled: 0,
             side: 0.0,
+            squeeze: 0,
         }
     }
 
@@ -209,31 +218,45 @@ impl Navigator {
             self.goal = None;
             return Step::Arrived;
         }
+        let mut steering = self.settings.steering;
+        let body = self.body(&mut steering);
         let way = match self.escape.step(&self.settings, pose, around) {
             Some(way) => way,
             None => {
-                let aim = self.aim(map, pose, goal.position, around);
-                self.free_way(
-                    around,
-                    bearing_of(pose, aim),
-                    pose.position().distance_mm(aim),
-                )
+                let aim = self.aim(&body, map, pose, goal.position, around);
+                let far = pose.position().distance_mm(aim);
+                self.free_way(&body, around, bearing_of(pose, aim), far)
             }
         };
-        let mut steering = self.settings.steering;
         if goal.is_last && distance < SLOW_DOWN_MM {
-            let slow = f32::from(steering.cruise) * distance / SLOW_DOWN_MM;
-            steering.cruise = ticks(slow.max(8.0));
+            let slow = f32::from(self.settings.steering.cruise) * distance / SLOW_DOWN_MM;
+            steering.cruise = steering.cruise.min(ticks(slow.max(8.0)));
         }
-        Step::Drive(around.guarded(&self.settings.body, steering.towards(way)))
+        Step::Drive(around.guarded(&body, steering.towards(way)))
     }
 
     /// Forgets what it was doing.
     pub const fn reset(&mut self) {
         self.goal = None;
         self.side = 0.0;
+        self.squeeze = 0;
         self.explorer = Explorer::new();
         self.escape = Escape::new();
+    }
+
+    /// The body to drive with: a robot that has not moved for some time goes slowly and closer to
+    /// things, as through a narrow door.
+    fn body(&mut self, steering: &mut Steering) -> Body {
+        self.squeeze = self.squeeze.saturating_sub(1);
+        if self.escape.still_scans() >= SQUEEZE_AFTER {
+            self.squeeze = SQUEEZE_SCANS;
+        }
+        let mut body = self.settings.body;
+        if self.squeeze > 0 {
+            body.clearance_mm = body.clearance_mm.min(SQUEEZE_CLEARANCE_MM);
+            steering.cruise = steering.cruise.min(SQUEEZE_CRUISE);
+        }
+        body
     }
 
     fn watch_progress(&mut self, goal: Point, distance: f32) {
@@ -253,25 +276,30 @@ impl Navigator {
 
     /// What to steer for: the goal itself if the way there is free, else the next part of a way
     /// around.
-    fn aim(&mut self, map: &Grid, pose: Pose, goal: Point, around: &Surroundings) -> Point {
+    fn aim(
+        &mut self,
+        body: &Body,
+        map: &Grid,
+        pose: Pose,
+        goal: Point,
+        around: &Surroundings,
+    ) -> Point {
         self.plan_ages = self.plan_ages.saturating_sub(1);
         let distance = pose.position().distance_mm(goal);
-        let free = around.free_mm(&self.settings.body, bearing_of(pose, goal));
+        let free = around.free_mm(body, bearing_of(pose, goal));
         if free >= distance {
             self.plan_ages = 0;
             return goal;
         }
         if self.plan_ages == 0 {
             self.plan_ages = PLAN_SCANS;
-            self.planner
-                .plan(map, &self.settings.body, pose, goal, around);
+            self.planner.plan(map, body, pose, goal, around);
         }
         self.planner.way_from(pose.position()).unwrap_or(goal)
     }
 
     /// The bearing nearest to `bearing` along which the robot fits.
-    fn free_way(&mut self, around: &Surroundings, bearing: f32, distance: f32) -> f32 {
-        let body = &self.settings.body;
+    fn free_way(&mut self, body: &Body, around: &Surroundings, bearing: f32, distance: f32) -> f32 {
         let wanted = FREE_WAY_MM.min(distance);
         if around.free_mm(body, bearing) >= wanted {
             self.side = 0.0;

@@ -4,8 +4,8 @@ use crate::pose::{Point, Pose, normalised};
 
 use super::{STEP, Settings, Surroundings};
 
-/// Scans without moving after which the robot is stuck: six seconds, longer than any turn.
-const STUCK_SCANS: u8 = 30;
+/// Scans without moving after which the robot is stuck: eight seconds.
+const STUCK_SCANS: u8 = 40;
 /// Moving less than this is not moving.
 const MOVED_MM: f32 = 60.0;
 /// Scans for which the way out is taken.
@@ -31,6 +31,11 @@ impl Escape {
             heading: 0.0,
             left: 0,
         }
+    }
+
+    /// Scans since the robot moved.
+    pub(super) const fn still_scans(&self) -> u8 {
+        self.still
     }
 
     /// The bearing of the way out, if the robot is stuck. Called once per scan while the robot is to
@@ -93,10 +98,10 @@ mod tests {
     }
 
     #[test]
-    fn a_robot_that_does_not_move_for_six_seconds_leaves_by_the_free_side() {
+    fn a_robot_that_does_not_move_for_eight_seconds_leaves_by_the_free_side() {
         let (mut escape, around) = (Escape::new(), niche());
         let mut step = || escape.step(&SETTINGS, Pose::default(), &around);
-        assert!((0..30).all(|_| step().is_none()));
+        assert!((0..40).all(|_| step().is_none()));
         let way = step().expect("a way out");
         assert!(way.abs() > 2.0, "{way}");
         assert_eq!((0..30).take_while(|_| step().is_some()).count(), 14);
