@@ -638,13 +638,17 @@ mod tests {
         assert_eq!(link.counters().overflows, 4);
     }
 
+    /// Time that passes, noise, whether the answer comes behind it, whether to ask.
+    fn step() -> impl Strategy<Value = (u64, Vec<u8>, bool, bool)> {
+        let noise = prop::collection::vec(any::<u8>(), 0..40);
+        (0_u64..9_000, noise, any::<bool>(), any::<bool>())
+    }
+
     proptest! {
         /// Whatever the slave says and whenever: no panic, at most three tries a request, and every
         /// request ends.
         #[test]
-        fn every_request_ends(steps in prop::collection::vec(
-            (0_u64..9_000, prop::collection::vec(any::<u8>(), 0..40), any::<bool>(), any::<bool>()), 1..60
-        )) {
+        fn every_request_ends(steps in prop::collection::vec(step(), 1..60)) {
             let mut link = link();
             let (mut now, mut submitted, mut frames, mut ended) = (0, 0_u32, 0_u32, 0_u32);
             for (wait, mut bytes, answer, ask) in steps {

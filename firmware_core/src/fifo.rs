@@ -104,7 +104,10 @@ mod tests {
         /// Against the standard library's queue.
         #[test]
         fn bytes_come_out_in_the_order_they_went_in(
-            steps in prop::collection::vec((prop::collection::vec(any::<u8>(), 0..9), 0_usize..9), 0..60)
+            steps in prop::collection::vec(
+                (prop::collection::vec(any::<u8>(), 0..9), 0_usize..9),
+                0..60,
+            )
         ) {
             let mut fifo = Fifo::<13>::new();
             let mut model = VecDeque::new();

@@ -2,9 +2,9 @@
 //! report.
 //!
 //! The integral part is the fielded robot's: a 64th of the error per packet, duty 50 to 255 of
-//! 256, 180 at the start (field program's lidar driver). The proportional part is ours; it damps the
-//! swing that an integral alone has with a motor that takes half a second to follow. A lidar that
-//! stays silent was stalled or restarted, so its motor is spun up afresh; a single lost packet
+//! 256, 180 at the start (field program's lidar driver). The proportional part is ours; it damps
+//! the swing that an integral alone has with a motor that takes half a second to follow. A lidar
+//! that stays silent was stalled or restarted, so its motor is spun up afresh; a single lost packet
 //! changes nothing (the fielded program kicked the motor at each resynchronisation).
 
 use core::time::Duration;

@@ -384,8 +384,8 @@ mod tests {
         Steering::DOCUMENT.towards(aim(target_deg) - aim(psi_deg))
     }
 
-    /// Seed report, chapter on navigation, and the fielded program's own answers: ahead (20, 20), 90
-    /// degrees left (-10, 20), right (20, -10), behind (-20, 20).
+    /// Seed report, chapter on navigation, and the fielded program's own answers: ahead (20, 20),
+    /// 90 degrees left (-10, 20), right (20, -10), behind (-20, 20).
     #[test]
     fn steering_follows_the_seeds_table() {
         assert_eq!(document(90, 90), [20, 20]);
@@ -516,7 +516,8 @@ mod tests {
             let set_point = around.guarded(&BODY, wanted);
             for tenth in 1..=9_u8 {
                 let end = arc_end(&BODY, set_point, f32::from(tenth) / 10.0);
-                prop_assert!(points.iter().all(|point| point.distance_mm(end) > 160.0), "{set_point:?}");
+                let is_clear = points.iter().all(|point| point.distance_mm(end) > 160.0);
+                prop_assert!(is_clear, "{set_point:?}");
             }
         }
     }

@@ -383,6 +383,9 @@ mod tests {
         Replace(Vec<i16>),
     }
 
+    /// The only reason to refuse a waypoint, and how long the list is then.
+    const FULL: (WaypointError, usize) = (WaypointError::Full, CAPACITY);
+
     fn step() -> impl Strategy<Value = Step> {
         prop_oneof![
             6 => any::<i16>().prop_map(Step::Push),
@@ -397,7 +400,9 @@ mod tests {
     proptest! {
         /// Seed figure S9: the list does what a plain vector does, and no number comes twice.
         #[test]
-        fn the_list_is_a_vector_whose_numbers_are_never_reused(steps in prop::collection::vec(step(), 0..150)) {
+        fn the_list_is_a_vector_whose_numbers_are_never_reused(
+            steps in prop::collection::vec(step(), 0..150),
+        ) {
             let mut list = Waypoints::new();
             let mut model: Vec<(i16, i16)> = Vec::new();
             let mut given = BTreeSet::new();
@@ -405,12 +410,15 @@ mod tests {
                 match step {
                     Step::Push(x) => match list.push([x, 0], 0) {
                         Ok(id) => { prop_assert!(given.insert(id)); model.push((id, x)); }
-                        Err(error) => prop_assert_eq!((error, model.len()), (WaypointError::Full, CAPACITY)),
+                        Err(error) => prop_assert_eq!((error, model.len()), FULL),
                     },
                     Step::InsertAfter(at, x) => if let Some(&(before, _)) = model.get(at) {
                         match list.insert_after(before, [x, 0], 0) {
-                            Ok(id) => { prop_assert!(given.insert(id)); model.insert(at + 1, (id, x)); }
-                            Err(error) => prop_assert_eq!((error, model.len()), (WaypointError::Full, CAPACITY)),
+                            Ok(id) => {
+                                prop_assert!(given.insert(id));
+                                model.insert(at + 1, (id, x));
+                            }
+                            Err(error) => prop_assert_eq!((error, model.len()), FULL),
                         }
                     },
                     Step::Remove(at) => if let Some(&(id, _)) = model.get(at) {
