@@ -434,7 +434,8 @@ mod tests {
                         for (id, _) in &model { prop_assert!(given.insert(*id)); }
                     }
                 }
-                let held: Vec<_> = list.all().iter().map(|waypoint| (waypoint.id, waypoint.position_mm[0])).collect();
+                let seen = |waypoint: &Waypoint| (waypoint.id, waypoint.position_mm[0]);
+                let held: Vec<_> = list.all().iter().map(seen).collect();
                 prop_assert_eq!(&held, &model);
                 prop_assert!(list.reached() <= model.len());
             }
