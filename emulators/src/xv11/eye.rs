@@ -35,8 +35,16 @@ const DOT_RAD: f64 = 0.45 * PI / 180.0;
 /// dot, and by 1 % if it is 0.15 degrees off: (A) shows a double dot in one of four corners.
 const BEND_IN_DOT: f64 = 0.0105;
 const BEND_AROUND: f64 = 0.02;
+/// How far ahead a near object may shadow the dot, degrees, and how near it must be, as a part of
+/// the distance. With 38 mm between laser and camera and an object at 0.3 m that is 7 degrees at
+/// most.
+const SHADOW_DEGREES: usize = 7;
+const SHADOWING: f64 = 0.93;
+const DEG_PER_RAD: f64 = 180.0 / PI;
 /// Triangulation: distances come in steps of d^2 / K, 1.33 mm at 2.68 m (B).
 const QUANTUM_MM: f64 = 5.4e6;
+/// Nearer than this the steps are below a tenth of a millimetre.
+const UNQUANTISED_MM: f64 = 735.0;
 /// Weakest dot that gives a distance, and weakest one that is noticed.
 const STRENGTH_MIN: f64 = 2.5;
 const STRENGTH_DIM: f64 = 2.0;
@@ -58,8 +66,8 @@ pub(super) struct Eye {
     strength: Rng,
     beam: Rng,
     /// True distance per degree as last seen, millimetres; infinite without a dot. Tells where a
-    /// closer look is worth its ray casts.
-    seen_mm: Box<[f64; 360]>,
+    /// closer look is worth its ray casts. The first degrees are there again behind the last.
+    seen_mm: Box<[f64; 360 + SHADOW_DEGREES]>,
 }
 
 /// A beam in the world.
@@ -79,7 +87,7 @@ impl Eye {
             range: Rng::stream(seed, &format!("{name}.range")),
             strength: Rng::stream(seed, &format!("{name}.strength")),
             beam: Rng::stream(seed, &format!("{name}.beam")),
-            seen_mm: Box::new([f64::INFINITY; 360]),
+            seen_mm: Box::new([f64::INFINITY; 360 + SHADOW_DEGREES]),
         }
     }
 
@@ -105,9 +113,9 @@ impl Eye {
         let mm = hit.map_or(f64::INFINITY, |hit| hit.distance * 1e3);
         let slot = usize::from(slot % 360);
         let behind = self.seen_mm[(slot + 359) % 360];
-        let ahead = self.seen_mm[(slot + 1) % 360];
-        let shadowed = self.may_be_shadowed(slot, mm);
-        self.seen_mm[slot] = mm;
+        let ahead = self.seen_mm[slot + 1];
+        let shadowed = mm.is_finite() && self.may_be_shadowed(slot, mm);
+        self.remember(slot, mm);
         let Some(hit) = hit else {
             return no_dot();
         };
@@ -115,7 +123,7 @@ impl Eye {
             return no_dot();
         }
         if is_rough(behind, mm, ahead)
-            && let Some(reading) = rough(world, beam, hit, &noise)
+            && let Some(reading) = self.rough(world, beam, hit, [behind, ahead], &noise)
         {
             return reading;
         }
@@ -140,9 +148,65 @@ impl Eye {
         Beam { at, from, angle }
     }
 
-    /// Whether something much nearer follows within the next degrees, as far as known.
+    /// Looks to the sides of the dot, only where the neighbours make it worth a ray cast. `Some` if
+    /// an edge or a corner lies in it.
+    fn rough(
+        &self,
+        world: &World,
+        beam: Beam,
+        hit: Hit,
+        neighbours_mm: [f64; 2],
+        noise: &Noise,
+    ) -> Option<RawReading> {
+        let mm = hit.distance * 1e3;
+        let sense = match self.optics.direction {
+            Direction::CounterClockwise => DOT_RAD,
+            Direction::Clockwise => -DOT_RAD,
+        };
+        let look = |offset: f64| {
+            world
+                .cast_ray_at(beam.at, beam.from, beam.angle + offset, RANGE_MAX_MM / 1e3)
+                .map_or(f64::INFINITY, |hit| hit.distance * 1e3)
+        };
+        let sides = [-sense, sense].into_iter().zip(neighbours_mm);
+        let mut jumps = sides
+            .filter(|&(_, side_mm)| is_jump(mm, side_mm))
+            .peekable();
+        if jumps.peek().is_none() {
+            // A corner: two dots in one picture, most of the time.
+            let bend = (look(-sense) - mm) + (look(sense) - mm);
+            let spoilt = bend.abs() > BEND_IN_DOT * mm && noise.chance < 0.75;
+            return spoilt.then(|| invalid(code::DOUBLE_DOT));
+        }
+        let mut edges = jumps.map(|(offset, side_mm)| (look(offset), side_mm));
+        let (other_mm, _) = edges.find(|&(other_mm, side_mm)| {
+            // A slanting wall has less than half of a degree's difference within the dot.
+            other_mm.is_infinite() || (other_mm - mm).abs() > 0.5 * (side_mm - mm).abs()
+        })?;
+        Some(edge(mm, other_mm, hit, noise))
+    }
+
+    /// Whether something near follows within the next degrees, as far as known, that may hide the
+    /// dot from the camera.
     fn may_be_shadowed(&self, slot: usize, mm: f64) -> bool {
-        mm.is_finite() && (1..=6).any(|n| self.seen_mm[(slot + n) % 360] < 0.93 * mm)
+        // An object at `seen_mm` hides what lies this many degrees from its edge.
+        let reach_deg =
+            |seen_mm: f64| self.optics.baseline_mm * (mm - seen_mm) / (mm * seen_mm) * DEG_PER_RAD;
+        let ahead = &self.seen_mm[slot + 1..=slot + SHADOW_DEGREES];
+        let mut degrees = -1.0;
+        ahead.iter().any(|&seen_mm| {
+            // One degree less: the edge may be that far before the beam that met the object.
+            degrees += 1.0;
+            seen_mm < SHADOWING * mm && reach_deg(seen_mm) > degrees
+        })
+    }
+
+    /// Remembers the distance at `slot`.
+    fn remember(&mut self, slot: usize, mm: f64) {
+        self.seen_mm[slot] = mm;
+        if slot < SHADOW_DEGREES {
+            self.seen_mm[360 + slot] = mm;
+        }
     }
 
     /// Whether something stands between the dot and the camera.
@@ -161,6 +225,11 @@ impl Eye {
         let reach = camera.distance(dot) - 0.01;
         reach > 0.0 && world.cast_ray_at(beam.at, camera, angle, reach).is_some()
     }
+}
+
+/// Whether two neighbouring beams meet different things.
+fn is_jump(mm: f64, side_mm: f64) -> bool {
+    (side_mm - mm).abs() > 30.0 + 0.03 * mm
 }
 
 /// The draws of one beam: three standard normal numbers and one in [0, 1).
@@ -193,26 +262,11 @@ fn is_rough(behind: f64, mm: f64, ahead: f64) -> bool {
     bend.is_nan() || bend.abs() > BEND_AROUND * mm
 }
 
-/// Looks at both sides of the dot. `Some` if it lies on an edge or in a corner.
-fn rough(world: &World, beam: Beam, hit: Hit, noise: &Noise) -> Option<RawReading> {
-    let mm = hit.distance * 1e3;
-    let look = |offset: f64| {
-        world
-            .cast_ray_at(beam.at, beam.from, beam.angle + offset, RANGE_MAX_MM / 1e3)
-            .map_or(f64::INFINITY, |hit| hit.distance * 1e3)
-    };
-    let (right, left) = (look(-DOT_RAD), look(DOT_RAD));
-    let bend = (right - mm) + (left - mm);
-    if bend.abs() < BEND_IN_DOT * mm {
-        return None;
-    }
-    let (near, far) = (mm.min(right).min(left), mm.max(right).max(left));
-    if far - near < 30.0 + 0.03 * mm {
-        // A corner: two dots in one picture, most of the time.
-        return (noise.chance < 0.75).then(|| invalid(code::DOUBLE_DOT));
-    }
-    // An edge: (A) shows double dots, bad shapes, nothing at all, or a dim dot of what was hit.
-    Some(match noise.chance {
+/// A dot on an edge between two distances: (A) shows double dots, bad shapes, nothing at all, or a
+/// dim dot of the near side.
+fn edge(mm: f64, other_mm: f64, hit: Hit, noise: &Noise) -> RawReading {
+    let (near, far) = (mm.min(other_mm), mm.max(other_mm));
+    match noise.chance {
         ..0.25 => invalid(code::DOUBLE_DOT),
         0.25..0.30 => invalid(code::TOO_WIDE),
         0.30..0.33 => invalid(code::TOO_DIM),
@@ -231,7 +285,7 @@ fn rough(world: &World, beam: Beam, hit: Hit, noise: &Noise) -> Option<RawReadin
             };
             smooth(mixed, part, noise)
         }
-    })
+    }
 }
 
 /// A dot on an even surface.
@@ -244,7 +298,7 @@ fn smooth(mm: f64, hit: Hit, noise: &Noise) -> RawReading {
         });
     }
     // Facing has no visible influence in (A) up to 60 degrees; grazing light must fade somewhere.
-    let facing = (hit.incidence / 0.5).min(1.0);
+    let facing = (hit.incidence * 2.0).min(1.0);
     let ceiling = STRENGTH_MAX * hit.reflectivity.max(1.0);
     let mean = (strength_mean(mm) * hit.reflectivity * facing).min(ceiling);
     let strength = (mean + strength_sigma(mean) * noise.strength).max(1.0);
@@ -267,7 +321,11 @@ fn smooth(mm: f64, hit: Hit, noise: &Noise) -> RawReading {
         };
     }
     let noisy = (mm + range_sigma_mm(mm) * noise.range).max(1.0);
-    let quantised = QUANTUM_MM / (QUANTUM_MM / noisy).round();
+    let quantised = if noisy < UNQUANTISED_MM {
+        noisy
+    } else {
+        QUANTUM_MM / f64::from(rounded(QUANTUM_MM / noisy))
+    };
     RawReading::from(Reading::Range {
         distance_mm: whole(quantised),
         strength: whole(strength),
@@ -285,11 +343,16 @@ fn no_dot() -> RawReading {
 
 /// Rounded to the wire's 16 bits.
 fn whole(value: f64) -> u16 {
+    u16::try_from(rounded(value)).unwrap_or(u16::MAX)
+}
+
+/// A positive number rounded to a whole one; faster than `round`, which calls into a library.
+fn rounded(value: f64) -> u32 {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
-        reason = "a cast of a float saturates, which is what the wire can do"
+        reason = "a cast of a float saturates"
     )]
-    let whole = value.round() as u16;
-    whole
+    let rounded = (value + 0.5) as u32;
+    rounded
 }

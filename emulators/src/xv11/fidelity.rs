@@ -35,8 +35,8 @@ pub struct Statistics {
     pub turns: u64,
     /// Bytes in neither.
     pub outside: u64,
-    /// Packets with a distance, and those among them whose checksum is right only because a carry is
-    /// dropped. Packets without one are left out: those of a stall are all alike.
+    /// Packets with a distance, and those among them whose checksum is right only because a carry
+    /// is dropped. Packets without a distance are left out: those of a stall are all alike.
     pub carry_dropped: [u64; 2],
     /// Distances without strength warning.
     pub plain: u64,

@@ -65,7 +65,9 @@ pub const RANGE_MAX_MM: f64 = 6_000.0;
 /// Nearer than this the dot is too wide: the runs of 0x03 in (A) and (B) begin and end at 144 to
 /// 154 mm.
 pub const RANGE_MIN_MM: f64 = 145.0;
-/// Strength warning: below this strength at this distance, never beyond the last (A, B).
+/// No reading from here on carries the strength warning (A, B).
+const WARNING_MAX_MM: f64 = 650.0;
+/// Strength warning: below this strength at this distance (A, B).
 const WARNING: [(f64, f64); 9] = [
     (160.0, 300.0),
     (200.0, 230.0),
@@ -75,16 +77,16 @@ const WARNING: [(f64, f64); 9] = [
     (400.0, 85.0),
     (460.0, 60.0),
     (540.0, 50.0),
-    (650.0, 50.0),
+    (WARNING_MAX_MM, 50.0),
 ];
 
-/// Standard deviation of a range, millimetres, before rounding: 0.39 mm at 575 mm, growing with the
-/// power 7/3. Fit over (A), 0.08 mm at 275 mm to 0.39 mm at 575 mm once the rounding to whole
+/// Standard deviation of a range, millimetres, before rounding: 0.42 mm at 575 mm, growing with the
+/// power 9/4. Fit over (A), 0.08 mm at 275 mm to 0.39 mm at 575 mm once the rounding to whole
 /// millimetres is taken out, and over (B), 14.0 mm at 2721 mm and 19.6 mm at 3113 mm; extrapolated
 /// beyond.
 pub fn range_sigma_mm(distance_mm: f64) -> f64 {
-    let scaled = distance_mm / 575.0;
-    0.39 * scaled * scaled * libm::cbrt(scaled)
+    let scaled = distance_mm * (1.0 / 575.0);
+    0.42 * scaled * scaled * scaled.sqrt().sqrt()
 }
 
 /// Mean strength of a return from a white surface, 1.0e8 / d^2: fit over (A) and (B).
@@ -92,17 +94,19 @@ pub fn strength_mean(distance_mm: f64) -> f64 {
     1.0e8 / (distance_mm * distance_mm)
 }
 
-/// Standard deviation of a strength: 0.47 times its root, the 1.3 % at 1100 and 2.8 % at 300 of (A).
+/// Standard deviation of a strength: 0.47 times its root. (A) has 1.3 % at 1100 and 2.8 % at 300.
 pub fn strength_sigma(mean: f64) -> f64 {
     0.47 * mean.sqrt()
 }
 
 /// Whether a return of this strength at this distance carries the strength warning.
 pub fn is_weak(distance_mm: f64, strength: f64) -> bool {
+    if distance_mm >= WARNING_MAX_MM {
+        return false;
+    }
     let after = WARNING.partition_point(|&(mm, _)| mm <= distance_mm);
     let threshold = match after {
         0 => WARNING[0].1,
-        n if n == WARNING.len() => return false,
         n => {
             let ((x0, y0), (x1, y1)) = (WARNING[n - 1], WARNING[n]);
             y0 + (y1 - y0) * (distance_mm - x0) / (x1 - x0)
@@ -135,8 +139,8 @@ mod tests {
         }
     }
 
-    /// Golden packet: 271 mm with strength 80 warns, its neighbours 266 mm / 356 and 263 mm / 466 do
-    /// not. The farthest warning seen is at 648 mm.
+    /// Golden packet: 271 mm with strength 80 warns, its neighbours 266 mm / 356 and 263 mm / 466
+    /// do not. The farthest warning seen is at 648 mm.
     #[test]
     fn only_near_and_dim_readings_carry_the_warning() {
         assert!(is_weak(271.0, 80.0));

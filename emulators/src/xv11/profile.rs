@@ -61,12 +61,18 @@ impl Profile {
     }
 
     /// What is printed while the device waits for its head to turn. The dots after it follow one
-    /// by one, see [`DOTS`].
+    /// by one.
     pub const fn spin_text(self) -> &'static str {
         match self {
             Self::Fw21 | Self::Fw24 => "Spin...press ESC 3 times to abort",
             Self::Fw26 => "Spin...3 ESCs or BREAK to abort",
         }
+    }
+
+    /// Whether the first slot of every turn is skipped: so it is in 21 of 21 turns of the 2.1
+    /// capture, and in none of 2.4.
+    pub(super) const fn skips_mark(self) -> bool {
+        matches!(self, Self::Fw21)
     }
 
     /// Whether a turn is one frame without checksum (2.1) instead of 90 packets.

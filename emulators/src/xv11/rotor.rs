@@ -1,7 +1,7 @@
 //! The turning head: a small DC motor, a belt, friction, and what drives it.
 //!
 //! ```text
-//! d speed / dt = k * volts - e * speed        motor, only while it pushes (its driver cannot brake)
+//! d speed / dt = k * volts - e * speed        motor, while it pushes: it cannot brake
 //!              - c - b * speed - dust         friction
 //! ```
 //!

@@ -51,6 +51,9 @@ pub(super) struct Scan {
     pub(super) pace: Option<Pace>,
     /// Next slot of the pace.
     index: u16,
+    /// When the packet at hand will be full, or would be if the run were long enough: asked for far
+    /// more often than it changes.
+    full_at: Option<Instant>,
     /// Readings so far of the packet at hand.
     readings: [RawReading; 4],
     /// Whether the packet at hand was begun with its first reading.
@@ -79,6 +82,7 @@ impl Scan {
         Self {
             pace: None,
             index: 0,
+            full_at: None,
             readings: [RawReading([0; 4]); 4],
             whole: false,
             word: 0,
@@ -94,6 +98,7 @@ impl Scan {
         let before = self.slot();
         self.pace = Some(pace);
         self.index = index;
+        self.foresee();
         if before.is_none_or(|slot| slot % 360 != (pace.first + index) % 360) {
             self.whole = false;
         }
@@ -102,6 +107,7 @@ impl Scan {
     /// Stops measuring.
     pub(super) fn stop(&mut self) {
         self.pace = None;
+        self.full_at = None;
         self.whole = false;
         self.resync = 0;
         self.measured = false;
@@ -124,10 +130,15 @@ impl Scan {
     }
 
     /// When the packet at hand will be full; `None` if the run ends before.
-    pub(super) fn full_at(&self) -> Option<Instant> {
-        let pace = self.pace?;
-        let last = self.index + 3 - (pace.first + self.index) % 4;
-        (last < pace.count).then(|| pace.due(last))
+    pub(super) const fn full_at(&self) -> Option<Instant> {
+        self.full_at
+    }
+
+    fn foresee(&mut self) {
+        self.full_at = self.pace.and_then(|pace| {
+            let last = self.index + 3 - (pace.first + self.index) % 4;
+            (last < pace.count).then(|| pace.due(last))
+        });
     }
 
     /// When the last slot of the run is done.
@@ -146,7 +157,11 @@ impl Scan {
             self.word = word;
         }
         self.readings[place] = reading;
-        if place != 3 || !self.whole {
+        if place != 3 {
+            return None;
+        }
+        self.foresee();
+        if !self.whole {
             return None;
         }
         self.whole = false;

@@ -106,9 +106,11 @@ impl Uart {
 
     pub(super) fn transmit(&mut self, buf: &mut [u8]) -> usize {
         let taken = self.out.len().min(buf.len());
-        for (slot, byte) in buf.iter_mut().zip(self.out.drain(..taken)) {
-            *slot = byte;
-        }
+        let (front, back) = self.out.as_slices();
+        let first = front.len().min(taken);
+        buf[..first].copy_from_slice(&front[..first]);
+        buf[first..taken].copy_from_slice(&back[..taken - first]);
+        self.out.drain(..taken);
         taken
     }
 

@@ -40,7 +40,7 @@ impl Teeth {
     pub(super) fn coast_s(&self) -> Option<[f64; 2]> {
         let [from, via, to] = [FROM_RPM, VIA_RPM, TO_RPM].map(|rpm| self.falls_below(rpm));
         let (from, via, to) = (from?, via?, to?);
-        (from < via && via < to).then(|| [via - from, to - via])
+        (from < via && via < to).then_some([via - from, to - via])
     }
 
     /// When the speed last fell below `limit` rpm, seconds since the first tooth.

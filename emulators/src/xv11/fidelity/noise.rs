@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 pub const BIN_MM: u16 = 100;
 /// Differences beyond these many millimetres plus a part of the square of the distance are motion
 /// in the scene, not noise.
-const MOTION_MM: f64 = 2.0;
+const MOTION_MM: f64 = 1.5;
 const MOTION_PER_MM2: f64 = 1.2e-5;
 /// Differences that a class needs to be worth a figure.
 const PAIRS_MIN: u64 = 300;

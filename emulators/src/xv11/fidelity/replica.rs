@@ -24,6 +24,21 @@ const HAND_M: [(f64, f64); 6] = [
     (0.000, 0.025),
     (-0.045, 0.010),
 ];
+/// When the hand arrives (seconds) and where (degrees, metres): it comes in after 14 turns, moves
+/// about the sensor, leaves after 92, and lies close by from turn 115 on.
+const HAND_AT: [(f64, (f64, f64)); 11] = [
+    (0.0, (66.0, 0.75)),
+    (2.9, (66.0, 0.31)),
+    (5.0, (75.0, 0.27)),
+    (7.0, (100.0, 0.30)),
+    (9.0, (150.0, 0.28)),
+    (11.0, (172.0, 0.30)),
+    (13.0, (210.0, 0.34)),
+    (15.0, (300.0, 0.32)),
+    (17.0, (350.0, 0.27)),
+    (18.4, (350.0, 0.75)),
+    (23.4, (72.0, 0.168)),
+];
 /// The capture lasts 120 turns at 297 rpm before the motor is cut.
 const CUT_AT: Instant = Instant::from_millis(28_700);
 const END_AT: Instant = Instant::from_millis(30_500);
@@ -81,13 +96,18 @@ fn scene() -> World {
     World::new(scene, body, Pose::default(), 0).expect("the middle of the box is free")
 }
 
-/// A hand: comes in after 14 turns, wanders about the sensor, leaves after 92, and lies close by
-/// from turn 115 on.
+/// The hand.
 fn hand() -> Obstacle {
-    let place = |seconds, angle_deg, distance_m| Waypoint {
+    // It moves within a quarter of a second, then rests until it moves again.
+    let waypoint = |seconds: f64, (angle_deg, distance_m): (f64, f64)| Waypoint {
         at: BEGIN_AT + core::time::Duration::from_secs_f64(seconds),
         position: polar(angle_deg, distance_m),
     };
+    let mut waypoints = vec![waypoint(0.0, HAND_AT[0].1)];
+    for pair in HAND_AT.windows(2) {
+        waypoints.push(waypoint(pair[1].0 - 0.25, pair[0].1));
+        waypoints.push(waypoint(pair[1].0, pair[1].1));
+    }
     Obstacle {
         fixture: Fixture {
             shape: Shape::Polygon {
@@ -96,19 +116,7 @@ fn hand() -> Obstacle {
             reflectivity: 0.16,
         },
         path: Path {
-            waypoints: vec![
-                place(2.6, 66.0, 0.75),
-                place(2.9, 66.0, 0.30),
-                place(6.0, 75.0, 0.26),
-                place(8.0, 130.0, 0.32),
-                place(10.0, 170.0, 0.30),
-                place(13.0, 210.0, 0.34),
-                place(15.0, 300.0, 0.32),
-                place(17.0, 350.0, 0.26),
-                place(18.4, 350.0, 0.75),
-                place(23.0, 72.0, 0.75),
-                place(23.4, 72.0, 0.168),
-            ],
+            waypoints,
             repeat: Repeat::Once,
         },
     }

@@ -34,9 +34,9 @@ fn assert_near(rows: &[Row], name: &str, factor: f64) {
 }
 
 /// What makes the replica worth comparing: the encoder's own codes within a quarter, noise within
-/// 30 %, coast-down within 15 %, the dropped carry 3 % +-1, all from issue figures. Codes of the
-/// optics depend on the shape of a real hand, which nobody has recorded: within a factor of two,
-/// 0x03 and warnings, which only the hand makes, of three.
+/// 30 %, coast-down within 15 %, the dropped carry 3 % +-1. The codes of the optics depend on the
+/// shape of a real hand, which nobody has recorded: within half as much again; two codes of which
+/// the capture has a dozen, within a factor of two.
 #[test]
 fn the_emulated_hand_in_box_has_the_figures_of_the_captured_one() {
     let stream = hand_in_box(Profile::Fw24, 1);
@@ -51,17 +51,22 @@ fn the_emulated_hand_in_box_has_the_figures_of_the_captured_one() {
         assert_near(&rows, name, 1.25);
     }
     for from in [200, 300, 400, 500] {
-        assert_near(&rows, &format!("noise from {from} mm"), 1.33);
+        assert_near(&rows, &format!("noise from {from} mm"), 1.3);
     }
     assert_near(&rows, "coast-down from 290 to 185 rpm", 1.15);
     assert_near(&rows, "coast-down from 185 to 75 rpm", 1.15);
     assert!((row(&rows, "checksums with a dropped carry") - 3.0).abs() < 1.0);
     assert_near(&rows, "strength x distance^2", 1.1);
-    for name in ["code 0x02", "code 0x25", "code 0x35", "code 0x50"] {
-        assert_near(&rows, name, 2.0);
+    for name in [
+        "code 0x02",
+        "code 0x03",
+        "code 0x35",
+        "distances with warning",
+    ] {
+        assert_near(&rows, name, 1.5);
     }
-    assert_near(&rows, "code 0x03", 3.0);
-    assert_near(&rows, "distances with warning", 3.0);
+    assert_near(&rows, "code 0x25", 2.0);
+    assert_near(&rows, "code 0x50", 2.0);
     assert_near(&rows, "speed, highest", 1.05);
 }
 

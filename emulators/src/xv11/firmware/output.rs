@@ -21,7 +21,14 @@ const CUT_BYTES: u64 = 7;
 
 impl Xv11 {
     pub(super) fn give_up_due(&self, at: Instant) -> bool {
-        matches!(self.firmware.phase, Phase::Slow { give_up_at, resume: None, .. } if give_up_at <= at)
+        match self.firmware.phase {
+            Phase::Slow {
+                give_up_at,
+                resume: None,
+                ..
+            } => give_up_at <= at,
+            _ => false,
+        }
     }
 
     /// One packet without measuring.
@@ -60,7 +67,7 @@ impl Xv11 {
         if scan.resync > 0 {
             scan.resync -= 1;
             self.excuse(due, code::RESYNCHRONISED);
-        } else if pace.is_rushed() && scan.measured {
+        } else if pace.is_rushed() && scan.measured || self.profile.skips_mark() && slot == 360 {
             self.excuse(due, code::SKIPPED);
         } else {
             let reading = self.eye.measure(world, due, slot, pace.angle_at(due));
