@@ -1,0 +1,184 @@
+//! The participants of a rig: devices, the program under test, and ends that are served from
+//! outside.
+
+use std::any::Any;
+use std::collections::VecDeque;
+
+use core::time::Duration;
+
+use emulators::Device;
+use emulators::world::World;
+use firmware_core::{Inspect, Master};
+use protocols::{Instant, LineConfig, LineEvent, Port};
+
+use crate::cpu::CpuModel;
+
+/// An emulated device in a rig: any [`Device`] that owns its data.
+pub trait AnyDevice: Device + Any {}
+impl<T: Device + Any> AnyDevice for T {}
+
+/// A robot's program in a rig: any [`Master`] that can be looked at.
+pub trait Program: Master + Inspect + Any {}
+impl<T: Master + Inspect + Any> Program for T {}
+
+/// The end of a link whose other side is outside the rig: a pseudo-terminal, a serial port, a test.
+#[derive(Debug)]
+pub(super) struct Outside {
+    pub(super) line: LineConfig,
+    pub(super) to_rig: VecDeque<u8>,
+    pub(super) from_rig: VecDeque<u8>,
+    events_from_rig: VecDeque<LineEvent>,
+    pub(super) change: Option<LineEvent>,
+    overrun: u64,
+}
+
+/// Bytes that wait for an outside reader before further ones are lost, as in a UART's driver.
+const OUTSIDE_MAX: usize = 4096;
+
+impl Outside {
+    pub(super) fn new(line: LineConfig) -> Self {
+        Self {
+            line,
+            to_rig: VecDeque::new(),
+            from_rig: VecDeque::new(),
+            events_from_rig: VecDeque::new(),
+            change: None,
+            overrun: 0,
+        }
+    }
+}
+
+/// A participant of the rig.
+pub(super) enum Body {
+    Device(Box<dyn AnyDevice>),
+    Program {
+        program: Box<dyn Program>,
+        busy_until: Instant,
+        /// Of the last work that took time.
+        last_cost: Duration,
+    },
+    Outside(Outside),
+}
+
+pub(super) struct Node {
+    pub(super) name: String,
+    pub(super) body: Body,
+    /// Something came in since the last poll.
+    pub(super) stirred: bool,
+    /// Counts everything that may have given the node something to send.
+    pub(super) epoch: u64,
+    /// What was asked of the node last, so that it is not asked again each time.
+    pub(super) poll_at: Option<Instant>,
+}
+
+impl Node {
+    pub(super) fn line_config(&self, port: Port) -> LineConfig {
+        match &self.body {
+            Body::Device(device) => device.line_config(port),
+            Body::Program { program, .. } => program.line_config(port),
+            Body::Outside(outside) => outside.line,
+        }
+    }
+
+    /// Something happened to the node: it is polled next, and asked for bytes to send.
+    pub(super) fn stir(&mut self) {
+        self.stirred = true;
+        self.epoch += 1;
+    }
+
+    pub(super) fn receive(&mut self, port: Port, now: Instant, bytes: &[u8]) {
+        self.stir();
+        match &mut self.body {
+            Body::Device(device) => device.receive(port, now, bytes),
+            Body::Program { program, .. } => program.receive(port, now, bytes),
+            Body::Outside(outside) => {
+                let room = OUTSIDE_MAX - outside.from_rig.len();
+                outside.overrun += bytes.len().saturating_sub(room) as u64;
+                outside.from_rig.extend(&bytes[..bytes.len().min(room)]);
+            }
+        }
+    }
+
+    pub(super) fn line_event(&mut self, port: Port, now: Instant, event: LineEvent) {
+        self.stir();
+        match &mut self.body {
+            Body::Device(device) => device.line_event(port, now, event),
+            Body::Program { program, .. } => program.line_event(port, now, event),
+            Body::Outside(outside) => outside.events_from_rig.push_back(event),
+        }
+    }
+
+    pub(super) fn line_change(&mut self, port: Port) -> Option<LineEvent> {
+        match &mut self.body {
+            Body::Device(device) => device.line_change(port),
+            Body::Program { .. } => None,
+            Body::Outside(outside) => outside.change.take(),
+        }
+    }
+
+    pub(super) fn transmit(&mut self, port: Port, buf: &mut [u8]) -> usize {
+        match &mut self.body {
+            Body::Device(device) => device.transmit(port, buf),
+            Body::Program { program, .. } => program.transmit(port, buf),
+            Body::Outside(outside) => {
+                let len = buf.len().min(outside.to_rig.len());
+                for (slot, byte) in buf.iter_mut().zip(outside.to_rig.drain(..len)) {
+                    *slot = byte;
+                }
+                len
+            }
+        }
+    }
+
+    /// Whether the node wants to be polled by `now`.
+    pub(super) fn is_due(&self, now: Instant) -> bool {
+        self.stirred || self.poll_at.is_some_and(|at| at <= now)
+    }
+
+    /// Room in a device's transmitter may be what it was waiting for.
+    pub(super) fn after_transmit(&mut self, now: Instant) {
+        if let Body::Device(device) = &self.body {
+            self.poll_at = device.poll_at().map(|at| later_than(now, at));
+        }
+    }
+
+    /// Polls the node if it is due or was stirred; whether it was polled.
+    pub(super) fn poll(&mut self, now: Instant, world: &mut World, cpu: CpuModel) -> bool {
+        let due = self.poll_at.is_some_and(|at| at <= now);
+        match &mut self.body {
+            Body::Device(device) if due || self.stirred => {
+                device.poll(now, world);
+                self.poll_at = device.poll_at().map(|at| later_than(now, at));
+            }
+            Body::Program {
+                program,
+                busy_until,
+                last_cost,
+            } if due || self.stirred => {
+                if *busy_until > now {
+                    self.poll_at = Some(*busy_until);
+                } else {
+                    program.poll(now);
+                    let cost = cpu.cost(program.take_work());
+                    self.poll_at = if cost > Duration::ZERO {
+                        *busy_until = now + cost;
+                        *last_cost = cost;
+                        Some(*busy_until)
+                    } else {
+                        program.poll_at().map(|at| later_than(now, at))
+                    };
+                }
+            }
+            _ if self.stirred => {}
+            _ => return false,
+        }
+        self.stirred = false;
+        self.epoch += 1;
+        true
+    }
+}
+
+/// A node that asks for a moment that has passed is polled a nanosecond later, so that time moves.
+fn later_than(now: Instant, at: Instant) -> Instant {
+    at.max(now + Duration::from_nanos(1))
+}

@@ -1,0 +1,86 @@
+//! Settings of devices, by kind.
+
+use serde::{Deserialize, Serialize};
+
+use super::Span;
+
+/// Settings of a device, named by its kind.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub enum DeviceSpec {
+    /// Neato XV-11 lidar.
+    Xv11(Xv11Spec),
+    /// AVR base with its register bus.
+    AvrBase(AvrBaseSpec),
+    /// HC-06 radio.
+    Hc06(Hc06Spec),
+}
+
+impl DeviceSpec {
+    /// Name of the kind, as in a file.
+    pub const fn kind(&self) -> &'static str {
+        match self {
+            Self::Xv11(_) => "xv11",
+            Self::AvrBase(_) => "avr-base",
+            Self::Hc06(_) => "hc06",
+        }
+    }
+}
+
+/// Settings of an XV-11.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Xv11Spec {
+    /// Firmware: `fw2.1`, `fw2.4.13386`, `fw2.6.15295`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub profile: Option<toml::Spanned<String>>,
+    /// What turns the head; 300 rpm held by the rig if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub supply: Option<SupplySpec>,
+}
+
+/// What turns the head of a lidar.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub enum SupplySpec {
+    /// The rig holds this speed, turns per minute.
+    RegulatedRpm(f64),
+    /// A fixed voltage.
+    FixedV(f64),
+    /// The host's drive, this voltage at full duty.
+    HostV(f64),
+}
+
+impl From<SupplySpec> for emulators::xv11::MotorSupply {
+    fn from(spec: SupplySpec) -> Self {
+        match spec {
+            SupplySpec::RegulatedRpm(rpm) => Self::Regulated { rpm },
+            SupplySpec::FixedV(volts) => Self::Fixed { volts },
+            SupplySpec::HostV(volts) => Self::Host { volts },
+        }
+    }
+}
+
+/// Settings of an AVR base.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AvrBaseSpec {
+    /// Firmware: `document`, `rcj2015-2015`, `rcj2015-2014`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub profile: Option<toml::Spanned<String>>,
+}
+
+/// Settings of an HC-06.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Hc06Spec {
+    /// Firmware: `linvor-1.8`, `hc01-2.0`, `3.0-20170609`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub family: Option<toml::Spanned<String>>,
+    /// Rate of the wire to the microcontroller; the robot's own rate if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub baud: Option<u32>,
+    /// Time from the PC opening its port to the first byte passing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub connect_delay: Option<Span>,
+}
