@@ -72,7 +72,7 @@ impl fmt::Display for CliError {
     }
 }
 
-impl std::error::Error for CliError {}
+impl core::error::Error for CliError {}
 
 impl From<ScenarioError> for CliError {
     fn from(error: ScenarioError) -> Self {

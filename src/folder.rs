@@ -111,7 +111,7 @@ impl fmt::Display for FolderError {
     }
 }
 
-impl std::error::Error for FolderError {}
+impl core::error::Error for FolderError {}
 
 /// Writes all files of `outcome`, a run that took `wall`, into `dir`, which is made if need be.
 pub fn write(dir: &Path, outcome: &Outcome, wall: Duration) -> Result<(), FolderError> {

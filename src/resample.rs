@@ -141,7 +141,8 @@ const IDLE_BITS_MAX: u64 = 100_000;
 /// high, and so does a line that is low at `at` but was so before: a receiver waits for an edge.
 fn falling_edge(bits: &[bool], at: u64, bit: u64) -> Option<u64> {
     let mut index = usize::try_from(at / bit).ok()?;
-    if at % bit == 0 && bits.get(index) == Some(&false) && (index == 0 || bits[index - 1]) {
+    if at.is_multiple_of(bit) && bits.get(index) == Some(&false) && (index == 0 || bits[index - 1])
+    {
         return Some(at);
     }
     loop {
@@ -160,7 +161,7 @@ fn push_character(bits: &mut Vec<bool>, byte: u8, line: LineConfig) {
     match line.parity {
         Parity::None => {}
         Parity::Even => bits.push(ones % 2 == 1),
-        Parity::Odd => bits.push(ones % 2 == 0),
+        Parity::Odd => bits.push(ones.is_multiple_of(2)),
     }
     bits.extend(core::iter::repeat_n(true, usize::from(line.stop_bits)));
 }

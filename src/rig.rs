@@ -3,8 +3,7 @@
 
 mod node;
 
-use std::any::Any;
-
+use core::any::Any;
 use core::time::Duration;
 
 use emulators::world::World;

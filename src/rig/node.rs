@@ -1,10 +1,9 @@
 //! The participants of a rig: devices, the program under test, and ends that are served from
 //! outside.
 
-use std::any::Any;
-use std::collections::VecDeque;
-
+use core::any::Any;
 use core::time::Duration;
+use std::collections::VecDeque;
 
 use emulators::Device;
 use emulators::world::World;

@@ -58,7 +58,7 @@ impl fmt::Display for ScenarioError {
     }
 }
 
-impl std::error::Error for ScenarioError {}
+impl core::error::Error for ScenarioError {}
 
 /// A scenario with the place it was read from, for messages and for files that it names.
 #[derive(Clone, Debug)]

@@ -20,7 +20,7 @@ const UNITS: [(&str, u64); 6] = [
 ];
 
 /// Longest span: a week.
-const MAX_NANOS: f64 = 7.0 * 86_400.0 * 1e9;
+const MAX: Duration = Duration::from_secs(7 * 86_400);
 
 impl Span {
     /// A span of `millis` milliseconds.
@@ -54,9 +54,10 @@ impl core::str::FromStr for Span {
             .find(|(name, _)| *name == unit)
             .ok_or_else(error)?;
         if let Ok(whole) = number.parse::<u64>() {
-            let total = whole.checked_mul(nanos).filter(|&n| n <= MAX_NANOS as u64);
+            let total = whole.checked_mul(nanos).map(Duration::from_nanos);
             return total
-                .map(|n| Self(Duration::from_nanos(n)))
+                .filter(|&total| total <= MAX)
+                .map(Self)
                 .ok_or_else(error);
         }
         let plain = number.bytes().all(|b| b.is_ascii_digit() || b == b'.');
@@ -64,13 +65,11 @@ impl core::str::FromStr for Span {
             .parse::<f64>()
             .ok()
             .filter(|_| plain)
-            .map(|n| n * nanos as f64);
-        match total {
-            Some(total) if total.is_finite() && (0.0..=MAX_NANOS).contains(&total) => {
-                Ok(Self(Duration::from_nanos(total.round() as u64)))
-            }
-            _ => Err(error()),
-        }
+            .and_then(|n| Duration::try_from_secs_f64(n * (nanos as f64 / 1e9)).ok());
+        total
+            .filter(|&total| total <= MAX)
+            .map(Self)
+            .ok_or_else(error)
     }
 }
 

@@ -1,10 +1,11 @@
 //! The world of a scenario: what is solid, where the robot starts, what moves and pushes.
 
+use core::time::Duration;
+
 use emulators::world::{
     BodyConfig, Bounds, Fixture, Obstacle, OccupancyImage, Part, Path, Point, Pose, Repeat, Scene,
     Shape, Waypoint, World,
 };
-use protocols::Instant;
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
@@ -365,13 +366,8 @@ impl MovingSpec {
         for &place in &self.path_m {
             let position = point(place);
             if let Some(last) = waypoints.last() {
-                let nanos = last.position.distance(position) / self.speed_m_s * 1e9;
-                let nanos = if nanos.is_finite() {
-                    nanos.min(1e18)
-                } else {
-                    0.0
-                };
-                at = Instant::from_nanos(at.as_nanos().saturating_add(nanos as u64));
+                let seconds = last.position.distance(position) / self.speed_m_s;
+                at += Duration::try_from_secs_f64(seconds).unwrap_or_default();
             }
             waypoints.push(Waypoint { at, position });
         }

@@ -14,7 +14,7 @@ use protocols::rle::Dialect;
 use protocols::xv11::{self, Reading};
 use protocols::{Decode, Instant, LineConfig, Port, pcui};
 
-use super::{in_a_room, shipped, start};
+use super::{in_a_room, start};
 use crate::Run;
 
 const SECOND: Duration = Duration::from_secs(1);
