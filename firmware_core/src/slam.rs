@@ -35,6 +35,7 @@ use matching::{EndPoints, Placement, tally};
 use prior::{Prior, Travel};
 use random::Pcg32;
 use relocate::{Answer, relocate};
+use row::POINTS_MAX;
 use tracking::DOUBTFUL;
 
 /// How sure a pose is.
@@ -70,6 +71,8 @@ pub struct Outcome {
     pub certainty: Certainty,
 }
 
+/// Points of the core's refinement.
+const DENSE_POINTS: usize = 180;
 /// Scans in doubt before the whole map is searched.
 const DOUBTS_MAX: u8 = 2;
 /// Agreement that a lost robot's new place must have.
@@ -174,11 +177,16 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
                 ..Outcome::default()
             };
         }
-        let wanted = usize::from(self.settings.search.points).clamp(1, BEAMS);
+        let most = if self.settings.mode == Mode::Core {
+            POINTS_MAX
+        } else {
+            BEAMS
+        };
+        let wanted = usize::from(self.settings.search.points).clamp(1, most);
         self.sparse
             .set(spread(points, wanted), self.settings.resolution_mm);
         self.dense
-            .set(points.iter().copied(), self.settings.resolution_mm);
+            .set(spread(points, DENSE_POINTS), self.settings.resolution_mm);
         let outcome = if self.scans == 0 {
             self.stay()
         } else {

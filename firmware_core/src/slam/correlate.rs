@@ -1,21 +1,21 @@
-//! Exhaustive search of a window of poses: every heading step, every cell up and down, 32 cells
+//! Exhaustive search of a window of poses: every heading step, every cell up and down, all cells
 //! across at once (Olson, "Real-time correlative scan matching", 2009, with a row kernel of ours).
 
 use super::effort::Effort;
 use super::matching::{Placement, whole};
 use super::prior::Prior;
-use super::row::{LANES, POINTS_MAX, sums};
+use super::row::{LANES, POINTS_MAX, Sums, add, sums};
 use crate::grid::Grid;
 use crate::pose::{Pose, normalised};
 
-/// Cells before and after the middle lane.
-const LANES_BEFORE: i32 = 16;
+/// Cells to each side that the lanes of a row can hold.
+pub(super) const REACH_MAX: i32 = 15;
 
 /// Which poses a search looks at, around its centre.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Window {
-    /// Cells to each side along y; along x it is 16 down and 15 up.
-    pub(super) rows: i32,
+    /// Cells to each side along x and y, at most [`REACH_MAX`].
+    pub(super) reach: i32,
     /// Heading steps to each side.
     pub(super) turns: i32,
     /// Radians per heading step.
@@ -55,24 +55,26 @@ pub(super) fn search<const W: usize, const H: usize>(
         steps: [0; 3],
     };
     let scale = 16.0 * points.len() as f32;
+    let reach = window.reach.clamp(0, REACH_MAX);
     let mut costs_x = [0.0; LANES];
-    for (column, cost) in (-LANES_BEFORE..).zip(&mut costs_x) {
+    for (column, cost) in (-reach..=reach).zip(&mut costs_x) {
         let x_mm = centre.x_mm + column as f32 * cell_mm;
         *cost = prior.deviation_x(x_mm) * prior.cost * scale;
     }
     let cost_max = prior.cost_max * scale;
     for turn in -window.turns..=window.turns {
         effort.placed(count);
-        effort.rows((2 * window.rows + 1).unsigned_abs(), 32, count);
+        let side = (2 * reach + 1).unsigned_abs();
+        effort.rows(side, side, count);
         let heading = normalised(centre.heading + turn as f32 * window.turn_step);
         let placement = Placement::new(Pose { heading, ..centre }, cell_mm);
         let cost_turn = prior.deviation_heading(heading) * prior.cost * scale;
-        let mut placed = Placed::<W, H>::new(points, &placement, window.rows);
-        for row in -window.rows..=window.rows {
+        let placed = Placed::<W, H>::new(points, &placement, reach);
+        for row in -reach..=reach {
             let lanes = placed.sums(grid, row);
             let y_mm = centre.y_mm + row as f32 * cell_mm;
             let cost_row = cost_turn + prior.deviation_y(y_mm) * prior.cost * scale;
-            for ((column, sum), cost_x) in (-LANES_BEFORE..).zip(&lanes).zip(&costs_x) {
+            for ((column, sum), cost_x) in (-reach..=reach).zip(&lanes).zip(&costs_x) {
                 let cost = whole((cost_row + cost_x).min(cost_max));
                 let rating = 16 * i32::from(*sum) - cost;
                 if rating > best.rating {
@@ -95,34 +97,36 @@ pub(super) fn search<const W: usize, const H: usize>(
 
 /// Points of one heading, as places in the map.
 struct Placed<const W: usize, const H: usize> {
-    /// Of points whose whole window lies on the map: index of lane 0 in the lowest row.
+    /// Of points whose whole window lies on the map: index of its lower left cell.
     starts: [u32; POINTS_MAX],
     whole: usize,
-    /// Of other points that touch the map: cell of the middle lane.
+    /// Of other points whose window touches the map: its lower left cell.
     edges: [(i32, i32); POINTS_MAX],
     cut: usize,
-    rows: i32,
+    reach: i32,
 }
 
 impl<const W: usize, const H: usize> Placed<W, H> {
-    fn new(points: &[[i16; 2]], placement: &Placement, rows: i32) -> Self {
+    fn new(points: &[[i16; 2]], placement: &Placement, reach: i32) -> Self {
         let mut placed = Self {
             starts: [0; POINTS_MAX],
             whole: 0,
             edges: [(0, 0); POINTS_MAX],
             cut: 0,
-            rows,
+            reach,
         };
         let (width, height) = (Grid::<W, H>::WIDTH, Grid::<W, H>::HEIGHT);
         for point in points {
             let (x, y) = placement.cell(*point);
-            let (left, low) = (x - LANES_BEFORE, y - rows);
-            let (right, high) = (left + 2 * LANES_BEFORE, y + rows + 1);
-            if left >= 0 && low >= 0 && right <= width && high <= height {
+            let (left, low) = (x - reach, y - reach);
+            let (right, high) = (x + reach + 1, y + reach + 1);
+            // Lanes beyond the window may hold anything, but must lie on the map.
+            let last = (high - 1) * width + left + 2 * REACH_MAX + 2;
+            if left >= 0 && low >= 0 && right <= width && high <= height && last <= width * height {
                 placed.starts[placed.whole] = (low * width + left).unsigned_abs();
                 placed.whole += 1;
             } else if right > 0 && high > 0 && left < width && low < height {
-                placed.edges[placed.cut] = (x, y);
+                placed.edges[placed.cut] = (left, low);
                 placed.cut += 1;
             }
         }
@@ -130,20 +134,26 @@ impl<const W: usize, const H: usize> Placed<W, H> {
     }
 
     /// Scores of the lanes of a row of the window.
-    fn sums(&mut self, grid: &Grid<W, H>, row: i32) -> [u16; LANES] {
+    fn sums(&self, grid: &Grid<W, H>, row: i32) -> Sums {
         let cells = grid.rows().as_flattened();
-        let offset = (row + self.rows).unsigned_abs() as usize * W;
-        let mut lanes = sums(cells, &self.starts[..self.whole], offset);
-        for (x, y) in &self.edges[..self.cut] {
-            let Some(cells) = usize::try_from(y + row).ok().and_then(|y| grid.row(y)) else {
+        let row = row + self.reach;
+        let mut lanes = sums(
+            cells,
+            &self.starts[..self.whole],
+            row.unsigned_abs() as usize * W,
+        );
+        for (left, low) in &self.edges[..self.cut] {
+            let Some(cells) = usize::try_from(low + row).ok().and_then(|y| grid.row(y)) else {
                 continue;
             };
-            for (lane, sum) in (0..).zip(&mut lanes) {
-                let x = usize::try_from(x - LANES_BEFORE + lane).ok();
-                *sum += x
-                    .and_then(|x| cells.get(x))
-                    .map_or(0, |cell| u16::from(*cell));
+            // What of the row lies on the map; the rest counts as 0.
+            let (skip, from) = ((-left).max(0).unsigned_abs(), left.max(&0).unsigned_abs());
+            let mut part = [0; LANES];
+            let cells = cells.get(from as usize..).unwrap_or(&[]);
+            for (lane, cell) in part.iter_mut().skip(skip as usize).zip(cells) {
+                *lane = *cell;
             }
+            add(&mut lanes, &part);
         }
         lanes
     }
@@ -171,8 +181,8 @@ mod tests {
         let scale = 16.0 * points.len() as f32;
         for turn in -window.turns..=window.turns {
             let heading = normalised(centre.heading + turn as f32 * window.turn_step);
-            for row in -window.rows..=window.rows {
-                for column in -16..16 {
+            for row in -window.reach..=window.reach {
+                for column in -window.reach..=window.reach {
                     let pose = Pose {
                         x_mm: centre.x_mm + column as f32 * CELL_MM,
                         y_mm: centre.y_mm + row as f32 * CELL_MM,
@@ -204,7 +214,7 @@ mod tests {
             values in proptest::collection::vec(0_u8.., 3000),
             points in proptest::collection::vec([-500_i16..500, -500_i16..500], 1..40),
             x in -50.0_f32..650.0, y in -50.0_f32..550.0, heading in -3.0_f32..3.0,
-            rows in 0_i32..6, turns in 0_i32..4, driven in 0.0_f32..200.0,
+            reach in 0_i32..16, turns in 0_i32..4, driven in 0.0_f32..200.0,
         ) {
             let mut grid = Grid::<60, 50>::new(CELL_MM);
             grid.rows_mut().as_flattened_mut().copy_from_slice(&values);
@@ -212,7 +222,7 @@ mod tests {
             let mut travel = Travel::default();
             travel.add(crate::pose::PoseChange { forward_mm: driven, left_mm: 0.0, turn: 0.1 });
             let prior = Prior::new(centre, travel, &MotionNoise::WHEELS, CELL_MM);
-            let window = Window { rows, turns, turn_step: 0.01 };
+            let window = Window { reach, turns, turn_step: 0.01 };
             let found = search(&grid, &points, centre, &window, &prior, &mut Effort::default());
             let (rating, steps) = naive(&grid, &points, centre, &window, &prior);
             prop_assert_eq!((found.rating, found.steps), (rating, steps));

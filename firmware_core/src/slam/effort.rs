@@ -7,7 +7,7 @@ pub(super) struct Effort {
     pub(super) poses: u32,
 }
 
-/// One point looked up for 32 poses side by side.
+/// One point looked up for the poses of a row, side by side.
 const CYCLES_PER_ROW: u32 = 54;
 /// One pose compared with the best so far.
 const CYCLES_PER_POSE: u32 = 8;

@@ -1,6 +1,6 @@
 //! What the odometry says about a candidate: how unlikely its way from the prediction is.
 
-use super::correlate::Window;
+use super::correlate::{REACH_MAX, Window};
 use super::settings::MotionNoise;
 use crate::pose::{Pose, PoseChange, normalised};
 
@@ -90,7 +90,7 @@ impl Prior {
             steps
         };
         Window {
-            rows: steps(self.per_mm2, cell_mm).min(16),
+            reach: steps(self.per_mm2, cell_mm).min(REACH_MAX),
             turns: steps(self.per_rad2, turn_step),
             turn_step,
         }

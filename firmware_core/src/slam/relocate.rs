@@ -174,7 +174,7 @@ pub(super) fn relocate<const W: usize, const H: usize>(
     let shortlist = shortlist(&coarse, points, effort);
     let block_mm = coarse.block as f32 * grid.resolution_mm();
     let window = Window {
-        rows: coordinate(coarse.block),
+        reach: coordinate(coarse.block) / 2 + 2,
         turns: 4,
         turn_step: 0.5_f32.to_radians(),
     };

@@ -177,25 +177,17 @@ impl Line {
     fn draw(&self, strokes: Strokes, index: impl Fn(usize, usize) -> usize, cells: &mut [u8]) {
         let (mut long, mut short) = (self.first, self.short);
         let mut next = || {
-            let at = index(
-                long.unsigned_abs() as usize,
-                (short >> BITS).unsigned_abs() as usize,
-            );
-            long += self.step;
-            short += self.slope;
-            at
+            // Neither is ever negative on the map; elsewhere the index is caught below.
+            let (row, column) = (long.cast_unsigned(), short.cast_unsigned() >> BITS);
+            long = long.wrapping_add(self.step);
+            short = short.wrapping_add(self.slope);
+            index(row as usize, column as usize)
         };
+        let (first, again) = (256 - strokes.first, 256 - strokes.free);
         for _ in 0..self.free {
             if let Some(cell) = cells.get_mut(next()) {
-                *cell = blended(
-                    *cell,
-                    0,
-                    if *cell == UNKNOWN {
-                        strokes.first
-                    } else {
-                        strokes.free
-                    },
-                );
+                let keep = if *cell == UNKNOWN { first } else { again };
+                [_, *cell] = (keep * u16::from(*cell)).to_le_bytes();
             }
         }
         let peak = 255 << BITS;

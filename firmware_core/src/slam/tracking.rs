@@ -1,7 +1,7 @@
 //! The core's way to the pose: the window that the odometry leaves, searched whole, then between
 //! the cells. A scan that contradicts the map widens the window: the robot may have been pushed.
 
-use super::correlate::{Best, Window, search};
+use super::correlate::{Best, REACH_MAX, Window, search};
 use super::effort::Effort;
 use super::evidence::Evidence;
 use super::prior::Prior;
@@ -34,8 +34,7 @@ pub(super) const DOUBTFUL: f32 = 0.5;
 const BETTER: f32 = 0.25;
 /// Heading step of the search, in degrees.
 pub(super) const TURN_STEP_DEG: f32 = 0.5;
-/// The window for a robot that was pushed: 16 cells and 12 degrees to each side.
-const WIDE_ROWS: i32 = 16;
+/// The window for a robot that was pushed: 15 cells and 12 degrees to each side.
 const WIDE_TURNS: i32 = 24;
 
 /// Finds the place of a scan near its prediction.
@@ -52,7 +51,7 @@ pub(super) fn track<const W: usize, const H: usize>(
     let mut evidence = Evidence::of(grid, task.sparse, best.pose);
     if evidence.agreement() < DOUBTFUL {
         let wide = Window {
-            rows: WIDE_ROWS,
+            reach: REACH_MAX,
             turns: WIDE_TURNS,
             turn_step,
         };
