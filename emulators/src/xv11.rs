@@ -101,6 +101,8 @@ pub struct Xv11 {
     encoder: Encoder,
     /// When the next tooth passes; follows from rotor and encoder.
     edge_at: Option<Instant>,
+    /// When the firmware has something to do; asked for far more often than it changes.
+    work_at: Option<Instant>,
     eye: Eye,
     uart: Uart,
     firmware: Firmware,
@@ -131,6 +133,7 @@ impl Xv11 {
             rotor,
             encoder,
             edge_at: None,
+            work_at: None,
             eye: Eye::new(config.mount, config.optics, seed, name),
             uart: Uart::default(),
             firmware: Firmware::new(),
@@ -143,6 +146,7 @@ impl Xv11 {
         for fault in config.faults {
             xv11.set_fault(Instant::ZERO, fault);
         }
+        xv11.foresee();
         xv11
     }
 
@@ -158,6 +162,7 @@ impl Xv11 {
             }
             _ => {}
         }
+        self.foresee();
     }
 
     /// A fault is mended at `now`, whatever its figure was.
@@ -168,6 +173,7 @@ impl Xv11 {
         if was_off && !self.faults.has(Fault::Off) {
             self.switch_on(now);
         }
+        self.foresee();
     }
 
     /// Something else feeds the motor from `now` on.
@@ -194,11 +200,12 @@ impl Xv11 {
 
     /// When the sensor itself has something to do.
     fn next_at(&self) -> Option<Instant> {
-        earliest([
-            self.uart.release_at(),
-            self.edge_at,
-            self.firmware.next_at(&self.uart),
-        ])
+        earliest([self.uart.release_at(), self.edge_at, self.work_at])
+    }
+
+    /// Finds out when the firmware has something to do, after anything happened to it.
+    fn foresee(&mut self) {
+        self.work_at = self.firmware.next_at(&self.uart);
     }
 
     fn faults_changed(&mut self, now: Instant) {
@@ -239,6 +246,7 @@ impl Device for Xv11 {
             Self::MOTOR => self.set_duty(now, *bytes.last().expect("receive is given bytes")),
             _ => self.host_bytes(now, bytes),
         }
+        self.foresee();
     }
 
     fn line_event(&mut self, port: Port, now: Instant, event: LineEvent) {
@@ -255,6 +263,7 @@ impl Device for Xv11 {
             }
             LineEvent::Opened | LineEvent::Closed | LineEvent::Overrun => {}
         }
+        self.foresee();
     }
 
     fn poll(&mut self, now: Instant, world: &mut World) {

@@ -198,13 +198,14 @@ impl Xv11 {
             self.tooth_passes(at, world);
         } else if self.firmware.restart_at.is_some_and(|cut| cut <= at) {
             self.restart(at);
-        } else if self.firmware.next_at(&self.uart).is_some_and(|n| n <= at) {
+        } else if self.work_at.is_some_and(|due| due <= at) {
             self.work(at, world);
         }
+        self.foresee();
     }
 
     fn work(&mut self, at: Instant, world: &World) {
-        match self.firmware.phase.clone() {
+        match self.firmware.phase {
             Phase::Off | Phase::Console => {}
             Phase::Boot { .. } => self.boot(at),
             Phase::Spin { .. } => self.spin(at),
