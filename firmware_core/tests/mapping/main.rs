@@ -7,6 +7,7 @@
 mod measure;
 mod world;
 
+mod arena;
 mod corridor;
 mod endurance;
 mod flat;
