@@ -709,3 +709,57 @@ fn a_near_object_shadows_the_wall_before_it_and_not_behind_it() {
     assert!(blind(77..81) >= 30, "{}", blind(77..81));
     assert!(blind(100..104) <= 2, "{}", blind(100..104));
 }
+
+/// Whatever is broken, mended, fed or sent at whatever time, the sensor goes on: no panic, no work
+/// left over after a poll, and never more bytes than its line can carry.
+#[test]
+fn no_sequence_of_faults_and_inputs_upsets_the_sensor() {
+    for seed in 0..150 {
+        let mut rng = Rng::stream(seed, "mischief");
+        let config = Config {
+            profile: Profile::ALL[usize::try_from(seed % 3).expect("below 3")],
+            supply: MotorSupply::Host { volts: 5.0 },
+            ..Config::default()
+        };
+        let mut lidar = Xv11::new("lidar", seed, config);
+        let mut world = room(0.4);
+        let mut now = Instant::ZERO;
+        let mut sent = 0;
+        for _ in 0..150 {
+            mischief(&mut lidar, &mut rng, now);
+            now += Duration::from_micros(rng.below(120_000));
+            lidar.poll(now, &mut world);
+            assert!(
+                lidar.poll_at().is_none_or(|at| at > now),
+                "seed {seed} at {now}"
+            );
+            sent += lidar.transmit(Xv11::UART, &mut [0; 2048]);
+        }
+        // Text is printed at once, so a little ahead of the line.
+        let carried = now.as_nanos() * 11_520 / 1_000_000_000 + 512;
+        assert!((sent as u64) < carried, "seed {seed}: {sent} of {carried}");
+    }
+}
+
+fn mischief(lidar: &mut Xv11, rng: &mut Rng, now: Instant) {
+    let mut pick = |n: u64| usize::try_from(rng.below(n)).expect("small");
+    let fault = Fault::ALL[pick(10)];
+    let duty = [0, 60, 110, 150, 180, 200, 255][pick(7)];
+    match pick(12) {
+        0..=2 => lidar.set_fault(now, fault),
+        3..=6 => {
+            for fault in Fault::ALL {
+                lidar.clear_fault(now, fault);
+            }
+        }
+        7..=8 => lidar.receive(Xv11::MOTOR, now, &[duty]),
+        9 => lidar.set_supply(now, MotorSupply::Regulated { rpm: 300.0 }),
+        10 => lidar.set_supply(
+            now,
+            MotorSupply::Fixed {
+                volts: f64::from(duty) / 60.0,
+            },
+        ),
+        _ => lidar.receive(Xv11::UART, now, b"GetVersion\x1B\x1B"),
+    }
+}
