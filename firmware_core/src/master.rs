@@ -45,6 +45,15 @@ pub struct Work {
     pub points: u32,
 }
 
+impl Work {
+    /// No computing.
+    pub const NONE: Self = Self {
+        scans: 0,
+        tries: 0,
+        points: 0,
+    };
+}
+
 /// What a rig may look at in a program that runs in its own process: for checkers, reports and the
 /// page, never for devices.
 pub trait Inspect {

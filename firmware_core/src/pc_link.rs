@@ -41,15 +41,19 @@ pub struct Settings {
     pub dialect: rle::Dialect,
 }
 
-impl Default for Settings {
+impl Settings {
     /// The seed report's 50 ms; a pace that an HC-06 carries (20.5 kB/s, half of it while the PC
     /// talks as well) with room for its bursts.
+    pub const DEFAULT: Self = Self {
+        pose_period: Duration::from_millis(50),
+        pace_bytes_per_s: Some(12_000),
+        dialect: rle::Dialect::Lossless,
+    };
+}
+
+impl Default for Settings {
     fn default() -> Self {
-        Self {
-            pose_period: Duration::from_millis(50),
-            pace_bytes_per_s: Some(12_000),
-            dialect: rle::Dialect::Lossless,
-        }
+        Self::DEFAULT
     }
 }
 
@@ -81,6 +85,17 @@ pub struct Counters {
     pub rows: u32,
 }
 
+impl Counters {
+    /// Nothing has happened yet.
+    const NONE: Self = Self {
+        received: 0,
+        bad_frames: 0,
+        meaningless: 0,
+        sent: 0,
+        rows: 0,
+    };
+}
+
 /// Robot end of the link.
 #[derive(Clone, Debug)]
 pub struct PcLink {
@@ -100,10 +115,10 @@ pub struct PcLink {
 
 impl PcLink {
     /// A link that begins to send at once.
-    pub fn new(settings: Settings) -> Self {
+    pub const fn new(settings: Settings) -> Self {
         Self {
             settings,
-            decoder: pcui::Decoder::default(),
+            decoder: pcui::Decoder::with_format(pcui::Framing),
             received_at: Instant::ZERO,
             tx: Fifo::new(),
             pose_at: Instant::ZERO,
@@ -112,7 +127,7 @@ impl PcLink {
             passed_at: Instant::ZERO,
             row: 0,
             echo_is_due: false,
-            counters: Counters::default(),
+            counters: Counters::NONE,
         }
     }
 

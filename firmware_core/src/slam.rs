@@ -24,7 +24,7 @@ mod update;
 use core::time::Duration;
 
 pub use budget::Budget;
-pub use settings::{Defects, Mode, MotionNoise, Rounding, Search, Settings};
+pub use settings::{DEFAULT_CELL_MM, Defects, Mode, MotionNoise, Rounding, Search, Settings};
 
 use crate::grid::{Grid, SIDE};
 use crate::pose::{Point, Pose, PoseChange};
@@ -95,7 +95,7 @@ pub struct Mapper<const W: usize = SIDE, const H: usize = SIDE> {
 
 impl<const W: usize, const H: usize> Mapper<W, H> {
     /// A mapper that knows nothing but where it starts.
-    pub fn new(settings: Settings) -> Self {
+    pub const fn new(settings: Settings) -> Self {
         Self {
             grid: Grid::new(settings.resolution_mm),
             pose: settings.start,
@@ -103,7 +103,7 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
             random: Pcg32::new(settings.seed),
             sparse: EndPoints::EMPTY,
             dense: EndPoints::EMPTY,
-            travel: Travel::default(),
+            travel: Travel::NONE,
             doubts: 0,
             scans: 0,
             settings,
@@ -139,7 +139,7 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
     pub fn restart(&mut self) {
         self.grid.clear();
         self.pose = self.settings.start;
-        self.travel = Travel::default();
+        self.travel = Travel::NONE;
         self.doubts = 0;
         self.scans = 0;
     }
@@ -196,7 +196,7 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
             }
         };
         self.pose = outcome.pose;
-        self.travel = Travel::default();
+        self.travel = Travel::NONE;
         outcome
     }
 

@@ -6,8 +6,8 @@
 //!
 //! A request with W writes, without W reads `count` registers. The slave answers a read with a
 //! frame that has W set, a write with the empty frame of the same register, and a frame that it
-//! could not accept with [`ERROR`]. An acknowledgement is therefore the same bytes as a request to
-//! read nothing, and no field tells a frame's direction or order.
+//! could not accept with the one of [`ERROR_REGISTER`]. An acknowledgement is therefore the same
+//! bytes as a request to read nothing, and no field tells a frame's direction or order.
 //!
 //! Sources: seed report 2015, chapter on the slave protocol; field firmware b77a6df, whose bytes
 //! are the golden vectors of this file's tests.

@@ -422,7 +422,8 @@ mod tests {
             let mut seen = vec![];
             grid.each_near(from, reach, |index| seen.push(index));
             let near = |index: &usize| primitives[*index].nearest(from).1 <= reach;
-            let missed: Vec<_> = (0..primitives.len()).filter(near).filter(|i| !seen.contains(i)).collect();
+            let missed: Vec<_> =
+                (0..primitives.len()).filter(near).filter(|i| !seen.contains(i)).collect();
             prop_assert!(missed.is_empty(), "{:?}", missed);
         }
     }

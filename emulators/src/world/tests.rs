@@ -645,7 +645,8 @@ proptest! {
         acts in prop::collection::vec((0..1_000_000_000_u64, act()), 0..6),
         back in prop::collection::vec(0..250_000_000_u64, 1..20),
     ) {
-        let acts: Vec<_> = acts.into_iter().filter(|(_, a)| !matches!(a, Act::Teleport(..))).collect();
+        let acts: Vec<_> =
+            acts.into_iter().filter(|(_, a)| !matches!(a, Act::Teleport(..))).collect();
         let end = 1_300_000_000;
         let mut world = run_until(seed, &acts, end);
         world.advance(Instant::from_nanos(end));

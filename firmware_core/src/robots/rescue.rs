@@ -95,6 +95,17 @@ struct Counters {
     arrivals: u32,
 }
 
+impl Counters {
+    /// Nothing has happened yet.
+    const NONE: Self = Self {
+        scans: 0,
+        line_errors: 0,
+        refused_waypoints: 0,
+        fallbacks: 0,
+        arrivals: 0,
+    };
+}
+
 impl Rescue {
     /// The XV-11, 115200 baud.
     pub const LIDAR: Port = Port(0);
@@ -106,7 +117,7 @@ impl Rescue {
     pub const MOTOR: Port = Port(3);
 
     /// A robot that has just been switched on.
-    pub fn new(config: Config) -> Self {
+    pub const fn new(config: Config) -> Self {
         let mode = config.initial_mode;
         Self {
             lidar: Lidar::new(LineConfig::new_8n1(xv11::BAUD), config.mounting),
@@ -122,8 +133,8 @@ impl Rescue {
             matched_at: None,
             attend_at: Instant::ZERO,
             motor_duty: None,
-            work: Work::default(),
-            counters: Counters::default(),
+            work: Work::NONE,
+            counters: Counters::NONE,
             config,
         }
     }

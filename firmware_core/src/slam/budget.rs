@@ -36,9 +36,9 @@ pub(super) struct Regulator {
 }
 
 impl Regulator {
-    pub(super) fn new(budget: &Budget, is_bounded: bool) -> Self {
+    pub(super) const fn new(budget: &Budget, is_bounded: bool) -> Self {
         Self {
-            tries: i32::from(budget.start),
+            tries: budget.start as i32,
             is_bounded,
         }
     }

@@ -26,6 +26,16 @@ pub(super) struct Travel {
 }
 
 impl Travel {
+    /// Not moved.
+    pub(super) const NONE: Self = Self {
+        distance_mm: 0.0,
+        turned: 0.0,
+        unseen_mm: 0.0,
+        unseen_rad: 0.0,
+    };
+}
+
+impl Travel {
     pub(super) fn add(&mut self, change: PoseChange) {
         self.distance_mm += change.distance_mm();
         self.turned += change.turn.abs();

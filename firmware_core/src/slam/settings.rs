@@ -64,6 +64,20 @@ pub struct Defects {
 }
 
 impl Defects {
+    /// None.
+    pub const NONE: Self = Self {
+        spread_reaches_zero: false,
+        heading_spread_reaches_zero: false,
+        unbounded_budget: false,
+        truncating_rounding: false,
+        weight_down_to_one: false,
+        constant_weight: false,
+        outside_is_free: false,
+        score_wraps: false,
+        loses_short_holes: false,
+        never_narrows: false,
+    };
+
     /// As the fielded code was.
     pub const FIELDED: Self = Self {
         spread_reaches_zero: true,
@@ -146,13 +160,20 @@ pub struct Settings {
     pub defects: Defects,
 }
 
+/// Cells of the seed report's map.
+pub const DEFAULT_CELL_MM: f32 = 10.0;
+
 impl Settings {
     /// The seed report's constants for its 3 m x 3 m map, without the defects.
-    pub fn document() -> Self {
+    pub const fn document() -> Self {
         Self {
             mode: Mode::Document,
             resolution_mm: 10.0,
-            start: Pose::new(1000.0, 1000.0, FRAC_PI_2),
+            start: Pose {
+                x_mm: 1000.0,
+                y_mm: 1000.0,
+                heading: FRAC_PI_2,
+            },
             seed: 1,
             hole_mm: 350.0,
             weight: 10,
@@ -166,12 +187,12 @@ impl Settings {
             },
             motion: MotionNoise::WHEELS,
             budget: Budget::DOCUMENT,
-            defects: Defects::default(),
+            defects: Defects::NONE,
         }
     }
 
     /// The core's settings for cells of `resolution_mm`, the same for every world and log.
-    pub fn core(resolution_mm: f32) -> Self {
+    pub const fn core(resolution_mm: f32) -> Self {
         let document = Self::document();
         Self {
             mode: Mode::Core,
@@ -208,6 +229,6 @@ impl Settings {
 impl Default for Settings {
     /// What maps best on the seed report's 3 m x 3 m at 10 mm.
     fn default() -> Self {
-        Self::core(10.0)
+        Self::core(DEFAULT_CELL_MM)
     }
 }

@@ -8,7 +8,6 @@
 #![no_std]
 
 use core::cell::UnsafeCell;
-use core::mem::MaybeUninit;
 use core::panic::PanicInfo;
 use core::ptr::{read_volatile, write_volatile};
 
@@ -18,13 +17,13 @@ use protocols::avr::{self, ChecksumOrder};
 use protocols::{Decode, Instant, Port, hc06, pcui, rle, xv11};
 
 /// The robot's only memory besides the stack.
-struct Robot(UnsafeCell<MaybeUninit<Rescue>>);
+struct Robot(UnsafeCell<Rescue>);
 
 // SAFETY: one core, no interrupts: only `reset` ever looks at it.
 unsafe impl Sync for Robot {}
 
 #[unsafe(no_mangle)]
-static ROBOT: Robot = Robot(UnsafeCell::new(MaybeUninit::uninit()));
+static ROBOT: Robot = Robot(UnsafeCell::new(Rescue::new(Config::DEFAULT)));
 
 /// Registers of a made-up board: where bytes come and go, per port, and the time.
 const RECEIVED: *const u16 = 0x4000_0000_usize as *const u16;
@@ -36,7 +35,6 @@ const NANOSECONDS: *const u64 = 0x4000_2000_usize as *const u64;
 extern "C" fn reset() -> ! {
     // SAFETY: `reset` runs once, and nobody else uses the robot's memory.
     let robot = unsafe { &mut *ROBOT.0.get() };
-    let robot = robot.write(Rescue::new(Config::default()));
     loop {
         // SAFETY: the timer of the made-up board.
         let now = Instant::from_nanos(unsafe { read_volatile(NANOSECONDS) });

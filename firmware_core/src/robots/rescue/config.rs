@@ -32,19 +32,24 @@ pub struct Config {
     pub pc_link: pc_link::Settings,
 }
 
+impl Config {
+    /// The seed report's robot. A constant, so that the robot can be a `static` that the linker
+    /// lays out: on the board its start needs no second copy of it on the stack.
+    pub const DEFAULT: Self = Self {
+        checksum_order: ChecksumOrder::LowFirst,
+        reply_timeout: Duration::from_millis(5),
+        mapping: slam::Settings::core(slam::DEFAULT_CELL_MM),
+        mounting: MOUNTING,
+        wheels: WHEELS,
+        navigation: navigation::Settings::new(BODY),
+        initial_mode: Mode::Stop,
+        pc_link: pc_link::Settings::DEFAULT,
+    };
+}
+
 impl Default for Config {
-    /// The seed report's robot.
     fn default() -> Self {
-        Self {
-            checksum_order: ChecksumOrder::LowFirst,
-            reply_timeout: Duration::from_millis(5),
-            mapping: slam::Settings::default(),
-            mounting: MOUNTING,
-            wheels: WHEELS,
-            navigation: navigation::Settings::new(BODY),
-            initial_mode: Mode::Stop,
-            pc_link: pc_link::Settings::default(),
-        }
+        Self::DEFAULT
     }
 }
 

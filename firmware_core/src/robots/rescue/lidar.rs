@@ -41,11 +41,23 @@ pub(super) struct Counters {
     pub(super) silences: u32,
 }
 
+impl Counters {
+    /// Nothing has happened yet.
+    const NONE: Self = Self {
+        packets: 0,
+        lost_packets: 0,
+        bad_packets: 0,
+        turns: 0,
+        skipped_turns: 0,
+        silences: 0,
+    };
+}
+
 impl Lidar {
-    pub(super) fn new(line: LineConfig, mounting: Mounting) -> Self {
+    pub(super) const fn new(line: LineConfig, mounting: Mounting) -> Self {
         Self {
             line,
-            decoder: xv11::Decoder::default(),
+            decoder: xv11::Decoder::with_format(xv11::Packets),
             assembler: TurnAssembler::new(mounting),
             motor: LidarMotor::new(TARGET_RPM),
             received_at: Instant::ZERO,
@@ -53,7 +65,7 @@ impl Lidar {
             turn_at: Instant::ZERO,
             has_turn: false,
             sees: false,
-            counters: Counters::default(),
+            counters: Counters::NONE,
         }
     }
 
