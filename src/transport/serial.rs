@@ -19,7 +19,7 @@ use std::thread::{self, JoinHandle};
 use protocols::{LineConfig, Parity};
 use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 use rustix::pipe::fcntl_setpipe_size;
-use serialport::{ClearBuffer, DataBits, ErrorKind, SerialPort, StopBits, TTYPort};
+use serialport::{ClearBuffer, DataBits, ErrorKind, FlowControl, SerialPort, StopBits, TTYPort};
 
 use super::{Counters, PortEvent, Transport, TransportError};
 
@@ -172,9 +172,11 @@ impl Drop for Serial {
         self.shared.stop.store(true, Ordering::Relaxed);
         self.incoming = None;
         self.outgoing = None;
-        // What is on its way goes out; what nobody takes must not hold the writing thread.
+        // What is on its way goes out. What nobody takes is thrown away; the system does not tell a
+        // write that waits for room about that, but any setting of the port makes it look again.
         let _ = self.port.flush();
         let _ = self.port.clear(ClearBuffer::Output);
+        let _ = self.port.set_flow_control(FlowControl::None);
         for thread in self.threads.drain(..) {
             let _ = thread.join();
         }

@@ -231,6 +231,25 @@ fn a_device_that_is_pulled_while_the_rig_runs_ends_it_with_an_error() {
     assert!(!ports.exists(), "the ports are removed all the same");
 }
 
+/// Killed, a rig removes nothing; the next one in the same directory must not stumble over it.
+#[test]
+fn a_rig_that_was_killed_is_followed_by_another_in_the_same_directory() {
+    let dir = fresh_path("killed");
+    let first = Running::up(&dir, &[]);
+    first.signal(Signal::KILL);
+    drop(first);
+    assert!(dir.join("lidar").is_symlink(), "left behind");
+
+    let mut second = Running::up(&dir, &[]);
+    second.wait_for("locked");
+    read_packets(&mut client_at(&dir.join("lidar"), xv11::BAUD), 1);
+    second.signal(Signal::INT);
+    let (status, said) = second.end();
+    assert!(status.success(), "{said}");
+    assert!(!dir.join("lidar").is_symlink());
+    std::fs::remove_dir(&dir).expect("nothing is in it any more");
+}
+
 /// What a command says when it cannot do its work: one line that names the port.
 #[test]
 fn ports_that_cannot_be_had_are_named_and_the_exit_code_is_2() {

@@ -1,7 +1,7 @@
 //! Pseudo-terminals as clients meet them.
 
 use core::time::Duration;
-use std::io::Write;
+use std::io::{Read, Write};
 use std::os::fd::BorrowedFd;
 
 use hilrig::clock::{Clock, WallClock};
@@ -40,9 +40,16 @@ fn a_fresh_port_is_raw_and_at_the_rate_of_its_line() {
         .open(port.path())
         .expect("the name is there");
 
-    client.write_all(b"\x03\r\x11").expect("room");
-    assert_eq!(read_exactly(&mut port, 3), b"\x03\r\x11");
+    client.write_all(b"\x03\r\n\x11").expect("room");
+    assert_eq!(read_exactly(&mut port, 4), b"\x03\r\n\x11");
     assert_eq!(drain_events(&mut port), [Opened]);
+
+    // No line end: a terminal in its usual mode would hold these back, and echo them.
+    assert_eq!(port.write(b"\r\x13abc"), 5);
+    let mut read = [0; 5];
+    client.read_exact(&mut read).expect("arrives");
+    assert_eq!(&read, b"\r\x13abc");
+    assert_eq!(port.read(&mut [0; 16]).expect("stays"), 0, "an echo");
 }
 
 /// The kernel would keep 16 kB for whoever comes; a lidar does not.
@@ -70,8 +77,10 @@ fn a_client_that_opens_late_gets_no_stale_byte() {
 fn what_a_client_left_unread_is_gone_for_the_next() {
     let dir = fresh_dir("left_unread");
     let mut port = Pty::open(&dir, "lidar", LINE).expect("a free name");
-    let first = client(&port, LINE.baud);
+    let mut first = client(&port, LINE.baud);
     assert_eq!(port.write(&[0xAA; 4096]), 4096);
+    // One byte read shows that the rest has arrived, too.
+    first.read_exact(&mut [0; 1]).expect("arrives");
     drop(first);
     assert_eq!(next_events(&mut port, 2), [Opened, Closed]);
     assert_eq!(port.write(b"nobody there"), 0);
@@ -87,9 +96,10 @@ fn what_a_client_left_unread_is_gone_for_the_next() {
 fn a_quick_restart_of_the_client_is_noticed() {
     let dir = fresh_dir("quick_restart");
     let mut port = Pty::open(&dir, "lidar", LINE).expect("a free name");
-    let first = client(&port, LINE.baud);
+    let mut first = client(&port, LINE.baud);
     assert_eq!(next_events(&mut port, 1), [Opened]);
     assert_eq!(port.write(b"unread"), 6);
+    first.read_exact(&mut [0; 1]).expect("arrives");
 
     drop(first);
     let mut second = client(&port, LINE.baud);
