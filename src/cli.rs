@@ -2,6 +2,7 @@
 
 mod demo;
 mod dut;
+mod fidelity;
 mod place;
 mod run;
 mod stop;
@@ -37,6 +38,7 @@ enum Command {
     Run(run::RunArgs),
     Up(up::Up),
     Dut(dut::DutArgs),
+    Fidelity(fidelity::Fidelity),
 }
 
 /// What a command came to.
@@ -100,6 +102,7 @@ pub fn main() -> ExitCode {
         Command::Run(args) => run::run(args),
         Command::Up(args) => up::run(args),
         Command::Dut(args) => dut::run(args),
+        Command::Fidelity(args) => fidelity::run(args),
     };
     match result {
         Ok(Verdict::Pass) => ExitCode::SUCCESS,

@@ -1,8 +1,12 @@
 //! The command line as a user meets it: exit codes, messages, files.
 
 mod errors;
+mod fidelity;
 mod mutated;
 mod results;
+
+#[path = "../support/captures.rs"]
+mod captures;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

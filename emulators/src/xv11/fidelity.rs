@@ -6,6 +6,7 @@
 //! steady turning, a hand, the coast-down and the restart, and [`CAPTURED`] what that shows.
 
 mod coast;
+mod compare;
 mod figures;
 mod noise;
 mod replica;
@@ -20,6 +21,7 @@ use protocols::{Decode, Format};
 use coast::Teeth;
 use noise::Repeats;
 
+pub use compare::{Column, Comparison, Limit, compare};
 pub use figures::{CAPTURED, Row};
 pub use noise::{BIN_MM, Bin};
 pub use replica::hand_in_box;

@@ -1,0 +1,262 @@
+//! Two streams side by side, and how far apart their figures may be.
+
+use super::{CAPTURED, Row, Statistics};
+use crate::xv11::Profile;
+
+/// How far a figure may be from the one it is held against.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Limit {
+    /// By this share of it, either way; 0 demands the same figure.
+    Share(f64),
+    /// By this much, in the figure's unit.
+    Plus(f64),
+    /// Not judged: it depends on what happened before the sensor, or on when recording began.
+    Free,
+}
+
+/// A figure of two streams.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Comparison {
+    /// Name of the figure.
+    pub name: String,
+    /// Its unit.
+    pub unit: &'static str,
+    /// In the stream that is the measure; `None` where that does not show it.
+    pub real: Option<f64>,
+    /// In the other one.
+    pub ours: Option<f64>,
+    /// How far they may be apart.
+    pub limit: Limit,
+}
+
+impl Comparison {
+    /// Whether the figures agree; `None` where that is not judged, or the measure does not show it.
+    pub fn holds(&self) -> Option<bool> {
+        let real = self.real?;
+        let allowed = match self.limit {
+            Limit::Free => return None,
+            Limit::Share(share) => share * real.abs(),
+            Limit::Plus(plus) => plus,
+        };
+        let ours = self.ours.filter(|ours| ours.is_finite());
+        Some(ours.is_some_and(|ours| (ours - real).abs() <= allowed + 1e-9))
+    }
+}
+
+/// The figures of one stream, and its boot text.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Column {
+    /// The figures.
+    pub rows: Vec<Row>,
+    /// The text, if the stream has one.
+    pub boot_text: Option<String>,
+}
+
+impl Column {
+    /// Of a stream, packets or turns.
+    pub fn of(bytes: &[u8]) -> Self {
+        let statistics = Statistics::of(bytes);
+        Self {
+            rows: statistics.rows(),
+            boot_text: statistics.boot_text,
+        }
+    }
+
+    /// What is known of the "hand in box" capture of firmware 2.4.13386 without having it.
+    pub fn published() -> Self {
+        let known = CAPTURED.into_iter().chain(CAPTURED_END);
+        let row = |(name, value): (&str, f64)| Row {
+            name: name.to_owned(),
+            value: Some(value),
+            unit: unit(name),
+        };
+        Self {
+            rows: known.map(row).collect(),
+            boot_text: Some(Profile::Fw24.banner().to_owned()),
+        }
+    }
+
+    fn value(&self, name: &str) -> Option<f64> {
+        self.rows.iter().find(|row| row.name == name)?.value
+    }
+}
+
+/// How the same capture ends: stall, cut packet, boot text.
+const CAPTURED_END: [(&str, f64); 3] = [
+    ("packets with the last speed", 311.0),
+    ("bytes of the packet cut by the restart", 7.0),
+    ("characters of the boot text", 211.0),
+];
+
+/// What the figures may differ by. The encoder, the checksum and the text are the sensor's own and
+/// must agree; the shares of the optics' codes depend on the shape of a real hand, of which only
+/// the distances are known.
+const LIMITS: [(&str, Limit); 24] = [
+    ("checksums with a dropped carry", Limit::Plus(1.0)),
+    ("speed, median", Limit::Share(0.01)),
+    ("speed, highest", Limit::Share(0.05)),
+    ("speed changes at index 1 mod 6", Limit::Share(0.0)),
+    ("0x21 at angle 2 mod 24", Limit::Share(0.10)),
+    ("codes that carry the strength before", Limit::Share(0.0)),
+    ("plain distances", Limit::Share(0.03)),
+    ("distances with warning", Limit::Share(0.50)),
+    ("code 0x02", Limit::Share(0.50)),
+    ("code 0x03", Limit::Share(0.50)),
+    ("code 0x21", Limit::Share(0.25)),
+    ("code 0x22", Limit::Share(0.25)),
+    ("code 0x25", Limit::Share(1.00)),
+    ("code 0x35", Limit::Share(0.50)),
+    ("code 0x50", Limit::Share(1.00)),
+    ("code 0x52", Limit::Share(0.25)),
+    ("strength x distance^2", Limit::Share(0.10)),
+    ("warnings as the law says", Limit::Plus(1.0)),
+    ("index steps of 45 or 46", Limit::Share(0.25)),
+    ("coast-down from 290 to 185 rpm", Limit::Share(0.15)),
+    ("coast-down from 185 to 75 rpm", Limit::Share(0.15)),
+    ("packets with the last speed", Limit::Share(0.03)),
+    ("characters of the boot text", Limit::Share(0.0)),
+    (SAME_TEXT, Limit::Share(0.0)),
+];
+
+const SAME_TEXT: &str = "boot text, characters alike";
+
+fn limit(name: &str) -> Limit {
+    let found = LIMITS.iter().find(|(known, _)| *known == name);
+    match found {
+        Some(&(_, limit)) => limit,
+        None if name.starts_with("noise from") => Limit::Share(0.30),
+        None => Limit::Free,
+    }
+}
+
+fn unit(name: &str) -> &'static str {
+    match name {
+        "strength x distance^2" => "1e8",
+        "farthest warning" => "mm",
+        _ if name.starts_with("noise") => "mm",
+        _ if name.starts_with("coast") => "s",
+        _ if name.starts_with("speed, ") => "rpm",
+        _ if name.starts_with("index steps") || name.contains("bytes") => "",
+        "packets" | "turns of 1446 bytes" => "",
+        _ if name.starts_with("packets with") || name.starts_with("characters") => "",
+        _ => "%",
+    }
+}
+
+/// Lays `ours` beside `real`, figure by figure in the order of `real`, the text last.
+pub fn compare(real: &Column, ours: &Column) -> Vec<Comparison> {
+    let mut rows: Vec<Comparison> = real
+        .rows
+        .iter()
+        .map(|row| Comparison {
+            name: row.name.clone(),
+            unit: row.unit,
+            real: row.value,
+            ours: ours.value(&row.name),
+            limit: limit(&row.name),
+        })
+        .collect();
+    if let Some(text) = &real.boot_text {
+        let alike = |other: &String| {
+            let pairs = text.bytes().zip(other.bytes());
+            count(pairs.take_while(|(a, b)| a == b).count())
+        };
+        rows.push(Comparison {
+            name: SAME_TEXT.to_owned(),
+            unit: "",
+            real: Some(count(text.len())),
+            ours: ours.boot_text.as_ref().map(alike),
+            limit: limit(SAME_TEXT),
+        });
+    }
+    rows
+}
+
+fn count(count: usize) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "texts are short")]
+    let count = count as f64;
+    count
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::xv11::fidelity::hand_in_box;
+
+    fn comparison(real: f64, ours: f64, limit: Limit) -> Comparison {
+        Comparison {
+            name: String::new(),
+            unit: "",
+            real: Some(real),
+            ours: Some(ours),
+            limit,
+        }
+    }
+
+    #[test]
+    fn a_figure_agrees_within_its_limit_and_not_beyond() {
+        assert_eq!(comparison(2.0, 2.5, Limit::Share(0.25)).holds(), Some(true));
+        assert_eq!(
+            comparison(2.0, 2.51, Limit::Share(0.25)).holds(),
+            Some(false)
+        );
+        assert_eq!(comparison(3.0, 2.0, Limit::Plus(1.0)).holds(), Some(true));
+        assert_eq!(comparison(3.0, 4.1, Limit::Plus(1.0)).holds(), Some(false));
+        assert_eq!(comparison(3.0, 9.0, Limit::Free).holds(), None);
+        assert_eq!(
+            comparison(3.0, f64::NAN, Limit::Plus(1.0)).holds(),
+            Some(false)
+        );
+    }
+
+    /// A figure that the measure has and the other stream has not is a difference, not a pass.
+    #[test]
+    fn a_missing_figure_disagrees() {
+        let missing = Comparison {
+            ours: None,
+            ..comparison(3.0, 3.0, Limit::Plus(1.0))
+        };
+        assert_eq!(missing.holds(), Some(false));
+    }
+
+    #[test]
+    fn every_limit_names_a_published_figure() {
+        let names: Vec<String> = compare(&Column::published(), &Column::default())
+            .into_iter()
+            .map(|row| row.name)
+            .collect();
+        for (name, _) in LIMITS {
+            assert!(names.iter().any(|known| known == name), "{name}");
+        }
+    }
+
+    #[test]
+    fn units_of_published_figures_are_those_of_measured_ones() {
+        let measured = Statistics::of(&hand_in_box(Profile::Fw24, 1)).rows();
+        for row in Column::published().rows {
+            let known = measured.iter().find(|m| m.name == row.name);
+            assert_eq!(known.map(|m| m.unit), Some(row.unit), "{}", row.name);
+        }
+    }
+
+    /// The whole claim: nothing that is judged differs, whichever noise is drawn.
+    #[test]
+    fn three_emulated_units_agree_with_the_published_figures() {
+        for seed in [1, 2, 3] {
+            let ours = Column::of(&hand_in_box(Profile::Fw24, seed));
+            let rows = compare(&Column::published(), &ours);
+            let off: Vec<_> = rows
+                .iter()
+                .filter(|row| row.holds() == Some(false))
+                .collect();
+            assert!(off.is_empty(), "seed {seed}: {off:#?}");
+        }
+    }
+
+    #[test]
+    fn another_firmware_differs() {
+        let ours = Column::of(&hand_in_box(Profile::Fw21, 1));
+        let rows = compare(&Column::published(), &ours);
+        assert!(rows.iter().any(|row| row.holds() == Some(false)));
+    }
+}

@@ -1,0 +1,143 @@
+use std::path::{Path, PathBuf};
+
+use clap::{Args, Subcommand};
+use emulators::xv11::Profile;
+use emulators::xv11::fidelity::{Column, Comparison, Limit, compare, hand_in_box};
+
+use super::{CliError, Verdict};
+
+/// Lay an emulated device beside the real one, figure by figure.
+#[derive(Debug, Args)]
+#[command(after_long_help = "Examples:\n  \
+    hilrig fidelity xv11                              # against the published figures\n  \
+    hilrig fidelity xv11 --capture hand_in_box.bin    # against a capture's own figures\n  \
+    hilrig fidelity xv11 --capture mine.bin --against none")]
+pub(super) struct Fidelity {
+    #[command(subcommand)]
+    device: Device,
+}
+
+#[derive(Debug, Subcommand)]
+enum Device {
+    Xv11(Xv11),
+}
+
+/// Figures of an XV-11's stream: error codes, encoder, strength, noise, coast-down, restart.
+///
+/// The emulated column is made on the spot: a sensor in a box 1 m wide, a hand moving about in it
+/// for 24 s, then the motor is cut, the head coasts down and stalls, the firmware restarts. That is
+/// what the one public capture shows (firmware 2.4.13386, 252,146 bytes). Any other capture is read
+/// too, of packets or of firmware 2.1's whole turns; how much it agrees then depends on what
+/// happened before it.
+#[derive(Debug, Args)]
+struct Xv11 {
+    /// Bytes as a real sensor sent them [default: the published figures of the capture above]
+    #[arg(long, value_name = "FILE")]
+    capture: Option<PathBuf>,
+    /// What is held against it: `emulated`, another capture, or `none`
+    #[arg(long, value_name = "FILE|emulated|none", default_value = "emulated")]
+    against: PathBuf,
+    /// Firmware of the emulated sensor
+    #[arg(long, value_name = "NAME", default_value = "fw2.4.13386",
+          value_parser = Profile::ALL.map(Profile::name))]
+    profile: String,
+    /// Seed of the emulated sensor's noise
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+}
+
+pub(super) fn run(args: Fidelity) -> Result<Verdict, CliError> {
+    let Device::Xv11(args) = args.device;
+    let (real_name, real) = match &args.capture {
+        Some(path) => ("capture", read(path)?),
+        None => ("published", Column::published()),
+    };
+    let (ours_name, ours) = match args.against.to_str() {
+        Some("none") => ("", None),
+        Some("emulated") => {
+            let profile = Profile::from_name(&args.profile)
+                .ok_or_else(|| CliError::Other(format!("--profile {}", args.profile)))?;
+            (
+                "emulated",
+                Some(Column::of(&hand_in_box(profile, args.seed))),
+            )
+        }
+        _ => ("against", Some(read(&args.against)?)),
+    };
+    let rows = compare(&real, ours.as_ref().unwrap_or(&Column::default()));
+    if ours.is_none() {
+        for row in &rows {
+            println!("{:<40}  {:>10}  {}", row.name, figure(row.real), row.unit);
+        }
+        return Ok(Verdict::Pass);
+    }
+    let head = ["figure", real_name, ours_name, "unit", "allowed", "verdict"];
+    print_line(head.map(str::to_owned));
+    for row in &rows {
+        print_line([
+            row.name.clone(),
+            figure(row.real),
+            figure(row.ours),
+            row.unit.to_owned(),
+            allowed(row.limit),
+            verdict(row).to_owned(),
+        ]);
+    }
+    let judged = rows.iter().filter(|row| row.holds().is_some()).count();
+    let differ = rows.iter().filter(|row| row.holds() == Some(false)).count();
+    println!("{judged} figures judged, {differ} differ");
+    Ok(match differ {
+        0 => Verdict::Pass,
+        _ => Verdict::Fail,
+    })
+}
+
+/// The figures of the capture in `path`. A file without a single packet or turn is none.
+fn read(path: &Path) -> Result<Column, CliError> {
+    let bytes = std::fs::read(path).map_err(|error| {
+        CliError::Other(format!("cannot read capture {}: {error}", path.display()))
+    })?;
+    let column = Column::of(&bytes);
+    let counts = ["packets", "turns of 1446 bytes"];
+    let frames = column
+        .rows
+        .iter()
+        .filter(|row| counts.contains(&&*row.name));
+    if frames.filter_map(|row| row.value).sum::<f64>() < 1.0 {
+        return Err(CliError::Other(format!(
+            "{}: no packet in {} bytes, expected the bytes of an XV-11 as it sends them",
+            path.display(),
+            bytes.len()
+        )));
+    }
+    Ok(column)
+}
+
+fn print_line([name, real, ours, unit, allowed, verdict]: [String; 6]) {
+    println!("{name:<40}  {real:>10}  {ours:>10}  {unit:<4}  {allowed:<8}  {verdict}");
+}
+
+fn figure(value: Option<f64>) -> String {
+    match value {
+        None => "-".to_owned(),
+        Some(value) if value == value.round() => format!("{value:.0}"),
+        Some(value) => format!("{value:.3}"),
+    }
+}
+
+fn allowed(limit: Limit) -> String {
+    match limit {
+        Limit::Share(0.0) => "same".to_owned(),
+        Limit::Share(share) => format!("+-{:.0} %", share * 100.0),
+        Limit::Plus(plus) => format!("+-{plus}"),
+        Limit::Free => "any".to_owned(),
+    }
+}
+
+fn verdict(row: &Comparison) -> &'static str {
+    match row.holds() {
+        Some(true) => "ok",
+        Some(false) => "DIFFERS",
+        None => "",
+    }
+}

@@ -1,0 +1,90 @@
+//! `hilrig fidelity`: both columns, and an exit code that a script can trust.
+
+use super::captures::capture;
+use super::{Session, text};
+
+/// Issue figures of the real capture: the emulation agrees with what is published of it, and the
+/// table says how.
+#[test]
+fn the_emulated_lidar_agrees_with_the_published_figures() {
+    let output = Session::new("fidelity").hilrig(&["fidelity", "xv11"]);
+    let said = text(&output.stdout);
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    let row = |name: &str| {
+        let line = said.lines().find(|line| line.starts_with(name));
+        line.unwrap_or_else(|| panic!("no {name} in\n{said}"))
+    };
+    assert!(row("figure").contains("published    emulated"));
+    assert!(row("checksums with a dropped carry").ends_with("+-1       ok"));
+    assert!(row("coast-down from 290 to 185 rpm").ends_with("+-15 %    ok"));
+    assert!(row("noise from 400 mm").ends_with("+-30 %    ok"));
+    assert!(row("boot text, characters alike").contains("211         211"));
+    assert!(said.ends_with(" 0 differ\n"), "{said}");
+}
+
+#[test]
+fn a_lidar_of_another_firmware_does_not_pass_for_this_one() {
+    let output = Session::new("fidelity-21").hilrig(&["fidelity", "xv11", "--profile", "fw2.1"]);
+    let said = text(&output.stdout);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("DIFFERS"), "{said}");
+}
+
+/// The figures measured from the real bytes are those that are carried over, and the emulation
+/// agrees with them as well.
+#[test]
+fn the_emulated_lidar_agrees_with_the_real_capture() {
+    let Some(bytes) = capture("xv11/xevel_hand_in_box_fw24.bin") else {
+        return;
+    };
+    let session = Session::new("fidelity-real");
+    std::fs::write(session.folder.join("real.bin"), bytes).expect("writable");
+    let output = session.hilrig(&["fidelity", "xv11", "--capture", "real.bin"]);
+    let said = text(&output.stdout);
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    assert!(said.contains("11451"), "{said}");
+}
+
+/// A capture against itself; also that firmware 2.1's whole turns are read.
+#[test]
+fn any_other_capture_is_read() {
+    let Some(bytes) = capture("xv11/xevel_sparkfun_noshield_fw21.bin") else {
+        return;
+    };
+    let session = Session::new("fidelity-any");
+    std::fs::write(session.folder.join("a.bin"), bytes).expect("writable");
+    let same = [
+        "fidelity",
+        "xv11",
+        "--capture",
+        "a.bin",
+        "--against",
+        "a.bin",
+    ];
+    assert_eq!(session.hilrig(&same).status.code(), Some(0));
+    let output = session.hilrig(&[
+        "fidelity",
+        "xv11",
+        "--capture",
+        "a.bin",
+        "--against",
+        "none",
+    ]);
+    assert_eq!(output.status.code(), Some(0));
+    // 30,366 bytes are 21 turns of 1446 bytes.
+    let said = text(&output.stdout);
+    let turns = said.lines().find(|line| line.starts_with("turns of 1446"));
+    assert!(turns.is_some_and(|line| line.contains("  21")), "{said}");
+}
+
+#[test]
+fn a_file_that_is_no_capture_is_refused() {
+    let session = Session::new("fidelity-none");
+    session.write("notes.txt", "no lidar");
+    let output = session.hilrig(&["fidelity", "xv11", "--capture", "notes.txt"]);
+    assert_eq!(output.status.code(), Some(2));
+    insta::assert_snapshot!(text(&output.stderr), @"error: notes.txt: no packet in 8 bytes, expected the bytes of an XV-11 as it sends them");
+    let output = session.hilrig(&["fidelity", "xv11", "--capture", "nowhere.bin"]);
+    assert_eq!(output.status.code(), Some(2));
+    insta::assert_snapshot!(text(&output.stderr), @"error: cannot read capture nowhere.bin: No such file or directory (os error 2)");
+}
