@@ -141,6 +141,16 @@ impl LineFaults {
         self.struck.iter()
     }
 
+    /// How many strikes there were so far.
+    pub(crate) fn struck_len(&self) -> usize {
+        self.struck.len()
+    }
+
+    /// Whether nothing gets through at `now`.
+    pub(crate) fn is_cut(&self, now: Instant) -> bool {
+        self.cuts.iter().any(|cut| cut.contains(now))
+    }
+
     /// What the far end gets of `byte`, the `number`-th on this line, sent at `now`.
     pub fn strike(&mut self, number: u64, byte: u8, now: Instant, out: &mut Vec<u8>) {
         let mut damages = self.planned.remove(&number).unwrap_or_default();
@@ -156,7 +166,7 @@ impl LineFaults {
             byte: number,
             damage,
         }));
-        if self.cuts.iter().any(|cut| cut.contains(now)) {
+        if self.is_cut(now) {
             return;
         }
         apply(byte, &damages, out);

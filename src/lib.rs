@@ -9,13 +9,14 @@
 //! | [`scenario`], [`plan`] | a run as data; floor plans |
 //! | [`robots`] | which devices, links and program a robot consists of |
 //! | [`rig`], [`line`](mod@line), [`fault`], [`resample`], [`cpu`] | nodes and lines under one clock |
-//! | [`trace`] | who sees the bytes |
+//! | [`trace`], [`capture`] | who sees the bytes; the file of all of them |
 //! | [`run`], [`mission`], [`check`], [`score`] | a run watched and judged |
 //! | [`folder`], [`render`] | what a run leaves behind |
 //! | [`realtime`], [`standalone`] | the rig, or the program alone, at the pace of the wall clock |
 //! | [`transport`], [`clock`] | the outside world |
 //! | [`cli`] | the commands |
 
+pub mod capture;
 pub mod check;
 pub mod cli;
 pub mod clock;

@@ -7,7 +7,7 @@ use core::time::Duration;
 
 use protocols::{Instant, LineConfig, LineEvent, Port};
 
-use crate::fault::LineFaults;
+use crate::fault::{LineFaults, Strike};
 use crate::resample::Resampler;
 
 /// A port of a node of the rig.
@@ -62,6 +62,7 @@ struct Chunk {
     arrives: Instant,
     bytes: Vec<u8>,
     framing_errors: u32,
+    original: Option<Box<Original>>,
 }
 
 /// One direction of a link.
@@ -192,6 +193,7 @@ impl Line {
 
         let mut bytes = self.spare.pop().unwrap_or_default();
         bytes.clear();
+        let struck = self.faults.struck_len();
         if self.faults.is_clean() {
             bytes.extend_from_slice(sent);
         } else {
@@ -203,23 +205,48 @@ impl Line {
         self.traffic.added += bytes.len().saturating_sub(len) as u64;
         self.traffic.lost += len.saturating_sub(bytes.len()) as u64;
 
+        let mut original = (!self.faults.is_clean() && bytes != sent)
+            .then(|| Box::new(self.original(ends, start, sent, struck)));
         let mut framing_errors = 0;
         if !sender.agrees_with(receiver) {
             let before = bytes.len();
             framing_errors = self.resampler.feed(&mut bytes, start, sender, receiver);
             self.traffic.resampled +=
                 bytes.len() as i64 + i64::from(framing_errors) - before as i64;
+            let original =
+                original.get_or_insert_with(|| Box::new(self.original(ends, start, sent, struck)));
+            original.bauds = Some([sender.baud, receiver.baud]);
+        } else if original.is_none() && self.latency > Duration::ZERO {
+            original = Some(Box::new(self.original(ends, start, sent, struck)));
         }
-        self.send_off(ends, bytes, framing_errors);
+        self.send_off(ends, bytes, framing_errors, original);
         Some((ends, SentBytes { buf, len }))
     }
 
-    fn send_off(&mut self, ends: Instant, bytes: Vec<u8>, framing_errors: u32) {
+    /// What is kept of `sent` because something else will arrive, or later.
+    fn original(&self, ends: Instant, start: Instant, sent: &[u8], struck: usize) -> Original {
+        Original {
+            at: ends,
+            bytes: sent.to_vec(),
+            strikes: self.faults.struck().skip(struck).copied().collect(),
+            is_cut: self.faults.is_cut(start),
+            bauds: None,
+        }
+    }
+
+    fn send_off(
+        &mut self,
+        ends: Instant,
+        bytes: Vec<u8>,
+        framing_errors: u32,
+        original: Option<Box<Original>>,
+    ) {
         self.in_flight += bytes.len() as u64 + u64::from(framing_errors);
         self.chunks.push_back(Chunk {
             arrives: ends + self.latency,
             bytes,
             framing_errors,
+            original,
         });
         self.note_due();
     }
@@ -234,7 +261,7 @@ impl Line {
             bytes.clear();
             let framing_errors = self.resampler.idle(&mut bytes);
             self.traffic.resampled += bytes.len() as i64 + i64::from(framing_errors);
-            self.send_off(now, bytes, framing_errors);
+            self.send_off(now, bytes, framing_errors, None);
         }
         if self.chunks.front()?.arrives > now {
             return None;
@@ -249,6 +276,8 @@ impl Line {
             at: chunk.arrives,
             bytes: chunk.bytes,
             event,
+            framing_errors: chunk.framing_errors,
+            original: chunk.original,
         })
     }
 
@@ -284,4 +313,23 @@ pub struct Delivery {
     pub bytes: Vec<u8>,
     /// What happened besides.
     pub event: Option<LineEvent>,
+    /// Characters without a valid stop bit among what was sent.
+    pub framing_errors: u32,
+    /// What was sent, if the line changed or delayed it.
+    pub original: Option<Box<Original>>,
+}
+
+/// Bytes as they left the sender, and what the line did to them.
+#[derive(Clone, Debug)]
+pub struct Original {
+    /// When the last of them ended on the wire.
+    pub at: Instant,
+    /// The bytes.
+    pub bytes: Vec<u8>,
+    /// The damage, byte by byte.
+    pub strikes: Vec<Strike>,
+    /// Whether the line was cut.
+    pub is_cut: bool,
+    /// The rates of sender and receiver, if those do not agree.
+    pub bauds: Option<[u32; 2]>,
 }

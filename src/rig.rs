@@ -149,6 +149,16 @@ impl Rig {
         self.taps.push(tap);
     }
 
+    /// Ends what the taps write; the first thing that could not be written, if any.
+    pub fn finish_taps(&mut self) -> std::io::Result<()> {
+        self.taps.iter_mut().try_for_each(|tap| tap.finish())
+    }
+
+    /// The line coding at both ends of a line: sender, receiver.
+    pub fn line_configs(&self, line: &Line) -> [LineConfig; 2] {
+        [line.from, line.to].map(|end| self.nodes[end.node].line_config(end.port))
+    }
+
     /// The time.
     pub const fn now(&self) -> Instant {
         self.now
@@ -387,6 +397,9 @@ impl Rig {
             for direction in [Direction::ToMaster, Direction::ToDevice] {
                 let line = &mut link.lines[direction as usize];
                 while let Some(delivery) = line.deliver(self.now) {
+                    for tap in &mut self.taps {
+                        tap.arrived(index, direction, &delivery);
+                    }
                     let node = &mut self.nodes[line.to.node];
                     if let Some(event) = delivery.event {
                         node.line_event(line.to.port, delivery.at, event);
@@ -432,6 +445,9 @@ impl Rig {
                 }
                 if let Some(event) = self.nodes[line.from.node].line_change(line.from.port) {
                     self.nodes[line.to.node].line_event(line.to.port, self.now, event);
+                    for tap in &mut self.taps {
+                        tap.line_event(index, direction, self.now, event);
+                    }
                 }
                 if !line.has_room(self.now) {
                     continue;

@@ -2,9 +2,9 @@
 //! the same nanosecond.
 
 use crc::{CRC_64_XZ, Crc, Digest, Table};
-use protocols::Instant;
+use protocols::{Instant, LineEvent};
 
-use crate::line::Direction;
+use crate::line::{Delivery, Direction};
 
 static CRC: Crc<u64, Table<16>> = Crc::<u64, Table<16>>::new(&CRC_64_XZ);
 
@@ -40,6 +40,18 @@ pub enum Side {
 pub trait Tap {
     /// `bytes` passed `link` in `direction`; the last one ended at `at`.
     fn record(&mut self, link: usize, direction: Direction, side: Side, at: Instant, bytes: &[u8]);
+
+    /// `delivery` reached the receiver, or would have, had the line not lost all of it. Comes in
+    /// the order of time, and tells what the faults did.
+    fn arrived(&mut self, _link: usize, _direction: Direction, _delivery: &Delivery) {}
+
+    /// The sender's end told `event` at `at`: a port opened or closed, a break.
+    fn line_event(&mut self, _link: usize, _to: Direction, _at: Instant, _event: LineEvent) {}
+
+    /// The run is over; an error is one that also stopped an earlier record.
+    fn finish(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
 }
 
 impl Tap for Trace {

@@ -26,6 +26,8 @@ command -v cargo >/dev/null || {
     exit 1
 }
 command -v cc >/dev/null && command -v readelf >/dev/null || install gcc libc6-dev binutils
+# Judges our captures; without it CI fails and others skip that test, saying so.
+command -v tshark >/dev/null || install tshark
 cargo fmt --version >/dev/null 2>&1 || rustup component add rustfmt
 cargo clippy --version >/dev/null 2>&1 || rustup component add clippy
 cargo --version

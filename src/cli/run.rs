@@ -5,6 +5,7 @@ use clap::Args;
 use protocols::Instant;
 
 use super::{CliError, Verdict, default_out};
+use crate::capture::{self, Limits, Recording};
 use crate::check::Status;
 use crate::clock::{Clock, WallClock};
 use crate::folder::{self, FolderError, Metrics};
@@ -125,6 +126,8 @@ pub(super) fn judged_run(
     })?;
     let clock = WallClock::start();
     let mut run = Run::new(scenario, source, seed)?;
+    let capture = out.join("capture.pcapng");
+    record_to(&capture, &mut run)?;
     let name = run.scenario().name.clone();
     let seed = run.scenario().seed;
     if talk == Talk::Story {
@@ -151,6 +154,11 @@ pub(super) fn judged_run(
             eprintln!("  {now} s  waypoint {visits} of {all} visited  {mode}");
         }
     }
+    let recorded = run.rig.finish_taps();
+    recorded.map_err(|source| FolderError {
+        path: capture,
+        source,
+    })?;
     let outcome = run.judge();
     let wall = clock.now() - Instant::ZERO;
     folder::write(out, &outcome, wall)?;
@@ -159,6 +167,18 @@ pub(super) fn judged_run(
         println!("  {}", realtime.lateness());
     }
     Ok(Ran { outcome, wall })
+}
+
+/// Makes `run` write its capture.
+fn record_to(path: &Path, run: &mut Run) -> Result<(), FolderError> {
+    let about = capture::about(run.scenario());
+    let recording = Recording::create(path, &run.rig, about, Limits::default());
+    let recording = recording.map_err(|source| FolderError {
+        path: path.to_owned(),
+        source,
+    })?;
+    run.rig.add_tap(Box::new(recording));
+    Ok(())
 }
 
 fn print_summary(outcome: &Outcome, wall: Duration, out: &Path) {

@@ -37,6 +37,7 @@ fn the_demo_passes_and_leaves_the_whole_folder() {
         .collect();
     files.sort();
     let expected = [
+        "capture.pcapng",
         "case.toml",
         "estimate.tum",
         "events.txt",

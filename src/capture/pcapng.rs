@@ -1,0 +1,287 @@
+//! Blocks and options of pcapng, written little-endian and read in both byte orders.
+//!
+//! ```text
+//! | type 4 | length 4 | body, a multiple of 4 bytes | length again 4 |
+//! option: | code 2 | length 2 | value, padded to 4 |, closed by code 0
+//! ```
+//!
+//! A reader of our own because a capture must be readable up to the byte at which a machine died,
+//! and because damage must be reported with its offset.
+
+use core::fmt;
+
+/// Begins a section; reads the same in both byte orders.
+pub const SECTION: u32 = 0x0A0D_0D0A;
+/// Describes one interface.
+pub const INTERFACE: u32 = 1;
+/// One packet.
+pub const PACKET: u32 = 6;
+/// Says the byte order of a section.
+const MAGIC: u32 = 0x1A2B_3C4D;
+/// Longest block that is believed. Ours stay below a kilobyte.
+const BLOCK_MAX: u32 = 16 << 20;
+/// Option: a text for people.
+pub const COMMENT: u16 = 1;
+/// Option: private bytes, which tools copy.
+pub const CUSTOM: u16 = 2989;
+
+/// Byte order of a section.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Order {
+    /// Least significant byte first; what we write.
+    #[default]
+    Little,
+    /// Most significant byte first.
+    Big,
+}
+
+impl Order {
+    /// Two bytes as a number.
+    pub const fn u16(self, bytes: [u8; 2]) -> u16 {
+        match self {
+            Self::Little => u16::from_le_bytes(bytes),
+            Self::Big => u16::from_be_bytes(bytes),
+        }
+    }
+
+    /// Four bytes as a number.
+    pub const fn u32(self, bytes: [u8; 4]) -> u32 {
+        match self {
+            Self::Little => u32::from_le_bytes(bytes),
+            Self::Big => u32::from_be_bytes(bytes),
+        }
+    }
+
+    /// Eight bytes as a number.
+    pub const fn u64(self, bytes: [u8; 8]) -> u64 {
+        match self {
+            Self::Little => u64::from_le_bytes(bytes),
+            Self::Big => u64::from_be_bytes(bytes),
+        }
+    }
+
+    /// The number at `at` of `bytes`, if they are that long.
+    pub fn u32_at(self, bytes: &[u8], at: usize) -> Option<u32> {
+        let bytes = bytes.get(at..at.checked_add(4)?)?;
+        Some(self.u32(bytes.try_into().ok()?))
+    }
+
+    /// The number at `at` of `bytes`, if they are that long.
+    pub fn u16_at(self, bytes: &[u8], at: usize) -> Option<u16> {
+        let bytes = bytes.get(at..at.checked_add(2)?)?;
+        Some(self.u16(bytes.try_into().ok()?))
+    }
+}
+
+/// A file cannot be read on from here.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BlockError {
+    /// Where the unreadable block begins, in bytes from the start of the file.
+    pub offset: u64,
+    /// What is wrong with it.
+    pub why: BlockFault,
+}
+
+/// What is wrong with a block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum BlockFault {
+    /// The file does not begin with a section header.
+    NotPcapng,
+    /// The byte-order magic of a section is neither way round.
+    Magic {
+        /// What stands in its place.
+        found: u32,
+    },
+    /// The length is no multiple of 4, less than an empty block or beyond belief.
+    Length {
+        /// What the block says.
+        found: u32,
+    },
+    /// The length at the end is not the one at the beginning.
+    Lengths {
+        /// At the beginning.
+        expected: u32,
+        /// At the end.
+        found: u32,
+    },
+}
+
+impl fmt::Display for BlockError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "at byte {}: ", self.offset)?;
+        match self.why {
+            BlockFault::NotPcapng => f.write_str("no pcapng section header"),
+            BlockFault::Magic { found } => write!(f, "byte-order magic is {found:#010x}"),
+            BlockFault::Length { found } => write!(f, "block length {found} is impossible"),
+            BlockFault::Lengths { expected, found } => {
+                write!(f, "block ends with length {found}, expected {expected}")
+            }
+        }
+    }
+}
+
+impl core::error::Error for BlockError {}
+
+/// One whole block.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Block {
+    /// Where it begins in the file.
+    pub offset: u64,
+    /// Its type.
+    pub kind: u32,
+    /// Byte order of its numbers.
+    pub order: Order,
+    /// What lies between the two lengths.
+    pub body: Vec<u8>,
+}
+
+/// Cuts a stream of bytes, fed in any pieces, into blocks.
+#[derive(Clone, Debug, Default)]
+pub struct Blocks {
+    buf: Vec<u8>,
+    start: usize,
+    offset: u64,
+    order: Option<Order>,
+    broken: bool,
+}
+
+impl Blocks {
+    /// Takes more of the file.
+    pub fn push(&mut self, bytes: &[u8]) {
+        if self.broken {
+            return;
+        }
+        self.buf.drain(..self.start);
+        self.start = 0;
+        self.buf.extend_from_slice(bytes);
+    }
+
+    /// Bytes of a block that is not whole yet.
+    pub fn pending(&self) -> usize {
+        self.buf.len() - self.start
+    }
+
+    /// Bytes of the file that whole blocks took.
+    pub const fn offset(&self) -> u64 {
+        self.offset
+    }
+
+    /// The next whole block. `None` if more bytes are needed, or after an error.
+    pub fn next_block(&mut self) -> Option<Result<Block, BlockError>> {
+        if self.broken {
+            return None;
+        }
+        match self.cut() {
+            Ok(block) => block.map(Ok),
+            Err(why) => {
+                self.broken = true;
+                let offset = self.offset;
+                Some(Err(BlockError { offset, why }))
+            }
+        }
+    }
+
+    fn cut(&mut self) -> Result<Option<Block>, BlockFault> {
+        let bytes = &self.buf[self.start..];
+        let Some(head) = bytes.first_chunk::<8>() else {
+            return Ok(None);
+        };
+        let kind = [head[0], head[1], head[2], head[3]];
+        let length = [head[4], head[5], head[6], head[7]];
+        let order = if u32::from_le_bytes(kind) == SECTION {
+            let Some(magic) = Order::Little.u32_at(bytes, 8) else {
+                return Ok(None);
+            };
+            match magic {
+                MAGIC => Order::Little,
+                swapped if swapped.swap_bytes() == MAGIC => Order::Big,
+                found => return Err(BlockFault::Magic { found }),
+            }
+        } else {
+            self.order.ok_or(BlockFault::NotPcapng)?
+        };
+        let length = order.u32(length);
+        let shortest = if order.u32(kind) == SECTION { 28 } else { 12 };
+        if length < shortest || !length.is_multiple_of(4) || length > BLOCK_MAX {
+            return Err(BlockFault::Length { found: length });
+        }
+        let len = length as usize;
+        let Some(found) = order.u32_at(bytes, len - 4) else {
+            return Ok(None);
+        };
+        if found != length {
+            let expected = length;
+            return Err(BlockFault::Lengths { expected, found });
+        }
+        let block = Block {
+            offset: self.offset,
+            kind: order.u32(kind),
+            order,
+            body: bytes[8..len - 4].to_vec(),
+        };
+        self.order = Some(order);
+        self.start += len;
+        self.offset += u64::from(length);
+        Ok(Some(block))
+    }
+}
+
+/// The options in `bytes`, up to the end mark, the end, or the first that does not fit.
+pub fn options(order: Order, mut bytes: &[u8]) -> impl Iterator<Item = (u16, &[u8])> {
+    core::iter::from_fn(move || {
+        let (code, len) = (order.u16_at(bytes, 0)?, order.u16_at(bytes, 2)?);
+        let value = bytes.get(4..4 + usize::from(len))?;
+        if code == 0 {
+            return None;
+        }
+        bytes = bytes.get(4 + padded(value.len())..).unwrap_or_default();
+        Some((code, value))
+    })
+}
+
+/// `len` rounded up to a multiple of four.
+pub const fn padded(len: usize) -> usize {
+    len.next_multiple_of(4)
+}
+
+/// Appends a block to `out`; `body` appends what lies between the lengths.
+pub fn write_block(out: &mut Vec<u8>, kind: u32, body: impl FnOnce(&mut Vec<u8>)) {
+    let start = out.len();
+    out.extend_from_slice(&kind.to_le_bytes());
+    out.extend_from_slice(&[0; 4]);
+    body(out);
+    pad(out, start);
+    let length = u32::try_from(out.len() + 4 - start).expect("blocks of ours are short");
+    out[start + 4..start + 8].copy_from_slice(&length.to_le_bytes());
+    out.extend_from_slice(&length.to_le_bytes());
+}
+
+/// Fills up to a multiple of four bytes since `start`.
+pub fn pad(out: &mut Vec<u8>, start: usize) {
+    let len = padded(out.len() - start);
+    out.resize(start + len, 0);
+}
+
+/// Appends the fixed part of a section header: byte order, version, unknown length.
+pub fn write_section_head(out: &mut Vec<u8>) {
+    out.extend_from_slice(&MAGIC.to_le_bytes());
+    out.extend_from_slice(&[1, 0, 0, 0]);
+    out.extend_from_slice(&[0xFF; 8]);
+}
+
+/// Appends an option; a value too long for one is cut.
+pub fn write_option(out: &mut Vec<u8>, code: u16, value: &[u8]) {
+    let value = &value[..value.len().min(usize::from(u16::MAX))];
+    let len = u16::try_from(value.len()).unwrap_or(u16::MAX);
+    out.extend_from_slice(&code.to_le_bytes());
+    out.extend_from_slice(&len.to_le_bytes());
+    let start = out.len();
+    out.extend_from_slice(value);
+    pad(out, start);
+}
+
+/// Appends the mark after the last option.
+pub fn write_options_end(out: &mut Vec<u8>) {
+    out.extend_from_slice(&[0; 4]);
+}

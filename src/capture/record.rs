@@ -1,0 +1,327 @@
+//! What a capture says: sections, links and records, and how each becomes a block.
+//!
+//! A packet is twelve bytes of header as Wireshark's `rtacser` reads them, then the payload:
+//!
+//! ```text
+//! | seconds 4 | microseconds 4 | event 1 | control lines 1 | 0 0 | payload |   (big-endian)
+//! ```
+
+use protocols::{Instant, LineEvent};
+
+use super::pcapng::{self, Block, Order};
+use crate::line::Direction;
+
+/// Link type "RTAC serial".
+pub const LINK_TYPE: u16 = 250;
+/// Private options carry an enterprise number; this one is set aside for examples, as we have none.
+const ENTERPRISE: u32 = 32_473;
+/// Marks our option with the sequence number.
+const SEQUENCE: &[u8; 4] = b"hseq";
+/// Marks our option with the bytes as sent.
+const SENT: &[u8; 4] = b"hsnt";
+/// Bytes of the header before a packet's payload.
+const HEADER_LEN: usize = 12;
+
+/// What a capture says of itself.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Section {
+    /// Tool and version.
+    pub tool: String,
+    /// Facts as `key=value`, e.g. `seed=1`; one a line.
+    pub about: String,
+}
+
+impl Section {
+    /// The fact called `key`.
+    pub fn fact(&self, key: &str) -> Option<&str> {
+        let mut facts = self.about.lines().filter_map(|line| line.split_once('='));
+        facts.find(|(name, _)| *name == key).map(|(_, value)| value)
+    }
+
+    /// Appends its block.
+    pub fn write(&self, out: &mut Vec<u8>) {
+        pcapng::write_block(out, pcapng::SECTION, |out| {
+            pcapng::write_section_head(out);
+            pcapng::write_option(out, pcapng::COMMENT, self.about.as_bytes());
+            pcapng::write_option(out, USER_APPLICATION, self.tool.as_bytes());
+            pcapng::write_options_end(out);
+        });
+    }
+
+    pub(super) fn read(block: &Block) -> Self {
+        let mut section = Self::default();
+        let options = block.body.get(16..).unwrap_or_default();
+        for (code, value) in pcapng::options(block.order, options) {
+            match code {
+                pcapng::COMMENT => section.about = text(value),
+                USER_APPLICATION => section.tool = text(value),
+                _ => {}
+            }
+        }
+        section
+    }
+}
+
+const USER_APPLICATION: u16 = 4;
+const NAME: u16 = 2;
+const SPEED: u16 = 8;
+const RESOLUTION: u16 = 9;
+const FLAGS: u16 = 2;
+
+/// One link of a capture.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Interface {
+    /// Name of the link.
+    pub name: String,
+    /// Bits per second; zero if the file does not say.
+    pub baud: u32,
+    pub(super) link_type: u16,
+    pub(super) resolution: u8,
+}
+
+impl Interface {
+    /// A link of ours.
+    pub fn new(name: &str, baud: u32) -> Self {
+        Self {
+            name: name.to_owned(),
+            baud,
+            link_type: LINK_TYPE,
+            resolution: 9,
+        }
+    }
+
+    /// Appends its block.
+    pub fn write(&self, out: &mut Vec<u8>) {
+        pcapng::write_block(out, pcapng::INTERFACE, |out| {
+            out.extend_from_slice(&LINK_TYPE.to_le_bytes());
+            out.extend_from_slice(&[0; 6]);
+            pcapng::write_option(out, NAME, self.name.as_bytes());
+            pcapng::write_option(out, SPEED, &u64::from(self.baud).to_le_bytes());
+            pcapng::write_option(out, RESOLUTION, &[9]);
+            pcapng::write_options_end(out);
+        });
+    }
+
+    pub(super) fn read(block: &Block) -> Option<Self> {
+        let mut interface = Self {
+            name: String::new(),
+            baud: 0,
+            link_type: block.order.u16_at(&block.body, 0)?,
+            resolution: 6,
+        };
+        for (code, value) in pcapng::options(block.order, block.body.get(8..)?) {
+            match (code, value) {
+                (NAME, name) => interface.name = text(name),
+                (SPEED, &[a, b, c, d, e, f, g, h]) => {
+                    let speed = block.order.u64([a, b, c, d, e, f, g, h]);
+                    interface.baud = u32::try_from(speed).unwrap_or(u32::MAX);
+                }
+                (RESOLUTION, &[resolution]) => interface.resolution = resolution,
+                _ => {}
+            }
+        }
+        Some(interface)
+    }
+
+    /// A time in this interface's units; the end of time if it lies beyond.
+    fn instant(&self, units: u64) -> Instant {
+        let exponent = u32::from(self.resolution & 0x7F);
+        let base: u128 = if self.resolution & 0x80 == 0 { 10 } else { 2 };
+        let per_second = base.checked_pow(exponent).unwrap_or(u128::MAX);
+        let nanos = u128::from(units).saturating_mul(1_000_000_000) / per_second;
+        Instant::from_nanos(u64::try_from(nanos).unwrap_or(u64::MAX))
+    }
+}
+
+/// What a record is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Bytes arrived, or were lost on the way.
+    Data,
+    /// The line told something besides bytes.
+    Line(LineEvent),
+    /// An event that our lines do not have, by its number.
+    Other(u8),
+}
+
+impl Kind {
+    fn number(self, direction: Direction) -> u8 {
+        match self {
+            Self::Data if direction == Direction::ToDevice => 1,
+            Self::Data => 2,
+            Self::Line(LineEvent::Opened | LineEvent::Closed) => 0,
+            Self::Line(LineEvent::FramingError) => 7,
+            Self::Line(LineEvent::Break) => 9,
+            Self::Line(LineEvent::Overrun) => 10,
+            Self::Other(number) => number,
+        }
+    }
+
+    /// Only an open port raises a control line of ours: data terminal ready.
+    const fn control_lines(self) -> u8 {
+        match self {
+            Self::Line(LineEvent::Closed) => 0,
+            _ => 0x10,
+        }
+    }
+
+    const fn read(number: u8, control_lines: u8) -> Self {
+        match number {
+            1..=4 => Self::Data,
+            0 if control_lines & 0x10 == 0 => Self::Line(LineEvent::Closed),
+            0 => Self::Line(LineEvent::Opened),
+            7 => Self::Line(LineEvent::FramingError),
+            9 => Self::Line(LineEvent::Break),
+            10 => Self::Line(LineEvent::Overrun),
+            other => Self::Other(other),
+        }
+    }
+}
+
+/// Bytes as they left the sender, where the line changed or delayed them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Sent {
+    /// When the last bit was on the wire.
+    pub at: Instant,
+    /// The bytes.
+    pub bytes: Vec<u8>,
+}
+
+/// One thing that happened on one direction of one link.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Record {
+    /// Index of the link among all of the file.
+    pub link: usize,
+    /// Number of the record in the whole run, if the file says.
+    pub sequence: Option<u64>,
+    /// When it reached the receiver.
+    pub at: Instant,
+    /// Which way it went.
+    pub direction: Direction,
+    /// What it is.
+    pub kind: Kind,
+    /// The bytes as the receiver got them.
+    pub bytes: Vec<u8>,
+    /// The bytes as sent, if those are others or left earlier.
+    pub sent: Option<Sent>,
+    /// What is said of it, e.g. which fault struck.
+    pub comment: String,
+}
+
+impl Record {
+    /// Appends its block; `interface` is the link's number in the section.
+    pub fn write(&self, interface: u32, out: &mut Vec<u8>) {
+        let nanos = self.at.as_nanos();
+        let half = |part: u64| u32::try_from(part & 0xFFFF_FFFF).expect("masked");
+        pcapng::write_block(out, pcapng::PACKET, |out| {
+            let len = u32::try_from(HEADER_LEN + self.bytes.len()).expect("chunks are short");
+            for number in [interface, half(nanos >> 32), half(nanos), len, len] {
+                out.extend_from_slice(&number.to_le_bytes());
+            }
+            let start = out.len();
+            out.extend_from_slice(&half(nanos / 1_000_000_000).to_be_bytes());
+            out.extend_from_slice(&half(nanos / 1_000 % 1_000_000).to_be_bytes());
+            let kind = self.kind;
+            out.extend_from_slice(&[kind.number(self.direction), kind.control_lines(), 0, 0]);
+            out.extend_from_slice(&self.bytes);
+            pcapng::pad(out, start);
+            if !self.comment.is_empty() {
+                pcapng::write_option(out, pcapng::COMMENT, self.comment.as_bytes());
+            }
+            let flags: u32 = match self.direction {
+                Direction::ToMaster => 1,
+                Direction::ToDevice => 2,
+            };
+            pcapng::write_option(out, FLAGS, &flags.to_le_bytes());
+            if let Some(sequence) = self.sequence {
+                write_private(out, SEQUENCE, [sequence.to_le_bytes().as_slice(), &[]]);
+            }
+            if let Some(sent) = &self.sent {
+                let at = sent.at.as_nanos().to_le_bytes();
+                write_private(out, SENT, [at.as_slice(), &sent.bytes]);
+            }
+            pcapng::write_options_end(out);
+        });
+    }
+
+    /// The record of a packet block; `links` are those of its section, `first` the index of the
+    /// first of them. `None` if the block makes no sense.
+    pub(super) fn read(block: &Block, links: &[Interface], first: usize) -> Option<Self> {
+        let (order, body) = (block.order, &block.body);
+        let index = usize::try_from(order.u32_at(body, 0)?).ok()?;
+        let interface = links.get(index)?;
+        let [high, low] = [order.u32_at(body, 4)?, order.u32_at(body, 8)?].map(u64::from);
+        let len = usize::try_from(order.u32_at(body, 12)?).ok()?;
+        let packet = body.get(20..20_usize.checked_add(len)?)?;
+        if interface.link_type != LINK_TYPE || packet.len() < HEADER_LEN {
+            return None;
+        }
+        let (header, payload) = packet.split_at(HEADER_LEN);
+        let outbound = matches!(header[8], 1 | 3);
+        let mut record = Self {
+            link: first + index,
+            sequence: None,
+            at: interface.instant(high << 32 | low),
+            direction: direction(outbound),
+            kind: Kind::read(header[8], header[9]),
+            bytes: payload.to_vec(),
+            sent: None,
+            comment: String::new(),
+        };
+        let options = body.get(20 + pcapng::padded(len)..).unwrap_or_default();
+        pcapng::options(order, options).for_each(|option| record.read_option(order, option));
+        Some(record)
+    }
+
+    fn read_option(&mut self, order: Order, (code, value): (u16, &[u8])) {
+        match code {
+            pcapng::COMMENT if self.comment.is_empty() => self.comment = text(value),
+            pcapng::COMMENT => {
+                self.comment.push('\n');
+                self.comment.push_str(&text(value));
+            }
+            FLAGS => match order.u32_at(value, 0).map(|flags| flags & 3) {
+                Some(1) => self.direction = direction(false),
+                Some(2) => self.direction = direction(true),
+                _ => {}
+            },
+            pcapng::CUSTOM if order.u32_at(value, 0) == Some(ENTERPRISE) => {
+                let (Some(mark), Some(number)) = (value.get(4..8), value.get(8..16)) else {
+                    return;
+                };
+                let number = u64::from_le_bytes(number.try_into().expect("eight bytes"));
+                if mark == SEQUENCE {
+                    self.sequence = Some(number);
+                } else if mark == SENT {
+                    let (at, bytes) = (Instant::from_nanos(number), value[16..].to_vec());
+                    self.sent = Some(Sent { at, bytes });
+                }
+            }
+            _ => {}
+        }
+    }
+}
+
+const fn direction(outbound: bool) -> Direction {
+    if outbound {
+        Direction::ToDevice
+    } else {
+        Direction::ToMaster
+    }
+}
+
+fn write_private(out: &mut Vec<u8>, mark: &[u8; 4], parts: [&[u8]; 2]) {
+    let len = 8 + parts[0].len() + parts[1].len();
+    let len = u16::try_from(len).expect("chunks are short");
+    out.extend_from_slice(&pcapng::CUSTOM.to_le_bytes());
+    out.extend_from_slice(&len.to_le_bytes());
+    let start = out.len();
+    out.extend_from_slice(&ENTERPRISE.to_le_bytes());
+    out.extend_from_slice(mark);
+    parts.iter().for_each(|part| out.extend_from_slice(part));
+    pcapng::pad(out, start);
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}

@@ -1,0 +1,244 @@
+//! Writes the capture of a run while it goes on.
+
+use core::fmt::Write as _;
+use std::fs::{self, File};
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+
+use core::time::Duration;
+
+use protocols::{Instant, LineEvent};
+
+use super::record::{Interface, Kind, Record, Section, Sent};
+use crate::fault::Damage;
+use crate::folder::TOOL;
+use crate::line::{Delivery, Direction, Original};
+use crate::rig::Rig;
+use crate::scenario::Scenario;
+use crate::trace::{Side, Tap, fingerprint};
+
+/// How much a recording may take.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// A file that has grown to this is put aside and a new one begun.
+    pub file_bytes: u64,
+    /// Files put aside that are kept; older ones are deleted.
+    pub files: u64,
+}
+
+impl Default for Limits {
+    /// Some hours a file, at 1.3 MB of capture a minute on the line of a lidar; 2 GiB in all.
+    fn default() -> Self {
+        Self {
+            file_bytes: 256 << 20,
+            files: 7,
+        }
+    }
+}
+
+/// What a section says of a run of `scenario`: name, fingerprints of the whole and of its faults,
+/// seed, and that its clock is virtual.
+pub fn about(scenario: &Scenario) -> String {
+    let faults = serde_json::to_string(&scenario.fault).expect("plain data with string keys");
+    format!(
+        "scenario={}\nscenario_hash={}\nseed={}\nschedule_hash={}\nclock=virtual",
+        scenario.name,
+        fingerprint(scenario.to_toml().as_bytes()),
+        scenario.seed,
+        fingerprint(faults.as_bytes()),
+    )
+}
+
+/// A tap that writes a capture. An error stops it, not the run; [`Tap::finish`] tells.
+#[derive(Debug)]
+pub struct Recording {
+    path: PathBuf,
+    file: Option<File>,
+    error: Option<io::Error>,
+    limits: Limits,
+    head: Vec<u8>,
+    buf: Vec<u8>,
+    written: u64,
+    set_aside: u64,
+    sequence: u64,
+    flushed_at: Instant,
+}
+
+/// Bytes gathered before they are written.
+const BUFFER: usize = 64 << 10;
+/// Time of the run after which what was gathered is written at the latest: what a killed process
+/// may lose.
+const FLUSH_EVERY: Duration = Duration::from_secs(1);
+
+impl Recording {
+    /// Begins the capture of `rig` in the file `path`; `about` as [`Section::about`].
+    pub fn create(path: &Path, rig: &Rig, about: String, limits: Limits) -> io::Result<Self> {
+        let section = Section {
+            tool: format!("{TOOL} {}", env!("CARGO_PKG_VERSION")),
+            about,
+        };
+        let mut head = Vec::new();
+        section.write(&mut head);
+        for link in rig.links() {
+            let [sender, _] = rig.line_configs(link.line(Direction::ToMaster));
+            Interface::new(&link.name, sender.baud).write(&mut head);
+        }
+        let mut file = File::create(path)?;
+        file.write_all(&head)?;
+        Ok(Self {
+            path: path.to_owned(),
+            file: Some(file),
+            error: None,
+            limits,
+            written: head.len() as u64,
+            head,
+            buf: Vec::with_capacity(BUFFER + 1024),
+            set_aside: 0,
+            sequence: 0,
+            flushed_at: Instant::ZERO,
+        })
+    }
+
+    fn put(&mut self, link: usize, mut record: Record) {
+        if self.file.is_none() {
+            return;
+        }
+        record.sequence = Some(self.sequence);
+        self.sequence += 1;
+        record.write(u32::try_from(link).expect("few links"), &mut self.buf);
+        if self.buf.len() >= BUFFER || record.at - self.flushed_at >= FLUSH_EVERY {
+            self.flushed_at = record.at;
+            self.flush();
+        }
+    }
+
+    fn flush(&mut self) {
+        if let Err(error) = self.try_flush() {
+            self.file = None;
+            self.error = Some(error);
+        }
+    }
+
+    fn try_flush(&mut self) -> io::Result<()> {
+        let Some(file) = &mut self.file else {
+            return Ok(());
+        };
+        file.write_all(&self.buf)?;
+        self.written += self.buf.len() as u64;
+        self.buf.clear();
+        if self.written >= self.limits.file_bytes {
+            self.rotate()?;
+        }
+        Ok(())
+    }
+
+    /// The newest file always has the plain name; `capture.1.pcapng` is the first put aside.
+    fn rotate(&mut self) -> io::Result<()> {
+        self.set_aside += 1;
+        fs::rename(&self.path, self.aside(self.set_aside))?;
+        if let Some(old) = self.set_aside.checked_sub(self.limits.files)
+            && old > 0
+        {
+            fs::remove_file(self.aside(old))?;
+        }
+        let mut file = File::create(&self.path)?;
+        file.write_all(&self.head)?;
+        self.written = self.head.len() as u64;
+        self.file = Some(file);
+        Ok(())
+    }
+
+    fn aside(&self, number: u64) -> PathBuf {
+        self.path.with_extension(format!("{number}.pcapng"))
+    }
+}
+
+impl Tap for Recording {
+    /// All that is written comes from [`arrived`](Tap::arrived), which knows both sides.
+    fn record(&mut self, _: usize, _: Direction, _: Side, _: Instant, _: &[u8]) {}
+
+    fn arrived(&mut self, link: usize, direction: Direction, delivery: &Delivery) {
+        let record = |kind, bytes: &[u8], comment, sent| Record {
+            link,
+            sequence: None,
+            at: delivery.at,
+            direction,
+            kind,
+            bytes: bytes.to_vec(),
+            sent,
+            comment,
+        };
+        if delivery.framing_errors > 0 {
+            let kind = Kind::Line(LineEvent::FramingError);
+            let comment = format!("{} characters without a stop bit", delivery.framing_errors);
+            self.put(link, record(kind, &[], comment, None));
+        }
+        let original = delivery.original.as_deref();
+        if !delivery.bytes.is_empty() || original.is_some() {
+            let comment = original.map_or(String::new(), words);
+            let sent = original.map(|original| Sent {
+                at: original.at,
+                bytes: original.bytes.clone(),
+            });
+            let data = record(Kind::Data, &delivery.bytes, comment, sent);
+            self.put(link, data);
+        }
+    }
+
+    fn line_event(&mut self, link: usize, direction: Direction, at: Instant, event: LineEvent) {
+        let comment = match event {
+            LineEvent::Opened => "port opened",
+            LineEvent::Closed => "port closed",
+            LineEvent::Break => "break",
+            LineEvent::FramingError => "framing error",
+            LineEvent::Overrun => "overrun",
+        };
+        let record = Record {
+            link,
+            sequence: None,
+            at,
+            direction,
+            kind: Kind::Line(event),
+            bytes: Vec::new(),
+            sent: None,
+            comment: comment.to_owned(),
+        };
+        self.put(link, record);
+    }
+
+    fn finish(&mut self) -> io::Result<()> {
+        self.flush();
+        self.error.take().map_or(Ok(()), Err)
+    }
+}
+
+impl Drop for Recording {
+    fn drop(&mut self) {
+        self.flush();
+    }
+}
+
+/// What the line did to the bytes, for a comment; nothing if it only delayed them.
+fn words(original: &Original) -> String {
+    let mut out = String::new();
+    let mut say = |what: core::fmt::Arguments<'_>| {
+        let gap = if out.is_empty() { "fault: " } else { "; " };
+        write!(out, "{gap}{what}").expect("a string takes everything");
+    };
+    for strike in &original.strikes {
+        let byte = strike.byte;
+        match strike.damage {
+            Damage::Flip { bit } => say(format_args!("byte {byte} flip bit {bit}")),
+            Damage::Drop => say(format_args!("byte {byte} drop")),
+            Damage::Insert { value } => say(format_args!("byte {byte} insert {value:#04x}")),
+            Damage::Duplicate => say(format_args!("byte {byte} duplicate")),
+        }
+    }
+    if original.is_cut {
+        say(format_args!("line cut"));
+    }
+    if let Some([sender, receiver]) = original.bauds {
+        say(format_args!("sent at {sender} baud, read at {receiver}"));
+    }
+    out
+}
