@@ -30,12 +30,30 @@ pub(super) struct Place {
 
 /// Agreement below which the odometry is doubted.
 pub(super) const DOUBTFUL: f32 = 0.5;
-/// What a pose far from the prediction must agree better by.
-const BETTER: f32 = 0.25;
+/// Agreement below which a push is thought possible: along two walls, most of a room goes on
+/// fitting. Where less than half fits, the robot was rather carried away, and places far off that
+/// look alike must be weighed against each other.
+const SUSPICIOUS: f32 = 0.75;
+/// Part of the disagreement that a pose far from the prediction may leave.
+const REMAINS: f32 = 0.5;
 /// Heading step of the search, in degrees.
 pub(super) const TURN_STEP_DEG: f32 = 0.5;
 /// The window for a robot that was pushed: 15 cells and 12 degrees to each side.
 const WIDE_TURNS: i32 = 24;
+
+/// Heading steps to each side, of two [`TURN_STEP_DEG`], of a search farther away.
+const FAR_TURNS: i32 = 6;
+/// The places of the windows around the middle one.
+const AROUND: [[f32; 2]; 8] = [
+    [-1.0, -1.0],
+    [0.0, -1.0],
+    [1.0, -1.0],
+    [-1.0, 0.0],
+    [1.0, 0.0],
+    [-1.0, 1.0],
+    [0.0, 1.0],
+    [1.0, 1.0],
+];
 
 /// Finds the place of a scan near its prediction.
 pub(super) fn track<const W: usize, const H: usize>(
@@ -49,18 +67,19 @@ pub(super) fn track<const W: usize, const H: usize>(
     let mut prior = task.prior;
     let mut best = search(grid, task.sparse, centre, &narrow, &prior.firm(), effort);
     let mut evidence = Evidence::of(grid, task.sparse, best.pose);
-    if evidence.agreement() < DOUBTFUL {
-        let wide = Window {
-            reach: REACH_MAX,
-            turns: WIDE_TURNS,
-            turn_step,
-        };
-        let other = search(grid, task.sparse, centre, &wide, &prior, effort);
+    let mut consider = |other: Best, evidence: &mut Evidence| {
         let found = Evidence::of(grid, task.sparse, other.pose);
-        if found.agreement() > evidence.agreement() + BETTER {
-            (best, evidence) = (other, found);
-            prior = prior.around(best.pose);
+        if 1.0 - found.agreement() < (1.0 - evidence.agreement()) * REMAINS {
+            *evidence = found;
+            prior = prior.around(other.pose);
+            best = other;
         }
+    };
+    if evidence.agreement() < SUSPICIOUS {
+        consider(nearby(grid, task, effort), &mut evidence);
+    }
+    if (DOUBTFUL..SUSPICIOUS).contains(&evidence.agreement()) {
+        consider(farther(grid, task, effort), &mut evidence);
     }
     let pose = refine(grid, task.dense, best.pose, &prior, effort);
     Place {
@@ -68,6 +87,67 @@ pub(super) fn track<const W: usize, const H: usize>(
         sum: best.sum,
         evidence,
     }
+}
+
+/// The window around the prediction that a push within one scan stays in.
+fn nearby<const W: usize, const H: usize>(
+    grid: &Grid<W, H>,
+    task: &Task<'_>,
+    effort: &mut Effort,
+) -> Best {
+    let wide = Window {
+        reach: REACH_MAX,
+        turns: WIDE_TURNS,
+        turn_step: TURN_STEP_DEG.to_radians(),
+    };
+    search(
+        grid,
+        task.sparse,
+        task.prior.predicted,
+        &wide,
+        &task.prior,
+        effort,
+    )
+}
+
+/// Eight windows around that one, for a push that smeared the scans in which it happened. The
+/// odometry has no say in where, only in the heading: a push turns a robot by a few degrees.
+fn farther<const W: usize, const H: usize>(
+    grid: &Grid<W, H>,
+    task: &Task<'_>,
+    effort: &mut Effort,
+) -> Best {
+    let window = Window {
+        reach: REACH_MAX,
+        turns: FAR_TURNS,
+        turn_step: 2.0 * TURN_STEP_DEG.to_radians(),
+    };
+    #[expect(clippy::cast_precision_loss, reason = "fifteen")]
+    let pitch_mm = (2 * REACH_MAX) as f32 * grid.resolution_mm();
+    let centre = |[column, row]: [f32; 2]| Pose {
+        x_mm: task.prior.predicted.x_mm + column * pitch_mm,
+        y_mm: task.prior.predicted.y_mm + row * pitch_mm,
+        ..task.prior.predicted
+    };
+    let mut search_at = |place| {
+        let centre = centre(place);
+        search(
+            grid,
+            task.sparse,
+            centre,
+            &window,
+            &Prior::none(centre),
+            effort,
+        )
+    };
+    let mut best = search_at(AROUND[0]);
+    for place in &AROUND[1..] {
+        let other = search_at(*place);
+        if other.sum > best.sum {
+            best = other;
+        }
+    }
+    best
 }
 
 /// The place of a scan near `best`, which was found without the odometry's help.

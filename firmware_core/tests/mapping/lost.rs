@@ -89,3 +89,20 @@ fn a_robot_that_cannot_know_its_place_says_so() {
     assert_eq!(outcomes[0], Certainty::Doubtful);
     assert_eq!(outcomes[1..], [Certainty::Ambiguous; 4]);
 }
+
+/// The same push along the walls of a bare room, in which most of the beams go on fitting, to a
+/// robot that has never moved: the core follows it.
+#[test]
+fn the_core_follows_a_push_along_two_walls() {
+    let walls = boxed(300.0, 300.0, 2700.0, 2700.0).to_vec();
+    let world = World::new(walls, [1500.0, 1200.0, FRAC_PI_2], 7);
+    let mut run: Run = Run::new(world, Settings::default());
+    run.steps(50);
+    run.push_by([0.0, 0.4]);
+    let found = scans_until_found(&mut run, 2);
+    assert!(
+        found.is_some(),
+        "{:?}",
+        run.world.truth().change_to(run.mapper.pose())
+    );
+}
