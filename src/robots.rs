@@ -2,12 +2,14 @@
 
 use core::time::Duration;
 
+use emulators::registers::Registers;
+use emulators::text::Text;
 use emulators::world::World;
 use protocols::{LineConfig, Port};
 
 use crate::line::End;
 use crate::rig::{Program, Rig};
-use crate::scenario::{Robot, Scenario, ScenarioError, Source};
+use crate::scenario::{DeviceSpec, Robot, Scenario, ScenarioError, Source};
 
 pub mod rescue;
 
@@ -119,9 +121,49 @@ pub fn wire(
     dut: Dut,
     pc: PcEnd,
 ) -> Result<Wired, ScenarioError> {
-    match scenario.robot {
-        Robot::Rescue => rescue::wire(scenario, source, world, dut, pc),
+    let mut wired = match scenario.robot {
+        Robot::Rescue => rescue::wire(scenario, source, world, dut, pc)?,
+    };
+    add_own_devices(&mut wired, scenario, source)?;
+    plan_links(&mut wired.rig, scenario, source)?;
+    Ok(wired)
+}
+
+/// Adds the devices that the scenario describes itself, each on a link of its own whose other end
+/// is open.
+fn add_own_devices(
+    wired: &mut Wired,
+    scenario: &Scenario,
+    source: &Source,
+) -> Result<(), ScenarioError> {
+    for (name, spec) in &scenario.device {
+        let key = format!("device.{name}");
+        let invalid = |message| Err(source.invalid(source.find(name), key.clone(), message));
+        if spec.is_own() && wired.rig.link(name).is_some() {
+            return invalid("the robot has a link of this name, expected another name");
+        }
+        let fits = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
+        if spec.is_own() && !name.chars().all(fits) {
+            return invalid("expected a name of letters, digits, '-' and '_'");
+        }
+        let (node, port, baud) = match spec {
+            DeviceSpec::Registers(spec) => {
+                let device = spec.device(&format!("{key}.registers"), source)?;
+                let node = wired.rig.add_device(name, device);
+                (node, Registers::BUS, *spec.baud.get_ref())
+            }
+            DeviceSpec::Text(spec) => {
+                let device = spec.device(&format!("{key}.text"), source)?;
+                let node = wired.rig.add_device(name, device);
+                (node, Text::UART, *spec.baud.get_ref())
+            }
+            DeviceSpec::Xv11(_) | DeviceSpec::AvrBase(_) | DeviceSpec::Hc06(_) => continue,
+        };
+        let line = LineConfig::new_8n1(baud);
+        let master = wired.open_end(name, line, "your own program");
+        wired.rig.connect(name, End { node, port }, master, 1);
     }
+    Ok(())
 }
 
 /// A robot's program by itself, with the names of its ports.

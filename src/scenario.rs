@@ -4,6 +4,7 @@
 mod device;
 mod fault;
 mod mission;
+mod own;
 mod source;
 mod span;
 pub mod world;
@@ -16,6 +17,10 @@ use serde::{Deserialize, Serialize};
 pub use device::{AvrBaseSpec, DeviceSpec, Hc06Spec, SupplySpec, Xv11Spec};
 pub use fault::{DirectionSpec, FaultKind, FaultSpec, LinkSpec};
 pub use mission::{Action, Expect, Mission, ModeSpec, Step};
+pub use own::{
+    AccessSpec, CommandSpec, OrderSpec, PeriodicSpec, RegisterSpec, RegistersSpec, SourceSpec,
+    TextSpec, VariableSpec, WidthSpec,
+};
 pub use source::{ScenarioError, Source};
 pub use span::Span;
 pub use world::WorldSpec;
@@ -55,7 +60,7 @@ pub struct Scenario {
     /// The robot's program.
     #[serde(default)]
     pub program: ProgramSpec,
-    /// Settings of devices, by the names that the robot gives them.
+    /// Settings of devices, by the names that the robot gives them, and devices of one's own.
     #[serde(default)]
     pub device: BTreeMap<String, DeviceSpec>,
     /// Settings of links, by the names that the robot gives them.

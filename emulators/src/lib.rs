@@ -10,6 +10,8 @@
 //! | [`device`] | the contract of every device |
 //! | [`hc06`] | Bluetooth radio: command and data mode, finite FIFO, slow air |
 //! | [`pc`] | scripted PC at the far end of the radio: sends waypoints, collects the map |
+//! | [`registers`], [`text`] | slaves described by data: a register table, a text protocol |
+//! | [`quantity`] | what the values of such slaves are |
 //! | [`world`] | ground truth: scene, robot body, physics, ray casts |
 //! | [`xv11`] | Neato XV-11 lidar |
 //! | [`rng`] | named random streams from one seed |
@@ -19,7 +21,10 @@ pub mod device;
 mod event_log;
 pub mod hc06;
 pub mod pc;
+pub mod quantity;
+pub mod registers;
 pub mod rng;
+pub mod text;
 pub mod world;
 pub mod xv11;
 

@@ -142,7 +142,6 @@ pub(super) fn wire(
         PcEnd::External => wired.open_end("pc", hc06::AIR_LINE, "a PC program"),
     };
     wired.rig.connect("pc", air, far, 64);
-    super::plan_links(&mut wired.rig, scenario, source)?;
     Ok(wired)
 }
 
@@ -191,6 +190,7 @@ fn check_names(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError
             "lidar" => "xv11",
             "base" => "avr-base",
             "radio" => "hc06",
+            _ if spec.is_own() => continue,
             _ => {
                 let message = format!("no such device; {}", expected(&["lidar", "base", "radio"]));
                 return Err(source.invalid(source.find(name), format!("device.{name}"), message));
@@ -202,7 +202,8 @@ fn check_names(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError
         }
     }
     for name in scenario.link.keys() {
-        if !LINKS.contains(&name.as_str()) {
+        let is_own = scenario.device.get(name).is_some_and(DeviceSpec::is_own);
+        if !is_own && !LINKS.contains(&name.as_str()) {
             let message = format!("no such link; {}", expected(&LINKS));
             return Err(source.invalid(source.find(name), format!("link.{name}"), message));
         }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Span;
+use super::{RegistersSpec, Span, TextSpec};
 
 /// Settings of a device, named by its kind.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -14,6 +14,10 @@ pub enum DeviceSpec {
     AvrBase(AvrBaseSpec),
     /// HC-06 radio.
     Hc06(Hc06Spec),
+    /// A register slave of one's own.
+    Registers(RegistersSpec),
+    /// A text slave of one's own.
+    Text(TextSpec),
 }
 
 impl DeviceSpec {
@@ -23,7 +27,14 @@ impl DeviceSpec {
             Self::Xv11(_) => "xv11",
             Self::AvrBase(_) => "avr-base",
             Self::Hc06(_) => "hc06",
+            Self::Registers(_) => "registers",
+            Self::Text(_) => "text",
         }
+    }
+
+    /// Whether the scenario describes all of it, so that no robot has to know it.
+    pub const fn is_own(&self) -> bool {
+        matches!(self, Self::Registers(_) | Self::Text(_))
     }
 }
 

@@ -5,6 +5,7 @@ mod determinism;
 mod figures;
 mod maps;
 mod mission;
+mod own_device;
 mod silence;
 
 use std::path::Path;

@@ -1,0 +1,380 @@
+//! A register slave described by data: a table of named values behind the checked frames of
+//! [`protocols::avr`].
+//!
+//! ```text
+//! | AB | register u8 | W(7) count(6..0) | count data bytes, only if W | checksum u16 |
+//! ```
+//!
+//! It does what a careful small slave does: answers reads, acknowledges writes, answers a bad
+//! checksum with the error frame, gives up a half-received frame after a pause, and takes on safe
+//! values when its master falls silent. What a master does wrong it reports and survives: a value
+//! out of range becomes the nearest allowed one, unknown registers read 0.
+
+use std::collections::VecDeque;
+
+use core::time::Duration;
+
+use protocols::avr::{self, ChecksumOrder, ERROR_REGISTER, Frame};
+use protocols::{Decode, FrameError, Instant, LineConfig, Port};
+
+use crate::device::{Device, Event, EventKind, byte_end, earliest};
+use crate::event_log::EventLog;
+use crate::quantity::{Variable, VariableError, Variables};
+use crate::world::World;
+
+/// How a value lies in the registers: low byte first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Width {
+    /// One register, 0 to 255.
+    U8,
+    /// One register, -128 to 127.
+    I8,
+    /// Two registers, 0 to 65,535.
+    U16,
+    /// Two registers, -32,768 to 32,767.
+    I16,
+    /// Four registers, without sign.
+    U32,
+    /// Four registers, with sign.
+    I32,
+}
+
+impl Width {
+    /// Number of registers.
+    pub const fn bytes(self) -> u8 {
+        match self {
+            Self::U8 | Self::I8 => 1,
+            Self::U16 | Self::I16 => 2,
+            Self::U32 | Self::I32 => 4,
+        }
+    }
+
+    /// Least and greatest value.
+    pub const fn limits(self) -> [i64; 2] {
+        let values = 1_i64 << (8 * self.bytes());
+        match self {
+            Self::U8 | Self::U16 | Self::U32 => [0, values - 1],
+            Self::I8 | Self::I16 | Self::I32 => [-values / 2, values / 2 - 1],
+        }
+    }
+
+    fn value(self, bytes: [u8; 4]) -> i64 {
+        match self {
+            Self::U8 => i64::from(bytes[0]),
+            Self::I8 => i64::from(bytes[0].cast_signed()),
+            Self::U16 => i64::from(u16::from_le_bytes([bytes[0], bytes[1]])),
+            Self::I16 => i64::from(i16::from_le_bytes([bytes[0], bytes[1]])),
+            Self::U32 => i64::from(u32::from_le_bytes(bytes)),
+            Self::I32 => i64::from(i32::from_le_bytes(bytes)),
+        }
+    }
+}
+
+/// Whether a master may write.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Access {
+    /// Only the device changes it.
+    #[default]
+    Read,
+    /// The master may write it.
+    Write,
+}
+
+/// One value of the table.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Register {
+    /// Address of its first byte.
+    pub address: u8,
+    /// How it lies in the registers.
+    pub width: Width,
+    /// Whether a master may write it.
+    pub access: Access,
+    /// The value.
+    pub variable: Variable,
+}
+
+/// How a register slave is set up.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RegistersConfig {
+    /// Coding of its line.
+    pub line: LineConfig,
+    /// Byte order of the checksum.
+    pub order: ChecksumOrder,
+    /// From the last byte of a request to the first of the answer.
+    pub latency: Duration,
+    /// Pause that ends a half-received frame.
+    pub idle_gap: Duration,
+    /// Silence of the master after which values become safe; `None`: never.
+    pub watchdog: Option<Duration>,
+    /// The table.
+    pub registers: Vec<Register>,
+}
+
+/// Requests that wait at most; further ones are lost and told.
+const QUEUE_MAX: usize = 4;
+
+/// The slave.
+#[derive(Clone, Debug)]
+pub struct Registers {
+    config: RegistersConfig,
+    variables: Variables,
+    decoder: avr::Decoder,
+    quiet_at: Option<Instant>,
+    silent_at: Option<Instant>,
+    pending: VecDeque<(Instant, Option<Frame>)>,
+    output: VecDeque<u8>,
+    /// When the last answer has left.
+    free_at: Instant,
+    log: EventLog,
+}
+
+impl Registers {
+    /// The bus.
+    pub const BUS: Port = Port(0);
+
+    /// A slave that is up as the run begins.
+    ///
+    /// # Errors
+    /// If the table contradicts itself.
+    pub fn new(config: RegistersConfig) -> Result<Self, VariableError> {
+        for (index, register) in config.registers.iter().enumerate() {
+            if let Some(message) = register.fault(&config.registers[..index]) {
+                return Err(VariableError { index, message });
+            }
+        }
+        let known = config.registers.iter();
+        let variables = Variables::new(known.map(|r| r.variable.clone()).collect())?;
+        Ok(Self {
+            variables,
+            decoder: avr::Decoder::new(config.order),
+            quiet_at: None,
+            silent_at: None,
+            pending: VecDeque::new(),
+            output: VecDeque::new(),
+            free_at: Instant::ZERO,
+            log: EventLog::default(),
+            config,
+        })
+    }
+
+    fn tell(&mut self, at: Instant, rule: &'static str, detail: impl FnOnce() -> String) {
+        self.log.repeated(at, EventKind::Violation, rule, detail);
+    }
+
+    /// A frame, good or bad, whose last byte ended at `at`.
+    fn hear(&mut self, at: Instant, heard: Result<Frame, FrameError>) {
+        let request = match heard {
+            Ok(frame) => Some(frame),
+            // A cut-off frame is told and not answered: nobody waits for it any more.
+            Err(error @ FrameError::Truncated { .. }) => {
+                return self.tell(at, "frame-cut-off", || error.to_string());
+            }
+            Err(error) => {
+                self.tell(at, "bad-checksum", || error.to_string());
+                None
+            }
+        };
+        if !self.pending.is_empty() || at < self.free_at {
+            self.tell(at, "request-before-reply", || {
+                "a frame ends before the answer to the one before it has".to_owned()
+            });
+        }
+        if self.pending.len() == QUEUE_MAX {
+            return self.tell(at, "queue-full", || {
+                format!("{QUEUE_MAX} requests wait already")
+            });
+        }
+        if request.is_some() {
+            self.silent_at = self.config.watchdog.map(|watchdog| at + watchdog);
+        }
+        self.pending.push_back((at + self.config.latency, request));
+    }
+
+    fn answer(&mut self, now: Instant, request: Option<&Frame>, world: &World) {
+        let order = self.config.order;
+        let reply = match request {
+            None => Frame::read(ERROR_REGISTER, 0, order),
+            Some(frame) if frame.is_write() => {
+                self.write(now, frame);
+                Frame::read(frame.register(), 0, order)
+            }
+            Some(frame) => {
+                let data = self.read(now, frame.register(), frame.count(), world);
+                Frame::write(frame.register(), &data, order)
+            }
+        };
+        self.output.extend(reply.as_bytes());
+        let time = self.config.line.bytes_time(reply.as_bytes().len() as u64);
+        self.free_at = self.free_at.max(now) + time;
+    }
+
+    fn read(&mut self, now: Instant, first: u8, count: u8, world: &World) -> Vec<u8> {
+        let mut data = vec![0; usize::from(count)];
+        let mut known = vec![false; data.len()];
+        for index in 0..self.config.registers.len() {
+            let Register { address, width, .. } = self.config.registers[index];
+            let bytes = self.variables.read(index, now, world).to_le_bytes();
+            for (offset, byte) in (0..width.bytes()).zip(bytes) {
+                let at = usize::from(address + offset).checked_sub(usize::from(first));
+                if let Some(slot) = at.filter(|&at| at < data.len()) {
+                    (data[slot], known[slot]) = (byte, true);
+                }
+            }
+        }
+        self.judge_span(now, first, &known);
+        data
+    }
+
+    fn write(&mut self, now: Instant, frame: &Frame) {
+        let (first, data) = (usize::from(frame.register()), frame.data());
+        let mut known = vec![false; data.len()];
+        for index in 0..self.config.registers.len() {
+            let register = &self.config.registers[index];
+            let (width, access) = (register.width, register.access);
+            let start = usize::from(register.address);
+            let mut bytes = [0; 4];
+            let mut touched = 0;
+            for offset in 0..usize::from(width.bytes()) {
+                let slot = (start + offset).checked_sub(first);
+                if let Some(slot) = slot.filter(|&slot| slot < data.len()) {
+                    (bytes[offset], known[slot]) = (data[slot], true);
+                    touched += 1;
+                }
+            }
+            let name = || self.variables.get(index).name.clone();
+            match (touched, access) {
+                (0, _) => {}
+                (_, Access::Read) => {
+                    let name = name();
+                    self.tell(now, "write-read-only", || format!("{name} is read-only"));
+                }
+                (touched, Access::Write) if touched < width.bytes() => {
+                    let name = name();
+                    let all = width.bytes();
+                    self.tell(now, "value-cut", || {
+                        format!("{touched} of {all} bytes of {name}; it keeps its value")
+                    });
+                }
+                (_, Access::Write) => {
+                    let (name, value) = (name(), width.value(bytes));
+                    if !self.variables.write(index, value) {
+                        let [least, greatest] = self.variables.get(index).limits;
+                        self.tell(now, "out-of-range", || {
+                            format!("{name} = {value}, expected {least} to {greatest}")
+                        });
+                    }
+                }
+            }
+        }
+        self.judge_span(now, frame.register(), &known);
+    }
+
+    fn judge_span(&mut self, now: Instant, first: u8, known: &[bool]) {
+        if let Some(offset) = known.iter().position(|known| !known) {
+            let address = usize::from(first) + offset;
+            self.tell(now, "unknown-register", || {
+                format!("there is no register {address}")
+            });
+        }
+    }
+}
+
+impl Register {
+    fn fault(&self, before: &[Self]) -> Option<String> {
+        let end = |register: &Self| u16::from(register.address) + u16::from(register.width.bytes());
+        let [least, greatest] = self.width.limits();
+        let overlaps = |other: &&Self| {
+            u16::from(self.address) < end(other) && u16::from(other.address) < end(self)
+        };
+        if end(self) > u16::from(ERROR_REGISTER) {
+            return Some(format!("it ends at {}, expected before 255", end(self)));
+        }
+        if let Some(other) = before.iter().find(overlaps) {
+            let name = &other.variable.name;
+            return Some(format!("address {} lies in \"{name}\"", self.address));
+        }
+        let limits = self.variable.limits;
+        if limits[0] < least || limits[1] > greatest {
+            let [from, to] = limits;
+            return Some(format!(
+                "limits are {from} and {to}, its width holds {least} to {greatest}"
+            ));
+        }
+        if self.access == Access::Write && !self.variable.is_stored() {
+            return Some("it has a source, so that writing it would have no effect".to_owned());
+        }
+        None
+    }
+}
+
+impl Device for Registers {
+    fn receive(&mut self, _: Port, now: Instant, bytes: &[u8]) {
+        for (index, &byte) in bytes.iter().enumerate() {
+            let at = byte_end(now, self.config.line, index, bytes.len());
+            self.expire(at);
+            self.quiet_at = Some(at + self.config.idle_gap);
+            let before = (self.decoder.discarded(), self.decoder.pending());
+            let heard: Vec<_> = self.decoder.push(&[byte]).collect();
+            if heard.is_empty() && self.decoder.discarded() > before.0 && before.1 == 0 {
+                self.tell(at, "stray-bytes", || format!("{byte:02X} begins no frame"));
+            }
+            heard.into_iter().for_each(|heard| self.hear(at, heard));
+        }
+    }
+
+    fn poll(&mut self, now: Instant, world: &mut World) {
+        self.log.poll(now);
+        self.expire(now);
+        while let Some((due, request)) = self.pending.pop_front() {
+            if due > now {
+                self.pending.push_front((due, request));
+                break;
+            }
+            self.answer(now, request.as_ref(), world);
+        }
+        if self.silent_at.is_some_and(|at| at <= now) {
+            self.silent_at = None;
+            if self.variables.make_safe() {
+                let detail = "the master is silent: values are safe now".to_owned();
+                self.log.note(now, "made-safe", detail);
+            }
+        }
+    }
+
+    fn transmit(&mut self, _: Port, buf: &mut [u8]) -> usize {
+        let len = buf.len().min(self.output.len());
+        for (slot, byte) in buf.iter_mut().zip(self.output.drain(..len)) {
+            *slot = byte;
+        }
+        len
+    }
+
+    fn poll_at(&self) -> Option<Instant> {
+        let due = self.pending.front().map(|(due, _)| *due);
+        earliest([due, self.quiet_at, self.silent_at, self.log.poll_at()])
+    }
+
+    fn line_config(&self, _: Port) -> LineConfig {
+        self.config.line
+    }
+
+    fn take_events(&mut self) -> Vec<Event> {
+        self.log.take()
+    }
+}
+
+impl Registers {
+    /// Gives up what the line's pause has cut off.
+    fn expire(&mut self, now: Instant) {
+        let Some(at) = self.quiet_at.filter(|&at| at <= now) else {
+            return;
+        };
+        self.quiet_at = None;
+        self.decoder.idle();
+        let heard: Vec<_> = self.decoder.push(&[]).collect();
+        heard.into_iter().for_each(|heard| self.hear(at, heard));
+    }
+}
+
+#[cfg(test)]
+mod tests;

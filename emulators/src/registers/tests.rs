@@ -1,0 +1,176 @@
+//! A small table against frames written out by hand: the sums are those of the bytes before them.
+
+use super::*;
+use crate::quantity::Source;
+use crate::quantity::tests::{variable, world};
+
+const LATENCY: Duration = Duration::from_micros(200);
+const WATCHDOG: Duration = Duration::from_millis(500);
+
+fn register(address: u8, width: Width, access: Access, source: Source) -> Register {
+    let mut variable = variable(&format!("at-{address}"), source);
+    variable.limits = width.limits();
+    Register {
+        address,
+        width,
+        access,
+        variable,
+    }
+}
+
+/// Register 1: a signed byte for writing, -50 to 50, safe at 0; 2 and 3: millimetres along x.
+fn table() -> Vec<Register> {
+    let mut speed = register(1, Width::I8, Access::Write, Source::Stored);
+    speed.variable.limits = [-50, 50];
+    speed.variable.safe = Some(0);
+    vec![
+        speed,
+        register(2, Width::I16, Access::Read, Source::XMm),
+        register(8, Width::U16, Access::Write, Source::Stored),
+    ]
+}
+
+fn slave_with(registers: Vec<Register>) -> Result<Registers, VariableError> {
+    Registers::new(RegistersConfig {
+        line: LineConfig::new_8n1(115_200),
+        order: ChecksumOrder::LowFirst,
+        latency: LATENCY,
+        idle_gap: Duration::from_millis(2),
+        watchdog: Some(WATCHDOG),
+        registers,
+    })
+}
+
+fn slave() -> Registers {
+    slave_with(table()).expect("sound")
+}
+
+/// What the slave answers to bytes that end at `millis`, within 10 ms.
+fn asked(slave: &mut Registers, millis: u64, bytes: &[u8]) -> Vec<u8> {
+    let mut world = world();
+    let at = Instant::from_millis(millis);
+    slave.receive(Registers::BUS, at, bytes);
+    slave.poll(at, &mut world);
+    let mut buf = [0; 256];
+    if bytes.len() < 10 {
+        assert_eq!(slave.transmit(Registers::BUS, &mut buf), 0, "too early");
+    }
+    slave.poll(at + LATENCY, &mut world);
+    slave.poll(at + Duration::from_millis(10), &mut world);
+    let len = slave.transmit(Registers::BUS, &mut buf);
+    buf[..len].to_vec()
+}
+
+fn rules(slave: &mut Registers) -> Vec<&'static str> {
+    slave
+        .take_events()
+        .into_iter()
+        .map(|event| event.rule)
+        .collect()
+}
+
+/// AB + 02 + 02 = AF; x is 1000 = 03E8, and AB + 02 + 82 + E8 + 03 = 21A.
+#[test]
+fn a_value_of_the_world_is_read_low_byte_first() {
+    let mut slave = slave();
+    let reply = asked(&mut slave, 1, &[0xAB, 2, 2, 0xAF, 0x00]);
+    assert_eq!(reply, [0xAB, 2, 0x82, 0xE8, 0x03, 0x1A, 0x02]);
+    assert_eq!(rules(&mut slave), [""; 0]);
+}
+
+/// AB + 01 + 81 + EC = 219: -20 is EC. The acknowledgement is AB + 01 = AC.
+#[test]
+fn a_written_value_is_acknowledged_and_read_back() {
+    let mut slave = slave();
+    let reply = asked(&mut slave, 1, &[0xAB, 1, 0x81, 0xEC, 0x19, 0x02]);
+    assert_eq!(reply, [0xAB, 1, 0, 0xAC, 0x00]);
+    let reply = asked(&mut slave, 20, &[0xAB, 1, 1, 0xAD, 0x00]);
+    assert_eq!(reply, [0xAB, 1, 0x81, 0xEC, 0x19, 0x02]);
+    assert_eq!(rules(&mut slave), [""; 0]);
+}
+
+/// 500 ms after the last sound frame the value is the safe one; a frame in between keeps it.
+#[test]
+fn values_are_safe_when_the_master_falls_silent_and_not_before() {
+    let mut slave = slave();
+    asked(&mut slave, 0, &[0xAB, 1, 0x81, 0xEC, 0x19, 0x02]);
+    let read = [0xAB, 1, 1, 0xAD, 0x00];
+    assert_eq!(asked(&mut slave, 490, &read)[3], 0xEC);
+    assert_eq!(asked(&mut slave, 980, &read)[3], 0xEC);
+    assert_eq!(
+        asked(&mut slave, 1481, &read)[3],
+        0xEC,
+        "read before the poll"
+    );
+    let mut world = world();
+    slave.poll(Instant::from_millis(1981), &mut world);
+    assert_eq!(asked(&mut slave, 1990, &read)[3], 0);
+    assert_eq!(rules(&mut slave), ["made-safe"]);
+}
+
+#[test]
+fn each_rule_finds_its_guilty_master() {
+    let guilty = |bytes: &[u8]| {
+        let mut slave = slave();
+        let reply = asked(&mut slave, 1, bytes);
+        (rules(&mut slave), reply)
+    };
+    // The error frame: AB + FF = 1AA, low byte first here.
+    let error = vec![0xAB, 0xFF, 0, 0xAA, 0x01];
+    assert_eq!(
+        guilty(&[0xAB, 2, 2, 0xB0, 0x00]),
+        (vec!["bad-checksum"], error)
+    );
+    assert_eq!(guilty(&[0x55]), (vec!["stray-bytes"], vec![]));
+    assert_eq!(guilty(&[0xAB, 2]).0, ["frame-cut-off"]);
+    assert_eq!(guilty(&[0xAB, 3, 2, 0xB0, 0x00]).0, ["unknown-register"]);
+    assert_eq!(
+        guilty(&[0xAB, 2, 0x82, 1, 1, 0x31, 0x01]).0,
+        ["write-read-only"]
+    );
+    assert_eq!(guilty(&[0xAB, 8, 0x81, 1, 0x35, 0x01]).0, ["value-cut"]);
+    // 51 = 33 is one more than allowed: AB + 01 + 81 + 33 = 160.
+    assert_eq!(guilty(&[0xAB, 1, 0x81, 51, 0x60, 0x01]).0, ["out-of-range"]);
+    let hasty = [0xAB, 2, 2, 0xAF, 0x00].repeat(2);
+    assert_eq!(guilty(&hasty).0, ["request-before-reply"]);
+    let flood = [0xAB, 2, 2, 0xAF, 0x00].repeat(6);
+    assert_eq!(guilty(&flood).0, ["request-before-reply", "queue-full"]);
+}
+
+#[test]
+fn a_value_out_of_range_becomes_the_nearest_allowed() {
+    let mut slave = slave();
+    asked(&mut slave, 1, &[0xAB, 1, 0x81, 51, 0x60, 0x01]);
+    assert_eq!(asked(&mut slave, 20, &[0xAB, 1, 1, 0xAD, 0x00])[3], 50);
+}
+
+#[test]
+fn tables_that_contradict_themselves_are_refused() {
+    let fault = |register: Register| {
+        let error = slave_with([table(), vec![register]].concat()).expect_err("unsound");
+        assert_eq!(error.index, 3);
+        error.message
+    };
+    let stored = Source::Stored;
+    let lies = fault(register(3, Width::U8, Access::Read, stored));
+    assert_eq!(lies, "address 3 lies in \"at-2\"");
+    assert!(fault(register(254, Width::U16, Access::Read, stored)).contains("ends at 256"));
+    assert!(fault(register(20, Width::U8, Access::Write, Source::XMm)).contains("no effect"));
+    let mut wide = register(20, Width::U8, Access::Read, stored);
+    wide.variable.limits = [0, 256];
+    assert!(fault(wide).contains("holds 0 to 255"));
+}
+
+/// Whatever a master sends, the slave lives and its memory stays small.
+#[test]
+fn random_bytes_do_not_harm_the_slave() {
+    let mut rng = crate::rng::Rng::stream(7, "test.bytes");
+    let (mut slave, mut world) = (slave(), world());
+    for millis in 0..3_000 {
+        let bytes = [(); 5].map(|()| rng.next_u64().to_le_bytes()).concat();
+        slave.receive(Registers::BUS, Instant::from_millis(millis), &bytes);
+        slave.poll(Instant::from_millis(millis), &mut world);
+        let _ = slave.transmit(Registers::BUS, &mut [0; 64]);
+    }
+    assert!(slave.pending.len() <= QUEUE_MAX && slave.output.len() < 1_000);
+}

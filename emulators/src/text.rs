@@ -1,0 +1,506 @@
+//! A slave with a simple text protocol, described by data: lines in, lines out.
+//!
+//! ```text
+//! request  "SPEED {left} {right}"   words and fields; a field is a whole number and sets the
+//!                                   variable of its name
+//! reply    "OK {left}"              a field shows the variable of its name
+//! ```
+//!
+//! A line that fits no request, a value out of range and a line without end are reported; the first
+//! two are answered with a line of their own if the description has one.
+
+use std::collections::VecDeque;
+
+use core::time::Duration;
+
+use protocols::{Instant, LineConfig, Port};
+
+use crate::device::{Device, Event, EventKind, earliest};
+use crate::event_log::EventLog;
+use crate::quantity::{Variable, VariableError, Variables};
+use crate::world::World;
+
+/// How a text slave is set up.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TextConfig {
+    /// Coding of its line.
+    pub line: LineConfig,
+    /// Ends every line, both ways.
+    pub terminator: Vec<u8>,
+    /// From the end of a request to the beginning of the reply.
+    pub latency: Duration,
+    /// Silence of the master after which values become safe; `None`: never.
+    pub watchdog: Option<Duration>,
+    /// Its values.
+    pub variables: Vec<Variable>,
+    /// What it understands; the first that fits is taken.
+    pub commands: Vec<Command>,
+    /// Reply to everything else, if any.
+    pub unknown: Option<String>,
+    /// Reply to a value out of range, if any.
+    pub refused: Option<String>,
+    /// Sent by itself.
+    pub periodic: Option<Periodic>,
+}
+
+/// A request and its reply.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Command {
+    /// What the master says.
+    pub request: String,
+    /// What the slave answers, if anything.
+    pub reply: Option<String>,
+}
+
+/// A line that comes unasked.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Periodic {
+    /// The line.
+    pub line: String,
+    /// Time between two of them.
+    pub period: Duration,
+}
+
+/// A piece of a pattern.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Piece {
+    Text(String),
+    /// Number of a variable.
+    Field(usize),
+}
+
+/// Bytes of a line at most; a longer one is none.
+const LINE_MAX: usize = 256;
+/// Replies that wait at most.
+const QUEUE_MAX: usize = 16;
+/// Bytes that wait for the line at most.
+const OUTPUT_MAX: usize = 4_096;
+
+/// The slave.
+#[derive(Clone, Debug)]
+pub struct Text {
+    config: TextConfig,
+    variables: Variables,
+    commands: Vec<(Vec<Piece>, Option<Vec<Piece>>)>,
+    unknown: Option<Vec<Piece>>,
+    refused: Option<Vec<Piece>>,
+    periodic: Option<(Vec<Piece>, Duration)>,
+    next_period: Option<Instant>,
+    line: Vec<u8>,
+    is_too_long: bool,
+    silent_at: Option<Instant>,
+    /// Replies and when they are due.
+    pending: VecDeque<(Instant, Vec<Piece>)>,
+    output: VecDeque<u8>,
+    log: EventLog,
+}
+
+/// Which part of a description is wrong.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum TextError {
+    /// A variable.
+    Variable(VariableError),
+    /// A command; the key is `request` or `reply`.
+    Command(usize, &'static str, String),
+    /// A key of the device itself.
+    Key(&'static str, String),
+}
+
+impl Text {
+    /// The line.
+    pub const UART: Port = Port(0);
+
+    /// A slave that is up as the run begins.
+    ///
+    /// # Errors
+    /// If the description contradicts itself.
+    pub fn new(config: TextConfig) -> Result<Self, TextError> {
+        let variables = Variables::new(config.variables.clone()).map_err(TextError::Variable)?;
+        if config.terminator.is_empty() {
+            let message = "it is empty, expected what ends a line";
+            return Err(TextError::Key("terminator", message.to_owned()));
+        }
+        let mut commands = Vec::new();
+        for (index, command) in config.commands.iter().enumerate() {
+            let wrong = |key| move |message| TextError::Command(index, key, message);
+            let request = request(&command.request, &variables).map_err(wrong("request"))?;
+            let reply = command.reply.as_ref().map(|text| pieces(text, &variables));
+            commands.push((request, reply.transpose().map_err(wrong("reply"))?));
+        }
+        let line = |key: &'static str, text: &Option<String>| {
+            let line = text.as_ref().map(|text| pieces(text, &variables));
+            line.transpose()
+                .map_err(|message| TextError::Key(key, message))
+        };
+        let unknown = line("unknown", &config.unknown)?;
+        let refused = line("refused", &config.refused)?;
+        let text = config
+            .periodic
+            .as_ref()
+            .map(|periodic| periodic.line.clone());
+        let period = config.periodic.as_ref().map(|periodic| periodic.period);
+        if period.is_some_and(|period| period.is_zero()) {
+            let message = "its period is 0, expected a time".to_owned();
+            return Err(TextError::Key("periodic", message));
+        }
+        Ok(Self {
+            periodic: line("periodic", &text)?.zip(period),
+            next_period: period.map(|period| Instant::ZERO + period),
+            variables,
+            commands,
+            unknown,
+            refused,
+            line: Vec::new(),
+            is_too_long: false,
+            silent_at: None,
+            pending: VecDeque::new(),
+            output: VecDeque::new(),
+            log: EventLog::default(),
+            config,
+        })
+    }
+
+    fn tell(&mut self, at: Instant, rule: &'static str, detail: impl FnOnce() -> String) {
+        self.log.repeated(at, EventKind::Violation, rule, detail);
+    }
+
+    fn end_of_line(&mut self, at: Instant) {
+        let bytes = core::mem::take(&mut self.line);
+        if core::mem::take(&mut self.is_too_long) {
+            return;
+        }
+        let line = String::from_utf8_lossy(&bytes).into_owned();
+        self.silent_at = self.config.watchdog.map(|watchdog| at + watchdog);
+        let found = self.commands.iter().find_map(|(request, reply)| {
+            fields(request, &line).map(|fields| (fields, reply.clone()))
+        });
+        let reply = match found {
+            Some((fields, reply)) => match self.set(at, &fields) {
+                true => reply,
+                false => self.refused.clone(),
+            },
+            None => {
+                self.tell(at, "unknown-request", || {
+                    format!("\"{line}\" fits no request")
+                });
+                self.unknown.clone()
+            }
+        };
+        let Some(reply) = reply else {
+            return;
+        };
+        if self.pending.len() == QUEUE_MAX {
+            return self.tell(at, "queue-full", || {
+                format!("{QUEUE_MAX} replies wait already")
+            });
+        }
+        self.pending.push_back((at + self.config.latency, reply));
+    }
+
+    /// Sets the variables if all values are allowed; whether they were.
+    fn set(&mut self, at: Instant, fields: &[(usize, i64)]) -> bool {
+        for &(index, value) in fields {
+            let variable = self.variables.get(index);
+            let [least, greatest] = variable.limits;
+            if !(least..=greatest).contains(&value) {
+                let name = variable.name.clone();
+                self.tell(at, "out-of-range", || {
+                    format!("{name} = {value}, expected {least} to {greatest}")
+                });
+                return false;
+            }
+        }
+        for &(index, value) in fields {
+            self.variables.write(index, value);
+        }
+        true
+    }
+
+    fn say(&mut self, line: &[Piece], now: Instant, world: &World) {
+        let mut text = String::new();
+        for piece in line {
+            match piece {
+                Piece::Text(words) => text += words,
+                Piece::Field(index) => {
+                    text += &self.variables.read(*index, now, world).to_string();
+                }
+            }
+        }
+        let bytes = text.into_bytes();
+        if self.output.len() + bytes.len() <= OUTPUT_MAX {
+            self.output.extend(bytes);
+            self.output.extend(&self.config.terminator);
+        }
+    }
+}
+
+/// Splits `text` at its fields.
+fn pieces(text: &str, variables: &Variables) -> Result<Vec<Piece>, String> {
+    let mut pieces = Vec::new();
+    let mut rest = text;
+    while let Some((words, behind)) = rest.split_once('{') {
+        if !words.is_empty() {
+            pieces.push(Piece::Text(words.to_owned()));
+        }
+        let (name, behind) = behind
+            .split_once('}')
+            .ok_or_else(|| format!("\"{text}\" has a {{ without }}"))?;
+        let index = variables
+            .find(name)
+            .ok_or_else(|| format!("\"{text}\": there is no variable \"{name}\""))?;
+        pieces.push(Piece::Field(index));
+        rest = behind;
+    }
+    if !rest.is_empty() {
+        pieces.push(Piece::Text(rest.to_owned()));
+    }
+    Ok(pieces)
+}
+
+/// The pieces of a request: its fields can be told apart, and can be set.
+fn request(text: &str, variables: &Variables) -> Result<Vec<Piece>, String> {
+    let pieces = pieces(text, variables)?;
+    let touching = |pair: &[Piece]| matches!(pair, [Piece::Field(_), Piece::Field(_)]);
+    if pieces.is_empty() {
+        return Err("it is empty, expected what the master says".to_owned());
+    }
+    if pieces.windows(2).any(touching) {
+        return Err(format!("\"{text}\": expected words between two fields"));
+    }
+    for piece in &pieces {
+        if let Piece::Field(index) = piece
+            && !variables.get(*index).is_stored()
+        {
+            let name = &variables.get(*index).name;
+            return Err(format!("\"{text}\": {name} has a source and cannot be set"));
+        }
+    }
+    Ok(pieces)
+}
+
+/// The values in `line` if it fits `request`.
+fn fields(request: &[Piece], line: &str) -> Option<Vec<(usize, i64)>> {
+    let mut found = Vec::new();
+    let mut rest = line;
+    for piece in request {
+        match piece {
+            Piece::Text(words) => rest = rest.strip_prefix(words.as_str())?,
+            Piece::Field(index) => {
+                let sign = usize::from(rest.starts_with('-'));
+                let digits = rest[sign..].bytes().take_while(u8::is_ascii_digit).count();
+                let (number, behind) = rest.split_at(sign + digits);
+                found.push((*index, number.parse().ok()?));
+                rest = behind;
+            }
+        }
+    }
+    rest.is_empty().then_some(found)
+}
+
+impl Device for Text {
+    fn receive(&mut self, _: Port, now: Instant, bytes: &[u8]) {
+        for &byte in bytes {
+            self.line.push(byte);
+            if self.line.ends_with(&self.config.terminator) {
+                let len = self.line.len() - self.config.terminator.len();
+                self.line.truncate(len);
+                self.end_of_line(now);
+            } else if self.line.len() > LINE_MAX {
+                // What comes is looked at only for the end.
+                let keep = self.config.terminator.len().min(LINE_MAX);
+                self.line.drain(..self.line.len() - keep);
+                if !core::mem::replace(&mut self.is_too_long, true) {
+                    let detail = || format!("more than {LINE_MAX} bytes without end of line");
+                    self.tell(now, "line-too-long", detail);
+                }
+            }
+        }
+    }
+
+    fn poll(&mut self, now: Instant, world: &mut World) {
+        self.log.poll(now);
+        while let Some((due, reply)) = self.pending.pop_front() {
+            if due > now {
+                self.pending.push_front((due, reply));
+                break;
+            }
+            self.say(&reply, now, world);
+        }
+        if let (Some(at), Some((line, period))) = (self.next_period, self.periodic.clone())
+            && at <= now
+        {
+            self.say(&line, now, world);
+            // A late poll does not make up for lines that nobody heard.
+            self.next_period = Some((at + period).max(now));
+        }
+        if self.silent_at.is_some_and(|at| at <= now) {
+            self.silent_at = None;
+            if self.variables.make_safe() {
+                let detail = "the master is silent: values are safe now".to_owned();
+                self.log.note(now, "made-safe", detail);
+            }
+        }
+    }
+
+    fn transmit(&mut self, _: Port, buf: &mut [u8]) -> usize {
+        let len = buf.len().min(self.output.len());
+        for (slot, byte) in buf.iter_mut().zip(self.output.drain(..len)) {
+            *slot = byte;
+        }
+        len
+    }
+
+    fn poll_at(&self) -> Option<Instant> {
+        let due = self.pending.front().map(|(due, _)| *due);
+        earliest([due, self.next_period, self.silent_at, self.log.poll_at()])
+    }
+
+    fn line_config(&self, _: Port) -> LineConfig {
+        self.config.line
+    }
+
+    fn take_events(&mut self) -> Vec<Event> {
+        self.log.take()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::quantity::Source;
+    use crate::quantity::tests::{variable, world};
+
+    fn command(request: &str, reply: &str) -> Command {
+        Command {
+            request: request.to_owned(),
+            reply: Some(reply.to_owned()),
+        }
+    }
+
+    fn config() -> TextConfig {
+        let mut speed = variable("speed", Source::Stored);
+        speed.safe = Some(0);
+        TextConfig {
+            line: LineConfig::new_8n1(9600),
+            terminator: b"\r\n".to_vec(),
+            latency: Duration::from_millis(2),
+            watchdog: Some(Duration::from_millis(500)),
+            variables: vec![speed, variable("x", Source::XMm)],
+            commands: vec![
+                command("SPEED {speed}", "OK {speed}"),
+                command("WHERE?", "X {x}"),
+            ],
+            unknown: Some("ERR".to_owned()),
+            refused: Some("RANGE".to_owned()),
+            periodic: None,
+        }
+    }
+
+    fn after(slave: &mut Text, millis: u64, line: &str) -> String {
+        let at = Instant::from_millis(millis);
+        let mut world = world();
+        slave.receive(Text::UART, at, line.as_bytes());
+        slave.poll(at, &mut world);
+        slave.poll(at + Duration::from_millis(2), &mut world);
+        let mut buf = [0; 512];
+        let len = slave.transmit(Text::UART, &mut buf);
+        String::from_utf8_lossy(&buf[..len]).into_owned()
+    }
+
+    fn rules(slave: &mut Text) -> Vec<&'static str> {
+        slave
+            .take_events()
+            .into_iter()
+            .map(|event| event.rule)
+            .collect()
+    }
+
+    #[test]
+    fn requests_set_variables_and_replies_show_them() {
+        let mut slave = Text::new(config()).expect("sound");
+        assert_eq!(after(&mut slave, 1, "SPEED -42\r\n"), "OK -42\r\n");
+        assert_eq!(after(&mut slave, 9, "WHERE?\r\n"), "X 1000\r\n");
+        assert_eq!(after(&mut slave, 20, "SPE"), "");
+        assert_eq!(
+            after(&mut slave, 30, "ED 7\r\nWHERE?\r\n"),
+            "OK 7\r\nX 1000\r\n"
+        );
+        assert_eq!(rules(&mut slave), [""; 0]);
+    }
+
+    #[test]
+    fn each_rule_finds_its_guilty_master() {
+        let mut slave = Text::new(config()).expect("sound");
+        assert_eq!(after(&mut slave, 1, "SPEED 101\r\n"), "RANGE\r\n");
+        assert_eq!(after(&mut slave, 9, "SPEED\r\n"), "ERR\r\n");
+        assert_eq!(
+            after(&mut slave, 20, "SPEED 99999999999999999999\r\n"),
+            "ERR\r\n"
+        );
+        let endless = "a".repeat(1_000);
+        assert_eq!(after(&mut slave, 30, &endless), "");
+        assert_eq!(after(&mut slave, 40, "\r\nWHERE?\r\n"), "X 1000\r\n");
+        let flood = "WHERE?\r\n".repeat(20);
+        assert_eq!(after(&mut slave, 50, &flood).lines().count(), 16);
+        assert_eq!(
+            rules(&mut slave),
+            [
+                "out-of-range",
+                "unknown-request",
+                "line-too-long",
+                "queue-full"
+            ]
+        );
+    }
+
+    #[test]
+    fn values_are_safe_when_the_master_falls_silent() {
+        let mut slave = Text::new(config()).expect("sound");
+        after(&mut slave, 1, "SPEED 42\r\n");
+        slave.poll(Instant::from_millis(500), &mut world());
+        assert_eq!(rules(&mut slave), [""; 0]);
+        slave.poll(Instant::from_millis(501), &mut world());
+        assert_eq!(rules(&mut slave), ["made-safe"]);
+    }
+
+    #[test]
+    fn a_periodic_line_comes_once_a_period() {
+        let mut slave = Text::new(TextConfig {
+            periodic: Some(Periodic {
+                line: "x={x}".to_owned(),
+                period: Duration::from_millis(100),
+            }),
+            ..config()
+        })
+        .expect("sound");
+        let mut lines = Vec::new();
+        for millis in 0..=300 {
+            lines.push(after(&mut slave, millis, "\r"));
+        }
+        assert_eq!(lines.concat(), "x=1000\r\n".repeat(3));
+    }
+
+    #[test]
+    fn descriptions_that_contradict_themselves_are_refused() {
+        let fault = |request: &str, reply: &str| {
+            let commands = vec![command(request, reply)];
+            Text::new(TextConfig {
+                commands,
+                ..config()
+            })
+            .err()
+        };
+        let wrong = |key, text: &str| Some(TextError::Command(0, key, text.to_owned()));
+        assert_eq!(
+            fault("A {b}", ""),
+            wrong("request", "\"A {b}\": there is no variable \"b\"")
+        );
+        assert_eq!(fault("A", "{x"), wrong("reply", "\"{x\" has a { without }"));
+        assert_eq!(
+            fault("A {x}", ""),
+            wrong("request", "\"A {x}\": x has a source and cannot be set")
+        );
+        assert!(fault("{speed}{speed}", "").is_some());
+        assert!(fault("", "").is_some());
+    }
+}

@@ -1,0 +1,356 @@
+//! Devices that a scenario describes itself: a register table, or a simple text protocol.
+
+use core::time::Duration;
+
+use emulators::quantity::{Source as From, Variable};
+use emulators::registers::{Access, Register, Registers, RegistersConfig, Width};
+use emulators::text::{Command, Periodic, Text, TextConfig, TextError};
+use emulators::world::Wheel;
+use protocols::LineConfig;
+use protocols::avr::ChecksumOrder;
+use serde::{Deserialize, Serialize};
+use toml::Spanned;
+
+use super::{ScenarioError, Source, Span};
+
+/// Slowest and fastest line that is not taken for a mistake.
+const BAUD: core::ops::RangeInclusive<u32> = 300..=4_000_000;
+
+/// A slave with a table of registers behind the frames of the AVR base's bus.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RegistersSpec {
+    /// Rate of its line, 8N1.
+    pub baud: Spanned<u32>,
+    /// Byte order of the checksum.
+    #[serde(default)]
+    pub checksum: OrderSpec,
+    /// From a request to its answer.
+    #[serde(default = "default_latency")]
+    pub latency: Span,
+    /// Pause that ends a half-received frame.
+    #[serde(default = "default_idle_gap")]
+    pub idle_gap: Span,
+    /// Silence of the master after which values become safe; never if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub watchdog: Option<Span>,
+    /// The table.
+    pub register: Vec<Spanned<RegisterSpec>>,
+}
+
+/// Byte orders of a checksum.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum OrderSpec {
+    /// As the seed document has it.
+    #[default]
+    LowFirst,
+    /// As the fielded base has it.
+    HighFirst,
+}
+
+/// A value of the table.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RegisterSpec {
+    /// Address of its first, lowest byte.
+    pub address: u8,
+    /// Name, for reports.
+    pub name: String,
+    /// How it lies in the registers.
+    pub width: WidthSpec,
+    /// Whether a master may write it.
+    #[serde(default)]
+    pub access: AccessSpec,
+    /// At the start.
+    #[serde(default)]
+    pub initial: i64,
+    /// Least and greatest value; what the width holds if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limits: Option<[i64; 2]>,
+    /// Taken on after the watchdog time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub safe: Option<i64>,
+    /// Where it comes from.
+    #[serde(default)]
+    pub source: SourceSpec,
+}
+
+/// Widths as in a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[expect(missing_docs, reason = "each is what it says")]
+pub enum WidthSpec {
+    U8,
+    I8,
+    U16,
+    I16,
+    U32,
+    I32,
+}
+
+/// Access as in a file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum AccessSpec {
+    /// Only the device changes it.
+    #[default]
+    Read,
+    /// The master may write it.
+    Write,
+}
+
+/// Where a value comes from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub enum SourceSpec {
+    /// What was written last, or the initial value.
+    #[default]
+    Stored,
+    /// Counts one up each such time.
+    Counter(Span),
+    /// Rises evenly, again and again.
+    Ramp {
+        /// At the beginning.
+        from: i32,
+        /// At the end.
+        to: i32,
+        /// Time of one rise.
+        period: Span,
+    },
+    /// Encoder counts of the left wheel.
+    EncoderLeft,
+    /// Encoder counts of the right wheel.
+    EncoderRight,
+    /// True position of the robot, millimetres.
+    XMm,
+    /// True position of the robot, millimetres.
+    YMm,
+    /// True heading of the robot, milliradians.
+    HeadingMrad,
+    /// Distance from the middle of the robot to what is there.
+    Range {
+        /// Counter-clockwise from ahead.
+        angle_deg: f64,
+        /// Shown when nothing is nearer.
+        max_mm: u32,
+    },
+}
+
+/// A slave with a text protocol, line by line.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TextSpec {
+    /// Rate of its line, 8N1.
+    pub baud: Spanned<u32>,
+    /// Ends each line, both ways.
+    #[serde(default = "default_terminator")]
+    pub terminator: String,
+    /// From a request to its reply.
+    #[serde(default = "default_latency")]
+    pub latency: Span,
+    /// Silence of the master after which values become safe; never if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub watchdog: Option<Span>,
+    /// Reply to what fits no request.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unknown: Option<String>,
+    /// Reply to a value out of range.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub refused: Option<String>,
+    /// A line that comes by itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub periodic: Option<PeriodicSpec>,
+    /// Its values.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub variable: Vec<Spanned<VariableSpec>>,
+    /// What it understands, the first that fits.
+    pub command: Vec<Spanned<CommandSpec>>,
+}
+
+/// A value of a text slave.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct VariableSpec {
+    /// Name, as in requests and replies.
+    pub name: String,
+    /// At the start.
+    #[serde(default)]
+    pub initial: i64,
+    /// Least and greatest value; 32 bits with sign if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limits: Option<[i64; 2]>,
+    /// Taken on after the watchdog time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub safe: Option<i64>,
+    /// Where it comes from.
+    #[serde(default)]
+    pub source: SourceSpec,
+}
+
+/// A request and its reply.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CommandSpec {
+    /// What the master says; `{name}` is a number that sets a variable.
+    pub request: String,
+    /// What the slave answers; `{name}` shows a variable.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reply: Option<String>,
+}
+
+/// A line that comes by itself.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PeriodicSpec {
+    /// The line; `{name}` shows a variable.
+    pub line: String,
+    /// Time between two.
+    pub period: Span,
+}
+
+const fn default_latency() -> Span {
+    Span(Duration::from_micros(200))
+}
+
+const fn default_idle_gap() -> Span {
+    Span::from_millis(2)
+}
+
+fn default_terminator() -> String {
+    "\r\n".to_owned()
+}
+
+impl core::convert::From<SourceSpec> for From {
+    fn from(spec: SourceSpec) -> Self {
+        match spec {
+            SourceSpec::Stored => Self::Stored,
+            SourceSpec::Counter(period) => Self::Counter { period: period.0 },
+            SourceSpec::Ramp { from, to, period } => Self::Ramp {
+                from: from.into(),
+                to: to.into(),
+                period: period.0,
+            },
+            SourceSpec::EncoderLeft => Self::Encoder(Wheel::Left),
+            SourceSpec::EncoderRight => Self::Encoder(Wheel::Right),
+            SourceSpec::XMm => Self::XMm,
+            SourceSpec::YMm => Self::YMm,
+            SourceSpec::HeadingMrad => Self::HeadingMrad,
+            SourceSpec::Range { angle_deg, max_mm } => Self::RangeMm {
+                angle: angle_deg.to_radians(),
+                max_mm: max_mm.into(),
+            },
+        }
+    }
+}
+
+fn line(baud: &Spanned<u32>, key: &str, source: &Source) -> Result<LineConfig, ScenarioError> {
+    let found = *baud.get_ref();
+    if BAUD.contains(&found) {
+        return Ok(LineConfig::new_8n1(found));
+    }
+    let message = format!("is {found}, expected {} to {}", BAUD.start(), BAUD.end());
+    Err(source.invalid(Some(baud.span()), format!("{key}.baud"), message))
+}
+
+impl RegistersSpec {
+    /// The device; `key` is its place in the scenario.
+    pub fn device(&self, key: &str, source: &Source) -> Result<Registers, ScenarioError> {
+        let registers = self.register.iter().map(|spec| spec.get_ref().register());
+        let config = RegistersConfig {
+            line: line(&self.baud, key, source)?,
+            order: match self.checksum {
+                OrderSpec::LowFirst => ChecksumOrder::LowFirst,
+                OrderSpec::HighFirst => ChecksumOrder::HighFirst,
+            },
+            latency: self.latency.0,
+            idle_gap: self.idle_gap.0,
+            watchdog: self.watchdog.map(|watchdog| watchdog.0),
+            registers: registers.collect(),
+        };
+        Registers::new(config).map_err(|error| {
+            let span = self.register.get(error.index).map(Spanned::span);
+            let key = format!("{key}.register[{}]", error.index);
+            source.invalid(span, key, error.message)
+        })
+    }
+}
+
+impl RegisterSpec {
+    fn register(&self) -> Register {
+        let width = match self.width {
+            WidthSpec::U8 => Width::U8,
+            WidthSpec::I8 => Width::I8,
+            WidthSpec::U16 => Width::U16,
+            WidthSpec::I16 => Width::I16,
+            WidthSpec::U32 => Width::U32,
+            WidthSpec::I32 => Width::I32,
+        };
+        Register {
+            address: self.address,
+            width,
+            access: match self.access {
+                AccessSpec::Read => Access::Read,
+                AccessSpec::Write => Access::Write,
+            },
+            variable: Variable {
+                name: self.name.clone(),
+                initial: self.initial,
+                limits: self.limits.unwrap_or(width.limits()),
+                safe: self.safe,
+                source: self.source.into(),
+            },
+        }
+    }
+}
+
+impl TextSpec {
+    /// The device; `key` is its place in the scenario.
+    pub fn device(&self, key: &str, source: &Source) -> Result<Text, ScenarioError> {
+        let variables = self.variable.iter().map(|spec| spec.get_ref().variable());
+        let commands = self.command.iter().map(|spec| Command {
+            request: spec.get_ref().request.clone(),
+            reply: spec.get_ref().reply.clone(),
+        });
+        let config = TextConfig {
+            line: line(&self.baud, key, source)?,
+            terminator: self.terminator.clone().into_bytes(),
+            latency: self.latency.0,
+            watchdog: self.watchdog.map(|watchdog| watchdog.0),
+            variables: variables.collect(),
+            commands: commands.collect(),
+            unknown: self.unknown.clone(),
+            refused: self.refused.clone(),
+            periodic: self.periodic.as_ref().map(|periodic| Periodic {
+                line: periodic.line.clone(),
+                period: periodic.period.0,
+            }),
+        };
+        Text::new(config).map_err(|error| match error {
+            TextError::Variable(error) => {
+                let span = self.variable.get(error.index).map(Spanned::span);
+                let key = format!("{key}.variable[{}]", error.index);
+                source.invalid(span, key, error.message)
+            }
+            TextError::Command(index, part, message) => {
+                let span = self.command.get(index).map(Spanned::span);
+                source.invalid(span, format!("{key}.command[{index}].{part}"), message)
+            }
+            TextError::Key(part, message) => {
+                source.invalid(Some(self.baud.span()), format!("{key}.{part}"), message)
+            }
+        })
+    }
+}
+
+impl VariableSpec {
+    fn variable(&self) -> Variable {
+        Variable {
+            name: self.name.clone(),
+            initial: self.initial,
+            limits: self.limits.unwrap_or([i32::MIN.into(), i32::MAX.into()]),
+            safe: self.safe,
+            source: self.source.into(),
+        }
+    }
+}

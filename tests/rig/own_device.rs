@@ -1,0 +1,106 @@
+//! Devices that a scenario describes by data, met through the open ends of their links.
+
+use core::time::Duration;
+use std::path::Path;
+
+use hilrig::rig::Rig;
+use hilrig::robots::{self, Dut, PcEnd, Wired};
+use hilrig::scenario::{Scenario, ScenarioError, Source};
+
+use super::{in_a_room, run_to_end, shipped};
+
+fn wire((scenario, source): (Scenario, Source)) -> Result<Wired, ScenarioError> {
+    let world = scenario.world.build(scenario.seed, &source)?;
+    robots::wire(&scenario, &source, world, Dut::External, PcEnd::External)
+}
+
+/// What comes back on an open end within 20 ms.
+fn asked(rig: &mut Rig, node: usize, bytes: &[u8]) -> Vec<u8> {
+    rig.inject(node, bytes);
+    rig.run_for(Duration::from_millis(20));
+    rig.take_output(node)
+}
+
+fn end(wired: &Wired, name: &str) -> usize {
+    let end = wired.open_ends.iter().find(|end| end.name == name);
+    end.expect("offered").node
+}
+
+/// The robot stands at (1, 1) and looks along y at a wall at 2.7 m: 1700 mm are 06A4. The sums:
+/// AB + 04 + 02 = B1, AB + 04 + 82 + A4 + 06 = 1DB.
+#[test]
+fn a_register_slave_of_ones_own_answers_from_the_world() {
+    let mut wired = wire(shipped("own-slave")).expect("sound");
+    let gripper = end(&wired, "gripper");
+    let reply = asked(&mut wired.rig, gripper, &[0xAB, 4, 2, 0xB1, 0]);
+    assert_eq!(reply, [0xAB, 4, 0x82, 0xA4, 0x06, 0xDB, 0x01]);
+}
+
+/// To its left, at 0.3 m, is another wall, 700 mm away.
+#[test]
+fn a_text_slave_of_ones_own_answers_from_the_world() {
+    let mut wired = wire(shipped("own-slave")).expect("sound");
+    let sonar = end(&wired, "sonar");
+    assert_eq!(asked(&mut wired.rig, sonar, b"ping\r\n"), b"mm=700\r\n");
+    assert_eq!(asked(&mut wired.rig, sonar, b"gain 31\r\n"), b"ok 31\r\n");
+    assert_eq!(asked(&mut wired.rig, sonar, b"gain 32\r\n"), b"range\r\n");
+    assert_eq!(asked(&mut wired.rig, sonar, b"gian 5\r\n"), b"?\r\n");
+    let told: Vec<_> = wired.rig.events().iter().map(ToString::to_string).collect();
+    assert!(
+        told.iter()
+            .any(|e| e.contains("sonar out-of-range: gain = 32")),
+        "{told:?}"
+    );
+    assert!(
+        told.iter().any(|e| e.contains("sonar unknown-request")),
+        "{told:?}"
+    );
+    // It speaks by itself at 1 s; 80 ms have gone.
+    wired.rig.run_for(Duration::from_secs(1));
+    assert_eq!(wired.rig.take_output(sonar), b"mm=700\r\n");
+}
+
+/// A run in virtual time has nobody at the open ends; the saved case has the devices too.
+#[test]
+fn a_run_with_devices_of_ones_own_can_be_saved_and_run_again() {
+    let (mut scenario, source) = shipped("own-slave");
+    scenario.duration = "2s".parse().expect("a time");
+    let first = run_to_end((scenario, source));
+    let case = Scenario::parse(Path::new("<case>"), first.case.to_toml()).expect("a case");
+    assert_eq!(run_to_end(case).trace_hash, first.trace_hash);
+}
+
+fn refusal(device: &str) -> String {
+    wire(in_a_room("1s", device))
+        .err()
+        .expect("unsound")
+        .to_string()
+}
+
+#[test]
+fn a_bad_table_is_told_with_its_line_and_key() {
+    let table = "[device.own.registers]\nbaud = 9600\n\
+        [[device.own.registers.register]]\naddress = 1\nname = \"a\"\nwidth = \"i16\"\n";
+    insta::assert_snapshot!(
+        refusal(&format!("{table}initial = 40000")),
+        @"<test>:7: device.own.registers.register[0]: initial is 40000, expected -32768 to 32767"
+    );
+    let second = "[[device.own.registers.register]]\naddress = 2\nname = \"b\"\nwidth = \"u8\"";
+    insta::assert_snapshot!(
+        refusal(&format!("{table}{second}")),
+        @r#"<test>:11: device.own.registers.register[1]: address 2 lies in "a""#
+    );
+    insta::assert_snapshot!(
+        refusal(&table.replace("9600", "9")),
+        @"<test>:6: device.own.registers.baud: is 9, expected 300 to 4000000"
+    );
+    insta::assert_snapshot!(
+        refusal(&table.replace(".own.", ".motor.")),
+        @"<test>:5: device.motor: the robot has a link of this name, expected another name"
+    );
+    let text = "[device.own.text]\nbaud = 9600\n[[device.own.text.command]]\nrequest = \"a {b}\"";
+    insta::assert_snapshot!(
+        refusal(text),
+        @r#"<test>:7: device.own.text.command[0].request: "a {b}": there is no variable "b""#
+    );
+}
