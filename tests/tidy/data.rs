@@ -88,6 +88,27 @@ fn the_pages_name_every_scenario_and_no_other() {
     }
 }
 
+/// A simplification whose test is gone is noticed by nobody.
+#[test]
+fn the_tests_that_the_fidelity_page_names_exist() {
+    let page = all(&["FIDELITY.md"]);
+    let page = &page.first().expect("the page is there").text;
+    let tests: String = all(&[".rs"]).into_iter().map(|file| file.text).collect();
+    let rows = page
+        .lines()
+        .filter(|line| line.starts_with("| ") && line.contains('`'));
+    let named = rows.flat_map(|row| {
+        let columns = row.trim_matches([' ', '|']).rsplit_once(" | ");
+        let (_, tests) = columns.unwrap_or_else(|| panic!("no test in {row}"));
+        tests.split('`').skip(1).step_by(2)
+    });
+    let named: Vec<&str> = named.collect();
+    assert!(named.len() > 40, "{named:?}");
+    for name in named {
+        assert!(tests.contains(&format!("fn {name}(")), "there is no {name}");
+    }
+}
+
 /// Both licences of the crates' manifests come with their text.
 #[test]
 fn both_licences_are_here() {
