@@ -1,5 +1,6 @@
 //! The command line: one file per command.
 
+mod decode;
 mod demo;
 mod dut;
 mod fidelity;
@@ -38,6 +39,7 @@ enum Command {
     Run(run::RunArgs),
     Up(up::Up),
     Dut(dut::DutArgs),
+    Decode(decode::DecodeArgs),
     Fidelity(fidelity::Fidelity),
 }
 
@@ -102,6 +104,7 @@ pub fn main() -> ExitCode {
         Command::Run(args) => run::run(args),
         Command::Up(args) => up::run(args),
         Command::Dut(args) => dut::run(args),
+        Command::Decode(args) => decode::run(args),
         Command::Fidelity(args) => fidelity::run(args),
     };
     match result {

@@ -10,6 +10,7 @@
 //! | [`robots`] | which devices, links and program a robot consists of |
 //! | [`rig`], [`line`](mod@line), [`fault`], [`resample`], [`cpu`] | nodes and lines under one clock |
 //! | [`trace`], [`capture`] | who sees the bytes; the file of all of them |
+//! | [`decode`] | bytes in words |
 //! | [`run`], [`mission`], [`check`], [`score`] | a run watched and judged |
 //! | [`folder`], [`render`] | what a run leaves behind |
 //! | [`realtime`], [`standalone`] | the rig, or the program alone, at the pace of the wall clock |
@@ -21,6 +22,7 @@ pub mod check;
 pub mod cli;
 pub mod clock;
 pub mod cpu;
+pub mod decode;
 pub mod fault;
 pub mod folder;
 pub mod line;

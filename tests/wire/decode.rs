@@ -1,0 +1,56 @@
+//! Real captures as `hilrig decode` counts and judges them.
+
+use hilrig::decode::Protocol;
+use hilrig::decode::diagnose::{Damage, diagnose};
+use hilrig::decode::summary::Lidar;
+
+use super::captures::capture;
+
+/// Counts made by an independent script over the capture "hand in box", fw 2.4.
+#[test]
+fn the_hand_in_box_has_11451_packets() {
+    let Some(bytes) = capture("xv11/xevel_hand_in_box_fw24.bin") else {
+        return;
+    };
+    let lidar = Lidar::of_packets(&bytes);
+    assert_eq!(Protocol::guess(&bytes), Some(Protocol::Xv11));
+    assert_eq!((lidar.frames, lidar.bad, lidar.outside), (11_451, 1, 203));
+    assert_eq!((lidar.ok, lidar.weak), (42_875, 130));
+    assert_eq!(lidar.invalid.values().sum::<u64>(), 2799);
+    assert_eq!(lidar.invalid[&0x52], 1996);
+    assert_eq!(diagnose(&bytes, lidar.frames * 22), []);
+}
+
+/// Counts of the same script over the two captures of fw 2.1.
+#[test]
+fn the_old_firmware_has_22_turns_in_two_captures() {
+    for (name, turns, ok, weak, invalid) in [
+        (
+            "xv11/xevel_sparkfun_noshield_fw21.bin",
+            21,
+            3452,
+            1321,
+            2787,
+        ),
+        ("xv11/xevel_onerun_noshield_fw21.bin", 1, 178, 59, 123),
+    ] {
+        let Some(bytes) = capture(name) else { return };
+        let lidar = Lidar::of_turns(&bytes);
+        assert_eq!(Protocol::guess(&bytes), Some(Protocol::Xv11Turn));
+        assert_eq!((lidar.frames, lidar.outside), (turns, 0));
+        assert_eq!((lidar.ok, lidar.weak), (ok, weak));
+        assert_eq!(lidar.invalid.values().sum::<u64>(), invalid);
+        assert_eq!(diagnose(&bytes, lidar.frames * 1446), []);
+    }
+}
+
+/// A field capture of a host that lost each NUL byte.
+#[test]
+fn a_host_that_strips_nul_is_named() {
+    let Some(bytes) = capture("../data/neato/slamrs_out.bin") else {
+        return;
+    };
+    let lidar = Lidar::of_packets(&bytes);
+    let is_nul = |one: &Damage| matches!(one, Damage::Missing { value: 0, .. });
+    assert!(diagnose(&bytes, lidar.frames * 22).iter().any(is_nul));
+}
