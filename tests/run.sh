@@ -49,6 +49,12 @@ step "tests"
 cargo test --locked --workspace
 
 step "demo"
-cargo run --locked --release -- demo
+cargo run --locked --release -- demo --out target/demo/release
+
+step "the debug build of the tests gives the same bytes as the release build"
+target=${CARGO_TARGET_DIR:-target}
+"$target"/debug/hilrig demo --out target/demo/debug >/dev/null 2>&1
+cmp target/demo/debug/case.toml target/demo/release/case.toml
+cmp target/demo/debug/map.pgm target/demo/release/map.pgm
 
 step "all checks passed"
