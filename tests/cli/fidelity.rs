@@ -83,8 +83,14 @@ fn a_file_that_is_no_capture_is_refused() {
     session.write("notes.txt", "no lidar");
     let output = session.hilrig(&["fidelity", "xv11", "--capture", "notes.txt"]);
     assert_eq!(output.status.code(), Some(2));
-    insta::assert_snapshot!(text(&output.stderr), @"error: notes.txt: no packet in 8 bytes, expected the bytes of an XV-11 as it sends them");
+    assert_eq!(
+        text(&output.stderr),
+        "error: notes.txt: no packet in 8 bytes, expected the bytes of an XV-11 as it sends them\n"
+    );
     let output = session.hilrig(&["fidelity", "xv11", "--capture", "nowhere.bin"]);
     assert_eq!(output.status.code(), Some(2));
-    insta::assert_snapshot!(text(&output.stderr), @"error: cannot read capture nowhere.bin: No such file or directory (os error 2)");
+    assert_eq!(
+        text(&output.stderr),
+        "error: cannot read capture nowhere.bin: No such file or directory (os error 2)\n"
+    );
 }
