@@ -261,7 +261,8 @@ mod tests {
             x in -3e3_f32..3e3, y in -3e3_f32..3e3, a in -3.0_f32..3.0,
             f in -500.0_f32..500.0, l in -500.0_f32..500.0, t in -3.0_f32..3.0,
         ) {
-            let (from, change) = (Pose::new(x, y, a), PoseChange { forward_mm: f, left_mm: l, turn: t });
+            let from = Pose::new(x, y, a);
+            let change = PoseChange { forward_mm: f, left_mm: l, turn: t };
             let to = from.then(change);
             let back = from.change_to(to);
             prop_assert!(near(back.forward_mm, f, 0.01) && near(back.left_mm, l, 0.01));

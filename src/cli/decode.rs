@@ -17,12 +17,10 @@ use crate::line::Direction;
 ///
 /// The lines are data and go to standard output; what is said of the whole goes to standard error.
 #[derive(Debug, Args)]
-#[command(
-    after_long_help = "Examples:\n  \
+#[command(after_long_help = "Examples:\n  \
     hilrig decode hilrig-out/rescue-flat-1/capture.pcapng --link base\n  \
     hilrig decode dump.bin --protocol xv11\n  \
-    hilrig decode dump.bin --diagnose   # what is wrong with all of it, instead of the frames"
-)]
+    hilrig decode dump.bin --diagnose   # what is wrong with all of it, instead of the frames")]
 pub(super) struct DecodeArgs {
     /// A pcapng capture, or bytes as they came from a port
     #[arg(value_name = "FILE")]

@@ -16,13 +16,21 @@ fn refusal(name: &str, scenario: &str) -> String {
 #[test]
 fn a_misspelt_key_is_shown_with_its_line() {
     let scenario = shipped("empty-room").replace("duration", "duratoin");
-    insta::assert_snapshot!(refusal("key", &scenario), @r#"
+    let said = refusal("key", &scenario);
+    let (place, expected) = said
+        .split_once("unknown field")
+        .expect("the key is unknown");
+    insta::assert_snapshot!(place, @r#"
     error: s.toml: TOML parse error at line 6, column 1
       |
     6 | duratoin = "90s"
       | ^^^^^^^^
-    unknown field `duratoin`, expected one of `schema`, `name`, `description`, `robot`, `duration`, `seed`, `origin`, `mission`, `expect`, `program`, `device`, `link`, `world`, `fault`
     "#);
+    assert!(
+        expected.starts_with(" `duratoin`, expected one of `schema`"),
+        "{expected}"
+    );
+    assert!(expected.contains("`duration`"), "{expected}");
 }
 
 #[test]

@@ -35,13 +35,18 @@ fn lines_that<'a>(
 }
 
 fn long_lines(file: &File) -> Findings {
-    // A row of a table in the docs cannot be broken.
+    // A row of a table in the docs cannot be broken, and the formatter leaves a line alone that a
+    // string literal makes long.
     let is_row = |line: &str| {
         ["//! |", "/// |"]
             .iter()
             .any(|row| line.trim().starts_with(row))
     };
-    let is_wrong = |line: &str| line.chars().count() > COLUMNS_MAX && !is_row(line);
+    let holds_text = |line: &str| {
+        line.contains('"') || line.ends_with('\\') || line.trim_start().starts_with("error: ")
+    };
+    let is_wrong =
+        |line: &str| line.chars().count() > COLUMNS_MAX && !is_row(line) && !holds_text(line);
     lines_that(file, numbered(file), is_wrong, "longer than 100 columns")
 }
 

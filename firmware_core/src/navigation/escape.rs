@@ -38,8 +38,8 @@ impl Escape {
         self.still
     }
 
-    /// The bearing of the way out, if the robot is stuck. Called once per scan while the robot is to
-    /// move.
+    /// The bearing of the way out, if the robot is stuck. Called once per scan while the robot is
+    /// to move.
     pub(super) fn step(
         &mut self,
         settings: &Settings,

@@ -44,8 +44,8 @@ impl WallFollowing {
         front_mm: 330.0,
     };
 
-    /// The seed report's rule for the length of the beam: reg = (260 - length) / 10, left = 20 + reg
-    /// within 0 to 20, right = 20 - reg within -20 to 20.
+    /// The seed report's rule for the length of the beam: reg = (260 - length) / 10, left = 20 +
+    /// reg within 0 to 20, right = 20 - reg within -20 to 20.
     pub fn follow_beam(&self, length_mm: f32) -> [i8; 2] {
         let reg = (self.distance_mm - length_mm) / 10.0;
         [

@@ -1,8 +1,8 @@
 //! Ways around what is in the way: a wave from the goal through the free cells of a coarse map.
 //!
-//! A cell is three by three cells of the map, as in the seed's navigation map (100 x 100), and takes
-//! four bits: blocked, or the direction in which the goal lies. Cells that nobody has seen count as
-//! free; if they are not, the next plan knows better.
+//! A cell is three by three cells of the map, as in the seed's navigation map (100 x 100), and
+//! takes four bits: blocked, or the direction in which the goal lies. Cells that nobody has seen
+//! count as free; if they are not, the next plan knows better.
 
 use crate::grid::Grid;
 use crate::pose::{Point, Pose};
@@ -106,8 +106,8 @@ impl Planner {
         best.map(|cell| self.middle(cell))
     }
 
-    /// The nearest cell that the wave has reached: a robot that drives along the rim of what is free
-    /// is now and then a cell beside it.
+    /// The nearest cell that the wave has reached: a robot that drives along the rim of what is
+    /// free is now and then a cell beside it.
     fn nearest_reached(&self, cell: Cell) -> Option<Cell> {
         let is_reached = |cell: &Cell| (1..=GOAL).contains(&self.get(*cell));
         (0..=STRAY_CELLS).find_map(|apart| {

@@ -304,7 +304,8 @@ mod tests {
         /// within a hundredth of a cell may choose either.
         #[test]
         fn beams_draw_the_cells_that_they_cross(
-            fx in -5.0_f32..45.0, fy in -5.0_f32..35.0, hx in -20.0_f32..60.0, hy in -20.0_f32..50.0,
+            fx in -5.0_f32..45.0, fy in -5.0_f32..35.0,
+            hx in -20.0_f32..60.0, hy in -20.0_f32..50.0,
             half in 1.0_f32..8.0,
         ) {
             let beam = Beam { from: (fx, fy), hit: (hx, hy), half_hole: half };

@@ -220,8 +220,8 @@ fn an_empty_list_stops_the_robot() {
     assert_eq!(bench.robot.target(), None);
 }
 
-/// Seed figure S6 by the cost model of S4 (14 ms a scan, 0.15 ms a try): the seed's search takes 150
-/// ms of each 200 ms, and no turn is lost by it.
+/// Seed figure S6 by the cost model of S4 (14 ms a scan, 0.15 ms a try): the seed's search takes
+/// 150 ms of each 200 ms, and no turn is lost by it.
 #[test]
 fn the_seeds_search_takes_150_of_200_ms() {
     let mut bench = Bench::searching(flat(), 10);

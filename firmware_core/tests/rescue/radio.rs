@@ -99,8 +99,9 @@ fn the_longest_list_is_taken_in_one_burst() {
     assert_eq!(bench.heard.echoes.last().map(Vec::len), Some(56));
 }
 
-/// Field defects PU-01, PU-03, PU-04, PU-05: each of these cost the fielded robot the next frame, its
-/// receiver for good, or made waypoints of stale memory. Behind each of them a good list follows.
+/// Field defects PU-01, PU-03, PU-04, PU-05: each of these cost the fielded robot the next frame,
+/// its receiver for good, or made waypoints of stale memory. Behind each of them a good list
+/// follows.
 #[test]
 fn damaged_frames_do_not_cost_the_good_one_behind_them() {
     let mut short_list = [0; 64];

@@ -61,7 +61,9 @@ fn traffic() -> impl Strategy<Value = (u8, Vec<u8>)> {
             (2, frame[..len].to_vec())
         });
     let noise = (0_u8..5, prop::collection::vec(any::<u8>(), 1..80));
-    let whole = prop_oneof![4 => packet, 4 => turn, 2 => reply, 4 => wheels, 2 => ack, 3 => order, 2 => list, 1 => noise];
+    let whole = prop_oneof![
+        4 => packet, 4 => turn, 2 => reply, 4 => wheels, 2 => ack, 3 => order, 2 => list, 1 => noise
+    ];
     (whole, any::<prop::sample::Index>(), any::<u8>(), 0_u8..6).prop_map(
         |((port, mut bytes), at, value, damage)| {
             let at = at.index(bytes.len());
