@@ -28,8 +28,8 @@ use crate::cpu::CpuModel;
 use crate::line::End;
 use crate::rig::Rig;
 use crate::scenario::{
-    Action, AvrBaseSpec, CpuSpec, DeviceSpec, Hc06Spec, MapperSpec, ModeSpec, Scenario,
-    ScenarioError, Source, Xv11Spec,
+    Action, CpuSpec, DeviceSpec, Hc06Spec, MapperSpec, ModeSpec, Scenario, ScenarioError, Source,
+    TurnSpec,
 };
 
 /// What the checkers watch: the base stops the motors within 1.006 s of silence (field firmware,
@@ -227,26 +227,56 @@ fn unknown(
 
 fn lidar(scenario: &Scenario, source: &Source) -> Result<xv11::Config, ScenarioError> {
     let mut config = xv11::Config::default();
-    let Some(DeviceSpec::Xv11(Xv11Spec { profile, supply })) = scenario.device.get("lidar") else {
+    let Some(DeviceSpec::Xv11(spec)) = scenario.device.get("lidar") else {
         return Ok(config);
     };
-    if let Some(name) = profile {
+    let within = |key: &str, value: Option<f64>, range: core::ops::RangeInclusive<f64>| {
+        let (least, most) = (*range.start(), *range.end());
+        match value {
+            Some(found) if !range.contains(&found) => {
+                let message = format!("is {found}, expected {least} to {most}");
+                Err(source.invalid(
+                    source.find(key),
+                    format!("device.lidar.xv11.{key}"),
+                    message,
+                ))
+            }
+            _ => Ok(()),
+        }
+    };
+    within("index0_deg", spec.index0_deg, -360.0..=360.0)?;
+    within("beam_offset_mm", spec.beam_offset_mm, 0.0..=100.0)?;
+    let optics = &mut config.optics;
+    optics.index0_deg = spec.index0_deg.unwrap_or(optics.index0_deg);
+    optics.beam_offset_mm = spec.beam_offset_mm.unwrap_or(optics.beam_offset_mm);
+    optics.direction = match spec.direction {
+        Some(TurnSpec::Clockwise) => xv11::Direction::Clockwise,
+        Some(TurnSpec::CounterClockwise) | None => xv11::Direction::CounterClockwise,
+    };
+    for name in &spec.faults {
+        let known = xv11::Fault::ALL.map(xv11::Fault::name);
+        let fault = xv11::Fault::from_name(name.get_ref())
+            .ok_or_else(|| unknown(source, "device.lidar.xv11.faults", name, &known))?;
+        config.faults.push(fault);
+    }
+    if let Some(name) = &spec.profile {
         let known = xv11::Profile::ALL.map(xv11::Profile::name);
         config.profile = xv11::Profile::from_name(name.get_ref())
             .ok_or_else(|| unknown(source, "device.lidar.xv11.profile", name, &known))?;
     }
-    if let Some(supply) = supply {
-        config.supply = (*supply).into();
+    if let Some(supply) = spec.supply {
+        config.supply = supply.into();
     }
     Ok(config)
 }
 
 fn base(scenario: &Scenario, source: &Source) -> Result<AvrBaseConfig, ScenarioError> {
     let mut config = AvrBaseConfig::default();
-    if let Some(DeviceSpec::AvrBase(AvrBaseSpec {
-        profile: Some(name),
-    })) = scenario.device.get("base")
-    {
+    let Some(DeviceSpec::AvrBase(spec)) = scenario.device.get("base") else {
+        return Ok(config);
+    };
+    config.phase = spec.phase.map(|phase| phase.0);
+    if let Some(name) = &spec.profile {
         let known = avr_base::Profile::ALL.map(avr_base::Profile::name);
         config.profile = avr_base::Profile::from_name(name.get_ref())
             .ok_or_else(|| unknown(source, "device.base.avr-base.profile", name, &known))?;
@@ -274,6 +304,11 @@ fn radio(scenario: &Scenario, source: &Source) -> Result<hc06::Profile, Scenario
     if let Some(delay) = spec.connect_delay {
         profile.connect_delay = delay.0;
     }
+    profile.fifo_len = spec.fifo_bytes.map_or(profile.fifo_len, usize::from);
+    profile.rate_bytes_s = spec
+        .rate_bytes_s
+        .map_or(profile.rate_bytes_s, core::num::NonZeroU32::get);
+    profile.supervision = spec.supervision.map_or(profile.supervision, |span| span.0);
     Ok(profile)
 }
 

@@ -48,6 +48,28 @@ pub struct Xv11Spec {
     /// What turns the head; 300 rpm held by the rig if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub supply: Option<SupplySpec>,
+    /// Angle of the first reading to the axis of the housing; sources say -10 or 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub index0_deg: Option<f64>,
+    /// Distance between laser beam and axis; sources say 0 to 25.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub beam_offset_mm: Option<f64>,
+    /// Which way the head turns, seen from above.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub direction: Option<TurnSpec>,
+    /// What is wrong with the sensor from the start, by the names of its faults, e.g. `dust`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub faults: Vec<toml::Spanned<String>>,
+}
+
+/// Senses of rotation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum TurnSpec {
+    /// As every report but one says.
+    CounterClockwise,
+    /// As that one says.
+    Clockwise,
 }
 
 /// What turns the head of a lidar.
@@ -79,12 +101,24 @@ pub struct AvrBaseSpec {
     /// Firmware: `document`, `rcj2015-2015`, `rcj2015-2014`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub profile: Option<toml::Spanned<String>>,
+    /// How long before the run its tasks ran together, up to 200.8 ms; drawn if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub phase: Option<Span>,
 }
 
 /// Settings of an HC-06.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Hc06Spec {
+    /// Bytes between UART and radio, 700 if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fifo_bytes: Option<u16>,
+    /// Bytes a second that it moves in one direction, 20500 if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rate_bytes_s: Option<core::num::NonZeroU32>,
+    /// Radio silence after which the connection is given up, 20 s if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub supervision: Option<Span>,
     /// Firmware: `linvor-1.8`, `hc01-2.0`, `3.0-20170609`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub family: Option<toml::Spanned<String>>,

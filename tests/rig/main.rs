@@ -2,6 +2,7 @@
 
 mod capture;
 mod determinism;
+mod device_keys;
 mod figures;
 mod maps;
 mod mission;
