@@ -27,7 +27,7 @@ pub struct Limits {
 }
 
 impl Default for Limits {
-    /// Some twenty minutes a file, at 12 MB of capture a minute of the rescue robot; 1.75 GiB in all.
+    /// Some twenty minutes a file, at 12 MB a minute of the rescue robot; 1.75 GiB in all.
     fn default() -> Self {
         Self {
             file_bytes: 256 << 20,
