@@ -282,7 +282,7 @@ proptest! {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(5_000))]
+    #![proptest_config(ProptestConfig::with_cases(10_000))]
 
     /// Whatever was sent: no panic, all answers are whole frames, a silent second later the motors
     /// stand, and the next good request is answered.
