@@ -5,6 +5,8 @@ mod demo;
 mod dut;
 mod fidelity;
 mod place;
+mod ports;
+mod record;
 mod run;
 mod stop;
 mod up;
@@ -39,6 +41,7 @@ enum Command {
     Run(run::RunArgs),
     Up(up::Up),
     Dut(dut::DutArgs),
+    Record(record::RecordArgs),
     Decode(decode::DecodeArgs),
     Fidelity(fidelity::Fidelity),
 }
@@ -104,6 +107,7 @@ pub fn main() -> ExitCode {
         Command::Run(args) => run::run(args),
         Command::Up(args) => up::run(args),
         Command::Dut(args) => dut::run(args),
+        Command::Record(args) => record::run(args),
         Command::Decode(args) => decode::run(args),
         Command::Fidelity(args) => fidelity::run(args),
     };

@@ -70,6 +70,16 @@ impl Clock for WallClock {
     }
 }
 
+/// The time of the world now: nanoseconds since 1970, UTC. Zero if the system's calendar is wrong.
+#[expect(
+    clippy::disallowed_methods,
+    reason = "the one reader of the system's calendar"
+)]
+pub fn utc() -> Instant {
+    let since_1970 = time::SystemTime::now().duration_since(time::UNIX_EPOCH);
+    Instant::ZERO + since_1970.unwrap_or_default()
+}
+
 /// A clock that stands still until somebody sleeps, then jumps there.
 #[derive(Clone, Debug, Default)]
 pub struct SimClock {

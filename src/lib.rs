@@ -11,6 +11,7 @@
 //! | [`rig`], [`line`](mod@line), [`fault`], [`resample`], [`cpu`] | nodes and lines under one clock |
 //! | [`trace`], [`capture`] | who sees the bytes; the file of all of them |
 //! | [`decode`] | bytes in words |
+//! | [`record`] | a capture of what passes between two ports |
 //! | [`run`], [`mission`], [`check`], [`score`] | a run watched and judged |
 //! | [`folder`], [`render`] | what a run leaves behind |
 //! | [`realtime`], [`standalone`] | the rig, or the program alone, at the pace of the wall clock |
@@ -29,6 +30,7 @@ pub mod line;
 pub mod mission;
 pub mod plan;
 pub mod realtime;
+pub mod record;
 pub mod render;
 pub mod resample;
 pub mod rig;

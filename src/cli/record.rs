@@ -1,0 +1,152 @@
+use std::path::PathBuf;
+
+use clap::Args;
+use protocols::LineConfig;
+
+use super::place::Place;
+use super::ports::Ports;
+use super::stop::Stop;
+use super::{CliError, Verdict};
+use crate::clock::{Clock, WallClock, utc};
+use crate::record::{CaptureFile, RecordError, Recorder, Wire};
+use crate::scenario::Span;
+
+/// Sit between two ports, pass bytes both ways and record them as a capture.
+///
+/// The first port of a tap is where the device is, the second where the program is; the link gets
+/// the first one's name. A port is a path, or `pty:PATH` for a new pseudo-terminal at PATH. The
+/// capture is pcapng with UTC times, which Wireshark opens and `hilrig decode` prints.
+#[derive(Debug, Args)]
+#[command(after_long_help = "Examples:\n  \
+    hilrig record --tap lidar=/dev/ttyUSB0 robot=/dev/ttyUSB1 -o field.pcapng\n  \
+    hilrig record --tap lidar=/dev/ttyUSB0 robot=pty:/tmp/robot/lidar -o field.pcapng\n  \
+    hilrig record --tap lidar=/dev/ttyUSB0 x=pty:/tmp/robot/lidar \\\n    \
+    --tap base=/dev/ttyUSB1 x=pty:/tmp/robot/base --baud base=1000000 -o field.pcapng")]
+pub(super) struct RecordArgs {
+    /// Two ports that belong together; once for each link
+    #[arg(long, required = true, num_args = 2, value_names = ["A=PORT", "B=PORT"])]
+    tap: Vec<Place>,
+    /// Baud rate, of all links or of the one named
+    #[arg(long, value_name = "[A=]N")]
+    baud: Vec<Baud>,
+    /// Capture to write
+    #[arg(short, long, value_name = "FILE")]
+    out: PathBuf,
+    /// End by itself after this time, e.g. 60s or 5min [default: at SIGINT or SIGTERM]
+    #[arg(long, value_name = "TIME")]
+    duration: Option<Span>,
+}
+
+/// A rate, of one link or of all.
+#[derive(Clone, Debug)]
+struct Baud {
+    link: Option<String>,
+    rate: u32,
+}
+
+impl core::str::FromStr for Baud {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (link, rate) = match text.split_once('=') {
+            Some((link, rate)) => (Some(link.to_owned()), rate),
+            None => (None, text),
+        };
+        let rate = rate
+            .parse()
+            .ok()
+            .filter(|rate| (50..=12_000_000).contains(rate));
+        let rate = rate.ok_or("expected bits per second, e.g. 115200 or base=1000000")?;
+        Ok(Self { link, rate })
+    }
+}
+
+/// What serial devices use unless they say otherwise.
+const BAUD: u32 = 115_200;
+
+pub(super) fn run(args: RecordArgs) -> Result<Verdict, CliError> {
+    let stop = Stop::new(args.duration.map(|duration| duration.0))?;
+    let mut ports = Ports::default();
+    let wires = wires(&args, &mut ports)?;
+    for wire in &wires {
+        let [device, program] = wire.ends.each_ref().map(|end| end.path().display());
+        eprintln!("{}: {device} <-> {program}, {} baud", wire.name, wire.baud);
+    }
+    let file = CaptureFile::create(&args.out).map_err(failed)?;
+    let (clock, epoch) = (WallClock::start(), utc());
+    let mut recorder = Recorder::new(clock, epoch, wires, file).map_err(failed)?;
+    eprintln!("recording to {}", args.out.display());
+    let mut ended = Ok(());
+    while ended.is_ok() && !stop.is_due(recorder.clock().now()) {
+        ended = recorder.turn();
+    }
+    let ended = ended.and_then(|()| Ok(recorder.finish()?));
+    report(&recorder);
+    ended.map(|()| Verdict::Pass).map_err(failed)
+}
+
+fn failed(error: impl Into<RecordError>) -> CliError {
+    CliError::Other(error.into().to_string())
+}
+
+fn wires(args: &RecordArgs, ports: &mut Ports) -> Result<Vec<Wire>, CliError> {
+    let names: Vec<&str> = args
+        .tap
+        .iter()
+        .step_by(2)
+        .map(|place| &*place.name)
+        .collect();
+    for (index, name) in names.iter().enumerate() {
+        if names[..index].contains(name) {
+            let error = format!("--tap {name}: given twice, expected each link once");
+            return Err(CliError::Other(error));
+        }
+    }
+    if let Some(link) = args
+        .baud
+        .iter()
+        .filter_map(|baud| baud.link.as_deref())
+        .find(|link| !names.contains(link))
+    {
+        let known = names.join(", ");
+        let error = format!("--baud {link}: no such link; expected one of {known}");
+        return Err(CliError::Other(error));
+    }
+    let mut wires = Vec::new();
+    for pair in args.tap.chunks_exact(2) {
+        let name = pair[0].name.clone();
+        let own = args
+            .baud
+            .iter()
+            .rfind(|baud| baud.link.as_ref() == Some(&name));
+        let all = args.baud.iter().rfind(|baud| baud.link.is_none());
+        let baud = own.or(all).map_or(BAUD, |baud| baud.rate);
+        let line = LineConfig::new_8n1(baud);
+        let mut open = |place: &Place| ports.open("--tap", &place.path, line);
+        let ends = [open(&pair[0])?, open(&pair[1])?];
+        wires.push(Wire { name, baud, ends });
+    }
+    Ok(wires)
+}
+
+fn report<C: Clock>(recorder: &Recorder<C>) {
+    println!("recorded {} s", recorder.clock().now());
+    for (name, [to_master, to_device]) in recorder.reports() {
+        let (there, back) = (to_master.read, to_device.read);
+        print!("  {name}: {there} B to the program, {back} B to the device");
+        match to_master.lost + to_device.lost {
+            0 => println!(),
+            lost => println!(", {lost} B lost: the far end was closed or did not read"),
+        }
+    }
+    let held = recorder.held();
+    let us = |at: core::time::Duration| at.as_micros();
+    if held.count() > 0 {
+        println!(
+            "  handed on after {} us (p50), {} us (p99), {} us (max)",
+            us(held.quantile(500)),
+            us(held.quantile(990)),
+            us(held.max())
+        );
+    }
+}

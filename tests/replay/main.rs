@@ -1,0 +1,5 @@
+//! Bytes of the field in files, and back again: recorded, replayed, imported, exported, kept as
+//! cases.
+
+mod record;
+mod support;
