@@ -14,6 +14,7 @@
 //! | [`record`] | a capture of what passes between two ports |
 //! | [`run`], [`mission`], [`check`], [`score`] | a run watched and judged |
 //! | [`folder`], [`render`] | what a run leaves behind |
+//! | [`view`] | what the page and the report show, and the script that draws it |
 //! | [`realtime`], [`standalone`] | the rig, or the program alone, at the pace of the wall clock |
 //! | [`transport`], [`clock`] | the outside world |
 //! | [`cli`] | the commands |
@@ -41,3 +42,4 @@ pub mod score;
 pub mod standalone;
 pub mod trace;
 pub mod transport;
+pub mod view;
