@@ -123,7 +123,13 @@ impl<C: Clock> Recorder<C> {
             about += &format!("\ntap={name} {device} {program}");
         }
         let tool = format!("{TOOL} {}", env!("CARGO_PKG_VERSION"));
-        self.file.put(|out| Section { tool, about }.write(out))?;
+        let scenario = String::new();
+        let section = Section {
+            tool,
+            about,
+            scenario,
+        };
+        self.file.put(|out| section.write(out))?;
         for wire in &self.wires {
             let interface = Interface::new(&wire.name, wire.baud);
             self.file.put(|out| interface.write(out))?;
@@ -236,6 +242,7 @@ impl<C: Clock> Recorder<C> {
             kind,
             bytes: bytes.to_vec(),
             sent: None,
+            pieces: Vec::new(),
             comment,
         };
         let interface = u32::try_from(link).expect("few links");

@@ -6,7 +6,7 @@
 //! | seconds 4 | microseconds 4 | event 1 | control lines 1 | 0 0 | payload |   (big-endian)
 //! ```
 
-use protocols::{Instant, LineEvent};
+use protocols::{Instant, LineConfig, LineEvent};
 
 use super::pcapng::{self, Block, Order};
 use crate::line::Direction;
@@ -19,6 +19,12 @@ const ENTERPRISE: u32 = 32_473;
 const SEQUENCE: &[u8; 4] = b"hseq";
 /// Marks our option with the bytes as sent.
 const SENT: &[u8; 4] = b"hsnt";
+/// Marks our option with the lengths of joined chunks.
+const PIECES: &[u8; 4] = b"hpcs";
+/// Marks our option with the scenario.
+const SCENARIO: &[u8; 4] = b"hscn";
+/// An option holds less than 64 KiB; what is longer comes in several.
+const OPTION_PIECE: usize = 60_000;
 /// Bytes of the header before a packet's payload.
 const HEADER_LEN: usize = 12;
 
@@ -29,6 +35,8 @@ pub struct Section {
     pub tool: String,
     /// Facts as `key=value`, e.g. `seed=1`; one a line.
     pub about: String,
+    /// The scenario of the run as TOML, so that a replay knows the robot; empty if there was none.
+    pub scenario: String,
 }
 
 impl Section {
@@ -44,6 +52,9 @@ impl Section {
             pcapng::write_section_head(out);
             pcapng::write_option(out, pcapng::COMMENT, self.about.as_bytes());
             pcapng::write_option(out, USER_APPLICATION, self.tool.as_bytes());
+            for piece in self.scenario.as_bytes().chunks(OPTION_PIECE) {
+                write_private(out, SCENARIO, [piece, &[]]);
+            }
             pcapng::write_options_end(out);
         });
     }
@@ -51,13 +62,18 @@ impl Section {
     pub(super) fn read(block: &Block) -> Self {
         let mut section = Self::default();
         let options = block.body.get(16..).unwrap_or_default();
+        let mut scenario = Vec::new();
         for (code, value) in pcapng::options(block.order, options) {
             match code {
                 pcapng::COMMENT => section.about = text(value),
                 USER_APPLICATION => section.tool = text(value),
+                pcapng::CUSTOM if is_private(block.order, value, SCENARIO) => {
+                    scenario.extend_from_slice(&value[8..]);
+                }
                 _ => {}
             }
         }
+        section.scenario = text(&scenario);
         section
     }
 }
@@ -204,11 +220,37 @@ pub struct Record {
     pub bytes: Vec<u8>,
     /// The bytes as sent, if those are others or left earlier.
     pub sent: Option<Sent>,
+    /// Lengths of the chunks in which the bytes reached the receiver, if several: back to back, the
+    /// last of them complete at [`at`](Self::at). Empty: one chunk. Together with the baud rate
+    /// this says to the nanosecond what the receiver was told when, which a replay needs.
+    pub pieces: Vec<u8>,
     /// What is said of it, e.g. which fault struck.
     pub comment: String,
 }
 
 impl Record {
+    /// The chunks that reached the receiver, each with the time of its last byte; `line` is that
+    /// of the link. A record without bytes has none.
+    pub fn chunks(&self, line: LineConfig) -> Vec<(Instant, &[u8])> {
+        let mut end = self.bytes.len();
+        let mut nanos = self.at.as_nanos();
+        let mut chunks = Vec::new();
+        for &len in self.pieces.iter().rev() {
+            let start = end.saturating_sub(usize::from(len));
+            if start > 0 {
+                chunks.push((Instant::from_nanos(nanos), &self.bytes[start..end]));
+                let took = line.bytes_time(u64::from(len)).as_nanos();
+                nanos = nanos.saturating_sub(u64::try_from(took).unwrap_or(u64::MAX));
+                end = start;
+            }
+        }
+        if end > 0 {
+            chunks.push((Instant::from_nanos(nanos), &self.bytes[..end]));
+        }
+        chunks.reverse();
+        chunks
+    }
+
     /// Appends its block; `interface` is the link's number in the section.
     pub fn write(&self, interface: u32, out: &mut Vec<u8>) {
         let nanos = self.at.as_nanos();
@@ -235,6 +277,9 @@ impl Record {
             pcapng::write_option(out, FLAGS, &flags.to_le_bytes());
             if let Some(sequence) = self.sequence {
                 write_private(out, SEQUENCE, [sequence.to_le_bytes().as_slice(), &[]]);
+            }
+            if !self.pieces.is_empty() {
+                write_private(out, PIECES, [&runs(&self.pieces), &[]]);
             }
             if let Some(sent) = &self.sent {
                 let at = sent.at.as_nanos().to_le_bytes();
@@ -266,6 +311,7 @@ impl Record {
             kind: Kind::read(header[8], header[9]),
             bytes: payload.to_vec(),
             sent: None,
+            pieces: Vec::new(),
             comment: String::new(),
         };
         let options = body.get(20 + pcapng::padded(len)..).unwrap_or_default();
@@ -286,7 +332,14 @@ impl Record {
                 _ => {}
             },
             pcapng::CUSTOM if order.u32_at(value, 0) == Some(ENTERPRISE) => {
-                let (Some(mark), Some(number)) = (value.get(4..8), value.get(8..16)) else {
+                let Some(mark) = value.get(4..8) else {
+                    return;
+                };
+                if mark == PIECES {
+                    self.pieces = lengths(&value[8..], self.bytes.len());
+                    return;
+                }
+                let Some(number) = value.get(8..16) else {
                     return;
                 };
                 let number = u64::from_le_bytes(number.try_into().expect("eight bytes"));
@@ -302,12 +355,45 @@ impl Record {
     }
 }
 
+/// Lengths as pairs of a length and how often it follows.
+fn runs(lengths: &[u8]) -> Vec<u8> {
+    let mut runs: Vec<u8> = Vec::new();
+    for &length in lengths {
+        match runs.last_chunk_mut() {
+            Some([last, count]) if *last == length && *count < u8::MAX => *count += 1,
+            _ => runs.extend([length, 1]),
+        }
+    }
+    runs
+}
+
+/// The lengths of `runs`, if they are those of `total` bytes; else none, as if not told.
+fn lengths(runs: &[u8], total: usize) -> Vec<u8> {
+    let (pairs, _) = runs.as_chunks();
+    let sum: usize = pairs
+        .iter()
+        .map(|&[length, count]| usize::from(length) * usize::from(count))
+        .sum();
+    if sum != total {
+        return Vec::new();
+    }
+    let lengths = pairs
+        .iter()
+        .flat_map(|&[length, count]| core::iter::repeat_n(length, usize::from(count)));
+    lengths.filter(|&length| length > 0).collect()
+}
+
 const fn direction(outbound: bool) -> Direction {
     if outbound {
         Direction::ToDevice
     } else {
         Direction::ToMaster
     }
+}
+
+/// Whether a private option is ours and marked so.
+fn is_private(order: Order, value: &[u8], mark: &[u8; 4]) -> bool {
+    order.u32_at(value, 0) == Some(ENTERPRISE) && value.get(4..8) == Some(mark)
 }
 
 fn write_private(out: &mut Vec<u8>, mark: &[u8; 4], parts: [&[u8]; 2]) {
@@ -324,4 +410,58 @@ fn write_private(out: &mut Vec<u8>, mark: &[u8; 4], parts: [&[u8]; 2]) {
 
 fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A request of seven bytes at 1 Mbaud, 10 us each, of which the receiver was told one by one
+    /// but for the last two.
+    #[test]
+    fn joined_chunks_come_apart_again_at_their_times() {
+        let record = Record {
+            link: 0,
+            sequence: Some(1),
+            at: Instant::from_micros(1_070),
+            direction: Direction::ToDevice,
+            kind: Kind::Data,
+            bytes: vec![1, 2, 3, 4, 5, 6, 7],
+            sent: None,
+            pieces: vec![1, 1, 1, 1, 1, 2],
+            comment: String::new(),
+        };
+        let mut file = Vec::new();
+        Section::default().write(&mut file);
+        Interface::new("base", 1_000_000).write(&mut file);
+        record.write(0, &mut file);
+        let capture = crate::capture::Capture::of(&file);
+        assert_eq!(capture.records, [record]);
+        let chunks = capture.records[0].chunks(LineConfig::new_8n1(1_000_000));
+        let told: Vec<_> = chunks
+            .iter()
+            .map(|(at, bytes)| (at.as_nanos(), bytes.len()))
+            .collect();
+        let expected = [
+            (1_010_000, 1),
+            (1_020_000, 1),
+            (1_030_000, 1),
+            (1_040_000, 1),
+        ];
+        assert_eq!(told[..4], expected);
+        assert_eq!(told[4..], [(1_050_000, 1), (1_070_000, 2)]);
+        let joined: Vec<u8> = chunks
+            .iter()
+            .flat_map(|(_, bytes)| bytes.to_vec())
+            .collect();
+        assert_eq!(joined, [1, 2, 3, 4, 5, 6, 7]);
+    }
+
+    /// Six bytes cannot come in pieces of four and four: as if nothing was told.
+    #[test]
+    fn lengths_that_do_not_add_up_are_not_believed() {
+        assert_eq!(lengths(&[4, 2], 6), Vec::<u8>::new());
+        assert_eq!(lengths(&[4, 1, 2, 1], 6), [4, 2]);
+        assert_eq!(lengths(&[0, 255, 6, 1, 9], 6), [6]);
+    }
 }

@@ -37,16 +37,21 @@ impl Default for Limits {
 }
 
 /// What a section says of a run of `scenario`: name, fingerprints of the whole and of its faults,
-/// seed, and that its clock is virtual.
-pub fn about(scenario: &Scenario) -> String {
+/// seed, that its clock is virtual, and the scenario itself.
+pub fn about(scenario: &Scenario) -> Section {
     let faults = serde_json::to_string(&scenario.fault).expect("plain data with string keys");
-    format!(
+    let about = format!(
         "scenario={}\nscenario_hash={}\nseed={}\nschedule_hash={}\nclock=virtual",
         scenario.name,
         fingerprint(scenario.to_toml().as_bytes()),
         scenario.seed,
         fingerprint(faults.as_bytes()),
-    )
+    );
+    Section {
+        tool: format!("{TOOL} {}", env!("CARGO_PKG_VERSION")),
+        about,
+        scenario: scenario.to_toml(),
+    }
 }
 
 /// A tap that writes a capture. An error stops it, not the run; [`Tap::finish`] tells.
@@ -71,12 +76,8 @@ const BUFFER: usize = 64 << 10;
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
 
 impl Recording {
-    /// Begins the capture of `rig` in the file `path`; `about` as [`Section::about`].
-    pub fn create(path: &Path, rig: &Rig, about: String, limits: Limits) -> io::Result<Self> {
-        let section = Section {
-            tool: format!("{TOOL} {}", env!("CARGO_PKG_VERSION")),
-            about,
-        };
+    /// Begins the capture of `rig` in the file `path`; `section` as from [`about`].
+    pub fn create(path: &Path, rig: &Rig, section: Section, limits: Limits) -> io::Result<Self> {
         let mut head = Vec::new();
         section.write(&mut head);
         for link in rig.links() {
@@ -166,6 +167,7 @@ impl Tap for Recording {
             kind,
             bytes: bytes.to_vec(),
             sent,
+            pieces: Vec::new(),
             comment,
         };
         if delivery.framing_errors > 0 {
@@ -201,6 +203,7 @@ impl Tap for Recording {
             kind: Kind::Line(event),
             bytes: Vec::new(),
             sent: None,
+            pieces: Vec::new(),
             comment: comment.to_owned(),
         };
         self.put(link, record);

@@ -15,6 +15,7 @@ fn record(sequence: u64, kind: Kind, bytes: &[u8]) -> Record {
         kind,
         bytes: bytes.to_vec(),
         sent: None,
+        pieces: Vec::new(),
         comment: String::new(),
     }
 }
@@ -35,7 +36,13 @@ fn sample() -> (Vec<u8>, Vec<Record>) {
     let mut out = Vec::new();
     let about = "scenario=test\nseed=7\nclock=virtual".to_owned();
     let tool = "hilrig 0".to_owned();
-    Section { tool, about }.write(&mut out);
+    let scenario = String::new();
+    let section = Section {
+        tool,
+        about,
+        scenario,
+    };
+    section.write(&mut out);
     Interface::new("lidar", 115_200).write(&mut out);
     Interface::new("base", 1_000_000).write(&mut out);
     let records = vec![
@@ -59,6 +66,18 @@ fn what_was_written_is_read() {
     let links: Vec<_> = capture.links.iter().map(|l| (&*l.name, l.baud)).collect();
     assert_eq!(links, [("lidar", 115_200), ("base", 1_000_000)]);
     assert_eq!((capture.broken, capture.cut, capture.skipped), (None, 0, 0));
+}
+
+/// An option of pcapng holds less than 64 KiB.
+#[test]
+fn a_scenario_longer_than_an_option_comes_in_several() {
+    let section = Section {
+        scenario: "# long\n".repeat(20_000),
+        ..Section::default()
+    };
+    let mut out = Vec::new();
+    section.write(&mut out);
+    assert_eq!(Capture::of(&out).sections, [section]);
 }
 
 /// pcapng draft, section 4.3, with the RTAC header as Wireshark's dissector reads it: laid out by

@@ -120,6 +120,7 @@ fn raw(bytes: Vec<u8>) -> Capture {
         kind: Kind::Data,
         bytes,
         sent: None,
+        pieces: Vec::new(),
         comment: String::new(),
     };
     Capture {
