@@ -9,6 +9,7 @@ use std::collections::VecDeque;
 
 use emulators::rng::Rng;
 use protocols::Instant;
+use serde::{Deserialize, Serialize};
 
 /// What happens to a byte.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -72,15 +73,32 @@ impl Window {
         until: Instant::from_nanos(u64::MAX),
     };
 
+    /// Whether nothing lies inside.
+    pub fn is_empty(self) -> bool {
+        self.until <= self.from
+    }
+
     /// Whether `now` lies inside.
     pub fn contains(self, now: Instant) -> bool {
         self.from <= now && now < self.until
     }
 }
 
+/// Number of a fault in the schedule of a run: its place in the list, counted from zero.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct FaultId(pub usize);
+
+impl core::fmt::Display for FaultId {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
 /// Damage that strikes at random.
 #[derive(Clone, Debug)]
 struct Rate {
+    id: FaultId,
     kind: DamageKind,
     window: Window,
     /// Chance per byte, 0 to 1.
@@ -102,15 +120,23 @@ pub struct Strike {
 pub struct LineFaults {
     rates: Vec<Rate>,
     planned: BTreeMap<u64, Vec<Damage>>,
-    cuts: Vec<Window>,
+    cuts: Vec<(FaultId, Window)>,
     struck: VecDeque<Strike>,
 }
 
 impl LineFaults {
     /// Adds damage at random: `chance` per byte, drawn from `rng` for every byte of the run,
     /// inside the window or not, so that changing one fault never shifts another.
-    pub fn add_rate(&mut self, kind: DamageKind, window: Window, chance: f64, rng: Rng) {
+    pub fn add_rate(
+        &mut self,
+        id: FaultId,
+        kind: DamageKind,
+        window: Window,
+        chance: f64,
+        rng: Rng,
+    ) {
         self.rates.push(Rate {
+            id,
             kind,
             window,
             chance,
@@ -127,8 +153,29 @@ impl LineFaults {
     }
 
     /// Adds a time in which nothing gets through.
-    pub fn add_cut(&mut self, window: Window) {
-        self.cuts.push(window);
+    pub fn add_cut(&mut self, id: FaultId, window: Window) {
+        self.cuts.push((id, window));
+    }
+
+    /// Ends a fault that has a window at `at`, if it would go on for longer.
+    pub fn end(&mut self, id: FaultId, at: Instant) {
+        let rates = self
+            .rates
+            .iter_mut()
+            .map(|rate| (rate.id, &mut rate.window));
+        let cuts = self.cuts.iter_mut().map(|(id, window)| (*id, window));
+        for (_, window) in rates.chain(cuts).filter(|(found, _)| *found == id) {
+            window.until = window.until.min(at);
+        }
+    }
+
+    /// Takes back damage to a certain byte; whether it was still to come.
+    pub fn remove_strike(&mut self, strike: Strike) -> bool {
+        let Some(damages) = self.planned.get_mut(&strike.byte) else {
+            return false;
+        };
+        let place = damages.iter().position(|&damage| damage == strike.damage);
+        place.map(|place| damages.remove(place)).is_some()
     }
 
     /// Whether nothing was ever planned to go wrong.
@@ -141,6 +188,13 @@ impl LineFaults {
         self.struck.iter()
     }
 
+    /// Damage to certain bytes that is still to come, in order.
+    pub fn to_come(&self) -> impl Iterator<Item = Strike> {
+        let planned = self.planned.iter();
+        planned
+            .flat_map(|(&byte, damages)| damages.iter().map(move |&damage| Strike { byte, damage }))
+    }
+
     /// How many strikes there were so far.
     pub(crate) fn struck_len(&self) -> usize {
         self.struck.len()
@@ -148,7 +202,7 @@ impl LineFaults {
 
     /// Whether nothing gets through at `now`.
     pub(crate) fn is_cut(&self, now: Instant) -> bool {
-        self.cuts.iter().any(|cut| cut.contains(now))
+        self.cuts.iter().any(|(_, cut)| cut.contains(now))
     }
 
     /// What the far end gets of `byte`, the `number`-th on this line, sent at `now`.
@@ -220,7 +274,7 @@ mod tests {
             from: Instant::from_micros(1),
             until: Instant::from_micros(3),
         };
-        faults.add_cut(window);
+        faults.add_cut(FaultId(0), window);
         assert_eq!(through(&mut faults, &[1, 2, 3, 4]), [1, 4]);
     }
 
@@ -231,6 +285,7 @@ mod tests {
         let mut random = LineFaults::default();
         for kind in DamageKind::ALL {
             random.add_rate(
+                FaultId(0),
                 kind,
                 Window::ALWAYS,
                 0.02,
@@ -251,7 +306,8 @@ mod tests {
     fn a_rate_of_zero_touches_nothing() {
         let mut faults = LineFaults::default();
         for kind in DamageKind::ALL {
-            faults.add_rate(kind, Window::ALWAYS, 0.0, Rng::stream(1, "none"));
+            let rng = Rng::stream(1, "none");
+            faults.add_rate(FaultId(0), kind, Window::ALWAYS, 0.0, rng);
         }
         assert_eq!(through(&mut faults, &[7; 1000]), [7; 1000]);
     }

@@ -7,9 +7,10 @@ use emulators::text::Text;
 use emulators::world::World;
 use protocols::{LineConfig, Port};
 
+use crate::fault::FaultId;
 use crate::line::End;
 use crate::rig::{Program, Rig};
-use crate::scenario::{DeviceSpec, Robot, Scenario, ScenarioError, Source};
+use crate::scenario::{DeviceSpec, FaultSpec, Flaw, Robot, Scenario, ScenarioError, Source};
 
 pub mod rescue;
 
@@ -90,18 +91,28 @@ fn plan_links(rig: &mut Rig, scenario: &Scenario, source: &Source) -> Result<(),
                 .for_each(|line| line.latency = spec.latency.0);
         }
     }
-    let names: Vec<String> = rig.links().iter().map(|link| link.name.clone()).collect();
     for (index, fault) in scenario.fault.iter().enumerate() {
-        let Some(link) = rig.link_mut(fault.link.get_ref()) else {
-            let found = fault.link.get_ref();
-            let message = format!("is \"{found}\", expected one of {}", names.join(", "));
-            let key = format!("fault[{index}].link");
-            return Err(source.invalid(Some(fault.link.span()), key, message));
-        };
-        let line = link.line_mut(fault.direction.into());
-        fault.plan(index, &mut line.faults, scenario.seed, source)?;
+        plan_fault(rig, fault, FaultId(index), scenario.seed).map_err(|flaw| {
+            let span = source.find_in_list("fault", index, flaw.key);
+            source.invalid(span, format!("fault[{index}].{}", flaw.key), flaw.message)
+        })?;
     }
     Ok(())
+}
+
+/// Plans one fault on a wired rig; `seed` and `id` choose its dice.
+///
+/// # Errors
+/// If there is no such link, or the fault makes no sense.
+pub fn plan_fault(rig: &mut Rig, fault: &FaultSpec, id: FaultId, seed: u64) -> Result<(), Flaw> {
+    let names: Vec<String> = rig.links().iter().map(|link| link.name.clone()).collect();
+    let Some(link) = rig.link_mut(&fault.link) else {
+        let found = &fault.link;
+        let message = format!("is \"{found}\", expected one of {}", names.join(", "));
+        return Err(Flaw::new("link", message));
+    };
+    let line = link.line_mut(fault.direction.into());
+    fault.plan(id, &mut line.faults, seed)
 }
 
 /// What a robot's checkers need to know.

@@ -1,5 +1,7 @@
 //! One run of a scenario in virtual time: wired, driven, watched, judged.
 
+mod faults;
+
 use core::time::Duration;
 use std::collections::BTreeMap;
 
@@ -8,16 +10,15 @@ use firmware_core::grid::Grid;
 use protocols::Instant;
 
 use crate::check::{self, Check, Checker, Look, Status};
-use crate::line::Direction;
 use crate::mission::Progress;
 use crate::realtime::Paced;
 use crate::rig::{Logged, Rig};
 use crate::robots::{self, Dut, PcEnd, Wired};
 use crate::scenario::world::PushSpec;
-use crate::scenario::{
-    DirectionSpec, FaultKind, FaultSpec, Origin, Scenario, ScenarioError, Source,
-};
+use crate::scenario::{Scenario, ScenarioError, Source};
 use crate::score::{self, PoseError, PosePair, WallOverlap};
+
+pub use faults::{FAULTS_MAX, FaultReport, FaultState};
 
 /// Virtual time between two looks of the checkers. Each millisecond more would hide a shorter
 /// lapse, each less would cost a look; the shortest rule watched is tens of milliseconds.
@@ -333,30 +334,6 @@ impl Run {
             checks.push(Check::new("map-received", pass, detail));
         }
         checks
-    }
-
-    /// The scenario as a value: seed and defaults written out, and random faults replaced by the
-    /// bytes that they hit.
-    fn case(&self) -> Scenario {
-        let mut case = self.scenario.clone();
-        case.seed = self.seed;
-        case.origin = Some(Origin {
-            tool: concat!("hilrig ", env!("CARGO_PKG_VERSION")).to_owned(),
-            trace_hash: self.rig.trace_hash(),
-        });
-        let is_cut = |fault: &FaultSpec| fault.kind == FaultKind::Cut;
-        case.fault.retain(is_cut);
-        for link in self.rig.links() {
-            for (direction, spec) in [
-                (Direction::ToMaster, DirectionSpec::ToMaster),
-                (Direction::ToDevice, DirectionSpec::ToDevice),
-            ] {
-                let struck = link.line(direction).faults.struck();
-                case.fault
-                    .extend(struck.map(|strike| FaultSpec::of_strike(&link.name, spec, *strike)));
-            }
-        }
-        case
     }
 }
 

@@ -4,8 +4,8 @@ use emulators::rng::Rng;
 use protocols::Instant;
 use serde::{Deserialize, Serialize};
 
-use super::{ScenarioError, Source, Span};
-use crate::fault::{Damage, DamageKind, LineFaults, Strike, Window};
+use super::Span;
+use crate::fault::{Damage, DamageKind, FaultId, LineFaults, Strike, Window};
 use crate::line::Direction;
 
 /// Settings of a link.
@@ -22,14 +22,14 @@ pub struct LinkSpec {
 #[serde(deny_unknown_fields)]
 pub struct FaultSpec {
     /// Which link.
-    pub link: toml::Spanned<String>,
+    pub link: String,
     /// Which way.
     pub direction: DirectionSpec,
     /// What happens.
     pub kind: FaultKind,
     /// Chance per byte, 0 to 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub rate: Option<toml::Spanned<f64>>,
+    pub rate: Option<f64>,
     /// Number of the one byte that is hit, counted from 0 as sent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub byte: Option<u64>,
@@ -56,14 +56,12 @@ impl FaultSpec {
             Damage::Insert { value } => (FaultKind::Insert, None, Some(value)),
             Damage::Duplicate => (FaultKind::Duplicate, None, None),
         };
-        let link = toml::Spanned::new(0..0, link.to_owned());
-        let byte = Some(strike.byte);
         Self {
-            link,
+            link: link.to_owned(),
             direction,
             kind,
             rate: None,
-            byte,
+            byte: Some(strike.byte),
             bit,
             value,
             from: None,
@@ -71,53 +69,99 @@ impl FaultSpec {
         }
     }
 
-    /// Plans the fault on `line`; `index` is its place in the scenario's list.
-    pub fn plan(
-        &self,
-        index: usize,
-        line: &mut LineFaults,
-        seed: u64,
-        source: &Source,
-    ) -> Result<(), ScenarioError> {
-        let invalid = |key: &str, message: &str| {
-            let key = format!("fault[{index}].{key}");
-            Err(source.invalid(Some(self.link.span()), key, message))
-        };
-        let window = Window {
+    /// When it is active.
+    pub fn window(&self) -> Window {
+        Window {
             from: self.from.map_or(Instant::ZERO, Span::instant),
             until: self.until.map_or(Window::ALWAYS.until, Span::instant),
-        };
-        let Some(kind) = self.kind.damage() else {
-            line.add_cut(window);
-            return Ok(());
-        };
-        match (&self.rate, self.byte) {
-            (Some(rate), None) if (0.0..=1.0).contains(rate.get_ref()) => {
-                let stream = format!("fault.{index}");
-                line.add_rate(kind, window, *rate.get_ref(), Rng::stream(seed, &stream));
-                Ok(())
-            }
-            (Some(_), None) => invalid("rate", "expected a chance per byte from 0 to 1"),
-            (None, Some(byte)) => {
-                let damage = match (self.kind, self.bit, self.value) {
-                    (FaultKind::Flip, Some(bit @ 0..8), None) => Damage::Flip { bit },
-                    (FaultKind::Flip, ..) => {
-                        return invalid("bit", "a flip of one byte needs its bit, 0 to 7");
-                    }
-                    (FaultKind::Insert, None, Some(value)) => Damage::Insert { value },
-                    (FaultKind::Insert, ..) => {
-                        return invalid("value", "an insertion at one byte needs its value");
-                    }
-                    (FaultKind::Duplicate, ..) => Damage::Duplicate,
-                    (FaultKind::Drop | FaultKind::Cut, ..) => Damage::Drop,
-                };
-                line.add_strike(Strike { byte, damage });
-                Ok(())
-            }
-            _ => invalid("rate", "expected either a rate or the number of a byte"),
         }
     }
+
+    /// What it does to the one byte that it names, if it names one.
+    pub fn strike(&self) -> Result<Option<Strike>, Flaw> {
+        let Some(byte) = self.byte else {
+            return Ok(None);
+        };
+        let damage = match (self.kind, self.bit, self.value) {
+            (FaultKind::Flip, Some(bit @ 0..8), None) => Damage::Flip { bit },
+            (FaultKind::Flip, ..) => {
+                return Err(Flaw::new("bit", "a flip of one byte needs its bit, 0 to 7"));
+            }
+            (FaultKind::Insert, None, Some(value)) => Damage::Insert { value },
+            (FaultKind::Insert, ..) => {
+                return Err(Flaw::new(
+                    "value",
+                    "an insertion at one byte needs its value",
+                ));
+            }
+            (FaultKind::Duplicate, ..) => Damage::Duplicate,
+            (FaultKind::Drop, ..) => Damage::Drop,
+            (FaultKind::Cut, ..) => {
+                return Err(Flaw::new("byte", "a cut has a time, expected no byte"));
+            }
+        };
+        Ok(Some(Strike { byte, damage }))
+    }
+
+    /// Plans the fault on `line`; `seed` and its place in the list, `id`, choose its dice.
+    ///
+    /// # Errors
+    /// If its keys do not go together.
+    pub fn plan(&self, id: FaultId, line: &mut LineFaults, seed: u64) -> Result<(), Flaw> {
+        let window = self.window();
+        if window.until <= window.from {
+            return Err(Flaw::new(
+                "until",
+                "is not after its begin, expected a later time",
+            ));
+        }
+        let Some(kind) = self.kind.damage() else {
+            self.strike()?;
+            line.add_cut(id, window);
+            return Ok(());
+        };
+        match (self.rate, self.strike()?) {
+            (Some(chance), None) if (0.0..=1.0).contains(&chance) => {
+                let stream = format!("fault.{id}");
+                line.add_rate(id, kind, window, chance, Rng::stream(seed, &stream));
+            }
+            (Some(_), None) => {
+                return Err(Flaw::new("rate", "expected a chance per byte from 0 to 1"));
+            }
+            (None, Some(strike)) => line.add_strike(strike),
+            _ => {
+                let message = "expected either a rate or the number of a byte";
+                return Err(Flaw::new("rate", message));
+            }
+        }
+        Ok(())
+    }
 }
+
+/// What is wrong with a fault that somebody asked for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Flaw {
+    /// The key in question.
+    pub key: &'static str,
+    /// What is wrong and what was expected.
+    pub message: String,
+}
+
+impl Flaw {
+    /// The flaw `message` of `key`.
+    pub fn new(key: &'static str, message: impl Into<String>) -> Self {
+        let message = message.into();
+        Self { key, message }
+    }
+}
+
+impl core::fmt::Display for Flaw {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "{}: {}", self.key, self.message)
+    }
+}
+
+impl core::error::Error for Flaw {}
 
 /// Directions as in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -155,6 +199,17 @@ pub enum FaultKind {
 }
 
 impl FaultKind {
+    /// Name as in a file.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Flip => "flip",
+            Self::Drop => "drop",
+            Self::Insert => "insert",
+            Self::Duplicate => "duplicate",
+            Self::Cut => "cut",
+        }
+    }
+
     /// What it does to a byte; `None` for a cut.
     pub const fn damage(self) -> Option<DamageKind> {
         match self {

@@ -79,6 +79,40 @@ impl Source {
         Some(start..start + name.len())
     }
 
+    /// Where `key` stands in the `index`-th table of the list `list`, or else where that table
+    /// begins, for messages.
+    pub fn find_in_list(
+        &self,
+        list: &str,
+        index: usize,
+        key: &str,
+    ) -> Option<core::ops::Range<usize>> {
+        let head = format!("[[{list}]]");
+        let is_key = |line: &str| {
+            let rest = line.trim_start().strip_prefix(key);
+            rest.is_some_and(|rest| rest.trim_start().starts_with('='))
+        };
+        let (mut at, mut seen, mut table) = (0, 0, None);
+        for line in self.text.split_inclusive('\n') {
+            let span = at..at + line.trim_end().len();
+            at += line.len();
+            if line.trim_start().starts_with(&head) {
+                table = (seen == index).then_some(span);
+                seen += 1;
+                if seen > index + 1 {
+                    break;
+                }
+            } else if line.trim_start().starts_with('[') {
+                if table.is_some() {
+                    break;
+                }
+            } else if table.is_some() && is_key(line) {
+                return Some(span);
+            }
+        }
+        table
+    }
+
     /// The error that `key`, whose value lies at `span` of the text, is wrong.
     pub fn invalid(
         &self,

@@ -99,7 +99,7 @@ fn a_fault_on_no_link_lists_the_links() {
 fn a_rate_beyond_one_is_refused() {
     let fault = "[[fault]]\nlink = \"base\"\ndirection = \"to-master\"\nkind = \"drop\"\nrate = 10\n\n[world]\n";
     let scenario = shipped("empty-room").replace("[world]\n", fault);
-    insta::assert_snapshot!(refusal("rate", &scenario), @"error: s.toml:16: fault[0].rate: expected a chance per byte from 0 to 1");
+    insta::assert_snapshot!(refusal("rate", &scenario), @"error: s.toml:19: fault[0].rate: expected a chance per byte from 0 to 1");
 }
 
 #[test]

@@ -9,7 +9,7 @@ use std::process::Command;
 use std::rc::Rc;
 
 use hilrig::capture::{Capture, Kind, Limits, Recording, about};
-use hilrig::fault::{Damage, Strike, Window};
+use hilrig::fault::{Damage, FaultId, Strike, Window};
 use hilrig::line::Direction;
 use hilrig::run::Run;
 use hilrig::trace::{Side, Tap};
@@ -62,10 +62,13 @@ fn faulty_run() -> Run {
     for (byte, damage) in (100..).step_by(10).zip(damages) {
         line.faults.add_strike(Strike { byte, damage });
     }
-    line.faults.add_cut(Window {
-        from: Instant::from_millis(900),
-        until: Instant::from_millis(1000),
-    });
+    line.faults.add_cut(
+        FaultId(0),
+        Window {
+            from: Instant::from_millis(900),
+            until: Instant::from_millis(1000),
+        },
+    );
     run
 }
 

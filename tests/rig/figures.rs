@@ -7,7 +7,7 @@ use emulators::rng::Rng;
 use firmware_core::Inspect;
 use firmware_core::robots::rescue::Rescue;
 use hilrig::cpu::CpuModel;
-use hilrig::fault::{DamageKind, Window};
+use hilrig::fault::{DamageKind, FaultId, Window};
 use hilrig::line::{Direction, End};
 use hilrig::rig::Rig;
 use protocols::rle::Dialect;
@@ -296,7 +296,8 @@ fn s8_no_set_point_is_ever_wrong_on_a_bad_line() {
     for (index, line) in link.lines.iter_mut().enumerate() {
         for kind in [DamageKind::Flip, DamageKind::Drop, DamageKind::Duplicate] {
             let rng = Rng::stream(8, &format!("{kind:?} {index}"));
-            line.faults.add_rate(kind, Window::ALWAYS, 0.003, rng);
+            line.faults
+                .add_rate(FaultId(0), kind, Window::ALWAYS, 0.003, rng);
         }
     }
     let mut sent = vec![[0, 0]];

@@ -4,7 +4,7 @@ use core::time::Duration;
 
 use emulators::avr_base::AvrBase;
 use emulators::rng::Rng;
-use hilrig::fault::{DamageKind, Window};
+use hilrig::fault::{DamageKind, FaultId, Window};
 use proptest::prelude::*;
 use protocols::Instant;
 
@@ -35,7 +35,7 @@ fn motors_stop_when_the_master_falls_silent() {
     };
     run.rig.link_mut("base").expect("the bus").lines[1]
         .faults
-        .add_cut(cut);
+        .add_cut(FaultId(0), cut);
     run.rig.run_for(Duration::from_millis(750));
     assert!(
         is_driving(&run),
@@ -59,7 +59,7 @@ fn the_checker_catches_the_base_that_never_stops() {
     };
     run.rig.link_mut("base").expect("the bus").lines[1]
         .faults
-        .add_cut(cut);
+        .add_cut(FaultId(0), cut);
     let failed = super::failures(&run.finish());
     assert!(
         failed
@@ -80,7 +80,8 @@ proptest! {
         let noise = Window { from: Instant::from_secs(5), until: Instant::from_secs(12) };
         for (index, line) in run.rig.link_mut("base").expect("the bus").lines.iter_mut().enumerate() {
             let rng = Rng::stream(u64::from(seed), &index.to_string());
-            line.faults.add_rate(DamageKind::Flip, noise, 1.0 / f64::from(one_in), rng);
+            let chance = 1.0 / f64::from(one_in);
+            line.faults.add_rate(FaultId(0), DamageKind::Flip, noise, chance, rng);
         }
         while run.rig.now() < Instant::from_secs(14) {
             run.step();

@@ -1,0 +1,3 @@
+//! What goes wrong, and how it is seen on the wire.
+
+mod live;
