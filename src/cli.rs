@@ -3,6 +3,7 @@
 mod decode;
 mod demo;
 mod dut;
+mod fault;
 mod fidelity;
 mod place;
 mod ports;
@@ -41,6 +42,7 @@ enum Command {
     Run(run::RunArgs),
     Up(up::Up),
     Dut(dut::DutArgs),
+    Fault(fault::FaultArgs),
     Record(record::RecordArgs),
     Decode(decode::DecodeArgs),
     Fidelity(fidelity::Fidelity),
@@ -107,6 +109,7 @@ pub fn main() -> ExitCode {
         Command::Run(args) => run::run(args),
         Command::Up(args) => up::run(args),
         Command::Dut(args) => dut::run(args),
+        Command::Fault(args) => fault::run(&args),
         Command::Record(args) => record::run(args),
         Command::Decode(args) => decode::run(args),
         Command::Fidelity(args) => fidelity::run(args),

@@ -16,13 +16,14 @@
 //! | [`folder`], [`render`] | what a run leaves behind |
 //! | [`view`] | what the page and the report show, and the script that draws it |
 //! | [`realtime`], [`standalone`] | the rig, or the program alone, at the pace of the wall clock |
-//! | [`transport`], [`clock`] | the outside world |
+//! | [`transport`], [`clock`], [`control`] | the outside world |
 //! | [`cli`] | the commands |
 
 pub mod capture;
 pub mod check;
 pub mod cli;
 pub mod clock;
+pub mod control;
 pub mod cpu;
 pub mod decode;
 pub mod fault;

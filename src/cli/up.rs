@@ -1,3 +1,4 @@
+use std::fs;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -7,6 +8,8 @@ use super::place::{self, Place};
 use super::stop::Stop;
 use super::{CliError, Verdict};
 use crate::clock::{Clock, WallClock};
+use crate::control::Control;
+use crate::folder::FolderError;
 use crate::realtime::{Paced, Realtime};
 use crate::rig::Rig;
 use crate::robots::{self, Dut, OpenEnd, PcEnd, Wired};
@@ -47,6 +50,10 @@ pub(super) struct Up {
     /// Offer the PC's end, and leave the scenario's own PC out, even if it has a mission
     #[arg(long)]
     pc: bool,
+    /// Where the case is written at the end: the scenario with the faults that were added by hand
+    /// [default: hilrig-out/NAME-up.toml, if there were any]
+    #[arg(long, value_name = "FILE")]
+    case: Option<PathBuf>,
 }
 
 pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
@@ -67,6 +74,7 @@ pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
     let stop = Stop::new(args.duration.map(|duration| duration.0))?;
 
     let mut dir = PortDir::open(&dir)?;
+    let mut control = Control::open(&dir)?;
     let (rig, ports) = place_ends(wired, &args, &dir)?;
     dir.leave_note(Note::Scenario, &scenario.to_toml())?;
     print_table(&ports);
@@ -91,10 +99,33 @@ pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
         if let Err(error) = realtime.turn(&mut run) {
             break Err(error.into());
         }
+        control.serve(&mut run.0, realtime.clock().now());
         log.follow(&run.0);
     };
     print_report(&realtime, &run.0);
+    if control.delays().count() > 0 {
+        println!("  faults changed by hand: {}", control.delays());
+    }
+    write_case(&run.0, args.case, control.delays().count() > 0)?;
     ended
+}
+
+/// Writes the case if a place for it is named, or if it differs from the scenario.
+fn write_case(run: &Run, path: Option<PathBuf>, changed: bool) -> Result<(), CliError> {
+    let default = || PathBuf::from("hilrig-out").join(format!("{}-up.toml", run.scenario().name));
+    let Some(path) = path.or_else(|| changed.then(default)) else {
+        return Ok(());
+    };
+    if let Some(folder) = path.parent() {
+        // What is wrong with the folder shows when the file is written.
+        let _ = fs::create_dir_all(folder);
+    }
+    fs::write(&path, run.case().to_toml()).map_err(|source| FolderError {
+        path: path.clone(),
+        source,
+    })?;
+    println!("  case: {}", path.display());
+    Ok(())
 }
 
 /// A run that goes on when its mission is over: whoever is connected may have other plans.

@@ -139,7 +139,7 @@ impl FaultSpec {
 }
 
 /// What is wrong with a fault that somebody asked for.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Flaw {
     /// The key in question.
     pub key: &'static str,

@@ -3,6 +3,7 @@
 //! Content and order only, never latency: every wait here ends early when what it waits for
 //! happens, and no assertion depends on how long that took.
 
+mod control;
 mod directory;
 mod processes;
 mod pty;

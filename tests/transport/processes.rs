@@ -25,14 +25,14 @@ const LIDAR: LineConfig = LineConfig::new_8n1(xv11::BAUD);
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A process whose output is followed line by line. Killed when dropped.
-struct Running {
+pub(crate) struct Running {
     child: Child,
     lines: Receiver<String>,
     seen: Vec<String>,
 }
 
 impl Running {
-    fn start(args: &[&str]) -> Self {
+    pub(crate) fn start(args: &[&str]) -> Self {
         let mut child = Command::new(env!("CARGO_BIN_EXE_hilrig"))
             .args(args)
             .stdin(Stdio::null())
@@ -60,7 +60,7 @@ impl Running {
         }
     }
 
-    fn up(dir: &Path, more: &[&str]) -> Self {
+    pub(crate) fn up(dir: &Path, more: &[&str]) -> Self {
         let dir = dir.to_str().expect("plain");
         let mut up = Self::start(&[&["up", SHORT, "--dir", dir], more].concat());
         up.wait_for("running until");
@@ -75,7 +75,7 @@ impl Running {
     }
 
     /// Waits for a line that contains `text`.
-    fn wait_for(&mut self, text: &str) -> String {
+    pub(crate) fn wait_for(&mut self, text: &str) -> String {
         let clock = WallClock::start();
         loop {
             let left = Instant::ZERO + PATIENCE - clock.now();
@@ -91,13 +91,13 @@ impl Running {
         }
     }
 
-    fn signal(&self, signal: Signal) {
+    pub(crate) fn signal(&self, signal: Signal) {
         let pid = i32::try_from(self.child.id()).ok().and_then(Pid::from_raw);
         kill_process(pid.expect("a pid"), signal).expect("still there");
     }
 
     /// Waits for the end; status and all that was said.
-    fn end(mut self) -> (ExitStatus, String) {
+    pub(crate) fn end(mut self) -> (ExitStatus, String) {
         let mut status = None;
         wait_until(|| {
             status = self.child.try_wait().expect("our own child");
