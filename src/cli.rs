@@ -8,6 +8,7 @@ mod fidelity;
 mod place;
 mod ports;
 mod record;
+mod replay;
 mod run;
 mod stop;
 mod up;
@@ -44,6 +45,7 @@ enum Command {
     Dut(dut::DutArgs),
     Fault(fault::FaultArgs),
     Record(record::RecordArgs),
+    Replay(replay::ReplayArgs),
     Decode(decode::DecodeArgs),
     Fidelity(fidelity::Fidelity),
 }
@@ -111,6 +113,7 @@ pub fn main() -> ExitCode {
         Command::Dut(args) => dut::run(args),
         Command::Fault(args) => fault::run(&args),
         Command::Record(args) => record::run(args),
+        Command::Replay(args) => replay::run(args),
         Command::Decode(args) => decode::run(args),
         Command::Fidelity(args) => fidelity::run(args),
     };

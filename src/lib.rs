@@ -11,6 +11,7 @@
 //! | [`rig`], [`line`](mod@line), [`fault`], [`resample`], [`cpu`] | nodes and lines under one clock |
 //! | [`trace`], [`capture`] | who sees the bytes; the file of all of them |
 //! | [`decode`] | bytes in words |
+//! | [`replay`], [`divergence`] | a capture fed back; where two streams part |
 //! | [`record`] | a capture of what passes between two ports |
 //! | [`run`], [`mission`], [`check`], [`score`] | a run watched and judged |
 //! | [`folder`], [`render`] | what a run leaves behind |
@@ -26,6 +27,7 @@ pub mod clock;
 pub mod control;
 pub mod cpu;
 pub mod decode;
+pub mod divergence;
 pub mod fault;
 pub mod folder;
 pub mod line;
@@ -34,6 +36,7 @@ pub mod plan;
 pub mod realtime;
 pub mod record;
 pub mod render;
+pub mod replay;
 pub mod resample;
 pub mod rig;
 pub mod robots;

@@ -79,6 +79,9 @@ pub struct Line {
     /// Most bytes that travel as one piece. Byte times are exact all the same; a larger piece
     /// only means that the receiver hears of all its bytes when the last one is complete.
     pub piece: usize,
+    /// Whether the sender is unplugged and a recording plays in its place: what the sender puts on
+    /// the wire is lost, what [`play`](Self::play) adds arrives.
+    pub is_played: bool,
     /// The sender's epoch in which it had nothing to send: not asked again before the next.
     pub(crate) silent_since: Option<u64>,
     traffic: Traffic,
@@ -107,6 +110,7 @@ impl Line {
             faults: LineFaults::default(),
             latency: Duration::ZERO,
             piece: 1,
+            is_played: false,
             silent_since: None,
             traffic: Traffic::default(),
             free_at: Instant::ZERO,
@@ -190,6 +194,11 @@ impl Line {
         let start = now;
         let ends = start + sender.bytes_time(len as u64);
         self.free_at = ends;
+        if self.is_played {
+            self.traffic.sent += len as u64;
+            self.traffic.lost += len as u64;
+            return Some((ends, SentBytes { buf, len }));
+        }
 
         let mut bytes = self.spare.pop().unwrap_or_default();
         bytes.clear();
@@ -247,6 +256,21 @@ impl Line {
             bytes,
             framing_errors,
             original,
+        });
+        self.note_due();
+    }
+
+    /// Lets `bytes` arrive at `at`, no earlier than what is on its way, whatever the sender does;
+    /// `framing_errors` characters without a stop bit come before them.
+    pub fn play(&mut self, at: Instant, bytes: &[u8], framing_errors: u32) {
+        let added = bytes.len() as u64 + u64::from(framing_errors);
+        self.traffic.added += added;
+        self.in_flight += added;
+        self.chunks.push_back(Chunk {
+            arrives: at,
+            bytes: bytes.to_vec(),
+            framing_errors,
+            original: None,
         });
         self.note_due();
     }

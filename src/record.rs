@@ -14,6 +14,7 @@ mod file;
 
 use core::fmt;
 use core::time::Duration;
+use std::collections::VecDeque;
 
 use protocols::{Instant, LineEvent};
 
@@ -41,7 +42,7 @@ pub struct Wire {
 pub struct Passed {
     /// Bytes read at one end.
     pub read: u64,
-    /// Of those, bytes that the other end would not take: closed, or not reading.
+    /// Of those, bytes that nobody could take, because the other end was closed.
     pub lost: u64,
 }
 
@@ -84,12 +85,18 @@ pub struct Recorder<C> {
     epoch: Instant,
     wires: Vec<Wire>,
     passed: Vec<[Passed; 2]>,
+    /// Read and noted, and not taken by the far end yet.
+    waiting: Vec<[VecDeque<u8>; 2]>,
     file: CaptureFile,
     held: Lateness,
 }
 
 /// Longest wait: a port may have no way to wake us.
 const WAIT_MAX: Duration = Duration::from_millis(5);
+/// The same while a far end has no room: nothing tells when it has.
+const WAIT_FOR_ROOM: Duration = Duration::from_millis(1);
+/// Bytes that may wait for a far end before no more are read.
+const WAITING_MAX: usize = 64 << 10;
 /// Reads of one end before the others get their turn.
 const READS_MAX: usize = 16;
 
@@ -108,6 +115,7 @@ impl<C: Clock> Recorder<C> {
             clock,
             epoch,
             passed: vec![Default::default(); wires.len()],
+            waiting: vec![Default::default(); wires.len()],
             wires,
             file,
             held: Lateness::default(),
@@ -181,33 +189,57 @@ impl<C: Clock> Recorder<C> {
 
     fn pass(&mut self, link: usize, direction: Direction) -> Result<(), RecordError> {
         let mut buf = [0; 1024];
+        self.hand_on(link, direction);
         for _ in 0..READS_MAX {
-            let [device, program] = &mut self.wires[link].ends;
-            let (from, to) = match direction {
-                Direction::ToMaster => (device, program),
-                Direction::ToDevice => (program, device),
-            };
-            let read = from.read(&mut buf);
+            if self.waiting[link][direction as usize].len() >= WAITING_MAX {
+                break;
+            }
+            let read = self.wires[link].ends[direction as usize].read(&mut buf);
             let at = self.clock.now();
-            let written = read.as_ref().map_or(0, |&len| to.write(&buf[..len]));
+            let len = read.as_ref().map_or(0, |&len| len);
+            self.waiting[link][direction as usize].extend(&buf[..len]);
+            let lost = self.hand_on(link, direction);
             while let Some(event) = self.wires[link].ends[direction as usize].next_event() {
                 self.note_event(link, direction, at, event)?;
             }
-            let len = read?;
+            read?;
             if len == 0 {
                 break;
             }
             self.held.record(self.clock.now() - at);
-            let passed = &mut self.passed[link][direction as usize];
-            passed.read += len as u64;
-            passed.lost += (len - written) as u64;
-            let comment = match len - written {
+            self.passed[link][direction as usize].read += len as u64;
+            let comment = match lost {
                 0 => String::new(),
-                lost => format!("last {lost} bytes lost: the far end is closed or does not read"),
+                lost => format!("{lost} bytes lost: the far end is closed"),
             };
             self.note(link, direction, at, Kind::Data, &buf[..len], comment)?;
         }
         Ok(())
+    }
+
+    /// Gives the far end what it takes. What it has no room for waits, as long as it is open; the
+    /// bytes that were lost because it is closed.
+    fn hand_on(&mut self, link: usize, direction: Direction) -> u64 {
+        let waiting = &mut self.waiting[link][direction as usize];
+        let to = &mut self.wires[link].ends[1 - direction as usize];
+        let mut lost = 0;
+        while !waiting.is_empty() {
+            let (piece, _) = waiting.as_slices();
+            let (len, unheard) = (piece.len(), to.counters().unheard);
+            let taken = to.write(piece);
+            let refused = to.counters().unheard - unheard;
+            lost += refused;
+            if refused > 0 {
+                waiting.clear();
+            } else {
+                waiting.drain(..taken);
+                if taken < len {
+                    break;
+                }
+            }
+        }
+        self.passed[link][direction as usize].lost += lost;
+        lost
     }
 
     fn note_event(
@@ -254,8 +286,13 @@ impl<C: Clock> Recorder<C> {
         for end in self.wires.iter().flat_map(|wire| &wire.ends) {
             end.readiness(&mut fds);
         }
-        if fds.is_empty() || wait(&fds, WAIT_MAX).is_err() {
-            self.clock.sleep_until(self.clock.now() + WAIT_MAX);
+        let mut waiting = self.waiting.iter().flatten();
+        let timeout = match waiting.all(VecDeque::is_empty) {
+            true => WAIT_MAX,
+            false => WAIT_FOR_ROOM,
+        };
+        if fds.is_empty() || wait(&fds, timeout).is_err() {
+            self.clock.sleep_until(self.clock.now() + timeout);
         }
     }
 }

@@ -2,6 +2,7 @@
 //! to event.
 
 mod node;
+mod swap;
 
 use core::any::Any;
 use core::time::Duration;
@@ -339,28 +340,6 @@ impl Rig {
         }
     }
 
-    /// Takes the device at the far end of `link` out of the rig and opens its end of the link to
-    /// the outside; the number of the new node. Whatever else the device was connected to leads
-    /// nowhere from then on. `None` if there is no such link, or no device on it.
-    pub fn replace_device(&mut self, link: &str) -> Option<usize> {
-        let End { node: old, port } = self.link(link)?.line(Direction::ToMaster).from;
-        let Body::Device(device) = &self.nodes[old].body else {
-            return None;
-        };
-        let line = device.line_config(port);
-        self.nodes[old].body = Body::Outside(Outside::new(line));
-        self.nodes[old].poll_at = None;
-        let name = self.nodes[old].name.clone();
-        let end = End {
-            node: self.add_outside(&name, line),
-            port,
-        };
-        let link = self.link_mut(link)?;
-        link.line_mut(Direction::ToMaster).from = end;
-        link.line_mut(Direction::ToDevice).to = end;
-        Some(end.node)
-    }
-
     /// Adds an entry to the log.
     pub fn log(&mut self, source: &str, event: Event) {
         self.violations += u64::from(event.kind == EventKind::Violation);
@@ -443,7 +422,9 @@ impl Rig {
                 if line.silent_since == Some(epoch) {
                     continue;
                 }
-                if let Some(event) = self.nodes[line.from.node].line_change(line.from.port) {
+                if let Some(event) = self.nodes[line.from.node].line_change(line.from.port)
+                    && !line.is_played
+                {
                     self.nodes[line.to.node].line_event(line.to.port, self.now, event);
                     for tap in &mut self.taps {
                         tap.line_event(index, direction, self.now, event);

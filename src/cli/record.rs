@@ -136,7 +136,7 @@ fn report<C: Clock>(recorder: &Recorder<C>) {
         print!("  {name}: {there} B to the program, {back} B to the device");
         match to_master.lost + to_device.lost {
             0 => println!(),
-            lost => println!(", {lost} B lost: the far end was closed or did not read"),
+            lost => println!(", {lost} B lost: the far end was closed"),
         }
     }
     let held = recorder.held();

@@ -6,7 +6,11 @@ use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
 
+use hilrig::capture::{Capture, Limits, Recording, about};
 use hilrig::clock::{Clock, WallClock};
+use hilrig::rig::{Logged, Rig};
+use hilrig::run::Run;
+use hilrig::scenario::{Scenario, Source};
 use protocols::Instant;
 use rustix::process::{Pid, Signal, kill_process};
 use serialport::TTYPort;
@@ -110,4 +114,34 @@ fn said(output: Output) -> (ExitStatus, String, String) {
         .map(|bytes| String::from_utf8(bytes).expect("the command speaks UTF-8"));
     assert!(!err.contains("panicked"), "{err}");
     (output.status, out, err)
+}
+
+/// The rescue robot in a square room of 2.4 m that drives from the start, with `more` TOML.
+pub(crate) fn in_a_room(duration: &str, more: &str) -> (Scenario, Source) {
+    let text = format!(
+        "schema = 1\nname = \"room\"\nrobot = \"rescue\"\nduration = \"{duration}\"\n\
+         [program]\nstart_mode = \"exploration\"\n{more}\n\
+         [world]\nstart = {{ x_m = 1.5, y_m = 1.2, heading_deg = 90 }}\n[[world.wall]]\n\
+         path_m = [[0.3, 0.3], [2.7, 0.3], [2.7, 2.7], [0.3, 2.7], [0.3, 0.3]]\n"
+    );
+    Scenario::parse(Path::new("<test>"), text).expect("sound")
+}
+
+/// Runs for the scenario's duration and writes the capture; `prepare` may change the rig before.
+pub(crate) fn captured(
+    (scenario, source): (Scenario, Source),
+    path: &Path,
+    prepare: impl FnOnce(&mut Rig),
+) -> (Capture, Vec<Logged>) {
+    let mut run = Run::new(scenario, &source, None).expect("wired");
+    prepare(&mut run.rig);
+    let about = about(run.scenario());
+    let recording = Recording::create(path, &run.rig, about, Limits::default());
+    run.rig
+        .add_tap(Box::new(recording.expect("can be written")));
+    let end = run.scenario().duration.instant();
+    run.go_on_until(end);
+    run.rig.finish_taps().expect("all was written");
+    let outcome = run.judge();
+    (Capture::read(path).expect("readable"), outcome.events)
 }

@@ -1,0 +1,293 @@
+use core::time::Duration;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, channel};
+use std::thread;
+
+use clap::Args;
+use protocols::Instant;
+
+use super::place::{self, Place};
+use super::ports::Ports;
+use super::stop::Stop;
+use super::{CliError, Verdict};
+use crate::capture::Capture;
+use crate::clock::{Clock, WallClock};
+use crate::divergence::Divergence;
+use crate::replay::{
+    Pace, Playback, PlayedSide, Recorded, Replay, Replayed, Socket, Voice, scenario_of,
+};
+use crate::scenario::{Scenario, Source, Span};
+
+/// Feed a capture back: into the robot's program in virtual time, or into ports.
+///
+/// Without a port, the program is told what it was told, byte by byte at the recorded nanosecond;
+/// which robot it is, the capture of a run says itself. With ports the capture takes the part of
+/// the devices, or of the program. With --expect, what comes back is compared with the capture,
+/// and the first difference is told: time, link, byte, and its frame in words.
+#[derive(Debug, Args)]
+#[command(after_long_help = "Examples:\n  \
+    hilrig replay hilrig-out/rescue-flat-1/capture.pcapng --expect\n  \
+    hilrig replay field.pcapng --scenario scenarios/rescue-flat.toml\n  \
+    hilrig replay field.pcapng --to lidar=pty:/tmp/robot/lidar      # for a program to open\n  \
+    hilrig replay field.pcapng --dir /tmp/robot --expect --speed 2  # to `hilrig up`'s devices\n  \
+    hilrig replay field.pcapng --to base=/dev/ttyUSB0 --as program --step")]
+pub(super) struct ReplayArgs {
+    /// Capture to play
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    /// Compare what comes back with the capture; exit code 1 if it differs
+    #[arg(long)]
+    expect: bool,
+    /// Scenario whose robot this is [default: the one in the capture]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["to", "dir"])]
+    scenario: Option<PathBuf>,
+    /// Stop this long after the beginning of the capture, e.g. 10s
+    #[arg(long, value_name = "TIME")]
+    until: Option<Span>,
+    /// Play a link into a port: a path, or pty:PATH for a new pseudo-terminal
+    #[arg(long, value_name = "LINK=PORT")]
+    to: Vec<Place>,
+    /// Play each link for which there is a port in this directory, as `hilrig up` offers them
+    #[arg(long, value_name = "DIR")]
+    dir: Option<PathBuf>,
+    /// Whose part the capture takes [default: program with --dir, else device]
+    #[arg(long = "as", value_name = "SIDE")]
+    side: Option<PlayedSide>,
+    /// So many times as fast as recorded
+    #[arg(long, value_name = "N", default_value = "1", value_parser = speed)]
+    speed: f64,
+    /// A piece at a time, each after a line on standard input
+    #[arg(long, conflicts_with = "speed")]
+    step: bool,
+}
+
+fn speed(text: &str) -> Result<f64, String> {
+    let speed = text
+        .parse()
+        .ok()
+        .filter(|speed| (1e-3..=1e6).contains(speed));
+    speed.ok_or_else(|| "expected a number from 0.001 to 1000000".to_owned())
+}
+
+pub(super) fn run(args: ReplayArgs) -> Result<Verdict, CliError> {
+    let capture = read(&args.file)?;
+    let recorded = Recorded::of(&capture, args.until.map(|until| until.0));
+    if args.to.is_empty() && args.dir.is_none() {
+        let (scenario, source) = robot(&capture, &args.file, args.scenario.as_deref())?;
+        return into_program(&args, &recorded, &scenario, &source);
+    }
+    into_ports(&args, &recorded)
+}
+
+/// Reads a capture; says when it is not whole.
+pub(super) fn read(path: &Path) -> Result<Capture, CliError> {
+    let shown = path.display();
+    let capture = Capture::read(path)
+        .map_err(|error| CliError::Other(format!("cannot read {shown}: {error}")))?;
+    if let Some(error) = capture.broken {
+        if capture.records.is_empty() {
+            let error = format!("{shown}: {error}: expected a pcapng capture");
+            return Err(CliError::Other(error));
+        }
+        eprintln!("{shown} is broken {error}; only what is before it is used");
+    } else if capture.cut > 0 {
+        eprintln!(
+            "{shown} was cut: {} bytes at its end are no whole block",
+            capture.cut
+        );
+    }
+    if capture.records.is_empty() {
+        return Err(CliError::Other(format!(
+            "{shown}: expected a capture, it has no record"
+        )));
+    }
+    Ok(capture)
+}
+
+/// The robot whose program a capture is for.
+pub(super) fn robot(
+    capture: &Capture,
+    path: &Path,
+    scenario: Option<&Path>,
+) -> Result<(Scenario, Source), CliError> {
+    if let Some(path) = scenario {
+        return Ok(Scenario::read(path)?);
+    }
+    scenario_of(capture, path)?.ok_or_else(|| {
+        let shown = path.display();
+        let error = format!("{shown}: does not say which robot it is of: expected --scenario FILE");
+        CliError::Other(error)
+    })
+}
+
+/// Time of silence after which a long replay says how far it is.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+fn into_program(
+    args: &ReplayArgs,
+    recorded: &Recorded,
+    scenario: &Scenario,
+    source: &Source,
+) -> Result<Verdict, CliError> {
+    let replay = Replay::new(recorded, scenario, source, Voice::Program);
+    let replayed = play(replay.map_err(|error| CliError::Other(error.to_string()))?);
+    let (ran, heard, sent) = (replayed.ran.as_secs_f64(), replayed.heard, replayed.sent());
+    println!("replayed {ran:.3} s: {heard} B to the program, {sent} B from it");
+    if let Some(first) = replayed.violations.first() {
+        println!(
+            "  {} broken rules; first: {first}",
+            replayed.violations.len()
+        );
+    }
+    println!("  trace {}", replayed.trace_hash);
+    if !args.expect {
+        return Ok(Verdict::Pass);
+    }
+    let shift = replayed.largest_shift().as_nanos();
+    Ok(judge(
+        replayed.divergence().as_ref(),
+        &format!(", at most {shift} ns apart in time"),
+    ))
+}
+
+/// Plays to the end, telling how far it is if that takes long.
+pub(super) fn play(mut replay: Replay) -> Replayed {
+    let (clock, mut said) = (WallClock::start(), Instant::ZERO);
+    while !replay.is_over() {
+        replay.run_for(Duration::from_millis(200));
+        if clock.now() - said >= PATIENCE {
+            said = clock.now();
+            eprintln!("  {} s replayed", replay.rig().now());
+        }
+    }
+    replay.finish()
+}
+
+fn judge(divergence: Option<&Divergence>, apart: &str) -> Verdict {
+    match divergence {
+        None => {
+            println!("no divergence: the same bytes as in the capture{apart}");
+            Verdict::Pass
+        }
+        Some(divergence) => {
+            println!("DIVERGENCE at {divergence}");
+            Verdict::Fail
+        }
+    }
+}
+
+fn sockets(
+    args: &ReplayArgs,
+    recorded: &Recorded,
+    ports: &mut Ports,
+) -> Result<Vec<Socket>, CliError> {
+    let names: Vec<String> = recorded.links.iter().map(|one| one.link.clone()).collect();
+    place::check("--to", &args.to, &names)?;
+    let default = match args.dir {
+        Some(_) => PlayedSide::Program,
+        None => PlayedSide::Device,
+    };
+    let side = args.side.unwrap_or(default);
+    let mut sockets = Vec::new();
+    for passage in &recorded.links {
+        let there = args.dir.as_ref().map(|dir| dir.join(&passage.link));
+        let path = match place::find(&args.to, &passage.link) {
+            Some(place) => Some(place.path.clone()),
+            None => there.filter(|path| path.exists()),
+        };
+        if let Some(path) = path {
+            let port = ports.open("--to", &path, passage.line())?;
+            eprintln!("{}: {}", passage.link, port.path().display());
+            sockets.push(Socket::new(passage, side, port));
+        }
+    }
+    if sockets.is_empty() {
+        let dir = args.dir.as_deref().unwrap_or(Path::new("")).display();
+        let names = names.join(", ");
+        let error = format!("--dir {dir}: no port of a link there; expected one of {names}");
+        return Err(CliError::Other(error));
+    }
+    Ok(sockets)
+}
+
+/// How long answers may take behind the end of the capture.
+const ANSWERS: Duration = Duration::from_secs(1);
+
+fn into_ports(args: &ReplayArgs, recorded: &Recorded) -> Result<Verdict, CliError> {
+    let stop = Stop::new(None)?;
+    let mut ports = Ports::default();
+    let sockets = sockets(args, recorded, &mut ports)?;
+    let pace = match args.step {
+        true => Pace::Stepped,
+        false => Pace::Times(args.speed),
+    };
+    let mut playback = Playback::new(WallClock::start(), recorded, sockets, pace);
+    let lines = args.step.then(lines_of_stdin);
+    let mut said = false;
+    let mut answers_until = None;
+    while !stop.is_due(playback.clock().now()) {
+        playback
+            .turn()
+            .map_err(|error| CliError::Other(error.to_string()))?;
+        if let (Some(socket), false) = (playback.waits_for(), said) {
+            said = true;
+            eprintln!("waiting until somebody opens {}", socket.link());
+        }
+        if let Some(lines) = &lines
+            && playback.waits_for().is_none()
+            && !step(&mut playback, lines)
+        {
+            break;
+        }
+        if playback.is_over() {
+            let now = playback.clock().now();
+            let until = *answers_until.get_or_insert(now + ANSWERS);
+            if now >= until || !args.expect || playback.has_heard_all() {
+                break;
+            }
+        }
+    }
+    println!("played {} s", playback.now());
+    for socket in playback.sockets() {
+        let [said, heard] = socket.counts();
+        println!("  {}: {said} B sent, {heard} B came back", socket.link());
+    }
+    if !args.expect {
+        return Ok(Verdict::Pass);
+    }
+    let divergences = playback.sockets().iter().filter_map(Socket::divergence);
+    let first = divergences.min_by_key(|divergence| divergence.at);
+    Ok(judge(first.as_ref(), ""))
+}
+
+/// A line on standard input sends the next piece; its end ends the replay. Whether to go on.
+fn step(playback: &mut Playback<WallClock>, lines: &Receiver<()>) -> bool {
+    match lines.try_recv() {
+        Ok(()) => match playback.step() {
+            Some((at, link, bytes)) => {
+                println!("{at} {link} {}", hex(&bytes));
+                true
+            }
+            None => false,
+        },
+        Err(std::sync::mpsc::TryRecvError::Empty) => true,
+        Err(std::sync::mpsc::TryRecvError::Disconnected) => false,
+    }
+}
+
+fn lines_of_stdin() -> Receiver<()> {
+    let (sender, lines) = channel();
+    thread::spawn(move || {
+        let read = io::stdin().lines().map_while(Result::ok);
+        read.map(|_| sender.send(()))
+            .take_while(Result::is_ok)
+            .for_each(|_| {});
+    });
+    lines
+}
+
+fn hex(bytes: &[u8]) -> String {
+    let bytes: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
+    bytes.join(" ")
+}

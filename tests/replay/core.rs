@@ -1,0 +1,114 @@
+//! A capture fed to the robot's program in virtual time.
+
+use core::time::Duration;
+use std::path::Path;
+
+use hilrig::capture::{Capture, Kind};
+use hilrig::line::Direction;
+use hilrig::replay::{Recorded, Replay, Replayed, Voice, scenario_of};
+use hilrig::rig::Logged;
+
+use crate::support::*;
+
+/// What goes wrong on the way must be in the capture for the replay to be true: damage of every
+/// kind, and a late line.
+const FAULTS: &str = r#"
+[link.base]
+latency = "300us"
+[[fault]]
+link = "base"
+direction = "to-master"
+kind = "flip"
+rate = 0.01
+[[fault]]
+link = "base"
+direction = "to-device"
+kind = "drop"
+rate = 0.01
+[[fault]]
+link = "lidar"
+direction = "to-master"
+kind = "insert"
+rate = 0.002
+[[fault]]
+link = "radio"
+direction = "to-master"
+kind = "duplicate"
+rate = 0.01
+"#;
+
+fn replayed(capture: &Capture, voice: Voice) -> Replayed {
+    let scenario = scenario_of(capture, Path::new("<capture>")).expect("readable");
+    let (scenario, source) = scenario.expect("a run says what it ran");
+    let recorded = Recorded::of(capture, None);
+    let replay = Replay::new(&recorded, &scenario, &source, voice).expect("wired");
+    replay.finish()
+}
+
+fn violations(events: &[Logged]) -> Vec<String> {
+    let own = events.iter().filter(|event| event.is_violation());
+    own.map(Logged::to_string).collect()
+}
+
+/// The same program, told the same bytes at the same nanoseconds, sends the same bytes at the same
+/// nanoseconds; the devices find the same broken rules; and all that twice.
+#[test]
+fn a_runs_own_capture_replays_without_a_difference() {
+    let path = folder("own").join("capture.pcapng");
+    let (capture, events) = captured(in_a_room("12s", FAULTS), &path, |_| {});
+    let first = replayed(&capture, Voice::Program);
+    assert_eq!(first.divergence().map(|one| one.to_string()), None);
+    assert_eq!(first.largest_shift(), Duration::ZERO);
+    assert!(
+        first.heard > 100_000 && first.sent() > 5_000,
+        "{} {}",
+        first.heard,
+        first.sent()
+    );
+    let found: Vec<String> = first.violations.iter().map(Logged::to_string).collect();
+    assert_eq!(found, violations(&events));
+    assert!(!found.is_empty(), "the faults make the base complain");
+    let second = replayed(&capture, Voice::Program);
+    assert_eq!(first.trace_hash, second.trace_hash);
+    // Without the program: the devices judge what the capture says was sent.
+    let judged = replayed(&capture, Voice::Capture);
+    let found: Vec<String> = judged.violations.iter().map(Logged::to_string).collect();
+    assert_eq!(found, violations(&events));
+}
+
+/// A byte in the middle of what the program sent to its base is changed in the capture.
+#[test]
+fn one_changed_byte_is_told_at_its_place() {
+    let path = folder("changed").join("capture.pcapng");
+    let (mut capture, _) = captured(in_a_room("6s", ""), &path, |_| {});
+    let base = capture
+        .links
+        .iter()
+        .position(|link| link.name == "base")
+        .expect("there");
+    let is_sent = |r: &&mut hilrig::capture::Record| {
+        r.link == base && r.direction == Direction::ToDevice && r.kind == Kind::Data
+    };
+    let mut before = 0;
+    let mut records = capture.records.iter_mut().filter(is_sent);
+    let record = records.find(|record| {
+        before += record.bytes.len();
+        before > 800
+    });
+    let record = record.expect("six seconds are longer");
+    let byte = record.bytes.last_mut().expect("not empty");
+    let (was, is) = (*byte, *byte ^ 0x10);
+    *byte = is;
+    let at = record.at;
+
+    let divergence = replayed(&capture, Voice::Program)
+        .divergence()
+        .expect("one byte");
+    assert_eq!(
+        (&*divergence.link, divergence.direction),
+        ("base", Direction::ToDevice)
+    );
+    assert_eq!((divergence.byte, divergence.at), (before - 1, at));
+    assert_eq!((divergence.expected, divergence.got), (Some(is), Some(was)));
+    assert_ne!(divergence.frames[0], divergence.frames[1]);
+}

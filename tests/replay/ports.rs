@@ -1,0 +1,208 @@
+//! A capture played into real pseudo-terminals, and the command that does it.
+
+use std::fs::File;
+use std::io::Write as _;
+use std::path::Path;
+
+use hilrig::capture::{Capture, Interface, Kind, Record, Section};
+use hilrig::line::Direction;
+use protocols::Instant;
+use protocols::avr::{self, ChecksumOrder};
+use rustix::process::Signal;
+
+use crate::record::bytes;
+use crate::support::*;
+
+/// A capture of one link, whose chunks are a millisecond apart from 1 ms on; UTC.
+fn field(path: &Path, link: &str, chunks: &[(Direction, &[u8])]) {
+    let mut out = Vec::new();
+    let section = Section {
+        about: "clock=utc".to_owned(),
+        ..Section::default()
+    };
+    section.write(&mut out);
+    Interface::new(link, 115_200).write(&mut out);
+    for (number, (direction, bytes)) in (1..).zip(chunks) {
+        let record = Record {
+            link: 0,
+            sequence: Some(number),
+            at: Instant::from_secs(1_795_219_200) + core::time::Duration::from_millis(number),
+            direction: *direction,
+            kind: Kind::Data,
+            bytes: bytes.to_vec(),
+            sent: None,
+            pieces: Vec::new(),
+            comment: String::new(),
+        };
+        record.write(0, &mut out);
+    }
+    let mut file = File::create(path).expect("fresh");
+    file.write_all(&out).expect("there is room");
+}
+
+fn shown(path: &Path) -> String {
+    path.to_str().expect("UTF-8").to_owned()
+}
+
+/// A file of 30,000 bytes is replayed into a terminal of a recorder, behind which a client reads:
+/// the client and the second file have each byte of the first in its order. Twenty times as fast
+/// as recorded, faster than the client reads.
+#[test]
+fn what_was_recorded_is_replayed_and_recorded_again_byte_by_byte() {
+    let folder = folder("chain");
+    let numbers = (0..30_000_usize).map(|n| (n * 7 + n / 251).to_le_bytes()[0]);
+    let all: Vec<u8> = numbers.collect();
+    let chunks: Vec<_> = all.chunks(37).map(|c| (Direction::ToMaster, c)).collect();
+    let (first, second) = (folder.join("first.pcapng"), folder.join("second.pcapng"));
+    field(&first, "lidar", &chunks);
+    let [device, program] = ["device", "program"].map(|name| folder.join(name));
+    let ends = [&device, &program].map(|path| format!("x=pty:{}", shown(path)));
+    let record = Running::start(&["record", "--tap", &ends[0], &ends[1], "-o", &shown(&second)]);
+    let mut client = client(&program);
+    // Once something passes, the recorder has seen both ends open; that is in its file too.
+    let mut probe = crate::support::client(&device);
+    let mut got = Vec::new();
+    wait_until("a first byte", || {
+        probe.write_all(&[0]).expect("open");
+        read_some(&mut client, &mut got);
+        !got.is_empty()
+    });
+    drop(probe);
+    wait_until("quiet", || {
+        let before = got.len();
+        read_some(&mut client, &mut got);
+        got.len() == before
+    });
+    let probes = got.len();
+
+    let to = format!("lidar={}", shown(&device));
+    let replay = Running::start(&["replay", &shown(&first), "--to", &to, "--speed", "20"]);
+    wait_until("all bytes", || {
+        read_some(&mut client, &mut got);
+        got.len() >= probes + all.len()
+    });
+    let (status, said, _) = replay.end();
+    assert!(status.success(), "{said}");
+    assert!(
+        said.contains("lidar: 30000 B sent, 0 B came back"),
+        "{said}"
+    );
+    record.signal(Signal::TERM);
+    let (status, said, _) = record.end();
+    assert!(status.success(), "{said}");
+    assert_eq!(got[probes..], all);
+    let again = Capture::read(&second).expect("written");
+    let again = bytes(&again, Direction::ToMaster);
+    assert_eq!(again[again.len() - all.len()..], all);
+}
+
+/// A request of the program and the device's reply, as a file of the field.
+fn request_and_reply(path: &Path) -> [Vec<u8>; 2] {
+    let request = avr::Frame::read(36, 2, ChecksumOrder::LowFirst);
+    let reply = avr::Frame::write(36, &[0x12, 0x34], ChecksumOrder::LowFirst);
+    let [request, reply] = [request, reply].map(|frame| frame.as_bytes().to_vec());
+    let chunks = [
+        (Direction::ToDevice, &*request),
+        (Direction::ToMaster, &*reply),
+    ];
+    field(path, "base", &chunks);
+    [request, reply]
+}
+
+/// The capture takes the part of the program and compares what the device on the port answers.
+fn answered(name: &str, answer: impl Fn(&[u8]) -> Vec<u8>) -> (Option<i32>, String) {
+    let folder = folder(name);
+    let file = folder.join("field.pcapng");
+    let [request, reply] = request_and_reply(&file);
+    let port = folder.join("base");
+    let to = format!("base=pty:{}", shown(&port));
+    let arguments = [
+        "replay",
+        &shown(&file),
+        "--to",
+        &to,
+        "--as",
+        "program",
+        "--expect",
+    ];
+    let replay = Running::start(&arguments);
+    let mut device = client(&port);
+    let mut heard = Vec::new();
+    wait_until("the request", || {
+        read_some(&mut device, &mut heard);
+        heard.len() >= request.len()
+    });
+    assert_eq!(heard, request);
+    device.write_all(&answer(&reply)).expect("open");
+    let (status, said, _) = replay.end();
+    (status.code(), said)
+}
+
+#[test]
+fn a_device_that_answers_as_captured_passes() {
+    let (code, said) = answered("as-captured", <[u8]>::to_vec);
+    assert_eq!(code, Some(0), "{said}");
+    assert!(
+        said.ends_with("no divergence: the same bytes as in the capture\n"),
+        "{said}"
+    );
+}
+
+/// The reply was complete 2 ms after the epoch, 1 ms after the file's first record; its fourth
+/// byte is the first of the data. AB + 24 + 82 + 13 + 34 = 198.
+#[test]
+fn a_device_that_answers_otherwise_is_told_with_byte_and_frame() {
+    let (code, said) = answered("otherwise", |reply| {
+        let mut reply = reply.to_vec();
+        reply[3] ^= 1;
+        reply
+    });
+    assert_eq!(code, Some(1), "{said}");
+    let (_, told) = said.split_once("DIVERGENCE ").expect("told");
+    let told: Vec<&str> = told.lines().map(str::trim).collect();
+    let expected = [
+        "at 0.001000 s, base to-master, byte 3: expected 0x12, got 0x13",
+        "expected: register 36 is 12 34 (bus frame, bytes 0..=6)",
+        "got:      no bus frame (bytes 0..=6); checksum is 0x0197, expected 0x0198: \
+         AB 24 82 [13] 34 97 01",
+    ];
+    assert_eq!(told, expected);
+}
+
+#[test]
+fn a_file_that_is_no_capture_is_refused() {
+    let folder = folder("no-capture");
+    File::create(folder.join("x.bin"))
+        .and_then(|mut f| f.write_all(&[0x55; 64]))
+        .expect("written");
+    let (status, _, said) = hilrig(&folder, &["replay", "x.bin"]);
+    assert_eq!(status.code(), Some(2));
+    assert_eq!(
+        said,
+        "error: x.bin: at byte 0: no pcapng section header: expected a pcapng capture\n"
+    );
+}
+
+#[test]
+fn a_capture_without_a_robot_asks_for_one() {
+    let folder = folder("no-robot");
+    request_and_reply(&folder.join("field.pcapng"));
+    let (status, _, said) = hilrig(&folder, &["replay", "field.pcapng"]);
+    assert_eq!(status.code(), Some(2));
+    assert_eq!(
+        said,
+        "error: field.pcapng: does not say which robot it is of: expected --scenario FILE\n"
+    );
+}
+
+/// The whole way by commands: a run's capture reproduces its outputs.
+#[test]
+fn a_runs_capture_is_replayed_by_the_command() {
+    let folder = folder("command");
+    captured(in_a_room("2s", ""), &folder.join("capture.pcapng"), |_| {});
+    let (status, said, _) = hilrig(&folder, &["replay", "capture.pcapng", "--expect"]);
+    assert_eq!(status.code(), Some(0), "{said}");
+    let last = said.lines().last();
+    let expected = "no divergence: the same bytes as in the capture, at most 0 ns apart in time";
+    assert_eq!(last, Some(expected));
+}
