@@ -357,3 +357,10 @@ pub struct Original {
     /// The rates of sender and receiver, if those do not agree.
     pub bauds: Option<[u32; 2]>,
 }
+
+impl Original {
+    /// Whether `arrived` are the bytes as sent, which nothing but time befell.
+    pub(crate) fn is_only_late(&self, arrived: &[u8]) -> bool {
+        self.strikes.is_empty() && !self.is_cut && self.bauds.is_none() && self.bytes == arrived
+    }
+}

@@ -270,6 +270,9 @@ impl Rig {
         }
         self.now = self.now.max(deadline);
         self.world.advance(self.now);
+        for tap in &mut self.taps {
+            tap.reached(self.now);
+        }
     }
 
     /// Runs until `condition` holds, looking every `step`, at most until `deadline`; whether it

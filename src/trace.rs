@@ -48,6 +48,9 @@ pub trait Tap {
     /// The sender's end told `event` at `at`: a port opened or closed, a break.
     fn line_event(&mut self, _link: usize, _to: Direction, _at: Instant, _event: LineEvent) {}
 
+    /// The run has come to `now`: whatever was due before has been told. Called now and then.
+    fn reached(&mut self, _now: Instant) {}
+
     /// The run is over; an error is one that also stopped an earlier record.
     fn finish(&mut self) -> std::io::Result<()> {
         Ok(())

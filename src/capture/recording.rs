@@ -9,7 +9,8 @@ use core::time::Duration;
 
 use protocols::{Instant, LineEvent};
 
-use super::record::{Interface, Kind, Record, Section, Sent};
+use super::join::{Extra, Joiner, event_words};
+use super::record::{Interface, Kind, Section};
 use crate::fault::Damage;
 use crate::folder::TOOL;
 use crate::line::{Delivery, Direction, Original};
@@ -27,7 +28,7 @@ pub struct Limits {
 }
 
 impl Default for Limits {
-    /// Some twenty minutes a file, at 12 MB a minute of the rescue robot; 1.75 GiB in all.
+    /// Hours a file, at SIZE_NOTE of the rescue robot; 2 GiB in all.
     fn default() -> Self {
         Self {
             file_bytes: 256 << 20,
@@ -39,9 +40,18 @@ impl Default for Limits {
 /// What a section says of a run of `scenario`: name, fingerprints of the whole and of its faults,
 /// seed, that its clock is virtual, and the scenario itself.
 pub fn about(scenario: &Scenario) -> Section {
+    about_in(scenario, "virtual")
+}
+
+/// The same of a run on the wall clock that began at `start`, UTC since 1970.
+pub fn about_live(scenario: &Scenario, start: Instant) -> Section {
+    about_in(scenario, &format!("utc\nstart_ns={}", start.as_nanos()))
+}
+
+fn about_in(scenario: &Scenario, clock: &str) -> Section {
     let faults = serde_json::to_string(&scenario.fault).expect("plain data with string keys");
     let about = format!(
-        "scenario={}\nscenario_hash={}\nseed={}\nschedule_hash={}\nclock=virtual",
+        "scenario={}\nscenario_hash={}\nseed={}\nschedule_hash={}\nclock={clock}",
         scenario.name,
         fingerprint(scenario.to_toml().as_bytes()),
         scenario.seed,
@@ -65,15 +75,15 @@ pub struct Recording {
     buf: Vec<u8>,
     written: u64,
     set_aside: u64,
-    sequence: u64,
+    joiner: Joiner,
     flushed_at: Instant,
 }
 
 /// Bytes gathered before they are written.
-const BUFFER: usize = 64 << 10;
+const BUFFER: usize = 256 << 10;
 /// Time of the run after which what was gathered is written at the latest: what a killed process
 /// may lose.
-const FLUSH_EVERY: Duration = Duration::from_secs(1);
+const FLUSH_EVERY: Duration = Duration::from_millis(500);
 
 impl Recording {
     /// Begins the capture of `rig` in the file `path`; `section` as from [`about`].
@@ -95,20 +105,14 @@ impl Recording {
             head,
             buf: Vec::with_capacity(BUFFER + 1024),
             set_aside: 0,
-            sequence: 0,
+            joiner: Joiner::new(rig, section.start()),
             flushed_at: Instant::ZERO,
         })
     }
 
-    fn put(&mut self, link: usize, mut record: Record) {
-        if self.file.is_none() {
-            return;
-        }
-        record.sequence = Some(self.sequence);
-        self.sequence += 1;
-        record.write(u32::try_from(link).expect("few links"), &mut self.buf);
-        if self.buf.len() >= BUFFER || record.at - self.flushed_at >= FLUSH_EVERY {
-            self.flushed_at = record.at;
+    /// Writes what was gathered, if that is much.
+    fn relieve(&mut self) {
+        if self.buf.len() >= BUFFER {
             self.flush();
         }
     }
@@ -124,7 +128,11 @@ impl Recording {
         let Some(file) = &mut self.file else {
             return Ok(());
         };
-        file.write_all(&self.buf)?;
+        if let Err(error) = file.write_all(&self.buf) {
+            // A piece of a block may have come through before the disk was full.
+            let _ = file.set_len(self.written);
+            return Err(error);
+        }
         self.written += self.buf.len() as u64;
         self.buf.clear();
         if self.written >= self.limits.file_bytes {
@@ -159,57 +167,66 @@ impl Tap for Recording {
     fn record(&mut self, _: usize, _: Direction, _: Side, _: Instant, _: &[u8]) {}
 
     fn arrived(&mut self, link: usize, direction: Direction, delivery: &Delivery) {
-        let record = |kind, bytes: &[u8], comment, sent| Record {
-            link,
-            sequence: None,
-            at: delivery.at,
-            direction,
-            kind,
-            bytes: bytes.to_vec(),
-            sent,
-            pieces: Vec::new(),
-            comment,
-        };
+        if self.file.is_none() {
+            return;
+        }
+        let (line, at, out) = ((link, direction), delivery.at, &mut self.buf);
         if delivery.framing_errors > 0 {
             let kind = Kind::Line(LineEvent::FramingError);
             let comment = format!("{} characters without a stop bit", delivery.framing_errors);
-            self.put(link, record(kind, &[], comment, None));
+            let extra = Extra {
+                sent: None,
+                comment,
+            };
+            self.joiner.single(line, at, kind, &[], extra, out);
         }
-        let original = delivery.original.as_deref();
-        if !delivery.bytes.is_empty() || original.is_some() {
-            let comment = original.map_or(String::new(), words);
-            let sent = original.map(|original| Sent {
-                at: original.at,
-                bytes: original.bytes.clone(),
-            });
-            let data = record(Kind::Data, &delivery.bytes, comment, sent);
-            self.put(link, data);
+        match delivery.original.as_deref() {
+            None if delivery.bytes.is_empty() => {}
+            None => {
+                let bytes = &delivery.bytes;
+                self.joiner.bytes(line, at, bytes, Duration::ZERO, out);
+            }
+            Some(original) if original.is_only_late(&delivery.bytes) => {
+                let (bytes, delay) = (&delivery.bytes, at - original.at);
+                self.joiner.bytes(line, at, bytes, delay, out);
+            }
+            Some(original) => {
+                let extra = Extra {
+                    sent: Some((original.at, original.bytes.clone())),
+                    comment: words(original),
+                };
+                let bytes = &delivery.bytes;
+                self.joiner.single(line, at, Kind::Data, bytes, extra, out);
+            }
         }
+        self.relieve();
     }
 
     fn line_event(&mut self, link: usize, direction: Direction, at: Instant, event: LineEvent) {
-        let comment = match event {
-            LineEvent::Opened => "port opened",
-            LineEvent::Closed => "port closed",
-            LineEvent::Break => "break",
-            LineEvent::FramingError => "framing error",
-            LineEvent::Overrun => "overrun",
-        };
-        let record = Record {
-            link,
-            sequence: None,
-            at,
-            direction,
-            kind: Kind::Line(event),
-            bytes: Vec::new(),
+        if self.file.is_none() {
+            return;
+        }
+        let extra = Extra {
             sent: None,
-            pieces: Vec::new(),
-            comment: comment.to_owned(),
+            comment: event_words(event).to_owned(),
         };
-        self.put(link, record);
+        let (line, kind) = ((link, direction), Kind::Line(event));
+        self.joiner
+            .single(line, at, kind, &[], extra, &mut self.buf);
+        self.relieve();
+    }
+
+    fn reached(&mut self, now: Instant) {
+        if self.file.is_some() && now - self.flushed_at >= FLUSH_EVERY {
+            self.flushed_at = now;
+            self.joiner.reached(now);
+            self.joiner.emit(&mut self.buf);
+            self.flush();
+        }
     }
 
     fn finish(&mut self) -> io::Result<()> {
+        self.joiner.finish(&mut self.buf);
         self.flush();
         self.error.take().map_or(Ok(()), Err)
     }
@@ -217,6 +234,7 @@ impl Tap for Recording {
 
 impl Drop for Recording {
     fn drop(&mut self) {
+        self.joiner.finish(&mut self.buf);
         self.flush();
     }
 }

@@ -7,7 +7,8 @@ use protocols::Instant;
 use super::place::{self, Place};
 use super::stop::Stop;
 use super::{CliError, Verdict};
-use crate::clock::{Clock, WallClock};
+use crate::capture::{self, Limits, Recording};
+use crate::clock::{Clock, WallClock, utc};
 use crate::control::Control;
 use crate::folder::FolderError;
 use crate::realtime::{Paced, Realtime};
@@ -27,7 +28,8 @@ use crate::transport::{Note, PortDir, Pty, Serial, Transport};
     hilrig up scenarios/rescue-flat.toml --dir /tmp/robot\n  \
     hilrig dut --dir /tmp/robot            # in another terminal: the robot's program\n  \
     hilrig up scenarios/rescue-flat.toml --dut-at lidar=/dev/ttyUSB0 --dut-at base=/dev/ttyUSB1\n  \
-    hilrig up scenarios/rescue-flat.toml --device-at lidar=/dev/ttyACM0   # a real lidar")]
+    hilrig up scenarios/rescue-flat.toml --device-at lidar=/dev/ttyACM0   # a real lidar\n  \
+    hilrig up scenarios/rescue-flat.toml --capture field.pcapng --capture-max-mb 100")]
 pub(super) struct Up {
     /// Scenario file
     #[arg(value_name = "SCENARIO")]
@@ -54,6 +56,16 @@ pub(super) struct Up {
     /// [default: hilrig-out/NAME-up.toml, if there were any]
     #[arg(long, value_name = "FILE")]
     case: Option<PathBuf>,
+    /// Write every byte of every link with its time to this file, for Wireshark and decode
+    #[arg(long, value_name = "FILE")]
+    capture: Option<PathBuf>,
+    /// Size at which the capture is put aside as FILE.1.pcapng, .2 and so on, and begun anew
+    #[arg(long, value_name = "MB", default_value_t = 256, requires = "capture",
+          value_parser = clap::value_parser!(u64).range(1..=1 << 20))]
+    capture_max_mb: u64,
+    /// Captures put aside that are kept; older ones are deleted
+    #[arg(long, value_name = "N", default_value_t = 7, requires = "capture")]
+    capture_files: u64,
 }
 
 pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
@@ -86,6 +98,7 @@ pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
             .map_or("SIGINT or SIGTERM".to_owned(), |time| time.to_string())
     );
     let mut run = Endless(Run::with_rig(scenario, rig));
+    record(&args, &mut run.0)?;
     // The clock starts last: setting up takes no time of the run.
     let mut realtime = Realtime::new(WallClock::start());
     for (end, port) in ports {
@@ -106,7 +119,12 @@ pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
     if control.delays().count() > 0 {
         println!("  faults changed by hand: {}", control.delays());
     }
+    let recorded = run.0.rig.finish_taps();
     write_case(&run.0, args.case, control.delays().count() > 0)?;
+    recorded.map_err(|source| FolderError {
+        path: args.capture.unwrap_or_default(),
+        source,
+    })?;
     ended
 }
 
@@ -125,6 +143,25 @@ fn write_case(run: &Run, path: Option<PathBuf>, changed: bool) -> Result<(), Cli
         source,
     })?;
     println!("  case: {}", path.display());
+    Ok(())
+}
+
+/// Makes `run` write its capture, if one is wanted.
+fn record(args: &Up, run: &mut Run) -> Result<(), CliError> {
+    let Some(path) = &args.capture else {
+        return Ok(());
+    };
+    let limits = Limits {
+        file_bytes: args.capture_max_mb << 20,
+        files: args.capture_files,
+    };
+    let about = capture::about_live(run.scenario(), utc());
+    let recording = Recording::create(path, &run.rig, about, limits);
+    let recording = recording.map_err(|source| FolderError {
+        path: path.clone(),
+        source,
+    })?;
+    run.rig.add_tap(Box::new(recording));
     Ok(())
 }
 

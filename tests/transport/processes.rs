@@ -8,6 +8,7 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::thread;
 
+use hilrig::capture::{Capture, Record};
 use hilrig::clock::{Clock, WallClock};
 use hilrig::transport::{Pty, Transport};
 use protocols::xv11;
@@ -300,4 +301,53 @@ fn ports_that_cannot_be_had_are_named_and_the_exit_code_is_2() {
         said(&["dut", "--dir", dir_text]),
         "error: DIR/lidar: another program has this port: expected to have it alone"
     );
+}
+
+/// What a killed process leaves: whole blocks, up to less than a second before its end, which our
+/// reader and Wireshark's read. The stream in it is the lidar's: the clock of the run begins at
+/// its boot text.
+#[test]
+fn a_capture_is_readable_after_the_process_was_killed() {
+    let dir = fresh_path("killed-capture");
+    let path = dir.with_extension("pcapng");
+    let _ = std::fs::remove_file(&path);
+    let file = path.to_str().expect("plain");
+    let up = Running::up(&dir, &["--capture", file]);
+    let len = || std::fs::metadata(&path).map_or(0, |data| data.len());
+    // Something behind the file's head was written, and not only once.
+    let head = len();
+    wait_until(|| len() > head + 200);
+    let first = len();
+    wait_until(|| len() > first);
+    up.signal(Signal::KILL);
+    let (status, _) = up.end();
+    assert_eq!(status.code(), None, "killed by a signal");
+
+    let capture = Capture::read(&path).expect("readable");
+    assert_eq!((capture.broken, capture.skipped), (None, 0));
+    assert_eq!(capture.sections[0].fact("clock"), Some("utc"));
+    let of_lidar = |record: &&Record| capture.links[record.link].name == "lidar";
+    let bytes = capture.records.iter().filter(of_lidar);
+    let bytes: Vec<u8> = bytes.flat_map(|record| record.bytes.clone()).collect();
+    let banner = b"Piccolo Laser Distance Scanner";
+    assert!(
+        bytes.windows(banner.len()).any(|part| part == banner),
+        "{} bytes of the lidar",
+        bytes.len()
+    );
+    let start = capture.sections[0].fact("start_ns").expect("real time");
+    let start: u64 = start.parse().expect("a number");
+    let times = || capture.records.iter().map(|record| record.at.as_nanos());
+    assert!(times().all(|at| at >= start) && times().is_sorted());
+
+    let tshark = Command::new("tshark").arg("-nr").arg(&path).output();
+    match tshark {
+        Ok(output) => {
+            let lines = String::from_utf8_lossy(&output.stdout).lines().count();
+            assert_eq!(lines, capture.records.len());
+        }
+        Err(error) if std::env::var_os("CI").is_none() => eprintln!("SKIPPED: {error}"),
+        Err(error) => panic!("tshark: {error}"),
+    }
+    let _ = std::fs::remove_file(&path);
 }

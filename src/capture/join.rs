@@ -1,0 +1,305 @@
+//! Chunks of a run, joined into records and put in order.
+//!
+//! A line may travel byte by byte, and a record a byte would cost more than the run. What follows
+//! back to back becomes one record that says so ([`Record::pieces`](super::Record)). A
+//! record is therefore finished some time after its first byte; others wait for it, so that the
+//! file stays in the order of time.
+
+use protocols::{Instant, LineConfig, LineEvent};
+
+use core::mem::take;
+use core::time::Duration;
+
+use super::record::{Kind, Packet};
+use crate::line::Direction;
+use crate::rig::{Link, Rig};
+
+/// Most bytes of one record; also bounds how long others wait.
+const JOINED_MAX: usize = 512;
+/// Finished records that are put in order in one go.
+const BATCH: usize = 64;
+/// Longest piece that is joined; lines have none that is longer.
+const PIECE_MAX: usize = 64;
+/// Records and bytes that wait at most; then nothing is waited for.
+const WAITING_MAX: usize = 512;
+const ARENA_MAX: usize = 64 << 10;
+
+/// Joins the chunks of all lines of a rig.
+#[derive(Debug)]
+pub(super) struct Joiner {
+    /// Two of each link, in the order of [`Direction`].
+    lines: Vec<Open>,
+    /// Before this no open record ends by silence.
+    stale_at: Instant,
+    waiting: Vec<Waiting>,
+    /// The bytes of those that wait.
+    arena: Vec<u8>,
+    sequence: u64,
+    /// Added to all times.
+    epoch: Duration,
+}
+
+/// A record that may go on; none while it has no bytes.
+#[derive(Debug)]
+struct Open {
+    /// Time on the wire of so many bytes.
+    times: [Duration; PIECE_MAX + 1],
+    bytes: Vec<u8>,
+    /// Lengths of its pieces, as pairs of length and count.
+    runs: Vec<u8>,
+    /// When its last byte arrived.
+    at: Instant,
+    delay: Duration,
+}
+
+impl Open {
+    fn new(line: LineConfig) -> Self {
+        Self {
+            times: core::array::from_fn(|len| line.bytes_time(len as u64)),
+            bytes: Vec::with_capacity(JOINED_MAX),
+            runs: Vec::new(),
+            at: Instant::ZERO,
+            delay: Duration::ZERO,
+        }
+    }
+
+    /// After this nothing can follow back to back: not even the longest piece.
+    fn ends(&self) -> Option<Instant> {
+        (!self.bytes.is_empty()).then(|| self.at + self.times[PIECE_MAX])
+    }
+
+    /// Takes a piece if it follows back to back; whether it did.
+    fn joins(&mut self, at: Instant, piece: &[u8], delay: Duration) -> bool {
+        let joins = !self.bytes.is_empty()
+            && self.bytes.len() + piece.len() <= JOINED_MAX
+            && self.at + self.times[piece.len()] == at
+            && self.delay == delay;
+        if joins {
+            self.put(at, piece);
+        }
+        joins
+    }
+
+    fn put(&mut self, at: Instant, piece: &[u8]) {
+        self.bytes.extend_from_slice(piece);
+        self.at = at;
+        let len = u8::try_from(piece.len()).expect("at most PIECE_MAX");
+        match self.runs.last_chunk_mut() {
+            Some([last, count]) if *last == len && *count < u8::MAX => *count += 1,
+            _ => self.runs.extend([len, 1]),
+        }
+    }
+}
+
+/// A record that waits for its place.
+#[derive(Debug)]
+struct Waiting {
+    at: Instant,
+    line: usize,
+    kind: Kind,
+    /// Its bytes begin here in the arena, and its runs behind them.
+    start: usize,
+    lens: [usize; 2],
+    delay: Duration,
+    extra: Option<Box<Extra>>,
+}
+
+/// What few records have.
+#[derive(Debug)]
+pub(super) struct Extra {
+    pub(super) sent: Option<(Instant, Vec<u8>)>,
+    pub(super) comment: String,
+}
+
+const NEVER: Instant = Instant::from_nanos(u64::MAX);
+
+impl Joiner {
+    /// For the lines of `rig`, whose run begins at `epoch`.
+    pub(super) fn new(rig: &Rig, epoch: Instant) -> Self {
+        // The rate that the file states, in both directions: a reader has no other to go by.
+        let of_link = |link: &Link| {
+            let [line, _] = rig.line_configs(link.line(Direction::ToMaster));
+            [Open::new(line), Open::new(line)]
+        };
+        Self {
+            lines: rig.links().iter().flat_map(of_link).collect(),
+            stale_at: NEVER,
+            waiting: Vec::new(),
+            arena: Vec::new(),
+            sequence: 0,
+            epoch: epoch - Instant::ZERO,
+        }
+    }
+
+    /// Bytes arrived at `at` as they were sent, `delay` after their last bit.
+    pub(super) fn bytes(
+        &mut self,
+        (link, direction): (usize, Direction),
+        at: Instant,
+        bytes: &[u8],
+        delay: Duration,
+        out: &mut Vec<u8>,
+    ) {
+        let line = 2 * link + direction as usize;
+        let short = bytes.len() <= PIECE_MAX;
+        if short && self.lines[line].joins(at, bytes, delay) {
+            return;
+        }
+        self.close(line);
+        if short {
+            let open = &mut self.lines[line];
+            open.put(at, bytes);
+            open.delay = delay;
+            self.stale_at = self.stale_at.min(at + open.times[PIECE_MAX]);
+        } else {
+            self.wait(at, line, Kind::Data, [bytes, &[]], delay, None);
+        }
+        if self.stale_at < at {
+            self.close_stale(at);
+        }
+        if self.waiting.len() >= BATCH {
+            self.emit(out);
+        }
+    }
+
+    /// Something that is never joined with anything else.
+    pub(super) fn single(
+        &mut self,
+        (link, direction): (usize, Direction),
+        at: Instant,
+        kind: Kind,
+        bytes: &[u8],
+        extra: Extra,
+        out: &mut Vec<u8>,
+    ) {
+        let line = 2 * link + direction as usize;
+        self.close(line);
+        let extra = Some(Box::new(extra));
+        self.wait(at, line, kind, [bytes, &[]], Duration::ZERO, extra);
+        if self.waiting.len() >= BATCH {
+            self.emit(out);
+        }
+    }
+
+    /// It is `now`, and whatever was due before has arrived.
+    pub(super) fn reached(&mut self, now: Instant) {
+        if self.stale_at < now {
+            self.close_stale(now);
+        }
+    }
+
+    /// Nothing more comes.
+    pub(super) fn finish(&mut self, out: &mut Vec<u8>) {
+        (0..self.lines.len()).for_each(|line| self.close(line));
+        self.emit(out);
+    }
+
+    /// Ends all records whose next piece should have been here before `now`.
+    fn close_stale(&mut self, now: Instant) {
+        self.stale_at = NEVER;
+        for line in 0..self.lines.len() {
+            match self.lines[line].ends() {
+                Some(end) if end < now => self.close(line),
+                Some(end) => self.stale_at = self.stale_at.min(end),
+                None => {}
+            }
+        }
+    }
+
+    fn close(&mut self, line: usize) {
+        let open = &mut self.lines[line];
+        if open.bytes.is_empty() {
+            return;
+        }
+        let (mut bytes, mut runs) = (take(&mut open.bytes), take(&mut open.runs));
+        let (at, delay) = (open.at, open.delay);
+        // One piece needs no word about pieces.
+        let several = if runs.len() == 2 && runs[1] == 1 {
+            &[]
+        } else {
+            &runs[..]
+        };
+        self.wait(at, line, Kind::Data, [&bytes, several], delay, None);
+        bytes.clear();
+        runs.clear();
+        (self.lines[line].bytes, self.lines[line].runs) = (bytes, runs);
+    }
+
+    fn wait(
+        &mut self,
+        at: Instant,
+        line: usize,
+        kind: Kind,
+        parts: [&[u8]; 2],
+        delay: Duration,
+        extra: Option<Box<Extra>>,
+    ) {
+        let start = self.arena.len();
+        parts
+            .iter()
+            .for_each(|part| self.arena.extend_from_slice(part));
+        let record = Waiting {
+            at,
+            line,
+            kind,
+            start,
+            lens: parts.map(<[u8]>::len),
+            delay,
+            extra,
+        };
+        let later = self.waiting.iter().rev();
+        let later = later.take_while(|other| other.at > at).count();
+        self.waiting.insert(self.waiting.len() - later, record);
+    }
+
+    /// Writes all records that nothing earlier can follow.
+    pub(super) fn emit(&mut self, out: &mut Vec<u8>) {
+        if self.waiting.len() >= WAITING_MAX || self.arena.len() >= ARENA_MAX {
+            (0..self.lines.len()).for_each(|line| self.close(line));
+        }
+        let open = self.lines.iter().filter(|open| !open.bytes.is_empty());
+        let until = open.map(|open| open.at).min().unwrap_or(NEVER);
+        let ready = self.waiting.partition_point(|record| record.at <= until);
+        for record in self.waiting.drain(..ready) {
+            let (bytes, behind) = self.arena[record.start..].split_at(record.lens[0]);
+            let at = record.at + self.epoch;
+            let extra = record.extra.as_deref();
+            let sent = extra.and_then(|extra| extra.sent.as_ref());
+            let sent = sent.map(|(at, bytes)| (*at + self.epoch, &bytes[..]));
+            let early = at.as_nanos() - duration_nanos(record.delay);
+            let late = !record.delay.is_zero();
+            let sent = sent.or_else(|| late.then(|| (Instant::from_nanos(early), bytes)));
+            let packet = Packet {
+                interface: u32::try_from(record.line / 2).expect("few links"),
+                at,
+                direction: [Direction::ToMaster, Direction::ToDevice][record.line % 2],
+                kind: record.kind,
+                bytes,
+                sequence: Some(self.sequence),
+                sent,
+                pieces: &behind[..record.lens[1]],
+                comment: extra.map_or("", |extra| &extra.comment),
+            };
+            packet.write(out);
+            self.sequence += 1;
+        }
+        if self.waiting.is_empty() {
+            self.arena.clear();
+        }
+    }
+}
+
+fn duration_nanos(duration: Duration) -> u64 {
+    u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
+}
+
+/// An event of a line, in words.
+pub(super) const fn event_words(event: LineEvent) -> &'static str {
+    match event {
+        LineEvent::Opened => "port opened",
+        LineEvent::Closed => "port closed",
+        LineEvent::Break => "break",
+        LineEvent::FramingError => "framing error",
+        LineEvent::Overrun => "overrun",
+    }
+}
