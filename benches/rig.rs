@@ -11,8 +11,10 @@ use core::time::Duration;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use hilrig::capture::{Limits, Recording, about};
+use hilrig::clock::{Clock, WallClock};
 use hilrig::run::Run;
 use hilrig::scenario::Scenario;
+use protocols::Instant;
 
 fn flat() -> Run {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/rescue-flat.toml");
@@ -45,5 +47,32 @@ fn whole_loop(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, whole_loop);
+/// What does the capture cost? Runs with and without in turn, so that both meet the same host; the
+/// fastest of each are compared, as whatever else the host does only ever adds.
+fn cost_of_capture(_: &mut Criterion) {
+    let pairs = if std::env::args().any(|arg| arg == "--bench") {
+        30
+    } else {
+        1
+    };
+    let time = |run: fn() -> Run| {
+        let run = run();
+        let clock = WallClock::start();
+        run.finish();
+        clock.now() - Instant::ZERO
+    };
+    let mut best = [Duration::MAX; 2];
+    for _ in 0..pairs {
+        for (best, run) in best.iter_mut().zip([flat as fn() -> Run, captured]) {
+            *best = time(run).min(*best);
+        }
+    }
+    let [plain, with] = best.map(|time| time.as_secs_f64() * 1e3);
+    let cost = (with / plain - 1.0) * 100.0;
+    println!(
+        "capture: {plain:.1} ms without, {with:.1} ms with: {cost:+.1} %, best of {pairs} each"
+    );
+}
+
+criterion_group!(benches, whole_loop, cost_of_capture);
 criterion_main!(benches);

@@ -28,7 +28,7 @@ pub struct Limits {
 }
 
 impl Default for Limits {
-    /// Hours a file, at SIZE_NOTE of the rescue robot; 2 GiB in all.
+    /// Three quarters of an hour a file, at 6 MB a minute of the rescue robot; 2 GiB in all.
     fn default() -> Self {
         Self {
             file_bytes: 256 << 20,
