@@ -11,12 +11,16 @@
 //! replies for data). After a repeated request a late answer to an earlier try may still be on its
 //! way; the line is left alone for one time-out, so that it cannot pass for the answer to the next.
 
+mod listener;
+
 use core::time::Duration;
 
 use protocols::avr::{self, ChecksumOrder, Frame};
 use protocols::{Decode, Instant};
 
 use crate::fifo::Fifo;
+use crate::memory::StrayWrites;
+use listener::Listener;
 
 /// Most registers that a request reads.
 pub const READ_MAX: usize = 16;
@@ -83,11 +87,17 @@ impl Request {
     }
 
     /// Whether `frame` is what the slave says to this request.
-    fn is_answered_by(&self, frame: &Frame) -> bool {
+    fn is_answered_by(&self, frame: &Frame, defects: &Defects) -> bool {
+        if frame.register() != self.register {
+            return false;
+        }
         let count = if self.is_write() { 0 } else { self.count };
-        frame.register() == self.register
-            && frame.is_write() != self.is_write()
-            && frame.count() == count
+        let is_read = !self.is_write();
+        let is_short = is_read && frame.is_write() && frame.count() < count;
+        let is_acknowledgement = is_read && !frame.is_write() && frame.count() == 0;
+        (frame.is_write() != self.is_write() && frame.count() == count)
+            || (defects.takes_short_replies && is_short)
+            || (defects.takes_acknowledgements && is_acknowledgement)
     }
 
     /// Whether one of the two makes the other needless: the same registers in the same direction.
@@ -138,6 +148,42 @@ pub struct Counters {
     pub overflows: u32,
 }
 
+/// What the fielded program did wrong on its bus; none by default. The ids are those of the
+/// project's list of field defects.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Defects {
+    /// The checksum's first byte is stored behind the data, outside the buffer (MA-01).
+    pub stores_checksum: bool,
+    /// As many bytes are stored as the reply announces, not as were asked for (MA-02).
+    pub unbounded_store: bool,
+    /// The counter of stored bytes has eight bits and a sign (MA-03).
+    pub signed_counter: bool,
+    /// A reply with fewer bytes than asked for is taken; the rest is what lay there (MA-04).
+    pub takes_short_replies: bool,
+    /// An acknowledgement is taken for data; all of them are what lay there (MA-05).
+    pub takes_acknowledgements: bool,
+    /// A frame that nobody waits for is stored where the last reader's buffer was (MA-06).
+    pub writes_when_nobody_waits: bool,
+    /// Nobody looks at a failure, so the slave never counts as silent (MA-07).
+    pub ignores_failures: bool,
+    /// A request is sent although another one is waiting for its answer (MA-08).
+    pub preempts_itself: bool,
+}
+
+impl Defects {
+    /// None.
+    pub const NONE: Self = Self {
+        stores_checksum: false,
+        unbounded_store: false,
+        signed_counter: false,
+        takes_short_replies: false,
+        takes_acknowledgements: false,
+        writes_when_nobody_waits: false,
+        ignores_failures: false,
+        preempts_itself: false,
+    };
+}
+
 #[derive(Clone, Copy, Debug)]
 struct Transaction {
     request: Request,
@@ -158,12 +204,27 @@ pub struct BaseLink {
     quiet_until: Instant,
     failures_in_a_row: u8,
     counters: Counters,
+    defects: Defects,
+    listener: Listener,
+    /// What lies in the readers' buffer.
+    stale: [u8; READ_MAX],
+    /// The request that the current one has pushed aside (MA-08).
+    aside: Option<Transaction>,
 }
 
 impl BaseLink {
     /// A link to a slave of that checksum order, whose answers are waited for that long.
     pub const fn new(order: ChecksumOrder, timeout: Duration) -> Self {
+        Self::with_defects(order, timeout, Defects::NONE)
+    }
+
+    /// A link with some of the fielded program's faults.
+    pub const fn with_defects(order: ChecksumOrder, timeout: Duration, defects: Defects) -> Self {
         Self {
+            defects,
+            listener: Listener::new(),
+            stale: [0; READ_MAX],
+            aside: None,
             order,
             timeout,
             decoder: avr::Decoder::new(order),
@@ -197,6 +258,7 @@ impl BaseLink {
         } else if !self.waiting.push(request) {
             self.counters.overflows = self.counters.overflows.saturating_add(1);
         }
+        self.preempt(now);
         self.tick(now);
     }
 
@@ -209,6 +271,9 @@ impl BaseLink {
 
     /// Takes bytes from the bus.
     pub fn receive(&mut self, now: Instant, bytes: &[u8]) {
+        if self.defects != Defects::NONE {
+            self.listen(bytes);
+        }
         let mut input = bytes;
         while let Some(frame) = self.decoder.step(&mut input) {
             match frame {
@@ -263,7 +328,12 @@ impl BaseLink {
 
     /// Whether the slave has stopped answering.
     pub const fn is_silent(&self) -> bool {
-        self.failures_in_a_row >= SILENT_AFTER
+        self.failures_in_a_row >= SILENT_AFTER && !self.defects.ignores_failures
+    }
+
+    /// Writes that the fielded program's interrupt would have made outside its reader's buffer.
+    pub const fn stray_writes(&self) -> StrayWrites {
+        self.listener.stray
     }
 
     /// What happened so far.
@@ -276,7 +346,9 @@ impl BaseLink {
         let is_error =
             frame.register() == avr::ERROR_REGISTER && !frame.is_write() && frame.count() == 0;
         match self.current {
-            Some(current) if self.tx.is_empty() && current.request.is_answered_by(frame) => {
+            Some(current)
+                if self.tx.is_empty() && current.request.is_answered_by(frame, &self.defects) =>
+            {
                 count(&mut self.counters.answered);
                 self.failures_in_a_row = 0;
                 if current.tries > 1 {
@@ -285,9 +357,7 @@ impl BaseLink {
                 let outcome = if current.request.is_write() {
                     Outcome::Written
                 } else {
-                    let mut data = [0; READ_MAX];
-                    data[..frame.data().len()].copy_from_slice(frame.data());
-                    Outcome::Data(data)
+                    Outcome::Data(self.data_of(frame))
                 };
                 self.finish(now, current.request, outcome);
             }
@@ -296,6 +366,52 @@ impl BaseLink {
                 self.give_up_try(now);
             }
             _ => count(&mut self.counters.unsolicited),
+        }
+    }
+
+    /// The data of a reply, in a buffer of their own; the fielded program's held what had been read
+    /// into it before.
+    fn data_of(&mut self, frame: &Frame) -> [u8; READ_MAX] {
+        let mut data = [0; READ_MAX];
+        if self.defects.takes_short_replies || self.defects.takes_acknowledgements {
+            data = self.stale;
+        }
+        data[..frame.data().len()].copy_from_slice(frame.data());
+        self.stale = data;
+        data
+    }
+
+    /// Lets the fielded program's interrupt see the bytes.
+    fn listen(&mut self, bytes: &[u8]) {
+        let wanted = self.current.map(|current| match current.request.data {
+            Some(_) => 0,
+            None => current.request.count,
+        });
+        for &byte in bytes {
+            self.listener.take(byte, wanted, &self.defects);
+        }
+    }
+
+    /// Sends what waits in the middle of another read, as a task of higher priority did (MA-08).
+    fn preempt(&mut self, now: Instant) {
+        let reads = |current: &Transaction| !current.request.is_write();
+        if !self.defects.preempts_itself
+            || self.aside.is_some()
+            || !self.current.as_ref().is_some_and(reads)
+        {
+            return;
+        }
+        if let Some(request) = self.waiting.pop() {
+            self.aside = self.current.take();
+            let (tries, deadline) = (0, now);
+            self.send(
+                now,
+                Transaction {
+                    request,
+                    tries,
+                    deadline,
+                },
+            );
         }
     }
 
@@ -324,7 +440,7 @@ impl BaseLink {
         while let Some(frame) = self.decoder.step(&mut &[][..]) {
             match frame {
                 Ok(frame) => match self.current {
-                    Some(current) if current.request.is_answered_by(&frame) => {
+                    Some(current) if current.request.is_answered_by(&frame, &self.defects) => {
                         self.judge(now, &frame)
                     }
                     _ => count(&mut self.counters.unsolicited),
@@ -336,6 +452,7 @@ impl BaseLink {
 
     fn send(&mut self, now: Instant, transaction: Transaction) {
         self.tx.clear();
+        self.listener.arm();
         let fits = self
             .tx
             .push(transaction.request.frame(self.order).as_bytes());
@@ -348,7 +465,7 @@ impl BaseLink {
     }
 
     fn finish(&mut self, at: Instant, request: Request, outcome: Outcome) {
-        self.current = None;
+        self.current = self.aside.take();
         if !self.done.push(Completion {
             request,
             at,

@@ -72,6 +72,12 @@ impl LidarMotor {
         };
     }
 
+    /// Sets the duty to that of the start, as the fielded program did whenever it lost its place in
+    /// the stream (XV-09).
+    pub const fn kick(&mut self) {
+        self.duty = DUTY_START;
+    }
+
     /// Looks for silence.
     pub fn tick(&mut self, now: Instant) {
         if now - self.packet_at >= RESTART_AFTER {

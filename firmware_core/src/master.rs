@@ -67,6 +67,14 @@ pub trait Inspect {
     /// What the program is doing, in one or two words, e.g. `waypoint` or `stop`.
     fn mode(&self) -> &'static str;
 
+    /// Names every buffer beside which the program would have written; see [`crate::memory`].
+    fn stray_writes(&self, _report: &mut dyn FnMut(&'static str, crate::memory::StrayWrites)) {}
+
+    /// Whether the program has ended, for instance by a null pointer; it does nothing any more.
+    fn is_dead(&self) -> bool {
+        false
+    }
+
     /// Names every counter with its value, always in the same order: scans, retries, overflows.
     fn counters(&self, report: &mut dyn FnMut(&'static str, u64));
 }

@@ -11,6 +11,7 @@
 
 mod escape;
 mod explore;
+mod fielded;
 mod planner;
 mod surroundings;
 
@@ -57,7 +58,19 @@ impl Steering {
 
     /// Wheel speeds that turn the robot towards `bearing` (radians, any number of turns).
     pub fn towards(&self, bearing: f32) -> [i8; 2] {
-        let error_deg = normalised(bearing).to_degrees();
+        self.by_error(normalised(bearing).to_degrees())
+    }
+
+    /// As the fielded program did it: headings psi in degrees, clockwise, of whatever number of
+    /// turns; of their difference only what exceeds 180 degrees is brought back, and by one turn
+    /// (field defects NV-01 and NV-02).
+    pub fn towards_psi(&self, psi_deg: f32, target_deg: f32) -> [i8; 2] {
+        let error_deg = psi_deg - target_deg;
+        let turns = if error_deg > 180.0 { 360.0 } else { 0.0 };
+        self.by_error(error_deg - turns)
+    }
+
+    fn by_error(&self, error_deg: f32) -> [i8; 2] {
         let turn = (error_deg / self.degrees_per_tick).clamp(-self.turn_max, self.turn_max);
         let cruise = f32::from(self.cruise);
         let forward = if error_deg.abs() >= self.spot_deg {
@@ -112,6 +125,28 @@ pub struct Settings {
     pub arrival_blocked_mm: f32,
     /// The wall follower.
     pub wall: WallFollowing,
+    /// Faults of the fielded program to show.
+    pub defects: Defects,
+}
+
+/// What the fielded program did wrong in navigating; none by default.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Defects {
+    /// Headings are compared as [`Steering::towards_psi`] does (NV-01).
+    pub wraps_one_side: bool,
+    /// Besides, psi counts the turns that the robot has made (NV-02).
+    pub counts_turns: bool,
+    /// A robot that sees nothing drives straight ahead (XV-11).
+    pub drives_blind: bool,
+}
+
+impl Defects {
+    /// None.
+    pub const NONE: Self = Self {
+        wraps_one_side: false,
+        counts_turns: false,
+        drives_blind: false,
+    };
 }
 
 impl Settings {
@@ -124,6 +159,7 @@ impl Settings {
             arrival_mm: 80.0,
             arrival_blocked_mm: 160.0,
             wall: WallFollowing::NEAREST,
+            defects: Defects::NONE,
         }
     }
 }
@@ -179,6 +215,7 @@ pub struct Navigator {
     side: f32,
     /// For how many scans the robot still makes itself thin.
     squeeze: u8,
+    fielded: fielded::Psi,
 }
 
 impl Navigator {
@@ -195,11 +232,16 @@ impl Navigator {
             stalled: 0,
             side: 0.0,
             squeeze: 0,
+            fielded: fielded::Psi::new(),
         }
     }
 
     /// One step of exploration.
     pub fn explore(&mut self, pose: Pose, around: &Surroundings) -> [i8; 2] {
+        self.fielded.turned(pose);
+        if self.settings.defects.drives_blind && around.is_blind() {
+            return [self.settings.steering.cruise; 2];
+        }
         let wanted = match self.escape.step(&self.settings, pose, around) {
             Some(way) => self.settings.steering.towards(way),
             None => self.explorer.step(&self.settings, around),
@@ -211,6 +253,7 @@ impl Navigator {
     pub fn approach(&mut self, map: &Grid, pose: Pose, goal: Goal, around: &Surroundings) -> Step {
         let distance = pose.position().distance_mm(goal.position);
         self.watch_progress(goal.position, distance);
+        self.fielded.turned(pose);
         let is_blocked = self.stalled >= STALLED_SCANS;
         if distance <= self.settings.arrival_mm
             || (is_blocked && distance <= self.settings.arrival_blocked_mm)
@@ -232,7 +275,10 @@ impl Navigator {
             let slow = f32::from(self.settings.steering.cruise) * distance / SLOW_DOWN_MM;
             steering.cruise = steering.cruise.min(ticks(slow.max(8.0)));
         }
-        Step::Drive(around.guarded(&body, steering.towards(way)))
+        let wanted = self
+            .fielded
+            .steer(&self.settings.defects, &steering, pose, way);
+        Step::Drive(around.guarded(&body, wanted))
     }
 
     /// Forgets what it was doing.

@@ -5,6 +5,8 @@
 //! text into both). Map rows fill the time that is left: the radio behind the port has 700 bytes of
 //! buffer and passes on less than half of what the port can carry, so rows are paced.
 
+mod fielded;
+
 use core::time::Duration;
 
 use protocols::pcui::message::{
@@ -17,6 +19,8 @@ use crate::fifo::Fifo;
 use crate::grid::Grid;
 use crate::pose::Pose;
 use crate::waypoints::Waypoints;
+pub use fielded::Defects;
+use fielded::Receiver;
 
 /// Room for the longest frame beside a queue that is still worth filling.
 const TX_LEN: usize = 2048;
@@ -39,6 +43,8 @@ pub struct Settings {
     pub pace_bytes_per_s: Option<u32>,
     /// How rows are run-length coded.
     pub dialect: rle::Dialect,
+    /// Faults of the fielded program to show.
+    pub defects: Defects,
 }
 
 impl Settings {
@@ -48,6 +54,7 @@ impl Settings {
         pose_period: Duration::from_millis(50),
         pace_bytes_per_s: Some(12_000),
         dialect: rle::Dialect::Lossless,
+        defects: Defects::NONE,
     };
 }
 
@@ -111,7 +118,25 @@ pub struct PcLink {
     row: u16,
     echo_is_due: bool,
     counters: Counters,
+    fielded: Fielded,
 }
+
+/// What only the fielded program's faults need.
+#[derive(Clone, Debug)]
+struct Fielded {
+    receiver: Receiver,
+    /// Received bytes that nobody has looked at yet, and how many may be.
+    waiting: Fifo<WAITING_MAX>,
+    allowed: usize,
+    is_dead: bool,
+}
+
+/// Longest of the queues of received bytes.
+const WAITING_MAX: usize = 512;
+/// The fielded one.
+const SHORT_QUEUE: usize = 200;
+/// Before it, the fielded program has no queue (field defect PU-16).
+const READY_AFTER: Duration = Duration::from_millis(1);
 
 impl PcLink {
     /// A link that begins to send at once.
@@ -128,6 +153,12 @@ impl PcLink {
             row: 0,
             echo_is_due: false,
             counters: Counters::NONE,
+            fielded: Fielded {
+                receiver: Receiver::new(),
+                waiting: Fifo::new(),
+                allowed: 0,
+                is_dead: false,
+            },
         }
     }
 
@@ -138,12 +169,23 @@ impl PcLink {
                 self.decoder.idle();
             }
             self.received_at = now;
+            self.stumble(now, input);
         }
         self.next_frame(input)
     }
 
     /// A frame that an idle line has freed.
     pub fn freed(&mut self, now: Instant) -> Option<Frame> {
+        while self.fielded.allowed > 0 {
+            self.fielded.allowed -= 1;
+            let mut byte = [0];
+            if self.fielded.waiting.pop(&mut byte) == 1 {
+                self.received_at = now;
+                if let Some(frame) = self.next_frame(&mut &byte[..]) {
+                    return Some(frame);
+                }
+            }
+        }
         if self.decoder.pending() > 0 && now - self.received_at >= IDLE_GAP {
             self.decoder.idle();
         }
@@ -189,7 +231,7 @@ impl PcLink {
             self.queue(now, &frame, len);
         }
         while now >= self.row_at {
-            self.tick_row(now, view.map, &mut frame);
+            self.tick_row(now, view, &mut frame);
         }
     }
 
@@ -209,7 +251,11 @@ impl PcLink {
     /// Moves bytes for the line into `buf`; returns how many.
     pub fn transmit(&mut self, buf: &mut [u8]) -> usize {
         let was_full = self.tx.len() > ROWS_BELOW;
-        let count = self.tx.pop(buf);
+        let count = if self.settings.defects.sends_twice && self.tx.refused() > 0 {
+            self.pop_twice(buf)
+        } else {
+            self.tx.pop(buf)
+        };
         if was_full && self.tx.len() <= ROWS_BELOW {
             self.row_at = self.row_at.min(self.passed_at);
         }
@@ -219,6 +265,18 @@ impl PcLink {
     /// What happened so far.
     pub const fn counters(&self) -> &Counters {
         &self.counters
+    }
+
+    /// Whether a defect has ended the program.
+    pub const fn is_dead(&self) -> bool {
+        self.fielded.is_dead
+    }
+
+    /// Passes on what the lidar sends, as the fielded program could be told to (XV-12).
+    pub fn overhear(&mut self, bytes: &[u8]) {
+        if self.settings.defects.raw_lidar {
+            self.tx.push(bytes);
+        }
     }
 
     /// Frames for which the queue had no room.
@@ -232,7 +290,17 @@ impl PcLink {
 
     fn next_frame(&mut self, input: &mut &[u8]) -> Option<Frame> {
         loop {
-            match self.decoder.step(input)? {
+            let outcome = if self.settings.defects.of_receiver() {
+                let (&byte, rest) = input.split_first()?;
+                *input = rest;
+                self.fielded.receiver.take(byte, &self.settings.defects)
+            } else {
+                Some(self.decoder.step(input)?)
+            };
+            let Some(outcome) = outcome else {
+                continue;
+            };
+            match outcome {
                 Ok(frame) => {
                     self.counters.received = self.counters.received.saturating_add(1);
                     return Some(frame);
@@ -243,17 +311,21 @@ impl PcLink {
     }
 
     /// Queues the next row, or puts it off.
-    fn tick_row(&mut self, now: Instant, map: &Grid, frame: &mut [u8]) {
+    fn tick_row(&mut self, now: Instant, view: &View<'_>, frame: &mut [u8]) {
         if self.tx.len() > ROWS_BELOW {
             self.row_at = now + ROW_RETRY;
             return;
         }
-        let Some(row) = map.row(usize::from(self.row)) else {
+        let Some(row) = view.map.row(usize::from(self.row)) else {
             self.row = 0;
             return;
         };
         let len = encode_row(0, self.row, row, self.settings.dialect, frame);
-        self.queue(now, frame, len);
+        match len {
+            Some(len) if self.is_interrupted(now, len) => self.queue_torn(now, view, &frame[..len]),
+            _ => self.queue(now, frame, len),
+        }
+        self.fielded.allowed += usize::from(self.settings.defects.queues());
         self.counters.rows = self.counters.rows.saturating_add(1);
         self.row += 1;
         self.row_at = self.passed_at.max(now);

@@ -65,6 +65,14 @@ pub struct Defects {
     pub synchronised_by_packet_0: bool,
 }
 
+impl Defects {
+    /// None.
+    pub const NONE: Self = Self {
+        stale_distances: false,
+        synchronised_by_packet_0: false,
+    };
+}
+
 /// Distances of one turn, still on the sensor's clock.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Turn {
@@ -109,13 +117,7 @@ pub struct TurnAssembler {
 impl TurnAssembler {
     /// An assembler that has seen nothing.
     pub const fn new(mounting: Mounting) -> Self {
-        Self::with_defects(
-            mounting,
-            Defects {
-                stale_distances: false,
-                synchronised_by_packet_0: false,
-            },
-        )
+        Self::with_defects(mounting, Defects::NONE)
     }
 
     /// An assembler with some of the fielded program's faults.

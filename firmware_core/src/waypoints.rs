@@ -7,6 +7,8 @@
 
 use protocols::pcui::message::{NO_WAYPOINT, Waypoint as Sent};
 
+use crate::memory::StrayWrites;
+
 /// Slots of the list (seed report: 100).
 pub const CAPACITY: usize = 100;
 
@@ -45,6 +47,32 @@ impl core::fmt::Display for WaypointError {
 
 impl core::error::Error for WaypointError {}
 
+/// What the fielded program did wrong with its list; none by default.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Defects {
+    /// The sender's links are followed; one to an unknown number is a null pointer (PU-07, PU-08).
+    pub follows_unknown_links: bool,
+    /// A link that two waypoints share leads to an object that is gone (PU-09).
+    pub follows_shared_links: bool,
+    /// The target is kept as a place in memory when a new list comes (PU-10).
+    pub keeps_the_target: bool,
+    /// Removing the first or the last waypoint loses that end of the list (NV-03).
+    pub loses_its_ends: bool,
+    /// What finds no slot is taken for stored (NV-05).
+    pub drops_silently: bool,
+}
+
+impl Defects {
+    /// None.
+    pub const NONE: Self = Self {
+        follows_unknown_links: false,
+        follows_shared_links: false,
+        keeps_the_target: false,
+        loses_its_ends: false,
+        drops_silently: false,
+    };
+}
+
 /// The list, and how far the robot has got in it.
 #[derive(Clone, Debug)]
 pub struct Waypoints {
@@ -54,18 +82,44 @@ pub struct Waypoints {
     reached: usize,
     /// `None` when the last number is gone.
     next_id: Option<i16>,
+    defects: Defects,
+    broken: Broken,
 }
+
+/// What defects have done to the list.
+#[derive(Clone, Copy, Debug, Default)]
+struct Broken {
+    /// A null pointer was followed.
+    is_dead: bool,
+    stray: StrayWrites,
+    has_no_start: bool,
+    has_no_end: bool,
+}
+
+/// What a slot holds that nobody uses.
+const FREE: Waypoint = Waypoint {
+    id: NO_WAYPOINT,
+    position_mm: [-1; 2],
+    layer: 0,
+};
 
 impl Waypoints {
     /// An empty list.
     pub const fn new() -> Self {
-        let empty = Waypoint {
-            id: NO_WAYPOINT,
-            position_mm: [0; 2],
-            layer: 0,
-        };
+        Self::with_defects(Defects::NONE)
+    }
+
+    /// An empty list with some of the fielded program's faults.
+    pub const fn with_defects(defects: Defects) -> Self {
         Self {
-            slots: [empty; CAPACITY],
+            defects,
+            broken: Broken {
+                is_dead: false,
+                stray: StrayWrites::NONE,
+                has_no_start: false,
+                has_no_end: false,
+            },
+            slots: [FREE; CAPACITY],
             len: 0,
             reached: 0,
             next_id: Some(0),
@@ -74,7 +128,25 @@ impl Waypoints {
 
     /// The waypoints in the order of their visit.
     pub fn all(&self) -> &[Waypoint] {
+        if self.broken.has_no_start {
+            return &[];
+        }
         &self.slots[..self.len]
+    }
+
+    /// How many the list counts; a broken one counts some that it does not reach.
+    pub const fn count(&self) -> usize {
+        self.len
+    }
+
+    /// Whether a defect has ended the program.
+    pub const fn is_dead(&self) -> bool {
+        self.broken.is_dead
+    }
+
+    /// Writes that the fielded program would have made to objects that are gone.
+    pub const fn stray_writes(&self) -> StrayWrites {
+        self.broken.stray
     }
 
     /// Whether the list is empty.
@@ -84,6 +156,9 @@ impl Waypoints {
 
     /// The waypoint to drive to; `None` if all were reached.
     pub fn target(&self) -> Option<&Waypoint> {
+        if self.defects.keeps_the_target {
+            return self.slots.get(self.reached).filter(|_| self.len > 0);
+        }
         self.all().get(self.reached)
     }
 
@@ -123,8 +198,13 @@ impl Waypoints {
     pub fn remove(&mut self, id: i16) -> Result<Waypoint, WaypointError> {
         let index = self.index_of(id)?;
         let removed = self.slots[index];
+        if self.defects.loses_its_ends && self.len > 1 {
+            self.broken.has_no_start |= index == 0;
+            self.broken.has_no_end |= index + 1 == self.len;
+        }
         self.slots.copy_within(index + 1..self.len, index);
         self.len -= 1;
+        self.slots[self.len] = FREE;
         if index < self.reached {
             self.reached -= 1;
         }
@@ -133,6 +213,7 @@ impl Waypoints {
 
     /// Takes all waypoints out. Their numbers stay used.
     pub const fn clear(&mut self) {
+        self.slots = [FREE; CAPACITY];
         self.len = 0;
         self.reached = 0;
     }
@@ -149,6 +230,9 @@ impl Waypoints {
         self.clear();
         let mut refused = 0;
         for sent in received {
+            if !self.links_hold(&sent) {
+                break;
+            }
             let known = old.all().iter().any(|known| {
                 known.id == sent.id
                     && known.position_mm == sent.position_mm
@@ -175,7 +259,9 @@ impl Waypoints {
             .take_while(|(old, new)| old.position_mm == new.position_mm && old.layer == new.layer)
             .count();
         let same = alike == old.len && alike == self.len;
-        self.reached = if same && was_finished {
+        self.reached = if self.defects.keeps_the_target {
+            old.reached
+        } else if same && was_finished {
             0
         } else {
             old.reached.min(alike)
@@ -196,6 +282,26 @@ impl Waypoints {
                 id: waypoint.id,
                 previous,
             })
+    }
+
+    /// Follows the sender's link as the fielded program did: to the number that a waypoint got here,
+    /// not to the one that was sent. False if that ended the list, or the program.
+    fn links_hold(&mut self, sent: &Sent) -> bool {
+        if sent.previous == NO_WAYPOINT {
+            return true;
+        }
+        let before = usize::try_from(sent.previous).ok();
+        let before = before.filter(|before| *before < self.len);
+        if self.defects.follows_unknown_links && before.is_none() {
+            self.broken.is_dead = true;
+            return false;
+        }
+        let is_shared = before.is_some_and(|before| before + 1 < self.len);
+        if self.defects.follows_shared_links && is_shared {
+            self.broken.stray.note(0);
+            return false;
+        }
+        true
     }
 
     fn index_of(&self, id: i16) -> Result<usize, WaypointError> {
@@ -226,7 +332,15 @@ impl Waypoints {
 
     fn insert_slot(&mut self, index: usize, waypoint: Waypoint) -> Result<(), WaypointError> {
         if self.len == CAPACITY {
-            return Err(WaypointError::Full);
+            let told = !self.defects.drops_silently;
+            return if told {
+                Err(WaypointError::Full)
+            } else {
+                Ok(())
+            };
+        }
+        if self.broken.has_no_end {
+            return Ok(());
         }
         self.slots.copy_within(index..self.len, index + 1);
         self.slots[index] = waypoint;

@@ -12,6 +12,7 @@
 //! when it is known how long it took.
 
 mod config;
+mod defects;
 mod drive;
 mod lidar;
 mod report;
@@ -22,6 +23,7 @@ use protocols::pcui::message::{Message, Mode, Order, State, WaypointList};
 use protocols::{Instant, LineConfig, LineEvent, Port, avr, pcui, xv11};
 
 pub use config::{Config, WHEELS};
+pub use defects::{Defects, Own};
 pub use drive::Battery;
 
 use crate::navigation::{Goal, HALT, Navigator, Step, Surroundings};
@@ -40,6 +42,10 @@ const DECISION_HOLDS: Duration = Duration::from_millis(600);
 const ORDER_HOLDS: Duration = Duration::from_secs(1);
 /// Largest set-point that the base takes.
 const SET_POINT_MAX: i8 = 35;
+/// What a defect makes of it: longer than any run.
+const FOR_EVER: Duration = Duration::from_secs(1_000_000);
+/// How often a program that waits for its lidar looks for it.
+const BLOCKED_LOOK: Duration = Duration::from_millis(10);
 /// How long a turn waits for the encoders' reading behind it.
 const WHEELS_WAIT: Duration = Duration::from_millis(30);
 
@@ -120,13 +126,13 @@ impl Rescue {
     pub const fn new(config: Config) -> Self {
         let mode = config.initial_mode;
         Self {
-            lidar: Lidar::new(LineConfig::new_8n1(xv11::BAUD), config.mounting),
+            lidar: Lidar::new(LineConfig::new_8n1(xv11::BAUD), &config),
             drive: Drive::new(&config),
             pc: PcLink::new(config.pc_link),
             mapper: Mapper::new(config.mapping),
             scan: Scan::EMPTY,
             navigator: Navigator::new(config.navigation),
-            waypoints: Waypoints::new(),
+            waypoints: Waypoints::with_defects(config.defects.waypoints),
             mode,
             ordered_at: Instant::ZERO,
             phase: Phase::Waiting,
@@ -201,10 +207,15 @@ impl Rescue {
     /// What an interrupt or a timer does: everything that must not wait for the search.
     fn attend(&mut self, now: Instant) {
         self.lidar.tick(now);
-        if self.mode == Mode::Manual && now - self.ordered_at >= ORDER_HOLDS {
+        if self.lidar.is_blocked() {
+            self.attend_at = now + BLOCKED_LOOK;
+            return;
+        }
+        if self.mode == Mode::Manual && self.order_ends() && now - self.ordered_at >= ORDER_HOLDS {
             self.counters.fallbacks = self.counters.fallbacks.saturating_add(1);
             self.set_mode(now, Mode::Exploration);
         }
+        self.drive.is_mute = self.own().stops_without_a_word && self.mode == Mode::Stop;
         if self.mode() == Mode::Stop {
             self.drive.command(now, HALT, now);
         }
@@ -234,12 +245,25 @@ impl Rescue {
             .min(self.drive.next_at())
             .min(self.pc.next_at());
         let idle = self.pc.idle_at().unwrap_or(own);
-        let order = if self.mode == Mode::Manual {
+        let order = if self.mode == Mode::Manual && self.order_ends() {
             self.ordered_at + ORDER_HOLDS
         } else {
             own
         };
         own.min(idle).min(order)
+    }
+
+    const fn own(&self) -> &Own {
+        &self.config.defects.own
+    }
+
+    const fn order_ends(&self) -> bool {
+        !self.own().manual_never_ends
+    }
+
+    /// Whether a defect has ended the program.
+    const fn has_ended(&self) -> bool {
+        self.waypoints.is_dead() || self.pc.is_dead()
     }
 
     fn state(&self) -> State {
@@ -269,21 +293,35 @@ impl Rescue {
             Mode::Stop | Mode::Exploration if !self.waypoints.is_empty() => {
                 self.set_mode(now, Mode::Waypoint);
             }
-            Mode::Waypoint if self.waypoints.is_empty() => self.set_mode(now, Mode::Stop),
+            Mode::Waypoint if self.waypoints.is_empty() => {
+                let explores = self.own().explores_without_goal;
+                let mode = if explores {
+                    Mode::Exploration
+                } else {
+                    Mode::Stop
+                };
+                self.set_mode(now, mode);
+            }
             _ => {}
         }
     }
 
     fn take_order(&mut self, now: Instant, order: Order) {
         self.ordered_at = now;
-        if order.mode != self.mode {
+        let is_passing = order.mode == Mode::Manual && self.own().forgets_manual;
+        if order.mode != self.mode && !is_passing {
             self.set_mode(now, order.mode);
         }
         if order.mode == Mode::Manual && !self.drive.is_silent() {
             let set_point = order
                 .set_point
                 .map(|wheel| wheel.clamp(-SET_POINT_MAX, SET_POINT_MAX));
-            self.drive.command(now, set_point, now + ORDER_HOLDS);
+            let holds = if self.order_ends() {
+                ORDER_HOLDS
+            } else {
+                FOR_EVER
+            };
+            self.drive.command(now, set_point, now + holds);
         }
     }
 
@@ -364,8 +402,14 @@ impl Rescue {
 
 impl Master for Rescue {
     fn receive(&mut self, port: Port, now: Instant, bytes: &[u8]) {
+        if self.has_ended() {
+            return;
+        }
         match port {
-            Self::LIDAR => self.lidar.receive(now, bytes),
+            Self::LIDAR => {
+                self.lidar.receive(now, bytes);
+                self.pc.overhear(bytes);
+            }
             Self::BASE => {
                 self.drive.receive(now, bytes);
                 self.attend_at = Instant::ZERO;
@@ -399,6 +443,9 @@ impl Master for Rescue {
     }
 
     fn poll(&mut self, now: Instant) {
+        if self.has_ended() {
+            return;
+        }
         if now >= self.attend_at {
             self.attend(now);
         }
@@ -425,6 +472,7 @@ impl Master for Rescue {
 
     fn transmit(&mut self, port: Port, buf: &mut [u8]) -> usize {
         match port {
+            _ if self.has_ended() => 0,
             Self::BASE => self.drive.transmit(buf),
             Self::RADIO => self.pc.transmit(buf),
             Self::MOTOR if !buf.is_empty() => self.motor_duty.take().map_or(0, |duty| {
@@ -436,6 +484,9 @@ impl Master for Rescue {
     }
 
     fn poll_at(&self) -> Option<Instant> {
+        if self.has_ended() {
+            return None;
+        }
         Some(match self.phase {
             Phase::Matched { .. } => Instant::ZERO,
             Phase::Waiting if self.lidar.has_turn() => Instant::ZERO,

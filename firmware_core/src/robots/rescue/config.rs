@@ -4,6 +4,7 @@ use core::time::Duration;
 use protocols::avr::ChecksumOrder;
 use protocols::pcui::message::Mode;
 
+use super::Defects;
 use crate::navigation::{self, Body};
 use crate::odometry::WheelGeometry;
 use crate::pose::Point;
@@ -30,6 +31,8 @@ pub struct Config {
     pub initial_mode: Mode,
     /// The PC link.
     pub pc_link: pc_link::Settings,
+    /// Faults of the fielded program to show, see [`Config::with_defect`].
+    pub defects: Defects,
 }
 
 impl Config {
@@ -44,6 +47,7 @@ impl Config {
         navigation: navigation::Settings::new(BODY),
         initial_mode: Mode::Stop,
         pc_link: pc_link::Settings::DEFAULT,
+        defects: Defects::NONE,
     };
 }
 

@@ -33,6 +33,14 @@ pub struct Battery {
     pub percent: i8,
 }
 
+impl Battery {
+    /// Nothing in it, as far as is known.
+    const EMPTY: Self = Self {
+        millivolts: 0,
+        percent: 0,
+    };
+}
+
 /// What the robot wants of its base and knows of it.
 #[derive(Clone, Debug)]
 pub(super) struct Drive {
@@ -50,6 +58,9 @@ pub(super) struct Drive {
     was_silent: bool,
     speed: [i8; 2],
     battery: Option<Battery>,
+    defects: super::Defects,
+    /// Nothing is said to the base (field defect NV-04).
+    pub(super) is_mute: bool,
     /// Set-points that ran out because nobody renewed them.
     pub(super) expired: u32,
     pub(super) silences: u32,
@@ -58,7 +69,11 @@ pub(super) struct Drive {
 impl Drive {
     pub(super) const fn new(config: &Config) -> Self {
         Self {
-            link: BaseLink::new(config.checksum_order, config.reply_timeout),
+            link: BaseLink::with_defects(
+                config.checksum_order,
+                config.reply_timeout,
+                config.defects.base,
+            ),
             odometry: Odometry::new(config.wheels),
             set_point: HALT,
             valid_until: Instant::ZERO,
@@ -69,7 +84,13 @@ impl Drive {
             probe_at: Instant::ZERO,
             was_silent: false,
             speed: HALT,
-            battery: None,
+            battery: if config.defects.own.assumes_empty_battery {
+                Some(Battery::EMPTY)
+            } else {
+                None
+            },
+            defects: config.defects,
+            is_mute: false,
             expired: 0,
             silences: 0,
         }
@@ -81,7 +102,7 @@ impl Drive {
         if set_point != self.set_point {
             self.set_point = set_point;
             self.is_confirmed = false;
-            if !self.link.is_silent() {
+            if !self.link.is_silent() && !self.is_mute {
                 self.write(now);
             }
         }
@@ -89,7 +110,7 @@ impl Drive {
 
     /// Asks for the wheels now rather than when it is due.
     pub(super) fn read_wheels(&mut self, now: Instant) {
-        if !self.link.is_silent() {
+        if !self.link.is_silent() && !self.is_mute {
             self.wheels_at = now + WHEELS_PERIOD;
             self.link.submit(now, WHEELS);
         }
@@ -105,6 +126,9 @@ impl Drive {
     }
 
     pub(super) fn tick(&mut self, now: Instant) {
+        if self.is_mute {
+            return;
+        }
         self.link.tick(now);
         self.take_completions();
         if now >= self.valid_until && self.set_point != HALT {
@@ -128,6 +152,9 @@ impl Drive {
     }
 
     pub(super) fn next_at(&self) -> Instant {
+        if self.is_mute {
+            return FAR;
+        }
         let link = self.link.next_at().unwrap_or(FAR);
         if self.link.is_silent() {
             return link.min(self.probe_at);
@@ -169,7 +196,11 @@ impl Drive {
     pub(super) fn speed_mm_s(&self) -> [i16; 2] {
         self.speed.map(|ticks| {
             #[expect(clippy::cast_possible_truncation, reason = "at most 128 * 11.4")]
-            let speed = libm::roundf(f32::from(ticks) * TICK_MM_S) as i16;
+            let speed = if self.defects.own.speaks_tenths {
+                (f32::from(ticks) * TICK_MM_S / 100.0) as i16
+            } else {
+                libm::roundf(f32::from(ticks) * TICK_MM_S) as i16
+            };
             speed
         })
     }

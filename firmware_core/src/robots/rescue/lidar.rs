@@ -1,9 +1,12 @@
 use core::time::Duration;
 
-use protocols::{Decode, Instant, LineConfig, xv11};
+use protocols::{Instant, LineConfig, xv11};
 
+use super::Config;
 use crate::lidar_motor::LidarMotor;
-use crate::scan::{Mounting, Turn, TurnAssembler};
+use crate::memory::StrayWrites;
+use crate::packets::Packets;
+use crate::scan::{Turn, TurnAssembler};
 
 /// Silence after which the robot counts as blind: more than a whole turn.
 const SILENCE_MAX: Duration = Duration::from_millis(300);
@@ -19,7 +22,7 @@ const PACKETS: u32 = 90;
 #[derive(Clone, Debug)]
 pub(super) struct Lidar {
     line: LineConfig,
-    decoder: xv11::Decoder,
+    decoder: Packets,
     assembler: TurnAssembler,
     motor: LidarMotor,
     received_at: Instant,
@@ -28,6 +31,11 @@ pub(super) struct Lidar {
     has_turn: bool,
     /// Whether a turn was complete since the last silence.
     sees: bool,
+    /// The fielded program waits for the lidar with everything else (XV-08).
+    waits: bool,
+    is_blocked: bool,
+    /// It kicks the motor whenever it loses the stream (XV-09).
+    kicks: bool,
     pub(super) counters: Counters,
 }
 
@@ -54,17 +62,20 @@ impl Counters {
 }
 
 impl Lidar {
-    pub(super) const fn new(line: LineConfig, mounting: Mounting) -> Self {
+    pub(super) const fn new(line: LineConfig, config: &Config) -> Self {
         Self {
             line,
-            decoder: xv11::Decoder::with_format(xv11::Packets),
-            assembler: TurnAssembler::new(mounting),
+            decoder: Packets::with_defects(config.defects.packets),
+            assembler: TurnAssembler::with_defects(config.mounting, config.defects.scan),
             motor: LidarMotor::new(TARGET_RPM),
             received_at: Instant::ZERO,
             packet_at: Instant::ZERO,
             turn_at: Instant::ZERO,
             has_turn: false,
             sees: false,
+            waits: config.defects.own.waits_for_lidar,
+            is_blocked: false,
+            kicks: config.defects.own.kicks_motor,
             counters: Counters::NONE,
         }
     }
@@ -82,7 +93,12 @@ impl Lidar {
                     let late = (now - Instant::ZERO).saturating_sub(self.line.bytes_time(behind));
                     self.take(Instant::ZERO + late, &packet);
                 }
-                Err(_) => self.counters.bad_packets = self.counters.bad_packets.saturating_add(1),
+                Err(_) => {
+                    self.counters.bad_packets = self.counters.bad_packets.saturating_add(1);
+                    if self.kicks {
+                        self.motor.kick();
+                    }
+                }
             }
         }
     }
@@ -95,7 +111,9 @@ impl Lidar {
     pub(super) fn tick(&mut self, now: Instant) {
         self.motor.tick(now);
         let is_silent = now - self.packet_at >= SILENCE_MAX || now - self.turn_at >= TURNLESS_MAX;
-        if self.sees && is_silent {
+        if self.waits {
+            self.is_blocked = self.sees && is_silent;
+        } else if self.sees && is_silent {
             self.sees = false;
             self.has_turn = false;
             self.counters.silences = self.counters.silences.saturating_add(1);
@@ -115,6 +133,15 @@ impl Lidar {
 
     pub(super) const fn sees(&self) -> bool {
         self.sees
+    }
+
+    /// Whether the program stands still because no packet comes.
+    pub(super) const fn is_blocked(&self) -> bool {
+        self.is_blocked
+    }
+
+    pub(super) const fn stray_writes(&self) -> StrayWrites {
+        self.decoder.stray_writes()
     }
 
     pub(super) const fn has_turn(&self) -> bool {

@@ -4,6 +4,7 @@ use protocols::pcui::message::Mode;
 use super::Rescue;
 use crate::Inspect;
 use crate::grid::Grid;
+use crate::memory::StrayWrites;
 use crate::pose::Pose;
 
 impl Inspect for Rescue {
@@ -26,6 +27,21 @@ impl Inspect for Rescue {
             Mode::Exploration => "exploration",
             Mode::Waypoint => "waypoint",
         }
+    }
+
+    fn stray_writes(&self, report: &mut dyn FnMut(&'static str, StrayWrites)) {
+        let buffers = [
+            ("reply buffer", self.drive.link().stray_writes()),
+            ("distances", self.lidar.stray_writes()),
+            ("waypoint list", self.waypoints.stray_writes()),
+        ];
+        for (buffer, stray) in buffers.into_iter().filter(|(_, stray)| stray.count > 0) {
+            report(buffer, stray);
+        }
+    }
+
+    fn is_dead(&self) -> bool {
+        self.has_ended()
     }
 
     fn counters(&self, report: &mut dyn FnMut(&'static str, u64)) {
