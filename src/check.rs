@@ -4,6 +4,7 @@
 use core::time::Duration;
 
 use emulators::world::Contact;
+use firmware_core::memory::StrayWrites;
 use protocols::Instant;
 use serde::Serialize;
 
@@ -71,6 +72,8 @@ pub fn standard(command_link: &str, silence_max: Duration) -> Vec<Box<dyn Checke
         Box::new(MotorsStopAfterSilence::new(command_link, silence_max)),
         Box::new(NoCollisionAtSpeed::default()),
         Box::new(BytesConserved::default()),
+        Box::new(MemoryIntact::default()),
+        Box::new(ProgramAlive::default()),
     ]
 }
 
@@ -243,5 +246,58 @@ impl Checker for BytesConserved {
             Some((at, line)) => format!("at {at} s on {line}"),
         };
         Check::new("bytes-conserved", self.broken.is_none(), detail)
+    }
+}
+
+/// The program never writes beside its buffers.
+#[derive(Clone, Debug, Default)]
+pub struct MemoryIntact {
+    broken: Option<(Instant, &'static str, StrayWrites)>,
+}
+
+impl Checker for MemoryIntact {
+    fn observe(&mut self, look: &Look<'_>) {
+        let Some(program) = look.rig.program() else {
+            return;
+        };
+        let now = look.rig.now();
+        program.stray_writes(&mut |buffer, stray| {
+            let at = self.broken.map_or(now, |(at, ..)| at);
+            self.broken = Some((at, buffer, stray));
+        });
+    }
+
+    fn verdict(&self) -> Check {
+        let detail = match self.broken {
+            None => "no write beside a buffer".to_owned(),
+            Some((at, buffer, stray)) => format!(
+                "{} writes beside the {buffer}, the first at {at} s to element {}, the last to {}",
+                stray.count, stray.first, stray.last
+            ),
+        };
+        Check::new("memory-intact", self.broken.is_none(), detail)
+    }
+}
+
+/// The program does not end.
+#[derive(Clone, Debug, Default)]
+pub struct ProgramAlive {
+    ended: Option<Instant>,
+}
+
+impl Checker for ProgramAlive {
+    fn observe(&mut self, look: &Look<'_>) {
+        let is_dead = look.rig.program().is_some_and(|program| program.is_dead());
+        if is_dead && self.ended.is_none() {
+            self.ended = Some(look.rig.now());
+        }
+    }
+
+    fn verdict(&self) -> Check {
+        let detail = match self.ended {
+            None => "to the end".to_owned(),
+            Some(at) => format!("ended at {at} s"),
+        };
+        Check::new("program-alive", self.ended.is_none(), detail)
     }
 }

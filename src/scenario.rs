@@ -104,6 +104,9 @@ pub struct ProgramSpec {
     /// Which processor runs it.
     #[serde(default)]
     pub cpu: CpuSpec,
+    /// Defects of the fielded program that it has, by the numbers that `hilrig bugs` lists.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub defects: Vec<toml::Spanned<String>>,
 }
 
 /// Mapping algorithms.

@@ -185,7 +185,7 @@ impl AvrBase {
     pub fn new(config: AvrBaseConfig, seed: u64) -> Self {
         let drawn = CYCLE.mul_f64(Rng::stream(seed, "base.phase").uniform());
         let ticks = Ticks::with_phase(config.phase.unwrap_or(drawn));
-        let quirks = config.profile.quirks();
+        let quirks = config.quirks();
         let pace = match quirks.processor {
             Processor::Measured => Pace::Each(BYTE_PITCH),
             Processor::Steady { .. } => Pace::Line(BUS_LINE.byte_time()),

@@ -73,7 +73,7 @@ pub(super) fn wire(
     };
     let program = match dut {
         Dut::Internal => {
-            let program = Box::new(Rescue::new(program(scenario, order)));
+            let program = Box::new(Rescue::new(program(scenario, order, source)?));
             Some(wired.rig.add_program("program", program))
         }
         Dut::External => None,
@@ -156,7 +156,7 @@ pub(super) fn alone(scenario: &Scenario, source: &Source) -> Result<Alone, Scena
         is_optional,
     };
     Ok(Alone {
-        program: Box::new(Rescue::new(program(scenario, order))),
+        program: Box::new(Rescue::new(program(scenario, order, source)?)),
         ports: vec![
             port("lidar", Rescue::LIDAR, false),
             port("motor", Rescue::MOTOR, true),
@@ -312,7 +312,11 @@ fn radio(scenario: &Scenario, source: &Source) -> Result<hc06::Profile, Scenario
     Ok(profile)
 }
 
-fn program(scenario: &Scenario, checksum_order: ChecksumOrder) -> Config {
+fn program(
+    scenario: &Scenario,
+    checksum_order: ChecksumOrder,
+    source: &Source,
+) -> Result<Config, ScenarioError> {
     let mut mapping = match scenario.program.mapper {
         MapperSpec::Best => slam::Settings::default(),
         MapperSpec::Document => slam::Settings::document(),
@@ -324,12 +328,19 @@ fn program(scenario: &Scenario, checksum_order: ChecksumOrder) -> Config {
     let [x_mm, y_mm, heading] = [start.x * 1000.0, start.y * 1000.0, start.theta].map(|v| v as f32);
     mapping.start = Pose::new(x_mm, y_mm, heading);
     let initial_mode = scenario.program.start_mode.map_or(Mode::Stop, Mode::from);
-    Config {
+    let mut config = Config {
         checksum_order,
         mapping,
         initial_mode,
         ..Config::default()
+    };
+    for id in &scenario.program.defects {
+        config = config.with_defect(id.get_ref()).ok_or_else(|| {
+            let known: Vec<&str> = Config::defects().collect();
+            unknown(source, "program.defects", id, &known)
+        })?;
     }
+    Ok(config)
 }
 
 impl From<ModeSpec> for Mode {

@@ -3,13 +3,15 @@
 use core::time::Duration;
 
 use super::battery::BatteryConfig;
-use super::profile::Profile;
+use super::profile::{Profile, Quirks};
 
 /// How a base is set up.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AvrBaseConfig {
     /// Its firmware.
     pub profile: Profile,
+    /// Quirks in place of the profile's, to mix firmwares.
+    pub quirks: Option<Quirks>,
     /// How long before the run all its tasks ran together, up to 200.8 ms; `None`: drawn.
     pub phase: Option<Duration>,
     /// Its battery.
@@ -23,6 +25,13 @@ pub struct AvrBaseConfig {
     /// Chance that a read of an encoder meets a count that carried into a higher byte while the
     /// registers were filled, given that it carried since the last look. See [`NATURAL_TEAR`].
     pub encoder_tear: f64,
+}
+
+impl AvrBaseConfig {
+    /// What is particular about the firmware.
+    pub fn quirks(&self) -> Quirks {
+        self.quirks.unwrap_or_else(|| self.profile.quirks())
+    }
 }
 
 /// Whether the base speaks of its own accord.
@@ -54,6 +63,7 @@ impl Default for AvrBaseConfig {
     fn default() -> Self {
         Self {
             profile: Profile::Document,
+            quirks: None,
             phase: None,
             battery: BatteryConfig::default(),
             announce: Announce::Nothing,
