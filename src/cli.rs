@@ -1,5 +1,6 @@
 //! The command line: one file per command.
 
+mod bugs;
 mod decode;
 mod demo;
 mod dut;
@@ -47,6 +48,7 @@ enum Command {
     Record(record::RecordArgs),
     Replay(replay::ReplayArgs),
     Decode(decode::DecodeArgs),
+    Bugs(bugs::Bugs),
     Fidelity(fidelity::Fidelity),
 }
 
@@ -115,6 +117,7 @@ pub fn main() -> ExitCode {
         Command::Record(args) => record::run(args),
         Command::Replay(args) => replay::run(args),
         Command::Decode(args) => decode::run(args),
+        Command::Bugs(args) => bugs::run(args),
         Command::Fidelity(args) => fidelity::run(args),
     };
     match result {

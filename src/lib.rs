@@ -14,6 +14,7 @@
 //! | [`replay`], [`divergence`] | a capture fed back; where two streams part |
 //! | [`record`] | a capture of what passes between two ports |
 //! | [`run`], [`mission`], [`check`], [`score`] | a run watched and judged |
+//! | [`museum`] | the defects of the fielded programs, each with its reproduction |
 //! | [`folder`], [`render`] | what a run leaves behind |
 //! | [`view`] | what the page and the report show, and the script that draws it |
 //! | [`realtime`], [`standalone`] | the rig, or the program alone, at the pace of the wall clock |
@@ -32,6 +33,7 @@ pub mod fault;
 pub mod folder;
 pub mod line;
 pub mod mission;
+pub mod museum;
 pub mod plan;
 pub mod realtime;
 pub mod record;

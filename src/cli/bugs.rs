@@ -1,0 +1,189 @@
+use std::io::{self, Write};
+
+use clap::Args;
+use serde_json::{Value, json};
+
+use super::{CliError, Verdict};
+use crate::museum::{self, Bug, Live, Observation, Reproduction, Variant};
+
+/// List the defects of the fielded programs, or reproduce one on the spot.
+///
+/// A reproduction runs the defective variant, then the sound one on the same stimulus, and shows the
+/// decisive bytes and figures of both; all of it in virtual time.
+#[derive(Debug, Args)]
+#[command(after_long_help = "Examples:\n  \
+    hilrig bugs                # number, place and symptom of each\n  \
+    hilrig bugs AV-02          # this one, live\n  \
+    hilrig bugs --all          # all of them, one line each\n  \
+    hilrig bugs PU-01 --json\n\n\
+    Exit code 1: a defect did not show, or the sound variant has it too.")]
+pub(super) struct Bugs {
+    /// Numbers of defects to reproduce [default: list them]
+    #[arg(value_name = "ID")]
+    ids: Vec<String>,
+    /// Reproduce all that can be, one line each
+    #[arg(long, conflicts_with = "ids")]
+    all: bool,
+    /// As JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(args: Bugs) -> Result<Verdict, CliError> {
+    let mut out = io::stdout().lock();
+    match tell(&args, &mut out) {
+        Err(Failure::Usage(text)) => Err(CliError::Other(text)),
+        // Whoever reads has seen enough, e.g. "head".
+        Err(Failure::Output(error)) if error.kind() == io::ErrorKind::BrokenPipe => {
+            Ok(Verdict::Pass)
+        }
+        Err(Failure::Output(error)) => Err(CliError::Other(format!("cannot write: {error}"))),
+        Ok(verdict) => Ok(verdict),
+    }
+}
+
+enum Failure {
+    Usage(String),
+    Output(io::Error),
+}
+
+impl From<io::Error> for Failure {
+    fn from(error: io::Error) -> Self {
+        Self::Output(error)
+    }
+}
+
+fn tell(args: &Bugs, out: &mut dyn Write) -> Result<Verdict, Failure> {
+    if args.ids.is_empty() && !args.all {
+        list(args.json, out)?;
+        return Ok(Verdict::Pass);
+    }
+    let mut verdict = Verdict::Pass;
+    let mut shown = Vec::new();
+    for bug in wanted(args)? {
+        let Some(reproduction) = bug.reproduce() else {
+            continue;
+        };
+        if !reproduction.holds() {
+            verdict = Verdict::Fail;
+        }
+        if args.json {
+            shown.push(as_json(bug, &reproduction));
+        } else if args.all {
+            line(bug, &reproduction, out)?;
+        } else {
+            page(bug, &reproduction, out)?;
+        }
+    }
+    if args.json {
+        writeln!(out, "{:#}", Value::from(shown))?;
+    }
+    Ok(verdict)
+}
+
+/// The defects that were asked for; only `--all` passes over those without an exhibit.
+fn wanted(args: &Bugs) -> Result<Vec<&'static Bug>, Failure> {
+    if args.all {
+        return Ok(museum::catalogue().collect());
+    }
+    let one = |id: &String| {
+        let bug = museum::find(id).ok_or_else(|| {
+            let like = museum::suggestions(id).join(", ");
+            let text = format!("there is no defect \"{id}\", the nearest are {like}");
+            Failure::Usage(format!("{text}; see \"hilrig bugs\""))
+        })?;
+        match bug.live {
+            Live::Exhibit { .. } => Ok(bug),
+            Live::Not(why) => {
+                let text = format!("{} cannot be reproduced: {why}", bug.id);
+                Err(Failure::Usage(text))
+            }
+        }
+    };
+    args.ids.iter().map(one).collect()
+}
+
+fn list(json: bool, out: &mut dyn Write) -> io::Result<()> {
+    if json {
+        let rows: Vec<Value> = museum::catalogue().map(row).collect();
+        return writeln!(out, "{:#}", Value::from(rows));
+    }
+    for bug in museum::catalogue() {
+        let mark = match bug.live {
+            Live::Exhibit { .. } => "",
+            Live::Not(_) => " (not live)",
+        };
+        writeln!(out, "{:<7} {}: {}{mark}", bug.id, bug.place, bug.sees)?;
+    }
+    Ok(())
+}
+
+fn row(bug: &Bug) -> Value {
+    let (by, why_not) = match bug.live {
+        Live::Exhibit { by, .. } => (Some(by), None),
+        Live::Not(why) => (None, Some(why)),
+    };
+    json!({ "id": bug.id, "place": bug.place, "sees": bug.sees, "by": by, "why_not": why_not })
+}
+
+fn as_json(bug: &Bug, reproduction: &Reproduction) -> Value {
+    let side = |observation: &Observation| {
+        let wire = observation.wire.iter().map(|exchange| {
+            json!({ "from": exchange.from, "bytes": exchange.bytes, "words": exchange.words })
+        });
+        let figures = observation.figures.iter();
+        let figures = figures.map(|figure| (figure.name.to_owned(), Value::from(&*figure.value)));
+        json!({
+            "wire": wire.collect::<Vec<_>>(),
+            "figures": figures.collect::<serde_json::Map<_, _>>(),
+            "has_defect": observation.has_defect,
+        })
+    };
+    let mut value = row(bug);
+    value["defective"] = side(&reproduction.defective);
+    value["sound"] = side(&reproduction.sound);
+    value["holds"] = reproduction.holds().into();
+    value
+}
+
+fn line(bug: &Bug, reproduction: &Reproduction, out: &mut dyn Write) -> io::Result<()> {
+    let verdict = if reproduction.holds() { "ok  " } else { "FAIL" };
+    let differences = reproduction.differences();
+    let shown = differences.first().map_or(String::new(), |difference| {
+        let (name, bad, good) = (difference.name, &difference.defective, &difference.sound);
+        format!("{name}: {bad} instead of {good}")
+    });
+    writeln!(out, "{verdict} {:<7} {shown}", bug.id)
+}
+
+fn page(bug: &Bug, reproduction: &Reproduction, out: &mut dyn Write) -> io::Result<()> {
+    writeln!(out, "{}, {}: {}", bug.id, bug.place, bug.sees)?;
+    let sides = [
+        (Variant::Defective, &reproduction.defective, reproduction.by),
+        (Variant::Sound, &reproduction.sound, "the same stimulus"),
+    ];
+    for (variant, observation, by) in sides {
+        writeln!(out, "\n{} ({by})", variant.name())?;
+        for exchange in &observation.wire {
+            writeln!(out, "  {:>6}  {}", exchange.from, exchange.hex())?;
+            writeln!(out, "          {}", exchange.words)?;
+        }
+        for figure in &observation.figures {
+            writeln!(out, "  {}: {}", figure.name, figure.value)?;
+        }
+    }
+    writeln!(out, "\ndifference")?;
+    for difference in reproduction.differences() {
+        let (name, bad, good) = (difference.name, difference.defective, difference.sound);
+        writeln!(out, "  {name}: {bad} instead of {good}")?;
+    }
+    let verdict = match (
+        reproduction.defective.has_defect,
+        reproduction.sound.has_defect,
+    ) {
+        (true, false) => "the defect shows, and only in the defective variant",
+        (false, _) => "the defect did not show",
+        (true, true) => "the sound variant has the defect too",
+    };
+    writeln!(out, "{verdict}")
+}
