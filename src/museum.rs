@@ -1,12 +1,17 @@
 //! The museum: the defects of the rescue robot's fielded programs, each live.
 //!
 //! A [`Bug`] is a row of the catalogue. Where it can be shown, its exhibit is a function that feeds
-//! the same stimulus to the defective and to the sound [`Variant`] and notes what is observed: bytes
-//! on the wire, and named figures. Nothing shown is written down beforehand; all of it comes from
-//! the code that runs, in virtual time.
+//! the same stimulus to the defective and to the sound [`Variant`] and notes what is observed:
+//! bytes on the wire, and named figures. Nothing shown is written down beforehand; all of it comes
+//! from the code that runs, in virtual time.
 
 mod base;
+mod bus;
+mod lidar;
+mod navigation;
 mod observation;
+mod pc;
+mod robot;
 
 pub use observation::{Difference, Exchange, Figure, Observation};
 
@@ -78,6 +83,16 @@ impl Bug {
         }
     }
 
+    /// One behind a switch of the robot's program.
+    const fn mutant(
+        id: &'static str,
+        place: &'static str,
+        sees: &'static str,
+        show: fn(Variant) -> Observation,
+    ) -> Self {
+        Self::new(id, place, sees, "the program with this defect", show)
+    }
+
     /// Both variants on the same stimulus; `None` if the defect has no exhibit.
     pub fn reproduce(&self) -> Option<Reproduction> {
         let Live::Exhibit { by, show } = self.live else {
@@ -116,7 +131,13 @@ impl Reproduction {
 
 /// All defects, in the order of the catalogue.
 pub fn catalogue() -> impl Iterator<Item = &'static Bug> {
-    let rooms: [&[Bug]; 1] = [&base::ROWS];
+    let rooms: [&[Bug]; 5] = [
+        &base::ROWS,
+        &bus::ROWS,
+        &lidar::ROWS,
+        &pc::ROWS,
+        &navigation::ROWS,
+    ];
     rooms.into_iter().flatten()
 }
 

@@ -20,6 +20,7 @@ use protocols::{Decode, Instant};
 
 use crate::fifo::Fifo;
 use crate::memory::StrayWrites;
+pub use listener::Defects;
 use listener::Listener;
 
 /// Most registers that a request reads.
@@ -146,42 +147,6 @@ pub struct Counters {
     pub bad_frames: u32,
     /// Requests or completions for which there was no room.
     pub overflows: u32,
-}
-
-/// What the fielded program did wrong on its bus; none by default. The ids are those of the
-/// project's list of field defects.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Defects {
-    /// The checksum's first byte is stored behind the data, outside the buffer (MA-01).
-    pub stores_checksum: bool,
-    /// As many bytes are stored as the reply announces, not as were asked for (MA-02).
-    pub unbounded_store: bool,
-    /// The counter of stored bytes has eight bits and a sign (MA-03).
-    pub signed_counter: bool,
-    /// A reply with fewer bytes than asked for is taken; the rest is what lay there (MA-04).
-    pub takes_short_replies: bool,
-    /// An acknowledgement is taken for data; all of them are what lay there (MA-05).
-    pub takes_acknowledgements: bool,
-    /// A frame that nobody waits for is stored where the last reader's buffer was (MA-06).
-    pub writes_when_nobody_waits: bool,
-    /// Nobody looks at a failure, so the slave never counts as silent (MA-07).
-    pub ignores_failures: bool,
-    /// A request is sent although another one is waiting for its answer (MA-08).
-    pub preempts_itself: bool,
-}
-
-impl Defects {
-    /// None.
-    pub const NONE: Self = Self {
-        stores_checksum: false,
-        unbounded_store: false,
-        signed_counter: false,
-        takes_short_replies: false,
-        takes_acknowledgements: false,
-        writes_when_nobody_waits: false,
-        ignores_failures: false,
-        preempts_itself: false,
-    };
 }
 
 #[derive(Clone, Copy, Debug)]

@@ -284,8 +284,8 @@ impl Waypoints {
             })
     }
 
-    /// Follows the sender's link as the fielded program did: to the number that a waypoint got here,
-    /// not to the one that was sent. False if that ended the list, or the program.
+    /// Follows the sender's link as the fielded program did: to the number that a waypoint got
+    /// here, not to the one that was sent. False if that ended the list, or the program.
     fn links_hold(&mut self, sent: &Sent) -> bool {
         if sent.previous == NO_WAYPOINT {
             return true;

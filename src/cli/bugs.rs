@@ -8,8 +8,8 @@ use crate::museum::{self, Bug, Live, Observation, Reproduction, Variant};
 
 /// List the defects of the fielded programs, or reproduce one on the spot.
 ///
-/// A reproduction runs the defective variant, then the sound one on the same stimulus, and shows the
-/// decisive bytes and figures of both; all of it in virtual time.
+/// A reproduction runs the defective variant, then the sound one on the same stimulus, and shows
+/// the decisive bytes and figures of both; all of it in virtual time.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig bugs                # number, place and symptom of each\n  \

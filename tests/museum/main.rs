@@ -2,6 +2,9 @@
 //! are those of the field-bug catalogue.
 
 mod base;
+mod bus;
+mod lidar;
+mod pc;
 
 use hilrig::museum::{self, Observation, Reproduction};
 

@@ -15,11 +15,12 @@ mod config;
 mod defects;
 mod drive;
 mod lidar;
+mod orders;
 mod report;
 
 use core::time::Duration;
 
-use protocols::pcui::message::{Message, Mode, Order, State, WaypointList};
+use protocols::pcui::message::{Mode, State};
 use protocols::{Instant, LineConfig, LineEvent, Port, avr, pcui, xv11};
 
 pub use config::{Config, WHEELS};
@@ -215,7 +216,6 @@ impl Rescue {
             self.counters.fallbacks = self.counters.fallbacks.saturating_add(1);
             self.set_mode(now, Mode::Exploration);
         }
-        self.drive.is_mute = self.own().stops_without_a_word && self.mode == Mode::Stop;
         if self.mode() == Mode::Stop {
             self.drive.command(now, HALT, now);
         }
@@ -275,59 +275,10 @@ impl Rescue {
         }
     }
 
-    /// Does what a frame from the PC says.
-    fn obey(&mut self, now: Instant, frame: &pcui::Frame) {
-        match frame.message() {
-            Ok(Message::Waypoints(list)) => self.take_waypoints(now, list),
-            Ok(Message::Order(order)) => self.take_order(now, order),
-            Ok(_) | Err(_) => self.pc.count_meaningless(),
-        }
-    }
-
-    fn take_waypoints(&mut self, now: Instant, list: WaypointList<'_>) {
-        let refused = self.waypoints.replace(list.iter());
-        let refused = u32::try_from(refused).unwrap_or(u32::MAX);
-        self.counters.refused_waypoints = self.counters.refused_waypoints.saturating_add(refused);
-        self.pc.echo_waypoints();
-        match self.mode {
-            Mode::Stop | Mode::Exploration if !self.waypoints.is_empty() => {
-                self.set_mode(now, Mode::Waypoint);
-            }
-            Mode::Waypoint if self.waypoints.is_empty() => {
-                let explores = self.own().explores_without_goal;
-                let mode = if explores {
-                    Mode::Exploration
-                } else {
-                    Mode::Stop
-                };
-                self.set_mode(now, mode);
-            }
-            _ => {}
-        }
-    }
-
-    fn take_order(&mut self, now: Instant, order: Order) {
-        self.ordered_at = now;
-        let is_passing = order.mode == Mode::Manual && self.own().forgets_manual;
-        if order.mode != self.mode && !is_passing {
-            self.set_mode(now, order.mode);
-        }
-        if order.mode == Mode::Manual && !self.drive.is_silent() {
-            let set_point = order
-                .set_point
-                .map(|wheel| wheel.clamp(-SET_POINT_MAX, SET_POINT_MAX));
-            let holds = if self.order_ends() {
-                ORDER_HOLDS
-            } else {
-                FOR_EVER
-            };
-            self.drive.command(now, set_point, now + holds);
-        }
-    }
-
     /// Whatever the robot was doing, it stops; the next scan decides how it goes on.
     fn set_mode(&mut self, now: Instant, mode: Mode) {
         self.mode = mode;
+        self.drive.is_mute = self.own().stops_without_a_word && mode == Mode::Stop;
         self.navigator.reset();
         self.drive.command(now, HALT, now);
     }
