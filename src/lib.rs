@@ -15,6 +15,7 @@
 //! | [`record`] | a capture of what passes between two ports |
 //! | [`run`], [`mission`], [`check`], [`score`] | a run watched and judged |
 //! | [`museum`] | the defects of the fielded programs, each with its reproduction |
+//! | [`fuzz`] | cases that nobody thought of |
 //! | [`folder`], [`render`] | what a run leaves behind |
 //! | [`view`] | what the page and the report show, and the script that draws it |
 //! | [`realtime`], [`standalone`] | the rig, or the program alone, at the pace of the wall clock |
@@ -31,6 +32,7 @@ pub mod decode;
 pub mod divergence;
 pub mod fault;
 pub mod folder;
+pub mod fuzz;
 pub mod line;
 pub mod mission;
 pub mod museum;

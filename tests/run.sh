@@ -28,16 +28,21 @@ command -v cargo >/dev/null || {
 command -v cc >/dev/null && command -v readelf >/dev/null || install gcc libc6-dev binutils
 # Judges our captures; without it CI fails and others skip that test, saying so.
 command -v tshark >/dev/null || install tshark
+# Reads what the instrumented replay of the corpus writes.
+command -v llvm-cov-19 >/dev/null || install llvm-19
 cargo fmt --version >/dev/null 2>&1 || rustup component add rustfmt
 cargo clippy --version >/dev/null 2>&1 || rustup component add clippy
 cargo --version
 
 step "format"
 cargo fmt --all --check
-rustfmt --edition 2024 --check tests/bare_metal/src/lib.rs
+rustfmt --edition 2024 --check tests/bare_metal/src/lib.rs fuzz/src/lib.rs fuzz/src/bin/corpus.rs
 
 step "bare metal: no std, no heap, 128 KiB"
 bash tests/bare_metal/prove.sh
+
+step "coverage of the decoders by the corpus"
+bash tests/coverage.sh
 
 step "lints"
 cargo clippy --locked --workspace --all-targets -- -D warnings

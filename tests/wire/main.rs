@@ -5,6 +5,7 @@
 //! other test of this repository. Nothing here takes an expected value from our own encoders.
 
 mod avr;
+mod corpus;
 mod decode;
 mod hc06;
 mod laws;

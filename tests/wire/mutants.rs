@@ -12,7 +12,7 @@ use crate::protocol::{Protocol, cut_frame, cuts, frames, one_damage, stream};
 
 /// What a mutant does wrong.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Fault {
+pub(crate) enum Fault {
     /// Nothing: the control that keeps every law.
     None,
     /// Throws away the whole rejected candidate, with the frame that may begin inside it.
@@ -37,7 +37,7 @@ enum Fault {
 }
 
 /// A slow decoder of the register bus with one fault.
-struct Mutant {
+pub(crate) struct Mutant {
     fault: Fault,
     format: Bus,
     buf: Vec<u8>,
@@ -48,7 +48,7 @@ struct Mutant {
 }
 
 impl Mutant {
-    fn new(fault: Fault) -> Self {
+    pub(crate) fn new(fault: Fault) -> Self {
         Self {
             fault,
             format: Bus {

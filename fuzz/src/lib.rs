@@ -1,0 +1,9 @@
+//! The entry functions of `hilrig fuzz` without the rest of the rig, so that an instrumented build
+//! takes seconds.
+
+pub use fuzz::wire;
+
+#[path = "../../src/fuzz"]
+mod fuzz {
+    pub mod wire;
+}

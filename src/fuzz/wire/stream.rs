@@ -1,0 +1,247 @@
+use core::fmt::Write as _;
+
+use super::{Choices, Wire};
+
+/// Most frames, pieces and damages of a session.
+const ITEMS_MAX: usize = 64;
+
+/// Bytes as a line delivers them: in pieces, with pauses.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Stream {
+    bytes: Vec<u8>,
+    /// Where a piece ends, and whether the line was idle after it; in order.
+    marks: Vec<(usize, bool)>,
+}
+
+/// A part of a [`Stream`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Piece<'a> {
+    /// Bytes that come in one go.
+    Bytes(&'a [u8]),
+    /// The line is quiet.
+    Idle,
+}
+
+/// A line of a stream's text that is none.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StreamError {
+    /// Which line, from 1.
+    pub line: usize,
+    /// What stands there.
+    pub found: String,
+}
+
+impl core::fmt::Display for StreamError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let Self { line, found } = self;
+        write!(
+            f,
+            "line {line}: \"{found}\", expected hexadecimal pairs or \"idle\""
+        )
+    }
+}
+
+impl core::error::Error for StreamError {}
+
+impl Stream {
+    /// `bytes` in one piece.
+    pub fn raw(bytes: &[u8]) -> Self {
+        Self {
+            bytes: bytes.to_vec(),
+            marks: Vec::new(),
+        }
+    }
+
+    /// All bytes, whatever the pieces.
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// Bytes and pauses in their order.
+    pub fn pieces(&self) -> impl Iterator<Item = Piece<'_>> {
+        let mut start = 0;
+        let ends = self.marks.iter().copied();
+        let ends = ends.chain(core::iter::once((self.bytes.len(), false)));
+        ends.flat_map(move |(end, idle)| {
+            let bytes = Piece::Bytes(&self.bytes[core::mem::replace(&mut start, end)..end]);
+            core::iter::once(bytes).chain(idle.then_some(Piece::Idle))
+        })
+    }
+
+    /// Bytes between pauses.
+    pub(super) fn stretches(&self) -> impl Iterator<Item = &[u8]> {
+        let mut start = 0;
+        let pauses = self
+            .marks
+            .iter()
+            .filter(|(_, idle)| *idle)
+            .map(|mark| mark.0);
+        pauses
+            .chain(core::iter::once(self.bytes.len()))
+            .map(move |end| &self.bytes[core::mem::replace(&mut start, end)..end])
+    }
+
+    /// The session that `data` describes: valid frames, cut ones, noise and damage, up to 64 of
+    /// them. The first byte says whether checksums are repaired after damage.
+    ///
+    /// Any bytes mean something, and any bytes can be meant: `0B` and a length bring the bytes
+    /// behind them in as they are.
+    pub fn session<W: Wire>(data: &[u8]) -> Self {
+        let mut choices = Choices::new(data);
+        let repairs = choices.byte() & 1 == 1;
+        let mut session = Self::default();
+        let mut last = 0;
+        for _ in 0..ITEMS_MAX {
+            if choices.is_empty() {
+                break;
+            }
+            match choices.byte() % 16 {
+                0..10 => {
+                    last = session.bytes.len();
+                    W::build(&mut choices, &mut session.bytes);
+                }
+                10 => {
+                    last = session.bytes.len();
+                    W::build(&mut choices, &mut session.bytes);
+                    let kept = choices.below(session.bytes.len() - last);
+                    session.bytes.truncate(last + kept);
+                }
+                11 => {
+                    last = session.bytes.len();
+                    let len = usize::from(choices.byte());
+                    session.bytes.extend(choices.take(len));
+                }
+                12 => session.mark(choices.byte() & 1 == 1, &mut last),
+                damage => {
+                    session.damage(damage, last, &mut choices);
+                    if repairs {
+                        W::repair(&mut session.bytes[last..]);
+                    }
+                }
+            }
+        }
+        session
+    }
+
+    /// Ends a piece here.
+    fn mark(&mut self, idle: bool, last: &mut usize) {
+        *last = self.bytes.len();
+        self.marks.push((*last, idle));
+    }
+
+    /// Damages a byte at or behind `from`.
+    fn damage(&mut self, kind: u8, from: usize, choices: &mut Choices<'_>) {
+        let len = self.bytes.len() - from;
+        if len == 0 {
+            return;
+        }
+        let at = from + choices.below(len);
+        match kind {
+            13 => self.bytes[at] ^= 1 << (choices.byte() % 8),
+            14 => drop(self.bytes.remove(at)),
+            _ => self.bytes.insert(at, choices.byte()),
+        }
+    }
+
+    /// The stream as text: a piece a line in hexadecimal pairs, `idle` for a pause.
+    pub fn to_text(&self) -> String {
+        let mut text = String::new();
+        for piece in self.pieces() {
+            match piece {
+                Piece::Bytes([]) => continue,
+                Piece::Idle => text.push_str("idle"),
+                Piece::Bytes(bytes) => {
+                    for (at, byte) in bytes.iter().enumerate() {
+                        let space = if at == 0 { "" } else { " " };
+                        write!(text, "{space}{byte:02X}").expect("a string takes everything");
+                    }
+                }
+            }
+            text.push('\n');
+        }
+        text
+    }
+
+    /// Reads what [`to_text`](Self::to_text) writes; `#` begins a comment. A line that ends in `\`
+    /// goes on in the next one.
+    pub fn parse(text: &str) -> Result<Self, StreamError> {
+        let mut stream = Self::default();
+        let mut goes_on = true;
+        for (line, whole) in (1..).zip(text.lines()) {
+            let said = whole.split('#').next().unwrap_or_default().trim();
+            let wrong = |found: &str| StreamError {
+                line,
+                found: found.to_owned(),
+            };
+            if said == "idle" {
+                stream.marks.push((stream.bytes.len(), true));
+                goes_on = true;
+                continue;
+            }
+            if said.is_empty() {
+                continue;
+            }
+            if !core::mem::replace(&mut goes_on, said.ends_with('\\')) {
+                stream.marks.push((stream.bytes.len(), false));
+            }
+            for pair in said.trim_end_matches('\\').split_whitespace() {
+                let is_pair = pair.len() == 2 && pair.bytes().all(|b| b.is_ascii_hexdigit());
+                let byte = u8::from_str_radix(pair, 16).map_err(|_| wrong(pair))?;
+                stream.bytes.push(if is_pair {
+                    byte
+                } else {
+                    return Err(wrong(pair));
+                });
+            }
+        }
+        Ok(stream)
+    }
+
+    /// Data that [`session`](Self::session) makes this stream of, as far as 64 items reach: how a
+    /// readable stream becomes the start of a fuzzer's work.
+    pub fn to_data(&self) -> Vec<u8> {
+        let mut data = vec![0];
+        for piece in self.pieces() {
+            match piece {
+                Piece::Idle => data.extend([12, 1]),
+                Piece::Bytes(bytes) => {
+                    for part in bytes.chunks(255) {
+                        data.extend([11, u8::try_from(part.len()).expect("at most 255")]);
+                        data.extend(part);
+                    }
+                    data.extend([12, 0]);
+                }
+            }
+        }
+        data
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Xv11;
+    use super::*;
+
+    #[test]
+    fn a_stream_is_read_as_it_is_written() {
+        let text = "AB 24\nidle\nFF\n00 01\nidle\n";
+        let stream = Stream::parse(text).expect("a stream");
+        assert_eq!(stream.bytes(), [0xAB, 0x24, 0xFF, 0x00, 0x01]);
+        assert_eq!(stream.to_text(), text);
+    }
+
+    #[test]
+    fn a_word_that_is_no_byte_is_named_with_its_line() {
+        for (text, line, found) in [("AB\nXY", 2, "XY"), ("ABC", 1, "ABC"), ("+1", 1, "+1")] {
+            let found = found.to_owned();
+            assert_eq!(Stream::parse(text), Err(StreamError { line, found }));
+        }
+    }
+
+    #[test]
+    fn a_readable_stream_can_be_given_to_a_fuzzer() {
+        let stream = Stream::parse("FA A0\nidle\n01 02 # noise\n").expect("a stream");
+        let again = Stream::session::<Xv11>(&stream.to_data());
+        assert_eq!(again.to_text(), stream.to_text());
+    }
+}
