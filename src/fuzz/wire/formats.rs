@@ -214,7 +214,7 @@ impl<O: Order> Wire for Avr<O> {
 
     fn frame_at(bytes: &[u8]) -> Option<usize> {
         let control = usize::from(*bytes.get(2)?);
-        let end = 3 + if control >= 128 { control - 128 } else { 0 };
+        let end = 3 + control.saturating_sub(128);
         let sum: usize = bytes
             .get(..end)?
             .iter()
