@@ -1,7 +1,8 @@
 //! The entry functions of the fuzzers: over the corpus, over sessions that nobody chose, and over
 //! decoders with one fault each, which they have to catch.
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use core::panic::AssertUnwindSafe;
+use std::panic::catch_unwind;
 use std::path::{Path, PathBuf};
 
 use hilrig::fuzz::wire::{Broken, Choices, HighFirst, Stream, Target, Wire, keeps_the_laws};
