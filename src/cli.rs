@@ -1,6 +1,7 @@
 //! The command line: one file per command.
 
 mod bugs;
+mod campaign;
 mod decode;
 mod demo;
 mod dut;
@@ -11,6 +12,8 @@ mod ports;
 mod record;
 mod replay;
 mod run;
+mod slam;
+mod shrink;
 mod stop;
 mod up;
 
@@ -49,6 +52,8 @@ enum Command {
     Replay(replay::ReplayArgs),
     Decode(decode::DecodeArgs),
     Bugs(bugs::Bugs),
+    Campaign(campaign::CampaignArgs),
+    Shrink(shrink::ShrinkArgs),
     Fidelity(fidelity::Fidelity),
 }
 
@@ -118,6 +123,8 @@ pub fn main() -> ExitCode {
         Command::Replay(args) => replay::run(args),
         Command::Decode(args) => decode::run(args),
         Command::Bugs(args) => bugs::run(args),
+        Command::Campaign(args) => campaign::run(args),
+        Command::Shrink(args) => shrink::run(&args),
         Command::Fidelity(args) => fidelity::run(args),
     };
     match result {

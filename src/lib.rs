@@ -16,12 +16,15 @@
 //! | [`run`], [`mission`], [`check`], [`score`] | a run watched and judged |
 //! | [`museum`] | the defects of the fielded programs, each with its reproduction |
 //! | [`fuzz`] | cases that nobody thought of |
+//! | [`fuzz`], [`generate`], [`shrink`] | cases that nobody thought of, made small |
+//! | [`campaign`] | many runs, grouped by cause |
 //! | [`folder`], [`render`] | what a run leaves behind |
 //! | [`view`] | what the page and the report show, and the script that draws it |
 //! | [`realtime`], [`standalone`] | the rig, or the program alone, at the pace of the wall clock |
 //! | [`transport`], [`clock`], [`control`] | the outside world |
 //! | [`cli`] | the commands |
 
+pub mod campaign;
 pub mod capture;
 pub mod check;
 pub mod cli;
@@ -33,6 +36,7 @@ pub mod divergence;
 pub mod fault;
 pub mod folder;
 pub mod fuzz;
+pub mod generate;
 pub mod line;
 pub mod mission;
 pub mod museum;
@@ -47,6 +51,8 @@ pub mod robots;
 pub mod run;
 pub mod scenario;
 pub mod score;
+pub mod slam;
+pub mod shrink;
 pub mod standalone;
 pub mod trace;
 pub mod transport;

@@ -225,3 +225,11 @@ pub fn map_received(robot: Robot, rig: &Rig) -> Option<bool> {
         Robot::Rescue => rescue::map_received(rig),
     }
 }
+
+/// Counters of the program that tell of situations which a campaign must bring about at least
+/// once: otherwise nothing is known about how it copes with them.
+pub const fn situations(robot: Robot) -> &'static [&'static str] {
+    match robot {
+        Robot::Rescue => &rescue::SITUATIONS,
+    }
+}

@@ -2,8 +2,8 @@
 //! laws on it.
 //!
 //! The same functions serve `hilrig fuzz`, the coverage-guided targets of the folder `fuzz`, the
-//! bench, and the replay of the corpus in the tests. They know nothing but the wire formats, so that
-//! an instrumented build of them is small.
+//! bench, and the replay of the corpus in the tests. They know nothing but the wire formats, so
+//! that an instrumented build of them is small.
 
 mod choices;
 mod formats;

@@ -39,6 +39,24 @@ pub const WATCH: Watch = Watch {
     silence_max: Duration::from_millis(1060),
 };
 
+/// Situations that a campaign must bring about: what each link can do to the program.
+pub const SITUATIONS: [&str; 14] = [
+    "lidar packets lost",
+    "lidar packets bad",
+    "lidar turns skipped",
+    "lidar silences",
+    "base retries",
+    "base failures",
+    "base silences",
+    "base unsolicited",
+    "base errors",
+    "base bad frames",
+    "encoder readings disbelieved",
+    "radio bad frames",
+    "radio frames without meaning",
+    "waypoints reached",
+];
+
 /// Largest set-point that the fielded base follows, ticks per 40 ms.
 const SET_POINT_MAX: i16 = 35;
 

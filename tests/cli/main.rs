@@ -1,9 +1,11 @@
 //! The command line as a user meets it: exit codes, messages, files.
 
+mod campaign;
 mod errors;
 mod fidelity;
 mod mutated;
 mod results;
+mod shrink;
 
 #[path = "../support/captures.rs"]
 mod captures;
@@ -26,6 +28,10 @@ impl Session {
 
     fn write(&self, name: &str, text: &str) {
         std::fs::write(self.folder.join(name), text).expect("the target folder can be written");
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.join(name)
     }
 
     fn read(&self, name: &str) -> String {

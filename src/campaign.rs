@@ -1,0 +1,16 @@
+//! Many runs of some scenarios, one for each seed, on all processors and on many machines: what
+//! they came to, grouped by cause.
+//!
+//! A shard is stateless: it takes every n-th run of the list, keeps what each came to in a file of
+//! lines, and goes on where it stopped. Shards are merged by sorting, so that it makes no
+//! difference how a campaign was cut, or in which order the runs ended.
+
+mod judge;
+mod merge;
+mod page;
+mod store;
+
+pub use judge::{Record, cause_of, run};
+pub use merge::{Group, Merged, SituationCount, merge};
+pub use page::page;
+pub use store::{CampaignError, Plan, Shard, Store};

@@ -1,0 +1,102 @@
+//! A campaign as one HTML file that opens anywhere, without a network.
+
+use core::fmt::{self, Write as _};
+
+use super::Merged;
+
+/// Text that cannot be taken for markup.
+struct Escaped<'a>(&'a str);
+
+impl fmt::Display for Escaped<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.chars().try_for_each(|c| match c {
+            '&' => f.write_str("&amp;"),
+            '<' => f.write_str("&lt;"),
+            '>' => f.write_str("&gt;"),
+            '"' => f.write_str("&quot;"),
+            '\'' => f.write_str("&#39;"),
+            c => f.write_char(c),
+        })
+    }
+}
+
+const HEAD: &str = "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\">\
+    <title>hilrig campaign</title><style>\
+    body{font:15px/1.5 system-ui,sans-serif;margin:2em auto;max-width:70em;padding:0 1em;\
+    color:#222;background:#fff}table{border-collapse:collapse;width:100%}\
+    th,td{border:1px solid #ccc;padding:.3em .6em;text-align:left;vertical-align:top}\
+    th{background:#f2f2f2}td.n{text-align:right}code{font-size:.9em;white-space:pre-wrap}\
+    .bad{color:#a00}.good{color:#070}</style>";
+
+/// The page of `merged`.
+pub fn page(merged: &Merged) -> String {
+    let mut out = String::from(HEAD);
+    write_page(merged, &mut out).expect("a string takes everything");
+    out
+}
+
+fn write_page(merged: &Merged, out: &mut String) -> fmt::Result {
+    let seeds = &merged.plan.seeds;
+    let verdict = match merged.failed {
+        0 => "<b class=\"good\">all pass</b>".to_owned(),
+        failed => format!("<b class=\"bad\">{failed} fail</b>"),
+    };
+    let names: Vec<&str> = merged.plan.scenarios.keys().map(String::as_str).collect();
+    write!(
+        out,
+        "<h1>Campaign</h1><p>{}, seeds {} to {}, varied: {}. {} runs, {:.1} h of virtual time: \
+         {verdict}.",
+        Escaped(&names.join(", ")),
+        seeds.start,
+        seeds.end.saturating_sub(1),
+        Escaped(&merged.plan.vary),
+        merged.runs,
+        merged.ran_ms as f64 / 3.6e6
+    )?;
+    if merged.missing > 0 {
+        write!(
+            out,
+            " <span class=\"bad\">{} runs are missing.</span>",
+            merged.missing
+        )?;
+    }
+    write!(out, "<p>Trace <code>{}</code>", merged.trace)?;
+    out.write_str(
+        "<h2>Failures by cause</h2><table><tr><th>cause<th>runs<th>first<th>what it says\
+         <th>smallest case",
+    )?;
+    for group in &merged.groups {
+        let (scenario, seed) = &group.first;
+        write!(
+            out,
+            "<tr><td>{}<td class=\"n\">{}<td>{} seed {seed}<td>{}<td>",
+            Escaped(&group.cause),
+            group.runs,
+            Escaped(scenario),
+            Escaped(&group.detail)
+        )?;
+        if let (Some(case), Some(left)) = (&group.case, &group.left) {
+            let (case, left) = (Escaped(case), Escaped(left));
+            write!(out, "<a href=\"{case}\">{case}</a><br>{left}<br>")?;
+            write!(out, "<code>hilrig run {case}</code>")?;
+        }
+    }
+    out.write_str("</table><h2>Situations that must come up</h2><table><tr><th>what<th>runs")?;
+    for count in &merged.situations {
+        let class = if count.runs == 0 { "n bad" } else { "n" };
+        let name = Escaped(&count.situation);
+        write!(out, "<tr><td>{name}<td class=\"{class}\">{}", count.runs)?;
+    }
+    out.write_str("</table></html>\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_of_a_run_is_never_markup() {
+        let text = Escaped("<script>'&\"").to_string();
+        assert_eq!(text, "&lt;script&gt;&#39;&amp;&quot;");
+    }
+}

@@ -1,0 +1,239 @@
+use core::ops::Range;
+use core::sync::atomic::{AtomicUsize, Ordering};
+use core::time::Duration;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc;
+use std::thread;
+
+use clap::{Args, Subcommand};
+
+use super::stop::Stop;
+use super::{CliError, Verdict};
+use crate::campaign::{self, CampaignError, Merged, Plan, Record, Shard, Store};
+use crate::clock::{Clock, WallClock};
+use crate::generate::{self, Dice, Vary};
+use crate::scenario::{Scenario, Source, Span};
+
+/// Run scenarios with many seeds, on all processors and on many machines, and group what fails.
+///
+/// Each shard is stateless and goes on where it stopped when it is given the same folder. Whatever
+/// is made anew for a seed (--vary) depends on the seed alone.
+#[derive(Debug, Args)]
+#[command(
+    args_conflicts_with_subcommands = true,
+    after_long_help = "Examples:\n  \
+    hilrig campaign scenarios/empty-room.toml --seeds 0..200 --vary all --out night\n  \
+    hilrig campaign scenarios/*.toml --seeds 0..1000 --shard 3/16 --budget 2h --out shard-3\n  \
+    hilrig campaign merge shard-* --out all     # table in all/campaign.html"
+)]
+pub(super) struct CampaignArgs {
+    #[command(subcommand)]
+    merge: Option<CampaignCommand>,
+    /// Scenario files
+    #[arg(value_name = "SCENARIO", required = true)]
+    scenarios: Vec<PathBuf>,
+    /// Seeds, the end not included
+    #[arg(long, value_name = "A..B", value_parser = seeds, default_value = "0..100")]
+    seeds: Range<u64>,
+    /// What is made anew for each seed: all, none, or some of world,mission,timing,faults
+    #[arg(long, value_name = "WHAT", default_value = "none")]
+    vary: Vary,
+    /// Run only every N-th run, from number I on
+    #[arg(long, value_name = "I/N", default_value = "0/1")]
+    shard: Shard,
+    /// Start no further run after this time
+    #[arg(long, value_name = "TIME")]
+    budget: Option<Span>,
+    /// Runs at the same time [default: one for each processor]
+    #[arg(long, value_name = "N")]
+    jobs: Option<core::num::NonZeroUsize>,
+    /// Folder of the results, to be gone on with if it exists
+    #[arg(long, value_name = "DIR", default_value = "hilrig-out/campaign")]
+    out: PathBuf,
+}
+
+#[derive(Debug, Subcommand)]
+enum CampaignCommand {
+    Merge(MergeArgs),
+}
+
+/// Merge the folders of shards: failures by cause, a minimised case for each, an HTML table
+#[derive(Debug, Args)]
+struct MergeArgs {
+    /// Folders of shards
+    #[arg(value_name = "DIR", required = true)]
+    dirs: Vec<PathBuf>,
+    /// Folder for the result
+    #[arg(long, value_name = "DIR", default_value = "hilrig-out/campaign")]
+    out: PathBuf,
+}
+
+impl From<CampaignError> for CliError {
+    fn from(error: CampaignError) -> Self {
+        Self::Other(error.to_string())
+    }
+}
+
+fn seeds(text: &str) -> Result<Range<u64>, String> {
+    let parsed = text.split_once("..").and_then(|(from, until)| {
+        let (from, until) = (from.parse().ok()?, until.parse().ok()?);
+        (from < until && i64::try_from(until).is_ok()).then_some(from..until)
+    });
+    parsed.ok_or_else(|| "expected A..B with A below B, e.g. 0..100".to_owned())
+}
+
+/// Time between two lines of progress.
+const PROGRESS: Duration = Duration::from_secs(5);
+
+pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
+    if let Some(CampaignCommand::Merge(args)) = args.merge {
+        return report(&campaign::merge(&args.dirs, &args.out)?, &args.out);
+    }
+    let mut read = BTreeMap::new();
+    for path in &args.scenarios {
+        let (scenario, source) = Scenario::read(path)?;
+        let name = scenario.name.clone();
+        if read.insert(name.clone(), (scenario, source)).is_some() {
+            let message = format!("{}: a second scenario \"{name}\"", path.display());
+            return Err(CliError::Other(format!(
+                "{message}, expected each name once"
+            )));
+        }
+    }
+    let texts = read
+        .iter()
+        .map(|(name, (_, source))| (name.clone(), source.text.clone()));
+    let plan = Plan {
+        tool: concat!("hilrig ", env!("CARGO_PKG_VERSION")).to_owned(),
+        scenarios: texts.collect(),
+        seeds: args.seeds.clone(),
+        vary: args.vary.to_string(),
+    };
+    let mut store = Store::create(&args.out, &plan)?;
+    let todo: Vec<(&str, u64)> = plan
+        .runs()
+        .filter(|&(number, name, seed)| args.shard.has(number) && !store.has(name, seed))
+        .map(|(_, name, seed)| (name, seed))
+        .collect();
+    let made = |name: &str, seed| {
+        let (scenario, source) = &read[name];
+        let mut scenario = generate::scenario(scenario, args.vary, &mut Dice::of_seed(seed));
+        scenario.seed = seed;
+        (scenario, source)
+    };
+    let ended = run_all(&todo, args.jobs, args.budget, made, &mut store)?;
+    if ended < todo.len() {
+        eprintln!(
+            "{} runs are left; the same command goes on",
+            todo.len() - ended
+        );
+    }
+    if args.shard == Shard::WHOLE {
+        return report(
+            &campaign::merge(core::slice::from_ref(&args.out), &args.out)?,
+            &args.out,
+        );
+    }
+    let failed = store
+        .records()
+        .filter(|record| record.cause.is_some())
+        .count();
+    println!("{} runs, {failed} failed", store.records().count());
+    println!("results in {}", args.out.display());
+    Ok(if failed == 0 {
+        Verdict::Pass
+    } else {
+        Verdict::Fail
+    })
+}
+
+/// A run that ended: what it came to, and its case if it failed.
+type Ended = (Record, Option<Box<Scenario>>);
+
+/// Runs `todo` on all processors; how many runs ended before the time was up.
+fn run_all<'a>(
+    todo: &[(&str, u64)],
+    jobs: Option<core::num::NonZeroUsize>,
+    budget: Option<Span>,
+    made: impl Fn(&str, u64) -> (Scenario, &'a Source) + Sync,
+    store: &mut Store,
+) -> Result<usize, CliError> {
+    let clock = WallClock::start();
+    let stop = Stop::new(budget.map(|budget| budget.0))?;
+    let next = AtomicUsize::new(0);
+    let jobs = jobs.or_else(|| thread::available_parallelism().ok());
+    let jobs = jobs.map_or(1, core::num::NonZeroUsize::get);
+    let (results, ended) = mpsc::channel::<Result<Ended, CliError>>();
+    thread::scope(|scope| {
+        for _ in 0..jobs {
+            let (results, next, stop, made) = (results.clone(), &next, &stop, &made);
+            scope.spawn(move || {
+                while let Some(&(name, seed)) = todo.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    if stop.is_due(clock.now()) {
+                        break;
+                    }
+                    let (scenario, source) = made(name, seed);
+                    let result = one(&scenario, source);
+                    if results.send(result).is_err() {
+                        break;
+                    }
+                }
+            });
+        }
+        drop(results);
+        let (mut count, mut failed, mut said) = (0, 0, clock.now());
+        for result in ended {
+            let (record, case) = result?;
+            count += 1;
+            failed += usize::from(record.cause.is_some());
+            store.add(record, case.as_deref())?;
+            if clock.now() - said >= PROGRESS {
+                said = clock.now();
+                eprintln!("  {count} of {} runs, {failed} failed", todo.len());
+            }
+        }
+        Ok(count)
+    })
+}
+
+fn one(scenario: &Scenario, source: &Source) -> Result<Ended, CliError> {
+    let (record, outcome) = campaign::run(scenario, source)?;
+    let case = match outcome {
+        Some(outcome) => outcome.case,
+        // A run that panicked has no end; its scenario says as much.
+        None => scenario.clone(),
+    };
+    let case = record.cause.is_some().then(|| Box::new(case));
+    Ok((record, case))
+}
+
+fn report(merged: &Merged, out: &Path) -> Result<Verdict, CliError> {
+    let hours = merged.ran_ms as f64 / 3.6e6;
+    println!(
+        "{} runs, {hours:.1} h of virtual time, {} failed, {} missing, trace {}",
+        merged.runs, merged.failed, merged.missing, merged.trace
+    );
+    for group in &merged.groups {
+        let (scenario, seed) = &group.first;
+        println!("  {:>5}  {}", group.runs, group.cause);
+        println!("         first {scenario} seed {seed}: {}", group.detail);
+        if let (Some(case), Some(left)) = (&group.case, &group.left) {
+            println!("         {left}");
+            println!(
+                "         repeat with: hilrig run {}",
+                out.join(case).display()
+            );
+        }
+    }
+    for count in merged.situations.iter().filter(|count| count.runs == 0) {
+        println!("  never came up: {}", count.situation);
+    }
+    println!("table in {}", out.join("campaign.html").display());
+    let all_hold = merged.failed == 0 && merged.missing == 0;
+    Ok(if all_hold {
+        Verdict::Pass
+    } else {
+        Verdict::Fail
+    })
+}

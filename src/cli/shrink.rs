@@ -1,0 +1,196 @@
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use clap::Args;
+
+use super::run::{Pace, Talk, judged_run};
+use super::stop::Stop;
+use super::{CliError, Verdict};
+use crate::campaign;
+use crate::capture::Capture;
+use crate::clock::{Clock, WallClock};
+use crate::folder::FolderError;
+use crate::scenario::{Scenario, Source};
+use crate::shrink::{self, Effort, Repair, Unit};
+
+/// Make a failing case or a capture smaller while it still fails for the same reason.
+///
+/// A case keeps failing the same check and, if devices complain, the same rule. A capture keeps the
+/// first thing that is wrong with its bytes. With --while a command of yours decides instead: it
+/// gets the file as its last argument and exits with 0 as long as the file is still bad.
+///
+/// Ctrl-C ends the search; the best so far is the result.
+#[derive(Debug, Args)]
+#[command(after_long_help = "Examples:\n  \
+    hilrig shrink hilrig-out/rescue-flat-1/case.toml\n  \
+    hilrig shrink capture.pcapng --while 'my-parser --crashes' --out small")]
+pub(super) struct ShrinkArgs {
+    /// A case or scenario (.toml), or a capture (.pcapng)
+    #[arg(value_name = "CASE|CAPTURE")]
+    file: PathBuf,
+    /// Shrink while this command exits with 0, given the file as last argument
+    #[arg(long = "while", value_name = "CMD")]
+    command: Option<String>,
+    /// Leave checksums as they are when the bytes of a frame are made plainer
+    #[arg(long)]
+    keep_checksums: bool,
+    /// Folder for the result
+    #[arg(long, value_name = "DIR", default_value = "hilrig-out/shrunk")]
+    out: PathBuf,
+}
+
+/// Most tries; a search that comes to an end needs far fewer.
+const TRIES: u32 = 20_000;
+
+pub(super) fn run(args: &ShrinkArgs) -> Result<Verdict, CliError> {
+    make_folder(&args.out)?;
+    match args.file.extension().and_then(|name| name.to_str()) {
+        Some("pcapng") => shrink_capture(args),
+        _ => shrink_case(args),
+    }
+}
+
+fn make_folder(path: &Path) -> Result<(), CliError> {
+    fs::create_dir_all(path).map_err(|source| cannot_write(path, source))
+}
+
+fn cannot_write(path: &Path, source: std::io::Error) -> CliError {
+    let path = path.to_owned();
+    CliError::Folder(FolderError { path, source })
+}
+
+fn put(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
+    fs::write(path, bytes).map_err(|source| cannot_write(path, source))
+}
+
+/// Whether `command` finds `path` bad.
+fn is_bad(command: &str, path: &Path) -> bool {
+    let status = Command::new("sh")
+        .args(["-c", &format!("{command} \"$0\"")])
+        .arg(path)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .status();
+    status.is_ok_and(|status| status.success())
+}
+
+fn not_bad(file: &Path, what: &str) -> CliError {
+    CliError::Other(format!(
+        "{}: {what}, expected something that fails",
+        file.display()
+    ))
+}
+
+fn shrink_case(args: &ShrinkArgs) -> Result<Verdict, CliError> {
+    let (scenario, source) = Scenario::read(&args.file)?;
+    let (record, outcome) = campaign::run(&scenario, &source)?;
+    // As the bytes that they hit, random faults can be left out one by one.
+    let expanded = outcome.map_or_else(|| scenario.clone(), |outcome| outcome.case);
+    let cause = record.cause.unwrap_or_default();
+    let path = args.out.join("case.toml");
+    let (stop, clock) = (Stop::new(None)?, WallClock::start());
+    let is_over = || stop.is_due(clock.now());
+    let mut effort = Effort::until(TRIES, &is_over);
+    let mut fails = judge(args, &source, &cause, &path);
+    let start = [scenario, expanded.clone()]
+        .into_iter()
+        .rev()
+        .find(&mut fails);
+    let start = start.ok_or_else(|| not_bad(&args.file, "passes"))?;
+    let small = shrink::scenario(&start, &mut fails, &mut effort);
+    let faults = [expanded.fault.len(), small.fault.len()];
+    put(&path, small.to_toml().as_bytes())?;
+    let said = shrink::in_words(&small);
+    put(
+        &args.out.join("cause.txt"),
+        format!("{cause}\n{said}\n").as_bytes(),
+    )?;
+    let text = small.to_toml();
+    judged_run(
+        small,
+        &source,
+        None,
+        &args.out,
+        Pace::Virtual,
+        Talk::Verdict,
+    )?;
+    // The run left a case of its own, with its origin.
+    put(&path, text.as_bytes())?;
+    let tries = effort.spent();
+    println!("{cause}");
+    println!(
+        "{} faults left of {}, {tries} tries. {said}",
+        faults[1], faults[0]
+    );
+    println!("repeat with: hilrig run {}", path.display());
+    Ok(Verdict::Pass)
+}
+
+/// Whether a candidate still fails for the same reason.
+fn judge<'a>(
+    args: &'a ShrinkArgs,
+    source: &'a Source,
+    cause: &'a str,
+    path: &'a Path,
+) -> impl FnMut(&Scenario) -> bool + 'a {
+    move |candidate| match &args.command {
+        Some(command) => fs::write(path, candidate.to_toml()).is_ok() && is_bad(command, path),
+        None => campaign::run(candidate, source)
+            .is_ok_and(|(record, _)| record.cause.as_deref() == Some(cause)),
+    }
+}
+
+fn shrink_capture(args: &ShrinkArgs) -> Result<Verdict, CliError> {
+    let read = Capture::read(&args.file);
+    let whole = read.map_err(|error| {
+        CliError::Other(format!("cannot read {}: {error}", args.file.display()))
+    })?;
+    let units = shrink::units(&whole);
+    let cause = match &args.command {
+        Some(command) => format!("{command} exits with 0"),
+        None => shrink::fault_of(&whole, &units)
+            .ok_or_else(|| not_bad(&args.file, "nothing is wrong with its bytes"))?,
+    };
+    let path = args.out.join("capture.pcapng");
+    let (stop, clock) = (Stop::new(None)?, WallClock::start());
+    let is_over = || stop.is_due(clock.now());
+    let mut effort = Effort::until(TRIES, &is_over);
+    let fails = |left: &[Unit]| {
+        let smaller = shrink::with_units(&whole, left);
+        match &args.command {
+            Some(command) => {
+                let bytes = shrink::to_bytes(&smaller);
+                fs::write(&path, bytes).is_ok() && is_bad(command, &path)
+            }
+            None => {
+                let again = shrink::units(&smaller);
+                shrink::fault_of(&smaller, &again).as_ref() == Some(&cause)
+            }
+        }
+    };
+    if !fails(&units) {
+        return Err(not_bad(&args.file, "the command does not exit with 0"));
+    }
+    let repairs = if args.keep_checksums {
+        Repair::Nothing
+    } else {
+        Repair::Checksums
+    };
+    let small = shrink::capture(&units, fails, &mut effort, repairs);
+    put(
+        &path,
+        &shrink::to_bytes(&shrink::with_units(&whole, &small)),
+    )?;
+    let said = format!(
+        "{cause}\n{} frames and stretches of bytes left of {}, {} tries.",
+        small.len(),
+        units.len(),
+        effort.spent()
+    );
+    put(&args.out.join("cause.txt"), format!("{said}\n").as_bytes())?;
+    println!("{said}");
+    println!("look at it with: hilrig decode {}", path.display());
+    Ok(Verdict::Pass)
+}

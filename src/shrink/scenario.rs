@@ -1,0 +1,188 @@
+use core::time::Duration;
+
+use super::{Effort, fewest};
+use crate::scenario::{Scenario, Span};
+
+/// The smallest scenario found for which `fails` still holds: fewer faults first, because they are
+/// what the cause is read from, then a shorter run, fewer orders and waypoints, less in the world,
+/// and settings as they are by default.
+///
+/// `fails` holds for `start`. Random faults cannot be thinned out without becoming others; give
+/// the case of a run, in which they are written out as the bytes that they hit.
+pub fn scenario(
+    start: &Scenario,
+    mut fails: impl FnMut(&Scenario) -> bool,
+    effort: &mut Effort<'_>,
+) -> Scenario {
+    let mut best = start.clone();
+    // Where it was saved from is not where it is going.
+    best.origin = None;
+    loop {
+        let before = best.clone();
+        fewer_faults(&mut best, effort, &mut fails);
+        shorter(&mut best, effort, &mut fails);
+        fewer_parts(&mut best, effort, &mut fails);
+        plainer(&mut best, effort, &mut fails);
+        if best == before {
+            return best;
+        }
+    }
+}
+
+type Fails<'a> = &'a mut dyn FnMut(&Scenario) -> bool;
+
+/// Takes `smaller` for `best` if it differs and still fails.
+fn take(best: &mut Scenario, smaller: Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) -> bool {
+    let is_taken = smaller != *best && effort.spend() && fails(&smaller);
+    if is_taken {
+        *best = smaller;
+    }
+    is_taken
+}
+
+fn fewer_faults(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
+    // Whole lanes first: a case may hold thousands of damaged bytes on lines that do not matter.
+    let mut lanes: Vec<(String, &str)> = Vec::new();
+    for fault in &best.fault {
+        let lane = (fault.link.clone(), fault.kind.name());
+        if !lanes.contains(&lane) {
+            lanes.push(lane);
+        }
+    }
+    for (link, kind) in lanes {
+        let mut smaller = best.clone();
+        smaller
+            .fault
+            .retain(|fault| fault.link != link || fault.kind.name() != kind);
+        take(best, smaller, effort, fails);
+    }
+    let rest = best.clone();
+    best.fault = fewest(&rest.fault, effort, |fault| {
+        let mut smaller = rest.clone();
+        smaller.fault = fault.to_vec();
+        smaller == rest || fails(&smaller)
+    });
+    for index in 0..best.fault.len() {
+        shorter_window(best, index, effort, fails);
+    }
+}
+
+/// Halves the time that a fault lasts, from the end and from the beginning.
+fn shorter_window(best: &mut Scenario, index: usize, effort: &mut Effort<'_>, fails: Fails<'_>) {
+    for from_the_end in [true, false] {
+        loop {
+            let fault = &best.fault[index];
+            let from = fault.from.unwrap_or_default().0;
+            let until = fault.until.unwrap_or(best.duration).0;
+            let length = until.saturating_sub(from);
+            if fault.byte.is_some() || length < Duration::from_millis(20) {
+                break;
+            }
+            let middle = Span(whole_ms(from + length / 2));
+            let mut smaller = best.clone();
+            match from_the_end {
+                true => smaller.fault[index].until = Some(middle),
+                false => smaller.fault[index].from = Some(middle),
+            }
+            if !take(best, smaller, effort, fails) {
+                break;
+            }
+        }
+    }
+}
+
+fn whole_ms(length: Duration) -> Duration {
+    Duration::from_millis(u64::try_from(length.as_millis()).unwrap_or(u64::MAX))
+}
+
+fn shorter(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
+    // The end of the run is found to a tenth of a second: as many tries as it has bits.
+    let (mut least, mut most) = (Duration::ZERO, best.duration.0);
+    while most - least > Duration::from_millis(100) {
+        let middle = whole_ms(least + (most - least) / 2);
+        let mut smaller = best.clone();
+        smaller.duration = Span(middle);
+        if take(best, smaller, effort, fails) {
+            most = middle;
+        } else {
+            least = middle;
+        }
+    }
+}
+
+/// Leaves out what a list holds, one list of the scenario after the other.
+fn fewer_parts(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
+    macro_rules! fewer {
+        ($($field:ident).+) => {
+            let rest = best.clone();
+            best.$($field).+ = fewest(&rest.$($field).+, effort, |left| {
+                let mut smaller = rest.clone();
+                smaller.$($field).+ = left.to_vec();
+                smaller == rest || fails(&smaller)
+            });
+        };
+    }
+    fewer!(mission.step);
+    fewer!(mission.waypoints_m);
+    fewer!(world.push);
+    fewer!(world.moving);
+    fewer!(world.pillar);
+    fewer!(world.polygon);
+    fewer!(world.wall);
+}
+
+/// Puts settings back to what they are by default.
+fn plainer(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
+    for link in best.link.keys().cloned().collect::<Vec<_>>() {
+        let mut smaller = best.clone();
+        smaller.link.remove(&link);
+        take(best, smaller, effort, fails);
+    }
+    for device in best.device.keys().cloned().collect::<Vec<_>>() {
+        let mut smaller = best.clone();
+        smaller.device.remove(&device);
+        take(best, smaller, effort, fails);
+    }
+    let plain: [fn(&mut Scenario); 3] = [
+        |scenario| scenario.program = Default::default(),
+        |scenario| scenario.mission.connect = Span::from_millis(500),
+        |scenario| scenario.description.clear(),
+    ];
+    for make_plain in plain {
+        let mut smaller = best.clone();
+        make_plain(&mut smaller);
+        take(best, smaller, effort, fails);
+    }
+}
+
+/// A sentence on what is left of a case.
+pub fn in_words(case: &Scenario) -> String {
+    let faults: Vec<String> = case
+        .fault
+        .iter()
+        .take(5)
+        .map(|fault| {
+            let at = match (fault.byte, fault.from) {
+                (Some(byte), _) => format!(" of byte {byte}"),
+                (None, Some(from)) => format!(" from {from}"),
+                (None, None) => String::new(),
+            };
+            format!("{}{at} on {}", fault.kind.name(), fault.link)
+        })
+        .collect();
+    let more = match case.fault.len().saturating_sub(5) {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    let faults = match faults.is_empty() {
+        true => "no fault".to_owned(),
+        false => format!("{}{more}", faults.join(", ")),
+    };
+    let solid = case.world.wall.len() + case.world.polygon.len() + case.world.pillar.len();
+    format!(
+        "Enough is: {faults}; {} waypoints, {} orders, {solid} things in the world, {}.",
+        case.mission.waypoints_m.len(),
+        case.mission.step.len(),
+        case.duration
+    )
+}

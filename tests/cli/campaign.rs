@@ -1,0 +1,74 @@
+//! Campaigns: however they are cut and whenever they are stopped, they come to the same.
+
+use super::{Session, shipped, text};
+
+/// Two seconds of a mission that takes longer, so that some check fails and there is a case to be
+/// made smaller.
+fn short(session: &Session) {
+    let scenario = shipped("empty-room").replace("\"90s\"", "\"2s\"");
+    session.write("short.toml", &scenario);
+}
+
+fn campaign(session: &Session, more: &str) -> Option<i32> {
+    let arguments = format!("campaign short.toml --seeds 0..6 --vary world {more}");
+    let arguments: Vec<&str> = arguments.split_whitespace().collect();
+    session.hilrig(&arguments).status.code()
+}
+
+/// The merged files of a campaign in one piece and of one in four, compared byte for byte; all
+/// runs fail, so each has a group and a smallest case.
+#[test]
+fn four_shards_merged_are_the_whole_campaign() {
+    let session = Session::new("campaign-shards");
+    short(&session);
+    assert_eq!(campaign(&session, "--out whole"), Some(1));
+    for shard in 0..4 {
+        assert_eq!(
+            campaign(&session, &format!("--shard {shard}/4 --out part-{shard}")),
+            Some(1)
+        );
+    }
+    let merge = "campaign merge part-3 part-0 part-1 part-2 --out merged";
+    let merge: Vec<&str> = merge.split(' ').collect();
+    assert_eq!(session.hilrig(&merge).status.code(), Some(1));
+    for file in ["campaign.json", "campaign.html", "groups/01.toml"] {
+        let read = |dir: &str| session.read(&format!("{dir}/{file}"));
+        assert_eq!(read("whole"), read("merged"), "{file}");
+    }
+    let json = session.read("merged/campaign.json");
+    assert!(json.contains("\"cause\": \"waypoints-visited\""), "{json}");
+    assert!(json.contains("\"missing\": 0"), "{json}");
+}
+
+/// A kill in the middle of a line, then the same command: nothing is run twice or lost.
+#[test]
+fn a_campaign_that_was_killed_goes_on() {
+    let session = Session::new("campaign-resumed");
+    short(&session);
+    campaign(&session, "--out whole");
+    let runs = session.read("whole/runs.jsonl");
+    let cut = &runs[..runs.len() - 20];
+    session.write("whole/runs.jsonl", cut);
+    let json = session.read("whole/campaign.json");
+    session.write("whole/campaign.json", "");
+
+    campaign(&session, "--out whole");
+
+    assert_eq!(session.read("whole/campaign.json"), json);
+    assert_eq!(session.read("whole/runs.jsonl").lines().count(), 6);
+}
+
+#[test]
+fn a_folder_of_another_campaign_is_refused() {
+    let session = Session::new("campaign-other");
+    short(&session);
+    campaign(&session, "--out one");
+    let other = ["campaign", "short.toml", "--seeds", "0..7", "--out", "one"];
+    let output = session.hilrig(&other);
+    assert_eq!(output.status.code(), Some(2));
+    let error = text(&output.stderr);
+    assert!(
+        error.contains("plan.json: is of another campaign"),
+        "{error}"
+    );
+}
