@@ -12,8 +12,8 @@ mod ports;
 mod record;
 mod replay;
 mod run;
-mod slam;
 mod shrink;
+mod slam;
 mod stop;
 mod up;
 

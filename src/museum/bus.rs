@@ -262,9 +262,9 @@ fn ma_10(variant: Variant) -> Observation {
     robot.run(500 * MS);
     let mut decoder = pcui::Decoder::default();
     let frames: Vec<_> = decoder.push(&robot.radio).flatten().collect();
-    let states = frames.iter().filter(|frame| frame.id() == *b"STA");
+    let mut states = frames.iter().filter(|frame| frame.id() == *b"STA");
     let mut speed = 0;
-    if let Some(frame) = states.last() {
+    if let Some(frame) = states.next_back() {
         robot.seen.bytes("robot", Protocol::Pcui, frame.as_bytes());
         if let Ok(Message::State(state)) = frame.message() {
             speed = state.speed_mm_s[0];

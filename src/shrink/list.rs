@@ -61,7 +61,7 @@ mod tests {
 
     #[test]
     fn nothing_is_left_if_nothing_matters() {
-        assert_eq!(fewest(&[1, 2], &mut Effort::tries(9), |_| true), []);
+        assert!(fewest(&[1, 2], &mut Effort::tries(9), |_| true).is_empty());
     }
 
     /// Out of effort, what is left still fails.
