@@ -1,9 +1,10 @@
 //! Captures: every byte of a run with its nanosecond, its link and what befell it, in a file that
 //! Wireshark opens.
 //!
-//! The form is pcapng with link type 250, one interface a link. Each record is one
-//! chunk as it *reached its receiver*, or several that came back to back; where the line changed or delayed it, the record also holds the bytes as
-//! sent, and a comment says in words what was done to them, so that a capture explains itself.
+//! The form is pcapng with link type 250, one interface a link. Each record is one chunk as it
+//! *reached its receiver*, or several that came back to back; where the line changed or delayed it,
+//! the record also holds the bytes as sent, and a comment says in words what was done to them, so
+//! that a capture explains itself.
 //! Bytes on their way when the run ends reached nobody and are not in the file.
 
 mod join;
