@@ -13,7 +13,6 @@ mod record;
 mod replay;
 mod run;
 mod shrink;
-mod slam;
 mod stop;
 mod up;
 

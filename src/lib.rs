@@ -52,7 +52,6 @@ pub mod run;
 pub mod scenario;
 pub mod score;
 pub mod shrink;
-pub mod slam;
 pub mod standalone;
 pub mod trace;
 pub mod transport;
