@@ -150,7 +150,7 @@ pub fn find(id: &str) -> Option<&'static Bug> {
 pub fn suggestions(id: &str) -> Vec<&'static str> {
     let wanted = id.to_ascii_uppercase();
     let mut ranked: Vec<_> = catalogue()
-        .map(|bug| (edits(bug.id, &wanted), bug.id))
+        .map(|bug| (edits(&bug.id.to_ascii_uppercase(), &wanted), bug.id))
         .collect();
     ranked.sort_by_key(|&(edits, _)| edits);
     ranked.into_iter().take(3).map(|(_, id)| id).collect()
