@@ -24,7 +24,9 @@ mod update;
 use core::time::Duration;
 
 pub use budget::Budget;
-pub use settings::{DEFAULT_CELL_MM, Defects, Mode, MotionNoise, Rounding, Search, Settings};
+pub use settings::{
+    DEFAULT_CELL_MM, Defects, Mode, MotionNoise, Pushes, Rounding, Search, Settings,
+};
 
 use crate::grid::{Grid, SIDE};
 use crate::pose::{Point, Pose, PoseChange};
@@ -266,12 +268,14 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
         let Settings {
             motion,
             resolution_mm,
+            pushes,
             ..
         } = &self.settings;
         let task = tracking::Task {
             sparse: self.sparse.all(),
             dense: self.dense.all(),
             prior: Prior::new(self.pose, self.travel, motion, *resolution_mm),
+            pushes: *pushes,
         };
         let mut effort = Effort::default();
         let mut place = tracking::track(&self.grid, &task, &mut effort);

@@ -64,6 +64,11 @@ impl Evidence {
         }
     }
 
+    /// Whether at least as many points lie on walls as in `other`.
+    pub(super) const fn shows_as_much_as(&self, other: &Self) -> bool {
+        self.hits >= other.hits
+    }
+
     /// Whether most points tell something.
     pub(super) const fn is_broad(&self) -> bool {
         (self.hits + self.misses) * 2 >= self.of

@@ -36,6 +36,16 @@ pub struct Search {
     pub spread_deg: u16,
 }
 
+/// Whether somebody may push the robot where its wheels do not notice.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Pushes {
+    /// A scan that fits much better elsewhere is followed there.
+    #[default]
+    Followed,
+    /// A robot that drove by itself, far from walls that look alike: its wheels may slip, no more.
+    Unlikely,
+}
+
 /// Faults of the fielded code, to show what they do; all off by default. Numbers are those of the
 /// project's list of field defects.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -154,6 +164,8 @@ pub struct Settings {
     pub search: Search,
     /// Core mode: trust in the odometry.
     pub motion: MotionNoise,
+    /// Core mode: what else moves the robot.
+    pub pushes: Pushes,
     /// Document mode: the time regulator.
     pub budget: Budget,
     /// Document mode: faults to show.
@@ -186,6 +198,7 @@ impl Settings {
                 spread_deg: 10,
             },
             motion: MotionNoise::WHEELS,
+            pushes: Pushes::Followed,
             budget: Budget::DOCUMENT,
             defects: Defects::NONE,
         }

@@ -6,6 +6,7 @@ use super::effort::Effort;
 use super::evidence::Evidence;
 use super::prior::Prior;
 use super::refine::refine;
+use super::settings::Pushes;
 use crate::grid::Grid;
 use crate::pose::Pose;
 
@@ -17,6 +18,8 @@ pub(super) struct Task<'a> {
     pub(super) dense: &'a [[i16; 2]],
     /// What the odometry says.
     pub(super) prior: Prior,
+    /// What it may have missed.
+    pub(super) pushes: Pushes,
 }
 
 /// Where a scan belongs.
@@ -69,7 +72,11 @@ pub(super) fn track<const W: usize, const H: usize>(
     let mut evidence = Evidence::of(grid, task.sparse, best.pose);
     let mut consider = |other: Best, evidence: &mut Evidence| {
         let found = Evidence::of(grid, task.sparse, other.pose);
-        if 1.0 - found.agreement() < (1.0 - evidence.agreement()) * REMAINS {
+        // A place that shows nothing contradicts nothing either; it is no better for that.
+        if found.is_broad()
+            && found.shows_as_much_as(evidence)
+            && 1.0 - found.agreement() < (1.0 - evidence.agreement()) * REMAINS
+        {
             *evidence = found;
             prior = prior.around(other.pose);
             best = other;
@@ -78,7 +85,7 @@ pub(super) fn track<const W: usize, const H: usize>(
     if evidence.agreement() < SUSPICIOUS {
         consider(nearby(grid, task, effort), &mut evidence);
     }
-    if (DOUBTFUL..SUSPICIOUS).contains(&evidence.agreement()) {
+    if task.pushes == Pushes::Followed && (DOUBTFUL..SUSPICIOUS).contains(&evidence.agreement()) {
         consider(farther(grid, task, effort), &mut evidence);
     }
     let pose = refine(grid, task.dense, best.pose, &prior, effort);

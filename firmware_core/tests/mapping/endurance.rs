@@ -36,9 +36,32 @@ fn heading_error(settings: Settings, sense: Sense, minutes: u32) -> f32 {
         .abs()
 }
 
-/// Measured over 20 minutes in this world: the document without motion compensation and with
-/// constant weight 0.6, 2.8, 3.0 and 3.8 degrees after 5, 10, 15 and 20 minutes; with both cures
-/// never above 0.4; the core never above 0.15.
+/// The failure of the report, after its 20 minutes of wall following: fixed weight 10 of 256 as
+/// it was fielded, no motion compensation, and a mapper that is not synchronised with the lidar's
+/// turn. Measured: 8.6, 10.8 and 15.5 degrees after 5, 10 and 20 minutes.
+#[test]
+fn without_the_cures_the_map_turns_by_ten_degrees_in_20_minutes() {
+    let defects = Defects {
+        constant_weight: true,
+        ..Defects::FIELDED
+    };
+    let settings = Settings {
+        defects,
+        ..Settings::document()
+    };
+    let error = heading_error(settings, Sense::Unsynchronised, 20);
+    assert!(error >= 10.0, "{error}");
+}
+
+/// The cure of the mapping mode: 0.30 degrees were measured over the same 20 minutes.
+#[test]
+fn the_cores_map_stays_for_20_minutes() {
+    let error = heading_error(Settings::default(), Sense::Deskewed, 20);
+    assert!(error <= 1.0, "{error}");
+}
+
+/// Motion compensation alone: with constant weight 0.6, 2.8 and 3.5 degrees after 5, 10 and 20
+/// minutes; with both cures 0.5 after 20.
 #[test]
 fn without_motion_compensation_the_map_turns() {
     let defects = Defects {
@@ -57,10 +80,4 @@ fn without_motion_compensation_the_map_turns() {
 fn the_documents_map_stays_with_the_cures() {
     let error = heading_error(Settings::document(), Sense::Deskewed, 5);
     assert!(error <= 1.0, "{error}");
-}
-
-#[test]
-fn the_cores_map_stays() {
-    let error = heading_error(Settings::default(), Sense::Deskewed, 5);
-    assert!(error <= 0.5, "{error}");
 }

@@ -44,7 +44,14 @@ pub(crate) enum Sense {
     Deskewed,
     /// The motion within the turn stays in.
     Raw,
+    /// As the robot of the report had it at first: the mapper wakes every 200 ms, whenever the
+    /// lidar's turn began, and takes what the buffer holds: the newest beams of this turn, the
+    /// others of the one before. The two clocks differ by a per cent.
+    Unsynchronised,
 }
+
+/// Beams by which the free task's look at the buffer moves on from turn to turn.
+const DRIFT_BEAMS: usize = 4;
 
 /// A mapper in a world, and the odometry pose that it has seen last.
 pub(crate) struct Run<const W: usize = 300, const H: usize = 300> {
@@ -53,6 +60,9 @@ pub(crate) struct Run<const W: usize = 300, const H: usize = 300> {
     pub(crate) errors: Errors,
     pub(crate) sense: Sense,
     seen: Pose,
+    /// Of the free task: beam at which it looks, and the distances of the turn before.
+    looks_at: usize,
+    before: [u16; 360],
 }
 
 impl<const W: usize, const H: usize> Run<W, H> {
@@ -67,6 +77,8 @@ impl<const W: usize, const H: usize> Run<W, H> {
             errors: Errors::default(),
             sense: Sense::default(),
             seen: Pose::default(),
+            looks_at: 0,
+            before: [0; 360],
         }
     }
 
@@ -99,6 +111,7 @@ impl<const W: usize, const H: usize> Run<W, H> {
     pub(crate) fn step(&mut self) -> Outcome {
         self.world.turn();
         let scan = self.scan();
+        self.before = self.world.assembler.turn().distances_mm;
         let reckoned = self.world.odometry.pose_at(scan.end);
         self.mapper.predict(self.seen.change_to(reckoned));
         self.seen = reckoned;
@@ -110,9 +123,17 @@ impl<const W: usize, const H: usize> Run<W, H> {
         outcome
     }
 
-    fn scan(&self) -> Scan {
+    fn scan(&mut self) -> Scan {
         let turn = self.world.assembler.turn();
         match self.sense {
+            Sense::Unsynchronised => {
+                self.looks_at = (self.looks_at + DRIFT_BEAMS) % 360;
+                let mut mixed = turn.clone();
+                mixed.distances_mm[self.looks_at..].copy_from_slice(&self.before[self.looks_at..]);
+                let part = u32::try_from(self.looks_at).expect("below 360");
+                mixed.end = turn.start + (turn.end - turn.start) * part / 360;
+                Scan::raw(&mixed, &MOUNTING)
+            }
             Sense::Deskewed => self.world.scan(),
             Sense::Raw => Scan::raw(turn, &MOUNTING),
         }
