@@ -13,6 +13,7 @@ mod record;
 mod replay;
 mod run;
 mod shrink;
+mod slam;
 mod stop;
 mod up;
 
@@ -54,6 +55,7 @@ enum Command {
     Campaign(campaign::CampaignArgs),
     Shrink(shrink::ShrinkArgs),
     Fidelity(fidelity::Fidelity),
+    Slam(slam::SlamArgs),
 }
 
 /// What a command came to.
@@ -125,6 +127,7 @@ pub fn main() -> ExitCode {
         Command::Campaign(args) => campaign::run(args),
         Command::Shrink(args) => shrink::run(&args),
         Command::Fidelity(args) => fidelity::run(args),
+        Command::Slam(args) => slam::run(args),
     };
     match result {
         Ok(Verdict::Pass) => ExitCode::SUCCESS,

@@ -20,6 +20,7 @@
 //! | [`campaign`] | many runs, grouped by cause |
 //! | [`folder`], [`render`] | what a run leaves behind |
 //! | [`view`] | what the page and the report show, and the script that draws it |
+//! | [`slam`] | the mapper over anybody's log |
 //! | [`realtime`], [`standalone`] | the rig, or the program alone, at the pace of the wall clock |
 //! | [`transport`], [`clock`], [`control`] | the outside world |
 //! | [`cli`] | the commands |
@@ -52,6 +53,7 @@ pub mod run;
 pub mod scenario;
 pub mod score;
 pub mod shrink;
+pub mod slam;
 pub mod standalone;
 pub mod trace;
 pub mod transport;

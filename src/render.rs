@@ -101,10 +101,14 @@ pub fn ros_image(grid: &Grid) -> GrayImage {
 /// The text of the yaml file that belongs to [`ros_image`]. `free_thresh` is 0.196: with the 0.25
 /// that nav2 takes by default, an unknown cell of gray 205 would be read as free.
 pub fn ros_yaml(grid: &Grid, image: &str) -> String {
+    ros_yaml_at([0.0; 2], f64::from(grid.resolution_mm()) / 1000.0, image)
+}
+
+/// The same for a map whose lower left corner lies at `origin`, metres.
+pub fn ros_yaml_at([x, y]: [f64; 2], cell_m: f64, image: &str) -> String {
     format!(
-        "image: {image}\nmode: trinary\nresolution: {}\norigin: [0.0, 0.0, 0.0]\nnegate: 0\n\
+        "image: {image}\nmode: trinary\nresolution: {cell_m}\norigin: [{x:?}, {y:?}, 0.0]\nnegate: 0\n\
          occupied_thresh: 0.65\nfree_thresh: 0.196\n",
-        f64::from(grid.resolution_mm()) / 1000.0
     )
 }
 
@@ -136,7 +140,7 @@ pub fn picture(grid: &Grid, truth: &[Pose], estimate: &[Pose]) -> RgbImage {
 }
 
 /// Two by two pixels, as far as they lie inside.
-fn dot(image: &mut RgbImage, x: f64, y: f64, colour: Rgb<u8>) {
+pub(crate) fn dot(image: &mut RgbImage, x: f64, y: f64, colour: Rgb<u8>) {
     for (x, y) in [(x, y), (x + 1.0, y), (x, y + 1.0), (x + 1.0, y + 1.0)] {
         let inside = x >= 0.0 && y >= 0.0;
         if inside && x < f64::from(image.width()) && y < f64::from(image.height()) {

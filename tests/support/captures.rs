@@ -9,15 +9,22 @@ use std::path::Path;
 /// `None`, said loudly, if there is no such folder: a clone without its neighbours still passes.
 /// A folder that lacks the file is an error, so a misspelt name cannot skip a test for ever.
 pub(crate) fn capture(name: &str) -> Option<Vec<u8>> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/captures");
-    if !folder.is_dir() {
-        skipped(&format!("no captures beside the repository, wanted {name}"));
+    beside("captures", name)
+}
+
+/// The bytes of a file in a folder beside this repository, by the same rules.
+pub(crate) fn beside(folder: &str, name: &str) -> Option<Vec<u8>> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../shared")
+        .join(folder);
+    if !path.is_dir() {
+        skipped(&format!("no {folder} beside the repository, wanted {name}"));
         return None;
     }
-    match fs::read(folder.join(name)) {
+    match fs::read(path.join(name)) {
         Ok(bytes) => Some(bytes),
-        Err(error) if error.kind() == ErrorKind::NotFound => panic!("there is no capture {name}"),
-        Err(error) => panic!("cannot read the capture {name}: {error}"),
+        Err(error) if error.kind() == ErrorKind::NotFound => panic!("{folder} lacks {name}"),
+        Err(error) => panic!("cannot read {name} in {folder}: {error}"),
     }
 }
 

@@ -1,0 +1,147 @@
+use core::time::Duration;
+use std::io::{IsTerminal as _, Read as _};
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+use firmware_core::slam::Mode;
+
+use super::{CliError, Verdict};
+use crate::clock::{Clock as _, WallClock};
+use crate::slam::survey::{CELL_MM, settings, survey};
+use crate::slam::{Log, carmen, folder};
+
+/// Run the mapper over a log of scans and odometry: map, trajectory and timing.
+///
+/// Reads CARMEN logs, also gzipped. The settings are the same for every log. What the log holds
+/// that cannot be used is left out, counted and told on standard error.
+#[derive(Debug, Args)]
+#[command(after_long_help = "Examples:\n  \
+    hilrig slam intel.log.gz --out intel\n  \
+    hilrig slam intel.log --mode seed     # the seed report's algorithm instead of ours\n\n\
+    Leaves map.png, map.pgm + map.yaml (ROS), trajectory.tum and timing.json in the folder.")]
+pub(super) struct SlamArgs {
+    /// The log
+    #[arg(value_name = "LOG")]
+    log: PathBuf,
+    /// Whose mapper
+    #[arg(long, value_enum, default_value_t)]
+    mode: ModeArg,
+    /// Folder for the results [default: hilrig-out/slam-NAME]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Edge of a map cell in millimetres, 5 to 500
+    #[arg(long, value_name = "MM", value_parser = clap::value_parser!(u16).range(5..=500))]
+    cell_mm: Option<u16>,
+}
+
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+enum ModeArg {
+    /// The seed report's tinySLAM
+    Seed,
+    /// Ours
+    #[default]
+    Core,
+}
+
+/// Largest log, unpacked.
+const BYTES_MAX: u64 = 1 << 30;
+/// Work that takes longer than this is reported while it goes on.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+pub(super) fn run(args: SlamArgs) -> Result<Verdict, CliError> {
+    let log = open(&args.log)?;
+    let path = args.log.display();
+    for note in &log.notes {
+        eprintln!("{path}: {note}");
+    }
+    tell_findings(&log, &args.log);
+    let (mode, name) = match args.mode {
+        ModeArg::Seed => (Mode::Document, "seed"),
+        ModeArg::Core => (Mode::Core, "core"),
+    };
+    let settings = settings(mode, args.cell_mm.map_or(CELL_MM, f32::from));
+    let clock = WallClock::start();
+    let mut told_at = clock.now();
+    let of = log.shots.len();
+    let result = survey(&log, settings, &clock, &mut |done| {
+        let now = clock.now();
+        if now - told_at >= PATIENCE && std::io::stderr().is_terminal() {
+            eprintln!("{done} of {of} scans");
+            told_at = now;
+        }
+    });
+    let stem = args.log.file_name().unwrap_or_default().to_string_lossy();
+    let stem = stem.split('.').next().unwrap_or_default().to_owned();
+    let dir = args
+        .out
+        .unwrap_or_else(|| PathBuf::from("hilrig-out").join(format!("slam-{stem}")));
+    let timing = folder::timing(name, &log, &result);
+    folder::write(&dir, &result, &timing)?;
+    let (scans, cell) = (timing.scans, timing.cell_mm);
+    println!(
+        "{scans} scans, {} skipped, {} doubtful, {} ambiguous; {cell} mm cells",
+        timing.skipped, timing.doubtful, timing.ambiguous
+    );
+    let cpu = timing
+        .cpu_s
+        .map_or("unknown".to_owned(), |s| format!("{s:.3} s"));
+    let (median, longest) = (timing.scan_median_us, timing.scan_longest_us);
+    println!("processor time {cpu}; a scan {median:.0} us in the median, {longest:.0} us at most");
+    if result.outside > 0 {
+        eprintln!(
+            "{path}: {} scans lie outside the map; larger --cell-mm",
+            result.outside
+        );
+    }
+    println!("results in {}", dir.display());
+    Ok(Verdict::Pass)
+}
+
+/// Reads the log, whatever it is.
+fn open(path: &Path) -> Result<Log, CliError> {
+    let other = |what: String| CliError::Other(format!("{}: {what}", path.display()));
+    let bytes = std::fs::read(path)
+        .map_err(|error| CliError::Other(format!("cannot read {}: {error}", path.display())))?;
+    let bytes = if bytes.starts_with(&[0x1F, 0x8B]) {
+        unpacked(&bytes, path).map_err(other)?
+    } else {
+        bytes
+    };
+    carmen::read(&bytes).map_err(|error| other(error.to_string()))
+}
+
+/// What a gzipped file holds; of a damaged one, what is before the damage.
+fn unpacked(bytes: &[u8], path: &Path) -> Result<Vec<u8>, String> {
+    let mut out = Vec::new();
+    let mut decoder = flate2::read::MultiGzDecoder::new(bytes).take(BYTES_MAX + 1);
+    if let Err(error) = decoder.read_to_end(&mut out) {
+        if out.is_empty() {
+            return Err(format!("cannot be unpacked: {error}"));
+        }
+        eprintln!(
+            "{}: {error}; {} bytes before that follow",
+            path.display(),
+            out.len()
+        );
+    }
+    if out.len() as u64 > BYTES_MAX {
+        return Err(format!("is more than {BYTES_MAX} bytes unpacked"));
+    }
+    Ok(out)
+}
+
+fn tell_findings(log: &Log, path: &Path) {
+    let path = path.display();
+    for told in log.findings.told() {
+        eprintln!("{path}: {told}");
+    }
+    for (kind, count) in log.findings.counts() {
+        eprintln!("{path}: skipped {count} {}", kind.words());
+    }
+    if log.findings.absurd_readings > 0 {
+        eprintln!(
+            "{path}: skipped {} absurd readings",
+            log.findings.absurd_readings
+        );
+    }
+}

@@ -1,0 +1,181 @@
+//! What a survey leaves behind: map, way and timing.
+
+use std::io;
+use std::path::Path;
+
+use core::fmt::Write as _;
+
+use image::imageops::crop_imm;
+use image::{GrayImage, Luma, Rgb, RgbImage};
+use serde::Serialize;
+
+use super::Log;
+use super::survey::{CELLS, Survey};
+use crate::folder::FolderError;
+
+/// `timing.json`.
+#[derive(Clone, Debug, Serialize)]
+pub struct Timing<'a> {
+    /// `core` or `seed`.
+    pub mode: &'a str,
+    /// Edge of a cell.
+    pub cell_mm: f32,
+    /// Scans mapped.
+    pub scans: usize,
+    /// Messages left out.
+    pub skipped: u64,
+    /// Scans at which the mapper was not sure.
+    pub doubtful: usize,
+    /// Scans at which it knew of several places.
+    pub ambiguous: usize,
+    /// Processor time of all scans, seconds.
+    pub cpu_s: Option<f64>,
+    /// Time of a scan: median, microseconds.
+    pub scan_median_us: f64,
+    /// Time of a scan: longest, microseconds.
+    pub scan_longest_us: f64,
+}
+
+/// The figures of a survey.
+pub fn timing<'a>(mode: &'a str, log: &Log, survey: &Survey) -> Timing<'a> {
+    let [median, longest, _] = survey.times();
+    Timing {
+        mode,
+        cell_mm: survey.grid.resolution_mm(),
+        scans: survey.way.len(),
+        skipped: log.findings.counts().map(|(_, count)| count).sum(),
+        doubtful: survey.doubtful,
+        ambiguous: survey.ambiguous,
+        cpu_s: survey.cpu.map(|cpu| cpu.as_secs_f64()),
+        scan_median_us: median.as_secs_f64() * 1e6,
+        scan_longest_us: longest.as_secs_f64() * 1e6,
+    }
+}
+
+/// Writes `map.png`, `map.pgm`, `map.yaml`, `trajectory.tum` and `timing.json` into `dir`, which
+/// is made if need be.
+pub fn write(dir: &Path, survey: &Survey, timing: &Timing<'_>) -> Result<(), FolderError> {
+    let failed = |path: &Path| {
+        let path = path.to_owned();
+        move |source| FolderError { path, source }
+    };
+    std::fs::create_dir_all(dir).map_err(failed(dir))?;
+    let put = |name: &str, text: &str| {
+        let path = dir.join(name);
+        std::fs::write(&path, text).map_err(failed(&path))
+    };
+    let frame = Frame::of(survey);
+    put("trajectory.tum", &tum(survey))?;
+    put("map.yaml", &frame.yaml(survey, "map.pgm"))?;
+    let mut json = serde_json::to_string_pretty(timing).expect("plain data");
+    json.push('\n');
+    put("timing.json", &json)?;
+    let path = dir.join("map.pgm");
+    let saved = frame
+        .ros_image(survey)
+        .save(&path)
+        .map_err(io::Error::other);
+    saved.map_err(failed(&path))?;
+    let path = dir.join("map.png");
+    let saved = frame.picture(survey).save(&path).map_err(io::Error::other);
+    saved.map_err(failed(&path))
+}
+
+/// The way in TUM form. Times keep nine digits, so that epoch times stay exact to the microsecond.
+pub fn tum(survey: &Survey) -> String {
+    let mut out = String::from("# timestamp tx ty tz qx qy qz qw\n");
+    for (at_s, place) in &survey.way {
+        let half = place.theta / 2.0;
+        let (qz, qw) = (libm::sin(half), libm::cos(half));
+        let (x, y) = (place.x, place.y);
+        writeln!(out, "{at_s:.6} {x:.6} {y:.6} 0 0 0 {qz:.9} {qw:.9}")
+            .expect("a string takes everything");
+    }
+    out
+}
+
+/// Cells around what was drawn.
+const MARGIN: usize = 8;
+/// A cell from which on it is wall, and up to which it is free.
+const WALL: u8 = 190;
+const FREE: u8 = 115;
+/// Gray of an unknown cell in a ROS map.
+const ROS_UNKNOWN: u8 = 205;
+
+/// The part of the map that is shown: first column, first row, columns, rows.
+struct Frame {
+    x: u32,
+    y: u32,
+    width: u32,
+    height: u32,
+}
+
+impl Frame {
+    fn of(survey: &Survey) -> Self {
+        let [x0, x1, y0, y1] = survey.drawn().unwrap_or([0, CELLS - 1, 0, CELLS - 1]);
+        let (x, y) = (x0.saturating_sub(MARGIN), y0.saturating_sub(MARGIN));
+        let (x1, y1) = ((x1 + MARGIN).min(CELLS - 1), (y1 + MARGIN).min(CELLS - 1));
+        Self {
+            x: pixels(x),
+            y: pixels(y),
+            width: pixels(x1 - x + 1),
+            height: pixels(y1 - y + 1),
+        }
+    }
+
+    /// A picture of the frame, top row first, from each cell's value.
+    fn image(&self, survey: &Survey, shade: impl Fn(u8) -> u8) -> GrayImage {
+        let top = pixels(CELLS) - self.y - self.height;
+        let whole = GrayImage::from_fn(pixels(CELLS), pixels(CELLS), |x, y| {
+            let value = survey.grid.get(x as usize, CELLS - 1 - y as usize);
+            Luma([shade(value.unwrap_or(127))])
+        });
+        crop_imm(&whole, self.x, top, self.width, self.height).to_image()
+    }
+
+    fn ros_image(&self, survey: &Survey) -> GrayImage {
+        self.image(survey, |value| match value {
+            WALL.. => 0,
+            ..FREE => 254,
+            _ => ROS_UNKNOWN,
+        })
+    }
+
+    /// Metres from the log's beginning to the frame's lower left corner, and of a cell.
+    fn origin(&self, survey: &Survey) -> [f64; 3] {
+        let cell_m = f64::from(survey.grid.resolution_mm()) / 1000.0;
+        let middle = CELLS as f64 / 2.0;
+        let [x, y] = [self.x, self.y].map(|cell| (f64::from(cell) - middle) * cell_m);
+        [x, y, cell_m]
+    }
+
+    fn yaml(&self, survey: &Survey, image: &str) -> String {
+        let [x, y, cell_m] = self.origin(survey);
+        crate::render::ros_yaml_at([x, y], cell_m, image)
+    }
+
+    /// The map, dark where it believes walls, with the way in red; small maps are enlarged.
+    fn picture(&self, survey: &Survey) -> RgbImage {
+        let scale = if self.width.max(self.height) < 800 {
+            2
+        } else {
+            1
+        };
+        let gray = self.image(survey, |value| 255 - value);
+        let mut image = RgbImage::from_fn(self.width * scale, self.height * scale, |x, y| {
+            Rgb([gray.get_pixel(x / scale, y / scale).0[0]; 3])
+        });
+        let [x0, y0, cell_m] = self.origin(survey);
+        let pixel_m = cell_m / f64::from(scale);
+        let height = f64::from(image.height());
+        for (_, place) in &survey.way {
+            let (x, y) = ((place.x - x0) / pixel_m, height - (place.y - y0) / pixel_m);
+            crate::render::dot(&mut image, x, y, Rgb([220, 40, 30]));
+        }
+        image
+    }
+}
+
+fn pixels(cells: usize) -> u32 {
+    u32::try_from(cells).expect("a map has a few thousand cells a side")
+}

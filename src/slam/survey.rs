@@ -1,0 +1,174 @@
+//! Runs a log through the mapper.
+
+use core::time::Duration;
+
+use emulators::world::Pose as Place;
+use firmware_core::grid::{Grid, UNKNOWN};
+use firmware_core::pose::Pose;
+use firmware_core::scan::Scan;
+use firmware_core::slam::{Certainty, Mapper, Mode, Pushes, Settings};
+use protocols::Instant;
+
+use super::motion::change;
+use super::{Log, Shot};
+use crate::clock::{Clock, thread_cpu_time};
+
+/// Cells along an edge of a log's map: 102 m at the usual 50 mm.
+pub const CELLS: usize = 2048;
+/// Edge of a cell unless told otherwise.
+pub const CELL_MM: f32 = 50.0;
+
+/// The map of a log.
+pub type LogGrid = Grid<CELLS, CELLS>;
+type LogMapper = Mapper<CELLS, CELLS>;
+
+/// Time that the seed report's search takes: 14 ms and 0.15 ms a try; its number of tries depends
+/// on it, so it is taken from the model, not from the host.
+const SEARCH_BASE_US: u64 = 14_000;
+const SEARCH_TRY_US: u64 = 150;
+/// Stack of the thread that does the work: a mapper of this size goes over it on its way to the
+/// heap.
+const STACK: usize = 64 << 20;
+
+/// The settings for every log: the seed report's algorithm, or ours.
+pub fn settings(mode: Mode, cell_mm: f32) -> Settings {
+    let settings = match mode {
+        Mode::Core => Settings {
+            pushes: Pushes::Unlikely,
+            ..Settings::core(cell_mm)
+        },
+        Mode::Document => Settings {
+            resolution_mm: cell_mm,
+            hole_mm: 12.0 * cell_mm,
+            ..Settings::document()
+        },
+    };
+    #[expect(clippy::cast_precision_loss, reason = "a thousand or two")]
+    let middle = CELLS as f32 / 2.0 * cell_mm;
+    Settings {
+        start: Pose::new(middle, middle, 0.0),
+        ..settings
+    }
+}
+
+/// What came of a log.
+#[derive(Debug)]
+pub struct Survey {
+    /// Time (s) and place of each scan, in metres from where the log began.
+    pub way: Vec<(f64, Place)>,
+    /// The map; the log begins in its middle.
+    pub grid: Box<LogGrid>,
+    /// Scans at which the mapper was not sure.
+    pub doubtful: usize,
+    /// Scans at which it knew of several places.
+    pub ambiguous: usize,
+    /// Scans that lay outside the map.
+    pub outside: usize,
+    /// Time that each scan took.
+    pub took: Vec<Duration>,
+    /// Processor time of all, where the system tells.
+    pub cpu: Option<Duration>,
+}
+
+/// Maps `log`. `progress` is told the number of scans done, now and then.
+pub fn survey(
+    log: &Log,
+    settings: Settings,
+    clock: &(dyn Clock + Sync),
+    progress: &mut (dyn FnMut(usize) + Send),
+) -> Survey {
+    std::thread::scope(|scope| {
+        let thread = std::thread::Builder::new().stack_size(STACK);
+        let work = move || run(log, settings, clock, progress);
+        let worker = thread
+            .spawn_scoped(scope, work)
+            .expect("a host has room for a thread");
+        worker
+            .join()
+            .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    })
+}
+
+fn run(
+    log: &Log,
+    settings: Settings,
+    clock: &dyn Clock,
+    progress: &mut dyn FnMut(usize),
+) -> Survey {
+    let mut mapper: Box<LogMapper> = Box::new(Mapper::new(settings));
+    let mut survey = Survey {
+        way: Vec::with_capacity(log.shots.len()),
+        grid: Box::new(Grid::new(settings.resolution_mm)),
+        doubtful: 0,
+        ambiguous: 0,
+        outside: 0,
+        took: Vec::with_capacity(log.shots.len()),
+        cpu: None,
+    };
+    let before = thread_cpu_time();
+    for (done, shot) in log.shots.iter().enumerate() {
+        if done % 64 == 0 {
+            progress(done);
+        }
+        let began = clock.now();
+        let certainty = survey.take(&mut mapper, shot, done == 0);
+        survey.took.push(clock.now() - began);
+        survey.doubtful += usize::from(certainty == Certainty::Doubtful);
+        survey.ambiguous += usize::from(certainty == Certainty::Ambiguous);
+    }
+    survey.cpu = before.and_then(|before| thread_cpu_time()?.checked_sub(before));
+    *survey.grid = mapper.grid().clone();
+    survey
+}
+
+impl Survey {
+    fn take(&mut self, mapper: &mut LogMapper, shot: &Shot, is_first: bool) -> Certainty {
+        let scan = Scan::from_points(&shot.points, Instant::ZERO, Instant::ZERO);
+        // Where the log begins is the origin, wherever its wheels say they are.
+        if !is_first {
+            mapper.predict(change(shot.moved));
+        }
+        let outcome = mapper.integrate(&scan, [0, 0]);
+        let took = SEARCH_BASE_US + u64::from(outcome.tries) * SEARCH_TRY_US;
+        mapper.search_time(Duration::from_micros(took));
+        self.outside += usize::from(mapper.grid().cell_of(outcome.pose.position()).is_none());
+        let start = mapper.settings().start;
+        let [x, y, heading] = [
+            outcome.pose.x_mm - start.x_mm,
+            outcome.pose.y_mm - start.y_mm,
+            outcome.pose.heading,
+        ]
+        .map(f64::from);
+        self.way
+            .push((shot.at_s, Place::new(x / 1000.0, y / 1000.0, heading)));
+        outcome.certainty
+    }
+
+    /// Median and longest time of a scan, and the sum.
+    pub fn times(&self) -> [Duration; 3] {
+        let mut sorted = self.took.clone();
+        sorted.sort_unstable();
+        let median = sorted.get(sorted.len() / 2).copied().unwrap_or_default();
+        let longest = sorted.last().copied().unwrap_or_default();
+        [median, longest, sorted.iter().sum()]
+    }
+
+    /// First and last column and row that were drawn; `None` if nothing was.
+    pub fn drawn(&self) -> Option<[usize; 4]> {
+        let mut bounds = [usize::MAX, 0, usize::MAX, 0];
+        for (y, row) in self.grid.rows().iter().enumerate() {
+            let mut known = row.iter().enumerate().filter(|(_, cell)| **cell != UNKNOWN);
+            let Some((first, _)) = known.next() else {
+                continue;
+            };
+            let last = known.next_back().map_or(first, |(last, _)| last);
+            bounds = [
+                bounds[0].min(first),
+                bounds[1].max(last),
+                bounds[2].min(y),
+                bounds[3].max(y),
+            ];
+        }
+        (bounds[0] <= bounds[1]).then_some(bounds)
+    }
+}

@@ -1,0 +1,114 @@
+//! `hilrig slam` as a user meets it.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use crate::room;
+
+/// A folder of its own, removed afterwards.
+struct Session(PathBuf);
+
+impl Session {
+    fn new(name: &str) -> Self {
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("slam-{name}"));
+        let _ = std::fs::remove_dir_all(&folder);
+        std::fs::create_dir_all(&folder).expect("the target folder can be written");
+        Self(folder)
+    }
+
+    fn write(&self, name: &str, bytes: &[u8]) {
+        std::fs::write(self.0.join(name), bytes).expect("the target folder can be written");
+    }
+
+    fn read(&self, name: &str) -> String {
+        std::fs::read_to_string(self.0.join(name)).expect("the command wrote it")
+    }
+
+    fn slam(&self, arguments: &[&str]) -> Output {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_hilrig"));
+        command.arg("slam").args(arguments).current_dir(&self.0);
+        command.output().expect("the command starts")
+    }
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+fn text(bytes: &[u8]) -> &str {
+    core::str::from_utf8(bytes).expect("the command speaks UTF-8")
+}
+
+/// The robot ends 33 turns later where it is in truth, to 50 mm, although its wheels lie by five
+/// per cent; and the ROS map names its picture and corner.
+#[test]
+fn a_log_becomes_a_map_and_a_way() {
+    let session = Session::new("room");
+    let (log, truth) = room::log();
+    session.write("room.log", log.as_bytes());
+    let output = session.slam(&["room.log", "--out", "out"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    assert!(text(&output.stdout).starts_with("160 scans, 0 skipped, 0 doubtful, 0 ambiguous"));
+    let way = session.read("out/trajectory.tum");
+    let last: Vec<f64> = way
+        .lines()
+        .last()
+        .expect("a line a scan")
+        .split(' ')
+        .map(|field| field.parse().expect("a number"))
+        .collect();
+    assert_eq!(last.len(), 8);
+    let off = libm::hypot(last[1] - truth.x, last[2] - truth.y);
+    assert!(off < 0.05, "{off} m off");
+    let yaml = session.read("out/map.yaml");
+    assert!(
+        yaml.contains("image: map.pgm") && yaml.contains("resolution: 0.05"),
+        "{yaml}"
+    );
+    for file in ["map.pgm", "map.png", "timing.json"] {
+        assert!(session.0.join("out").join(file).is_file(), "{file}");
+    }
+}
+
+#[test]
+fn the_seeds_algorithm_can_be_chosen() {
+    let session = Session::new("seed");
+    session.write("room.log", room::log().0.as_bytes());
+    let output = session.slam(&["room.log", "--mode", "seed", "--out", "out"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    assert!(
+        session
+            .read("out/timing.json")
+            .contains("\"mode\": \"seed\"")
+    );
+}
+
+#[test]
+fn what_cannot_be_used_is_told_and_the_rest_mapped() {
+    let session = Session::new("damaged");
+    let (log, _) = room::log();
+    session.write("room.log", &log.as_bytes()[..log.len() / 2]);
+    let output = session.slam(&["room.log", "--out", "out"]);
+    assert_eq!(output.status.code(), Some(0));
+    let said = text(&output.stderr);
+    assert!(said.contains("skipped 1 cut-off messages"), "{said}");
+    assert!(text(&output.stdout).contains(", 1 skipped,"));
+}
+
+#[test]
+fn what_is_no_log_is_refused() {
+    let session = Session::new("no-log");
+    session.write("notes.txt", b"dear diary\n");
+    let output = session.slam(&["notes.txt"]);
+    assert_eq!(output.status.code(), Some(2));
+    let said = text(&output.stderr);
+    assert!(
+        said.starts_with("error: notes.txt: no FLASER or ROBOTLASER1 line in it"),
+        "{said}"
+    );
+    let output = session.slam(&["missing.log"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).starts_with("error: cannot read missing.log: "));
+}

@@ -1,0 +1,121 @@
+//! The public Intel Lab log and its hand-checked relations (Freiburg): 910 scans, 500 m.
+
+use std::io::Read as _;
+
+use emulators::world::Pose;
+use firmware_core::slam::Mode;
+use hilrig::slam::motion::{between, moved};
+use hilrig::slam::survey::{CELL_MM, Survey, settings, survey};
+use hilrig::slam::{Log, carmen};
+use hilrig::trace::fingerprint;
+
+use crate::captures::beside;
+use crate::damage::still;
+use crate::relations::{Track, judge};
+
+/// The relations count from 1970, the log from its own beginning.
+const SHIFT_S: f64 = 976_052_857.337_284;
+
+/// The log's text and the relations.
+fn data() -> Option<(Vec<u8>, String)> {
+    let packed = beside("data/intel", "intel-corrected.log.gz")?;
+    let relations = beside("data/intel", "intel.relations")?;
+    let mut text = Vec::new();
+    flate2::read::GzDecoder::new(&packed[..])
+        .read_to_end(&mut text)
+        .expect("a whole file");
+    Some((text, String::from_utf8(relations).expect("numbers")))
+}
+
+/// The wheels' way over all ODOM lines that have a time: poses differ by wheel odometry from one
+/// FLASER to the next, and the jump to each FLASER is the mapper's.
+fn wheels(text: &[u8]) -> Track {
+    let (mut raw, mut last, mut all) = (Pose::default(), None, Vec::new());
+    for line in String::from_utf8_lossy(text).lines() {
+        let fields: Vec<&str> = line.split_whitespace().collect();
+        let number = |at: usize| fields[at].parse::<f64>().expect("a number");
+        let pose = |at: usize| Pose::new(number(at), number(at + 1), number(at + 2));
+        match fields.first() {
+            Some(&"ODOM") => {
+                let here = pose(1);
+                raw = last.map_or(raw, |last| moved(raw, between(last, here)));
+                last = Some(here);
+                let stamp = number(fields.len() - 3);
+                if stamp > 0.0 {
+                    all.push((stamp, raw));
+                }
+            }
+            Some(&"FLASER") => last = Some(pose(fields.len() - 9)),
+            _ => {}
+        }
+    }
+    Track::new(all)
+}
+
+fn mapped(log: &Log) -> Survey {
+    survey(log, settings(Mode::Core, CELL_MM), &still(), &mut |_| {})
+}
+
+/// Every pose to the bit, and the map.
+fn print(survey: &Survey) -> String {
+    let poses = survey
+        .way
+        .iter()
+        .flat_map(|(at, place)| [*at, place.x, place.y, place.theta]);
+    let mut bytes: Vec<u8> = poses.flat_map(f64::to_le_bytes).collect();
+    bytes.extend_from_slice(survey.grid.rows().as_flattened());
+    fingerprint(&bytes)
+}
+
+/// At most 0.075 m on average over 2,984 relations, with the settings that every log has; another
+/// tinySLAM has 0.077 m in the median of nine seeds, the particle filter that corrected this log
+/// 0.065 m. Twice the same to the bit, and the same as on every other host and build.
+#[test]
+fn the_intel_lab_is_mapped_to_75_mm_the_same_each_time() {
+    let Some((text, relations)) = data() else {
+        return;
+    };
+    let log = carmen::read(&text).expect("a good log");
+    assert_eq!((log.shots.len(), log.findings.counts().count()), (910, 0));
+    let (first, second) = (mapped(&log), mapped(&log));
+    let scans = Track::new(first.way.clone());
+    let (count, metres, degrees) = judge(&scans, &wheels(&text), &relations, SHIFT_S);
+    println!(
+        "Intel: {count} relations, {metres:.4} m, {degrees:.2} deg, cpu {:?}",
+        first.cpu
+    );
+    assert!(
+        count > 2_900 && metres <= 0.075,
+        "{count} relations: {metres} m {degrees} deg"
+    );
+    assert_eq!(print(&first), print(&second));
+    assert_eq!(print(&first), SAME_EVERYWHERE);
+}
+
+/// Of poses and map; changes with the mapper, never with the host or the build.
+const SAME_EVERYWHERE: &str = "eb0dec6a0d77dab5";
+
+/// The evaluation itself: the poses that the log was corrected with score 0.065 m, as published
+/// within 5 mm (Kuemmerle et al.: 0.070 m for the particle filter).
+#[test]
+fn the_evaluation_gives_the_published_figure_for_the_corrected_poses() {
+    let Some((text, relations)) = data() else {
+        return;
+    };
+    let words = String::from_utf8_lossy(&text);
+    let scans = words
+        .lines()
+        .filter(|line| line.starts_with("FLASER"))
+        .map(|line| {
+            let fields: Vec<&str> = line.split_whitespace().collect();
+            let number = |back: usize| fields[fields.len() - back].parse().expect("a number");
+            (number(3), Pose::new(number(9), number(8), number(7)))
+        });
+    let (_, metres, _) = judge(
+        &Track::new(scans.collect()),
+        &wheels(&text),
+        &relations,
+        SHIFT_S,
+    );
+    assert!((metres - 0.065).abs() < 0.0005, "{metres}");
+}

@@ -1,0 +1,11 @@
+//! The mapper over logs: what is read, what is left out, and how right the way is.
+
+mod command;
+mod damage;
+mod intel;
+mod relations;
+mod room;
+
+#[expect(dead_code, reason = "shared with the tests that read captures")]
+#[path = "../support/captures.rs"]
+mod captures;

@@ -1,0 +1,119 @@
+//! How right a trajectory is, judged by relations: "the pose at t2 seen from the pose at t1 is so".
+//! By Kuemmerle et al. 2009 the error of a relation is the estimated relative pose seen from the
+//! given one. A pose between two scans is reckoned from the scan before by the wheels, and the
+//! correction that the next scan brings is spread over the gap by way and angle.
+
+use emulators::world::{Pose, wrap_angle};
+use hilrig::slam::motion::{between, moved};
+
+/// Poses by time.
+pub(crate) struct Track(Vec<(f64, Pose)>);
+
+/// Times carry six digits.
+const SLACK_S: f64 = 0.006;
+/// Longest way from a relation's time to the next pose.
+const GAP_MAX_S: f64 = 1.0;
+
+impl Track {
+    pub(crate) fn new(mut poses: Vec<(f64, Pose)>) -> Self {
+        poses.sort_by(|a, b| a.0.total_cmp(&b.0));
+        Self(poses)
+    }
+
+    fn at_or_before(&self, time: f64) -> usize {
+        self.0
+            .partition_point(|(at, _)| *at <= time + SLACK_S)
+            .saturating_sub(1)
+    }
+
+    /// The pose at a time, along the way between its neighbours, and the time to the nearer one.
+    fn interpolated(&self, time: f64) -> (Pose, f64) {
+        let index = self.at_or_before(time);
+        let (at, pose) = self.0[index];
+        let Some((next_at, next)) = self.0.get(index + 1).filter(|next| next.0 > at) else {
+            return (pose, (time - at).abs());
+        };
+        let share = ((time - at) / (next_at - at)).clamp(0.0, 1.0);
+        let step = between(pose, *next);
+        let part = Pose::new(step.x * share, step.y * share, step.theta * share);
+        (
+            moved(pose, part),
+            (time - at).abs().min((next_at - time).abs()),
+        )
+    }
+
+    /// Way and angle from one time to another.
+    fn progress(&self, from: f64, to: f64) -> (f64, f64) {
+        let (first, last) = (self.at_or_before(from), self.at_or_before(to));
+        self.0[first..=last.max(first)]
+            .windows(2)
+            .fold((0.0, 0.0), |(way, angle), pair| {
+                let step = between(pair[0].1, pair[1].1);
+                (way + libm::hypot(step.x, step.y), angle + step.theta.abs())
+            })
+    }
+}
+
+fn pose_at(scans: &Track, wheels: &Track, time: f64) -> (Pose, f64) {
+    let index = scans.at_or_before(time);
+    let (at, pose) = scans.0[index];
+    let (start, _) = wheels.interpolated(at);
+    let (end, gap) = wheels.interpolated(time);
+    let mut step = between(start, end);
+    if let Some((next_at, next)) = scans.0.get(index + 1).filter(|_| time > at + SLACK_S) {
+        let whole = between(start, wheels.interpolated(*next_at).0);
+        let (way, angle) = wheels.progress(at, *next_at);
+        let (way_so_far, angle_so_far) = wheels.progress(at, time);
+        let share = |part: f64, of: f64| if of > 1e-9 { part / of } else { 0.0 };
+        let (by_way, by_angle) = (share(way_so_far, way), share(angle_so_far, angle));
+        let fix = between(moved(pose, whole), *next);
+        let (sin, cos) = libm::sincos(whole.theta);
+        step.x += by_way * (cos * fix.x - sin * fix.y);
+        step.y += by_way * (sin * fix.x + cos * fix.y);
+        step.theta = wrap_angle(step.theta + by_angle * fix.theta);
+    }
+    (moved(pose, step), gap)
+}
+
+/// Number of relations, mean error of position (m) and heading (deg).
+pub(crate) fn judge(
+    scans: &Track,
+    wheels: &Track,
+    relations: &str,
+    shift_s: f64,
+) -> (u32, f64, f64) {
+    let (mut count, mut metres, mut angle) = (0, 0.0, 0.0);
+    for line in relations.lines() {
+        let numbers: Vec<f64> = line
+            .split_whitespace()
+            .filter_map(|v| v.parse().ok())
+            .collect();
+        let [t1, t2, x, y, _, _, _, yaw] = numbers[..] else {
+            continue;
+        };
+        let (from, gap_1) = pose_at(scans, wheels, t1 - shift_s);
+        let (to, gap_2) = pose_at(scans, wheels, t2 - shift_s);
+        if gap_1.max(gap_2) > GAP_MAX_S || t1.min(t2) - shift_s < scans.0[0].0 - 0.01 {
+            continue;
+        }
+        let error = between(Pose::new(x, y, yaw), between(from, to));
+        count += 1;
+        metres += libm::hypot(error.x, error.y);
+        angle += error.theta.abs();
+    }
+    let of = f64::from(count).max(1.0);
+    (count, metres / of, (angle / of).to_degrees())
+}
+
+/// Two scans a second apart; the wheels say 1 m ahead, the second scan 1.2 m. Half-way the wheels
+/// are at 0.5 m, so is half of the correction: 0.6 m.
+#[test]
+fn the_correction_is_spread_over_the_gap() {
+    let at = |x: f64| Pose::new(x, 0.0, 0.0);
+    let scans = Track::new(vec![(0.0, at(0.0)), (1.0, at(1.2))]);
+    let wheels = Track::new(vec![(0.0, at(5.0)), (0.5, at(5.5)), (1.0, at(6.0))]);
+    let (pose, _) = pose_at(&scans, &wheels, 0.5);
+    assert!((pose.x - 0.6).abs() < 1e-9, "{pose:?}");
+    let (count, metres, _) = judge(&scans, &wheels, "100 101 1.15 0 0 0 0 0\n", 100.0);
+    assert!(count == 1 && (metres - 0.05).abs() < 1e-9, "{metres}");
+}
