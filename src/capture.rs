@@ -7,6 +7,7 @@
 //! that a capture explains itself.
 //! Bytes on their way when the run ends reached nobody and are not in the file.
 
+mod files;
 mod join;
 pub mod pcapng;
 pub mod record;

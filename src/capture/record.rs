@@ -245,7 +245,10 @@ impl Record {
             let start = end.saturating_sub(usize::from(len));
             if start > 0 {
                 chunks.push((Instant::from_nanos(nanos), &self.bytes[start..end]));
-                let took = line.bytes_time(u64::from(len)).as_nanos();
+                let took = match line.baud {
+                    0 => 0,
+                    _ => line.bytes_time(u64::from(len)).as_nanos(),
+                };
                 nanos = nanos.saturating_sub(u64::try_from(took).unwrap_or(u64::MAX));
                 end = start;
             }

@@ -1,14 +1,14 @@
 //! Writes the capture of a run while it goes on.
 
 use core::fmt::Write as _;
-use std::fs::{self, File};
-use std::io::{self, Write as _};
-use std::path::{Path, PathBuf};
+use std::io;
+use std::path::Path;
 
 use core::time::Duration;
 
 use protocols::{Instant, LineEvent};
 
+use super::files::Writer;
 use super::join::{Extra, Joiner, event_words};
 use super::record::{Interface, Kind, Section};
 use crate::fault::Damage;
@@ -67,26 +67,25 @@ fn about_in(scenario: &Scenario, clock: &str) -> Section {
 /// A tap that writes a capture. An error stops it, not the run; [`Tap::finish`] tells.
 #[derive(Debug)]
 pub struct Recording {
-    path: PathBuf,
-    file: Option<File>,
-    error: Option<io::Error>,
-    limits: Limits,
-    head: Vec<u8>,
-    buf: Vec<u8>,
-    written: u64,
-    set_aside: u64,
+    writer: Writer,
+    is_stopped: bool,
     joiner: Joiner,
-    flushed_at: Instant,
+    buf: Vec<u8>,
+    /// In a live run only: when what was gathered was last written.
+    flushed_at: Option<Instant>,
+    /// A piece of this size is written. Also bounds the size of files that are put aside.
+    piece: usize,
 }
 
 /// Bytes gathered before they are written.
-const BUFFER: usize = 256 << 10;
-/// Time of the run after which what was gathered is written at the latest: what a killed process
+const PIECE: usize = 256 << 10;
+/// Time of a live run after which what was gathered is written at the latest: what a killed process
 /// may lose.
 const FLUSH_EVERY: Duration = Duration::from_millis(500);
 
 impl Recording {
-    /// Begins the capture of `rig` in the file `path`; `section` as from [`about`].
+    /// Begins the capture of `rig` in the file `path`; `section` as from [`about`] or
+    /// [`about_live`].
     pub fn create(path: &Path, rig: &Rig, section: Section, limits: Limits) -> io::Result<Self> {
         let mut head = Vec::new();
         section.write(&mut head);
@@ -94,71 +93,30 @@ impl Recording {
             let [sender, _] = rig.line_configs(link.line(Direction::ToMaster));
             Interface::new(&link.name, sender.baud).write(&mut head);
         }
-        let mut file = File::create(path)?;
-        file.write_all(&head)?;
+        let is_live = section.start() > Instant::ZERO;
+        let smallest = usize::try_from(limits.file_bytes / 8).unwrap_or(PIECE);
+        let piece = smallest.min(PIECE);
         Ok(Self {
-            path: path.to_owned(),
-            file: Some(file),
-            error: None,
-            limits,
-            written: head.len() as u64,
-            head,
-            buf: Vec::with_capacity(BUFFER + 1024),
-            set_aside: 0,
+            writer: Writer::create(path, head, limits)?,
+            is_stopped: false,
             joiner: Joiner::new(rig, section.start()),
-            flushed_at: Instant::ZERO,
+            buf: Vec::with_capacity(piece + (8 << 10)),
+            flushed_at: is_live.then_some(Instant::ZERO),
+            piece,
         })
     }
 
     /// Writes what was gathered, if that is much.
     fn relieve(&mut self) {
-        if self.buf.len() >= BUFFER {
+        if self.buf.len() >= self.piece {
             self.flush();
         }
     }
 
     fn flush(&mut self) {
-        if let Err(error) = self.try_flush() {
-            self.file = None;
-            self.error = Some(error);
+        if !self.buf.is_empty() && !self.writer.write(&mut self.buf) {
+            self.is_stopped = true;
         }
-    }
-
-    fn try_flush(&mut self) -> io::Result<()> {
-        let Some(file) = &mut self.file else {
-            return Ok(());
-        };
-        if let Err(error) = file.write_all(&self.buf) {
-            // A piece of a block may have come through before the disk was full.
-            let _ = file.set_len(self.written);
-            return Err(error);
-        }
-        self.written += self.buf.len() as u64;
-        self.buf.clear();
-        if self.written >= self.limits.file_bytes {
-            self.rotate()?;
-        }
-        Ok(())
-    }
-
-    /// The newest file always has the plain name; `capture.1.pcapng` is the first put aside.
-    fn rotate(&mut self) -> io::Result<()> {
-        self.set_aside += 1;
-        fs::rename(&self.path, self.aside(self.set_aside))?;
-        if let Some(old) = self.set_aside.checked_sub(self.limits.files)
-            && old > 0
-        {
-            fs::remove_file(self.aside(old))?;
-        }
-        let mut file = File::create(&self.path)?;
-        file.write_all(&self.head)?;
-        self.written = self.head.len() as u64;
-        self.file = Some(file);
-        Ok(())
-    }
-
-    fn aside(&self, number: u64) -> PathBuf {
-        self.path.with_extension(format!("{number}.pcapng"))
     }
 }
 
@@ -167,7 +125,7 @@ impl Tap for Recording {
     fn record(&mut self, _: usize, _: Direction, _: Side, _: Instant, _: &[u8]) {}
 
     fn arrived(&mut self, link: usize, direction: Direction, delivery: &Delivery) {
-        if self.file.is_none() {
+        if self.is_stopped {
             return;
         }
         let (line, at, out) = ((link, direction), delivery.at, &mut self.buf);
@@ -203,7 +161,7 @@ impl Tap for Recording {
     }
 
     fn line_event(&mut self, link: usize, direction: Direction, at: Instant, event: LineEvent) {
-        if self.file.is_none() {
+        if self.is_stopped {
             return;
         }
         let extra = Extra {
@@ -217,8 +175,8 @@ impl Tap for Recording {
     }
 
     fn reached(&mut self, now: Instant) {
-        if self.file.is_some() && now - self.flushed_at >= FLUSH_EVERY {
-            self.flushed_at = now;
+        if !self.is_stopped && self.flushed_at.is_some_and(|at| now - at >= FLUSH_EVERY) {
+            self.flushed_at = Some(now);
             self.joiner.reached(now);
             self.joiner.emit(&mut self.buf);
             self.flush();
@@ -228,14 +186,15 @@ impl Tap for Recording {
     fn finish(&mut self) -> io::Result<()> {
         self.joiner.finish(&mut self.buf);
         self.flush();
-        self.error.take().map_or(Ok(()), Err)
+        self.is_stopped = true;
+        self.writer.finish()
     }
 }
 
 impl Drop for Recording {
     fn drop(&mut self) {
-        self.joiner.finish(&mut self.buf);
-        self.flush();
+        // Whoever wants to know of errors has called it before.
+        let _ = self.finish();
     }
 }
 

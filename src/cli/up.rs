@@ -71,14 +71,14 @@ pub(super) struct Up {
 pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
     let (mut scenario, source) = Scenario::read(&args.scenario)?;
     scenario.seed = args.seed.unwrap_or(scenario.seed);
-    let mission = &scenario.mission;
-    let is_scripted = !mission.waypoints_m.is_empty() || !mission.step.is_empty();
-    let pc = match is_scripted && !args.pc {
-        true => PcEnd::Scripted,
-        false => PcEnd::External,
-    };
     let world = scenario.world.build(scenario.seed, &source)?;
-    let wired = robots::wire(&scenario, &source, world, Dut::External, pc)?;
+    let wired = robots::wire(
+        &scenario,
+        &source,
+        world,
+        Dut::External,
+        pc_end(&args, &scenario),
+    )?;
     let dir = args
         .dir
         .clone()
@@ -119,13 +119,29 @@ pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
     if control.delays().count() > 0 {
         println!("  faults changed by hand: {}", control.delays());
     }
-    let recorded = run.0.rig.finish_taps();
-    write_case(&run.0, args.case, control.delays().count() > 0)?;
+    leave(&mut run.0, args, control.delays().count() > 0)?;
+    ended
+}
+
+/// Ends what a run leaves behind: its capture and its case.
+fn leave(run: &mut Run, args: Up, changed: bool) -> Result<(), CliError> {
+    let recorded = run.rig.finish_taps();
+    write_case(run, args.case, changed)?;
     recorded.map_err(|source| FolderError {
         path: args.capture.unwrap_or_default(),
         source,
     })?;
-    ended
+    Ok(())
+}
+
+/// The scenario's PC has its own end, unless it has nothing to do or another one is wanted.
+fn pc_end(args: &Up, scenario: &Scenario) -> PcEnd {
+    let mission = &scenario.mission;
+    let is_scripted = !mission.waypoints_m.is_empty() || !mission.step.is_empty();
+    match is_scripted && !args.pc {
+        true => PcEnd::Scripted,
+        false => PcEnd::External,
+    }
 }
 
 /// Writes the case if a place for it is named, or if it differs from the scenario.
