@@ -2,6 +2,8 @@
 
 pub mod diagnose;
 pub mod summary;
+pub mod transcript;
+mod words;
 
 use core::ops::Range;
 
@@ -47,21 +49,34 @@ impl Protocol {
 
     /// The protocol with the most bytes of `bytes` in sound frames, if any has a frame.
     pub fn guess(bytes: &[u8]) -> Option<Self> {
-        let framed = |protocol: &Self| {
-            let mut stream = Stream::new(*protocol);
-            let mut found = stream.push(bytes);
-            found.extend(stream.idle());
-            let frames = found.iter().filter(|one| one.is_frame());
-            frames.map(|one| one.bytes.len()).sum::<usize>()
-        };
+        Self::best(bytes).map(|(protocol, _)| protocol)
+    }
+
+    /// The same, with how many bytes those are.
+    pub fn best(bytes: &[u8]) -> Option<(Self, u64)> {
         let mut best = None;
         for protocol in Self::ALL {
-            let score = framed(&protocol);
+            let score = protocol.framed(bytes);
             if score > best.map_or(0, |(_, best)| best) {
                 best = Some((protocol, score));
             }
         }
-        best.map(|(protocol, _)| protocol)
+        best
+    }
+
+    /// Bytes of `bytes` that are in sound frames.
+    pub fn framed(self, bytes: &[u8]) -> u64 {
+        let frames = self.frames(bytes);
+        frames.iter().map(|one| one.end - one.start).sum()
+    }
+
+    /// Places of the sound frames in `bytes`.
+    pub fn frames(self, bytes: &[u8]) -> Vec<Range<u64>> {
+        let mut stream = Stream::new(self);
+        let mut found = stream.push(bytes);
+        found.extend(stream.idle());
+        let frames = found.into_iter().filter(Found::is_frame);
+        frames.map(|one| one.bytes).collect()
     }
 }
 
@@ -90,17 +105,6 @@ impl Found {
     }
 }
 
-impl ExactLen for Range<u64> {
-    fn len(&self) -> usize {
-        usize::try_from(self.end - self.start).expect("no longer than what was fed")
-    }
-}
-
-/// Length of a range of places in a stream.
-trait ExactLen {
-    fn len(&self) -> usize;
-}
-
 /// The decoder of one direction of a link that keeps count of where it is.
 pub struct Stream {
     spotter: Box<dyn Spot>,
@@ -112,9 +116,12 @@ struct Place {
     fed: u64,
     /// Up to here everything has been told.
     told: u64,
-    errors: Vec<FrameError>,
+    /// Why candidates were none, with the place of the byte that it cost.
+    errors: Vec<(u64, FrameError)>,
 }
 
+/// Most bad bytes that are told as one stretch.
+pub const BAD_MAX: u64 = 256;
 /// Errors kept of one stretch of bad bytes.
 const ERRORS_MAX: usize = 8;
 
@@ -123,20 +130,15 @@ impl Stream {
     pub fn new(protocol: Protocol) -> Self {
         let spotter: Box<dyn Spot> = match protocol {
             Protocol::Xv11 => spotter(xv11::Decoder::default(), |frame| {
-                (frame.as_bytes().len(), packet(frame))
+                (frame.as_bytes().len(), words::packet(frame))
             }),
             Protocol::Xv11Turn => spotter(turn::Decoder::default(), |frame| {
-                let words = format!("turn, period word {:#06x}", frame.period());
-                (frame.as_bytes().len(), words)
+                (frame.as_bytes().len(), words::turn(frame))
             }),
             Protocol::Bus => bus(ChecksumOrder::LowFirst),
             Protocol::BusHighFirst => bus(ChecksumOrder::HighFirst),
             Protocol::Pcui => spotter(pcui::Decoder::default(), |frame| {
-                let words = match frame.message() {
-                    Ok(message) => format!("{message:?}"),
-                    Err(error) => format!("{}: {error}", frame.id().escape_ascii()),
-                };
-                (frame.as_bytes().len(), words)
+                (frame.as_bytes().len(), words::message(frame))
             }),
         };
         let place = Place::default();
@@ -153,17 +155,30 @@ impl Stream {
     pub fn idle(&mut self) -> Vec<Found> {
         self.spotter.idle();
         let mut found = self.spotter.spot(&[], &mut self.place);
-        found.extend(self.place.tell_bad(self.place.fed));
+        self.place.tell_bad(self.place.fed, &mut found);
         found
     }
 }
 
 impl Place {
-    fn tell_bad(&mut self, until: u64) -> Option<Found> {
-        let bytes = self.told..until;
-        self.told = until;
-        let what = What::Bad(core::mem::take(&mut self.errors));
-        (!bytes.is_empty()).then_some(Found { bytes, what })
+    /// What lies before `until` and was not told is bad; in stretches that do not depend on how the
+    /// bytes came.
+    fn tell_bad(&mut self, until: u64, found: &mut Vec<Found>) {
+        while self.told < until {
+            let end = until.min(self.told + BAD_MAX);
+            let own = self.errors.partition_point(|&(at, _)| at < end);
+            let errors = self.errors.drain(..own).map(|(_, error)| error);
+            let what = What::Bad(errors.take(ERRORS_MAX).collect());
+            let bytes = self.told..end;
+            self.told = end;
+            found.push(Found { bytes, what });
+        }
+    }
+
+    /// Tells whole stretches of bad bytes before `until`.
+    fn tell_whole(&mut self, until: u64, found: &mut Vec<Found>) {
+        let whole = (until - self.told) / BAD_MAX * BAD_MAX;
+        self.tell_bad(self.told + whole, found);
     }
 }
 
@@ -190,20 +205,24 @@ impl<D: Decode, W: Fn(&D::Frame) -> (usize, String)> Spot for Spotter<D, W> {
     fn spot(&mut self, mut bytes: &[u8], place: &mut Place) -> Vec<Found> {
         let mut found = Vec::new();
         while let Some(outcome) = self.decoder.step(&mut bytes) {
+            let end = place.fed - (bytes.len() + self.decoder.pending()) as u64;
             match outcome {
                 Ok(frame) => {
                     let (len, words) = (self.words)(&frame);
-                    let end = place.fed - (bytes.len() + self.decoder.pending()) as u64;
                     let start = end - len as u64;
-                    found.extend(place.tell_bad(start));
+                    place.tell_bad(start, &mut found);
                     place.told = end;
                     let (bytes, what) = (start..end, What::Frame(words));
                     found.push(Found { bytes, what });
                 }
-                Err(error) if place.errors.len() < ERRORS_MAX => place.errors.push(error),
-                Err(_) => {}
+                Err(error) => {
+                    place.errors.push((end - 1, error));
+                    place.tell_whole(end, &mut found);
+                }
             }
         }
+        let settled = place.fed - self.decoder.pending() as u64;
+        place.tell_whole(settled, &mut found);
         found
     }
 
@@ -212,35 +231,9 @@ impl<D: Decode, W: Fn(&D::Frame) -> (usize, String)> Spot for Spotter<D, W> {
     }
 }
 
-fn packet(frame: &xv11::Frame) -> String {
-    use core::fmt::Write as _;
-    let degree = u32::from(frame.index()) * 4;
-    let mut out = format!("{:.2} rpm, from {degree} deg:", frame.speed_rpm());
-    for reading in frame.readings() {
-        match reading {
-            xv11::Reading::Range {
-                distance_mm, weak, ..
-            } => {
-                let mark = if weak { "?" } else { "" };
-                write!(out, " {distance_mm}{mark}")
-            }
-            xv11::Reading::Invalid { code, .. } => write!(out, " ({code:02X})"),
-        }
-        .expect("a string takes everything");
-    }
-    out + " mm"
-}
-
 fn bus(order: ChecksumOrder) -> Box<dyn Spot> {
     spotter(avr::Decoder::new(order), |frame| {
-        let (register, count) = (frame.register(), frame.count());
-        let words = if frame.is_write() {
-            let data = frame.data().iter().map(|byte| format!(" {byte:02X}"));
-            format!("register {register} is{}", data.collect::<String>())
-        } else {
-            format!("read {count} from register {register}")
-        };
-        (frame.as_bytes().len(), words)
+        (frame.as_bytes().len(), words::bus(frame))
     })
 }
 

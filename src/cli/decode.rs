@@ -1,60 +1,80 @@
-use std::fs;
+mod follow;
+mod source;
+
 use std::io::{self, Write};
 use std::path::PathBuf;
 
 use clap::Args;
-
-use core::time::Duration;
+use protocols::Instant;
 
 use super::{CliError, Verdict};
-use crate::capture::{Capture, Interface, Kind, Record};
-use crate::decode::diagnose::diagnose;
+use crate::decode::Protocol;
+use crate::decode::diagnose::{Line, diagnose};
 use crate::decode::summary::Lidar;
-use crate::decode::{Found, Protocol, Stream, What};
-use crate::line::Direction;
+use crate::decode::transcript::{Entry, Sum, Transcript};
+use crate::scenario::Span;
+use source::{Lane, Source, lanes};
 
 /// Print the frames of a capture, or of a dump of raw bytes, one a line.
 ///
-/// The lines are data and go to standard output; what is said of the whole goes to standard error.
+/// A line is the time, the link and direction, the place of the first byte on that line, and what
+/// the bytes mean; bytes of no frame are BAD, with the reasons. All links are merged in the order
+/// of time. The lines are data and go to standard output; what is said of the whole goes to
+/// standard error.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig decode hilrig-out/rescue-flat-1/capture.pcapng --link base\n  \
     hilrig decode dump.bin --protocol xv11\n  \
-    hilrig decode dump.bin --diagnose   # what is wrong with all of it, instead of the frames")]
+    hilrig decode dump.bin --summary    # figures of the whole, instead of the frames\n  \
+    hilrig decode dump.bin --diagnose   # what is wrong with all of it, instead of the frames\n  \
+    hilrig decode field.pcapng --follow # while hilrig up --capture field.pcapng writes it")]
 pub(super) struct DecodeArgs {
     /// A pcapng capture, or bytes as they came from a port
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Protocol of the bytes [default: the one with the most sound frames, for each link]
+    /// Protocol of the bytes [default: the one with the most sound frames, for each line]
     #[arg(long)]
     protocol: Option<Protocol>,
     /// Only this link of a capture
     #[arg(long, value_name = "NAME")]
     link: Option<String>,
-    /// Look for damage that a whole stream shows, e.g. stripped NUL bytes
-    #[arg(long)]
+    /// Look for damage that a whole stream shows: stripped NUL bytes, CR or XON/XOFF translation,
+    /// seven bits, a wrong baud rate, an echo, doubled or swapped bytes, a swapped checksum
+    #[arg(long, conflicts_with = "summary")]
     diagnose: bool,
+    /// Only count: frames, and for a lidar speed, readings, ranges and boot text
+    #[arg(long)]
+    summary: bool,
+    /// Go on as the file grows, until SIGINT or SIGTERM
+    #[arg(long, conflicts_with_all = ["summary", "diagnose"])]
+    follow: bool,
+    /// End a --follow by itself after this time, e.g. 60s or 5min
+    #[arg(long, value_name = "TIME", requires = "follow")]
+    duration: Option<Span>,
 }
 
-/// Silence after which a frame that was begun is given up.
-const QUIET: Duration = Duration::from_millis(50);
-
 pub(super) fn run(args: DecodeArgs) -> Result<Verdict, CliError> {
-    let told = tell(&args, &mut io::stdout().lock());
-    match told {
+    let mut out = io::BufWriter::new(io::stdout().lock());
+    let told = match args.follow {
+        true => follow::follow(&args, &mut out),
+        false => tell(&args, &mut out),
+    };
+    match told.and_then(|()| Ok(out.flush()?)) {
         // Whoever reads has seen enough, e.g. "head".
         Err(Failure::Output(error)) if error.kind() == io::ErrorKind::BrokenPipe => {}
         Err(Failure::Output(error)) => {
             return Err(CliError::Other(format!("cannot write the frames: {error}")));
         }
-        Err(Failure::Input(error)) => return Err(CliError::Other(error)),
+        Err(Failure::Other(error)) => return Err(error),
         Ok(()) => {}
     }
+    // What is left of it must not be written when the writer goes: the reader may be gone.
+    drop(out.into_parts());
     Ok(Verdict::Pass)
 }
 
 enum Failure {
-    Input(String),
+    Other(CliError),
     Output(io::Error),
 }
 
@@ -64,110 +84,120 @@ impl From<io::Error> for Failure {
     }
 }
 
+impl From<CliError> for Failure {
+    fn from(error: CliError) -> Self {
+        Self::Other(error)
+    }
+}
+
 fn tell(args: &DecodeArgs, out: &mut dyn Write) -> Result<(), Failure> {
-    let path = args.file.display();
-    let bytes =
-        fs::read(&args.file).map_err(|e| Failure::Input(format!("cannot read {path}: {e}")))?;
-    let capture = if bytes.starts_with(&[0x0A, 0x0D, 0x0D, 0x0A]) {
-        Capture::of(&bytes)
-    } else {
-        raw(bytes)
-    };
-    if let Some(error) = capture.broken {
-        eprintln!("{path} is broken {error}; what is before it follows");
-    } else if capture.cut > 0 {
-        eprintln!(
-            "{path} was cut: {} bytes at its end are no whole block",
-            capture.cut
-        );
+    let source = Source::read(&args.file)?;
+    source.check_link(args.link.as_deref(), &args.file)?;
+    let wanted = |name: &str| args.link.as_ref().is_none_or(|link| link == name);
+    if args.diagnose || args.summary {
+        let lanes = lanes(&source.capture, wanted);
+        return match args.diagnose {
+            true => tell_damages(args, &lanes, out),
+            false => tell_sums(args, &lanes, out),
+        };
     }
-    if let Some(wanted) = &args.link
-        && !capture.links.iter().any(|link| link.name == *wanted)
-    {
-        let names: Vec<&str> = capture.links.iter().map(|link| &*link.name).collect();
-        let names = names.join(", ");
-        let text = format!("--link {wanted}: {path} has no such link, only: {names}");
-        return Err(Failure::Input(text));
-    }
-    for (index, link) in capture.links.iter().enumerate() {
-        if args.link.as_ref().is_some_and(|name| *name != link.name) {
-            continue;
-        }
-        for direction in [Direction::ToMaster, Direction::ToDevice] {
-            let is_own =
-                |r: &&Record| r.link == index && r.direction == direction && r.kind == Kind::Data;
-            let records: Vec<&Record> = capture.records.iter().filter(is_own).collect();
-            if !records.is_empty() {
-                tell_line(
-                    args,
-                    &format!("{} {}", link.name, direction.name()),
-                    &records,
-                    out,
-                )?;
+    let names: Vec<&str> = source
+        .capture
+        .links
+        .iter()
+        .map(|link| &*link.name)
+        .collect();
+    let mut transcript = Transcript::new(args.protocol);
+    for record in &source.capture.records {
+        let link = &source.capture.links[record.link];
+        if wanted(&link.name) {
+            transcript.record(record, link);
+            for entry in transcript.ready(record.at) {
+                tell_entry(&entry, &names, source.start, out)?;
             }
+        }
+    }
+    for entry in transcript.finish() {
+        tell_entry(&entry, &names, source.start, out)?;
+    }
+    out.flush()?;
+    for sum in transcript.sums() {
+        say_sum(&sum, names[sum.link]);
+    }
+    for lane in lanes(&source.capture, wanted) {
+        let protocol = args.protocol.or_else(|| Protocol::guess(&lane.bytes));
+        if let Some(figures) = figures(protocol, &lane.bytes) {
+            eprintln!("{figures}");
         }
     }
     Ok(())
 }
 
-/// Bytes without time, as a capture of one link.
-fn raw(bytes: Vec<u8>) -> Capture {
-    let record = Record {
-        link: 0,
-        sequence: None,
-        at: protocols::Instant::ZERO,
-        direction: Direction::ToMaster,
-        kind: Kind::Data,
-        bytes,
-        sent: None,
-        pieces: Vec::new(),
-        comment: String::new(),
-    };
-    Capture {
-        links: vec![Interface::new("raw", 0)],
-        records: vec![record],
-        ..Capture::default()
+/// One line; without a time if the source has none.
+fn tell_entry(
+    entry: &Entry,
+    names: &[&str],
+    start: Option<Instant>,
+    out: &mut dyn Write,
+) -> io::Result<()> {
+    match start {
+        Some(start) => write!(out, "{} ", Instant::ZERO + (entry.at - start))?,
+        None => write!(out, "- ")?,
+    }
+    let (name, direction) = (names[entry.link], entry.direction.name());
+    writeln!(out, "{name} {direction} @{} {}", entry.place, entry.said)
+}
+
+fn say_sum(sum: &Sum, name: &str) {
+    let (direction, bytes, framed) = (sum.direction.name(), sum.bytes, sum.framed);
+    match sum.protocol {
+        Some(protocol) => eprintln!(
+            "{name} {direction}: {bytes} bytes of {}, {framed} of them in sound frames",
+            protocol.name()
+        ),
+        None => eprintln!("{name} {direction}: {bytes} bytes, no frame of any known protocol"),
     }
 }
 
-fn tell_line(
-    args: &DecodeArgs,
-    name: &str,
-    records: &[&Record],
-    out: &mut dyn Write,
-) -> Result<(), Failure> {
-    let pieces = records.iter().map(|record| &record.bytes[..]);
-    let bytes: Vec<u8> = pieces.collect::<Vec<_>>().concat();
-    let Some(protocol) = args.protocol.or_else(|| Protocol::guess(&bytes)) else {
-        eprintln!(
-            "{name}: {} bytes, no frame of any known protocol",
-            bytes.len()
-        );
-        return Ok(());
-    };
-    let mut stream = Stream::new(protocol);
-    let (mut framed, mut last) = (0, None);
-    for record in records {
-        let mut found = Vec::new();
-        if last.is_some_and(|last| record.at - last > QUIET) {
-            found = stream.idle();
+fn figures(protocol: Option<Protocol>, bytes: &[u8]) -> Option<Lidar> {
+    match protocol? {
+        Protocol::Xv11 => Some(Lidar::of_packets(bytes)),
+        Protocol::Xv11Turn => Some(Lidar::of_turns(bytes)),
+        _ => None,
+    }
+}
+
+fn tell_sums(args: &DecodeArgs, lanes: &[Lane], out: &mut dyn Write) -> Result<(), Failure> {
+    for lane in lanes {
+        let (name, len) = (&lane.name, lane.bytes.len());
+        let protocol = args.protocol.or_else(|| Protocol::guess(&lane.bytes));
+        let Some(protocol) = protocol else {
+            writeln!(out, "{name}: {len} bytes, no frame of any known protocol")?;
+            continue;
+        };
+        let framed = protocol.framed(&lane.bytes);
+        let of = protocol.name();
+        writeln!(
+            out,
+            "{name}: {len} bytes of {of}, {framed} of them in sound frames"
+        )?;
+        if let Some(figures) = figures(Some(protocol), &lane.bytes) {
+            writeln!(out, "{figures}")?;
         }
-        last = Some(record.at);
-        found.extend(stream.push(&record.bytes));
-        framed += tell_found(args, (name, record), &bytes, &found, out)?;
     }
-    if let Some(record) = records.last() {
-        framed += tell_found(args, (name, record), &bytes, &stream.idle(), out)?;
-    }
-    let (len, of) = (bytes.len(), protocol.name());
-    eprintln!("{name}: {len} bytes of {of}, {framed} of them in sound frames");
-    match protocol {
-        Protocol::Xv11 => eprintln!("{}", Lidar::of_packets(&bytes)),
-        Protocol::Xv11Turn => eprintln!("{}", Lidar::of_turns(&bytes)),
-        _ => {}
-    }
-    if args.diagnose {
-        let damages = diagnose(&bytes, framed);
+    Ok(())
+}
+
+fn tell_damages(args: &DecodeArgs, lanes: &[Lane], out: &mut dyn Write) -> Result<(), Failure> {
+    for lane in lanes {
+        let opposite = lanes.iter().find(|other| lane.is_opposite(other));
+        let damages = diagnose(&Line {
+            bytes: &lane.bytes,
+            opposite: opposite.map_or(&[], |other| &other.bytes),
+            protocol: args.protocol,
+            framing_errors: lane.framing_errors,
+        });
+        let name = &lane.name;
         if damages.is_empty() {
             writeln!(out, "{name}: no systematic damage found")?;
         }
@@ -176,43 +206,4 @@ fn tell_line(
         }
     }
     Ok(())
-}
-
-/// Prints what was found; the bytes of it that are in frames.
-fn tell_found(
-    args: &DecodeArgs,
-    (name, record): (&str, &Record),
-    bytes: &[u8],
-    found: &[Found],
-    out: &mut dyn Write,
-) -> Result<u64, Failure> {
-    let mut framed = 0;
-    for Found { bytes: range, what } in found {
-        if matches!(what, What::Frame(_)) {
-            framed += range.end - range.start;
-        }
-        if args.diagnose {
-            continue;
-        }
-        let (at, start) = (record.at, range.start);
-        match what {
-            What::Frame(words) => writeln!(out, "{at} {name} @{start} {words}")?,
-            What::Bad(errors) => {
-                let place = |at: u64| usize::try_from(at).expect("within a file in memory");
-                let bad = &bytes[place(range.start)..place(range.end)];
-                let shown = bad[..bad.len().min(32)].escape_ascii();
-                let more = if bad.len() > 32 { ".." } else { "" };
-                let len = bad.len();
-                write!(
-                    out,
-                    "{at} {name} @{start} BAD {len} bytes \"{shown}{more}\""
-                )?;
-                for error in errors {
-                    write!(out, "; {error}")?;
-                }
-                writeln!(out)?;
-            }
-        }
-    }
-    Ok(framed)
 }

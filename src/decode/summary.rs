@@ -1,12 +1,42 @@
 //! Figures of a lidar's stream.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use protocols::xv11::{self, Reading, turn};
 use protocols::{Decode, FrameError};
 
-/// Counts of one stream.
+/// Distances and strengths of the readings of one kind.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Ranges {
+    /// How many.
+    pub count: u64,
+    /// Least and largest distance.
+    pub distance_mm: Option<[u16; 2]>,
+    /// Least and largest strength.
+    pub strength: Option<[u16; 2]>,
+}
+
+impl Ranges {
+    fn add(&mut self, distance_mm: u16, strength: u16) {
+        self.count += 1;
+        let wider = |range: Option<[u16; 2]>, value: u16| {
+            let [low, high] = range.unwrap_or([value; 2]);
+            Some([low.min(value), high.max(value)])
+        };
+        self.distance_mm = wider(self.distance_mm, distance_mm);
+        self.strength = wider(self.strength, strength);
+    }
+
+    fn write(&self, name: &str, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let (Some([near, far]), Some([dim, bright])) = (self.distance_mm, self.strength) else {
+            return Ok(());
+        };
+        write!(f, "\n{name}: {near}..{far} mm, strength {dim}..{bright}")
+    }
+}
+
+/// Counts of one stream.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Lidar {
     /// Sound frames: packets, or turns of the old firmware.
     pub frames: u64,
@@ -15,11 +45,21 @@ pub struct Lidar {
     /// Bytes in no frame, without those at the end that are too few for one.
     pub outside: u64,
     /// Readings with a distance.
-    pub ok: u64,
+    pub ok: Ranges,
     /// Readings with the strength warning.
-    pub weak: u64,
+    pub weak: Ranges,
     /// Readings without a distance, by their code.
     pub invalid: BTreeMap<u8, u64>,
+    /// Speed words of the packets in order of size.
+    pub speeds: Vec<u16>,
+    /// From one packet's index to the next's, of 90, and how often.
+    pub steps: BTreeMap<u8, u64>,
+    /// Distances in bytes from one turn's header to the next's.
+    pub gaps: BTreeSet<u64>,
+    /// Period words of the turns.
+    pub periods: BTreeSet<u16>,
+    /// Where boot text begins, and it.
+    pub boot: Option<(usize, String)>,
 }
 
 impl Lidar {
@@ -27,9 +67,17 @@ impl Lidar {
     pub fn of_packets(bytes: &[u8]) -> Self {
         let mut counts = Self::default();
         let mut decoder = xv11::Decoder::default();
-        counts.count(&mut decoder, bytes, xv11::FRAME_LEN, |counts, frame| {
+        let mut last = None;
+        counts.count(&mut decoder, bytes, xv11::FRAME_LEN, |counts, frame, _| {
             frame.readings().iter().for_each(|&one| counts.reading(one));
+            counts.speeds.push(frame.speed().0);
+            if let Some(last) = last.replace(frame.index()) {
+                let step = (frame.index() + 90 - last) % 90;
+                *counts.steps.entry(step).or_default() += 1;
+            }
         });
+        counts.speeds.sort_unstable();
+        counts.boot = boot_text(bytes);
         counts
     }
 
@@ -37,10 +85,32 @@ impl Lidar {
     pub fn of_turns(bytes: &[u8]) -> Self {
         let mut counts = Self::default();
         let mut decoder = turn::Decoder::default();
-        counts.count(&mut decoder, bytes, turn::FRAME_LEN, |counts, frame| {
-            (0..360).for_each(|degree| counts.reading(frame.reading(degree)));
-        });
+        let mut last = None;
+        counts.count(
+            &mut decoder,
+            bytes,
+            turn::FRAME_LEN,
+            |counts, frame, end| {
+                (0..360).for_each(|degree| counts.reading(frame.reading(degree)));
+                counts.periods.insert(frame.period());
+                if let Some(last) = last.replace(end) {
+                    counts.gaps.insert((end - last) as u64);
+                }
+            },
+        );
+        counts.boot = boot_text(bytes);
         counts
+    }
+
+    /// Turns per minute: least, median, mean, most. None without packets.
+    pub fn rpm(&self) -> Option<[f64; 4]> {
+        let rpm = |word: u16| f64::from(word) / 64.0;
+        let (first, last) = (self.speeds.first()?, self.speeds.last()?);
+        let count = self.speeds.len();
+        let sum: f64 = self.speeds.iter().map(|&word| rpm(word)).sum();
+        let middle = [self.speeds[(count - 1) / 2], self.speeds[count / 2]].map(rpm);
+        let median = (middle[0] + middle[1]) / 2.0;
+        Some([rpm(*first), median, sum / count as f64, rpm(*last)])
     }
 
     fn count<D: Decode>(
@@ -48,7 +118,7 @@ impl Lidar {
         decoder: &mut D,
         bytes: &[u8],
         frame_len: usize,
-        readings: impl Fn(&mut Self, &D::Frame),
+        mut add: impl FnMut(&mut Self, &D::Frame, usize),
     ) {
         let (mut rest, mut last_end) = (bytes, 0);
         while let Some(outcome) = decoder.step(&mut rest) {
@@ -56,7 +126,7 @@ impl Lidar {
                 Ok(frame) => {
                     last_end = bytes.len() - rest.len() - decoder.pending();
                     self.frames += 1;
-                    readings(self, &frame);
+                    add(self, &frame, last_end);
                 }
                 Err(FrameError::Checksum { .. }) => self.bad += 1,
                 Err(_) => {}
@@ -68,36 +138,86 @@ impl Lidar {
 
     fn reading(&mut self, reading: Reading) {
         match reading {
-            Reading::Range { weak: false, .. } => self.ok += 1,
-            Reading::Range { weak: true, .. } => self.weak += 1,
+            Reading::Range {
+                distance_mm,
+                strength,
+                weak,
+            } => {
+                let ranges = if weak { &mut self.weak } else { &mut self.ok };
+                ranges.add(distance_mm, strength);
+            }
             Reading::Invalid { code, .. } => *self.invalid.entry(code).or_default() += 1,
         }
     }
 }
 
+/// What every generation's banner has; two letters and a line end come before it.
+const BANNER: &[u8] = b"\n\rPiccolo";
+/// Most of a text that is shown.
+const TEXT_MAX: usize = 400;
+
+/// Where the banner begins, and the text from there on.
+fn boot_text(bytes: &[u8]) -> Option<(usize, String)> {
+    let at = bytes
+        .windows(BANNER.len())
+        .position(|part| part == BANNER)?;
+    let greeted = [&b"OK"[..], b":)"]
+        .iter()
+        .any(|hello| bytes[..at].ends_with(hello));
+    let start = if greeted { at - 2 } else { at };
+    let is_text = |byte: &&u8| matches!(byte, b' '..=b'~' | b'\r' | b'\n' | b'\t');
+    let len = bytes[start..].iter().take_while(is_text).count();
+    let text = &bytes[start..start + len.min(TEXT_MAX)];
+    Some((start, text.escape_ascii().to_string()))
+}
+
 impl core::fmt::Display for Lidar {
-    /// Two lines: frames, readings.
+    /// Frames, speed, readings, ranges, boot text: a line each, those that there are.
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        let Self {
-            frames,
-            bad,
-            outside,
-            ok,
-            weak,
-            ..
-        } = self;
-        writeln!(
+        let (frames, bad, outside) = (self.frames, self.bad, self.outside);
+        write!(
             f,
             "{frames} good frames, {bad} bad-checksum candidates, {outside} bytes outside frames"
         )?;
+        if let Some([min, median, mean, max]) = self.rpm() {
+            write!(
+                f,
+                "\nrpm min {min:.2} median {median:.2} mean {mean:.2} max {max:.2}"
+            )?;
+        }
+        let mut steps: Vec<_> = self.steps.iter().collect();
+        steps.sort_by_key(|&(step, count)| (core::cmp::Reverse(count), step));
+        for (index, (step, count)) in steps.iter().take(8).enumerate() {
+            let gap = if index == 0 { "\nindex steps:" } else { "," };
+            write!(f, "{gap} {count} x {step}")?;
+        }
+        if !self.periods.is_empty() {
+            let words: Vec<_> = self
+                .periods
+                .iter()
+                .map(|word| format!("{word:#06x}"))
+                .collect();
+            let gaps: Vec<_> = self.gaps.iter().map(u64::to_string).collect();
+            let (words, gaps) = (words.join(" "), gaps.join(" "));
+            write!(
+                f,
+                "\nperiod words: {words}\nbytes from header to header: {gaps}"
+            )?;
+        }
         let invalid: u64 = self.invalid.values().sum();
+        let (ok, weak) = (self.ok.count, self.weak.count);
         write!(
             f,
-            "readings: {ok} ok, {weak} strength warnings, {invalid} invalid"
+            "\nreadings: {ok} ok, {weak} strength warnings, {invalid} invalid"
         )?;
         for (code, count) in &self.invalid {
             write!(f, ", {count} x 0x{code:02X}")?;
         }
-        Ok(())
+        self.ok.write("ok", f)?;
+        self.weak.write("strength warnings", f)?;
+        match &self.boot {
+            Some((at, text)) => write!(f, "\nboot text at byte {at}: \"{text}\""),
+            None => Ok(()),
+        }
     }
 }

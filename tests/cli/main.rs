@@ -1,6 +1,7 @@
 //! The command line as a user meets it: exit codes, messages, files.
 
 mod campaign;
+mod decode;
 mod errors;
 mod fidelity;
 mod mutated;

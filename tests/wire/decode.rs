@@ -1,10 +1,17 @@
 //! Real captures as `hilrig decode` counts and judges them.
 
 use hilrig::decode::Protocol;
-use hilrig::decode::diagnose::{Damage, diagnose};
+use hilrig::decode::diagnose::{Damage, Line, diagnose};
 use hilrig::decode::summary::Lidar;
 
 use super::captures::capture;
+
+fn damages(bytes: &[u8]) -> Vec<Damage> {
+    diagnose(&Line {
+        bytes,
+        ..Line::default()
+    })
+}
 
 /// Counts made by an independent script over the capture "hand in box", fw 2.4.
 #[test]
@@ -15,10 +22,10 @@ fn the_hand_in_box_has_11451_packets() {
     let lidar = Lidar::of_packets(&bytes);
     assert_eq!(Protocol::guess(&bytes), Some(Protocol::Xv11));
     assert_eq!((lidar.frames, lidar.bad, lidar.outside), (11_451, 1, 203));
-    assert_eq!((lidar.ok, lidar.weak), (42_875, 130));
+    assert_eq!((lidar.ok.count, lidar.weak.count), (42_875, 130));
     assert_eq!(lidar.invalid.values().sum::<u64>(), 2799);
     assert_eq!(lidar.invalid[&0x52], 1996);
-    assert_eq!(diagnose(&bytes, lidar.frames * 22), []);
+    assert_eq!(damages(&bytes), []);
 }
 
 /// Counts of the same script over the two captures of fw 2.1.
@@ -38,19 +45,21 @@ fn the_old_firmware_has_22_turns_in_two_captures() {
         let lidar = Lidar::of_turns(&bytes);
         assert_eq!(Protocol::guess(&bytes), Some(Protocol::Xv11Turn));
         assert_eq!((lidar.frames, lidar.outside), (turns, 0));
-        assert_eq!((lidar.ok, lidar.weak), (ok, weak));
+        assert_eq!((lidar.ok.count, lidar.weak.count), (ok, weak));
         assert_eq!(lidar.invalid.values().sum::<u64>(), invalid);
-        assert_eq!(diagnose(&bytes, lidar.frames * 1446), []);
+        assert_eq!(damages(&bytes), []);
     }
 }
 
-/// A field capture of a host that lost each NUL byte.
+/// A field capture of a host that lost each NUL byte. It has no carriage return either, and thirteen
+/// times as many line feeds as the values around: a terminal in text mode, as it was.
 #[test]
 fn a_host_that_strips_nul_is_named() {
     let Some(bytes) = capture("../data/neato/slamrs_out.bin") else {
         return;
     };
-    let lidar = Lidar::of_packets(&bytes);
-    let is_nul = |one: &Damage| matches!(one, Damage::Missing { value: 0, .. });
-    assert!(diagnose(&bytes, lidar.frames * 22).iter().any(is_nul));
+    let expected = bytes.len() as u64 / 256;
+    let found = damages(&bytes);
+    assert_eq!(found[0], Damage::NulStripped { expected });
+    assert!(matches!(found[1..], [Damage::CrToLf { .. }]), "{found:?}");
 }

@@ -7,6 +7,7 @@
 mod avr;
 mod corpus;
 mod decode;
+mod garbage;
 mod hc06;
 mod laws;
 mod mutants;
