@@ -16,6 +16,7 @@ mod shrink;
 mod slam;
 mod stop;
 mod up;
+mod wireshark;
 
 use std::fmt;
 use std::path::PathBuf;
@@ -56,6 +57,7 @@ enum Command {
     Shrink(shrink::ShrinkArgs),
     Fidelity(fidelity::Fidelity),
     Slam(slam::SlamArgs),
+    Wireshark(wireshark::Wireshark),
 }
 
 /// What a command came to.
@@ -128,6 +130,7 @@ pub fn main() -> ExitCode {
         Command::Shrink(args) => shrink::run(&args),
         Command::Fidelity(args) => fidelity::run(args),
         Command::Slam(args) => slam::run(args),
+        Command::Wireshark(args) => wireshark::run(args),
     };
     match result {
         Ok(Verdict::Pass) => ExitCode::SUCCESS,

@@ -12,6 +12,7 @@
 //! | [`trace`], [`capture`] | who sees the bytes; the file of all of them |
 //! | [`decode`] | bytes in words |
 //! | [`replay`], [`divergence`] | a capture fed back; where two streams part |
+//! | [`wireshark`] | the same in Wireshark |
 //! | [`record`] | a capture of what passes between two ports |
 //! | [`run`], [`mission`], [`check`], [`score`] | a run watched and judged |
 //! | [`museum`] | the defects of the fielded programs, each with its reproduction |
@@ -58,3 +59,4 @@ pub mod standalone;
 pub mod trace;
 pub mod transport;
 pub mod view;
+pub mod wireshark;

@@ -7,6 +7,7 @@ mod fidelity;
 mod mutated;
 mod results;
 mod shrink;
+mod wireshark;
 
 #[path = "../support/captures.rs"]
 mod captures;

@@ -1,0 +1,81 @@
+use std::env;
+use std::fs;
+use std::io::{self, Write as _};
+use std::path::PathBuf;
+use std::process::Command;
+
+use clap::Args;
+
+use super::{CliError, Verdict};
+use crate::wireshark::{FILE_NAME, dissector};
+
+/// Give Wireshark a decoder for the robots' protocols.
+///
+/// Wireshark opens a capture as it is and shows links, directions, times and faults. With this file
+/// in its personal plugin folder it also shows what the bytes mean: lidar packets, bus registers,
+/// messages of the PC. Without an option the command says where the file belongs.
+#[derive(Debug, Args)]
+#[command(after_long_help = "Examples:\n  \
+    hilrig wireshark --install\n  \
+    hilrig wireshark --print > hilrig.lua\n  \
+    tshark -X lua_script:hilrig.lua -r capture.pcapng -T fields -e hilrig.xv11.distance")]
+pub(super) struct Wireshark {
+    /// Write the file into the personal plugin folder
+    #[arg(long, conflicts_with = "print")]
+    install: bool,
+    /// Print the file
+    #[arg(long)]
+    print: bool,
+    /// Plugin folder in place of the personal one
+    #[arg(long, value_name = "DIR")]
+    dir: Option<PathBuf>,
+}
+
+pub(super) fn run(args: Wireshark) -> Result<Verdict, CliError> {
+    if args.print {
+        match io::stdout().write_all(dissector().as_bytes()) {
+            Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+                return Err(CliError::Other(format!("cannot print the file: {error}")));
+            }
+            _ => return Ok(Verdict::Pass),
+        }
+    }
+    let dir = args.dir.or_else(plugin_dir).ok_or_else(|| {
+        let expected = "expected --dir DIR, or tshark or HOME to find it by";
+        CliError::Other(format!(
+            "where Wireshark's plugins are is not known: {expected}"
+        ))
+    })?;
+    let path = dir.join(FILE_NAME);
+    if args.install {
+        let written = fs::create_dir_all(&dir).and_then(|()| fs::write(&path, dissector()));
+        written.map_err(|error| {
+            CliError::Other(format!(
+                "--install: cannot write {}: {error}",
+                path.display()
+            ))
+        })?;
+        eprintln!("installed; Wireshark and tshark read it when they next start");
+    } else {
+        eprintln!("put what --print prints here, or let --install do it:");
+    }
+    println!("{}", path.display());
+    Ok(Verdict::Pass)
+}
+
+/// What tshark says, or where Wireshark looks on Linux.
+fn plugin_dir() -> Option<PathBuf> {
+    let folders = Command::new("tshark").args(["-G", "folders"]).output();
+    let told = folders.ok().and_then(|output| {
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        let line = text
+            .lines()
+            .find(|line| line.starts_with("Personal Lua Plugins:"))?;
+        let dir = line.split_once(':')?.1.trim();
+        (!dir.is_empty()).then(|| PathBuf::from(dir))
+    });
+    told.or_else(|| {
+        let home = env::var_os("HOME").map(PathBuf::from)?;
+        Some(home.join(".local/lib/wireshark/plugins"))
+    })
+}

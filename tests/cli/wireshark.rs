@@ -1,0 +1,269 @@
+//! The dissector, judged by tshark: fields of golden frames against values known by hand.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use hilrig::capture::{Interface, Kind, Record, Section};
+use hilrig::line::Direction;
+use protocols::Instant;
+
+use super::captures::skipped;
+use super::{Session, text};
+
+/// Chunks of one link and direction, 1 ms apart, as a capture.
+struct Chunks(Vec<u8>, u64);
+
+impl Chunks {
+    fn of(links: &[&str]) -> Self {
+        let mut out = Vec::new();
+        Section::default().write(&mut out);
+        for name in links {
+            Interface::new(name, 1_000_000).write(&mut out);
+        }
+        Self(out, 0)
+    }
+
+    fn add(&mut self, link: u32, direction: Direction, bytes: &[u8]) {
+        self.1 += 1;
+        let record = Record {
+            link: 0,
+            sequence: None,
+            at: Instant::from_millis(self.1),
+            direction,
+            kind: Kind::Data,
+            bytes: bytes.to_vec(),
+            sent: None,
+            pieces: Vec::new(),
+            comment: String::new(),
+        };
+        record.write(link, &mut self.0);
+    }
+}
+
+/// What tshark says of `fields`, a line for each packet; none, said loudly, without tshark.
+fn dissect(session: &Session, chunks: &Chunks, fields: &[&str]) -> Option<Vec<String>> {
+    let printed = session.hilrig(&["wireshark", "--print"]);
+    fs::write(session.folder.join("hilrig.lua"), printed.stdout).expect("writable");
+    fs::write(session.folder.join("c.pcapng"), &chunks.0).expect("writable");
+    let mut tshark = Command::new("tshark");
+    tshark.current_dir(&session.folder);
+    tshark.args(["-n", "-X", "lua_script:hilrig.lua", "-r", "c.pcapng"]);
+    tshark.args(["-T", "fields", "-E", "separator=|"]);
+    tshark.args(fields.iter().flat_map(|field| ["-e", *field]));
+    match tshark.output() {
+        Ok(output) => {
+            let errors = text(&output.stderr);
+            let is_sound = output.status.success() && !errors.contains("Lua");
+            assert!(is_sound, "{errors}");
+            Some(text(&output.stdout).lines().map(str::to_owned).collect())
+        }
+        Err(error) if std::env::var_os("CI").is_none() => {
+            skipped(&format!("no tshark: {error}"));
+            None
+        }
+        Err(error) => panic!("tshark: {error}"),
+    }
+}
+
+const UP: Direction = Direction::ToMaster;
+const DOWN: Direction = Direction::ToDevice;
+
+/// Packets of the capture "hand in box", fw 2.4: the first one, cut over two records with one of
+/// the other direction between; one with a weak reading of 271 mm and strength 80, one with three
+/// times no dot (0x35).
+#[test]
+fn packets_of_a_lidar_show_angles_distances_and_codes() {
+    let plain = b"\xFA\xA0\x4E\x4A\x27\x01\x05\x04\x27\x01\xD7\x03\x26\x01\x29\x04\x26\x01\xF0\x03\
+        \x3C\x5C";
+    let weak = b"\xFA\xB0\x53\x4A\x0F\x41\x50\x00\x0A\x01\x64\x01\x07\x01\xD2\x01\x07\x01\xAC\x01\
+        \xD4\x30";
+    let none = b"\xFA\xAF\x53\x4A\xBA\x01\x92\x01\x35\x80\x00\x00\x35\x80\x00\x00\x35\x80\x00\x00\
+        \xB3\x14";
+    let session = Session::new("wireshark-lidar");
+    let mut chunks = Chunks::of(&["lidar"]);
+    chunks.add(0, UP, &plain[..9]);
+    chunks.add(0, DOWN, b"\x1B");
+    chunks.add(0, UP, &[&plain[9..], &weak[..]].concat());
+    chunks.add(0, UP, none);
+    let fields = [
+        "hilrig.protocol",
+        "hilrig.xv11.index",
+        "hilrig.xv11.angle",
+        "hilrig.xv11.distance",
+        "hilrig.xv11.strength",
+        "hilrig.xv11.code",
+    ];
+    let Some(lines) = dissect(&session, &chunks, &fields) else {
+        return;
+    };
+    let both = "xv11,xv11|0,16|0,1,2,3,64,65,66,67|295,295,294,294,271,266,263,263|\
+                1029,983,1065,1008,80,356,466,428|";
+    let last = "xv11|15|60,61,62,63|442|402,0,0,0|0x35,0x35,0x35";
+    assert_eq!(lines, ["|||||", "|||||", both, last]);
+
+    let speed = ["hilrig.xv11.rpm", "hilrig.xv11.weak"];
+    let lines = dissect(&session, &chunks, &speed).expect("it was there");
+    // 0x4A4E and 0x4A53 in 64ths: 19022 and 19027.
+    let [rpm, weak] = lines[2].split('|').collect::<Vec<_>>()[..] else {
+        panic!("{lines:?}")
+    };
+    let rpm: Vec<f64> = rpm
+        .split(',')
+        .map(|rpm| rpm.parse().expect("a number"))
+        .collect();
+    assert!((rpm[0] - 297.21875).abs() < 1e-3 && (rpm[1] - 297.296875).abs() < 1e-3);
+    let weak: Vec<bool> = weak.split(',').map(|w| matches!(w, "1" | "True")).collect();
+    assert_eq!(
+        weak,
+        [false, false, false, false, true, false, false, false]
+    );
+}
+
+/// A whole turn of fw 2.1 in records of 64 bytes: the period word of the SparkFun trace, no dot but
+/// at 7 degrees, where 1000 mm (0x03E8) came back with strength 133.
+#[test]
+fn a_turn_of_the_old_firmware_is_put_together() {
+    let mut turn = b"\x5A\xA5\x00\xC0\x94\xD1".to_vec();
+    turn.extend(b"\x35\x80\x00\x00".repeat(360));
+    turn[6 + 28..6 + 32].copy_from_slice(&[0xE8, 0x03, 133, 0]);
+    let session = Session::new("wireshark-turn");
+    let mut chunks = Chunks::of(&["lidar"]);
+    for chunk in turn.chunks(64) {
+        chunks.add(0, UP, chunk);
+    }
+    let fields = [
+        "hilrig.protocol",
+        "hilrig.xv11.period",
+        "hilrig.xv11.distance",
+    ];
+    let Some(lines) = dissect(&session, &chunks, &fields) else {
+        return;
+    };
+    assert_eq!(
+        lines.last().map(String::as_str),
+        Some("xv11-turn|0xd194|1000")
+    );
+    assert!(lines[..lines.len() - 1].iter().all(|line| line == "||"));
+}
+
+/// Vectors of the fielded bus (high byte first) and the seed report's order on a second link. The
+/// reply's values are by hand: 0x0102 ticks left, -1 right, speeds 5 and -5.
+#[test]
+fn frames_of_the_bus_show_register_names_and_values_in_both_orders() {
+    let reply = b"\xAB\x24\x8A\x02\x01\x00\x00\xFF\xFF\xFF\xFF\x05\xFB\x06\x58";
+    let session = Session::new("wireshark-bus");
+    let mut chunks = Chunks::of(&["base", "other"]);
+    chunks.add(0, DOWN, b"\xAB\x24\x0A\x00\xD9");
+    chunks.add(0, UP, &reply[..7]);
+    chunks.add(0, UP, &reply[7..]);
+    chunks.add(0, DOWN, b"\xAB\x2E\x83\x14\xEC\x00\x02\x5C");
+    chunks.add(0, UP, b"\xAB\xFF\x00\x01\xAA");
+    chunks.add(1, DOWN, b"\xAB\x24\x0A\xD9\x00");
+    let fields = [
+        "hilrig.bus.order",
+        "hilrig.bus.register",
+        "hilrig.bus.count",
+        "hilrig.bus.name",
+        "hilrig.bus.value",
+    ];
+    let Some(lines) = dissect(&session, &chunks, &fields) else {
+        return;
+    };
+    let names = "encoder_left,encoder_right,speed_left_is,speed_right_is";
+    let high = "high byte first";
+    let expected = [
+        format!("{high}|36|10|{names}|"),
+        "||||".to_owned(),
+        format!("{high}|36|10|{names}|258,-1,5,-5"),
+        format!("{high}|46|3|speed_left_to,speed_right_to,motor_standby|20,-20,0"),
+        format!("{high}|255|0||"),
+        format!("low byte first|36|10|{names}|"),
+    ];
+    assert_eq!(lines, expected);
+}
+
+/// The fielded robot's start pose, its row of unknown cells (255 + 44 pixels), an order to explore
+/// that comes in pieces of three bytes, and two waypoints by hand.
+#[test]
+fn messages_of_the_pc_link_show_their_content() {
+    let map = b"PCUI_MSG\x0D\x00\x53\x03\x00\x00MPD\
+        \x14\x70\x17\x70\x17\x01\xE8\x03\xE8\x03\x00\x5A\x00";
+    let row = b"PCUI_MSG\x07\x00\x29\x02\x00\x00MAR\x00\x00\x00\xFF\x7F\x2C\x7F";
+    let order = b"PCUI_MSG\x03\x00\x04\x00\x00\x00STA\x01\x01\x02";
+    // 100,200 mm first (-1 before it); -1,-2 mm second. Sum: 2, and 100 + 200 + 1 + 2 * 255 for the
+    // first, 3 * 255 + 254 + 2 + 1 for the second: 1835 is 0x72B.
+    let list = b"PCUI_MSG\x14\x00\x2B\x07\x00\x00LWP\x02\x00\
+        \x64\x00\xC8\x00\x00\x01\x00\xFF\xFF\xFF\xFF\xFE\xFF\x00\x02\x00\x01\x00";
+    let session = Session::new("wireshark-pc");
+    let mut chunks = Chunks::of(&["radio"]);
+    chunks.add(0, UP, map);
+    chunks.add(0, UP, row);
+    for chunk in order.chunks(3) {
+        chunks.add(0, DOWN, chunk);
+    }
+    chunks.add(0, DOWN, list);
+    let fields = [
+        "hilrig.pcui.id",
+        "hilrig.pcui.length",
+        "hilrig.pcui.row",
+        "hilrig.pcui.pixels",
+        "hilrig.pcui.mode",
+        "hilrig.pcui.waypoint",
+        "hilrig.pcui.x",
+        "hilrig.pcui.y",
+        "hilrig.pcui.psi",
+    ];
+    let Some(lines) = dissect(&session, &chunks, &fields) else {
+        return;
+    };
+    let told: Vec<&str> = lines
+        .iter()
+        .map(String::as_str)
+        .filter(|l| *l != "||||||||")
+        .collect();
+    let expected = [
+        "MPD|13|||||1000|1000|90",
+        "MAR|7|0|299|||||",
+        "STA|3|||1||||",
+        "LWP|20||||1,2|100,-1|200,-2|",
+    ];
+    assert_eq!(told, expected);
+}
+
+#[test]
+fn commands_of_the_radio_are_shown_as_text() {
+    let session = Session::new("wireshark-text");
+    let mut chunks = Chunks::of(&["radio"]);
+    chunks.add(0, DOWN, b"AT+VERSION");
+    chunks.add(0, UP, b"OKlinvorV1.8");
+    chunks.add(0, UP, b"PCUI_MSG\x03\x00\x04\x00\x00\x00STA\x01\x01\x02");
+    let fields = ["hilrig.text", "hilrig.pcui.id"];
+    let Some(lines) = dissect(&session, &chunks, &fields) else {
+        return;
+    };
+    assert_eq!(lines, ["AT+VERSION|", "OKlinvorV1.8|", "|STA"]);
+}
+
+/// Named on standard output, so that a script can use it.
+#[test]
+fn the_file_is_installed_where_it_is_said_to_belong() {
+    let session = Session::new("wireshark-install");
+    let said = session.hilrig(&["wireshark", "--dir", "plugins"]);
+    assert_eq!(text(&said.stdout), "plugins/hilrig.lua\n");
+    assert!(!session.folder.join("plugins").exists());
+    let installed = session.hilrig(&["wireshark", "--dir", "plugins", "--install"]);
+    assert_eq!(installed.status.code(), Some(0));
+    let printed = session.hilrig(&["wireshark", "--print"]);
+    assert_eq!(session.read("plugins/hilrig.lua"), text(&printed.stdout));
+
+    session.write("file", "");
+    let refused = session.hilrig(&["wireshark", "--install", "--dir", "file/below"]);
+    assert_eq!(refused.status.code(), Some(2));
+    let error = text(&refused.stderr);
+    assert!(
+        error.contains("--install") && error.contains("file/below"),
+        "{error}"
+    );
+    assert!(!Path::new("file/below").exists());
+}
