@@ -14,6 +14,7 @@
 //! | [`replay`], [`divergence`] | a capture fed back; where two streams part |
 //! | [`wireshark`] | the same in Wireshark |
 //! | [`record`] | a capture of what passes between two ports |
+//! | [`pc_program`] | what somebody at the page wants, as what the PC says |
 //! | [`run`], [`mission`], [`check`], [`score`] | a run watched and judged |
 //! | [`museum`] | the defects of the fielded programs, each with its reproduction |
 //! | [`fuzz`] | cases that nobody thought of |
@@ -42,6 +43,7 @@ pub mod generate;
 pub mod line;
 pub mod mission;
 pub mod museum;
+pub mod pc_program;
 pub mod plan;
 pub mod realtime;
 pub mod record;

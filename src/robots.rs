@@ -2,6 +2,7 @@
 
 use core::time::Duration;
 
+use emulators::pc::{Pc, ScriptError};
 use emulators::registers::Registers;
 use emulators::text::Text;
 use emulators::world::World;
@@ -10,7 +11,7 @@ use protocols::{LineConfig, Port};
 use crate::fault::FaultId;
 use crate::line::End;
 use crate::rig::{Program, Rig};
-use crate::scenario::{DeviceSpec, FaultSpec, Flaw, Robot, Scenario, ScenarioError, Source};
+use crate::scenario::{DeviceSpec, FaultSpec, Flaw, Robot, Scenario, ScenarioError, Source, Step};
 
 pub mod rescue;
 
@@ -231,5 +232,26 @@ pub fn map_received(robot: Robot, rig: &Rig) -> Option<bool> {
 pub const fn situations(robot: Robot) -> &'static [&'static str] {
     match robot {
         Robot::Rescue => &rescue::SITUATIONS,
+    }
+}
+
+/// The PC at the far end of the radio, if the rig has one.
+pub fn pc(robot: Robot, rig: &Rig) -> Option<&Pc> {
+    match robot {
+        Robot::Rescue => rescue::pc(rig),
+    }
+}
+
+/// Puts a step into the script of the rig's PC: at `index` among the `mission` steps that the
+/// scenario gave it. `None` if the rig has no PC.
+pub fn insert_pc_step(
+    robot: Robot,
+    rig: &mut Rig,
+    mission: usize,
+    index: usize,
+    step: &Step,
+) -> Option<Result<(), ScriptError>> {
+    match robot {
+        Robot::Rescue => rescue::insert_pc_step(rig, mission, index, step),
     }
 }

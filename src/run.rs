@@ -1,5 +1,6 @@
 //! One run of a scenario in virtual time: wired, driven, watched, judged.
 
+mod command;
 mod faults;
 
 use core::time::Duration;
@@ -18,6 +19,7 @@ use crate::scenario::world::PushSpec;
 use crate::scenario::{Scenario, ScenarioError, Source};
 use crate::score::{self, PoseError, PosePair, WallOverlap};
 
+pub use command::CommandError;
 pub use faults::{FAULTS_MAX, FaultReport, FaultState};
 
 /// Virtual time between two looks of the checkers. Each millisecond more would hide a shorter
@@ -150,8 +152,8 @@ impl Run {
             Some(true) => robots::map_received(self.scenario.robot, &self.rig).unwrap_or(true),
             _ => true,
         };
-        self.is_over =
-            now >= self.scenario.duration.instant() || (received && self.progress.is_over(now));
+        let done = !self.scenario.mission.to_the_end && received && self.progress.is_over(now);
+        self.is_over = now >= self.scenario.duration.instant() || done;
     }
 
     /// Runs until `deadline`, whether or not the mission is over by then.

@@ -59,7 +59,7 @@ impl Default for Patience {
             confirm: Duration::from_secs(2),
             tries_max: 5,
             order_period: Duration::from_millis(500),
-            reopen: Some(Duration::from_secs(1)),
+            reopen: Some(Duration::from_millis(500)),
         }
     }
 }
@@ -169,6 +169,28 @@ impl Pc {
         Ok(())
     }
 
+    /// Puts a step in front of the step `index` of the script, or of the first one that is not
+    /// done yet. A run in which it was there from the beginning is the same from then on.
+    pub fn insert(&mut self, index: usize, step: Step) -> Result<(), ScriptError> {
+        self.script.insert(index.max(self.next_step), step)
+    }
+
+    /// How many steps the script has.
+    pub fn steps(&self) -> usize {
+        self.script.steps().len()
+    }
+
+    /// The waypoints that were sent, or are to be, and were not confirmed yet.
+    pub fn unconfirmed_waypoints(&self) -> Option<&[[i16; 2]]> {
+        let wish = self.waypoints.as_ref()?;
+        wish.confirmed_at().is_none().then_some(&wish.what[..])
+    }
+
+    /// The last order, confirmed or not.
+    pub fn order(&self) -> Option<Order> {
+        self.order.as_ref().map(|wish| wish.what)
+    }
+
     fn do_it(&mut self, now: Instant, action: Action) {
         match action {
             Action::Open => self.open(),
@@ -222,6 +244,27 @@ impl Pc {
             self.connection = Connection::Connected(now);
             self.log.note(now, "connected", String::new());
         }
+    }
+
+    /// Does all that is due by `now`. A PC lives in no world, so it can also be on a real port.
+    pub fn tick(&mut self, now: Instant) {
+        if self.quiet_at.is_some_and(|at| at <= now) {
+            self.quiet_at = None;
+            self.idle(now);
+        }
+        if self.reopen_at.is_some_and(|at| at <= now) {
+            self.open();
+        }
+        // A new wish takes the place of the old one before that is said again.
+        while self.step_at().is_some_and(|at| at <= now) {
+            let action = self.script.steps()[self.next_step].action.clone();
+            self.next_step += 1;
+            self.stepped_at = now;
+            self.do_it(now, action);
+            self.say(now);
+        }
+        self.say(now);
+        self.log.poll(now);
     }
 
     fn write(&mut self, now: Instant, bytes: &[u8]) {
@@ -286,23 +329,7 @@ impl Device for Pc {
     }
 
     fn poll(&mut self, now: Instant, _world: &mut World) {
-        if self.quiet_at.is_some_and(|at| at <= now) {
-            self.quiet_at = None;
-            self.idle(now);
-        }
-        if self.reopen_at.is_some_and(|at| at <= now) {
-            self.open();
-        }
-        // A new wish takes the place of the old one before that is said again.
-        while self.step_at().is_some_and(|at| at <= now) {
-            let action = self.script.steps()[self.next_step].action.clone();
-            self.next_step += 1;
-            self.stepped_at = now;
-            self.do_it(now, action);
-            self.say(now);
-        }
-        self.say(now);
-        self.log.poll(now);
+        self.tick(now);
     }
 
     fn transmit(&mut self, port: Port, buf: &mut [u8]) -> usize {

@@ -29,7 +29,7 @@ use crate::line::End;
 use crate::rig::Rig;
 use crate::scenario::{
     Action, CpuSpec, DeviceSpec, Hc06Spec, MapperSpec, ModeSpec, Scenario, ScenarioError, Source,
-    TurnSpec,
+    Step, TurnSpec,
 };
 
 /// What the checkers watch: the base stops the motors within 1.006 s of silence (field firmware,
@@ -393,27 +393,53 @@ fn script(scenario: &Scenario, source: &Source) -> Result<pc::Script, ScenarioEr
             action,
         });
     }
-    for step in &mission.step {
-        let action = match &step.action {
-            Action::Connect => pc::Action::Open,
-            Action::Disconnect => pc::Action::Close,
-            Action::WaypointsM(waypoints) => pc::Action::Waypoints(millimetres(waypoints)),
-            Action::Mode(mode) => pc::Action::Order(Order {
-                mode: (*mode).into(),
-                set_point: [0, 0],
-            }),
-            Action::Drive(set_point) => pc::Action::Order(Order {
-                mode: Mode::Manual,
-                set_point: *set_point,
-            }),
-        };
-        steps.push(pc::Step {
-            when: pc::When::At(step.at.0),
-            action,
-        });
-    }
+    let mut timed: Vec<&Step> = mission.step.iter().collect();
+    timed.sort_by_key(|step| step.at);
+    steps.extend(timed.into_iter().map(pc_step));
     pc::Script::new(steps)
         .map_err(|error| source.invalid(source.find("mission"), "mission", error.to_string()))
+}
+
+/// A step of the mission as the PC does it.
+fn pc_step(step: &Step) -> pc::Step {
+    pc::Step {
+        when: pc::When::At(step.at.0),
+        action: pc_action(&step.action),
+    }
+}
+
+/// What the PC does, in the units of the wire.
+pub(crate) fn pc_action(action: &Action) -> pc::Action {
+    match action {
+        Action::Connect => pc::Action::Open,
+        Action::Disconnect => pc::Action::Close,
+        Action::WaypointsM(waypoints) => pc::Action::Waypoints(millimetres(waypoints)),
+        Action::Mode(mode) => pc::Action::Order(Order {
+            mode: (*mode).into(),
+            set_point: [0, 0],
+        }),
+        Action::Drive(set_point) => pc::Action::Order(Order {
+            mode: Mode::Manual,
+            set_point: *set_point,
+        }),
+    }
+}
+
+pub(super) fn pc(rig: &Rig) -> Option<&Pc> {
+    rig.device("pc")
+}
+
+/// `mission` is how many steps of the PC's script are the mission's own, `index` where among them
+/// the new one belongs.
+pub(super) fn insert_pc_step(
+    rig: &mut Rig,
+    mission: usize,
+    index: usize,
+    step: &Step,
+) -> Option<Result<(), pc::ScriptError>> {
+    let pc = rig.device_mut::<Pc>("pc")?;
+    let others = pc.steps().saturating_sub(mission);
+    Some(pc.insert(others + index, pc_step(step)))
 }
 
 pub(super) fn actuators(rig: &Rig) -> Option<Actuators> {

@@ -18,6 +18,9 @@ pub struct Mission {
     /// What else the PC does, at given times.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub step: Vec<Step>,
+    /// Goes on until the scenario's `duration`, even if all waypoints are visited before.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub to_the_end: bool,
 }
 
 /// Something that the PC does.

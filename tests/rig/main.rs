@@ -8,6 +8,7 @@ mod figures;
 mod maps;
 mod mission;
 mod own_device;
+mod pc_program;
 mod silence;
 
 use std::path::Path;

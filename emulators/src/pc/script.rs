@@ -90,6 +90,17 @@ impl Script {
     pub fn steps(&self) -> &[Step] {
         &self.0
     }
+
+    /// Puts `step` in front of the step `index`, or at the end.
+    pub(super) fn insert(&mut self, index: usize, step: Step) -> Result<(), ScriptError> {
+        step.action.check()?;
+        let found = self.0.len() + 1;
+        if found > STEPS_MAX {
+            return Err(ScriptError::Steps { found });
+        }
+        self.0.insert(index.min(self.0.len()), step);
+        Ok(())
+    }
 }
 
 impl Action {

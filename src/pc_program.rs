@@ -1,0 +1,213 @@
+//! The PC program: what somebody at the page wants of the robot, turned into what the PC says.
+//!
+//! ```text
+//! gesture -> answer (what the robot told so far) -> action -> PC -> PCUI bytes -> radio
+//! ```
+//!
+//! The protocol itself, with its patience and its repetitions, is [`emulators::pc::Pc`]; this
+//! module knows the waypoints as a list that a person edits. The robot's numbers of waypoints are
+//! not used: a list is always sent whole, numbered and chained anew, so that nothing can refer to a
+//! waypoint that is gone (the fielded program sent the numbers it had, and robots crashed of it).
+//! A gesture that does not make sense is refused with a sentence, and nothing is sent.
+
+use core::fmt;
+use core::time::Duration;
+
+use emulators::pc::{Connection, Pc};
+use protocols::Instant;
+use protocols::pcui::message::WAYPOINTS_MAX;
+
+use crate::scenario::{Action, ModeSpec};
+
+/// Silence of whoever drives by hand after which the robot is stopped: a page that hangs or was
+/// closed must not go on driving.
+pub const HAND_OFF: Duration = Duration::from_millis(1000);
+
+/// What somebody wants. Places are in millimetres of the robot's map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Gesture {
+    /// Another waypoint at the end of the list.
+    Add {
+        /// Where.
+        at: [i32; 2],
+    },
+    /// A waypoint goes elsewhere.
+    Move {
+        /// Its place in the list, from 0.
+        index: usize,
+        /// Where it is, as whoever moves it sees it.
+        from: [i32; 2],
+        /// Where it goes.
+        to: [i32; 2],
+    },
+    /// A waypoint is taken out of the list.
+    Delete {
+        /// Its place in the list, from 0.
+        index: usize,
+        /// Where it is, as whoever deletes it sees it.
+        at: [i32; 2],
+    },
+    /// All waypoints are taken out.
+    Clear,
+    /// What the robot shall do.
+    Mode(ModeSpec),
+    /// The wheels' set-points by hand.
+    Drive([i8; 2]),
+    /// Opens the port.
+    Connect,
+    /// Closes it.
+    Disconnect,
+}
+
+/// Why a gesture leads to nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Refusal {
+    /// Nobody at the far end.
+    NotConnected,
+    /// The robot has not told the size of its map yet: no place has a meaning.
+    NoMap,
+    /// The place is not on the map.
+    Outside {
+        /// Size of the map.
+        size_mm: [u16; 2],
+    },
+    /// One frame holds no more waypoints.
+    Full,
+    /// The waypoint is not where the gesture saw it: the list has changed meanwhile.
+    Changed,
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotConnected => f.write_str("not connected to the robot"),
+            Self::NoMap => f.write_str("the robot has not told the size of its map yet"),
+            Self::Outside { size_mm: [x, y] } => {
+                write!(f, "not on the map, which is {x} mm x {y} mm")
+            }
+            Self::Full => write!(
+                f,
+                "{WAYPOINTS_MAX} waypoints are all that one message holds"
+            ),
+            Self::Changed => f.write_str("the list of waypoints has changed meanwhile"),
+        }
+    }
+}
+
+impl core::error::Error for Refusal {}
+
+/// The list as it is to be seen: what was sent last until the robot has confirmed it, then what
+/// the robot says.
+pub fn waypoints(pc: &Pc) -> Vec<[i16; 2]> {
+    match (pc.unconfirmed_waypoints(), &pc.record().waypoints) {
+        (Some(list), _) => list.to_vec(),
+        (None, Some((_, list))) => list.iter().map(|waypoint| waypoint.position_mm).collect(),
+        (None, None) => Vec::new(),
+    }
+}
+
+/// What the PC does about `gesture`, by what it knows.
+///
+/// # Errors
+/// If the gesture makes no sense now.
+pub fn answer(pc: &Pc, gesture: Gesture) -> Result<Action, Refusal> {
+    let action = match gesture {
+        Gesture::Connect => return Ok(Action::Connect),
+        Gesture::Disconnect => return Ok(Action::Disconnect),
+        Gesture::Mode(mode) => Action::Mode(mode),
+        Gesture::Drive(set_point) => Action::Drive(set_point),
+        Gesture::Clear => list_of(&[]),
+        Gesture::Add { .. } | Gesture::Move { .. } | Gesture::Delete { .. } => {
+            list_of(&edited(pc, gesture)?)
+        }
+    };
+    match pc.connection() {
+        Connection::Connected(_) => Ok(action),
+        Connection::Closed | Connection::Opening => Err(Refusal::NotConnected),
+    }
+}
+
+fn list_of(list: &[[i16; 2]]) -> Action {
+    let metres = |mm: &[i16; 2]| mm.map(|mm| f64::from(mm) / 1000.0);
+    Action::WaypointsM(list.iter().map(metres).collect())
+}
+
+fn edited(pc: &Pc, gesture: Gesture) -> Result<Vec<[i16; 2]>, Refusal> {
+    let mut list = waypoints(pc);
+    match gesture {
+        Gesture::Add { .. } if list.len() >= WAYPOINTS_MAX => return Err(Refusal::Full),
+        Gesture::Add { at } => list.push(on_map(pc, at)?),
+        Gesture::Move { index, from, to } => {
+            let to = on_map(pc, to)?;
+            *seen(&mut list, index, from)? = to;
+        }
+        Gesture::Delete { index, at } => {
+            seen(&mut list, index, at)?;
+            list.remove(index);
+        }
+        _ => {}
+    }
+    Ok(list)
+}
+
+/// The waypoint `index`, if it is where the gesture saw it.
+fn seen(list: &mut [[i16; 2]], index: usize, at: [i32; 2]) -> Result<&mut [i16; 2], Refusal> {
+    let waypoint = list.get_mut(index).ok_or(Refusal::Changed)?;
+    if waypoint.map(i32::from) == at {
+        Ok(waypoint)
+    } else {
+        Err(Refusal::Changed)
+    }
+}
+
+/// The place, if it is on the map.
+fn on_map(pc: &Pc, at: [i32; 2]) -> Result<[i16; 2], Refusal> {
+    let (_, properties) = pc.record().map_properties.ok_or(Refusal::NoMap)?;
+    if pc.map().is_none() {
+        return Err(Refusal::NoMap);
+    }
+    let size_mm = properties.size_mm;
+    let [x, y] = [0, 1].map(|axis: usize| {
+        let within = (0..i32::from(size_mm[axis])).contains(&at[axis]);
+        i16::try_from(at[axis]).ok().filter(|_| within)
+    });
+    match (x, y) {
+        (Some(x), Some(y)) => Ok([x, y]),
+        _ => Err(Refusal::Outside { size_mm }),
+    }
+}
+
+/// Somebody's hand on the wheels. Says what to order when the hand moves, and lets go by itself.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Hand {
+    held: Option<([i8; 2], Instant)>,
+}
+
+impl Hand {
+    /// The hand asks for `set_point` at `now`, of a clock that also runs while the run is paused;
+    /// what to order, if it is news.
+    pub fn hold(&mut self, now: Instant, set_point: [i8; 2]) -> Option<Gesture> {
+        let before = self.held.map(|(before, _)| before);
+        self.held = Some((set_point, now));
+        (before != Some(set_point)).then_some(Gesture::Drive(set_point))
+    }
+
+    /// Somebody ordered something else.
+    pub fn let_go(&mut self) {
+        self.held = None;
+    }
+
+    /// What to order because the hand has not been felt for [`HAND_OFF`].
+    pub fn tick(&mut self, now: Instant) -> Option<Gesture> {
+        let (set_point, since) = self.held?;
+        if now - since < HAND_OFF {
+            return None;
+        }
+        self.held = None;
+        (set_point != [0, 0]).then_some(Gesture::Drive([0, 0]))
+    }
+}
+
+#[cfg(test)]
+mod tests;

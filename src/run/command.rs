@@ -1,0 +1,142 @@
+//! What somebody wants of a run while it goes on. It becomes part of the scenario, so that the same
+//! run can be had again.
+
+use core::fmt;
+
+use emulators::pc::ScriptError;
+use protocols::Instant;
+
+use super::Run;
+use crate::robots;
+use crate::scenario::{Action, Scenario, Span, Step};
+
+impl Run {
+    /// Lets the PC do `action`, within a millisecond, to which the run goes on. The action becomes
+    /// a step of the scenario's mission, so that [`case`](Self::case) repeats it.
+    ///
+    /// # Errors
+    /// If the rig has no PC, or the action is beyond the limits of its protocol.
+    pub fn command(&mut self, action: Action) -> Result<(), CommandError> {
+        let millis = self.rig.now().as_millis() + 1;
+        let step = Step {
+            at: Span::from_millis(millis),
+            action,
+        };
+        let steps = &mut self.scenario.mission.step;
+        steps.sort_by_key(|step| step.at);
+        let index = steps.partition_point(|other| other.at <= step.at);
+        let robot = self.scenario.robot;
+        robots::insert_pc_step(robot, &mut self.rig, steps.len(), index, &step)
+            .ok_or(CommandError::NoPc)?
+            .map_err(CommandError::Script)?;
+        steps.insert(index, step);
+        self.go_on_until(Instant::from_millis(millis));
+        Ok(())
+    }
+
+    /// The run so far as a scenario that does it again, up to now and no further.
+    pub fn case_so_far(&self) -> Scenario {
+        let mut case = self.case();
+        case.duration = Span(self.rig.now() - Instant::ZERO);
+        case.mission.to_the_end = true;
+        case
+    }
+}
+
+/// Why the PC cannot do what it was told.
+#[derive(Debug)]
+pub enum CommandError {
+    /// The rig has no PC of its own.
+    NoPc,
+    /// The protocol does not allow it.
+    Script(ScriptError),
+}
+
+impl fmt::Display for CommandError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NoPc => f.write_str("the rig has no PC of its own: the PC's end is a port"),
+            Self::Script(error) => error.fmt(f),
+        }
+    }
+}
+
+impl core::error::Error for CommandError {}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::scenario::ModeSpec;
+
+    fn run(more: &str) -> Run {
+        let text = format!(
+            "schema = 1\nname = \"test\"\nrobot = \"rescue\"\nduration = \"60s\"\n{more}\n\
+             [world]\nstart = {{ x_m = 1.5, y_m = 1.2, heading_deg = 90 }}\n[[world.wall]]\n\
+             path_m = [[0.3, 0.3], [2.7, 0.3], [2.7, 2.7], [0.3, 2.7], [0.3, 0.3]]\n"
+        );
+        let (scenario, source) = Scenario::parse(Path::new("<test>"), text).expect("sound");
+        Run::new(scenario, &source, None).expect("can be wired")
+    }
+
+    fn again(case: &Scenario) -> Run {
+        let path = Path::new("<case>");
+        let (case, source) = Scenario::parse(path, case.to_toml()).expect("a case is a scenario");
+        Run::new(case, &source, None).expect("can be wired")
+    }
+
+    /// What was done by hand at any moment, in between the steps of the scenario, is done again at
+    /// the same nanosecond: every byte of the whole run is the same.
+    #[test]
+    fn a_session_by_hand_can_be_repeated_byte_by_byte() {
+        let mut run = run(
+            "[mission]\nstep = [{ at = \"6s\", do = { mode = \"stop\" } }, \
+                           { at = \"3s\", do = { mode = \"exploration\" } }]",
+        );
+        run.go_on_until(Instant::from_nanos(2_500_000_123));
+        run.command(Action::WaypointsM(vec![[1.8, 1.8], [-0.02, 0.5]]))
+            .expect("has a PC");
+        run.go_on_until(Instant::from_nanos(4_000_000_777));
+        run.command(Action::Drive([10, -10])).expect("has a PC");
+        run.command(Action::Drive([0, 0])).expect("has a PC");
+        run.go_on_until(Instant::from_secs(8));
+        run.command(Action::Disconnect).expect("has a PC");
+        run.go_on_until(Instant::from_secs(10));
+
+        let case = run.case_so_far();
+        let times: Vec<u64> = case
+            .mission
+            .step
+            .iter()
+            .map(|s| s.at.instant().as_millis())
+            .collect();
+        assert_eq!(times, [2_501, 3_000, 4_001, 4_002, 6_000, 8_001]);
+        let outcome = again(&case).finish();
+        assert_eq!(outcome.trace_hash, run.rig.trace_hash());
+        assert_eq!(outcome.ran.as_nanos(), 10_000_000_000);
+    }
+
+    /// Looking at a run and cutting it into other pieces is not doing anything to it.
+    #[test]
+    fn a_run_that_nobody_touches_is_the_one_without_a_hand() {
+        let (mut alone, mut watched) = (run(""), run(""));
+        alone.go_on_until(Instant::from_secs(5));
+        for nanos in (0..5_000_000_000).step_by(3_700_001) {
+            watched.go_on_until(Instant::from_nanos(nanos));
+        }
+        watched.go_on_until(Instant::from_secs(5));
+        assert_eq!(watched.rig.trace_hash(), alone.rig.trace_hash());
+    }
+
+    #[test]
+    fn a_list_that_fits_no_frame_is_refused_and_leaves_no_step() {
+        let mut run = run("");
+        let error = run
+            .command(Action::WaypointsM(vec![[1.0, 1.0]; 57]))
+            .expect_err("56 fit");
+        assert!(error.to_string().contains("57 waypoints"), "{error}");
+        assert_eq!(run.case_so_far().mission.step, []);
+        assert!(run.command(Action::Mode(ModeSpec::Stop)).is_ok());
+    }
+}
