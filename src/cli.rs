@@ -15,6 +15,8 @@ mod run;
 mod shrink;
 mod slam;
 mod stop;
+#[cfg(feature = "ui")]
+mod ui;
 mod up;
 mod wireshark;
 
@@ -49,6 +51,8 @@ enum Command {
     Up(up::Up),
     Dut(dut::DutArgs),
     Fault(fault::FaultArgs),
+    #[cfg(feature = "ui")]
+    Ui(ui::Ui),
     Record(record::RecordArgs),
     Replay(replay::ReplayArgs),
     Decode(decode::DecodeArgs),
@@ -122,6 +126,8 @@ pub fn main() -> ExitCode {
         Command::Up(args) => up::run(args),
         Command::Dut(args) => dut::run(args),
         Command::Fault(args) => fault::run(&args),
+        #[cfg(feature = "ui")]
+        Command::Ui(args) => ui::run(args),
         Command::Record(args) => record::run(args),
         Command::Replay(args) => replay::run(args),
         Command::Decode(args) => decode::run(args),

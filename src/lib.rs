@@ -25,6 +25,7 @@
 //! | [`slam`] | the mapper over anybody's log |
 //! | [`realtime`], [`standalone`] | the rig, or the program alone, at the pace of the wall clock |
 //! | [`transport`], [`clock`], [`control`] | the outside world |
+//! | `ui` | the page: feature `ui`, on unless switched off |
 //! | [`cli`] | the commands |
 
 pub mod campaign;
@@ -60,5 +61,7 @@ pub mod slam;
 pub mod standalone;
 pub mod trace;
 pub mod transport;
+#[cfg(feature = "ui")]
+pub mod ui;
 pub mod view;
 pub mod wireshark;

@@ -7,7 +7,9 @@ use emulators::registers::Registers;
 use emulators::text::Text;
 use emulators::world::World;
 use protocols::{LineConfig, Port};
+use serde::Serialize;
 
+use crate::decode::Protocol;
 use crate::fault::FaultId;
 use crate::line::End;
 use crate::rig::{Program, Rig};
@@ -253,5 +255,48 @@ pub fn insert_pc_step(
 ) -> Option<Result<(), ScriptError>> {
     match robot {
         Robot::Rescue => rescue::insert_pc_step(rig, mission, index, step),
+    }
+}
+
+/// What a link speaks, if it is known.
+pub fn protocol(robot: Robot, rig: &Rig, link: &str) -> Option<Protocol> {
+    match robot {
+        Robot::Rescue => rescue::protocol(rig, link),
+    }
+}
+
+/// Where the page finds a scan.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ScanLink {
+    /// The link on which an XV-11 sends.
+    pub link: &'static str,
+    /// Bearing of its first reading, counter-clockwise from straight ahead.
+    pub first_bearing: f64,
+}
+
+/// Where the page finds the robot's scan.
+pub const fn scan_link(robot: Robot) -> ScanLink {
+    match robot {
+        Robot::Rescue => rescue::SCAN_LINK,
+    }
+}
+
+/// A value of a device, for people.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Register {
+    /// Its address.
+    pub address: u8,
+    /// Its name.
+    pub name: &'static str,
+    /// What it holds.
+    pub value: i64,
+    /// Unit of the value, empty if it has none.
+    pub unit: &'static str,
+}
+
+/// The registers of the robot's base, if it is emulated.
+pub fn registers(robot: Robot, rig: &Rig) -> Vec<Register> {
+    match robot {
+        Robot::Rescue => rescue::registers(rig),
     }
 }

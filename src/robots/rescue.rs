@@ -19,12 +19,14 @@ use firmware_core::pose::Pose;
 use firmware_core::robots::rescue::{Config, Rescue};
 use firmware_core::slam;
 use protocols::avr::ChecksumOrder;
+use protocols::avr::registers::{self, Width};
 use protocols::hc06::Family;
 use protocols::pcui::message::{Mode, Order};
 use protocols::{LineConfig, Port};
 
-use super::{Actuators, Alone, Dut, PcEnd, ProgramPort, Watch, Wired};
+use super::{Actuators, Alone, Dut, PcEnd, ProgramPort, Register, ScanLink, Watch, Wired};
 use crate::cpu::CpuModel;
+use crate::decode::Protocol;
 use crate::line::End;
 use crate::rig::Rig;
 use crate::scenario::{
@@ -80,7 +82,7 @@ pub(super) fn wire(
         CpuSpec::Ideal => CpuModel::IDEAL,
     };
     let base = base(scenario, source)?;
-    let order = order_of(&base);
+    let order = order_of(base.profile);
     let lidar_node = rig.add_device("lidar", Xv11::new("lidar", seed, lidar(scenario, source)?));
     let base_node = rig.add_device("base", AvrBase::new(base, seed));
     let radio_node = rig.add_device("radio", Hc06::new(radio(scenario, source)?, seed));
@@ -166,7 +168,7 @@ pub(super) fn wire(
 /// The program by itself. The motor's drive is no UART on a real board.
 pub(super) fn alone(scenario: &Scenario, source: &Source) -> Result<Alone, ScenarioError> {
     check_names(scenario, source)?;
-    let order = order_of(&base(scenario, source)?);
+    let order = order_of(base(scenario, source)?.profile);
     let port = |name, port, is_optional| ProgramPort {
         name,
         port,
@@ -185,8 +187,8 @@ pub(super) fn alone(scenario: &Scenario, source: &Source) -> Result<Alone, Scena
 }
 
 /// The order in which the base sends its checksum, which the program must share.
-const fn order_of(base: &AvrBaseConfig) -> ChecksumOrder {
-    match base.profile {
+const fn order_of(profile: avr_base::Profile) -> ChecksumOrder {
+    match profile {
         avr_base::Profile::Document => ChecksumOrder::LowFirst,
         avr_base::Profile::Rcj2015 | avr_base::Profile::Rcj2014 => ChecksumOrder::HighFirst,
     }
@@ -440,6 +442,49 @@ pub(super) fn insert_pc_step(
     let pc = rig.device_mut::<Pc>("pc")?;
     let others = pc.steps().saturating_sub(mission);
     Some(pc.insert(others + index, pc_step(step)))
+}
+
+/// Sensor angle 90 looks ahead.
+pub(super) const SCAN_LINK: ScanLink = ScanLink {
+    link: "lidar",
+    first_bearing: -core::f64::consts::FRAC_PI_2,
+};
+
+pub(super) fn protocol(rig: &Rig, link: &str) -> Option<Protocol> {
+    match link {
+        "lidar" => Some(Protocol::Xv11),
+        "base" => {
+            let profile = rig.device::<AvrBase>("base").map(AvrBase::profile);
+            Some(match profile.map_or(ChecksumOrder::LowFirst, order_of) {
+                ChecksumOrder::LowFirst => Protocol::Bus,
+                ChecksumOrder::HighFirst => Protocol::BusHighFirst,
+            })
+        }
+        "radio" | "pc" => Some(Protocol::Pcui),
+        _ => None,
+    }
+}
+
+pub(super) fn registers(rig: &Rig) -> Vec<Register> {
+    let Some(base) = rig.device::<AvrBase>("base") else {
+        return Vec::new();
+    };
+    let value = |register: &registers::Register| {
+        let byte = |offset: u8| base.register(register.address + offset);
+        match register.width {
+            Width::U8 => i64::from(byte(0)),
+            Width::I8 => i64::from(byte(0).cast_signed()),
+            Width::I16 => i64::from(i16::from_le_bytes([byte(0), byte(1)])),
+            Width::I32 => i64::from(i32::from_le_bytes([byte(0), byte(1), byte(2), byte(3)])),
+        }
+    };
+    let shown = |register: &registers::Register| Register {
+        address: register.address,
+        name: register.name,
+        value: value(register),
+        unit: register.unit,
+    };
+    registers::TABLE.iter().map(shown).collect()
 }
 
 pub(super) fn actuators(rig: &Rig) -> Option<Actuators> {

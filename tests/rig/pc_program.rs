@@ -168,7 +168,14 @@ fn pu_12_and_14_the_longest_list_is_confirmed_within_a_second() {
     does(&mut run, Gesture::Clear).expect("connected");
     for x in 0..56 {
         add(&mut run, 700 + 20 * x, 1500);
+        run.go_on_until(run.rig.now() + Duration::from_millis(200));
     }
+    let last = Gesture::Move {
+        index: 55,
+        from: [1800, 1500],
+        to: [1800, 1501],
+    };
+    does(&mut run, last).expect("is there");
     let confirmed = |run: &Run| pc(run).unconfirmed_waypoints().is_none();
     let took = wait_for(&mut run, SECOND, confirmed);
     assert_eq!(on_the_robot(&run).len(), 56);

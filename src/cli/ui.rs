@@ -1,0 +1,140 @@
+use core::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use clap::Args;
+use protocols::LineConfig;
+
+use super::stop::Stop;
+use super::{CliError, Verdict};
+use crate::clock::{Clock, WallClock};
+use crate::scenario::{Scenario, Span};
+use crate::ui::{Hub, Remote, SPEED_MAX, Server, Session};
+
+/// Show a run on a page in the browser: see it, steer it, disturb it, save it.
+///
+/// The page is at the address that is printed, on this machine only unless told otherwise. What is
+/// done there by hand becomes part of the scenario: `/case.toml` of the page, or --save, is a run
+/// that does it all again.
+#[derive(Debug, Args)]
+#[command(after_long_help = "Examples:\n  \
+    hilrig ui scenarios/rescue-flat.toml\n  \
+    hilrig ui scenarios/rescue-flat.toml --port 8080 --speed 4 --save my-case.toml\n  \
+    hilrig ui --pc /dev/rfcomm0            # the PC program alone, against a real robot\n  \
+    hilrig ui --pc /tmp/robot/pc           # .. or against a rig of \"hilrig up --pc\"")]
+pub(super) struct Ui {
+    /// Scenario file
+    #[arg(value_name = "SCENARIO", required_unless_present = "pc")]
+    scenario: Option<PathBuf>,
+    /// No rig: the PC program on this port, against whatever robot is there
+    #[arg(long, value_name = "PORT", conflicts_with_all = ["scenario", "speed", "seed", "save"])]
+    pc: Option<PathBuf>,
+    /// Baud rate of that port
+    #[arg(long, value_name = "N", requires = "pc")]
+    baud: Option<core::num::NonZeroU32>,
+    /// Virtual seconds per second, up to 100
+    #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = speed)]
+    speed: f64,
+    /// Seed in place of the scenario's own
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
+    seed: Option<u64>,
+    #[command(flatten)]
+    place: ListenArgs,
+    /// End by itself after this time, e.g. 60s or 5min [default: at SIGINT or SIGTERM]
+    #[arg(long, value_name = "TIME")]
+    duration: Option<Span>,
+    /// In the end, write what was run as a scenario
+    #[arg(long, value_name = "FILE")]
+    save: Option<PathBuf>,
+}
+
+/// Where the page is to be found.
+#[derive(Clone, Copy, Debug, Args)]
+pub(super) struct ListenArgs {
+    /// TCP port of the page, 0 for any free one
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    port: u16,
+    /// Address of the page; any other than this machine's own lets others steer the run
+    #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
+    listen: IpAddr,
+}
+
+impl ListenArgs {
+    /// Starts the server and says where it is.
+    pub(super) fn serve(self, hub: Arc<Hub>) -> Result<Server, CliError> {
+        let wanted = SocketAddr::new(self.listen, self.port);
+        let server = Server::start(wanted, hub).map_err(|error| {
+            CliError::Other(format!(
+                "--port {}: {wanted}: {error}; expected an address that is free",
+                self.port
+            ))
+        })?;
+        println!("page at http://{}/", server.address());
+        Ok(server)
+    }
+}
+
+fn speed(text: &str) -> Result<f64, String> {
+    let expected = || format!("expected a number above 0, up to {SPEED_MAX}");
+    let speed: f64 = text.parse().map_err(|_| expected())?;
+    (speed > 0.0 && speed <= SPEED_MAX)
+        .then_some(speed)
+        .ok_or_else(expected)
+}
+
+pub(super) fn run(args: Ui) -> Result<Verdict, CliError> {
+    let stop = Stop::new(args.duration.map(|duration| duration.0))?;
+    match (&args.pc, &args.scenario) {
+        (Some(_), _) => run_remote(&args, &stop),
+        (None, Some(_)) => run_rig(&args, &stop),
+        (None, None) => Err(CliError::Other("expected SCENARIO or --pc PORT".to_owned())),
+    }?;
+    Ok(Verdict::Pass)
+}
+
+fn run_rig(args: &Ui, stop: &Stop) -> Result<(), CliError> {
+    let path = args.scenario.as_ref().expect("was asked for");
+    let (mut scenario, source) = Scenario::read(path)?;
+    scenario.seed = args.seed.unwrap_or(scenario.seed);
+    let hub = Hub::new();
+    let clock = WallClock::start();
+    let session = Session::new(scenario, source, Arc::clone(&hub), clock, args.speed);
+    let mut session = session.map_err(|error| CliError::Other(error.to_string()))?;
+    let _server = args.place.serve(hub)?;
+    while !stop.is_due(session.clock().now()) {
+        session.turn();
+    }
+    let run = session.run();
+    if let Some(path) = &args.save {
+        let case = run.case_so_far().to_toml();
+        std::fs::write(path, case).map_err(|error| {
+            let path = path.display();
+            CliError::Other(format!("--save {path}: {error}; expected a file to write"))
+        })?;
+    }
+    println!("ran {} s, trace {}", run.rig.now(), run.rig.trace_hash());
+    Ok(())
+}
+
+fn run_remote(args: &Ui, stop: &Stop) -> Result<(), CliError> {
+    let path = args.pc.as_ref().expect("was asked for");
+    let air = emulators::hc06::AIR_LINE;
+    let line = LineConfig {
+        baud: args.baud.map_or(air.baud, core::num::NonZeroU32::get),
+        ..air
+    };
+    let hub = Hub::new();
+    let clock = WallClock::start();
+    let mut remote = Remote::new(path, line, Arc::clone(&hub));
+    let _server = args.place.serve(hub)?;
+    loop {
+        let now = clock.now();
+        if stop.is_due(now) {
+            break;
+        }
+        remote.turn(now);
+        clock.sleep_until(now + core::time::Duration::from_millis(5));
+    }
+    println!("{} B heard", remote.pc().record().counts.bytes);
+    Ok(())
+}

@@ -1,0 +1,33 @@
+//! The page: a run to be seen and steered in a browser.
+//!
+//! ```text
+//!  run (one plain thread) --> Desk --> Hub: newest moment, story --> a task per page --> browser
+//!                               ^                                        |
+//!                               +------- bounded queue of commands <-----+
+//! ```
+//!
+//! The run never waits for a page. It leaves immutable [`Moment`](moment::Moment)s and each page
+//! takes the newest when it can: a page that does not read misses some. What a page wants comes
+//! through a queue that refuses what does not fit, is done between two steps of virtual time, and
+//! becomes part of the scenario, so that the session can be repeated byte by byte.
+
+mod books;
+mod command;
+mod delta;
+mod desk;
+mod guard;
+mod hub;
+mod moment;
+mod pace;
+mod remote;
+mod server;
+mod session;
+mod story;
+mod wire;
+
+pub use desk::Desk;
+pub use hub::Hub;
+pub use pace::{Pace, SPEED_MAX};
+pub use remote::Remote;
+pub use server::{CLIENTS_MAX, Server};
+pub use session::{Session, SessionError};

@@ -1,0 +1,170 @@
+//! Maps as rows that know when they changed, so that a page gets only the new ones.
+
+use std::sync::Arc;
+
+use protocols::rle::{self, Dialect};
+use serde::Serialize;
+
+/// One row: run-length pairs of count and value.
+#[derive(Clone, Debug)]
+pub(super) struct Row {
+    version: u64,
+    code: Arc<[u8]>,
+}
+
+/// A map at one moment. Rows that did not change are shared between moments.
+#[derive(Clone, Debug)]
+pub(super) struct Layer {
+    pub(super) head: Head,
+    rows: Vec<Row>,
+}
+
+/// What a page has to know of a map before its rows.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub(super) struct Head {
+    /// Whose map it is.
+    pub(super) name: &'static str,
+    /// Cells along x.
+    pub(super) width: usize,
+    /// Cells along y.
+    pub(super) height: usize,
+    /// Edge of a cell.
+    pub(super) resolution_m: f64,
+}
+
+/// First byte of a message of rows.
+const ROWS: u8 = 1;
+
+impl Layer {
+    /// Appends the rows newer than `seen` as a page reads them; the newest version.
+    ///
+    /// ```text
+    /// | layer u8 | row u16 | length u16 | code |      little-endian, after one byte 1 for them all
+    /// ```
+    pub(super) fn write_since(&self, seen: u64, layer: u8, out: &mut Vec<u8>) -> u64 {
+        let mut newest = seen;
+        for (y, row) in (0_u16..).zip(&self.rows) {
+            if row.version <= seen {
+                continue;
+            }
+            newest = newest.max(row.version);
+            let len = u16::try_from(row.code.len()).expect("twice the width of a map");
+            if out.is_empty() {
+                out.push(ROWS);
+            }
+            out.push(layer);
+            out.extend(y.to_le_bytes());
+            out.extend(len.to_le_bytes());
+            out.extend(&*row.code);
+        }
+        newest
+    }
+
+    /// All rows of `layers` as one message.
+    pub(super) fn whole(layers: &[Arc<Self>]) -> Vec<u8> {
+        let mut out = Vec::new();
+        for (index, layer) in (0..).zip(layers) {
+            layer.write_since(0, index, &mut out);
+        }
+        out
+    }
+}
+
+/// A map as it was seen last.
+#[derive(Debug)]
+pub(super) struct Book {
+    cells: Vec<u8>,
+    version: u64,
+    last: Arc<Layer>,
+}
+
+impl Book {
+    /// Nothing seen yet.
+    pub(super) fn new(name: &'static str) -> Self {
+        let head = Head {
+            name,
+            width: 0,
+            height: 0,
+            resolution_m: 0.0,
+        };
+        let rows = Vec::new();
+        Self {
+            cells: Vec::new(),
+            version: 0,
+            last: Arc::new(Layer { head, rows }),
+        }
+    }
+
+    /// The map as it was seen last.
+    pub(super) fn last(&self) -> Arc<Layer> {
+        Arc::clone(&self.last)
+    }
+
+    /// Looks at a map of this size, row by row.
+    pub(super) fn look<'a>(
+        &mut self,
+        [width, height]: [usize; 2],
+        resolution_m: f64,
+        row: impl Fn(usize) -> Option<&'a [u8]>,
+    ) {
+        let mut layer = Layer::clone(&self.last);
+        let head = Head {
+            width,
+            height,
+            resolution_m,
+            ..layer.head
+        };
+        let is_new = layer.head != head;
+        self.version += 1;
+        if is_new {
+            layer.head = head;
+            self.cells = vec![0; width * height];
+            let nothing = Row {
+                version: 0,
+                code: Arc::from([]),
+            };
+            layer.rows = vec![nothing; height];
+        }
+        let mut code = vec![0; 2 * width];
+        for (y, old) in self.cells.chunks_mut(width.max(1)).enumerate() {
+            let Some(cells) = row(y).filter(|cells| is_new || *cells != &*old) else {
+                continue;
+            };
+            old.copy_from_slice(cells);
+            let len = rle::encode(cells, Dialect::Lossless, &mut code).expect("two bytes a cell");
+            layer.rows[y] = Row {
+                version: self.version,
+                code: Arc::from(&code[..len]),
+            };
+        }
+        self.last = Arc::new(layer);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 300 cells of one value are 255 and 45 of it; a row that did not change is not sent again.
+    #[test]
+    fn a_page_gets_each_change_once() {
+        let mut book = Book::new("map");
+        let mut cells = vec![[127_u8; 300]; 2];
+        let size = [300, 2];
+        book.look(size, 0.01, |y| Some(&cells[y]));
+        let mut out = Vec::new();
+        let seen = book.last().write_since(0, 3, &mut out);
+        let row = |y| [3, y, 0, 4, 0, 255, 127, 45, 127];
+        assert_eq!(out, [&[ROWS][..], &row(0), &row(1)].concat());
+
+        cells[1][299] = 9;
+        book.look(size, 0.01, |y| Some(&cells[y]));
+        out.clear();
+        let seen = book.last().write_since(seen, 3, &mut out);
+        assert_eq!(out, [ROWS, 3, 1, 0, 6, 0, 255, 127, 44, 127, 1, 9]);
+        out.clear();
+        book.look(size, 0.01, |y| Some(&cells[y]));
+        assert_eq!(book.last().write_since(seen, 3, &mut out), seen);
+        assert!(out.is_empty(), "{out:?}");
+    }
+}

@@ -1,0 +1,132 @@
+//! What a page has seen, and what it has to be told next. No I/O: values in, messages out.
+
+use super::books::Layer;
+use super::moment::Moment;
+use super::story::Story;
+
+/// A message to a page.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Message {
+    /// JSON.
+    Text(String),
+    /// Rows of maps.
+    Rows(Vec<u8>),
+}
+
+/// What one page has seen.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Seen {
+    run: Option<u64>,
+    generation: u64,
+    samples: usize,
+    events: usize,
+    slow: Option<u64>,
+    scan: Option<u64>,
+    rows: Vec<u64>,
+}
+
+impl Seen {
+    /// What is news in `moment` and `story`. The moment itself comes last, so that a page that
+    /// shows a time has everything that belongs to it.
+    pub(super) fn news(&mut self, moment: &Moment, story: &Story) -> Vec<Message> {
+        let mut news = Vec::new();
+        if self.run != Some(moment.run) {
+            *self = Self {
+                run: Some(moment.run),
+                generation: story.generation,
+                ..Self::default()
+            };
+            news.push(Message::Text(moment.stage.to_string()));
+        }
+        if self.generation != story.generation {
+            self.generation = story.generation;
+            self.samples = 0;
+        }
+        if let Some((text, samples)) = story.samples_since(self.samples) {
+            self.samples = samples;
+            news.push(Message::Text(text));
+        }
+        while let Some((text, events)) = story.events_since(self.events) {
+            self.events = events;
+            news.push(Message::Text(text));
+        }
+        let numbered = [
+            (&mut self.slow, &moment.slow),
+            (&mut self.scan, &moment.scan),
+        ];
+        for (seen, newest) in numbered {
+            if *seen != Some(newest.number) && newest.number > 0 {
+                *seen = Some(newest.number);
+                news.push(Message::Text(newest.text.to_string()));
+            }
+        }
+        let rows = self.rows_of(moment);
+        if !rows.is_empty() {
+            news.push(Message::Rows(rows));
+        }
+        news.push(Message::Text(moment.fast.to_string()));
+        news
+    }
+
+    fn rows_of(&mut self, moment: &Moment) -> Vec<u8> {
+        self.rows.resize(moment.layers.len(), 0);
+        let mut rows = Vec::new();
+        for ((index, layer), seen) in (0..).zip(&moment.layers).zip(&mut self.rows) {
+            *seen = Layer::write_since(layer, *seen, index, &mut rows);
+        }
+        rows
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::super::books::Book;
+    use super::super::moment::Numbered;
+    use super::*;
+
+    fn moment(run: u64, scan: u64, book: &Book) -> Moment {
+        Moment {
+            run,
+            stage: Arc::from("stage"),
+            fast: Arc::from("fast"),
+            slow: Numbered::new("never"),
+            scan: Numbered {
+                number: scan,
+                text: Arc::from("scan"),
+            },
+            layers: vec![book.last()],
+        }
+    }
+
+    fn kinds(messages: &[Message]) -> Vec<&str> {
+        let kind = |message: &Message| match message {
+            Message::Text(text) => match &text[..4] {
+                "stag" => "stage",
+                "scan" => "scan",
+                _ => "fast",
+            },
+            Message::Rows(_) => "rows",
+        };
+        messages.iter().map(kind).collect()
+    }
+
+    /// A page that missed moments gets what is new in the newest, once; a page of another run
+    /// begins anew.
+    #[test]
+    fn a_page_gets_what_it_has_not_seen() {
+        let (mut seen, story) = (Seen::default(), Story::default());
+        let mut book = Book::new("map");
+        book.look([2, 1], 0.01, |_| Some(&[1, 2]));
+        let news = seen.news(&moment(1, 1, &book), &story);
+        assert_eq!(kinds(&news), ["stage", "scan", "rows", "fast"]);
+        let news = seen.news(&moment(1, 1, &book), &story);
+        assert_eq!(kinds(&news), ["fast"]);
+        book.look([2, 1], 0.01, |_| Some(&[1, 3]));
+        let news = seen.news(&moment(1, 7, &book), &story);
+        assert_eq!(kinds(&news), ["scan", "rows", "fast"]);
+        let news = seen.news(&moment(2, 0, &book), &story);
+        assert_eq!(kinds(&news), ["stage", "rows", "fast"]);
+    }
+}

@@ -1,0 +1,249 @@
+//! A real browser without a window, driven through its own driver.
+
+use std::io::{BufRead, BufReader};
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use core::time::Duration;
+
+use fantoccini::actions::{
+    InputSource, KeyAction, KeyActions, MOUSE_BUTTON_LEFT, MOUSE_BUTTON_RIGHT, MouseActions,
+    PointerAction,
+};
+use fantoccini::{Client, ClientBuilder, Locator};
+use hyper_util::client::legacy::connect::HttpConnector;
+use serde_json::{Value, json};
+use tokio::runtime::{Builder, Runtime};
+
+use super::server::{Server, folder};
+
+/// Browsers are large: one at a time.
+static ONE: Mutex<()> = Mutex::new(());
+
+/// How often a condition is looked at, and how many times: a minute on an idle machine, more on a
+/// busy one. A deadline for a test that hangs, not a measure of anything.
+const LOOK_EVERY: Duration = Duration::from_millis(100);
+const LOOKS_MAX: u32 = 900;
+
+/// A browser with one page.
+pub(crate) struct Browser {
+    runtime: Runtime,
+    client: Option<Client>,
+    driver: Child,
+    profile: PathBuf,
+    _one: MutexGuard<'static, ()>,
+}
+
+impl Browser {
+    /// A browser that shows `server`'s page, connected. `None`, and a word, on a machine without a
+    /// browser; CI has to have one.
+    pub(crate) fn at(name: &str, server: &Server) -> Option<Self> {
+        let browser = Self::start(name)?;
+        browser.go(&format!("http://{}/", server.host));
+        browser.wait("hilrig.connected && hilrig.now && hilrig.stage");
+        Some(browser)
+    }
+
+    fn start(name: &str) -> Option<Self> {
+        let one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut command = Command::new("chromedriver");
+        command.arg("--port=0").stdout(Stdio::piped());
+        let Ok(mut driver) = command.stderr(Stdio::null()).spawn() else {
+            assert!(
+                std::env::var_os("CI").is_none(),
+                "CI without chromedriver: tests/run.sh installs chromium and chromium-driver"
+            );
+            eprintln!("SKIPPED: chromedriver is not installed, nothing was seen in a browser");
+            return None;
+        };
+        let out = BufReader::new(driver.stdout.take().expect("piped"));
+        let port = out.lines().map_while(Result::ok).find_map(|line| {
+            let port = line.split_once("started successfully on port ")?.1;
+            Some(port.trim_end_matches('.').to_owned())
+        });
+        let port = port.expect("chromedriver names its port");
+        let profile = folder(&format!("profile-{name}"));
+        let runtime = Builder::new_current_thread().enable_all().build();
+        let runtime = runtime.expect("a runtime");
+        let arguments = [
+            "--headless=new",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--disable-quic",
+            "--disable-dev-shm-usage",
+            "--no-first-run",
+            "--disable-background-networking",
+            "--disable-component-update",
+            "--disable-sync",
+            "--window-size=1500,1300",
+        ];
+        let mut arguments: Vec<String> = arguments.map(str::to_owned).to_vec();
+        arguments.push(format!("--user-data-dir={}", profile.display()));
+        let wishes = json!({"goog:chromeOptions": {"args": arguments}});
+        let wishes = wishes.as_object().expect("made as one").clone();
+        let url = format!("http://127.0.0.1:{port}");
+        let mut builder = ClientBuilder::new(HttpConnector::new());
+        builder.capabilities(wishes);
+        let client = runtime.block_on(builder.connect(&url));
+        let client = Some(client.expect("the browser starts"));
+        Some(Self {
+            runtime,
+            client,
+            driver,
+            profile,
+            _one: one,
+        })
+    }
+
+    fn client(&self) -> &Client {
+        self.client.as_ref().expect("until dropped")
+    }
+
+    /// Goes to another address.
+    pub(crate) fn go(&self, url: &str) {
+        let gone = self.runtime.block_on(self.client().goto(url));
+        gone.expect("the page loads");
+    }
+
+    /// Loads the page again.
+    pub(crate) fn reload(&self) {
+        let again = self.runtime.block_on(self.client().refresh());
+        again.expect("the page loads again");
+        self.wait("hilrig.connected && hilrig.now && hilrig.stage");
+    }
+
+    /// The value of an expression in the page.
+    pub(crate) fn value(&self, expression: &str) -> Value {
+        let script = format!("return {expression};");
+        let value = self
+            .runtime
+            .block_on(self.client().execute(&script, vec![]));
+        value.unwrap_or_else(|error| panic!("{expression}: {error}"))
+    }
+
+    /// Waits until an expression in the page is true.
+    pub(crate) fn wait(&self, expression: &str) {
+        for _ in 0..LOOKS_MAX {
+            if self.value(&format!("Boolean({expression})")) == true {
+                return;
+            }
+            let pause = async { tokio::time::sleep(LOOK_EVERY).await };
+            self.runtime.block_on(pause);
+        }
+        let state = self.value("JSON.stringify([hilrig.now, hilrig.refused])");
+        panic!("never: {expression}; {state}");
+    }
+
+    /// Clicks the element that `css` finds.
+    pub(crate) fn click(&self, css: &str) {
+        let clicked = self.runtime.block_on(async {
+            let element = self.client().find(Locator::Css(css)).await?;
+            element.click().await
+        });
+        clicked.unwrap_or_else(|error| panic!("{css}: {error}"));
+    }
+
+    /// Chooses or types `value` in the field that `css` finds.
+    pub(crate) fn set(&self, css: &str, value: &str) {
+        self.value(&format!(
+            "(() => {{ const field = document.querySelector({css:?}); field.value = {value:?}; \
+             field.dispatchEvent(new Event('input')); field.dispatchEvent(new Event('change')); \
+             return field.value; }})()"
+        ));
+    }
+
+    /// Where a place of the map, in mm, is in the window.
+    fn in_window(&self, [x, y]: [i32; 2]) -> [f64; 2] {
+        self.value("document.getElementById('world').scrollIntoView()");
+        let place = self.value(&format!(
+            "(() => {{ const box = canvas.getBoundingClientRect(); \
+             const [x, y] = hilrigView.toPixel(frame, {x} / 1000, {y} / 1000); \
+             return [box.left + x * box.width / canvas.width, \
+                     box.top + y * box.height / canvas.height]; }})()"
+        ));
+        [0, 1].map(|axis: usize| place[axis].as_f64().expect("a number"))
+    }
+
+    fn mouse(&self, actions: Vec<PointerAction>) {
+        let mouse = MouseActions::new("mouse".to_owned());
+        let mouse = actions.into_iter().fold(mouse, MouseActions::then);
+        let done = self.runtime.block_on(self.client().perform_actions(mouse));
+        done.expect("the mouse moves");
+    }
+
+    fn to(&self, place: [i32; 2]) -> PointerAction {
+        let [x, y] = self.in_window(place);
+        PointerAction::MoveTo {
+            duration: Some(Duration::from_millis(20)),
+            x,
+            y,
+        }
+    }
+
+    /// Clicks a place of the map.
+    pub(crate) fn click_map(&self, place: [i32; 2]) {
+        let button = MOUSE_BUTTON_LEFT;
+        self.mouse(vec![
+            self.to(place),
+            PointerAction::Down { button },
+            PointerAction::Up { button },
+        ]);
+    }
+
+    /// Clicks a place of the map with the other button.
+    pub(crate) fn right_click_map(&self, place: [i32; 2]) {
+        let button = MOUSE_BUTTON_RIGHT;
+        self.mouse(vec![
+            self.to(place),
+            PointerAction::Down { button },
+            PointerAction::Up { button },
+        ]);
+    }
+
+    /// Drags from one place of the map to another.
+    pub(crate) fn drag_map(&self, from: [i32; 2], to: [i32; 2]) {
+        let button = MOUSE_BUTTON_LEFT;
+        self.mouse(vec![
+            self.to(from),
+            PointerAction::Down { button },
+            self.to(to),
+            PointerAction::Up { button },
+        ]);
+    }
+
+    /// Presses a key down, or lets it go.
+    pub(crate) fn key(&self, action: KeyAction) {
+        let keys = KeyActions::new("keys".to_owned()).then(action);
+        let done = self.runtime.block_on(self.client().perform_actions(keys));
+        done.expect("the key moves");
+    }
+
+    /// A picture of the window, PNG.
+    pub(crate) fn picture(&self) -> Vec<u8> {
+        let picture = self.runtime.block_on(self.client().screenshot());
+        picture.expect("a picture")
+    }
+
+    /// Pauses the run; the time at which it stands, everything the page shows belonging to it.
+    pub(crate) fn pause(&self) -> u64 {
+        if self.value("hilrig.now.paused") == false {
+            self.click("#play");
+        }
+        self.wait("hilrig.now.paused && hilrig.now.at_ns === hilrig.now.looked_ns");
+        // What was drawn last is what was told last.
+        self.value("(draw(), true)");
+        self.value("hilrig.now.at_ns").as_u64().expect("a time")
+    }
+}
+
+impl Drop for Browser {
+    fn drop(&mut self) {
+        if let Some(client) = self.client.take() {
+            let _ = self.runtime.block_on(client.close());
+        }
+        let _ = self.driver.kill();
+        let _ = self.driver.wait();
+        let _ = std::fs::remove_dir_all(&self.profile);
+    }
+}

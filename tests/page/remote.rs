@@ -1,0 +1,44 @@
+//! The page's PC program on a port, against a robot that is no part of its process.
+
+use serde_json::json;
+
+use super::server::{Process, Server, folder, scenario};
+
+/// Three processes: the rig on pseudo-terminals, the robot's program, the page. The map comes over
+/// the radio; a waypoint goes there and is confirmed; a rig that ends and begins anew is found
+/// again without anybody's doing.
+#[test]
+fn the_program_runs_against_a_robot_on_a_port() {
+    let dir = folder("remote");
+    let dir = dir.to_str().expect("plain letters");
+    let rig = || {
+        let mut up = Process::start(&["up", &scenario("empty-room"), "--dir", dir, "--pc"]);
+        up.line("pc ");
+        (up, Process::start(&["dut", "--dir", dir]))
+    };
+    let first = rig();
+    let server = Server::start(&["--pc", &format!("{dir}/pc")]);
+    let mut page = server.page().expect("there is room");
+    let connected = |now: &serde_json::Value| now["pc"]["connection"] == "connected";
+    let now = page.hear("now", connected).expect("shown");
+    assert_eq!(now["truth"], json!(null));
+    page.hear("now", |now| !now["pc"]["size_mm"].is_null());
+    page.hear("now", |now| now["pc"]["rows_missing"].as_u64() < Some(250));
+    assert!(page.send(r#"{"do":"clear"}"#) && page.send(r#"{"do":"add","at":[900,1200]}"#));
+    page.hear("now", |now| {
+        now["pc"]["confirmed"] == true && now["pc"]["waypoints"] == json!([[900, 1200]])
+    });
+    assert!(page.send(r#"{"do":"pause"}"#));
+    let refused = page.hear("refused", |_| true).expect("told");
+    assert!(
+        refused["why"]
+            .as_str()
+            .is_some_and(|why| why.contains("no rig"))
+    );
+
+    drop(first);
+    page.hear("now", |now| !connected(now));
+    let _second = rig();
+    assert!(page.hear("now", connected).is_some());
+    page.hear("now", |now| now["pc"]["heard_ms"].as_u64() < Some(1_000));
+}

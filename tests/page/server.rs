@@ -1,0 +1,192 @@
+//! `hilrig ui` as a process, and the plainest of clients: bytes on a TCP socket.
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+
+use core::time::Duration;
+
+use serde_json::Value;
+
+/// How long a socket may be silent before a test fails.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A running command that is ended with the test.
+pub(crate) struct Process(Child);
+
+impl Process {
+    /// Starts `hilrig`; what it says on stdout can be read.
+    pub(crate) fn start(arguments: &[&str]) -> Self {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_hilrig"));
+        command.args(arguments).stdout(Stdio::piped());
+        command.stderr(Stdio::null()).stdin(Stdio::null());
+        Self(command.spawn().expect("the command starts"))
+    }
+
+    /// The first line of stdout that begins with `head`, without it.
+    pub(crate) fn line(&mut self, head: &str) -> String {
+        let out = self.0.stdout.take().expect("taken once");
+        let mut lines = BufReader::new(out).lines();
+        let found = lines.find_map(|line| Some(line.ok()?.strip_prefix(head)?.to_owned()));
+        found.expect("the command says where it is")
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// A folder of one's own below the target folder.
+pub(crate) fn folder(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("page-{name}"));
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).expect("the target folder can be written");
+    folder
+}
+
+/// The path of a shipped scenario.
+pub(crate) fn scenario(name: &str) -> String {
+    format!("{}/scenarios/{name}.toml", env!("CARGO_MANIFEST_DIR"))
+}
+
+/// A page being served.
+pub(crate) struct Server {
+    _process: Process,
+    /// Host and port.
+    pub(crate) host: String,
+}
+
+impl Server {
+    /// `hilrig ui` with these arguments.
+    pub(crate) fn start(arguments: &[&str]) -> Self {
+        let mut process = Process::start(&[&["ui"], arguments].concat());
+        let url = process.line("page at http://");
+        Self {
+            _process: process,
+            host: url.trim_end_matches('/').to_owned(),
+        }
+    }
+
+    /// A shipped scenario at `speed`.
+    pub(crate) fn of(name: &str, speed: &str) -> Self {
+        Self::start(&[&scenario(name), "--speed", speed])
+    }
+
+    fn connect(&self) -> TcpStream {
+        let socket = TcpStream::connect(&self.host).expect("the server listens");
+        let timeout = socket.set_read_timeout(Some(PATIENCE));
+        timeout.expect("sixty seconds are a timeout");
+        socket
+    }
+
+    /// The answer to a GET with `headers`: status and body.
+    pub(crate) fn ask(&self, path: &str, headers: &[&str]) -> (u16, String) {
+        let mut socket = self.connect();
+        let headers: String = headers.iter().map(|line| format!("{line}\r\n")).collect();
+        let request = format!("GET {path} HTTP/1.1\r\n{headers}Connection: close\r\n\r\n");
+        socket.write_all(request.as_bytes()).expect("is read");
+        let mut answer = Vec::new();
+        let _ = socket.read_to_end(&mut answer);
+        let answer = String::from_utf8_lossy(&answer).into_owned();
+        let status = answer.get(9..12).and_then(|status| status.parse().ok());
+        let body = answer
+            .split_once("\r\n\r\n")
+            .map(|(_, body)| body.to_owned());
+        (status.expect("an answer"), body.unwrap_or_default())
+    }
+
+    /// The answer to a GET of its own page.
+    pub(crate) fn get(&self, path: &str) -> (u16, String) {
+        self.ask(path, &[&format!("Host: {}", self.host)])
+    }
+
+    /// The session so far, as a scenario.
+    pub(crate) fn case(&self) -> String {
+        let (status, case) = self.get("/case.toml");
+        assert_eq!(status, 200, "{case}");
+        case
+    }
+
+    /// A page without a browser; the status of the answer if it is none.
+    pub(crate) fn page(&self) -> Result<Page, u16> {
+        let mut socket = self.connect();
+        let request = format!(
+            "GET /ws HTTP/1.1\r\nHost: {}\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n\
+             Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n",
+            self.host
+        );
+        socket.write_all(request.as_bytes()).expect("is read");
+        let mut head = Vec::new();
+        while !head.ends_with(b"\r\n\r\n") {
+            let mut byte = [0];
+            socket.read_exact(&mut byte).expect("an answer");
+            head.push(byte[0]);
+        }
+        let status = String::from_utf8_lossy(&head[9..12]).parse::<u16>();
+        match status.expect("three digits") {
+            101 => Ok(Page(socket)),
+            status => Err(status),
+        }
+    }
+}
+
+/// A WebSocket, RFC 6455 chapter 5.
+pub(crate) struct Page(TcpStream);
+
+impl Page {
+    /// Sends a text; a mask of zeros leaves it as it is. `false` if the server has hung up.
+    pub(crate) fn send(&mut self, text: &str) -> bool {
+        let mut frame = vec![0x81];
+        match text.len() {
+            len @ 0..126 => frame.push(0x80 | u8::try_from(len).expect("short")),
+            len => {
+                frame.push(0x80 | 127);
+                frame.extend((len as u64).to_be_bytes());
+            }
+        }
+        frame.extend([0; 4]);
+        frame.extend(text.as_bytes());
+        self.0.write_all(&frame).is_ok()
+    }
+
+    /// The next message: its kind (1 text, 2 bytes) and what it says; `None` at the end.
+    fn frame(&mut self) -> Option<(u8, Vec<u8>)> {
+        let mut head = [0; 2];
+        self.0.read_exact(&mut head).ok()?;
+        let len = match head[1] {
+            126 => {
+                let mut len = [0; 2];
+                self.0.read_exact(&mut len).ok()?;
+                u64::from(u16::from_be_bytes(len))
+            }
+            127 => {
+                let mut len = [0; 8];
+                self.0.read_exact(&mut len).ok()?;
+                u64::from_be_bytes(len)
+            }
+            len => u64::from(len),
+        };
+        let mut payload = vec![0; usize::try_from(len).expect("fits")];
+        self.0.read_exact(&mut payload).ok()?;
+        (head[0] & 0x0F != 8).then_some((head[0] & 0x0F, payload))
+    }
+
+    /// The next message of `kind` for which `condition` holds; `None` if the server hangs up.
+    pub(crate) fn hear(&mut self, kind: &str, condition: impl Fn(&Value) -> bool) -> Option<Value> {
+        for _ in 0..100_000 {
+            let (opcode, payload) = self.frame()?;
+            if opcode != 1 {
+                continue;
+            }
+            let message: Value = serde_json::from_slice(&payload).expect("texts are JSON");
+            if message["type"] == kind && condition(&message) {
+                return Some(message);
+            }
+        }
+        panic!("{kind} was not heard in 100,000 messages");
+    }
+}

@@ -1,0 +1,146 @@
+//! What the page shows is what there is: compared with the same run done again from its case.
+
+use firmware_core::robots::rescue::Rescue;
+use hilrig::pc_program;
+use hilrig::robots;
+use hilrig::view::millimetres;
+use serde_json::{Value, json};
+
+use super::again;
+use super::browser::Browser;
+use super::server::Server;
+
+/// Cells of a map that are not unknown.
+const KNOWN: &str =
+    "(hilrig.maps.robot ? hilrig.maps.robot.cells.filter((c) => c !== 127).length : 0)";
+
+fn cells(browser: &Browser, map: &str) -> Vec<u8> {
+    let cells = browser.value(&format!("Array.from(hilrig.maps.{map}.cells)"));
+    let cells = cells.as_array().expect("an array").iter();
+    let cell = |cell: &Value| u8::try_from(cell.as_u64().expect("a number"));
+    cells.map(|value| cell(value).expect("a byte")).collect()
+}
+
+/// The map grows before one's eyes; then the run stands still, and every cell of both maps, the
+/// poses and the waypoints are those of the program, of the PC and of the world at that nanosecond.
+#[test]
+fn maps_poses_and_waypoints_are_those_of_the_core_at_that_time() {
+    let server = Server::of("rescue-flat", "4");
+    let Some(browser) = Browser::at("shows", &server) else {
+        return;
+    };
+    browser.wait(&format!("{KNOWN} > 500"));
+    let first = browser.value(KNOWN).as_u64().expect("a count");
+    browser.wait(&format!("{KNOWN} > {}", first + 500));
+    browser.wait("hilrig.now.pc.rows_missing === 0 && hilrig.scan");
+    let at_ns = browser.pause();
+
+    let case = server.case();
+    let run = again(&case, at_ns);
+    assert_eq!(browser.value("hilrig.slow.trace"), run.rig.trace_hash());
+    let program = run.rig.program().expect("in this process");
+    let map = program.map().expect("it has a map");
+    let held: Vec<u8> = (0..300).flat_map(|y| *map.row(y).expect("a row")).collect();
+    assert!(cells(&browser, "robot") == held, "the robot's map differs");
+    let pc = robots::pc(run.scenario().robot, &run.rig).expect("emulated");
+    let received = &pc.map().expect("received").pixels;
+    assert!(&cells(&browser, "pc") == received, "the PC's map differs");
+
+    let (_, pose) = program.estimate().expect("it has matched");
+    let [x, y, theta] = [pose.x_mm, pose.y_mm, pose.heading].map(f64::from);
+    let believed = [x / 1000.0, y / 1000.0, theta].map(millimetres);
+    assert_eq!(browser.value("hilrig.now.believed"), json!(believed));
+    let pose = run.rig.world.pose();
+    let truth = [pose.x, pose.y, pose.theta].map(millimetres);
+    assert_eq!(browser.value("hilrig.now.truth"), json!(truth));
+    assert_eq!(browser.value("hilrig.now.mode"), program.mode());
+
+    let robot: &dyn core::any::Any = program;
+    let robot: &Rescue = robot.downcast_ref().expect("the rescue robot");
+    let waypoints: Vec<[i16; 2]> = robot
+        .waypoints()
+        .all()
+        .iter()
+        .map(|w| w.position_mm)
+        .collect();
+    assert_eq!(waypoints.len(), 7);
+    assert_eq!(browser.value("hilrig.now.pc.waypoints"), json!(waypoints));
+    assert_eq!(pc_program::waypoints(pc), waypoints);
+}
+
+/// A reload begins with nothing and ends with the same.
+#[test]
+fn a_page_that_is_loaded_again_shows_the_same() {
+    let server = Server::of("two-rooms", "10");
+    let Some(browser) = Browser::at("reload", &server) else {
+        return;
+    };
+    browser.wait(&format!("{KNOWN} > 1000"));
+    let at_ns = browser.pause();
+    let before = cells(&browser, "robot");
+    let samples = browser.value("hilrig.samples.length");
+    browser.reload();
+    assert_eq!(browser.pause(), at_ns);
+    assert!(cells(&browser, "robot") == before, "another map");
+    assert_eq!(browser.value("hilrig.samples.length"), samples);
+}
+
+/// A name made of markup, in a scenario and from a robot's wire, is text on the page. (The link of
+/// a device of one's own may be named freely; so may a fault's kind be asked for.)
+#[test]
+fn text_is_never_markup() {
+    let server = Server::of("empty-room", "1");
+    let Some(browser) = Browser::at("markup", &server) else {
+        return;
+    };
+    let evil = "<img src=x onerror=window.pwned=1>";
+    browser.value(&format!(
+        "(hear({{type: 'events', from: 0, events: [{{at: 1, source: {evil:?}, rule: {evil:?}, \
+         detail: {evil:?}, violation: true}}]}}), refuse({evil:?}), true)"
+    ));
+    browser.wait("document.querySelector('#events li').textContent.includes('onerror')");
+    assert_eq!(browser.value("document.querySelectorAll('img').length"), 0);
+    assert_eq!(browser.value("window.pwned === undefined"), true);
+    // Not even a script of the page's own could: the policy forbids it.
+    browser.value("(document.body.insertAdjacentHTML('beforeend', '<p onclick=\"window.pwned=1\" id=trap></p>'), document.getElementById('trap').click(), true)");
+    assert_eq!(browser.value("window.pwned === undefined"), true);
+}
+
+/// The slider shows the run as it was: the recorded pose, and the map with fewer cells.
+#[test]
+fn the_slider_shows_what_was_recorded() {
+    let server = Server::of("rescue-flat", "10");
+    let Some(browser) = Browser::at("slider", &server) else {
+        return;
+    };
+    browser.wait("hilrig.now.at_ns > 30e9");
+    browser.pause();
+    let now = browser.value(KNOWN).as_u64().expect("a count");
+    browser.set("#time", "10000");
+    browser.wait("hilrig.past && hilrig.past.maps.robot");
+    let known = KNOWN.replace("hilrig.maps", "hilrig.past.maps");
+    let then = browser.value(&known).as_u64().expect("a count");
+    assert!((1..now).contains(&then), "{then} cells then, {now} now");
+    let at = browser.value("hilrig.samples[hilrig.past.index][0]");
+    let at = at.as_u64().expect("milliseconds");
+    assert!((9_500..=10_000).contains(&at), "{at} ms");
+    browser.click("#live");
+    assert_eq!(browser.value("hilrig.past"), Value::Null);
+}
+
+/// Makes the picture of the README: `HILRIG_PICTURES=docs/img cargo test --test page picture`.
+#[test]
+fn the_picture_of_the_page_is_made() {
+    let server = Server::of("rescue-flat", "10");
+    let Some(browser) = Browser::at("picture", &server) else {
+        return;
+    };
+    browser.wait("hilrig.now.at_ns > 60e9");
+    browser.pause();
+    let picture = browser.picture();
+    assert!(picture.starts_with(b"\x89PNG"));
+    if let Some(folder) = std::env::var_os("HILRIG_PICTURES") {
+        let path = std::path::Path::new(&folder).join("page.png");
+        std::fs::write(path, picture).expect("the folder can be written");
+    }
+}

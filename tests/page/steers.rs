@@ -1,0 +1,142 @@
+//! What somebody does at the page reaches the robot, and the saved session does it again.
+
+use fantoccini::actions::KeyAction;
+use hilrig::robots;
+use serde_json::json;
+
+use super::again;
+use super::browser::Browser;
+use super::server::Server;
+
+/// A room without a mission, the PC connected.
+fn room(name: &str) -> Option<(Server, Browser)> {
+    let server = Server::start(&[&super::server::scenario("empty-room"), "--speed", "2"]);
+    let browser = Browser::at(name, &server)?;
+    browser.wait("hilrig.now.pc.connection === 'connected' && hilrig.now.pc.size_mm");
+    browser.click("[data-mode=stop]");
+    browser.click("#clear");
+    browser.wait("hilrig.now.pc.waypoints.length === 0 && hilrig.now.pc.confirmed");
+    Some((server, browser))
+}
+
+fn waypoints(browser: &Browser) -> Vec<[i64; 2]> {
+    let list = browser.value("hilrig.now.pc.waypoints");
+    serde_json::from_value(list).expect("places")
+}
+
+/// Near enough for a canvas whose pixels are some 4 mm.
+fn near(found: [i64; 2], expected: [i32; 2]) -> bool {
+    let far = |axis: usize| found[axis].abs_diff(i64::from(expected[axis])) > 8;
+    !far(0) && !far(1)
+}
+
+/// Click, click, drag, right click: the list of the page, that of the robot, and that of the
+/// session done again are the same.
+#[test]
+fn waypoints_are_added_dragged_and_deleted_by_mouse() {
+    let Some((server, browser)) = room("waypoints") else {
+        return;
+    };
+    browser.click_map([900, 900]);
+    browser.wait("hilrig.now.pc.waypoints.length === 1");
+    browser.click_map([1500, 2000]);
+    browser.wait("hilrig.now.pc.waypoints.length === 2");
+    browser.click_map([2000, 900]);
+    browser.wait("hilrig.now.pc.waypoints.length === 3 && hilrig.now.pc.confirmed");
+    browser.wait("document.querySelectorAll('#waypoints li').length === 3");
+
+    browser.drag_map([1500, 2000], [1200, 1700]);
+    browser.wait("hilrig.now.pc.waypoints[1][0] < 1300 && hilrig.now.pc.confirmed");
+    browser.right_click_map([900, 900]);
+    browser.wait("hilrig.now.pc.waypoints.length === 2 && hilrig.now.pc.confirmed");
+    let list = waypoints(&browser);
+    assert!(near(list[0], [1200, 1700]), "{list:?}");
+    assert!(near(list[1], [2000, 900]), "{list:?}");
+
+    let at_ns = browser.pause();
+    let list = browser.value("hilrig.now.pc.waypoints");
+    let run = again(&server.case(), at_ns);
+    assert_eq!(browser.value("hilrig.slow.trace"), run.rig.trace_hash());
+    let pc = robots::pc(run.scenario().robot, &run.rig).expect("emulated");
+    assert_eq!(json!(hilrig::pc_program::waypoints(pc)), list);
+}
+
+/// UI-06 in front of a real browser: beside the map there is nothing to click.
+#[test]
+fn a_click_beside_the_map_is_refused_in_words() {
+    let Some((_server, browser)) = room("beside") else {
+        return;
+    };
+    browser.set("#add-x", "-50");
+    browser.set("#add-y", "100");
+    browser.click("#add button");
+    browser.wait("hilrig.refused.includes('not on the map')");
+    assert!(waypoints(&browser).is_empty());
+}
+
+/// Modes by their buttons, then by hand: forward while the key is down, and at rest after it.
+#[test]
+fn modes_are_ordered_and_keys_drive() {
+    let Some((_server, browser)) = room("drive") else {
+        return;
+    };
+    browser.click("[data-mode=exploration]");
+    browser.wait("hilrig.now.pc.state.mode === 'exploration'");
+    browser.click("[data-mode=stop]");
+    browser.wait("hilrig.now.pc.state.mode === 'stop'");
+
+    browser.click("#drive");
+    browser.wait("hilrig.now.pc.state.mode === 'manual'");
+    let turn = "hilrig.now.truth[2]";
+    let before = browser.value(turn).as_f64().expect("an angle");
+    browser.key(KeyAction::Down { value: 'a' });
+    browser.wait("hilrig.now.pc.state.to[0] === -8 && hilrig.now.pc.state.to[1] === 8");
+    browser.wait(&format!("Math.abs({turn} - {before}) > 0.2"));
+    browser.key(KeyAction::Up { value: 'a' });
+    browser.wait("hilrig.now.pc.state.to[0] === 0 && hilrig.now.pc.state.to[1] === 0");
+    browser.click("#drive");
+    assert_eq!(
+        browser.value("document.getElementById('drive').getAttribute('aria-pressed')"),
+        "false"
+    );
+}
+
+/// A page that is gone while a key is down: the robot is told to stop, by whoever served the page.
+#[test]
+fn a_page_that_is_gone_does_not_drive_on() {
+    let Some((server, browser)) = room("gone") else {
+        return;
+    };
+    browser.click("#drive");
+    browser.key(KeyAction::Down { value: 'd' });
+    browser.wait("hilrig.now.pc.state.to[0] === 8");
+    browser.go("about:blank");
+    let mut page = server.page().expect("there is room");
+    let stopped = page.hear("now", |now| now["pc"]["state"]["to"] == json!([0, 0]));
+    assert!(stopped.is_some());
+}
+
+/// A fault by click strikes, is counted on its wire, can be ended, and is in the saved session.
+#[test]
+fn a_fault_by_click_strikes_and_joins_the_session() {
+    let Some((server, browser)) = room("faults") else {
+        return;
+    };
+    browser.set("#fault-link", "base");
+    browser.set("#fault-way", "to-master");
+    browser.set("#fault-kind", "flip");
+    browser.set("#fault-rate", "0.02");
+    browser.set("#fault-s", "0");
+    browser.click("#fault button");
+    let hits = "hilrig.slow.lanes.find((lane) => lane.name === 'base')['to-master'].tally.faults";
+    browser.wait(&format!("{hits} > 3"));
+    browser.wait("document.querySelector('#faults button')");
+    browser.click("#faults button");
+    browser.wait("hilrig.slow.faults.length === 1 && hilrig.slow.faults[0].state === 'over'");
+
+    let at_ns = browser.pause();
+    let case = server.case();
+    assert!(case.contains("[[fault]]"), "{case}");
+    let run = again(&case, at_ns);
+    assert_eq!(browser.value("hilrig.slow.trace"), run.rig.trace_hash());
+}
