@@ -2,6 +2,7 @@
 
 mod bugs;
 mod campaign;
+mod case;
 mod decode;
 mod demo;
 mod dut;
@@ -55,6 +56,7 @@ enum Command {
     Ui(ui::Ui),
     Record(record::RecordArgs),
     Replay(replay::ReplayArgs),
+    Case(case::CaseArgs),
     Decode(decode::DecodeArgs),
     Bugs(bugs::Bugs),
     Campaign(campaign::CampaignArgs),
@@ -130,6 +132,7 @@ pub fn main() -> ExitCode {
         Command::Ui(args) => ui::run(args),
         Command::Record(args) => record::run(args),
         Command::Replay(args) => replay::run(args),
+        Command::Case(args) => case::run(args),
         Command::Decode(args) => decode::run(args),
         Command::Bugs(args) => bugs::run(args),
         Command::Campaign(args) => campaign::run(args),

@@ -134,7 +134,7 @@ pub fn write(dir: &Path, outcome: &Outcome, wall: Duration) -> Result<(), Folder
         .map(|pair| (pair.at, pair.estimate))
         .collect();
     put("estimate.tum", &tum(&estimate))?;
-    let (junit, path) = (junit([outcome], wall), dir.join("junit.xml"));
+    let (junit, path) = (junit([outcome.into()], wall), dir.join("junit.xml"));
     std::fs::write(&path, junit).map_err(failed(&path))?;
     let Some(map) = outcome.map.as_deref() else {
         return Ok(());
@@ -196,14 +196,38 @@ pub fn tum(way: &[(Instant, Pose)]) -> String {
     out
 }
 
-/// The verdicts of `outcomes` as JUnit: one suite a run, one case a check. `wall` is what all of
+/// Verdicts that belong together in a JUnit file.
+#[derive(Clone, Copy, Debug)]
+pub struct Suite<'a> {
+    /// What was run.
+    pub name: &'a str,
+    /// With which seed, if there was one.
+    pub seed: Option<u64>,
+    /// All verdicts.
+    pub checks: &'a [Check],
+}
+
+impl<'a> From<&'a Outcome> for Suite<'a> {
+    fn from(outcome: &'a Outcome) -> Self {
+        Self {
+            name: &outcome.case.name,
+            seed: Some(outcome.seed),
+            checks: &outcome.checks,
+        }
+    }
+}
+
+/// The verdicts of `suites` as JUnit: one suite a run, one case a check. `wall` is what all of
 /// them took.
-pub fn junit<'a>(outcomes: impl IntoIterator<Item = &'a Outcome>, wall: Duration) -> String {
+pub fn junit<'a>(suites: impl IntoIterator<Item = Suite<'a>>, wall: Duration) -> String {
     let mut report = Report::new(TOOL);
     report.set_time(wall);
-    for outcome in outcomes {
-        let mut suite = TestSuite::new(format!("{} seed {}", outcome.case.name, outcome.seed));
-        for check in &outcome.checks {
+    for Suite { name, seed, checks } in suites {
+        let mut suite = TestSuite::new(match seed {
+            Some(seed) => format!("{name} seed {seed}"),
+            None => name.to_owned(),
+        });
+        for check in checks {
             let status = match check.status {
                 Status::Pass => TestCaseStatus::success(),
                 Status::Fail => {
@@ -213,7 +237,7 @@ pub fn junit<'a>(outcomes: impl IntoIterator<Item = &'a Outcome>, wall: Duration
                 }
             };
             let mut case = TestCase::new(check.name.clone(), status);
-            case.set_classname(outcome.case.name.clone());
+            case.set_classname(name.to_owned());
             suite.add_test_case(case);
         }
         report.add_test_suite(suite);

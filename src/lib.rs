@@ -13,6 +13,7 @@
 //! | [`decode`] | bytes in words |
 //! | [`replay`], [`divergence`] | a capture fed back; where two streams part |
 //! | [`wireshark`] | the same in Wireshark |
+//! | [`case`] | a capture as a regression test |
 //! | [`record`] | a capture of what passes between two ports |
 //! | [`pc_program`] | what somebody at the page wants, as what the PC says |
 //! | [`run`], [`mission`], [`check`], [`score`] | a run watched and judged |
@@ -30,6 +31,7 @@
 
 pub mod campaign;
 pub mod capture;
+pub mod case;
 pub mod check;
 pub mod cli;
 pub mod clock;

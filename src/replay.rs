@@ -15,11 +15,13 @@ use std::rc::Rc;
 use protocols::{Instant, LineConfig, LineEvent};
 
 use crate::capture::{Capture, Kind, Record};
+use crate::check::{self, Check, Checker, Look};
 use crate::divergence::{Divergence, Track, compare};
 use crate::line::{Delivery, Direction};
 use crate::rig::{Logged, Program, Rig};
 use crate::robots::{self, Dut, PcEnd, Wired};
-use crate::scenario::{Scenario, ScenarioError, Source};
+use crate::run::LOOK_EVERY;
+use crate::scenario::{Robot, Scenario, ScenarioError, Source};
 use crate::trace::{Side, Tap};
 
 pub use ports::{Pace, Playback, PlaybackError, Side as PlayedSide, Socket};
@@ -172,8 +174,20 @@ pub struct Replay {
     feed: Vec<Feed>,
     expected: Vec<(usize, Passage)>,
     sent: Rc<RefCell<Vec<Track>>>,
+    robot: Robot,
+    checkers: Vec<Box<dyn Checker>>,
+    next_look: Instant,
     end: Instant,
 }
+
+/// Checkers of every run that say something of a replay, too. The bytes are not the line's.
+const CHECKS: [&str; 5] = [
+    "set-points-in-range",
+    "motors-stop-after-silence",
+    "no-collision-at-speed",
+    "memory-intact",
+    "program-alive",
+];
 
 struct Feed {
     link: usize,
@@ -192,6 +206,8 @@ pub struct Replayed {
     pub links: Vec<Played>,
     /// Rules that the program broke, as the devices saw it.
     pub violations: Vec<Logged>,
+    /// Verdicts of the checkers that watch every run, as far as they say something of a replay.
+    pub checks: Vec<Check>,
     /// Fingerprint of all bytes.
     pub trace_hash: String,
 }
@@ -279,11 +295,15 @@ impl Replay {
         }
         let sent = Rc::new(RefCell::new(vec![Track::default(); rig.links().len()]));
         rig.add_tap(Box::new(Listener(Rc::clone(&sent))));
+        let watch = robots::watch(scenario.robot);
         Ok(Self {
             rig,
             feed,
             expected,
             sent,
+            robot: scenario.robot,
+            checkers: check::standard(watch.command_link, watch.silence_max),
+            next_look: Instant::ZERO + LOOK_EVERY,
             end: recorded.end,
         })
     }
@@ -316,7 +336,23 @@ impl Replay {
                     line.play(at, &arrival.bytes, u32::from(arrival.bytes.is_empty()));
                 }
             }
-            self.rig.run_until(at);
+            self.advance(at);
+        }
+        self.advance(until);
+    }
+
+    fn advance(&mut self, until: Instant) {
+        while self.next_look <= until {
+            self.rig.run_until(self.next_look);
+            self.next_look += LOOK_EVERY;
+            let contacts = self.rig.world.take_contacts();
+            let look = Look {
+                rig: &self.rig,
+                actuators: robots::actuators(self.robot, &self.rig),
+                contacts: &contacts,
+            };
+            let checkers = self.checkers.iter_mut();
+            checkers.for_each(|checker| checker.observe(&look));
         }
         self.rig.run_until(until);
     }
@@ -341,7 +377,10 @@ impl Replay {
             .expected
             .iter()
             .flat_map(|(_, passage)| &passage.arrivals);
+        let checks = self.checkers.iter().map(|checker| checker.verdict());
+        let says_something = |check: &Check| CHECKS.contains(&&*check.name);
         Replayed {
+            checks: checks.filter(says_something).collect(),
             ran: self.rig.now() - Instant::ZERO,
             heard: heard.map(|arrival| arrival.bytes.len()).sum(),
             links: links.collect(),

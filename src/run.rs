@@ -24,7 +24,7 @@ pub use faults::{FAULTS_MAX, FaultReport, FaultState};
 
 /// Virtual time between two looks of the checkers. Each millisecond more would hide a shorter
 /// lapse, each less would cost a look; the shortest rule watched is tens of milliseconds.
-const LOOK_EVERY: Duration = Duration::from_millis(10);
+pub(crate) const LOOK_EVERY: Duration = Duration::from_millis(10);
 /// Virtual time between two points of the true way that is kept.
 const WAY_EVERY: u32 = 5;
 

@@ -6,12 +6,13 @@ use protocols::Instant;
 
 use super::{CliError, Verdict, default_out};
 use crate::capture::{self, Limits, Recording};
+use crate::case::{Case, Judgement};
 use crate::check::Status;
 use crate::clock::{Clock, WallClock};
-use crate::folder::{self, FolderError, Metrics};
+use crate::folder::{self, FolderError, Metrics, Suite};
 use crate::realtime::Realtime;
 use crate::run::{Outcome, Run};
-use crate::scenario::{Scenario, Source};
+use crate::scenario::{Scenario, ScenarioError, Source};
 
 /// Run scenarios and judge them, for CI.
 ///
@@ -24,7 +25,7 @@ use crate::scenario::{Scenario, Source};
     hilrig run hilrig-out/rescue-flat-1/case.toml   # a saved case: the same bytes again"
 )]
 pub(super) struct RunArgs {
-    /// Scenario files, or saved cases
+    /// Scenario files, or saved cases: of runs, or of bytes
     #[arg(required = true, value_name = "SCENARIO")]
     scenarios: Vec<PathBuf>,
     /// Seed in place of the scenarios' own
@@ -45,15 +46,25 @@ pub(super) struct RunArgs {
 pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
     // All files are read before the first run, so that a typing error in the last one is not
     // found out after an hour.
-    let scenarios = args
+    let files = args
         .scenarios
         .iter()
-        .map(|path| Ok((path, Scenario::read(path)?)))
-        .collect::<Result<Vec<_>, CliError>>()?;
-    let several = scenarios.len() > 1;
-    let mut outcomes = Vec::new();
+        .map(|path| Ok((path, Runnable::read(path)?)));
+    let files = files.collect::<Result<Vec<_>, CliError>>()?;
+    let several = files.len() > 1;
+    let mut ended = Vec::new();
     let mut wall = Duration::ZERO;
-    for (path, (scenario, source)) in scenarios {
+    for (path, file) in files {
+        let (scenario, source) = match file {
+            Runnable::Scenario(scenario) => *scenario,
+            Runnable::Case(case) => {
+                let judgement = case.0.run(&case.1);
+                let judgement = judgement.map_err(|error| CliError::Other(error.to_string()))?;
+                println!("{judgement}");
+                ended.push(Ended::Case(judgement));
+                continue;
+            }
+        };
         let seed = args.seed.unwrap_or(scenario.seed);
         let out = match &args.out {
             Some(out) if several => out.join(format!("{}-{seed}", scenario.name)),
@@ -69,17 +80,63 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
         if !ran.outcome.passed() {
             eprintln!("repeat with: hilrig run {} --seed {seed}", path.display());
         }
-        outcomes.push(ran.outcome);
+        ended.push(Ended::Run(Box::new(ran.outcome)));
     }
     if let Some(path) = args.junit {
-        let text = folder::junit(&outcomes, wall);
+        let text = folder::junit(ended.iter().map(Ended::suite), wall);
         std::fs::write(&path, text).map_err(|source| FolderError { path, source })?;
     }
-    Ok(if outcomes.iter().all(Outcome::passed) {
+    Ok(if ended.iter().all(Ended::passed) {
         Verdict::Pass
     } else {
         Verdict::Fail
     })
+}
+
+/// A file that can be run.
+enum Runnable {
+    Scenario(Box<(Scenario, Source)>),
+    /// Bytes of a capture.
+    Case(Box<(Case, Source)>),
+}
+
+impl Runnable {
+    fn read(path: &Path) -> Result<Self, CliError> {
+        let text = std::fs::read_to_string(path).map_err(|source| {
+            let path = path.to_owned();
+            ScenarioError::Read { path, source }
+        })?;
+        if !Case::is_meant(&text) {
+            return Ok(Self::Scenario(Box::new(Scenario::parse(path, text)?)));
+        }
+        let case = Case::parse(path, text).map_err(|error| CliError::Other(error.to_string()))?;
+        Ok(Self::Case(Box::new(case)))
+    }
+}
+
+/// What was run.
+enum Ended {
+    Run(Box<Outcome>),
+    Case(Judgement),
+}
+
+impl Ended {
+    fn passed(&self) -> bool {
+        match self {
+            Self::Run(outcome) => outcome.passed(),
+            Self::Case(judgement) => judgement.passed(),
+        }
+    }
+
+    fn suite(&self) -> Suite<'_> {
+        match self {
+            Self::Run(outcome) => Suite::from(&**outcome),
+            Self::Case(Judgement { name, checks, .. }) => {
+                let seed = None;
+                Suite { name, seed, checks }
+            }
+        }
+    }
 }
 
 /// How much is said while a run goes on.

@@ -1,6 +1,7 @@
 //! Bytes of the field in files, and back again: recorded, replayed, imported, exported, kept as
 //! cases.
 
+mod case;
 mod core;
 mod ports;
 mod record;

@@ -1,0 +1,120 @@
+use std::path::{Path, PathBuf};
+
+use clap::{Args, Subcommand};
+
+use super::{CliError, Verdict};
+use crate::case::{Case, Judgement};
+use crate::replay::Recorded;
+use crate::scenario::Span;
+
+/// Make regression tests from captures.
+#[derive(Debug, Args)]
+pub(super) struct CaseArgs {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    From(From),
+}
+
+/// Turn a capture into a regression test.
+///
+/// The case holds the bytes that reached the program, and what is expected of it: if the captured
+/// program broke a rule of a device, that it does not again; if it stopped talking, that it talks
+/// to the end; if it failed a check of every run, that it passes; else that it sends the same
+/// bytes. `hilrig run` runs the case.
+#[derive(Debug, Args)]
+#[command(after_long_help = "Examples:\n  \
+    hilrig case from hilrig-out/rescue-flat-1/capture.pcapng -o case.toml\n  \
+    hilrig case from field.pcapng --scenario scenarios/rescue-flat.toml --until 20s \\\n    \
+    -o tests/cases/stall.toml --test tests/stall.rs\n  \
+    hilrig run case.toml")]
+struct From {
+    /// Capture to take the bytes from
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    /// Case to write
+    #[arg(short, long, value_name = "FILE", default_value = "case.toml")]
+    out: PathBuf,
+    /// Scenario whose robot this is [default: the one in the capture]
+    #[arg(long, value_name = "FILE")]
+    scenario: Option<PathBuf>,
+    /// Leave out what comes later than this after the beginning, e.g. 10s
+    #[arg(long, value_name = "TIME")]
+    until: Option<Span>,
+    /// Write a Rust test that runs the case
+    #[arg(long, value_name = "FILE")]
+    test: Option<PathBuf>,
+}
+
+pub(super) fn run(args: CaseArgs) -> Result<Verdict, CliError> {
+    let Command::From(args) = args.command;
+    let capture = super::replay::read(&args.file)?;
+    let (scenario, source) = super::replay::robot(&capture, &args.file, args.scenario.as_deref())?;
+    let recorded = Recorded::of(&capture, args.until.map(|until| until.0));
+    let stem = args
+        .out
+        .file_stem()
+        .and_then(|stem| stem.to_str())
+        .unwrap_or("case");
+    let case = Case::of(stem, &recorded, &scenario, &source);
+    let mut case = case.map_err(|error| CliError::Other(error.to_string()))?;
+    case.description = format!("made of {}", args.file.display());
+    write(&args.out, &case.to_toml())?;
+    if let Some(path) = &args.test {
+        write(path, &test(stem, &args.out))?;
+    }
+    let now = case
+        .run(&source)
+        .map_err(|error| CliError::Other(error.to_string()))?;
+    report(&args, &case, &now);
+    Ok(Verdict::Pass)
+}
+
+fn write(path: &Path, text: &str) -> Result<(), CliError> {
+    let written = std::fs::write(path, text);
+    written.map_err(|error| CliError::Other(format!("cannot write {}: {error}", path.display())))
+}
+
+fn report(args: &From, case: &Case, now: &Judgement) {
+    println!("{} expects:", args.out.display());
+    if case.expect.same_outputs {
+        println!("  the program sends the same bytes");
+    }
+    for link in &case.expect.talks {
+        println!("  the program talks on {link} to the end");
+    }
+    for rule in &case.expect.never {
+        println!("  never again: {rule}");
+    }
+    for check in &case.expect.checks {
+        println!("  passes: {check}");
+    }
+    println!("today: {now}");
+    println!("run it with: hilrig run {}", args.out.display());
+}
+
+/// A test that runs the case at `path`.
+fn test(name: &str, path: &Path) -> String {
+    let fits = |c: char| {
+        if c.is_ascii_alphanumeric() {
+            c.to_ascii_lowercase()
+        } else {
+            '_'
+        }
+    };
+    let name: String = name.chars().map(fits).collect();
+    let path = path.display().to_string();
+    format!(
+        "//! Runs a saved case; made by `hilrig case from`.\n\n\
+         use std::path::Path;\n\n\
+         #[test]\n\
+         fn case_{name}_holds() {{\n    \
+         let (case, source) = hilrig::case::Case::read(Path::new({path:?})).expect(\"a case\");\n    \
+         let judgement = case.run(&source).expect(\"it can be played\");\n    \
+         assert!(judgement.passed(), \"{{judgement}}\");\n\
+         }}\n"
+    )
+}
