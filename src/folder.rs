@@ -136,6 +136,13 @@ pub fn write(dir: &Path, outcome: &Outcome, wall: Duration) -> Result<(), Folder
     put("estimate.tum", &tum(&estimate))?;
     let (junit, path) = (junit([outcome.into()], wall), dir.join("junit.xml"));
     std::fs::write(&path, junit).map_err(failed(&path))?;
+    if let Some(display) = &outcome.display {
+        let path = dir.join("display.png");
+        display
+            .save(&path)
+            .map_err(io::Error::other)
+            .map_err(failed(&path))?;
+    }
     let Some(map) = outcome.map.as_deref() else {
         return Ok(());
     };

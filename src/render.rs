@@ -1,5 +1,6 @@
 //! Maps as pictures and as text.
 
+use emulators::touch_panel::{self, TouchPanel};
 use emulators::world::{Pose, Shape};
 use firmware_core::grid::Grid;
 use image::{GrayImage, Luma, Rgb, RgbImage};
@@ -137,6 +138,23 @@ pub fn picture(grid: &Grid, truth: &[Pose], estimate: &[Pose]) -> RgbImage {
         }
     }
     image
+}
+
+/// What is on a display.
+pub fn display(panel: &TouchPanel) -> RgbImage {
+    let (width, height) = (size(touch_panel::WIDTH), size(touch_panel::HEIGHT));
+    RgbImage::from_fn(width, height, |x, y| {
+        let pixel = panel.pixels()[y as usize * touch_panel::WIDTH + x as usize];
+        let [high, low] = pixel.to_be_bytes();
+        // Five or six bits become eight so that the largest value stays the largest.
+        let five = |bits: u8| bits << 3 | bits >> 2;
+        let green = (high & 0x07) << 3 | low >> 5;
+        Rgb(if panel.is_on() {
+            [five(high >> 3), green << 2 | green >> 4, five(low & 0x1F)]
+        } else {
+            [0; 3]
+        })
+    })
 }
 
 /// Two by two pixels, as far as they lie inside.

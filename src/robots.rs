@@ -5,6 +5,7 @@ use core::time::Duration;
 use emulators::pc::{Pc, ScriptError};
 use emulators::registers::Registers;
 use emulators::text::Text;
+use emulators::touch_panel::TouchPanel;
 use emulators::world::World;
 use protocols::{LineConfig, Port};
 use serde::Serialize;
@@ -171,7 +172,10 @@ fn add_own_devices(
                 let node = wired.rig.add_device(name, device);
                 (node, Text::UART, *spec.baud.get_ref())
             }
-            DeviceSpec::Xv11(_) | DeviceSpec::AvrBase(_) | DeviceSpec::Hc06(_) => continue,
+            DeviceSpec::Xv11(_)
+            | DeviceSpec::AvrBase(_)
+            | DeviceSpec::Hc06(_)
+            | DeviceSpec::TouchPanel(_) => continue,
         };
         let line = LineConfig::new_8n1(baud);
         let master = wired.open_end(name, line, "your own program");
@@ -299,4 +303,20 @@ pub fn registers(robot: Robot, rig: &Rig) -> Vec<Register> {
     match robot {
         Robot::Rescue => rescue::registers(rig),
     }
+}
+
+/// The robot's own display, if it has one.
+pub fn display(robot: Robot, rig: &Rig) -> Option<&TouchPanel> {
+    match robot {
+        Robot::Rescue => rescue::display::of(rig),
+    }
+}
+
+/// Taps on the robot's display at `place`, column and row, now; whether it has one.
+pub fn tap(robot: Robot, rig: &mut Rig, place: [u16; 2]) -> bool {
+    let now = rig.now();
+    let display = match robot {
+        Robot::Rescue => rescue::display::of_mut(rig),
+    };
+    display.map(|display| display.tap(now, place)).is_some()
 }

@@ -8,11 +8,13 @@ use std::collections::BTreeMap;
 
 use emulators::world::Pose;
 use firmware_core::grid::Grid;
+use image::RgbImage;
 use protocols::Instant;
 
 use crate::check::{self, Check, Checker, Look, Status};
 use crate::mission::Progress;
 use crate::realtime::Paced;
+use crate::render;
 use crate::rig::{Logged, Rig};
 use crate::robots::{self, Dut, PcEnd, Wired};
 use crate::scenario::world::PushSpec;
@@ -65,6 +67,8 @@ pub struct Outcome {
     pub pairs: Vec<PosePair>,
     /// The program's map.
     pub map: Option<Box<Grid>>,
+    /// What the robot's display showed in the end.
+    pub display: Option<RgbImage>,
     /// The program's counters.
     pub counters: BTreeMap<&'static str, u64>,
     /// What devices reported.
@@ -251,6 +255,7 @@ impl Run {
             pose_error,
             wall_overlap,
             map,
+            display: robots::display(self.scenario.robot, &self.rig).map(render::display),
             counters,
             events: self.rig.events().to_vec(),
             violations: self.rig.violations(),

@@ -14,7 +14,9 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-pub use device::{AvrBaseSpec, DeviceSpec, Hc06Spec, SupplySpec, TurnSpec, Xv11Spec};
+pub use device::{
+    AvrBaseSpec, DeviceSpec, Hc06Spec, SupplySpec, TapSpec, TouchPanelSpec, TurnSpec, Xv11Spec,
+};
 pub use fault::{DirectionSpec, FaultKind, FaultSpec, Flaw, LinkSpec};
 pub use mission::{Action, Expect, Mission, ModeSpec, Step};
 pub use own::{

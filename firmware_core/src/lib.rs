@@ -5,6 +5,7 @@
 #![no_std]
 
 pub mod base_link;
+pub mod display;
 pub mod fifo;
 pub mod grid;
 pub mod lidar_motor;

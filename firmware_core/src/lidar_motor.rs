@@ -36,6 +36,7 @@ pub struct LidarMotor {
     target_rpm: f32,
     integral: f32,
     duty: u8,
+    is_off: bool,
     /// Duty that was handed out last.
     told: Option<u8>,
     packet_at: Instant,
@@ -49,6 +50,7 @@ impl LidarMotor {
             target_rpm,
             integral: DUTY_START as f32,
             duty: DUTY_START,
+            is_off: false,
             told: None,
             packet_at: Instant::ZERO,
             good_in_a_row: 0,
@@ -95,10 +97,27 @@ impl LidarMotor {
 
     /// The duty, 0 to 255, if it changed since it was last taken.
     pub fn take_duty(&mut self) -> Option<u8> {
-        (self.told != Some(self.duty)).then(|| {
-            self.told = Some(self.duty);
-            self.duty
+        let duty = if self.is_off { 0 } else { self.duty };
+        (self.told != Some(duty)).then(|| {
+            self.told = Some(duty);
+            duty
         })
+    }
+
+    /// Lets the motor run out.
+    pub const fn switch_off(&mut self) {
+        self.is_off = true;
+    }
+
+    /// Spins the motor up afresh.
+    pub fn switch_on(&mut self) {
+        if self.is_off {
+            *self = Self {
+                told: self.told,
+                packet_at: self.packet_at,
+                ..Self::new(self.target_rpm)
+            };
+        }
     }
 
     /// Whether the speed has been within 20 rpm of the target for half a second.

@@ -10,6 +10,7 @@
 //! | [`xv11`] | Neato XV-11 lidar: 22-byte packets (firmware 2.4, 2.6), 1446-byte turns (2.1) |
 //! | [`avr`] | register bus of the AVR base, and its register map |
 //! | [`pcui`] | robot to PC link: framing, map rows, waypoints, state |
+//! | [`panel`] | touch panel: drawing commands, pen reports |
 //! | [`rle`] | run-length code of the map rows |
 //! | [`hc06`] | AT command set of the HC-06 radio |
 //! | [`line`](mod@line) | line coding and byte time |
@@ -21,6 +22,7 @@ pub mod avr;
 mod decode;
 pub mod hc06;
 pub mod line;
+pub mod panel;
 pub mod pcui;
 pub mod rle;
 mod time;

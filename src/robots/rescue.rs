@@ -7,6 +7,10 @@
 //! | `base` | AVR base | program, 1 Mbaud |
 //! | `radio` | HC-06 UART | program, 460800 baud |
 //! | `pc` | HC-06 air end | PC |
+//! | `display` | touch panel | program, 1 Mbaud; only if the scenario has a device `display` |
+
+pub(super) mod display;
+mod view;
 
 use core::time::Duration;
 
@@ -19,20 +23,20 @@ use firmware_core::pose::Pose;
 use firmware_core::robots::rescue::{Config, Rescue};
 use firmware_core::slam;
 use protocols::avr::ChecksumOrder;
-use protocols::avr::registers::{self, Width};
 use protocols::hc06::Family;
 use protocols::pcui::message::{Mode, Order};
 use protocols::{LineConfig, Port};
 
-use super::{Actuators, Alone, Dut, PcEnd, ProgramPort, Register, ScanLink, Watch, Wired};
+use super::{Actuators, Alone, Dut, PcEnd, ProgramPort, Watch, Wired};
 use crate::cpu::CpuModel;
-use crate::decode::Protocol;
 use crate::line::End;
 use crate::rig::Rig;
 use crate::scenario::{
     Action, CpuSpec, DeviceSpec, Hc06Spec, MapperSpec, ModeSpec, Scenario, ScenarioError, Source,
     Step, TurnSpec,
 };
+
+pub(super) use view::{SCAN_LINK, protocol, registers};
 
 /// What the checkers watch: the base stops the motors within 1.006 s of silence (field firmware,
 /// measured), plus a regulator's period of 40 ms and a look of the checker.
@@ -62,7 +66,7 @@ pub const SITUATIONS: [&str; 14] = [
 /// Largest set-point that the fielded base follows, ticks per 40 ms.
 const SET_POINT_MAX: i16 = 35;
 
-const LINKS: [&str; 5] = ["lidar", "motor", "base", "radio", "pc"];
+const LINKS: [&str; 6] = ["lidar", "motor", "base", "radio", "pc", display::NAME];
 
 /// The duty of the lidar's motor is a level, not a message: it gets through at once.
 const PIN: LineConfig = LineConfig::new_8n1(10_000_000);
@@ -162,6 +166,7 @@ pub(super) fn wire(
         PcEnd::External => wired.open_end("pc", hc06::AIR_LINE, "a PC program"),
     };
     wired.rig.connect("pc", air, far, 64);
+    display::connect(&mut wired, scenario, source, program)?;
     Ok(wired)
 }
 
@@ -182,7 +187,10 @@ pub(super) fn alone(scenario: &Scenario, source: &Source) -> Result<Alone, Scena
             port("motor", Rescue::MOTOR, true),
             port("base", Rescue::BASE, false),
             port("radio", Rescue::RADIO, false),
-        ],
+        ]
+        .into_iter()
+        .chain(display::has_one(scenario).then(|| port(display::NAME, Rescue::DISPLAY, true)))
+        .collect(),
     })
 }
 
@@ -199,6 +207,7 @@ const fn line_of(port: Port) -> LineConfig {
         Rescue::LIDAR => LineConfig::new_8n1(protocols::xv11::BAUD),
         Rescue::BASE => LineConfig::new_8n1(protocols::avr::BAUD),
         Rescue::RADIO => LineConfig::new_8n1(protocols::pcui::BAUD),
+        Rescue::DISPLAY => LineConfig::new_8n1(protocols::panel::BAUD),
         _ => PIN,
     }
 }
@@ -210,9 +219,13 @@ fn check_names(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError
             "lidar" => "xv11",
             "base" => "avr-base",
             "radio" => "hc06",
+            display::NAME => "touch-panel",
             _ if spec.is_own() => continue,
             _ => {
-                let message = format!("no such device; {}", expected(&["lidar", "base", "radio"]));
+                let message = format!(
+                    "no such device; {}",
+                    expected(&["lidar", "base", "radio", display::NAME])
+                );
                 return Err(source.invalid(source.find(name), format!("device.{name}"), message));
             }
         };
@@ -352,6 +365,7 @@ fn program(
         checksum_order,
         mapping,
         initial_mode,
+        display: display::fitted(scenario),
         ..Config::default()
     };
     for id in &scenario.program.defects {
@@ -442,49 +456,6 @@ pub(super) fn insert_pc_step(
     let pc = rig.device_mut::<Pc>("pc")?;
     let others = pc.steps().saturating_sub(mission);
     Some(pc.insert(others + index, pc_step(step)))
-}
-
-/// Sensor angle 90 looks ahead.
-pub(super) const SCAN_LINK: ScanLink = ScanLink {
-    link: "lidar",
-    first_bearing: -core::f64::consts::FRAC_PI_2,
-};
-
-pub(super) fn protocol(rig: &Rig, link: &str) -> Option<Protocol> {
-    match link {
-        "lidar" => Some(Protocol::Xv11),
-        "base" => {
-            let profile = rig.device::<AvrBase>("base").map(AvrBase::profile);
-            Some(match profile.map_or(ChecksumOrder::LowFirst, order_of) {
-                ChecksumOrder::LowFirst => Protocol::Bus,
-                ChecksumOrder::HighFirst => Protocol::BusHighFirst,
-            })
-        }
-        "radio" | "pc" => Some(Protocol::Pcui),
-        _ => None,
-    }
-}
-
-pub(super) fn registers(rig: &Rig) -> Vec<Register> {
-    let Some(base) = rig.device::<AvrBase>("base") else {
-        return Vec::new();
-    };
-    let value = |register: &registers::Register| {
-        let byte = |offset: u8| base.register(register.address + offset);
-        match register.width {
-            Width::U8 => i64::from(byte(0)),
-            Width::I8 => i64::from(byte(0).cast_signed()),
-            Width::I16 => i64::from(i16::from_le_bytes([byte(0), byte(1)])),
-            Width::I32 => i64::from(i32::from_le_bytes([byte(0), byte(1), byte(2), byte(3)])),
-        }
-    };
-    let shown = |register: &registers::Register| Register {
-        address: register.address,
-        name: register.name,
-        value: value(register),
-        unit: register.unit,
-    };
-    registers::TABLE.iter().map(shown).collect()
 }
 
 pub(super) fn actuators(rig: &Rig) -> Option<Actuators> {

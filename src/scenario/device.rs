@@ -14,6 +14,8 @@ pub enum DeviceSpec {
     AvrBase(AvrBaseSpec),
     /// HC-06 radio.
     Hc06(Hc06Spec),
+    /// Touch display.
+    TouchPanel(TouchPanelSpec),
     /// A register slave of one's own.
     Registers(RegistersSpec),
     /// A text slave of one's own.
@@ -27,6 +29,7 @@ impl DeviceSpec {
             Self::Xv11(_) => "xv11",
             Self::AvrBase(_) => "avr-base",
             Self::Hc06(_) => "hc06",
+            Self::TouchPanel(_) => "touch-panel",
             Self::Registers(_) => "registers",
             Self::Text(_) => "text",
         }
@@ -128,4 +131,23 @@ pub struct Hc06Spec {
     /// Time from the PC opening its port to the first byte passing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub connect_delay: Option<Span>,
+}
+
+/// Settings of a touch display.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TouchPanelSpec {
+    /// When it is touched, and where: column and row, 0, 0 at the upper left.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub tap: Vec<TapSpec>,
+}
+
+/// A touch of a tenth of a second.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TapSpec {
+    /// When.
+    pub at: Span,
+    /// Column and row.
+    pub place: [u16; 2],
 }

@@ -39,6 +39,7 @@ fn the_demo_passes_and_leaves_the_whole_folder() {
     let expected = [
         "capture.pcapng",
         "case.toml",
+        "display.png",
         "estimate.tum",
         "events.txt",
         "junit.xml",

@@ -3,6 +3,7 @@
 mod capture;
 mod determinism;
 mod device_keys;
+mod display;
 mod faults;
 mod figures;
 mod maps;

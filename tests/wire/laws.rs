@@ -320,3 +320,5 @@ laws!(xv11_turns, crate::xv11::Turns);
 laws!(avr_low_byte_first, crate::avr::LowFirst);
 laws!(avr_high_byte_first, crate::avr::HighFirst);
 laws!(pcui, crate::pcui::Pcui);
+laws!(panel_commands, crate::panel::Commands);
+laws!(panel_reports, crate::panel::Reports);

@@ -11,6 +11,7 @@ mod garbage;
 mod hc06;
 mod laws;
 mod mutants;
+mod panel;
 mod pcui;
 mod protocol;
 mod rle;

@@ -4,6 +4,7 @@
 //!   lidar --bytes--> turn --+                 +--> set-points --> base
 //!                           +--> match, map --+
 //!   base --encoders--> odometry               +--> pose, rows --> radio --> PC
+//!                                             +--> picture --> display
 //! ```
 //!
 //! What arrives is dealt with at once, as an interrupt would ([`Master::receive`]): packets become
@@ -17,13 +18,15 @@ mod drive;
 mod lidar;
 mod orders;
 mod report;
+mod screen;
+mod touch;
 
 use core::time::Duration;
 
 use protocols::pcui::message::{Mode, State};
-use protocols::{Instant, LineConfig, LineEvent, Port, avr, pcui, xv11};
+use protocols::{Instant, LineConfig, LineEvent, Port, avr, panel, pcui, xv11};
 
-pub use config::{Config, WHEELS};
+pub use config::{Config, Display, WHEELS};
 pub use defects::{Defects, Own};
 pub use drive::Battery;
 
@@ -36,6 +39,7 @@ use crate::waypoints::{Waypoint, Waypoints};
 use crate::{Master, Work};
 use drive::Drive;
 use lidar::Lidar;
+use screen::{Screen, Switches};
 
 /// How long a decision holds if no other one follows: three turns.
 const DECISION_HOLDS: Duration = Duration::from_millis(600);
@@ -86,6 +90,8 @@ pub struct Rescue {
     matched_at: Option<Instant>,
     attend_at: Instant,
     motor_duty: Option<u8>,
+    switches: Switches,
+    screen: Screen,
     work: Work,
     counters: Counters,
 }
@@ -122,6 +128,8 @@ impl Rescue {
     pub const RADIO: Port = Port(2);
     /// Duty of the lidar's motor: one byte whenever it changes.
     pub const MOTOR: Port = Port(3);
+    /// The touch display, 1 Mbaud.
+    pub const DISPLAY: Port = Port(4);
 
     /// A robot that has just been switched on.
     pub const fn new(config: Config) -> Self {
@@ -140,6 +148,8 @@ impl Rescue {
             matched_at: None,
             attend_at: Instant::ZERO,
             motor_duty: None,
+            switches: Switches::AT_START,
+            screen: Screen::new(),
             work: Work::NONE,
             counters: Counters::NONE,
             config,
@@ -223,7 +233,7 @@ impl Rescue {
         if let Some(frame) = self.pc.freed(now) {
             self.obey(now, &frame);
         }
-        if now >= self.pc.next_at() {
+        if self.switches.pc_link && now >= self.pc.next_at() {
             let view = View {
                 map: self.mapper.grid(),
                 pose: self.pose_at(now),
@@ -239,11 +249,10 @@ impl Rescue {
     }
 
     fn next_attention(&self) -> Instant {
-        let own = self
-            .lidar
-            .next_at()
-            .min(self.drive.next_at())
-            .min(self.pc.next_at());
+        let mut own = self.lidar.next_at().min(self.drive.next_at());
+        if self.switches.pc_link {
+            own = own.min(self.pc.next_at());
+        }
         let idle = self.pc.idle_at().unwrap_or(own);
         let order = if self.mode == Mode::Manual && self.order_ends() {
             self.ordered_at + ORDER_HOLDS
@@ -298,11 +307,13 @@ impl Rescue {
         let knows_motion = odometry
             .updated_at()
             .is_some_and(|at| at + WHEELS_STALE >= end);
-        let outcome = if knows_motion {
+        if !knows_motion {
+            self.mapper.doubt(UNSEEN_MM, UNSEEN_RAD);
+        }
+        let outcome = if knows_motion && self.switches.mapping {
             let speed = self.drive.speed().map(i16::from);
             self.mapper.integrate(&self.scan, speed)
         } else {
-            self.mapper.doubt(UNSEEN_MM, UNSEEN_RAD);
             self.mapper.locate(&self.scan)
         };
         self.counters.scans = self.counters.scans.saturating_add(1);
@@ -365,12 +376,18 @@ impl Master for Rescue {
                 self.drive.receive(now, bytes);
                 self.attend_at = Instant::ZERO;
             }
-            Self::RADIO => {
+            Self::RADIO if self.switches.pc_link => {
                 let mut input = bytes;
                 while let Some(frame) = self.pc.receive(now, &mut input) {
                     self.obey(now, &frame);
                 }
                 self.attend_at = Instant::ZERO;
+            }
+            Self::DISPLAY => {
+                if let Some(hit) = self.screen.receive(now, bytes) {
+                    self.touched(now, hit);
+                    self.attend_at = Instant::ZERO;
+                }
             }
             _ => {}
         }
@@ -419,6 +436,7 @@ impl Master for Rescue {
             }
         }
         self.attend_at = self.next_attention();
+        self.refresh_screen(now);
     }
 
     fn transmit(&mut self, port: Port, buf: &mut [u8]) -> usize {
@@ -426,6 +444,7 @@ impl Master for Rescue {
             _ if self.has_ended() => 0,
             Self::BASE => self.drive.transmit(buf),
             Self::RADIO => self.pc.transmit(buf),
+            Self::DISPLAY => self.screen.transmit(buf),
             Self::MOTOR if !buf.is_empty() => self.motor_duty.take().map_or(0, |duty| {
                 buf[0] = duty;
                 1
@@ -457,6 +476,7 @@ impl Master for Rescue {
         LineConfig::new_8n1(match port {
             Self::BASE => avr::BAUD,
             Self::RADIO => pcui::BAUD,
+            Self::DISPLAY => panel::BAUD,
             _ => xv11::BAUD,
         })
     }

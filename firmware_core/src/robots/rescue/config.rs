@@ -33,6 +33,8 @@ pub struct Config {
     pub pc_link: pc_link::Settings,
     /// Faults of the fielded program to show, see [`Config::with_defect`].
     pub defects: Defects,
+    /// Whether there is a display.
+    pub display: Display,
 }
 
 impl Config {
@@ -48,7 +50,17 @@ impl Config {
         initial_mode: Mode::Stop,
         pc_link: pc_link::Settings::DEFAULT,
         defects: Defects::NONE,
+        display: Display::Touch,
     };
+}
+
+/// Whether the robot has a display.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Display {
+    /// It has none: nothing is drawn.
+    None,
+    /// The touch display.
+    Touch,
 }
 
 impl Default for Config {

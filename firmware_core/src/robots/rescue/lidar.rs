@@ -158,6 +158,14 @@ impl Lidar {
         self.assembler.turn().end
     }
 
+    pub(super) const fn switch_off(&mut self) {
+        self.motor.switch_off();
+    }
+
+    pub(super) fn switch_on(&mut self) {
+        self.motor.switch_on();
+    }
+
     pub(super) fn take_duty(&mut self) -> Option<u8> {
         self.motor.take_duty()
     }

@@ -19,6 +19,11 @@ impl Rescue {
         let refused = u32::try_from(refused).unwrap_or(u32::MAX);
         self.counters.refused_waypoints = self.counters.refused_waypoints.saturating_add(refused);
         self.pc.echo_waypoints();
+        self.follow_waypoints(now);
+    }
+
+    /// Sets off when there are waypoints, stops when there are none any more.
+    pub(super) fn follow_waypoints(&mut self, now: Instant) {
         match self.mode {
             Mode::Stop | Mode::Exploration if !self.waypoints.is_empty() => {
                 self.set_mode(now, Mode::Waypoint);

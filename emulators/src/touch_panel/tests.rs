@@ -1,0 +1,139 @@
+use proptest::prelude::*;
+use protocols::panel::{FRAME_MAX, ON, PenDecoder, encode_pixels, encode_switch, seal};
+
+use super::*;
+use crate::world::{BodyConfig, Pose, Scene};
+
+fn world() -> World {
+    let scene = Scene::new(Vec::<crate::world::Fixture>::new(), Vec::new()).expect("empty");
+    World::new(scene, BodyConfig::default(), Pose::new(0.0, 0.0, 0.0), 1).expect("sound")
+}
+
+fn window([x0, y0]: [u16; 2], [x1, y1]: [u16; 2]) -> Window {
+    Window {
+        columns: [x0, x1],
+        rows: [y0, y1],
+    }
+}
+
+fn drawing(window: Window, pixels: &[u16]) -> Vec<u8> {
+    let mut frame = vec![0; FRAME_MAX];
+    let len = encode_pixels(window, pixels, &mut frame).expect("fits");
+    frame.truncate(len);
+    frame
+}
+
+fn rules(panel: &mut TouchPanel) -> Vec<(EventKind, &'static str)> {
+    let events = panel.take_events();
+    events
+        .iter()
+        .map(|event| (event.kind, event.rule))
+        .collect()
+}
+
+/// Two rows of two pixels at (478, 270): the lower right corner, where an index would run over.
+#[test]
+fn pixels_land_in_their_window() {
+    let mut panel = TouchPanel::new(Vec::new());
+    let corner = window([478, 270], [479, 271]);
+    panel.receive(TouchPanel::UART, Instant::ZERO, &encode_switch(ON));
+    panel.receive(
+        TouchPanel::UART,
+        Instant::ZERO,
+        &drawing(corner, &[1, 2, 3, 4]),
+    );
+    assert!(panel.is_on());
+    let (upper, lower) = (270 * 480 + 478, 271 * 480 + 478);
+    assert_eq!(panel.pixels()[upper..upper + 2], [1, 2]);
+    assert_eq!(panel.pixels()[lower..], [3, 4]);
+    assert_eq!(
+        panel.pixels().iter().filter(|&&pixel| pixel != 0).count(),
+        4
+    );
+    assert_eq!(rules(&mut panel), [(EventKind::Note, "display-on")]);
+}
+
+/// What is whole and makes no sense is the program's fault, changes no pixel, and is named.
+#[test]
+fn the_display_judges_what_it_is_asked_for() {
+    let mut panel = TouchPanel::new(Vec::new());
+    let mut unknown = [0; 6];
+    assert_eq!(seal(&mut unknown, 0x55, 0), Some(6));
+    panel.receive(TouchPanel::UART, Instant::ZERO, &unknown);
+    let beyond = drawing(window([479, 0], [480, 0]), &[7, 7]);
+    panel.receive(TouchPanel::UART, Instant::ZERO, &beyond);
+    // A window of two pixels, and three in one run.
+    let mut short = drawing(window([0, 0], [1, 0]), &[7, 7]);
+    assert_eq!(short[12..15], [2, 0, 7]);
+    short[12] = 3;
+    let len = seal(&mut short, panel::RUNS, 11).expect("fits");
+    panel.receive(TouchPanel::UART, Instant::ZERO, &short[..len]);
+
+    let broken = ["unknown-command", "window-outside", "pixel-count"];
+    let broken = broken.map(|rule| (EventKind::Violation, rule));
+    assert_eq!(rules(&mut panel), broken);
+    assert!(panel.pixels().iter().all(|&pixel| pixel == 0));
+}
+
+/// A tap of 100 ms, reported every 20 ms: five times down, once up. The middle of column 240 of 480
+/// reads 240.5 / 480 * 4096 = 2052.
+#[test]
+fn a_tap_is_reported_until_the_finger_is_lifted() {
+    let at = Instant::from_millis(30);
+    let place = [240, 0];
+    let mut panel = TouchPanel::new(vec![Tap { at, place }]);
+    let (mut world, mut decoder, mut pens) = (world(), PenDecoder::default(), Vec::new());
+    while let Some(now) = panel.poll_at() {
+        panel.poll(now, &mut world);
+        let mut buf = [0; 16];
+        let len = panel.transmit(TouchPanel::UART, &mut buf);
+        pens.extend(decoder.push(&buf[..len]).flatten().map(|frame| frame.pen()));
+    }
+    let pen = |contact| {
+        let reading = [2052, 7];
+        Some(Pen { contact, reading })
+    };
+    assert_eq!(
+        pens,
+        [&[pen(Contact::Down); 5][..], &[pen(Contact::Up)]].concat()
+    );
+}
+
+/// A double tap comes as two taps, even when both are asked for at once.
+#[test]
+fn taps_do_not_run_into_each_other() {
+    let mut panel = TouchPanel::new(Vec::new());
+    panel.tap(Instant::ZERO, [1, 1]);
+    panel.tap(Instant::ZERO, [1, 1]);
+    let (mut world, mut ups) = (world(), Vec::new());
+    while let Some(now) = panel.poll_at() {
+        panel.poll(now, &mut world);
+        ups.extend(panel.take_events().iter().map(|event| event.at));
+    }
+    assert_eq!(ups, [Instant::from_millis(100), Instant::from_millis(300)]);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1000))]
+
+    /// Garbage before, between and after frames: after a pause the next frame is drawn.
+    #[test]
+    fn garbage_costs_no_frame_behind_a_pause(
+        garbage in prop::collection::vec(prop_oneof![any::<u8>(), Just(0x7E), Just(0)], 0..2000),
+    ) {
+        let mut panel = TouchPanel::new(Vec::new());
+        panel.receive(TouchPanel::UART, Instant::ZERO, &garbage_or_nothing(&garbage));
+        let frame = drawing(window([5, 5], [5, 5]), &[0xABCD]);
+        panel.receive(TouchPanel::UART, Instant::from_millis(20), &frame);
+        prop_assert_eq!(panel.pixels()[5 * 480 + 5], 0xABCD);
+    }
+}
+
+/// A receiver is never called with nothing.
+fn garbage_or_nothing(garbage: &[u8]) -> Vec<u8> {
+    if garbage.is_empty() {
+        vec![0]
+    } else {
+        garbage.to_vec()
+    }
+}

@@ -1,0 +1,486 @@
+//! A touch display that owns the picture: what is on it is drawn tile by tile into a small buffer,
+//! and only rows that changed are sent.
+//!
+//! ```text
+//!   draw --> tile of 8 rows --> rows whose sum changed --> queue --> line --> display
+//!   taps <-- pen down after pen up  <------------------------------- line <-- touch
+//! ```
+//!
+//! A picture of 480 x 272 pixels takes 255 kB, twice the memory of the board. What was sent is
+//! remembered as 16 bits a row, so a row whose sum happens to be that of its successor stays, one
+//! change in 65536; as may what the line has damaged. Three times a second one tile is sent anew
+//! whether it changed or not, so all of it is right again after half a minute.
+
+use core::convert::Infallible;
+use core::ops::RangeInclusive;
+use core::time::Duration;
+
+use embedded_graphics::Pixel;
+use embedded_graphics::draw_target::DrawTarget;
+use embedded_graphics::geometry::{Dimensions, Point, Size};
+use embedded_graphics::pixelcolor::{IntoStorage, Rgb565};
+use embedded_graphics::primitives::Rectangle;
+use protocols::panel::{self, Contact, FRAME_MAX, PEN_LEN, READING_MAX, Window, encode_pixels};
+use protocols::{Decode, Instant};
+
+use crate::fifo::Fifo;
+
+/// Columns of the display.
+pub const WIDTH: u16 = 480;
+/// Rows of the display.
+pub const HEIGHT: u16 = 272;
+/// Where the widest column of tiles begins: what changes often is left of it.
+pub const RIGHT: u16 = 212;
+
+/// Rows of a tile.
+const BAND: u16 = 8;
+const BANDS: usize = (HEIGHT / BAND) as usize;
+const ROWS: usize = HEIGHT as usize;
+const TILES: usize = COLUMNS.len() * BANDS;
+const TILE_PIXELS: usize = (WIDTH - RIGHT) as usize * BAND as usize;
+/// Longest frame of one row of a tile.
+const ROW_FRAME_MAX: usize = FRAME_MAX - 2 * RIGHT as usize;
+/// Room for two such rows, or a tile as it usually is.
+const TX_LEN: usize = 1536;
+const TX_ENOUGH: usize = 1280;
+const _: () = assert!(
+    ROW_FRAME_MAX <= TX_ENOUGH,
+    "a row must fit to be sent at all"
+);
+
+/// How often a tile is sent anew, changed or not.
+const HEAL_PERIOD: Duration = Duration::from_millis(333);
+/// Quiet time after which a half-received report is given up.
+const IDLE_GAP: Duration = Duration::from_millis(10);
+/// A pen that was not heard of for so long has been lifted.
+const LIFTED_AFTER: Duration = Duration::from_millis(100);
+
+/// Part of the picture that is being drawn: 8 rows of one column.
+#[derive(Clone, Debug)]
+pub struct Tile {
+    left: u16,
+    top: u16,
+    width: u16,
+    pixels: [u16; TILE_PIXELS],
+}
+
+impl Tile {
+    fn new(column: usize, band: usize) -> Self {
+        let (left, width) = COLUMNS[column];
+        Self {
+            left,
+            top: *rows_of(band).start(),
+            width,
+            pixels: [0; TILE_PIXELS],
+        }
+    }
+
+    /// Whether any of `area` is in the tile. What is not need not be drawn.
+    pub fn touches(&self, area: &Rectangle) -> bool {
+        self.bounding_box().intersection(area).size != Size::zero()
+    }
+
+    /// The part of `area` in the tile: columns and rows.
+    pub fn part_of(&self, area: &Rectangle) -> (core::ops::Range<i32>, core::ops::Range<i32>) {
+        let part = self.bounding_box().intersection(area);
+        (part.columns(), part.rows())
+    }
+
+    /// Draws one pixel; outside the tile nothing happens.
+    pub fn put(&mut self, x: i32, y: i32, colour: Rgb565) {
+        let (x, y) = (x - i32::from(self.left), y - i32::from(self.top));
+        if (0..i32::from(self.width)).contains(&x) && (0..i32::from(BAND)).contains(&y) {
+            let index = y * i32::from(self.width) + x;
+            self.pixels[usize::try_from(index).expect("not negative")] = colour.into_storage();
+        }
+    }
+
+    fn row(&self, row: u16) -> &[u16] {
+        let width = usize::from(self.width);
+        let from = usize::from(row) * width;
+        &self.pixels[from..from + width]
+    }
+}
+
+/// Where the columns of tiles begin, and their widths.
+const COLUMNS: [(u16, u16); 3] = [
+    (0, RIGHT / 2),
+    (RIGHT / 2, RIGHT / 2),
+    (RIGHT, WIDTH - RIGHT),
+];
+
+impl Dimensions for Tile {
+    fn bounding_box(&self) -> Rectangle {
+        Rectangle::new(
+            Point::new(self.left.into(), self.top.into()),
+            Size::new(self.width.into(), BAND.into()),
+        )
+    }
+}
+
+impl DrawTarget for Tile {
+    type Color = Rgb565;
+    type Error = Infallible;
+
+    fn draw_iter<I: IntoIterator<Item = Pixel<Rgb565>>>(
+        &mut self,
+        pixels: I,
+    ) -> Result<(), Infallible> {
+        for Pixel(at, colour) in pixels {
+            self.put(at.x, at.y, colour);
+        }
+        Ok(())
+    }
+
+    fn fill_solid(&mut self, area: &Rectangle, colour: Rgb565) -> Result<(), Infallible> {
+        let (columns, rows) = self.part_of(area);
+        let inside = |at: i32, from: u16| usize::try_from(at - i32::from(from)).unwrap_or(0);
+        for y in rows {
+            let row = inside(y, self.top) * usize::from(self.width);
+            let [from, to] = [columns.start, columns.end].map(|x| row + inside(x, self.left));
+            self.pixels[from..to].fill(colour.into_storage());
+        }
+        Ok(())
+    }
+}
+
+/// What happened on the link so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Rows sent.
+    pub rows: u32,
+    /// Taps.
+    pub taps: u32,
+    /// Reports that were damaged or meant nothing.
+    pub bad_reports: u32,
+}
+
+/// The program's end of the link.
+#[derive(Clone, Debug)]
+pub struct Display {
+    tx: Fifo<TX_LEN>,
+    /// Of each row of each column as it was sent.
+    sums: [[u16; ROWS]; COLUMNS.len()],
+    /// Tiles of each column that may have changed, one bit a band.
+    dirty: [u64; COLUMNS.len()],
+    /// Tile that is looked at next.
+    next: usize,
+    heal: usize,
+    heal_at: Instant,
+    decoder: panel::PenDecoder,
+    received_at: Instant,
+    /// When the pen was last down; `None` once it was lifted.
+    down_at: Option<Instant>,
+    counters: Counters,
+}
+
+impl Display {
+    /// A display that shows nothing yet.
+    pub const fn new() -> Self {
+        Self {
+            tx: Fifo::new(),
+            sums: [[0; ROWS]; COLUMNS.len()],
+            dirty: [u64::MAX; COLUMNS.len()],
+            next: 0,
+            heal: 0,
+            heal_at: Instant::ZERO,
+            decoder: panel::PenDecoder::with_format(panel::Framing::<PEN_LEN>),
+            received_at: Instant::ZERO,
+            down_at: None,
+            counters: Counters {
+                rows: 0,
+                taps: 0,
+                bad_reports: 0,
+            },
+        }
+    }
+
+    /// What happened so far.
+    pub const fn counters(&self) -> &Counters {
+        &self.counters
+    }
+
+    /// Says that something in `area` may look different now.
+    pub fn mark(&mut self, area: &Rectangle) {
+        let Some(last) = area.bottom_right() else {
+            return;
+        };
+        let bottom = i32::from(HEIGHT) - 1;
+        let band = |y: i32| y.clamp(0, bottom) / i32::from(BAND);
+        for (dirty, (left, width)) in self.dirty.iter_mut().zip(COLUMNS) {
+            if area.top_left.x < i32::from(left + width) && last.x >= i32::from(left) {
+                for band in band(area.top_left.y)..=band(last.y) {
+                    *dirty |= 1 << band;
+                }
+            }
+        }
+    }
+
+    /// Draws one tile that may have changed, if there is one and room to send it. `draw` draws all
+    /// there is to see, or at least what touches the tile.
+    pub fn paint(&mut self, now: Instant, draw: impl FnOnce(&mut Tile)) {
+        // A tile that does not fit is drawn again, so it waits until there is room for most.
+        if self.tx.room() < TX_ENOUGH {
+            return;
+        }
+        if now >= self.heal_at {
+            self.send_anew(now);
+        }
+        let Some((column, band)) = self.next_tile() else {
+            return;
+        };
+        let mut tile = Tile::new(column, band);
+        draw(&mut tile);
+        if self.send(&tile, column) {
+            self.dirty[column] &= !(1 << band);
+            self.next += 1;
+        }
+    }
+
+    /// Takes the pen's reports; where a tap began.
+    pub fn receive(&mut self, now: Instant, bytes: &[u8]) -> Option<[u16; 2]> {
+        if now - self.received_at >= IDLE_GAP {
+            self.decoder.idle();
+        }
+        self.received_at = now;
+        let mut tap = None;
+        let mut input = bytes;
+        while let Some(frame) = self.decoder.step(&mut input) {
+            let Some(pen) = frame.ok().and_then(|frame| frame.pen()) else {
+                self.counters.bad_reports = self.counters.bad_reports.saturating_add(1);
+                continue;
+            };
+            let was_up = self.down_at.is_none_or(|at| now - at >= LIFTED_AFTER);
+            self.down_at = (pen.contact == Contact::Down).then_some(now);
+            if was_up && pen.contact == Contact::Down {
+                self.counters.taps = self.counters.taps.saturating_add(1);
+                let [x, y] = pen.reading;
+                tap = Some([scaled(x, WIDTH), scaled(y, HEIGHT)]);
+            }
+        }
+        tap
+    }
+
+    /// Moves bytes for the line into `buf`; returns how many.
+    pub fn transmit(&mut self, buf: &mut [u8]) -> usize {
+        self.tx.pop(buf)
+    }
+
+    /// The next tile that may have changed, from where the last one was.
+    fn next_tile(&mut self) -> Option<(usize, usize)> {
+        for step in 0..TILES {
+            let tile = (self.next + step) % (TILES);
+            let (column, band) = (tile / BANDS, tile % BANDS);
+            if self.dirty[column] & 1 << band != 0 {
+                self.next = tile;
+                return Some((column, band));
+            }
+        }
+        None
+    }
+
+    /// Forgets what was sent of one tile, and switches the display on in case it was restarted.
+    fn send_anew(&mut self, now: Instant) {
+        self.heal_at = now + HEAL_PERIOD;
+        self.tx.push(&panel::encode_switch(panel::ON));
+        let (column, band) = (self.heal / BANDS, self.heal % BANDS);
+        self.heal = (self.heal + 1) % (TILES);
+        self.dirty[column] |= 1 << band;
+        for row in rows_of(band) {
+            self.sums[column][usize::from(row)] = 0;
+        }
+    }
+
+    /// Queues the rows that changed; whether there was room for all of them.
+    fn send(&mut self, tile: &Tile, column: usize) -> bool {
+        let mut frame = [0; ROW_FRAME_MAX];
+        for row in 0..BAND {
+            let y = tile.top + row;
+            let pixels = tile.row(row);
+            let sum = sum_of(pixels);
+            let sent = &mut self.sums[column][usize::from(y)];
+            if *sent == sum {
+                continue;
+            }
+            let window = Window {
+                columns: [tile.left, tile.left + tile.width - 1],
+                rows: [y, y],
+            };
+            let len = encode_pixels(window, pixels, &mut frame).expect("a row fits its frame");
+            if self.tx.room() < len {
+                return false;
+            }
+            self.tx.push(&frame[..len]);
+            *sent = sum;
+            self.counters.rows = self.counters.rows.saturating_add(1);
+        }
+        true
+    }
+}
+
+impl Default for Display {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+fn rows_of(band: usize) -> RangeInclusive<u16> {
+    let top = u16::try_from(band).expect("a few dozen") * BAND;
+    top..=top + BAND - 1
+}
+
+/// Sixteen bits that tell a row from another, never 0: that is a row that was not sent.
+fn sum_of(pixels: &[u16]) -> u16 {
+    let mixed = pixels.iter().fold(0x811C_9DC5_u32, |sum, &pixel| {
+        (sum ^ u32::from(pixel)).wrapping_mul(0x0100_0193)
+    });
+    let folded = (mixed >> 16) ^ (mixed & 0xFFFF);
+    u16::try_from(folded).expect("sixteen bits").max(1)
+}
+
+/// The pixel that a reading lies in: 0 to 4095 is the whole panel.
+fn scaled(reading: u16, pixels: u16) -> u16 {
+    let place = u32::from(reading) * u32::from(pixels) / (u32::from(READING_MAX) + 1);
+    u16::try_from(place).expect("less than the pixels")
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use std::vec;
+    use std::vec::Vec;
+
+    use embedded_graphics::prelude::*;
+    use embedded_graphics::primitives::PrimitiveStyle;
+    use protocols::panel::{Command, Pen, encode_pen};
+
+    use super::*;
+
+    const EVERYTHING: Rectangle =
+        Rectangle::new(Point::zero(), Size::new(WIDTH as u32, HEIGHT as u32));
+
+    /// The picture at the far end, from commands of whole rows.
+    struct Far {
+        decoder: panel::Decoder,
+        pixels: Vec<u16>,
+        rows: usize,
+    }
+
+    impl Far {
+        fn take(&mut self, display: &mut Display) {
+            let mut buf = [0; 64];
+            while let len @ 1.. = display.transmit(&mut buf) {
+                let frames: Vec<_> = self.decoder.push(&buf[..len]).flatten().collect();
+                frames.iter().for_each(|frame| self.draw(frame));
+            }
+        }
+
+        fn draw(&mut self, frame: &panel::Frame) {
+            let (window, pixels) = match frame.command() {
+                Some(Command::Write(window, bytes)) => {
+                    let pixels = bytes.chunks_exact(2);
+                    let pixel = |pixel: &[u8]| u16::from_be_bytes([pixel[0], pixel[1]]);
+                    (window, pixels.map(pixel).collect::<Vec<_>>())
+                }
+                Some(Command::Runs(window, bytes)) => {
+                    let run =
+                        |run: &[u8]| vec![u16::from_be_bytes([run[1], run[2]]); run[0].into()];
+                    (window, bytes.chunks_exact(3).flat_map(run).collect())
+                }
+                _ => return,
+            };
+            let at = usize::from(window.rows[0]) * 480 + usize::from(window.columns[0]);
+            self.pixels[at..at + pixels.len()].copy_from_slice(&pixels);
+            self.rows += 1;
+        }
+    }
+
+    fn far() -> Far {
+        Far {
+            decoder: panel::Decoder::default(),
+            pixels: vec![0; 480 * 272],
+            rows: 0,
+        }
+    }
+
+    /// Paints until nothing is left, all at `now`.
+    fn paint(display: &mut Display, far: &mut Far, now: Instant, area: Rectangle) {
+        display.mark(&EVERYTHING);
+        for _ in 0..1000 {
+            display.paint(now, |tile| {
+                let style = PrimitiveStyle::with_fill(Rgb565::RED);
+                let Ok(()) = area.into_styled(style).draw(tile);
+            });
+            far.take(display);
+        }
+    }
+
+    /// A rectangle across all tiles' seams; then it moves by one column, and only its 100 rows, in
+    /// two columns of tiles, are sent again.
+    #[test]
+    fn what_is_drawn_arrives_and_only_changed_rows_are_sent() {
+        let (mut display, mut far) = (Display::new(), far());
+        let area = |x| Rectangle::new(Point::new(x, 51), Size::new(100, 100));
+        paint(&mut display, &mut far, Instant::ZERO, area(150));
+        let red = Rgb565::RED.into_storage();
+        for (index, &pixel) in far.pixels.iter().enumerate() {
+            let (x, y) = (index % 480, index / 480);
+            let inside = (150..250).contains(&x) && (51..151).contains(&y);
+            assert_eq!(pixel, if inside { red } else { 0 }, "{x} {y}");
+        }
+        far.rows = 0;
+        paint(&mut display, &mut far, Instant::ZERO, area(151));
+        assert_eq!(far.rows, 200);
+    }
+
+    /// The far end forgot everything; each of the 102 tiles comes again, three a second.
+    #[test]
+    fn a_damaged_picture_is_mended_within_half_a_minute() {
+        let (mut display, mut far) = (Display::new(), far());
+        let area = Rectangle::new(Point::new(10, 10), Size::new(400, 200));
+        paint(&mut display, &mut far, Instant::ZERO, area);
+        let whole = core::mem::replace(&mut far.pixels, vec![0x1234; 480 * 272]);
+        for thirds in 0..=102 {
+            let now = Instant::from_millis(thirds * 333);
+            paint(&mut display, &mut far, now, area);
+        }
+        assert!(far.pixels == whole);
+    }
+
+    fn report(contact: Contact, reading: [u16; 2]) -> [u8; PEN_LEN] {
+        encode_pen(Pen { contact, reading })
+    }
+
+    /// 2052 of 4096 is column 240 of 480; a lost "up" or a lost "down" makes no tap of its own.
+    #[test]
+    fn a_tap_is_a_pen_that_was_up_and_is_down() {
+        let mut display = Display::new();
+        let mut at = 0;
+        let mut tap = |contact, wait| {
+            at += wait;
+            display.receive(Instant::from_millis(at), &report(contact, [2052, 7]))
+        };
+        assert_eq!(tap(Contact::Down, 20), Some([240, 0]));
+        assert_eq!(tap(Contact::Down, 20), None);
+        assert_eq!(tap(Contact::Up, 20), None);
+        assert_eq!(tap(Contact::Down, 20), Some([240, 0]));
+        assert_eq!(tap(Contact::Down, 200), Some([240, 0]));
+    }
+
+    /// Garbage, then a pause: the next report counts.
+    #[test]
+    fn garbage_costs_no_tap_behind_a_pause() {
+        let mut display = Display::new();
+        assert_eq!(
+            display.receive(Instant::ZERO, &[0x7E, 0x54, 0, 5, 1, 0]),
+            None
+        );
+        let down = report(Contact::Down, [0, 0]);
+        assert_eq!(
+            display.receive(Instant::from_millis(20), &down),
+            Some([0, 0])
+        );
+        assert_eq!(display.counters().bad_reports, 1);
+    }
+}

@@ -1,0 +1,126 @@
+//! Messages of the status bar.
+
+use protocols::Instant;
+
+use super::View;
+
+/// Messages kept, as on the fielded robot.
+const KEPT: usize = 25;
+/// Base and lidar need a while to start.
+const GRACE: Instant = Instant::from_secs(3);
+/// Battery from which it is worth a message.
+const BATTERY_LOW_PERCENT: i8 = 20;
+
+/// Something worth telling who stands beside the robot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in super::super) enum Notice {
+    Started,
+    BatteryLow,
+    BaseSilent,
+    LidarSilent,
+    AllWell,
+    WaypointReached,
+    WaypointRefused,
+    PoseSet,
+    StopFirst,
+    MapCleared,
+    WaypointsCleared,
+    Reset,
+}
+
+impl Notice {
+    pub(super) const fn text(self) -> &'static str {
+        match self {
+            Self::Started => "started",
+            Self::BatteryLow => "Battery warning!",
+            Self::BaseSilent => "base does not answer",
+            Self::LidarSilent => "lidar sends nothing",
+            Self::AllWell => "base and lidar work",
+            Self::WaypointReached => "waypoint reached",
+            Self::WaypointRefused => "no room for a waypoint",
+            Self::PoseSet => "pose set by touch",
+            Self::StopFirst => "stop the robot first",
+            Self::MapCleared => "map cleared",
+            Self::WaypointsCleared => "waypoints cleared",
+            Self::Reset => "reset",
+        }
+    }
+
+    pub(super) const fn is_warning(self) -> bool {
+        matches!(
+            self,
+            Self::BatteryLow | Self::BaseSilent | Self::LidarSilent
+        )
+    }
+}
+
+/// A message and when it came, in seconds since the start.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Entry {
+    pub(super) at_s: u32,
+    pub(super) notice: Notice,
+}
+
+/// The newest messages, and what they were about.
+#[derive(Clone, Debug)]
+pub(in super::super) struct Notices {
+    entries: [Entry; KEPT],
+    count: u32,
+    /// What was last known of base and lidar.
+    health: Notice,
+    is_battery_low: bool,
+    arrivals: u32,
+}
+
+impl Notices {
+    pub(super) const NONE: Self = Self {
+        entries: [Entry {
+            at_s: 0,
+            notice: Notice::Started,
+        }; KEPT],
+        count: 1,
+        health: Notice::Started,
+        is_battery_low: false,
+        arrivals: 0,
+    };
+
+    /// Messages so far, also those that are forgotten.
+    pub(super) const fn count(&self) -> u32 {
+        self.count
+    }
+
+    /// The newest one.
+    pub(super) fn last(&self) -> Entry {
+        self.newest().next().expect("there was one at the start")
+    }
+
+    /// Newest first.
+    pub(super) fn newest(&self) -> impl Iterator<Item = Entry> + '_ {
+        let count = self.count as usize;
+        (0..count.min(KEPT)).map(move |back| self.entries[(count - 1 - back) % KEPT])
+    }
+
+    pub(in super::super) fn push(&mut self, now: Instant, notice: Notice) {
+        let at_s = u32::try_from(now.as_nanos() / 1_000_000_000).unwrap_or(u32::MAX);
+        self.entries[self.count as usize % KEPT] = Entry { at_s, notice };
+        self.count = self.count.saturating_add(1);
+    }
+
+    /// Tells what changed since the last look.
+    pub(super) fn observe(&mut self, now: Instant, view: &View<'_>) {
+        if view.health != self.health && now >= GRACE {
+            self.health = view.health;
+            self.push(now, view.health);
+        }
+        let percent = view.battery.map(|battery| battery.percent);
+        let is_low = percent.is_some_and(|percent| percent <= BATTERY_LOW_PERCENT);
+        if is_low && !self.is_battery_low {
+            self.push(now, Notice::BatteryLow);
+        }
+        self.is_battery_low = is_low;
+        if view.figures.arrivals != self.arrivals {
+            self.arrivals = view.figures.arrivals;
+            self.push(now, Notice::WaypointReached);
+        }
+    }
+}

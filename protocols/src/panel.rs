@@ -1,0 +1,367 @@
+//! Touch panel on a serial line: drawing commands to its display controller, pen reports back.
+//!
+//! ```text
+//! | 7E | op | length u16 | payload | CRC-16 u16 |      big-endian, CRC-16/XMODEM from op to payload
+//!
+//! to the panel    29  display on     nothing
+//!                 28  display off    nothing
+//!                 2C  write memory   window 8, then a pixel u16 for each place in it
+//!                 E0  write runs     window 8, then runs (count u8, pixel u16) that fill it
+//! from the panel  54  pen            down u8, x u16, y u16
+//!
+//! window: x0, y0, x1, y1 as u16, both corners inside; rows from the top, x first
+//! pixel:  RGB565
+//! ```
+//!
+//! The seed report names no display controller. The numbers of commands, window and pixel are those
+//! of the common ones (SSD1963, ILI9341); pen coordinates are 12-bit readings as an ADS7843 gives
+//! them. Start byte, length, checksum and the runs are ours: each frame says where it belongs, so
+//! a damaged one costs its own pixels and nothing else.
+
+use core::ops::RangeInclusive;
+
+use crate::{Candidate, Format, FrameError};
+
+/// First byte of every frame.
+pub const START: u8 = 0x7E;
+/// Bytes before the payload.
+pub const HEADER_LEN: usize = 4;
+/// Bytes of the window at the beginning of a drawing command.
+pub const WINDOW_LEN: usize = 8;
+/// Most payload bytes: a window and a row of 480 pixels.
+pub const PAYLOAD_MAX: usize = WINDOW_LEN + 2 * 480;
+/// The longest frame.
+pub const FRAME_MAX: usize = HEADER_LEN + PAYLOAD_MAX + 2;
+/// Rate of the line.
+pub const BAUD: u32 = 1_000_000;
+/// Largest reading of the pen's position.
+pub const READING_MAX: u16 = 4095;
+
+/// Number of "display on".
+pub const ON: u8 = 0x29;
+/// Number of "display off".
+pub const OFF: u8 = 0x28;
+/// Number of "write memory".
+pub const WRITE: u8 = 0x2C;
+/// Number of "write runs".
+pub const RUNS: u8 = 0xE0;
+/// Number of a pen report.
+pub const PEN: u8 = 0x54;
+
+/// A rectangle of pixels, both corners inside.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Window {
+    /// Leftmost and rightmost column.
+    pub columns: [u16; 2],
+    /// Top and bottom row.
+    pub rows: [u16; 2],
+}
+
+impl Window {
+    /// Pixels inside; 0 if the corners are exchanged.
+    pub const fn area(self) -> u32 {
+        let [x0, x1] = self.columns;
+        let [y0, y1] = self.rows;
+        if x0 > x1 || y0 > y1 {
+            return 0;
+        }
+        (x1 - x0 + 1) as u32 * (y1 - y0 + 1) as u32
+    }
+
+    fn to_bytes(self) -> [u8; WINDOW_LEN] {
+        let ([x0, x1], [y0, y1]) = (self.columns, self.rows);
+        let mut bytes = [0; WINDOW_LEN];
+        for (slot, value) in bytes.chunks_exact_mut(2).zip([x0, y0, x1, y1]) {
+            slot.copy_from_slice(&value.to_be_bytes());
+        }
+        bytes
+    }
+}
+
+/// What a frame to the panel asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Command<'a> {
+    /// Show what is in memory.
+    On,
+    /// Show nothing.
+    Off,
+    /// Pixels of a window, two bytes each.
+    Write(Window, &'a [u8]),
+    /// Runs that fill a window, three bytes each.
+    Runs(Window, &'a [u8]),
+}
+
+/// Where the pen is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Pen {
+    /// Whether it touches the panel.
+    pub contact: Contact,
+    /// Readings along x and y, 0 to 4095.
+    pub reading: [u16; 2],
+}
+
+/// Whether the pen touches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Contact {
+    /// It does.
+    Down,
+    /// It was lifted here.
+    Up,
+}
+
+/// A frame whose start, length and checksum were verified.
+#[derive(Clone, PartialEq, Eq)]
+pub struct Frame<const N: usize = FRAME_MAX> {
+    bytes: [u8; N],
+    len: usize,
+}
+
+impl<const N: usize> Frame<N> {
+    /// Number of the command or report.
+    pub const fn op(&self) -> u8 {
+        self.bytes[1]
+    }
+
+    /// What it carries.
+    pub fn payload(&self) -> &[u8] {
+        &self.bytes[HEADER_LEN..self.len - 2]
+    }
+
+    /// The frame as on the wire.
+    pub fn as_bytes(&self) -> &[u8] {
+        &self.bytes[..self.len]
+    }
+
+    /// What it asks of the panel; `None` for numbers and lengths that mean nothing to it.
+    pub fn command(&self) -> Option<Command<'_>> {
+        let payload = self.payload();
+        match (self.op(), payload.split_first_chunk()) {
+            (ON, None) if payload.is_empty() => Some(Command::On),
+            (OFF, None) if payload.is_empty() => Some(Command::Off),
+            (WRITE, Some((window, rest))) if rest.len().is_multiple_of(2) => {
+                Some(Command::Write(window_of(window), rest))
+            }
+            (RUNS, Some((window, rest))) if rest.len().is_multiple_of(3) => {
+                Some(Command::Runs(window_of(window), rest))
+            }
+            _ => None,
+        }
+    }
+
+    /// Where it says the pen is; `None` if it says something else.
+    pub fn pen(&self) -> Option<Pen> {
+        let (PEN, &[contact, x1, x0, y1, y0]) = (self.op(), self.payload()) else {
+            return None;
+        };
+        let contact = match contact {
+            0 => Contact::Up,
+            1 => Contact::Down,
+            _ => return None,
+        };
+        let reading = [u16::from_be_bytes([x1, x0]), u16::from_be_bytes([y1, y0])];
+        let is_legal = reading.iter().all(|&value| value <= READING_MAX);
+        is_legal.then_some(Pen { contact, reading })
+    }
+}
+
+impl<const N: usize> core::fmt::Debug for Frame<N> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(
+            f,
+            "panel::Frame({:02X}, {:02X?})",
+            self.op(),
+            self.payload()
+        )
+    }
+}
+
+const fn window_of(bytes: &[u8; WINDOW_LEN]) -> Window {
+    let [a, b, c, d, e, f, g, h] = *bytes;
+    Window {
+        columns: [u16::from_be_bytes([a, b]), u16::from_be_bytes([e, f])],
+        rows: [u16::from_be_bytes([c, d]), u16::from_be_bytes([g, h])],
+    }
+}
+
+/// CRC-16/XMODEM: polynomial 1021, from 0, four bits at a time.
+pub fn checksum(bytes: &[u8]) -> u16 {
+    const TABLE: [u16; 16] = [
+        0x0000, 0x1021, 0x2042, 0x3063, 0x4084, 0x50A5, 0x60C6, 0x70E7, 0x8108, 0x9129, 0xA14A,
+        0xB16B, 0xC18C, 0xD1AD, 0xE1CE, 0xF1EF,
+    ];
+    bytes.iter().fold(0, |crc, &byte| {
+        let crc = (crc << 4) ^ TABLE[usize::from((crc >> 12) ^ u16::from(byte >> 4))];
+        (crc << 4) ^ TABLE[usize::from((crc >> 12) ^ u16::from(byte & 0x0F))]
+    })
+}
+
+/// Puts start, number, length and checksum around a payload that already lies in `frame[4..]`;
+/// returns the length of the whole frame. `None` if it is too long, or longer than `frame`.
+pub fn seal(frame: &mut [u8], op: u8, payload_len: usize) -> Option<usize> {
+    if payload_len > PAYLOAD_MAX {
+        return None;
+    }
+    let end = HEADER_LEN + payload_len;
+    let length = u16::try_from(payload_len).expect("at most 968");
+    frame.get(..end + 2)?;
+    frame[0] = START;
+    frame[1] = op;
+    frame[2..HEADER_LEN].copy_from_slice(&length.to_be_bytes());
+    let sum = checksum(&frame[1..end]);
+    frame[end..end + 2].copy_from_slice(&sum.to_be_bytes());
+    Some(end + 2)
+}
+
+/// Encodes the `pixels` of `window`, as runs or one by one, whichever is shorter; returns the
+/// frame's length. `None` if they do not fit one frame or are not as many as the window holds.
+pub fn encode_pixels(window: Window, pixels: &[u16], frame: &mut [u8]) -> Option<usize> {
+    if u32::try_from(pixels.len()) != Ok(window.area()) {
+        return None;
+    }
+    let body = frame.get_mut(HEADER_LEN..)?;
+    let (head, body) = body.split_first_chunk_mut::<WINDOW_LEN>()?;
+    *head = window.to_bytes();
+    let most = (2 * pixels.len())
+        .min(PAYLOAD_MAX - WINDOW_LEN)
+        .min(body.len());
+    let mut len = 0;
+    for run in pixels.chunk_by(|a, b| a == b) {
+        let [high, low] = run[0].to_be_bytes();
+        for part in run.chunks(255) {
+            let count = u8::try_from(part.len()).expect("at most 255");
+            if let Some(slot) = body[..most].get_mut(len..len + 3) {
+                slot.copy_from_slice(&[count, high, low]);
+            }
+            len += 3;
+        }
+    }
+    if len <= most {
+        return seal(frame, RUNS, WINDOW_LEN + len);
+    }
+    let plain = body.get_mut(..2 * pixels.len())?;
+    for (slot, pixel) in plain.chunks_exact_mut(2).zip(pixels) {
+        slot.copy_from_slice(&pixel.to_be_bytes());
+    }
+    seal(frame, WRITE, WINDOW_LEN + 2 * pixels.len())
+}
+
+/// A command without payload.
+pub fn encode_switch(op: u8) -> [u8; HEADER_LEN + 2] {
+    let mut frame = [0; HEADER_LEN + 2];
+    seal(&mut frame, op, 0).expect("there is room");
+    frame
+}
+
+/// Bytes of a pen report.
+pub const PEN_LEN: usize = HEADER_LEN + 5 + 2;
+
+/// A pen report.
+pub fn encode_pen(pen: Pen) -> [u8; PEN_LEN] {
+    let mut frame = [0; PEN_LEN];
+    frame[HEADER_LEN] = u8::from(pen.contact == Contact::Down);
+    for (slot, reading) in frame[HEADER_LEN + 1..].chunks_exact_mut(2).zip(pen.reading) {
+        slot.copy_from_slice(&reading.min(READING_MAX).to_be_bytes());
+    }
+    seal(&mut frame, PEN, 5).expect("there is room");
+    frame
+}
+
+/// Frames of up to `N` bytes, for [`crate::Decoder`].
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Framing<const N: usize = FRAME_MAX>;
+
+/// The panel's decoder.
+pub type Decoder = crate::Decoder<Framing, FRAME_MAX>;
+/// The master's decoder: nothing but pen reports comes from a panel.
+pub type PenDecoder = crate::Decoder<Framing<PEN_LEN>, PEN_LEN>;
+
+impl<const N: usize> Format for Framing<N> {
+    type Frame = Frame<N>;
+
+    fn judge(&self, bytes: &[u8]) -> Candidate {
+        if bytes[0] != START {
+            return Candidate::Noise;
+        }
+        let Some(&[_, _, high, low]) = bytes.first_chunk::<HEADER_LEN>() else {
+            return Candidate::Incomplete;
+        };
+        let length = u16::from_be_bytes([high, low]);
+        let end = HEADER_LEN + usize::from(length);
+        if !POSSIBLE.contains(&usize::from(length)) || end + 2 > N {
+            let max = u32::try_from(N - HEADER_LEN - 2).expect("at most 968");
+            return Candidate::Rejected(FrameError::Length {
+                max,
+                found: u32::from(length),
+            });
+        }
+        let Some(&[high, low]) = bytes.get(end..end + 2) else {
+            return Candidate::Incomplete;
+        };
+        let found = u32::from(u16::from_be_bytes([high, low]));
+        let expected = u32::from(checksum(&bytes[1..end]));
+        if expected == found {
+            Candidate::Complete(end + 2)
+        } else {
+            Candidate::Rejected(FrameError::Checksum { expected, found })
+        }
+    }
+
+    fn frame(&self, bytes: &[u8]) -> Frame<N> {
+        let mut frame = Frame {
+            bytes: [0; N],
+            len: bytes.len(),
+        };
+        frame.bytes[..bytes.len()].copy_from_slice(bytes);
+        frame
+    }
+}
+
+/// Payload lengths that any frame may have.
+const POSSIBLE: RangeInclusive<usize> = 0..=PAYLOAD_MAX;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The check value in the catalogue of CRC algorithms.
+    #[test]
+    fn the_checksum_is_crc_16_xmodem() {
+        assert_eq!(checksum(b"123456789"), 0x31C3);
+    }
+
+    /// Four pixels in two rows: three of one colour, one of another. By hand: window 0001 0002 0002
+    /// 0003, runs 03 F800 and 01 001F.
+    #[test]
+    fn equal_neighbours_become_runs() {
+        let window = Window {
+            columns: [1, 2],
+            rows: [2, 3],
+        };
+        let mut frame = [0; 40];
+        let pixels = [0xF800, 0xF800, 0xF800, 0x001F];
+        let len = encode_pixels(window, &pixels, &mut frame).expect("fits");
+        let expected = [
+            0x7E, 0xE0, 0x00, 0x0E, 0, 1, 0, 2, 0, 2, 0, 3, 3, 0xF8, 0x00, 1, 0x00, 0x1F,
+        ];
+        assert_eq!(frame[..18], expected);
+        assert_eq!(len, 20);
+
+        let mixed = [1, 2, 3, 4];
+        let len = encode_pixels(window, &mixed, &mut frame).expect("fits");
+        assert_eq!((frame[1], len), (WRITE, 4 + 8 + 8 + 2));
+        assert_eq!(encode_pixels(window, &mixed[..3], &mut frame), None);
+    }
+
+    #[test]
+    fn a_pen_report_keeps_its_place() {
+        let pen = Pen {
+            contact: Contact::Down,
+            reading: [0x123, 0xFFF],
+        };
+        let bytes = encode_pen(pen);
+        assert_eq!(bytes[..9], [0x7E, 0x54, 0, 5, 1, 0x01, 0x23, 0x0F, 0xFF]);
+        let frame = Framing::<PEN_LEN>.frame(&bytes);
+        assert_eq!(frame.pen(), Some(pen));
+        assert_eq!(frame.command(), None);
+    }
+}

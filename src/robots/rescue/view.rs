@@ -1,0 +1,53 @@
+//! Where the page finds what it shows of the robot's devices.
+
+use emulators::avr_base::AvrBase;
+use protocols::avr::ChecksumOrder;
+use protocols::avr::registers::{self, Width};
+
+use super::order_of;
+use crate::decode::Protocol;
+use crate::rig::Rig;
+use crate::robots::{Register, ScanLink};
+
+/// Sensor angle 90 looks ahead.
+pub(in super::super) const SCAN_LINK: ScanLink = ScanLink {
+    link: "lidar",
+    first_bearing: -core::f64::consts::FRAC_PI_2,
+};
+
+pub(in super::super) fn protocol(rig: &Rig, link: &str) -> Option<Protocol> {
+    match link {
+        "lidar" => Some(Protocol::Xv11),
+        "base" => {
+            let profile = rig.device::<AvrBase>("base").map(AvrBase::profile);
+            Some(match profile.map_or(ChecksumOrder::LowFirst, order_of) {
+                ChecksumOrder::LowFirst => Protocol::Bus,
+                ChecksumOrder::HighFirst => Protocol::BusHighFirst,
+            })
+        }
+        "radio" | "pc" => Some(Protocol::Pcui),
+        _ => None,
+    }
+}
+
+pub(in super::super) fn registers(rig: &Rig) -> Vec<Register> {
+    let Some(base) = rig.device::<AvrBase>("base") else {
+        return Vec::new();
+    };
+    let value = |register: &registers::Register| {
+        let byte = |offset: u8| base.register(register.address + offset);
+        match register.width {
+            Width::U8 => i64::from(byte(0)),
+            Width::I8 => i64::from(byte(0).cast_signed()),
+            Width::I16 => i64::from(i16::from_le_bytes([byte(0), byte(1)])),
+            Width::I32 => i64::from(i32::from_le_bytes([byte(0), byte(1), byte(2), byte(3)])),
+        }
+    };
+    let shown = |register: &registers::Register| Register {
+        address: register.address,
+        name: register.name,
+        value: value(register),
+        unit: register.unit,
+    };
+    registers::TABLE.iter().map(shown).collect()
+}

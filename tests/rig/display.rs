@@ -1,0 +1,283 @@
+//! The robot's own display: what it shows, what touching it does, and that it disturbs nothing.
+//!
+//! The pictures are compared pixel for pixel with those of the folder `pictures`, which a person
+//! has looked at; with `UPDATE_PICTURES=1` in the environment they are written anew.
+
+use core::time::Duration;
+use std::path::Path;
+
+use firmware_core::Inspect;
+use firmware_core::robots::rescue::Rescue;
+use hilrig::line::Direction;
+use hilrig::render;
+use hilrig::robots;
+use hilrig::run::Run;
+use image::RgbImage;
+use protocols::pcui::message::Mode;
+
+use super::{in_a_room, run_to_end, shipped, start};
+
+/// Places of the buttons, as a finger finds them on the pictures.
+const STOP: [u16; 2] = [280, 50];
+const EXPLORE: [u16; 2] = [410, 50];
+const MAPPING: [u16; 2] = [410, 90];
+const SET_WAYPOINTS: [u16; 2] = [410, 130];
+const CLEAR_WAYPOINTS: [u16; 2] = [410, 170];
+const STATUS: [u16; 2] = [240, 10];
+const INFO: [u16; 2] = [240, 256];
+const SETTINGS: [u16; 2] = [400, 256];
+const LIDAR: [u16; 2] = [280, 50];
+const PC_LINK: [u16; 2] = [410, 50];
+const RESET: [u16; 2] = [280, 130];
+
+const PANEL: &str = "[device.display.touch-panel]\n";
+
+/// A blind robot: what it shows does not depend on how well it maps.
+const BLIND: &str = "[device.display.touch-panel]\n[[fault]]\nlink = \"lidar\"\n\
+    direction = \"to-master\"\nkind = \"cut\"\nfrom = \"0s\"\nuntil = \"999s\"\n";
+
+fn program(run: &Run) -> &Rescue {
+    run.rig.program_as().expect("in this process")
+}
+
+fn picture(run: &Run) -> RgbImage {
+    let panel = robots::display(run.scenario().robot, &run.rig);
+    render::display(panel.expect("it has one"))
+}
+
+fn pass(run: &mut Run, seconds: u64) {
+    let until = run.rig.now() + Duration::from_secs(seconds);
+    run.go_on_until(until);
+}
+
+/// Taps, and gives the robot two seconds to show what came of it.
+fn tap(run: &mut Run, place: [u16; 2]) {
+    let robot = run.scenario().robot;
+    assert!(robots::tap(robot, &mut run.rig, place));
+    pass(run, 2);
+}
+
+fn assert_looks_like(name: &str, seen: &RgbImage) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/rig/pictures");
+    let path = folder.join(format!("{name}.png"));
+    if std::env::var_os("UPDATE_PICTURES").is_some() {
+        seen.save(&path).expect("can be written");
+    }
+    let expected = image::open(&path).expect("committed").into_rgb8();
+    if *seen != expected {
+        let kept = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}.png"));
+        seen.save(&kept).expect("can be written");
+        let (kept, path) = (kept.display(), path.display());
+        panic!("{kept} is not {path}; if it is right, run again with UPDATE_PICTURES=1");
+    }
+}
+
+/// Each page, the list of messages, waypoints set by touch: by pictures that were looked at.
+#[test]
+fn the_screens_look_as_on_the_pictures() {
+    let mut run = start(in_a_room("99s", BLIND));
+    pass(&mut run, 4);
+    tap(&mut run, SET_WAYPOINTS);
+    tap(&mut run, [60, 80]);
+    tap(&mut run, [150, 120]);
+    assert_looks_like("map", &picture(&run));
+    tap(&mut run, INFO);
+    assert_looks_like("info", &picture(&run));
+    tap(&mut run, SETTINGS);
+    tap(&mut run, PC_LINK);
+    assert_looks_like("settings", &picture(&run));
+    tap(&mut run, STATUS);
+    assert_looks_like("messages", &picture(&run));
+}
+
+/// A robot at rest with mapping switched off, so that nothing changes any more: each of 200 x 200
+/// pixels is the gray of the cell under its middle, 1.5 cells a pixel, except under the robot.
+#[test]
+fn each_pixel_of_the_map_is_the_cell_under_it() {
+    let mut run = start(in_a_room("99s", PANEL));
+    pass(&mut run, 6);
+    tap(&mut run, MAPPING);
+    pass(&mut run, 5);
+    let (seen, program) = (picture(&run), program(&run));
+    let map = program.map().expect("it has one");
+    let (_, pose) = program.estimate().expect("it sees");
+    let robot = [pose.x_mm / 15.0, pose.y_mm / 15.0];
+    let mut shades = std::collections::BTreeSet::new();
+    let pixels = (0_u16..200).flat_map(|up| (0_u16..200).map(move |x| (x, up)));
+    for (x, up) in pixels {
+        let near = |a: u16, b: f32| (f32::from(a) - b).abs() < 12.0;
+        if near(x, robot[0]) && near(up, robot[1]) {
+            continue;
+        }
+        let cell = |pixel: u16| usize::from(3 * (2 * pixel + 1) / 4);
+        let value = map.get(cell(x), cell(up)).expect("inside");
+        let pixel = seen.get_pixel(6 + u32::from(x), 231 - u32::from(up)).0;
+        let gray = f64::from(255 - value);
+        shades.insert(pixel[1]);
+        let off = (f64::from(pixel[1]) - gray).abs();
+        assert!(
+            off <= 32.0,
+            "pixel {x}, {up} is {pixel:?}, the cell {value}"
+        );
+        assert!(pixel[0].abs_diff(pixel[1]) <= 8, "{pixel:?} is no gray");
+    }
+    assert!(shades.len() > 4, "{shades:?}");
+}
+
+#[test]
+fn buttons_do_what_they_say() {
+    let mut run = start(in_a_room("99s", PANEL));
+    pass(&mut run, 3);
+    tap(&mut run, EXPLORE);
+    assert_eq!(program(&run).ordered_mode(), Mode::Exploration);
+    assert!(run.rig.world.is_moving());
+    tap(&mut run, STOP);
+    assert_eq!(program(&run).ordered_mode(), Mode::Stop);
+    assert!(!run.rig.world.is_moving());
+
+    // A touched waypoint is in the list, and the robot sets off as if the PC had sent it. Pixel
+    // (6 + 100, 231 - 80) is cell (150.75, 120.75) of 10 mm.
+    tap(&mut run, SET_WAYPOINTS);
+    tap(&mut run, [106, 151]);
+    let places: Vec<_> = program(&run).waypoints().all().to_vec();
+    assert_eq!(places.len(), 1);
+    assert_eq!(places[0].position_mm, [1507, 1207]);
+    assert_eq!(program(&run).ordered_mode(), Mode::Waypoint);
+    tap(&mut run, CLEAR_WAYPOINTS);
+    assert!(program(&run).waypoints().is_empty());
+    assert_eq!(program(&run).ordered_mode(), Mode::Stop);
+    assert_eq!(run.rig.violations(), 0);
+}
+
+/// Switched off, the program says nothing to the PC and hears nothing of it; the half frame of
+/// before must not meet the other half of another.
+#[test]
+fn the_pc_link_is_silent_while_it_is_switched_off() {
+    let mut run = start(in_a_room("99s", PANEL));
+    pass(&mut run, 3);
+    tap(&mut run, SETTINGS);
+    tap(&mut run, PC_LINK);
+    let sent = |run: &Run| {
+        let link = run.rig.link("radio").expect("it has one");
+        link.line(Direction::ToDevice).traffic().sent
+    };
+    let before = sent(&run);
+    pass(&mut run, 3);
+    assert_eq!(sent(&run), before);
+    tap(&mut run, PC_LINK);
+    assert!(sent(&run) > before + 1000);
+}
+
+/// Only where the robot drives the motor itself does the switch reach it.
+#[test]
+fn a_lidar_that_is_switched_off_runs_out_and_the_robot_stops() {
+    let supply = "[device.lidar.xv11]\nsupply = { host-v = 5.0 }\n";
+    let mut run = start(in_a_room("99s", &format!("{PANEL}{supply}")));
+    pass(&mut run, 6);
+    tap(&mut run, EXPLORE);
+    assert!(run.rig.world.is_moving());
+    tap(&mut run, SETTINGS);
+    tap(&mut run, LIDAR);
+    pass(&mut run, 6);
+    assert_eq!(program(&run).mode(), Mode::Stop);
+    assert!(!run.rig.world.is_moving());
+    tap(&mut run, LIDAR);
+    pass(&mut run, 6);
+    assert!(run.rig.world.is_moving());
+}
+
+/// A single tap must not cost the map.
+#[test]
+fn a_reset_takes_two_taps() {
+    let mut run = start(in_a_room("99s", PANEL));
+    pass(&mut run, 4);
+    let known = |run: &Run| {
+        let map = program(run).map().expect("it has one");
+        map.rows()
+            .as_flattened()
+            .iter()
+            .filter(|&&cell| cell != 127)
+            .count()
+    };
+    tap(&mut run, SETTINGS);
+    tap(&mut run, RESET);
+    assert!(known(&run) > 10_000);
+    let robot = run.scenario().robot;
+    robots::tap(robot, &mut run.rig, RESET);
+    robots::tap(robot, &mut run.rig, RESET);
+    // Looked at before the next turn of the lidar fills the map again.
+    let mut least = usize::MAX;
+    for _ in 0..60 {
+        run.rig.run_for(Duration::from_millis(10));
+        least = least.min(known(&run));
+    }
+    assert_eq!(least, 0);
+}
+
+/// Bytes both ways are damaged for ten seconds; half a minute later the picture is the one of an
+/// undisturbed robot. Damage is the line's fault, not the program's.
+#[test]
+fn a_picture_that_a_bad_line_damaged_mends() {
+    let noise = |direction| {
+        format!(
+            "[[fault]]\nlink = \"display\"\ndirection = \"{direction}\"\nkind = \"flip\"\n\
+             rate = 0.02\nfrom = \"0s\"\nuntil = \"10s\"\n"
+        )
+    };
+    let more = format!("{BLIND}{}{}", noise("to-device"), noise("to-master"));
+    let mut damaged = start(in_a_room("99s", &more));
+    let mut clean = start(in_a_room("99s", BLIND));
+    pass(&mut damaged, 9);
+    pass(&mut clean, 9);
+    let panel = robots::display(damaged.scenario().robot, &damaged.rig).expect("it has one");
+    assert!(panel.frames()[1] > 10, "{:?}", panel.frames());
+    assert!(picture(&damaged) != picture(&clean));
+    pass(&mut damaged, 40);
+    pass(&mut clean, 40);
+    assert!(picture(&damaged) == picture(&clean));
+    assert_eq!(damaged.rig.violations(), 0);
+}
+
+/// The display only draws in the time that is left: the run with it is the run without it, but for
+/// its own line.
+#[test]
+fn a_display_changes_nothing_else() {
+    let run = |with: bool| {
+        let (mut scenario, source) = shipped("rescue-flat");
+        scenario.duration = "15s".parse().expect("a time");
+        if !with {
+            scenario.device.remove("display");
+        }
+        run_to_end((scenario, source))
+    };
+    let (with, without) = (run(true), run(false));
+    assert!(with.display.is_some() && without.display.is_none());
+    assert!(with.map == without.map && with.truth == without.truth);
+    assert_eq!(with.counters, without.counters);
+    assert_ne!(with.trace_hash, without.trace_hash);
+}
+
+#[test]
+fn a_tap_beside_the_display_is_refused() {
+    let beside = "[[device.display.touch-panel.tap]]\nat = \"1s\"\nplace = [480, 0]\n";
+    let (scenario, source) = in_a_room("9s", beside);
+    let error = Run::new(scenario, &source, None).err().expect("unsound");
+    insta::assert_snapshot!(
+        error.to_string(),
+        @"<test>:7: device.display.touch-panel.tap: is 480, 0, expected a place on 480 x 272 pixels"
+    );
+}
+
+/// The same taps by the scenario: a run that is touched can be repeated.
+#[test]
+fn a_scenario_can_touch() {
+    let taps = format!(
+        "{PANEL}[[device.display.touch-panel.tap]]\nat = \"3s\"\nplace = [410, 50]\n\
+         [[device.display.touch-panel.tap]]\nat = \"5s\"\nplace = [280, 50]\n"
+    );
+    let mut run = start(in_a_room("9s", &taps));
+    pass(&mut run, 4);
+    assert_eq!(program(&run).ordered_mode(), Mode::Exploration);
+    pass(&mut run, 2);
+    assert_eq!(program(&run).ordered_mode(), Mode::Stop);
+}
