@@ -38,7 +38,7 @@ use prior::{Prior, Travel};
 use random::Pcg32;
 use relocate::{Answer, relocate};
 use row::POINTS_MAX;
-use tracking::DOUBTFUL;
+use tracking::{DOUBTFUL, SUSPICIOUS};
 
 /// How sure a pose is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -46,6 +46,10 @@ pub enum Certainty {
     /// The scan agrees with the map. The seed report's mode knows nothing else.
     #[default]
     Sure,
+    /// The scan fits elsewhere, much better than where the wheels put the robot: it was pushed, or
+    /// its wheels slipped. The pose is that place. A push smears scans, so none is drawn before one
+    /// fits there well.
+    Moved,
     /// The scan contradicts the map; the pose is the odometry's word, and the scan is not drawn.
     Doubtful,
     /// The robot is lost, and several places fit the scan about equally well; nothing is drawn.
@@ -77,6 +81,10 @@ pub struct Outcome {
 const DENSE_POINTS: usize = 180;
 /// Scans in doubt before the whole map is searched.
 const DOUBTS_MAX: u8 = 2;
+/// Agreement of a scan after a push that ends the matter.
+const SETTLED: f32 = 0.85;
+/// Scans that need not fit well after a push; then the world has changed as well.
+const UNSETTLED_MAX: u8 = 5;
 /// Agreement that a lost robot's new place must have.
 const FOUND_AGAIN: f32 = 0.75;
 
@@ -92,6 +100,8 @@ pub struct Mapper<const W: usize = SIDE, const H: usize = SIDE> {
     dense: EndPoints,
     travel: Travel,
     doubts: u8,
+    /// Scans since the robot was found elsewhere, until one fits there.
+    unsettled: Option<u8>,
     scans: u32,
 }
 
@@ -107,6 +117,7 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
             dense: EndPoints::EMPTY,
             travel: Travel::NONE,
             doubts: 0,
+            unsettled: None,
             scans: 0,
             settings,
         }
@@ -143,6 +154,7 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
         self.pose = self.settings.start;
         self.travel = Travel::NONE;
         self.doubts = 0;
+        self.unsettled = None;
         self.scans = 0;
     }
 
@@ -276,12 +288,17 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
             dense: self.dense.all(),
             prior: Prior::new(self.pose, self.travel, motion, *resolution_mm),
             pushes: *pushes,
+            suspicious: self.unsettled.map_or(SUSPICIOUS, |_| SETTLED),
         };
         let mut effort = Effort::default();
         let mut place = tracking::track(&self.grid, &task, &mut effort);
         let mut certainty = Certainty::Sure;
         if place.evidence.agreement() >= DOUBTFUL {
             self.doubts = 0;
+            self.unsettled = unsettled_by(&place, self.unsettled);
+            if self.unsettled.is_some() {
+                certainty = Certainty::Moved;
+            }
         } else {
             certainty = Certainty::Doubtful;
             self.doubts = self.doubts.saturating_add(1);
@@ -293,8 +310,9 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
                     let found = tracking::settle(&self.grid, &task, &best, &mut effort);
                     if found.evidence.is_broad() && found.evidence.agreement() >= FOUND_AGAIN {
                         place = found;
-                        certainty = Certainty::Sure;
+                        certainty = Certainty::Moved;
                         self.doubts = 0;
+                        self.unsettled = Some(0);
                     }
                 }
                 Some(Answer::Ambiguous(_)) => certainty = Certainty::Ambiguous,
@@ -328,6 +346,18 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
         }
         self.scans = self.scans.saturating_add(1);
     }
+}
+
+/// Scans since the robot was found elsewhere, after one more that belongs at `place`; `None` if it
+/// is where it was believed to be.
+fn unsettled_by(place: &tracking::Place, before: Option<u8>) -> Option<u8> {
+    if place.is_elsewhere {
+        return Some(0);
+    }
+    let fits = place.evidence.agreement() >= SETTLED;
+    before
+        .map(|since| since + 1)
+        .filter(|since| !fits && *since < UNSETTLED_MAX)
 }
 
 /// `wanted` of `points`, evenly spread over those that there are.

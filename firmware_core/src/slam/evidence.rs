@@ -64,9 +64,16 @@ impl Evidence {
         }
     }
 
-    /// Whether at least as many points lie on walls as in `other`.
-    pub(super) const fn shows_as_much_as(&self, other: &Self) -> bool {
-        self.hits >= other.hits
+    /// Whether it speaks for the place so much more than `other` for its own that it is hardly
+    /// chance: by an eighth of all points, those that agree less those that do not.
+    pub(super) const fn exceeds(&self, other: &Self) -> bool {
+        self.hits + other.misses >= other.hits + self.misses + self.of / 8
+    }
+
+    /// Whether three points of eight tell something: in a room that was seen from one place only,
+    /// its far walls have gaps.
+    pub(super) const fn tells_something(&self) -> bool {
+        (self.hits + self.misses) * 8 >= self.of * 3
     }
 
     /// Whether most points tell something.

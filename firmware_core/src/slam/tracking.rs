@@ -20,6 +20,8 @@ pub(super) struct Task<'a> {
     pub(super) prior: Prior,
     /// What it may have missed.
     pub(super) pushes: Pushes,
+    /// Agreement below which other places are looked at.
+    pub(super) suspicious: f32,
 }
 
 /// Where a scan belongs.
@@ -29,6 +31,8 @@ pub(super) struct Place {
     /// Sum of the map at the points of the search.
     pub(super) sum: u32,
     pub(super) evidence: Evidence,
+    /// Whether the scan fits much better there than where the odometry puts it.
+    pub(super) is_elsewhere: bool,
 }
 
 /// Agreement below which the odometry is doubted.
@@ -36,7 +40,7 @@ pub(super) const DOUBTFUL: f32 = 0.5;
 /// Agreement below which a push is thought possible: along two walls, most of a room goes on
 /// fitting. Where less than half fits, the robot was rather carried away, and places far off that
 /// look alike must be weighed against each other.
-const SUSPICIOUS: f32 = 0.75;
+pub(super) const SUSPICIOUS: f32 = 0.75;
 /// Part of the disagreement that a pose far from the prediction may leave.
 const REMAINS: f32 = 0.5;
 /// Heading step of the search, in degrees.
@@ -70,22 +74,26 @@ pub(super) fn track<const W: usize, const H: usize>(
     let mut prior = task.prior;
     let mut best = search(grid, task.sparse, centre, &narrow, &prior.firm(), effort);
     let mut evidence = Evidence::of(grid, task.sparse, best.pose);
+    let mut is_elsewhere = false;
     let mut consider = |other: Best, evidence: &mut Evidence| {
         let found = Evidence::of(grid, task.sparse, other.pose);
         // A place that shows nothing contradicts nothing either; it is no better for that.
-        if found.is_broad()
-            && found.shows_as_much_as(evidence)
+        if found.tells_something()
+            && found.exceeds(evidence)
             && 1.0 - found.agreement() < (1.0 - evidence.agreement()) * REMAINS
         {
             *evidence = found;
             prior = prior.around(other.pose);
             best = other;
+            is_elsewhere = true;
         }
     };
-    if evidence.agreement() < SUSPICIOUS {
+    if evidence.agreement() < task.suspicious {
         consider(nearby(grid, task, effort), &mut evidence);
     }
-    if task.pushes == Pushes::Followed && (DOUBTFUL..SUSPICIOUS).contains(&evidence.agreement()) {
+    if task.pushes == Pushes::Followed
+        && (DOUBTFUL..task.suspicious).contains(&evidence.agreement())
+    {
         consider(farther(grid, task, effort), &mut evidence);
     }
     let pose = refine(grid, task.dense, best.pose, &prior, effort);
@@ -93,6 +101,7 @@ pub(super) fn track<const W: usize, const H: usize>(
         pose,
         sum: best.sum,
         evidence,
+        is_elsewhere,
     }
 }
 
@@ -170,5 +179,6 @@ pub(super) fn settle<const W: usize, const H: usize>(
         pose,
         sum: best.sum,
         evidence: Evidence::of(grid, task.sparse, pose),
+        is_elsewhere: true,
     }
 }
