@@ -13,6 +13,7 @@ mod ports;
 mod record;
 mod replay;
 mod run;
+mod show;
 mod shrink;
 mod slam;
 mod stop;

@@ -199,10 +199,14 @@ impl Run {
 
         let (now, pose) = (self.rig.now(), self.rig.world.pose());
         self.progress.observe(now, pose, self.rig.world.is_moving());
-        if self.looks.is_multiple_of(WAY_EVERY) {
+        self.looks += 1;
+        // Nobody judges what comes after the scenario's time, and it may go on for days.
+        if now > self.scenario.duration.instant() {
+            return;
+        }
+        if (self.looks - 1).is_multiple_of(WAY_EVERY) {
             self.truth.push((now, pose));
         }
-        self.looks += 1;
         if let Some((at, estimate)) = self.rig.program().and_then(|program| program.estimate())
             && self.pairs.last().is_none_or(|pair| pair.at < at)
         {

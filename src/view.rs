@@ -67,7 +67,8 @@ fn outline(shape: &Shape, from: Point) -> Outline {
 
 /// Metres in whole millimetres: what can be seen, in few digits.
 pub fn millimetres(metres: f64) -> f64 {
-    (metres * 1000.0).round() / 1000.0
+    // No -0: a page would not tell it from 0.
+    (metres * 1000.0).round() / 1000.0 + 0.0
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use protocols::Instant;
 
+use super::show::{Show, ShowArgs};
 use super::{CliError, Verdict, default_out};
 use crate::capture::{self, Limits, Recording};
 use crate::case::{Case, Judgement};
@@ -38,6 +39,8 @@ pub(super) struct RunArgs {
     /// At the pace of the wall clock instead of as fast as possible; the verdicts are the same
     #[arg(long)]
     realtime: bool,
+    #[command(flatten)]
+    show: ShowArgs,
     /// Write the verdicts of all runs as JUnit XML
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
@@ -51,6 +54,11 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
         .iter()
         .map(|path| Ok((path, Runnable::read(path)?)));
     let files = files.collect::<Result<Vec<_>, CliError>>()?;
+    if args.show.is_wanted() && !args.realtime {
+        let expected = "--ui: expected --realtime beside it; \"hilrig ui\" runs at any speed";
+        return Err(CliError::Other(expected.to_owned()));
+    }
+    let mut show = args.show.start()?;
     let several = files.len() > 1;
     let mut ended = Vec::new();
     let mut wall = Duration::ZERO;
@@ -72,7 +80,7 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
             None => default_out(&scenario.name, seed),
         };
         let pace = match args.realtime {
-            true => Pace::Realtime,
+            true => Pace::Realtime(&mut show),
             false => Pace::Virtual,
         };
         let ran = judged_run(scenario, &source, args.seed, &out, pace, Talk::Verdict)?;
@@ -149,12 +157,11 @@ pub(super) enum Talk {
 }
 
 /// What moves a run's clock.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Pace {
+pub(super) enum Pace<'a> {
     /// Jumps from event to event.
     Virtual,
-    /// The wall clock.
-    Realtime,
+    /// The wall clock, and a page on which the run may be shown.
+    Realtime(&'a mut Show),
 }
 
 /// A finished run.
@@ -172,7 +179,7 @@ pub(super) fn judged_run(
     source: &Source,
     seed: Option<u64>,
     out: &Path,
-    pace: Pace,
+    mut pace: Pace<'_>,
     talk: Talk,
 ) -> Result<Ran, CliError> {
     // Before the run: a folder that cannot be written must not cost a whole run.
@@ -193,12 +200,18 @@ pub(super) fn judged_run(
             run.scenario().duration
         );
     }
+    if let Pace::Realtime(show) = &mut pace {
+        show.begin(&mut run);
+    }
     let mut realtime = Realtime::new(clock);
     let (mut visits, mut said) = (0, Duration::ZERO);
     while !run.is_over() {
-        match pace {
+        match &mut pace {
             Pace::Virtual => run.step(),
-            Pace::Realtime => realtime.turn(&mut run)?,
+            Pace::Realtime(show) => {
+                realtime.turn(&mut run)?;
+                show.turn(&mut run, clock.now());
+            }
         }
         let progress = run.progress();
         let elapsed = clock.now() - Instant::ZERO;
@@ -220,7 +233,7 @@ pub(super) fn judged_run(
     let wall = clock.now() - Instant::ZERO;
     folder::write(out, &outcome, wall)?;
     print_summary(&outcome, wall, out);
-    if pace == Pace::Realtime {
+    if matches!(pace, Pace::Realtime(_)) {
         println!("  {}", realtime.lateness());
     }
     Ok(Ran { outcome, wall })

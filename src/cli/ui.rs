@@ -60,12 +60,20 @@ pub(super) struct ListenArgs {
 }
 
 impl ListenArgs {
-    /// Starts the server and says where it is.
-    pub(super) fn serve(self, hub: Arc<Hub>) -> Result<Server, CliError> {
+    /// At this port, for this machine only.
+    pub(super) const fn local(port: u16) -> Self {
+        Self {
+            port,
+            listen: IpAddr::V4(Ipv4Addr::LOCALHOST),
+        }
+    }
+
+    /// Starts the server that `flag` asks for and says where it is.
+    pub(super) fn serve(self, flag: &str, hub: Arc<Hub>) -> Result<Server, CliError> {
         let wanted = SocketAddr::new(self.listen, self.port);
         let server = Server::start(wanted, hub).map_err(|error| {
             CliError::Other(format!(
-                "--port {}: {wanted}: {error}; expected an address that is free",
+                "{flag} {}: {wanted}: {error}; expected an address that is free",
                 self.port
             ))
         })?;
@@ -100,7 +108,7 @@ fn run_rig(args: &Ui, stop: &Stop) -> Result<(), CliError> {
     let clock = WallClock::start();
     let session = Session::new(scenario, source, Arc::clone(&hub), clock, args.speed);
     let mut session = session.map_err(|error| CliError::Other(error.to_string()))?;
-    let _server = args.place.serve(hub)?;
+    let _server = args.place.serve("--port", hub)?;
     while !stop.is_due(session.clock().now()) {
         session.turn();
     }
@@ -126,7 +134,7 @@ fn run_remote(args: &Ui, stop: &Stop) -> Result<(), CliError> {
     let hub = Hub::new();
     let clock = WallClock::start();
     let mut remote = Remote::new(path, line, Arc::clone(&hub));
-    let _server = args.place.serve(hub)?;
+    let _server = args.place.serve("--port", hub)?;
     loop {
         let now = clock.now();
         if stop.is_due(now) {

@@ -5,6 +5,7 @@ use clap::Args;
 use protocols::Instant;
 
 use super::place::{self, Place};
+use super::show::ShowArgs;
 use super::stop::Stop;
 use super::{CliError, Verdict};
 use crate::capture::{self, Limits, Recording};
@@ -29,6 +30,7 @@ use crate::transport::{Note, PortDir, Pty, Serial, Transport};
     hilrig dut --dir /tmp/robot            # in another terminal: the robot's program\n  \
     hilrig up scenarios/rescue-flat.toml --dut-at lidar=/dev/ttyUSB0 --dut-at base=/dev/ttyUSB1\n  \
     hilrig up scenarios/rescue-flat.toml --device-at lidar=/dev/ttyACM0   # a real lidar\n  \
+    hilrig up scenarios/rescue-flat.toml --ui=8080    # watched and steered on a page\n  \
     hilrig up scenarios/rescue-flat.toml --capture field.pcapng --capture-max-mb 100")]
 pub(super) struct Up {
     /// Scenario file
@@ -52,7 +54,9 @@ pub(super) struct Up {
     /// Offer the PC's end, and leave the scenario's own PC out, even if it has a mission
     #[arg(long)]
     pc: bool,
-    /// Where the case is written at the end: the scenario with the faults that were added by hand
+    #[command(flatten)]
+    show: ShowArgs,
+    /// Where the case is written at the end: the scenario with what was done to it by hand
     /// [default: hilrig-out/NAME-up.toml, if there were any]
     #[arg(long, value_name = "FILE")]
     case: Option<PathBuf>,
@@ -99,6 +103,8 @@ pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
     );
     let mut run = Endless(Run::with_rig(scenario, rig));
     record(&args, &mut run.0)?;
+    let mut show = args.show.start()?;
+    show.begin(&mut run.0);
     // The clock starts last: setting up takes no time of the run.
     let mut realtime = Realtime::new(WallClock::start());
     for (end, port) in ports {
@@ -113,13 +119,15 @@ pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
             break Err(error.into());
         }
         control.serve(&mut run.0, realtime.clock().now());
+        show.turn(&mut run.0, realtime.clock().now());
         log.follow(&run.0);
     };
     print_report(&realtime, &run.0);
     if control.delays().count() > 0 {
         println!("  faults changed by hand: {}", control.delays());
     }
-    leave(&mut run.0, args, control.delays().count() > 0)?;
+    let changed = control.delays().count() > 0 || show.has_changed_it();
+    leave(&mut run.0, args, changed)?;
     ended
 }
 
@@ -134,11 +142,12 @@ fn leave(run: &mut Run, args: Up, changed: bool) -> Result<(), CliError> {
     Ok(())
 }
 
-/// The scenario's PC has its own end, unless it has nothing to do or another one is wanted.
+/// The scenario's PC has its own end if it has something to do or a page to do it, unless another
+/// one is wanted.
 fn pc_end(args: &Up, scenario: &Scenario) -> PcEnd {
     let mission = &scenario.mission;
     let is_scripted = !mission.waypoints_m.is_empty() || !mission.step.is_empty();
-    match is_scripted && !args.pc {
+    match (is_scripted || args.show.is_wanted()) && !args.pc {
         true => PcEnd::Scripted,
         false => PcEnd::External,
     }

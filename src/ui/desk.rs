@@ -7,6 +7,7 @@ use std::sync::{Arc, PoisonError};
 
 use emulators::pc::{Connection, Pc};
 use emulators::world::Pose;
+use firmware_core::pose::{Pose as ProgramPose, WirePose};
 use protocols::Instant;
 use protocols::pcui::message::Mode;
 use serde_json::{Value, json};
@@ -70,6 +71,7 @@ pub struct Desk {
     looked: Option<(Instant, Instant)>,
     tallies: Vec<[Tally; 2]>,
     events: usize,
+    changes: u64,
 }
 
 /// What makes two moments the same.
@@ -103,7 +105,13 @@ impl Desk {
             shown: None,
             looked: None,
             events: 0,
+            changes: 0,
         }
+    }
+
+    /// How often somebody at a page has changed the run so far.
+    pub const fn changes(&self) -> u64 {
+        self.changes
     }
 
     /// One turn of a run whose clock is somebody else's: does what pages ask, and shows the run.
@@ -127,7 +135,10 @@ impl Desk {
                 break;
             };
             let done = match self.obey(run, wall, &envelope) {
-                Ok(Effect::Done) => Ok(()),
+                Ok(Effect::Done) => {
+                    self.changes += u64::from(envelope.command != Command::Save);
+                    Ok(())
+                }
                 Ok(effect) => other(run, effect),
                 Err(refusal) => Err(refusal),
             };
@@ -309,11 +320,29 @@ fn does(run: &mut Run, gesture: Gesture) -> Result<(), String> {
     run.command(action).map_err(|error| error.to_string())
 }
 
-/// The program's pose in metres, if it runs in this process and has found one.
+/// The program's pose if it runs in this process and has found one, else what it tells the PC.
 fn believed(run: &Run) -> Option<Pose> {
-    let (_, pose) = run.rig.program()?.estimate()?;
+    match run.rig.program() {
+        Some(program) => program.estimate().map(|(_, pose)| in_metres(pose)),
+        None => robots::pc(run.scenario().robot, &run.rig).and_then(stated),
+    }
+}
+
+/// Where the robot says it is.
+pub(super) fn stated(pc: &Pc) -> Option<Pose> {
+    let (_, map) = pc.record().map_properties?;
+    let [x_mm, y_mm] = map.position_mm;
+    let psi_deg = map.psi_deg;
+    Some(in_metres(ProgramPose::from_wire(WirePose {
+        x_mm,
+        y_mm,
+        psi_deg,
+    })))
+}
+
+fn in_metres(pose: ProgramPose) -> Pose {
     let [x, y, theta] = [pose.x_mm, pose.y_mm, pose.heading].map(f64::from);
-    Some(Pose::new(x / 1000.0, y / 1000.0, theta))
+    Pose::new(x / 1000.0, y / 1000.0, theta)
 }
 
 /// The PC's map into its book.

@@ -7,14 +7,12 @@ use std::sync::{Arc, PoisonError};
 
 use emulators::Device;
 use emulators::pc::{Pc, Script};
-use emulators::world::Pose;
-use firmware_core::pose::{Pose as ProgramPose, WirePose};
 use protocols::{Instant, LineConfig, LineEvent};
 use serde_json::{Value, json};
 
 use super::books::Book;
 use super::command::{Answer, Command};
-use super::desk::{SHOW_EVERY, look_at_pc, pc_json};
+use super::desk::{SHOW_EVERY, look_at_pc, pc_json, stated};
 use super::hub::Hub;
 use super::moment::{Moment, Numbered};
 use super::story::{Sample, short_pose};
@@ -163,7 +161,7 @@ impl Remote {
         }
         self.shown_at = Some(now);
         look_at_pc(&mut self.book, &self.pc);
-        let believed = self.believed().map(short_pose);
+        let believed = stated(&self.pc).map(short_pose);
         let mut story = self
             .hub
             .story
@@ -205,19 +203,6 @@ impl Remote {
             scan: Numbered::new("{}"),
             layers: vec![self.book.last()],
         });
-    }
-
-    /// Where the robot says it is.
-    fn believed(&self) -> Option<Pose> {
-        let (_, map) = self.pc.record().map_properties?;
-        let [x_mm, y_mm] = map.position_mm;
-        let pose = ProgramPose::from_wire(WirePose {
-            x_mm,
-            y_mm,
-            psi_deg: map.psi_deg,
-        });
-        let [x, y, theta] = [pose.x_mm, pose.y_mm, pose.heading].map(f64::from);
-        Some(Pose::new(x / 1000.0, y / 1000.0, theta))
     }
 
     fn stage(&self) -> Value {

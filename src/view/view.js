@@ -190,7 +190,9 @@ const hilrigView = (() => {
         context.fillRect(labelWidth + i * width, bottom - share * high, Math.max(width, 1),
                          share * high);
       };
-      lane.load.forEach((load, i) => bar(i, Math.min(load, 1), colours.load, bottom - top));
+      // What is little is still to be seen.
+      const share = (load) => load > 0 ? Math.max(Math.min(load, 1), 0.06) : 0;
+      lane.load.forEach((load, i) => bar(i, share(load), colours.load, bottom - top));
       (lane.errors || []).forEach((count, i) => { if (count) bar(i, 1, colours.errors, 8); });
       (lane.faults || []).forEach((count, i) => { if (count) bar(i, 1, colours.faults, 14); });
     });

@@ -76,7 +76,9 @@ impl Browser {
             "--disable-background-networking",
             "--disable-component-update",
             "--disable-sync",
-            "--window-size=1500,1300",
+            "--enable-precise-memory-info",
+            "--js-flags=--expose-gc",
+            "--window-size=1280,1040",
         ];
         let mut arguments: Vec<String> = arguments.map(str::to_owned).to_vec();
         arguments.push(format!("--user-data-dir={}", profile.display()));
@@ -125,6 +127,11 @@ impl Browser {
     /// Waits until an expression in the page is true.
     pub(crate) fn wait(&self, expression: &str) {
         for _ in 0..LOOKS_MAX {
+            assert_eq!(
+                self.value("hilrig.errors"),
+                json!([]),
+                "the page's own errors"
+            );
             if self.value(&format!("Boolean({expression})")) == true {
                 return;
             }

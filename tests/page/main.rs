@@ -6,6 +6,7 @@
 mod browser;
 mod clock;
 mod hostile;
+mod live;
 mod remote;
 mod server;
 mod shows;

@@ -1,19 +1,23 @@
 //! `hilrig ui` as a process, and the plainest of clients: bytes on a TCP socket.
 
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{BufRead, BufReader, Lines, Read, Write};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, ChildStdout, Command, Stdio};
 
 use core::time::Duration;
 
+use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 
 /// How long a socket may be silent before a test fails.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A running command that is ended with the test.
-pub(crate) struct Process(Child);
+pub(crate) struct Process {
+    child: Child,
+    out: Lines<BufReader<ChildStdout>>,
+}
 
 impl Process {
     /// Starts `hilrig`; what it says on stdout can be read.
@@ -21,22 +25,43 @@ impl Process {
         let mut command = Command::new(env!("CARGO_BIN_EXE_hilrig"));
         command.args(arguments).stdout(Stdio::piped());
         command.stderr(Stdio::null()).stdin(Stdio::null());
-        Self(command.spawn().expect("the command starts"))
+        let mut child = command.spawn().expect("the command starts");
+        let out = BufReader::new(child.stdout.take().expect("piped")).lines();
+        Self { child, out }
+    }
+
+    /// Its number.
+    pub(crate) fn id(&self) -> u32 {
+        self.child.id()
     }
 
     /// The first line of stdout that begins with `head`, without it.
     pub(crate) fn line(&mut self, head: &str) -> String {
-        let out = self.0.stdout.take().expect("taken once");
-        let mut lines = BufReader::new(out).lines();
-        let found = lines.find_map(|line| Some(line.ok()?.strip_prefix(head)?.to_owned()));
+        let out = self.out.by_ref();
+        let found = out.find_map(|line| Some(line.ok()?.strip_prefix(head)?.to_owned()));
         found.expect("the command says where it is")
+    }
+
+    /// Tells it to end, and waits until it has: whether it found everything well.
+    pub(crate) fn end(&mut self) -> bool {
+        let pid = i32::try_from(self.id()).ok().and_then(Pid::from_raw);
+        let told = kill_process(pid.expect("a child"), Signal::TERM);
+        told.expect("it is our own process");
+        self.ended()
+    }
+
+    /// Waits until it ends by itself: whether it found everything well.
+    pub(crate) fn ended(&mut self) -> bool {
+        // A process whose talk nobody reads would stand still.
+        self.out.by_ref().for_each(drop);
+        self.child.wait().expect("a child").success()
     }
 }
 
 impl Drop for Process {
     fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
+        let _ = self.child.kill();
+        let _ = self.child.wait();
     }
 }
 
@@ -55,7 +80,7 @@ pub(crate) fn scenario(name: &str) -> String {
 
 /// A page being served.
 pub(crate) struct Server {
-    _process: Process,
+    process: Process,
     /// Host and port.
     pub(crate) host: String,
 }
@@ -63,12 +88,21 @@ pub(crate) struct Server {
 impl Server {
     /// `hilrig ui` with these arguments.
     pub(crate) fn start(arguments: &[&str]) -> Self {
-        let mut process = Process::start(&[&["ui"], arguments].concat());
+        Self::of_process(Process::start(&[&["ui"], arguments].concat()))
+    }
+
+    /// The page of a command that has one beside other things.
+    pub(crate) fn of_process(mut process: Process) -> Self {
         let url = process.line("page at http://");
         Self {
-            _process: process,
+            process,
             host: url.trim_end_matches('/').to_owned(),
         }
+    }
+
+    /// The process that serves it.
+    pub(crate) const fn process(&mut self) -> &mut Process {
+        &mut self.process
     }
 
     /// A shipped scenario at `speed`.

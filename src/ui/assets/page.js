@@ -4,7 +4,9 @@
 const hilrig = window.hilrig = {
   connected: false, stage: null, now: null, slow: null, scan: null, maps: {},
   samples: [], events: [], refused: "", messages: 0, bytes: 0, past: null,
+  errors: [],
 };
+window.addEventListener("error", (event) => hilrig.errors.push(event.message));
 const $ = (id) => document.getElementById(id);
 const view = hilrigView;
 const canvas = $("world"), lanes = $("lanes");
