@@ -28,6 +28,9 @@ command -v cargo >/dev/null || {
 command -v cc >/dev/null && command -v readelf >/dev/null || install gcc libc6-dev binutils
 # Judges our captures; without it CI fails and others skip that test, saying so.
 command -v tshark >/dev/null || install tshark
+# A page that no browser has shown is not tested; CI fails without one.
+command -v chromium >/dev/null && command -v chromedriver >/dev/null ||
+    install chromium chromium-driver
 # Reads what the instrumented replay of the corpus writes.
 command -v llvm-cov-19 >/dev/null || install llvm-19
 cargo fmt --version >/dev/null 2>&1 || rustup component add rustfmt
