@@ -6,7 +6,7 @@
 //!                               +------- bounded queue of commands <-----+
 //! ```
 //!
-//! The run never waits for a page. It leaves immutable [`Moment`](moment::Moment)s and each page
+//! The run never waits for a page. It leaves immutable moments and each page
 //! takes the newest when it can: a page that does not read misses some. What a page wants comes
 //! through a queue that refuses what does not fit, is done between two steps of virtual time, and
 //! becomes part of the scenario, so that the session can be repeated byte by byte.
