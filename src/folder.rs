@@ -152,10 +152,7 @@ pub fn write(dir: &Path, outcome: &Outcome, wall: Duration) -> Result<(), Folder
     let truth: Vec<Pose> = outcome.truth.iter().map(|&(_, pose)| pose).collect();
     let believed: Vec<Pose> = estimate.iter().map(|&(_, pose)| pose).collect();
     let path = dir.join("map.pgm");
-    render::ros_image(map)
-        .save(&path)
-        .map_err(io::Error::other)
-        .map_err(failed(&path))?;
+    std::fs::write(&path, render::pgm(&render::ros_image(map))).map_err(failed(&path))?;
     let path = dir.join("map.png");
     render::picture(map, &truth, &believed)
         .save(&path)

@@ -99,6 +99,13 @@ pub fn ros_image(grid: &Grid) -> GrayImage {
     })
 }
 
+/// A picture as a binary PGM. By that file name the library would write its newer form, `P7`, which
+/// ROS does not read.
+pub fn pgm(picture: &GrayImage) -> Vec<u8> {
+    let head = format!("P5\n{} {}\n255\n", picture.width(), picture.height());
+    [head.as_bytes(), picture.as_raw()].concat()
+}
+
 /// The text of the yaml file that belongs to [`ros_image`]. `free_thresh` is 0.196: with the 0.25
 /// that nav2 takes by default, an unknown cell of gray 205 would be read as free.
 pub fn ros_yaml(grid: &Grid, image: &str) -> String {
@@ -171,4 +178,16 @@ pub(crate) fn dot(image: &mut RgbImage, x: f64, y: f64, colour: Rgb<u8>) {
 
 fn size(cells: usize) -> u32 {
     u32::try_from(cells).expect("a map has a few hundred cells a side")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The form's own definition: magic, width, height, largest gray, one white space, the rows.
+    #[test]
+    fn a_ros_picture_is_a_binary_pgm() {
+        let picture = GrayImage::from_fn(2, 1, |x, _| Luma([if x == 0 { 254 } else { 205 }]));
+        assert_eq!(pgm(&picture), b"P5\n2 1\n255\n\xFE\xCD");
+    }
 }

@@ -71,11 +71,7 @@ pub fn write(dir: &Path, survey: &Survey, timing: &Timing<'_>) -> Result<(), Fol
     json.push('\n');
     put("timing.json", &json)?;
     let path = dir.join("map.pgm");
-    let saved = frame
-        .ros_image(survey)
-        .save(&path)
-        .map_err(io::Error::other);
-    saved.map_err(failed(&path))?;
+    std::fs::write(&path, crate::render::pgm(&frame.ros_image(survey))).map_err(failed(&path))?;
     let path = dir.join("map.png");
     let saved = frame.picture(survey).save(&path).map_err(io::Error::other);
     saved.map_err(failed(&path))
