@@ -8,6 +8,7 @@ mod demo;
 mod dut;
 mod fault;
 mod fidelity;
+mod import;
 mod place;
 mod ports;
 mod record;
@@ -58,6 +59,7 @@ enum Command {
     Record(record::RecordArgs),
     Replay(replay::ReplayArgs),
     Case(case::CaseArgs),
+    Import(import::ImportArgs),
     Decode(decode::DecodeArgs),
     Bugs(bugs::Bugs),
     Campaign(campaign::CampaignArgs),
@@ -134,6 +136,7 @@ pub fn main() -> ExitCode {
         Command::Record(args) => record::run(args),
         Command::Replay(args) => replay::run(args),
         Command::Case(args) => case::run(args),
+        Command::Import(args) => import::run(args),
         Command::Decode(args) => decode::run(args),
         Command::Bugs(args) => bugs::run(args),
         Command::Campaign(args) => campaign::run(args),

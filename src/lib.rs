@@ -14,6 +14,7 @@
 //! | [`replay`], [`divergence`] | a capture fed back; where two streams part |
 //! | [`wireshark`] | the same in Wireshark |
 //! | [`case`] | a capture as a regression test |
+//! | [`import`] | dumps of other tools as captures |
 //! | [`record`] | a capture of what passes between two ports |
 //! | [`pc_program`] | what somebody at the page wants, as what the PC says |
 //! | [`run`], [`mission`], [`check`], [`score`] | a run watched and judged |
@@ -43,6 +44,7 @@ pub mod fault;
 pub mod folder;
 pub mod fuzz;
 pub mod generate;
+pub mod import;
 pub mod line;
 pub mod mission;
 pub mod museum;

@@ -31,6 +31,10 @@ command -v tshark >/dev/null || install tshark
 # A page that no browser has shown is not tested; CI fails without one.
 command -v chromium >/dev/null && command -v chromedriver >/dev/null ||
     install chromium chromium-driver
+# Write the dumps that the importers are tested with.
+for tool in socat jpnevulator sigrok-cli tio; do
+    command -v "$tool" >/dev/null || install "$tool"
+done
 # Reads what the instrumented replay of the corpus writes.
 command -v llvm-cov-19 >/dev/null || install llvm-19
 cargo fmt --version >/dev/null 2>&1 || rustup component add rustfmt

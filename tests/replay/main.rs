@@ -3,6 +3,8 @@
 
 mod case;
 mod core;
+mod import;
 mod ports;
 mod record;
 mod support;
+mod tools;

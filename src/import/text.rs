@@ -1,0 +1,142 @@
+//! Lines with their places, and the numbers in them.
+
+use super::ImportError;
+
+/// A line without its end.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Line<'a> {
+    pub(super) number: usize,
+    pub(super) offset: usize,
+    pub(super) text: &'a [u8],
+}
+
+impl Line<'_> {
+    pub(super) fn wrong(&self, message: impl Into<String>) -> ImportError {
+        ImportError {
+            line: self.number,
+            offset: self.offset,
+            message: message.into(),
+        }
+    }
+}
+
+pub(super) fn lines(bytes: &[u8]) -> impl Iterator<Item = Line<'_>> {
+    let mut offset = 0;
+    bytes
+        .split_inclusive(|&byte| byte == b'\n')
+        .zip(1..)
+        .map(move |(whole, number)| {
+            let text = whole.strip_suffix(b"\n").unwrap_or(whole);
+            let text = text.strip_suffix(b"\r").unwrap_or(text);
+            let line = Line {
+                number,
+                offset,
+                text,
+            };
+            offset += whole.len();
+            line
+        })
+}
+
+/// A line of text; what is no UTF-8 fits nothing anyway.
+pub(super) fn utf8(text: &[u8]) -> &str {
+    core::str::from_utf8(text).unwrap_or_default()
+}
+
+/// Digits only: what `parse` takes besides, a sign, is in no dump.
+pub(super) fn number(text: &str) -> Option<u64> {
+    let is_digits = !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    text.parse().ok().filter(|_| is_digits)
+}
+
+/// Two hex digits.
+pub(super) fn hex(pair: &[u8]) -> Option<u8> {
+    let &[high, low] = pair else { return None };
+    let digit = |byte: u8| char::from(byte).to_digit(16);
+    u8::try_from(digit(high)? * 16 + digit(low)?).ok()
+}
+
+/// `12:34:56` as seconds of the day.
+fn seconds(text: &str) -> Option<u64> {
+    let mut parts = text.splitn(3, ':').map(number);
+    let [hour, minute, second] = [parts.next()??, parts.next()??, parts.next()??];
+    let fits = hour < 24 && minute < 60 && second <= 60;
+    fits.then_some(hour * 3600 + minute * 60 + second)
+}
+
+/// Days from 1970-01-01 to a date of the Gregorian calendar; the date's parts are divided by
+/// `mark`.
+fn days(text: &str, mark: char) -> Option<u64> {
+    let mut parts = text.splitn(3, mark).map(number);
+    let [year, month, day] = [parts.next()??, parts.next()??, parts.next()??];
+    if !(1970..=2500).contains(&year) || !(1..=12).contains(&month) || !(1..=31).contains(&day) {
+        return None;
+    }
+    // Years begin in March, so that a leap day is their last.
+    let year = if month <= 2 { year - 1 } else { year };
+    let month = (month + 9) % 12;
+    let day_of_year = (153 * month + 2) / 5 + day - 1;
+    // 719,468 days from 0000-03-01 to 1970-01-01.
+    Some(year * 365 + year / 4 - year / 100 + year / 400 + day_of_year - 719_468)
+}
+
+/// Seconds since 1970 of a date and a time of the day.
+pub(super) fn moment(date: &str, time: &str, mark: char) -> Option<u64> {
+    Some(days(date, mark)? * 86_400 + seconds(time)?)
+}
+
+/// Seconds with a fraction of up to nine digits as nanoseconds; also `8.6e-05`.
+pub(super) fn decimal_nanos(text: &str) -> Option<u64> {
+    let (whole, fraction) = text.split_once('.').unwrap_or((text, ""));
+    if let Some(whole) = number(whole)
+        && fraction.bytes().all(|byte| byte.is_ascii_digit())
+    {
+        let digits: String = fraction
+            .chars()
+            .chain("000000000".chars())
+            .take(9)
+            .collect();
+        return whole
+            .checked_mul(1_000_000_000)?
+            .checked_add(number(&digits)?);
+    }
+    let plain = |byte: u8| byte.is_ascii_digit() || b".eE+-".contains(&byte);
+    let seconds: f64 = text.parse().ok().filter(|_| text.bytes().all(plain))?;
+    let nanos = (seconds * 1e9).round();
+    #[expect(clippy::cast_possible_truncation, reason = "within the range, rounded")]
+    let nanos = (0.0..1e18).contains(&nanos).then_some(nanos as i64)?;
+    u64::try_from(nanos).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `date -u -d ... +%s`.
+    #[test]
+    fn dates_are_those_of_the_calendar() {
+        assert_eq!(moment("2026/11/21", "07:58:48", '/'), Some(1_795_247_928));
+        assert_eq!(moment("2024-02-29", "00:00:00", '-'), Some(1_709_164_800));
+        assert_eq!(moment("1970-01-01", "00:00:01", '-'), Some(1));
+        assert_eq!(moment("2026/13/21", "07:58:48", '/'), None);
+        assert_eq!(moment("2026/11/21", "24:00:00", '/'), None);
+    }
+
+    #[test]
+    fn seconds_may_have_a_fraction_or_an_exponent() {
+        assert_eq!(decimal_nanos("0.000105"), Some(105_000));
+        assert_eq!(decimal_nanos("12"), Some(12_000_000_000));
+        assert_eq!(decimal_nanos("8.6e-05"), Some(86_000));
+        assert_eq!(decimal_nanos("-1"), None);
+        assert_eq!(decimal_nanos("inf"), None);
+        assert_eq!(decimal_nanos(""), None);
+    }
+
+    #[test]
+    fn a_line_knows_its_place() {
+        let places: Vec<_> = lines(b"a\r\n\nbc")
+            .map(|l| (l.number, l.offset, l.text))
+            .collect();
+        assert_eq!(places, [(1, 0, &b"a"[..]), (2, 3, b""), (3, 4, b"bc")]);
+    }
+}

@@ -1,0 +1,334 @@
+//! Dumps of other tools: each made by the tool itself, where it is free software.
+
+use std::fs::{self, File};
+use std::io::Write as _;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use hilrig::capture::{Capture, Kind};
+use hilrig::import::{Format, Options, read};
+use hilrig::line::Direction;
+use proptest::prelude::*;
+use protocols::{Instant, LineEvent};
+use serialport::{SerialPort as _, TTYPort};
+
+use crate::support::*;
+use crate::tools::{has, printed};
+
+/// What is sent through each tool: every value, line ends, a lidar's packet head.
+fn sample() -> Vec<u8> {
+    let mut bytes = b"\n\r\n--\n> \xFA\xA0\0\0".to_vec();
+    bytes.extend(0..=255);
+    bytes
+}
+
+/// The bytes of `dump` that the command imports, each direction by itself.
+fn imported(folder: &Path, dump: &str, more: &[&str]) -> [Vec<u8>; 2] {
+    let arguments = [&["import", dump, "-o", "out.pcapng"][..], more].concat();
+    let (status, said, error) = hilrig(folder, &arguments);
+    assert_eq!(status.code(), Some(0), "{said}{error}");
+    let capture = Capture::read(&folder.join("out.pcapng")).expect("written");
+    [Direction::ToMaster, Direction::ToDevice].map(|way| crate::record::bytes(&capture, way))
+}
+
+/// socat passes bytes from left to right, `cat` sends them back.
+#[test]
+fn what_socat_dumped_is_imported_in_both_directions() {
+    if !has("socat") {
+        return;
+    }
+    let folder = folder("socat");
+    let dump = File::create(folder.join("dump.txt")).expect("fresh");
+    let mut socat = Command::new("socat");
+    socat.args(["-x", "-v", "-", "SYSTEM:cat"]).stderr(dump);
+    let socat = socat.stdin(Stdio::piped()).stdout(Stdio::null());
+    let mut child = socat.spawn().expect("it is there");
+    let mut input = child.stdin.take().expect("piped");
+    input.write_all(&sample()).expect("it reads");
+    drop(input);
+    assert!(child.wait().expect("our own child").success());
+    assert_eq!(imported(&folder, "dump.txt", &[]), [sample(), sample()]);
+}
+
+/// A pseudo-terminal in raw mode, and its path.
+fn terminal() -> (TTYPort, TTYPort, String) {
+    let (ours, theirs) = TTYPort::pair().expect("a pseudo-terminal");
+    let path = theirs.name().expect("the far end has a path");
+    (ours, theirs, path)
+}
+
+#[test]
+fn what_jpnevulator_dumped_is_imported() {
+    if !has("jpnevulator") {
+        return;
+    }
+    let folder = folder("jpnevulator");
+    for options in [&[][..], &["--ascii", "--byte-count"]] {
+        let (mut ours, _theirs, path) = terminal();
+        let dump = File::create(folder.join("dump.txt")).expect("fresh");
+        let mut tool = Command::new("jpnevulator");
+        tool.args(["--read", "--timing-print", "--timing-delta", "1000"]);
+        let count = format!("--count={}", sample().len());
+        tool.args(["--tty", &path, &count]).args(options);
+        let child = tool.stdin(Stdio::null()).stdout(dump).spawn();
+        let mut tool = Running(Some(child.expect("it is there")));
+        ours.write_all(&sample()).expect("there is room");
+        let child = tool.0.as_mut().expect("running");
+        wait_until("the dump", || child.try_wait().expect("ours").is_some());
+        let [received, sent] = imported(&folder, "dump.txt", &[]);
+        assert_eq!((received, sent), (sample(), vec![]));
+    }
+}
+
+/// The log is what came, byte by byte; it is imported as bytes alone.
+#[test]
+fn what_tio_logged_is_imported() {
+    if !has("tio") {
+        return;
+    }
+    let folder = folder("tio");
+    let log = folder.join("tio.log");
+    let (mut ours, _theirs, path) = terminal();
+    let mut tio = Command::new("tio");
+    let file = format!("--log-file={}", log.display());
+    tio.args(["--no-autoconnect", "--log", &file, &path]);
+    let tio = tio.stdin(Stdio::piped()).stdout(Stdio::null());
+    let tio = Running(Some(
+        tio.stderr(Stdio::null()).spawn().expect("it is there"),
+    ));
+    // It drops what came before it was connected, and says nothing of when that is.
+    wait_until("a first byte", || {
+        ours.write_all(&[0x55]).expect("there is room");
+        fs::read(&log).is_ok_and(|log| !log.is_empty())
+    });
+    ours.write_all(&sample()).expect("there is room");
+    // Its log reaches the file when a buffer is full: more behind it pushes it out.
+    let sample = sample();
+    let found = || {
+        let log = fs::read(&log).unwrap_or_default();
+        log.windows(sample.len())
+            .position(|window| window == sample)
+    };
+    wait_until("the log", || {
+        ours.write_all(&[0xAA; 64]).expect("there is room");
+        found().is_some()
+    });
+    let first = found().expect("it is there");
+    drop(tio);
+    let more = ["--format", "raw", "--baud", "115200"];
+    let [received, _] = imported(&folder, "tio.log", &more);
+    let (before, rest) = received.split_at(first);
+    assert!(before.iter().all(|&byte| byte == 0x55));
+    assert_eq!(rest[..sample.len()], sample);
+    assert!(rest[sample.len()..].iter().all(|&byte| byte == 0xAA));
+}
+
+/// Levels of a line at 8 samples a bit: idle, then each byte with its stop bit at this level.
+fn samples(bytes: &[(u8, u8)]) -> Vec<u8> {
+    let mut levels = vec![1; 40];
+    for &(byte, stop) in bytes {
+        let bits = (0..8).map(|bit| byte >> bit & 1);
+        for bit in core::iter::once(0).chain(bits).chain([stop]) {
+            levels.extend([bit; 8]);
+        }
+        levels.extend([1; 20]);
+    }
+    levels
+}
+
+/// At 921,600 samples a second a bit of 115,200 baud is 8 samples. The first stop bit ends 40 + 80
+/// samples from the start, which is 130,208 ns; a byte without stop bit is a framing error.
+#[test]
+fn what_sigrok_decoded_is_imported_with_its_times() {
+    if !has("sigrok-cli") {
+        return;
+    }
+    let folder = folder("sigrok");
+    let levels = samples(&[(0xFA, 1), (0x0A, 1), (0x55, 0), (0x00, 1), (0xFF, 1)]);
+    fs::write(folder.join("logic.bin"), levels).expect("writable");
+    let mut sigrok = Command::new("sigrok-cli");
+    sigrok.args(["-I", "binary:numchannels=1:samplerate=921600"]);
+    sigrok.arg("-i").arg(folder.join("logic.bin"));
+    sigrok.args(["-P", "uart:baudrate=115200:rx=0", "-A"]);
+    sigrok.args(["uart=rx-data:rx-warnings", "--protocol-decoder-samplenum"]);
+    fs::write(folder.join("dump.txt"), printed(&mut sigrok)).expect("writable");
+    let more = ["--samplerate", "921600", "--baud", "115200"];
+    let [received, _] = imported(&folder, "dump.txt", &more);
+    assert_eq!(received, [0xFA, 0x0A, 0x00, 0xFF]);
+    let capture = Capture::read(&folder.join("out.pcapng")).expect("written");
+    let first = capture.records[0].at.as_nanos();
+    assert!(first.abs_diff(130_208) <= 2, "{first}");
+    assert_eq!(capture.records[2].kind, Kind::Line(LineEvent::FramingError));
+    let no_rate = hilrig(
+        &folder,
+        &["import", "dump.txt", "-o", "x", "--baud", "115200"],
+    );
+    assert_eq!(no_rate.0.code(), Some(2));
+    let expected = "error: dump.txt: line 1 (byte 0): sample numbers: expected --samplerate\n";
+    assert_eq!(no_rate.2, expected);
+}
+
+fn options() -> Options {
+    Options {
+        link: "line".to_owned(),
+        baud: Some(115_200),
+        sample_rate: Some(1_000_000),
+        direction: Direction::ToMaster,
+    }
+}
+
+/// What is in a dump: time, direction, kind, bytes.
+fn records(text: &str) -> Vec<(u64, Direction, Kind, Vec<u8>)> {
+    let format = Format::detect(text.as_bytes()).expect("one of the known forms");
+    let imported = read(text.as_bytes(), format, &options()).expect("sound");
+    let records = imported.records().iter();
+    let tuple =
+        |r: &hilrig::capture::Record| (r.at.as_nanos(), r.direction, r.kind, r.bytes.clone());
+    records.map(tuple).collect()
+}
+
+/// Forms as the analyzer's source writes them. The start of the byte is given; at 115,200 baud it
+/// is over 86,805 ns later.
+#[test]
+fn saleaes_two_tables_are_imported() {
+    let way = Direction::ToMaster;
+    let old = "Time [s],Value,Parity Error,Framing Error\r\n0.000105,0xFA,,\r\n\
+               0.000200,0x55,,Error\r\n0.000300,0x7,Error,\r\n";
+    let expected = [
+        (191_805, way, Kind::Data, vec![0xFA]),
+        (286_805, way, Kind::Line(LineEvent::FramingError), vec![]),
+        (386_805, way, Kind::Other(8), vec![]),
+    ];
+    assert_eq!(records(old), expected);
+    let new = "name,type,start_time,duration,data,error\n\
+               \"Async Serial\",\"data\",0.0001,8.6e-05,0xFA,\n\
+               \"Async Serial\",\"data\",0.0002,8.6e-05,0x0A,framing\n";
+    let expected = [
+        (186_000, way, Kind::Data, vec![0xFA]),
+        (286_000, way, Kind::Line(LineEvent::FramingError), vec![]),
+    ];
+    assert_eq!(records(new), expected);
+}
+
+/// The fraction is microseconds filled up to nine digits: known gaps say so. 1,795,247,928 s after
+/// the epoch, by `date -u`.
+#[test]
+fn socats_fraction_is_microseconds() {
+    let text = "2026/11/21 07:58:48 socat[7] N starting data transfer loop\n\
+                > 2026/11/21 07:58:48.000761120  length=3 from=0 to=2\n fa a0 0a\n--\n\
+                < 2026/11/21 07:58:48.000761121  length=1 from=0 to=0\n 41      A\n--\n";
+    let at = 1_795_247_928_761_120_000;
+    let expected = [
+        (at, Direction::ToMaster, Kind::Data, vec![0xFA, 0xA0, 0x0A]),
+        (at + 1000, Direction::ToDevice, Kind::Data, vec![0x41]),
+    ];
+    assert_eq!(records(text), expected);
+}
+
+#[test]
+fn an_error_in_a_dump_is_told_with_its_line_and_byte() {
+    let folder = folder("import-errors");
+    let says = |text: &str, more: &[&str]| {
+        fs::write(folder.join("d.txt"), text).expect("writable");
+        let arguments = [&["import", "d.txt", "-o", "x.pcapng"][..], more].concat();
+        let (status, _, error) = hilrig(&folder, &arguments);
+        assert_eq!(status.code(), Some(2), "{error}");
+        assert!(!folder.join("x.pcapng").exists());
+        error
+    };
+    let head = "> 2026/11/21 07:58:48.000761120  length=3 from=0 to=2\n";
+    insta::assert_snapshot!(says(&format!("{head} fa a0 zz\n--\n"), &[]), @r#"error: d.txt: line 2 (byte 54): expected 1 to 3 bytes of two hex digits behind spaces"#);
+    insta::assert_snapshot!(says(&format!("{head} fa a0\n"), &[]), @r#"error: d.txt: line 2 (byte 54): the last block ends after 2 of 3 bytes"#);
+    insta::assert_snapshot!(says("2026-11-21 07:58:50.596918: A\nFA A\n", &[]), @r#"error: d.txt: line 2 (byte 30): expected up to 16 bytes of two hex digits with a space between"#);
+    insta::assert_snapshot!(says("uart-1: FA\nuart-1: \u{e9}\n", &["--baud", "9600"]), @r#"error: d.txt: line 2 (byte 11): found "\u{e9}", expected two hex digits: choose -A uart=rx-data"#);
+    insta::assert_snapshot!(says("Time [s],Value\n0.1,250\n", &[]), @r#"error: d.txt: line 2 (byte 15): found value "250", expected hex as 0xFA: export in hexadecimal"#);
+    insta::assert_snapshot!(says("[08:00:04.460] ab\n", &["--format", "raw"]), @r#"error: d.txt: line 1 (byte 0): tio wrote times between the bytes: expected its log without -t"#);
+    insta::assert_snapshot!(says("ab", &["--format", "raw"]), @r#"error: d.txt: line 1 (byte 0): bytes without time: expected --baud to tell how long they took"#);
+    insta::assert_snapshot!(says("hello", &[]), @r#"error: d.txt: expected a dump of socat, jpnevulator, sigrok or saleae, or --format raw for bytes alone"#);
+}
+
+const FORMATS: [Format; 5] = [
+    Format::Socat,
+    Format::Jpnevulator,
+    Format::Sigrok,
+    Format::Saleae,
+    Format::Raw,
+];
+
+/// One sound dump of each form, to be damaged.
+const SOUND: [&str; 5] = [
+    "> 2026/11/21 07:58:48.000761120  length=4 from=0 to=3\n fa a0 0a   ...\n 41   A\n--\n",
+    "2026-11-21 07:58:50.596918: A\n00000000\tFA A0 0A 41\t...A\n",
+    "5313-6147 uart-1: FA\n6148-6150 uart-1: Frame error\nuart-1: 0A\n",
+    "name,type,start_time,duration,data,error\n\"a\",\"data\",2026-11-21T07:58:50.5,1e-5,0xFA,\n",
+    "[08:00:04.460] ab",
+];
+
+/// A dump of any content is records, or an error with a place inside it.
+fn judge(bytes: &[u8]) -> Result<(), TestCaseError> {
+    for format in FORMATS {
+        match read(bytes, format, &options()) {
+            Ok(imported) => {
+                let again = Capture::of(&imported.to_pcapng(format));
+                prop_assert_eq!(&again.records, imported.records());
+            }
+            Err(error) => {
+                prop_assert!(error.line >= 1 && error.offset <= bytes.len(), "{}", error);
+                let before = &bytes[..error.offset];
+                let lines = before.iter().filter(|&&byte| byte == b'\n').count();
+                prop_assert_eq!(lines + 1, error.line);
+            }
+        }
+    }
+    let _ = Format::detect(bytes);
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2000))]
+
+    #[test]
+    fn no_bytes_panic_an_importer(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
+        judge(&bytes)?;
+    }
+
+    /// Mostly sound, which gets deeper than noise.
+    #[test]
+    fn no_damaged_dump_panics_an_importer(
+        which in 0_usize..5,
+        edits in prop::collection::vec((0_usize..200, 0_u8..4, any::<u8>()), 1..8),
+    ) {
+        let mut bytes = SOUND[which].repeat(2).into_bytes();
+        for (place, kind, with) in edits {
+            let place = place % bytes.len();
+            match kind {
+                0 if bytes.len() > 1 => { bytes.remove(place); }
+                1 => bytes.insert(place, with),
+                2 => bytes[place] = b"0123456789 :-\n"[usize::from(with) % 14],
+                _ => bytes[place] = with,
+            }
+        }
+        judge(&bytes)?;
+    }
+}
+
+/// Longest times that a tool can write do not overflow.
+#[test]
+fn the_end_of_time_is_no_panic() {
+    let texts = [
+        "18446744073709551615-18446744073709551615 uart-1: FA\n",
+        "Time [s],Value\n18446744073,0xFA\n",
+        "> 2500/12/31 23:59:60.999999999  length=1 from=0 to=0\n fa\n--\n",
+        "> 2026/11/21 07:58:48.1  length=18446744073709551615 from=0 to=0\n fa\n--\n",
+    ];
+    for text in texts {
+        judge(text.as_bytes()).expect("an error, or records");
+    }
+    let at = Instant::from_nanos(u64::MAX);
+    let rate = Options {
+        sample_rate: Some(1),
+        ..options()
+    };
+    let far = read(b"9-18446744073 uart-1: FA\n", Format::Sigrok, &rate).expect("just fits");
+    assert!(far.records()[0].at < at);
+}
