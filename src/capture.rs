@@ -17,6 +17,7 @@ use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::Path;
 
+pub(crate) use join::event_words;
 use pcapng::{Block, BlockError, Blocks};
 pub use record::{Interface, Kind, Record, Section, Sent};
 pub use recording::{Limits, Recording, about, about_live};

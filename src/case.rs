@@ -249,6 +249,7 @@ impl Case {
         Ok(Recorded {
             links: links.collect::<Result<_, _>>()?,
             end: Instant::from_nanos(self.end_ns.min(END_MAX)),
+            zero: Instant::ZERO,
         })
     }
 

@@ -6,6 +6,7 @@ mod case;
 mod decode;
 mod demo;
 mod dut;
+mod export;
 mod fault;
 mod fidelity;
 mod import;
@@ -60,6 +61,7 @@ enum Command {
     Replay(replay::ReplayArgs),
     Case(case::CaseArgs),
     Import(import::ImportArgs),
+    Export(export::ExportArgs),
     Decode(decode::DecodeArgs),
     Bugs(bugs::Bugs),
     Campaign(campaign::CampaignArgs),
@@ -137,6 +139,7 @@ pub fn main() -> ExitCode {
         Command::Replay(args) => replay::run(args),
         Command::Case(args) => case::run(args),
         Command::Import(args) => import::run(args),
+        Command::Export(args) => export::run(args),
         Command::Decode(args) => decode::run(args),
         Command::Bugs(args) => bugs::run(args),
         Command::Campaign(args) => campaign::run(args),

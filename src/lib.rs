@@ -14,7 +14,7 @@
 //! | [`replay`], [`divergence`] | a capture fed back; where two streams part |
 //! | [`wireshark`] | the same in Wireshark |
 //! | [`case`] | a capture as a regression test |
-//! | [`import`] | dumps of other tools as captures |
+//! | [`import`], [`export`] | dumps of other tools as captures; captures in their forms |
 //! | [`record`] | a capture of what passes between two ports |
 //! | [`pc_program`] | what somebody at the page wants, as what the PC says |
 //! | [`run`], [`mission`], [`check`], [`score`] | a run watched and judged |
@@ -40,6 +40,7 @@ pub mod control;
 pub mod cpu;
 pub mod decode;
 pub mod divergence;
+pub mod export;
 pub mod fault;
 pub mod folder;
 pub mod fuzz;

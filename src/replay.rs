@@ -83,6 +83,8 @@ pub struct Recorded {
     pub links: Vec<Passage>,
     /// When the last thing happened.
     pub end: Instant,
+    /// What the capture's own clock showed at time zero.
+    pub zero: Instant,
 }
 
 impl Recorded {
@@ -98,7 +100,10 @@ impl Recorded {
             Some("virtual") => Instant::ZERO,
             _ => first.unwrap_or_default(),
         };
-        let mut this = Self::default();
+        let mut this = Self {
+            zero,
+            ..Self::default()
+        };
         for link in &capture.links {
             this.links.push(Passage {
                 link: link.name.clone(),

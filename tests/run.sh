@@ -37,6 +37,15 @@ for tool in socat jpnevulator sigrok-cli tio; do
 done
 # Reads what the instrumented replay of the corpus writes.
 command -v llvm-cov-19 >/dev/null || install llvm-19
+# Read what is exported; pip has them, Debian 12 does not.
+target=${CARGO_TARGET_DIR:-target}
+[[ -x $target/tools/bin/evo_ape ]] || {
+    python3 -m venv "$target/tools" 2>/dev/null || {
+        install python3-venv
+        python3 -m venv "$target/tools"
+    }
+    "$target/tools/bin/pip" install -q mcap==1.6.0 evo==1.38.1
+}
 cargo fmt --version >/dev/null 2>&1 || rustup component add rustfmt
 cargo clippy --version >/dev/null 2>&1 || rustup component add clippy
 cargo --version
@@ -64,7 +73,6 @@ step "demo"
 cargo run --locked --release -- demo --out target/demo/release
 
 step "the debug build of the tests gives the same bytes as the release build"
-target=${CARGO_TARGET_DIR:-target}
 "$target"/debug/hilrig demo --out target/demo/debug >/dev/null 2>&1
 cmp target/demo/debug/case.toml target/demo/release/case.toml
 cmp target/demo/debug/map.pgm target/demo/release/map.pgm

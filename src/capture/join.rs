@@ -294,7 +294,7 @@ fn duration_nanos(duration: Duration) -> u64 {
 }
 
 /// An event of a line, in words.
-pub(super) const fn event_words(event: LineEvent) -> &'static str {
+pub(crate) const fn event_words(event: LineEvent) -> &'static str {
     match event {
         LineEvent::Opened => "port opened",
         LineEvent::Closed => "port closed",

@@ -3,6 +3,7 @@
 
 mod case;
 mod core;
+mod export;
 mod import;
 mod ports;
 mod record;
