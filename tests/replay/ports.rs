@@ -162,11 +162,37 @@ fn a_device_that_answers_otherwise_is_told_with_byte_and_frame() {
     let told: Vec<&str> = told.lines().map(str::trim).collect();
     let expected = [
         "at 0.001000 s, base to-master, byte 3: expected 0x12, got 0x13",
-        "expected: register 36 is 12 34 (bus frame, bytes 0..=6)",
+        "expected: 36: 12 34 (bus frame, bytes 0..=6)",
         "got:      no bus frame (bytes 0..=6); checksum is 0x0197, expected 0x0198: \
          AB 24 82 [13] 34 97 01",
     ];
     assert_eq!(told, expected);
+}
+
+/// The capture takes the part of the program on the ports of a rig that runs in another process;
+/// its devices answer.
+#[test]
+fn a_capture_is_played_into_the_ports_of_a_running_rig() {
+    let folder = folder("dir");
+    let (scenario, source) = in_a_room("1s", "");
+    let text = toml::to_string(&scenario).expect("has a TOML form");
+    std::fs::write(folder.join("room.toml"), text).expect("writable");
+    let file = folder.join("capture.pcapng");
+    captured((scenario, source), &file, |_| {});
+    let dir = folder.join("ports");
+    let room = shown(&folder.join("room.toml"));
+    let up = Running::start(&["up", &room, "--dir", &shown(&dir), "--duration", "60s"]);
+    wait_until("the ports", || dir.join("base").exists());
+    let replay = Running::start(&["replay", &shown(&file), "--dir", &shown(&dir)]);
+    let (status, said, error) = replay.end();
+    assert!(status.success(), "{said}{error}");
+    up.signal(Signal::TERM);
+    let (status, told, error) = up.end();
+    assert!(status.success(), "{told}{error}");
+    let base = said.lines().find(|line| line.trim().starts_with("base: "));
+    let words: Vec<&str> = base.expect("the base's link").split_whitespace().collect();
+    let [sent, back] = [words[1], words[4]].map(|n| n.parse::<usize>().expect("a number"));
+    assert!(sent > 100 && back > 100, "{said}");
 }
 
 #[test]
