@@ -12,6 +12,7 @@ mod join;
 pub mod pcapng;
 pub mod record;
 mod recording;
+mod scribe;
 
 use std::fs::File;
 use std::io::{self, Read as _};

@@ -5,14 +5,12 @@
 //! record is therefore finished some time after its first byte; others wait for it, so that the
 //! file stays in the order of time.
 
-use protocols::{Instant, LineConfig, LineEvent};
-
 use core::mem::take;
-use core::time::Duration;
 
 use super::record::{Kind, Packet};
 use crate::line::Direction;
 use crate::rig::{Link, Rig};
+use protocols::{Instant, LineConfig, LineEvent};
 
 /// Most bytes of one record; also bounds how long others wait.
 const JOINED_MAX: usize = 512;
@@ -24,52 +22,61 @@ const PIECE_MAX: usize = 64;
 const WAITING_MAX: usize = 512;
 const ARENA_MAX: usize = 64 << 10;
 
-/// Joins the chunks of all lines of a rig.
+/// Joins the chunks of all lines of a rig. Its times are in nanoseconds.
 #[derive(Debug)]
 pub(super) struct Joiner {
-    /// Two of each link, in the order of [`Direction`].
+    /// Two of each link, numbered by [`line_of`].
     lines: Vec<Open>,
     /// Before this no open record ends by silence.
-    stale_at: Instant,
+    stale_at: u64,
     waiting: Vec<Waiting>,
     /// The bytes of those that wait.
     arena: Vec<u8>,
     sequence: u64,
     /// Added to all times.
-    epoch: Duration,
+    epoch: u64,
+}
+
+/// The number of a line among those of all links.
+pub(super) const fn line_of(link: usize, direction: Direction) -> usize {
+    2 * link + direction as usize
 }
 
 /// A record that may go on; none while it has no bytes.
 #[derive(Debug)]
 struct Open {
-    /// Time on the wire of so many bytes.
-    times: [Duration; PIECE_MAX + 1],
     bytes: Vec<u8>,
     /// Lengths of its pieces, as pairs of length and count.
     runs: Vec<u8>,
     /// When its last byte arrived.
-    at: Instant,
-    delay: Duration,
+    at: u64,
+    delay: u64,
+    /// Time on the wire of so many bytes.
+    times: [u64; PIECE_MAX + 1],
 }
 
 impl Open {
     fn new(line: LineConfig) -> Self {
+        let time = |len: usize| {
+            let time = line.bytes_time(len as u64).as_nanos();
+            u64::try_from(time).expect("64 bytes take no centuries")
+        };
         Self {
-            times: core::array::from_fn(|len| line.bytes_time(len as u64)),
+            times: core::array::from_fn(time),
             bytes: Vec::with_capacity(JOINED_MAX),
             runs: Vec::new(),
-            at: Instant::ZERO,
-            delay: Duration::ZERO,
+            at: 0,
+            delay: 0,
         }
     }
 
     /// After this nothing can follow back to back: not even the longest piece.
-    fn ends(&self) -> Option<Instant> {
-        (!self.bytes.is_empty()).then(|| self.at + self.times[PIECE_MAX])
+    fn ends(&self) -> Option<u64> {
+        (!self.bytes.is_empty()).then(|| self.at.saturating_add(self.times[PIECE_MAX]))
     }
 
     /// Takes a piece if it follows back to back; whether it did.
-    fn joins(&mut self, at: Instant, piece: &[u8], delay: Duration) -> bool {
+    fn joins(&mut self, at: u64, piece: &[u8], delay: u64) -> bool {
         let joins = !self.bytes.is_empty()
             && self.bytes.len() + piece.len() <= JOINED_MAX
             && self.at + self.times[piece.len()] == at
@@ -80,13 +87,13 @@ impl Open {
         joins
     }
 
-    fn put(&mut self, at: Instant, piece: &[u8]) {
+    fn put(&mut self, at: u64, piece: &[u8]) {
         self.bytes.extend_from_slice(piece);
         self.at = at;
         let len = u8::try_from(piece.len()).expect("at most PIECE_MAX");
         match self.runs.last_chunk_mut() {
             Some([last, count]) if *last == len && *count < u8::MAX => *count += 1,
-            _ => self.runs.extend([len, 1]),
+            _ => self.runs.extend_from_slice(&[len, 1]),
         }
     }
 }
@@ -94,13 +101,13 @@ impl Open {
 /// A record that waits for its place.
 #[derive(Debug)]
 struct Waiting {
-    at: Instant,
-    line: usize,
-    kind: Kind,
+    at: u64,
+    delay: u64,
     /// Its bytes begin here in the arena, and its runs behind them.
     start: usize,
-    lens: [usize; 2],
-    delay: Duration,
+    lens: [u32; 2],
+    line: u32,
+    kind: Kind,
     extra: Option<Box<Extra>>,
 }
 
@@ -111,7 +118,7 @@ pub(super) struct Extra {
     pub(super) comment: String,
 }
 
-const NEVER: Instant = Instant::from_nanos(u64::MAX);
+const NEVER: u64 = u64::MAX;
 
 impl Joiner {
     /// For the lines of `rig`, whose run begins at `epoch`.
@@ -127,20 +134,20 @@ impl Joiner {
             waiting: Vec::new(),
             arena: Vec::new(),
             sequence: 0,
-            epoch: epoch - Instant::ZERO,
+            epoch: epoch.as_nanos(),
         }
     }
 
-    /// Bytes arrived at `at` as they were sent, `delay` after their last bit.
+    /// Bytes arrived at `at` as they were sent, `delay` nanoseconds after their last bit.
     pub(super) fn bytes(
         &mut self,
-        (link, direction): (usize, Direction),
+        line: usize,
         at: Instant,
         bytes: &[u8],
-        delay: Duration,
+        delay: u64,
         out: &mut Vec<u8>,
     ) {
-        let line = 2 * link + direction as usize;
+        let at = at.as_nanos();
         let short = bytes.len() <= PIECE_MAX;
         if short && self.lines[line].joins(at, bytes, delay) {
             return;
@@ -150,7 +157,7 @@ impl Joiner {
             let open = &mut self.lines[line];
             open.put(at, bytes);
             open.delay = delay;
-            self.stale_at = self.stale_at.min(at + open.times[PIECE_MAX]);
+            self.stale_at = self.stale_at.min(at.saturating_add(open.times[PIECE_MAX]));
         } else {
             self.wait(at, line, Kind::Data, [bytes, &[]], delay, None);
         }
@@ -165,17 +172,16 @@ impl Joiner {
     /// Something that is never joined with anything else.
     pub(super) fn single(
         &mut self,
-        (link, direction): (usize, Direction),
+        line: usize,
         at: Instant,
         kind: Kind,
         bytes: &[u8],
         extra: Extra,
         out: &mut Vec<u8>,
     ) {
-        let line = 2 * link + direction as usize;
         self.close(line);
         let extra = Some(Box::new(extra));
-        self.wait(at, line, kind, [bytes, &[]], Duration::ZERO, extra);
+        self.wait(at.as_nanos(), line, kind, [bytes, &[]], 0, extra);
         if self.waiting.len() >= BATCH {
             self.emit(out);
         }
@@ -183,8 +189,8 @@ impl Joiner {
 
     /// It is `now`, and whatever was due before has arrived.
     pub(super) fn reached(&mut self, now: Instant) {
-        if self.stale_at < now {
-            self.close_stale(now);
+        if self.stale_at < now.as_nanos() {
+            self.close_stale(now.as_nanos());
         }
     }
 
@@ -195,7 +201,7 @@ impl Joiner {
     }
 
     /// Ends all records whose next piece should have been here before `now`.
-    fn close_stale(&mut self, now: Instant) {
+    fn close_stale(&mut self, now: u64) {
         self.stale_at = NEVER;
         for line in 0..self.lines.len() {
             match self.lines[line].ends() {
@@ -227,11 +233,11 @@ impl Joiner {
 
     fn wait(
         &mut self,
-        at: Instant,
+        at: u64,
         line: usize,
         kind: Kind,
         parts: [&[u8]; 2],
-        delay: Duration,
+        delay: u64,
         extra: Option<Box<Extra>>,
     ) {
         let start = self.arena.len();
@@ -240,11 +246,11 @@ impl Joiner {
             .for_each(|part| self.arena.extend_from_slice(part));
         let record = Waiting {
             at,
-            line,
-            kind,
-            start,
-            lens: parts.map(<[u8]>::len),
             delay,
+            start,
+            lens: parts.map(|part| u32::try_from(part.len()).expect("chunks are short")),
+            line: u32::try_from(line).expect("few links"),
+            kind,
             extra,
         };
         let later = self.waiting.iter().rev();
@@ -261,23 +267,22 @@ impl Joiner {
         let until = open.map(|open| open.at).min().unwrap_or(NEVER);
         let ready = self.waiting.partition_point(|record| record.at <= until);
         for record in self.waiting.drain(..ready) {
-            let (bytes, behind) = self.arena[record.start..].split_at(record.lens[0]);
-            let at = record.at + self.epoch;
+            let [len, runs] = record.lens.map(|len| len as usize);
+            let (bytes, behind) = self.arena[record.start..].split_at(len);
             let extra = record.extra.as_deref();
             let sent = extra.and_then(|extra| extra.sent.as_ref());
-            let sent = sent.map(|(at, bytes)| (*at + self.epoch, &bytes[..]));
-            let early = at.as_nanos() - duration_nanos(record.delay);
-            let late = !record.delay.is_zero();
-            let sent = sent.or_else(|| late.then(|| (Instant::from_nanos(early), bytes)));
+            let sent = sent.map(|(at, bytes)| (self.epoch + at.as_nanos(), &bytes[..]));
+            let at = self.epoch + record.at;
+            let sent = sent.or_else(|| (record.delay > 0).then(|| (at - record.delay, bytes)));
             let packet = Packet {
-                interface: u32::try_from(record.line / 2).expect("few links"),
-                at,
-                direction: [Direction::ToMaster, Direction::ToDevice][record.line % 2],
+                interface: record.line / 2,
+                at: Instant::from_nanos(at),
+                direction: [Direction::ToMaster, Direction::ToDevice][record.line as usize % 2],
                 kind: record.kind,
                 bytes,
                 sequence: Some(self.sequence),
-                sent,
-                pieces: &behind[..record.lens[1]],
+                sent: sent.map(|(at, bytes)| (Instant::from_nanos(at), bytes)),
+                pieces: &behind[..runs],
                 comment: extra.map_or("", |extra| &extra.comment),
             };
             packet.write(out);
@@ -287,10 +292,6 @@ impl Joiner {
             self.arena.clear();
         }
     }
-}
-
-fn duration_nanos(duration: Duration) -> u64 {
-    u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
 }
 
 /// An event of a line, in words.

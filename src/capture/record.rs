@@ -17,6 +17,8 @@ pub const LINK_TYPE: u16 = 250;
 const ENTERPRISE: u32 = 32_473;
 /// Marks our option with the sequence number.
 const SEQUENCE: &[u8; 4] = b"hseq";
+/// The option with the sequence number, up to it: code, length, enterprise, mark.
+const SEQUENCE_HEAD: [u8; 12] = [0xAD, 0x0B, 16, 0, 0xD9, 0x7E, 0, 0, b'h', b's', b'e', b'q'];
 /// Marks our option with the bytes as sent.
 const SENT: &[u8; 4] = b"hsnt";
 /// Marks our option with the lengths of joined chunks.
@@ -372,9 +374,16 @@ impl Packet<'_> {
             Direction::ToMaster => 1,
             Direction::ToDevice => 2,
         };
-        out.extend_from_slice(&[2, 0, 4, 0, flags, 0, 0, 0]);
-        if let Some(sequence) = self.sequence {
-            write_private(out, SEQUENCE, [sequence.to_le_bytes().as_slice(), &[]]);
+        let flags = [2, 0, 4, 0, flags, 0, 0, 0];
+        match self.sequence {
+            Some(sequence) => {
+                let mut both = [0; 8 + SEQUENCE_HEAD.len() + 8];
+                both[..8].copy_from_slice(&flags);
+                both[8..20].copy_from_slice(&SEQUENCE_HEAD);
+                both[20..].copy_from_slice(&sequence.to_le_bytes());
+                out.extend_from_slice(&both);
+            }
+            None => out.extend_from_slice(&flags),
         }
         if !self.pieces.is_empty() {
             write_private(out, PIECES, [self.pieces, &[]]);
@@ -383,10 +392,11 @@ impl Packet<'_> {
             let at = at.as_nanos().to_le_bytes();
             write_private(out, SENT, [at.as_slice(), bytes]);
         }
-        pcapng::write_options_end(out);
-        let length = u32::try_from(out.len() + 4 - start).expect("chunks are short");
+        let length = u32::try_from(out.len() + 8 - start).expect("chunks are short");
         out[start + 4..start + 8].copy_from_slice(&length.to_le_bytes());
-        out.extend_from_slice(&length.to_le_bytes());
+        // The mark after the last option, and the length again.
+        let [a, b, c, d] = length.to_le_bytes();
+        out.extend_from_slice(&[0, 0, 0, 0, a, b, c, d]);
     }
 
     /// Block type, room for its length, packet header, header of the link type.

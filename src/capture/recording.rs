@@ -8,9 +8,10 @@ use core::time::Duration;
 
 use protocols::{Instant, LineEvent};
 
-use super::files::Writer;
-use super::join::{Extra, Joiner, event_words};
+use super::files::Files;
+use super::join::{Extra, Joiner, event_words, line_of};
 use super::record::{Interface, Kind, Section};
+use super::scribe::Scribe;
 use crate::fault::Damage;
 use crate::folder::TOOL;
 use crate::line::{Delivery, Direction, Original};
@@ -67,18 +68,14 @@ fn about_in(scenario: &Scenario, clock: &str) -> Section {
 /// A tap that writes a capture. An error stops it, not the run; [`Tap::finish`] tells.
 #[derive(Debug)]
 pub struct Recording {
-    writer: Writer,
+    scribe: Scribe,
     is_stopped: bool,
-    joiner: Joiner,
-    buf: Vec<u8>,
     /// In a live run only: when what was gathered was last written.
     flushed_at: Option<Instant>,
-    /// A piece of this size is written. Also bounds the size of files that are put aside.
-    piece: usize,
 }
 
-/// Bytes gathered before they are written.
-const PIECE: usize = 256 << 10;
+/// Bytes of the file that are written at once; fewer if the file is to stay small.
+const PIECE: u64 = 256 << 10;
 /// Time of a live run after which what was gathered is written at the latest: what a killed process
 /// may lose.
 const FLUSH_EVERY: Duration = Duration::from_millis(500);
@@ -94,29 +91,13 @@ impl Recording {
             Interface::new(&link.name, sender.baud).write(&mut head);
         }
         let is_live = section.start() > Instant::ZERO;
-        let smallest = usize::try_from(limits.file_bytes / 8).unwrap_or(PIECE);
-        let piece = smallest.min(PIECE);
+        let piece = usize::try_from(PIECE.min(limits.file_bytes / 8)).expect("at most PIECE");
+        let files = Files::create(path, head, limits)?;
         Ok(Self {
-            writer: Writer::create(path, head, limits)?,
+            scribe: Scribe::start(Joiner::new(rig, section.start()), files, piece)?,
             is_stopped: false,
-            joiner: Joiner::new(rig, section.start()),
-            buf: Vec::with_capacity(piece + (8 << 10)),
             flushed_at: is_live.then_some(Instant::ZERO),
-            piece,
         })
-    }
-
-    /// Writes what was gathered, if that is much.
-    fn relieve(&mut self) {
-        if self.buf.len() >= self.piece {
-            self.flush();
-        }
-    }
-
-    fn flush(&mut self) {
-        if !self.buf.is_empty() && !self.writer.write(&mut self.buf) {
-            self.is_stopped = true;
-        }
     }
 }
 
@@ -128,66 +109,52 @@ impl Tap for Recording {
         if self.is_stopped {
             return;
         }
-        let (line, at, out) = ((link, direction), delivery.at, &mut self.buf);
+        let (line, at) = (line_of(link, direction), delivery.at);
+        let (batch, bytes) = (&mut self.scribe.batch, &delivery.bytes[..]);
         if delivery.framing_errors > 0 {
             let kind = Kind::Line(LineEvent::FramingError);
             let comment = format!("{} characters without a stop bit", delivery.framing_errors);
-            let extra = Extra {
-                sent: None,
-                comment,
-            };
-            self.joiner.single(line, at, kind, &[], extra, out);
+            let sent = None;
+            batch.single(line, at, kind, &[], Extra { sent, comment });
         }
         match delivery.original.as_deref() {
-            None if delivery.bytes.is_empty() => {}
-            None => {
-                let bytes = &delivery.bytes;
-                self.joiner.bytes(line, at, bytes, Duration::ZERO, out);
-            }
-            Some(original) if original.is_only_late(&delivery.bytes) => {
-                let (bytes, delay) = (&delivery.bytes, at - original.at);
-                self.joiner.bytes(line, at, bytes, delay, out);
+            None if bytes.is_empty() => {}
+            None => batch.bytes(line, at, bytes, 0),
+            Some(original) if original.is_only_late(bytes) => {
+                let delay_ns = at.as_nanos().saturating_sub(original.at.as_nanos());
+                batch.bytes(line, at, bytes, delay_ns);
             }
             Some(original) => {
-                let extra = Extra {
-                    sent: Some((original.at, original.bytes.clone())),
-                    comment: words(original),
-                };
-                let bytes = &delivery.bytes;
-                self.joiner.single(line, at, Kind::Data, bytes, extra, out);
+                let sent = Some((original.at, original.bytes.clone()));
+                let comment = words(original);
+                batch.single(line, at, Kind::Data, bytes, Extra { sent, comment });
             }
         }
-        self.relieve();
+        self.is_stopped = !self.scribe.relieve();
     }
 
     fn line_event(&mut self, link: usize, direction: Direction, at: Instant, event: LineEvent) {
         if self.is_stopped {
             return;
         }
-        let extra = Extra {
-            sent: None,
-            comment: event_words(event).to_owned(),
-        };
-        let (line, kind) = ((link, direction), Kind::Line(event));
-        self.joiner
-            .single(line, at, kind, &[], extra, &mut self.buf);
-        self.relieve();
+        let comment = event_words(event).to_owned();
+        let (kind, sent) = (Kind::Line(event), None);
+        let line = line_of(link, direction);
+        let extra = Extra { sent, comment };
+        self.scribe.batch.single(line, at, kind, &[], extra);
+        self.is_stopped = !self.scribe.relieve();
     }
 
     fn reached(&mut self, now: Instant) {
         if !self.is_stopped && self.flushed_at.is_some_and(|at| now - at >= FLUSH_EVERY) {
             self.flushed_at = Some(now);
-            self.joiner.reached(now);
-            self.joiner.emit(&mut self.buf);
-            self.flush();
+            self.is_stopped = !self.scribe.reached(now);
         }
     }
 
     fn finish(&mut self) -> io::Result<()> {
-        self.joiner.finish(&mut self.buf);
-        self.flush();
         self.is_stopped = true;
-        self.writer.finish()
+        self.scribe.finish()
     }
 }
 
