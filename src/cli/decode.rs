@@ -107,7 +107,13 @@ fn tell(args: &DecodeArgs, out: &mut dyn Write) -> Result<(), Failure> {
         .iter()
         .map(|link| &*link.name)
         .collect();
-    let mut transcript = Transcript::new(args.protocol);
+    let mut protocol = args.protocol;
+    if source.start.is_none() && protocol.is_none() {
+        // Of a dump all is known, so all of it says what it is.
+        let dump = source.capture.records.first();
+        protocol = dump.and_then(|dump| Protocol::guess(&dump.bytes));
+    }
+    let mut transcript = Transcript::new(protocol);
     for record in &source.capture.records {
         let link = &source.capture.links[record.link];
         if wanted(&link.name) {

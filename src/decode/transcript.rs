@@ -15,11 +15,15 @@ use crate::line::Direction;
 
 /// Silence after which a frame that was begun is given up.
 const QUIET: Duration = Duration::from_millis(50);
-/// How long a line waits for earlier ones. Bad bytes are told [`QUIET`] after the last of them, or
-/// when [`super::BAD_MAX`] of them have come; on slower lines than 57600 baud a few may come late.
+/// How long a line waits at least for earlier ones: a record tells of bytes that came before it. On
+/// slower lines than 57600 baud a few may come late.
 const PATIENCE: Duration = Duration::from_millis(100);
-/// Bytes in which a protocol must show itself; what is none of them is text or bad.
+/// Bytes in which a protocol must show itself. If none does, they are text or bad, and the next
+/// ones are looked at.
 const GUESS_MAX: usize = 4096;
+/// How many bytes are looked at first, and then twice as many, so that what is found depends on the
+/// bytes alone and not on the pieces in which they came.
+const GUESS_FIRST: usize = 64;
 /// Fewest of its bytes in sound frames for a protocol to be believed at once.
 const GUESS_MIN: u64 = 44;
 /// Shortest run of printable bytes among bad ones that is shown as text.
@@ -76,6 +80,8 @@ struct Lane {
     /// None until the bytes have shown it.
     stream: Option<Stream>,
     protocol: Option<Protocol>,
+    /// Without a stream: how many untold bytes are looked at next.
+    look_at: usize,
     /// Bytes that were not told yet, and where they begin in the stream.
     untold: VecDeque<u8>,
     told: u64,
@@ -144,9 +150,10 @@ impl Transcript {
 
     /// The lines that nothing earlier can follow any more, now that it is `now`.
     pub fn ready(&mut self, now: Instant) -> impl Iterator<Item = Entry> {
-        let count = self
-            .waiting
-            .partition_point(|entry| now - entry.at > PATIENCE);
+        let untold = self.lanes.iter().filter_map(Lane::first_untold).min();
+        let count = self.waiting.partition_point(|entry| {
+            now - entry.at > PATIENCE && untold.is_none_or(|untold| entry.at <= untold)
+        });
         self.waiting.drain(..count)
     }
 
@@ -184,6 +191,7 @@ impl Transcript {
             rate: LineConfig::new_8n1(link.baud.max(1)),
             stream: self.protocol.map(Stream::new),
             protocol: self.protocol,
+            look_at: GUESS_FIRST,
             untold: VecDeque::new(),
             told: 0,
             times: VecDeque::new(),
@@ -201,35 +209,58 @@ impl Transcript {
                 let found = stream.push(bytes);
                 self.told(index, found);
             }
-            None => {
-                let held = lane.untold.make_contiguous();
-                let best = Protocol::best(held);
-                if best.is_some_and(|(_, framed)| framed >= GUESS_MIN) || held.len() > GUESS_MAX {
-                    self.decide(index);
-                }
+            None => self.look(index),
+        }
+    }
+
+    /// Looks for the protocol of a lane that has none.
+    fn look(&mut self, index: usize) {
+        loop {
+            let lane = &mut self.lanes[index];
+            let len = lane.look_at;
+            if lane.stream.is_some() || lane.untold.len() < len {
+                return;
+            }
+            let best = Protocol::best(&lane.untold.make_contiguous()[..len]);
+            let fewest = if len < GUESS_MAX { GUESS_MIN } else { 1 };
+            if best.is_some_and(|(_, framed)| framed >= fewest) {
+                lane.protocol = best.map(|(protocol, _)| protocol);
+                let all = lane.untold.len();
+                self.decide(index, all);
+            } else if len < GUESS_MAX {
+                lane.look_at = 2 * len;
+            } else {
+                self.decide(index, len);
             }
         }
     }
 
-    /// The lane's protocol is what its bytes so far say, and they are told as such.
-    fn decide(&mut self, index: usize) {
+    /// The first `len` untold bytes are told as what they are by now; without a protocol as text
+    /// or bad, which says nothing of what comes later.
+    fn decide(&mut self, index: usize, len: usize) {
         let lane = &mut self.lanes[index];
-        let held = lane.untold.make_contiguous();
-        lane.protocol = Protocol::guess(held);
-        // Without a protocol all is text or bad, whichever decoder finds it so.
+        let held = &lane.untold.make_contiguous()[..len];
         let mut stream = Stream::new(lane.protocol.unwrap_or(Protocol::Pcui));
         let mut found = Vec::new();
         let (mut start, mut last) = (0, None);
         for &(end, at) in &lane.times {
+            if start == len {
+                break;
+            }
             if last.is_some_and(|last| at - last > QUIET) {
                 found.extend(stream.idle());
             }
             last = Some(at);
             let until = usize::try_from(end - lane.told).expect("held in memory");
-            found.extend(stream.push(&held[start..until]));
-            start = until;
+            found.extend(stream.push(&held[start..until.min(len)]));
+            start = until.min(len);
         }
-        lane.stream = Some(stream);
+        if lane.protocol.is_some() {
+            lane.stream = Some(stream);
+        } else {
+            found.extend(stream.idle());
+            lane.look_at = GUESS_FIRST;
+        }
         self.told(index, found);
     }
 
@@ -240,14 +271,9 @@ impl Transcript {
             return;
         }
         if lane.stream.is_none() {
-            self.decide(index);
-            let lane = &mut self.lanes[index];
-            if lane.protocol.is_none() {
-                // A few words of text do not say what comes later.
-                let found = lane.stream.take().map(|mut stream| stream.idle());
-                self.told(index, found.unwrap_or_default());
-                return;
-            }
+            lane.protocol = Protocol::guess(lane.untold.make_contiguous());
+            let all = lane.untold.len();
+            self.decide(index, all);
         }
         let found = self.lanes[index].stream.as_mut().map(Stream::idle);
         self.told(index, found.unwrap_or_default());
@@ -332,6 +358,12 @@ impl Lane {
     /// Bytes so far.
     fn end(&self) -> u64 {
         self.told + self.untold.len() as u64
+    }
+
+    /// When the first untold byte came: nothing earlier will be told of this lane.
+    fn first_untold(&self) -> Option<Instant> {
+        let untold = self.times.iter().find(|&&(end, _)| end > self.told);
+        untold.map(|&(_, at)| at)
     }
 
     /// Takes the first `len` untold bytes, with the time of the last of them.

@@ -324,4 +324,13 @@ fn a_runs_own_capture_is_not_accused() {
         assert!(line.ends_with("no systematic damage found"), "{line}");
     }
     assert!(text(&output.stdout).lines().count() >= 5);
+
+    let output = session.hilrig(&["decode", "out/capture.pcapng"]);
+    let told = text(&output.stdout);
+    let times = told.lines().map(|line| {
+        let time = line.split(' ').next().expect("a word");
+        time.replace('.', "").parse::<u64>().expect("microseconds")
+    });
+    assert!(times.is_sorted());
+    assert!(told.lines().count() > 20_000);
 }
