@@ -9,7 +9,7 @@ use core::ops::Range;
 
 use protocols::avr::{self, ChecksumOrder};
 use protocols::xv11::{self, turn};
-use protocols::{Decode, FrameError, pcui};
+use protocols::{Decode, FrameError, panel, pcui};
 
 /// A wire format that can be told from its bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, clap::ValueEnum)]
@@ -24,16 +24,19 @@ pub enum Protocol {
     BusHighFirst,
     /// Messages between robot and PC
     Pcui,
+    /// Touch panel: drawing commands and pen reports
+    Panel,
 }
 
 impl Protocol {
     /// All of them; where two fit equally well, the first is taken.
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 6] = [
         Self::Xv11,
         Self::Xv11Turn,
         Self::Bus,
         Self::BusHighFirst,
         Self::Pcui,
+        Self::Panel,
     ];
 
     /// Name as on the command line.
@@ -44,6 +47,7 @@ impl Protocol {
             Self::Bus => "bus",
             Self::BusHighFirst => "bus-high-first",
             Self::Pcui => "pcui",
+            Self::Panel => "panel",
         }
     }
 
@@ -139,6 +143,9 @@ impl Stream {
             Protocol::BusHighFirst => bus(ChecksumOrder::HighFirst),
             Protocol::Pcui => spotter(pcui::Decoder::default(), |frame| {
                 (frame.as_bytes().len(), words::message(frame))
+            }),
+            Protocol::Panel => spotter(panel::Decoder::default(), |frame| {
+                (frame.as_bytes().len(), words::panel(frame))
             }),
         };
         let place = Place::default();

@@ -4,6 +4,7 @@ use core::fmt::Write as _;
 
 use protocols::avr::{self, ERROR_REGISTER, registers};
 use protocols::hc06::{Command, LineCommand};
+use protocols::panel;
 use protocols::pcui::{self, Message};
 use protocols::rle;
 use protocols::xv11::{self, Reading};
@@ -140,6 +141,39 @@ pub(super) fn message(frame: &pcui::Frame) -> String {
     }
 }
 
+/// A frame to or from a touch panel.
+pub(super) fn panel(frame: &panel::Frame) -> String {
+    use panel::{Command, Contact};
+    let window = |window: panel::Window| {
+        let ([x0, x1], [y0, y1]) = (window.columns, window.rows);
+        format!("window {x0},{y0} to {x1},{y1}")
+    };
+    if let Some(pen) = frame.pen() {
+        let [x, y] = pen.reading;
+        let contact = match pen.contact {
+            Contact::Down => "down",
+            Contact::Up => "up",
+        };
+        return format!("pen {contact} at {x},{y}");
+    }
+    match frame.command() {
+        Some(Command::On) => "display on".to_owned(),
+        Some(Command::Off) => "display off".to_owned(),
+        Some(Command::Write(place, pixels)) => {
+            format!("{}: {} pixels", window(place), pixels.len() / 2)
+        }
+        Some(Command::Runs(place, runs)) => {
+            let pixels: u32 = runs.iter().step_by(3).map(|&count| u32::from(count)).sum();
+            format!(
+                "{}: {pixels} pixels in {} runs",
+                window(place),
+                runs.len() / 3
+            )
+        }
+        None => format!("number {:02X}, {} bytes", frame.op(), frame.payload().len()),
+    }
+}
+
 /// Text on a line; what an HC-06 would take for a command is named.
 pub(super) fn text(bytes: &[u8]) -> String {
     let shown = bytes.escape_ascii();
@@ -198,6 +232,23 @@ mod tests {
         let mut decoder = pcui::Decoder::default();
         let frame = decoder.push(bytes).find_map(Result::ok).expect("sound");
         assert_eq!(message(&frame), "MAR layer 0 row 0, 299 pixels in 4 bytes");
+    }
+
+    /// Checksums by an independent CRC-16/XMODEM.
+    #[test]
+    fn frames_of_the_panel_are_told_by_their_place_and_pixels() {
+        let told = |bytes: &[u8]| {
+            let mut decoder = panel::Decoder::default();
+            panel(&decoder.push(bytes).find_map(Result::ok).expect("sound"))
+        };
+        assert_eq!(told(b"\x7E\x29\x00\x00\x18\x57"), "display on");
+        let pen = b"\x7E\x54\x00\x05\x01\x01\x23\x0A\xBC\x0D\xE7";
+        assert_eq!(told(pen), "pen down at 291,2748");
+        let runs = b"\x7E\xE0\x00\x0E\x00\x00\x00\x02\x00\x03\x00\x02\
+            \x03\xF8\x00\x01\x07\xE0\x08\x26";
+        assert_eq!(told(runs), "window 0,2 to 3,2: 4 pixels in 2 runs");
+        let pixels = b"\x7E\x2C\x00\x0C\x00\x00\x00\x02\x00\x01\x00\x02\xF8\x00\x07\xE0\x6B\xA6";
+        assert_eq!(told(pixels), "window 0,2 to 1,2: 2 pixels");
     }
 
     #[test]

@@ -1,7 +1,7 @@
 use core::time::Duration;
 use std::collections::BTreeMap;
 
-use protocols::FrameError;
+use protocols::{FrameError, panel};
 
 use super::{Effort, fewest};
 use crate::capture::{Capture, Kind, Record};
@@ -200,7 +200,16 @@ fn repair(unit: &mut Unit) {
         Some(Protocol::Bus) => Avr::<LowFirst>::repair(bytes),
         Some(Protocol::BusHighFirst) => Avr::<HighFirst>::repair(bytes),
         Some(Protocol::Pcui) => Pcui::repair(bytes),
+        Some(Protocol::Panel) => repair_panel(bytes),
         None => {}
+    }
+}
+
+fn repair_panel(frame: &mut [u8]) {
+    if let Some((body, sum)) = frame.split_last_chunk_mut::<2>()
+        && let Some(summed) = body.get(1..)
+    {
+        *sum = panel::checksum(summed).to_be_bytes();
     }
 }
 

@@ -7,7 +7,7 @@ use std::rc::Rc;
 
 use emulators::world::Pose;
 use protocols::avr::{self, ChecksumOrder};
-use protocols::{Decode, Instant, pcui, xv11};
+use protocols::{Decode, Instant, panel, pcui, xv11};
 use serde::Serialize;
 
 use crate::decode::Protocol;
@@ -73,6 +73,7 @@ fn counter(protocol: Protocol) -> Box<dyn Count> {
         Protocol::Bus => Box::new(Counting(avr::Decoder::new(ChecksumOrder::LowFirst))),
         Protocol::BusHighFirst => Box::new(Counting(avr::Decoder::new(ChecksumOrder::HighFirst))),
         Protocol::Pcui => Box::new(Counting(pcui::Decoder::default())),
+        Protocol::Panel => Box::new(Counting(panel::Decoder::default())),
     }
 }
 

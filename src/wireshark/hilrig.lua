@@ -1,4 +1,5 @@
--- Decodes captures of hilrig in Wireshark: XV-11 lidar, register bus, PC link, HC-06 texts.
+-- Decodes captures of hilrig in Wireshark: XV-11 lidar, register bus, PC link, HC-06 texts,
+-- touch panel.
 --
 -- Wireshark reads the serial link type by itself; this adds a tree "hilrig" with the frames whose
 -- last byte came in the packet. Frames split over packets are put together per link and direction.
@@ -40,6 +41,14 @@ local f = {
   y = ProtoField.int16("hilrig.pcui.y", "y (mm)"),
   psi = ProtoField.int16("hilrig.pcui.psi", "psi (deg)"),
   waypoint = ProtoField.int16("hilrig.pcui.waypoint", "Waypoint"),
+  op = ProtoField.uint8("hilrig.panel.op", "Number", base.HEX,
+    { [0x28] = "display off", [0x29] = "display on", [0x2C] = "write memory",
+      [0xE0] = "write runs", [0x54] = "pen" }),
+  window = ProtoField.string("hilrig.panel.window", "Window"),
+  drawn = ProtoField.uint32("hilrig.panel.pixels", "Pixels"),
+  pen_down = ProtoField.bool("hilrig.panel.pen_down", "Pen down"),
+  pen_x = ProtoField.uint16("hilrig.panel.pen_x", "Pen reading x"),
+  pen_y = ProtoField.uint16("hilrig.panel.pen_y", "Pen reading y"),
 }
 proto.fields = (function()
   local all = {}
@@ -103,6 +112,39 @@ local function judge_pcui(s)
   if len > 511 then return 0 end
   if #s < 17 + len then return nil end
   return sum(s, 17, 16 + len) == u32(s, 10) and 17 + len or 0
+end
+
+local function be16(s, at) return u8(s, at) * 256 + u8(s, at + 1) end
+
+-- Of Wireshark's own bit library, of Lua 5.2, or the operator that later Lua has.
+local xor = bit and bit.bxor or bit32 and bit32.bxor
+  or load("return function(a, b) return a ~ b end")()
+
+-- CRC-16/XMODEM by a table.
+local CRC = {}
+for value = 0, 255 do
+  local crc = value * 256
+  for _ = 1, 8 do
+    crc = crc >= 32768 and xor(crc * 2 % 65536, 0x1021) or crc * 2
+  end
+  CRC[value] = crc
+end
+
+local function crc16(s, first, last)
+  local crc = 0
+  for at = first, last do
+    crc = xor(crc % 256 * 256, CRC[xor(math.floor(crc / 256), u8(s, at))])
+  end
+  return crc
+end
+
+local function judge_panel(s)
+  if u8(s, 0) ~= 0x7E then return 0 end
+  if #s < 4 then return nil end
+  local len = be16(s, 2)
+  if len > 968 then return 0 end
+  if #s < len + 6 then return nil end
+  return crc16(s, 1, 3 + len) == be16(s, 4 + len) and len + 6 or 0
 end
 
 -- Words: each frame as a list of { field, value } and a title --------------------------------------
@@ -191,6 +233,26 @@ local function tell_pcui(s)
   return string.format("PC link %s, %d bytes", id, len), items
 end
 
+local function tell_panel(s)
+  local op, len = u8(s, 1), be16(s, 2)
+  local items = { { f.op, op } }
+  local function add(field, value) items[#items + 1] = { field, value } end
+  if (op == 0x2C or op == 0xE0) and len >= 8 then
+    add(f.window, string.format("%d,%d to %d,%d", be16(s, 4), be16(s, 6), be16(s, 8), be16(s, 10)))
+    local pixels = math.floor((len - 8) / 2)
+    if op == 0xE0 then
+      pixels = 0
+      for at = 12, len + 1, 3 do pixels = pixels + u8(s, at) end
+    end
+    add(f.drawn, pixels)
+  elseif op == 0x54 and len == 5 then
+    add(f.pen_down, u8(s, 4) == 1)
+    add(f.pen_x, be16(s, 5))
+    add(f.pen_y, be16(s, 7))
+  end
+  return string.format("Panel 0x%02x, %d bytes", op, len), items
+end
+
 local FORMATS = {
   { "xv11", judge_xv11, tell_xv11 },
   { "xv11-turn", judge_turn, tell_turn },
@@ -198,6 +260,7 @@ local FORMATS = {
   { "bus-high-first", function(s) return judge_bus(s, true) end,
     function(s) return tell_bus(s, true) end },
   { "pcui", judge_pcui, tell_pcui },
+  { "panel", judge_panel, tell_panel },
 }
 
 -- Lines: bytes that wait, per link and direction ---------------------------------------------------

@@ -6,10 +6,10 @@ use std::process::Command;
 
 use hilrig::capture::{Interface, Kind, Record, Section};
 use hilrig::line::Direction;
-use protocols::Instant;
+use protocols::{Instant, LineEvent};
 
 use super::captures::skipped;
-use super::{Session, text};
+use super::{Session, shipped, text};
 
 /// Chunks of one link and direction, 1 ms apart, as a capture.
 struct Chunks(Vec<u8>, u64);
@@ -25,17 +25,25 @@ impl Chunks {
     }
 
     fn add(&mut self, link: u32, direction: Direction, bytes: &[u8]) {
+        self.record(link, direction, Kind::Data, bytes, "");
+    }
+
+    fn event(&mut self, link: u32, direction: Direction, event: LineEvent, comment: &str) {
+        self.record(link, direction, Kind::Line(event), &[], comment);
+    }
+
+    fn record(&mut self, link: u32, direction: Direction, kind: Kind, bytes: &[u8], comment: &str) {
         self.1 += 1;
         let record = Record {
             link: 0,
             sequence: None,
             at: Instant::from_millis(self.1),
             direction,
-            kind: Kind::Data,
+            kind,
             bytes: bytes.to_vec(),
             sent: None,
             pieces: Vec::new(),
-            comment: String::new(),
+            comment: comment.to_owned(),
         };
         record.write(link, &mut self.0);
     }
@@ -229,6 +237,103 @@ fn messages_of_the_pc_link_show_their_content() {
         "LWP|20||||1,2|100,-1|200,-2|",
     ];
     assert_eq!(told, expected);
+}
+
+/// Checksums by an independent CRC-16/XMODEM.
+#[test]
+fn frames_of_a_panel_show_window_pixels_and_pen() {
+    let pen = b"\x7E\x54\x00\x05\x01\x01\x23\x0A\xBC\x0D\xE7";
+    let runs = b"\x7E\xE0\x00\x0E\x00\x00\x00\x02\x00\x03\x00\x02\x03\xF8\x00\x01\x07\xE0\x08\x26";
+    let bad = b"\x7E\x29\x00\x00\x18\x58";
+    let session = Session::new("wireshark-panel");
+    let mut chunks = Chunks::of(&["display"]);
+    chunks.add(0, UP, pen);
+    chunks.add(0, DOWN, b"\x7E\x29\x00\x00\x18\x57");
+    chunks.add(0, DOWN, runs);
+    chunks.add(0, DOWN, bad);
+    chunks.add(0, DOWN, runs);
+    let fields = [
+        "hilrig.panel.op",
+        "hilrig.panel.window",
+        "hilrig.panel.pixels",
+        "hilrig.panel.pen_x",
+        "hilrig.panel.pen_y",
+        "hilrig.bad",
+    ];
+    let Some(lines) = dissect(&session, &chunks, &fields) else {
+        return;
+    };
+    let drawn = "0xe0|0,2 to 3,2|4|||";
+    let expected = ["0x54|||291|2748|", "0x29|||||", drawn, "|||||6", drawn];
+    assert_eq!(lines, expected);
+}
+
+/// The rates of the seed report's links, as Wireshark's own tool reads them from a run's capture.
+#[test]
+fn a_runs_capture_tells_the_rate_of_each_link() {
+    let session = Session::new("wireshark-rates");
+    let short = shipped("empty-room").replace("duration = ", "duration = \"1s\" # ");
+    session.write("short.toml", &short);
+    session.hilrig(&["run", "short.toml", "--out", "out"]);
+    let mut capinfos = Command::new("capinfos");
+    let output = match capinfos
+        .arg("out/capture.pcapng")
+        .current_dir(&session.folder)
+        .output()
+    {
+        Ok(output) => output,
+        Err(error) if std::env::var_os("CI").is_none() => {
+            return skipped(&format!("no capinfos: {error}"));
+        }
+        Err(error) => panic!("capinfos: {error}"),
+    };
+    let said = text(&output.stdout);
+    let value = |key: &str| -> Vec<&str> {
+        let lines = said
+            .lines()
+            .filter_map(|line| line.trim().strip_prefix(key));
+        lines.collect()
+    };
+    let links: Vec<_> = value("Name = ")
+        .into_iter()
+        .zip(value("Speed = "))
+        .collect();
+    for link in [
+        ("lidar", "115200"),
+        ("base", "1000000"),
+        ("radio", "460800"),
+    ] {
+        assert!(links.contains(&link), "{link:?} in {links:?}");
+    }
+    assert!(said.contains("Time precision = nanoseconds"), "{said}");
+}
+
+/// Numbers of the link type's events: 0 status, 7 framing, 9 break, 10 overflow.
+#[test]
+fn events_of_a_line_are_told_with_their_kind_and_comment() {
+    let session = Session::new("wireshark-events");
+    let mut chunks = Chunks::of(&["lidar"]);
+    for (event, comment) in [
+        (LineEvent::Opened, "port opened"),
+        (LineEvent::Break, "break"),
+        (LineEvent::FramingError, "2 characters without a stop bit"),
+        (LineEvent::Overrun, "overrun"),
+        (LineEvent::Closed, "port closed"),
+    ] {
+        chunks.event(0, UP, event, comment);
+    }
+    let fields = ["rtacser.eventtype", "rtacser.dtr", "frame.comment"];
+    let Some(lines) = dissect(&session, &chunks, &fields) else {
+        return;
+    };
+    let expected = [
+        "0x00|1|port opened",
+        "0x09|1|break",
+        "0x07|1|2 characters without a stop bit",
+        "0x0a|1|overrun",
+        "0x00|0|port closed",
+    ];
+    assert_eq!(lines, expected);
 }
 
 #[test]
