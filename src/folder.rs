@@ -13,8 +13,8 @@ use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 use serde::Serialize;
 
 use crate::check::{Check, Status};
-use crate::render;
 use crate::run::Outcome;
+use crate::{render, report};
 
 /// Name and version of the tool as written into results.
 pub const TOOL: &str = "hilrig";
@@ -126,6 +126,7 @@ pub fn write(dir: &Path, outcome: &Outcome, wall: Duration) -> Result<(), Folder
     };
     put("result.json", &result_json(outcome, wall))?;
     put("case.toml", &outcome.case.to_toml())?;
+    put("report.html", &report::html(outcome))?;
     put("events.txt", &events(outcome))?;
     put("true.tum", &tum(&outcome.truth))?;
     let estimate: Vec<_> = outcome

@@ -22,7 +22,8 @@
 //! | [`fuzz`] | cases that nobody thought of |
 //! | [`fuzz`], [`generate`], [`shrink`] | cases that nobody thought of, made small |
 //! | [`campaign`] | many runs, grouped by cause |
-//! | [`folder`], [`render`] | what a run leaves behind |
+//! | [`folder`], [`render`], [`report`] | what a run leaves behind |
+//! | [`history`] | a run over its time, sampled, for the report |
 //! | [`view`] | what the page and the report show, and the script that draws it |
 //! | [`slam`] | the mapper over anybody's log |
 //! | [`realtime`], [`standalone`] | the rig, or the program alone, at the pace of the wall clock |
@@ -46,6 +47,7 @@ pub mod folder;
 pub mod fuzz;
 pub mod generate;
 pub mod import;
+pub mod history;
 pub mod line;
 pub mod mission;
 pub mod museum;
@@ -55,6 +57,7 @@ pub mod realtime;
 pub mod record;
 pub mod render;
 pub mod replay;
+pub mod report;
 pub mod resample;
 pub mod rig;
 pub mod robots;

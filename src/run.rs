@@ -12,6 +12,7 @@ use image::RgbImage;
 use protocols::Instant;
 
 use crate::check::{self, Check, Checker, Look, Status};
+use crate::history::History;
 use crate::mission::Progress;
 use crate::realtime::Paced;
 use crate::render;
@@ -20,6 +21,7 @@ use crate::robots::{self, Dut, PcEnd, Wired};
 use crate::scenario::world::PushSpec;
 use crate::scenario::{Scenario, ScenarioError, Source};
 use crate::score::{self, PoseError, PosePair, WallOverlap};
+use crate::view;
 
 pub use command::CommandError;
 pub use faults::{FAULTS_MAX, FaultReport, FaultState};
@@ -41,6 +43,7 @@ pub struct Run {
     pushes: Vec<PushSpec>,
     truth: Vec<(Instant, Pose)>,
     pairs: Vec<PosePair>,
+    history: History,
     looks: u32,
     next_look: Instant,
     is_over: bool,
@@ -67,6 +70,12 @@ pub struct Outcome {
     pub pairs: Vec<PosePair>,
     /// The program's map.
     pub map: Option<Box<Grid>>,
+    /// What is solid, obstacles where they were in the end.
+    pub scene: view::Scene,
+    /// Radius of the robot.
+    pub radius_m: f64,
+    /// The run over its time.
+    pub history: History,
     /// What the robot's display showed in the end.
     pub display: Option<RgbImage>,
     /// The program's counters.
@@ -116,6 +125,7 @@ impl Run {
             pushes,
             truth: Vec::new(),
             pairs: Vec::new(),
+            history: History::new(scenario.duration.0),
             looks: 0,
             next_look: Instant::ZERO + LOOK_EVERY,
             is_over: false,
@@ -197,6 +207,7 @@ impl Run {
             .iter_mut()
             .for_each(|checker| checker.observe(&look));
 
+        self.history.observe(&self.rig);
         let (now, pose) = (self.rig.now(), self.rig.world.pose());
         self.progress.observe(now, pose, self.rig.world.is_moving());
         self.looks += 1;
@@ -259,12 +270,15 @@ impl Run {
             pose_error,
             wall_overlap,
             map,
+            scene: view::scene(&self.rig.world),
+            radius_m: self.rig.world.body().radius_m,
             display: robots::display(self.scenario.robot, &self.rig).map(render::display),
             counters,
             events: self.rig.events().to_vec(),
             violations: self.rig.violations(),
             waypoints: [self.progress.visits().len(), self.progress.waypoints()],
             trace_hash: self.rig.trace_hash(),
+            history: self.history,
             truth: self.truth,
             pairs: self.pairs,
         }

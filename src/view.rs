@@ -3,6 +3,7 @@
 //! The script, `view/view.js`, documents the JSON that each of its functions takes.
 
 use emulators::world::{Point, Shape, World};
+use image::RgbImage;
 use serde::Serialize;
 
 /// The drawing functions: a classic script that defines `hilrigView`.
@@ -65,6 +66,19 @@ fn outline(shape: &Shape, from: Point) -> Outline {
     }
 }
 
+/// A picture as runs of count, red, green and blue, top row first: `drawPicture` of the script.
+pub fn picture_runs(picture: &RgbImage) -> Vec<u8> {
+    let pixels = picture.as_raw().as_chunks::<3>().0;
+    let runs = pixels.chunk_by(|a, b| a == b);
+    let parts = runs.flat_map(|run| run.chunks(u8::MAX.into()));
+    let parts = parts.map(|part| {
+        let count = u8::try_from(part.len()).expect("chunks of at most 255");
+        let [red, green, blue] = part[0];
+        [count, red, green, blue]
+    });
+    parts.flatten().collect()
+}
+
 /// Metres in whole millimetres: what can be seen, in few digits.
 pub fn millimetres(metres: f64) -> f64 {
     // No -0: a page would not tell it from 0.
@@ -77,6 +91,15 @@ mod tests {
     use protocols::Instant;
 
     use super::*;
+
+    /// 300 pixels of one colour and one of another: 255, 45 and 1.
+    #[test]
+    fn a_picture_is_runs_of_at_most_255() {
+        let mut picture = RgbImage::from_pixel(301, 1, image::Rgb([1, 2, 3]));
+        picture.put_pixel(300, 0, image::Rgb([9, 8, 7]));
+        let expected = [255, 1, 2, 3, 45, 1, 2, 3, 1, 9, 8, 7];
+        assert_eq!(picture_runs(&picture), expected);
+    }
 
     /// A wall, and a pillar that walks a metre along y in a second: halfway after half of it.
     #[test]

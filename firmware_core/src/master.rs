@@ -64,6 +64,12 @@ pub trait Inspect {
     /// The map as the program holds it.
     fn map(&self) -> Option<&crate::grid::Grid>;
 
+    /// Where the beams of the newest scan that was matched ended, in the robot's frame at the time
+    /// of the [`estimate`](Self::estimate).
+    fn scan(&self) -> &[crate::pose::Point] {
+        &[]
+    }
+
     /// What the program is doing, in one or two words, e.g. `waypoint` or `stop`.
     fn mode(&self) -> &'static str;
 

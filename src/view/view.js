@@ -210,14 +210,43 @@ const hilrigView = (() => {
     return high + laneHeight;
   }
 
-  // Bytes of a base64 text.
-  function bytes(text) {
-    const raw = atob(text);
-    return Uint8Array.from(raw, (letter) => letter.charCodeAt(0));
+  // Bytes of hexadecimal digits.
+  const bytes = (text) => Uint8Array.from({ length: text.length / 2 },
+    (_, i) => parseInt(text.slice(2 * i, 2 * i + 2), 16));
+
+  // The cells of a map from pairs of count and value.
+  function cells(runs, count) {
+    const cells = new Uint8Array(count);
+    for (let i = 0, at = 0; i + 1 < runs.length; at += runs[i], i += 2) {
+      cells.fill(runs[i + 1], at, at + runs[i]);
+    }
+    return cells;
+  }
+
+  // The cells of a map of 16 shades: runs of 1 to 16 in the upper half, the shade in the lower.
+  function shades(runs, count) {
+    const cells = new Uint8Array(count);
+    let at = 0;
+    for (const run of runs) cells.fill((run & 15) * 17, at, at += (run >> 4) + 1);
+    return cells;
+  }
+
+  // A picture from runs of count, red, green, blue: fills the canvas.
+  function drawPicture(canvas, width, height, runs) {
+    canvas.width = width;
+    canvas.height = height;
+    const image = new ImageData(width, height);
+    for (let i = 0, at = 0; i + 3 < runs.length; i += 4) {
+      for (let left = runs[i]; left > 0; left--, at += 4) {
+        image.data.set([runs[i + 1], runs[i + 2], runs[i + 3], 255], at);
+      }
+    }
+    canvas.getContext("2d").putImageData(image, 0, 0);
   }
 
   return {
     colours, fit, toPixel, toWorld, clear, drawWorld, mapImage, drawMap, drawPath, drawScan,
     drawRobot, drawWaypoints, drawLanes, timeToPixel, pixelToTime, laneHeight, bytes,
+    cells, shades, drawPicture,
   };
 })();

@@ -47,12 +47,14 @@ fn the_demo_passes_and_leaves_the_whole_folder() {
         "map.png",
         "map.txt",
         "map.yaml",
+        "report.html",
         "result.json",
         "true.tum",
     ];
     assert_eq!(files, expected);
     let result: serde_json::Value =
         serde_json::from_str(&session.read("out/result.json")).expect("JSON");
+    assert!(session.read("out/report.html").len() < 3_000_000);
     assert_eq!(result["tool"], "hilrig");
     assert_eq!(result["scenario"], "rescue-flat");
     assert_eq!(result["verdict"], "pass");

@@ -45,7 +45,8 @@ impl Browser {
         Some(browser)
     }
 
-    fn start(name: &str) -> Option<Self> {
+    /// A browser without a page. It reaches this machine only.
+    pub(crate) fn start(name: &str) -> Option<Self> {
         let one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
         let mut command = Command::new("chromedriver");
         command.arg("--port=0").stdout(Stdio::piped());
@@ -78,6 +79,8 @@ impl Browser {
             "--disable-sync",
             "--enable-precise-memory-info",
             "--js-flags=--expose-gc",
+            // Nobody listens at the port of "discard"; this machine itself needs no proxy.
+            "--proxy-server=http://127.0.0.1:9",
             "--window-size=1280,1040",
         ];
         let mut arguments: Vec<String> = arguments.map(str::to_owned).to_vec();
@@ -106,6 +109,22 @@ impl Browser {
     pub(crate) fn go(&self, url: &str) {
         let gone = self.runtime.block_on(self.client().goto(url));
         gone.expect("the page loads");
+    }
+
+    /// What was said on the console until `last` was, a line each.
+    pub(crate) fn console(&self, last: &str) -> Vec<String> {
+        let log = self.profile.join("chrome_debug.log");
+        for _ in 0..LOOKS_MAX {
+            let said = std::fs::read_to_string(&log).unwrap_or_default();
+            let lines = said.lines().filter(|line| line.contains("CONSOLE"));
+            let lines: Vec<_> = lines.map(str::to_owned).collect();
+            if let Some(end) = lines.iter().position(|line| line.contains(last)) {
+                return lines[..end].to_vec();
+            }
+            let pause = async { tokio::time::sleep(LOOK_EVERY).await };
+            self.runtime.block_on(pause);
+        }
+        panic!("never on the console: {last}");
     }
 
     /// Loads the page again.

@@ -8,6 +8,7 @@ mod clock;
 mod hostile;
 mod live;
 mod remote;
+mod report;
 mod server;
 mod shows;
 mod steers;

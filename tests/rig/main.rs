@@ -10,6 +10,7 @@ mod maps;
 mod mission;
 mod own_device;
 mod pc_program;
+mod report;
 mod silence;
 
 use std::path::Path;

@@ -5,7 +5,7 @@ use super::Rescue;
 use crate::Inspect;
 use crate::grid::Grid;
 use crate::memory::StrayWrites;
-use crate::pose::Pose;
+use crate::pose::{Point, Pose};
 
 impl Inspect for Rescue {
     fn estimate(&self) -> Option<(Instant, Pose)> {
@@ -14,6 +14,10 @@ impl Inspect for Rescue {
 
     fn map(&self) -> Option<&Grid> {
         Some(self.mapper.grid())
+    }
+
+    fn scan(&self) -> &[Point] {
+        self.scan.points()
     }
 
     fn mode(&self) -> &'static str {

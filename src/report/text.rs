@@ -1,0 +1,81 @@
+//! Words of others as HTML.
+
+use core::ops::Range;
+
+/// `text` without any markup.
+pub(super) fn escape(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for letter in text.chars() {
+        match letter {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\'' => out.push_str("&#39;"),
+            _ => out.push(letter),
+        }
+    }
+    out
+}
+
+/// The same with each time in it, seconds with six decimals, as a button that jumps there.
+pub(super) fn with_jumps(text: &str) -> String {
+    let (mut out, mut rest) = (String::new(), text);
+    while let Some(time) = next_time(rest) {
+        let at = &rest[time.clone()];
+        out += &escape(&rest[..time.start]);
+        out += &format!("<button type=\"button\" class=\"jump\" data-at=\"{at}\">{at}</button>");
+        rest = &rest[time.end..];
+    }
+    out + &escape(rest)
+}
+
+/// The first time in `text`, seconds.
+pub(super) fn first_time(text: &str) -> Option<f64> {
+    text[next_time(text)?].parse().ok()
+}
+
+/// Where the first number with exactly six decimals is: times, and nothing else, are written so.
+fn next_time(text: &str) -> Option<Range<usize>> {
+    let is_part = |byte: u8| byte.is_ascii_digit() || byte == b'.';
+    let bytes = text.as_bytes();
+    let mut start = 0;
+    while start < bytes.len() {
+        let len = bytes[start..].iter().take_while(|&&b| is_part(b)).count();
+        let number = &text[start..start + len];
+        if let Some((whole, decimals)) = number.split_once('.')
+            && !whole.is_empty()
+            && decimals.len() == 6
+            && !decimals.contains('.')
+        {
+            return Some(start..start + len);
+        }
+        start += len.max(1);
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_of_others_is_markup() {
+        assert_eq!(
+            escape("<b onclick='x'>\"&amp;"),
+            "&lt;b onclick=&#39;x&#39;&gt;&quot;&amp;amp;"
+        );
+        assert_eq!(with_jumps("a<b"), "a&lt;b");
+    }
+
+    /// A figure with fewer decimals, a version and a sentence's full stop are no times.
+    #[test]
+    fn times_become_jumps_and_other_figures_do_not() {
+        assert_eq!(first_time("0.913 found, fw 2.4.13386, 1.0000001"), None);
+        assert_eq!(first_time("first: 12.345678 base"), Some(12.345678));
+        assert_eq!(
+            with_jumps("ä 1.000000 s"),
+            "ä <button type=\"button\" class=\"jump\" data-at=\"1.000000\">1.000000</button> s"
+        );
+    }
+}

@@ -1,0 +1,45 @@
+//! report.html as text: what it says, that it is the run's alone, and that nothing of others is
+//! markup. What a browser makes of it: `tests/page/report.rs`.
+
+use hilrig::report;
+
+use super::{in_a_room, run_to_end};
+
+/// Demands too much of the map, names itself as somebody with bad intentions would, and has a
+/// fault on a line.
+const WOUNDED: &str = "description = \"<img src=x onerror=alert(1)></script>\"\n\
+    [expect]\nwall_overlap_min = 1.0\nviolations_max = 0\n\
+    [device.display.touch-panel]\n\
+    [[fault]]\nlink = \"base\"\ndirection = \"to-device\"\nkind = \"flip\"\nrate = 0.01\n\
+    from = \"2s\"\nuntil = \"3s\"\n";
+
+fn wounded() -> String {
+    report::html(&run_to_end(in_a_room("6s", WOUNDED)))
+}
+
+/// Wall time, addresses and hashing of the host must not be in it.
+#[test]
+fn the_same_case_makes_the_same_report() {
+    assert!(wounded() == wounded());
+}
+
+#[test]
+fn a_report_says_what_was_demanded_and_what_came_of_it() {
+    let html = wounded();
+    assert!(html.contains("<span id=\"verdict\" class=\"fail\">FAIL</span>"));
+    assert!(html.contains("<tr class=\"fail\"><td>FAIL</td><td>wall-overlap</td>"));
+    assert!(html.contains("<tr class=\"pass\"><td>ok</td><td>bytes-conserved</td>"));
+    // Each fault that came of the rate is listed as the byte that it hit.
+    assert!(html.contains("<td>flip</td><td>base</td><td>to the device</td><td>byte "));
+}
+
+/// The description ends no element and begins none; the policy lets nothing load.
+#[test]
+fn nothing_of_the_scenario_is_markup() {
+    let html = wounded();
+    assert!(html.contains("<p>&lt;img src=x onerror=alert(1)&gt;&lt;/script&gt;</p>"));
+    assert!(!html.contains("<img"));
+    assert_eq!(html.matches("</script>").count(), 3);
+    assert!(html.contains("content=\"default-src 'none'; script-src 'nonce-"));
+    assert!(!html.contains("://"), "an address");
+}
