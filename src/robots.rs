@@ -14,7 +14,9 @@ use crate::decode::Protocol;
 use crate::fault::FaultId;
 use crate::line::End;
 use crate::rig::{Program, Rig};
-use crate::scenario::{DeviceSpec, FaultSpec, Flaw, Robot, Scenario, ScenarioError, Source, Step};
+use crate::scenario::{
+    DeviceSpec, FaultSpec, Flaw, Robot, Scenario, ScenarioError, Source, Step, TapSpec,
+};
 
 pub mod rescue;
 
@@ -312,11 +314,10 @@ pub fn display(robot: Robot, rig: &Rig) -> Option<&TouchPanel> {
     }
 }
 
-/// Taps on the robot's display at `place`, column and row, now; whether it has one.
-pub fn tap(robot: Robot, rig: &mut Rig, place: [u16; 2]) -> bool {
-    let now = rig.now();
-    let display = match robot {
-        Robot::Rescue => rescue::display::of_mut(rig),
-    };
-    display.map(|display| display.tap(now, place)).is_some()
+/// Lets somebody tap on the robot's display, and adds the tap to the scenario; whether there is a
+/// display.
+pub fn tap(scenario: &mut Scenario, rig: &mut Rig, tap: TapSpec) -> bool {
+    match scenario.robot {
+        Robot::Rescue => rescue::display::tap(scenario, rig, tap),
+    }
 }

@@ -28,7 +28,7 @@ const REPORT_PERIOD: Duration = Duration::from_millis(20);
 /// How long a tap touches, and how far apart taps in a row are.
 const TAP: Duration = Duration::from_millis(100);
 /// Most taps that wait.
-const TAPS_MAX: usize = 1000;
+pub const TAPS_MAX: usize = 1000;
 
 /// A finger that touches a place for a tenth of a second.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,6 +52,8 @@ pub struct TouchPanel {
     /// In order of time.
     taps: VecDeque<Tap>,
     pen: Option<Touch>,
+    /// Before this the finger does not touch again.
+    rests_until: Instant,
     reports: VecDeque<u8>,
     log: EventLog,
 }
@@ -82,6 +84,7 @@ impl TouchPanel {
             damaged: 0,
             taps: taps.into(),
             pen: None,
+            rests_until: Instant::ZERO,
             reports: VecDeque::new(),
             log: EventLog::default(),
         }
@@ -175,8 +178,11 @@ impl TouchPanel {
 
     /// Moves the finger.
     fn touch(&mut self, now: Instant) {
-        if self.pen.is_none() && self.taps.front().is_some_and(|tap| tap.at <= now) {
-            let tap = self.taps.pop_front().expect("looked at");
+        if self.pen.is_none()
+            && let Some(tap) = self
+                .taps
+                .pop_front_if(|tap| tap.at.max(self.rests_until) <= now)
+        {
             self.pen = Some(Touch {
                 place: tap.place,
                 report_at: now,
@@ -200,11 +206,8 @@ impl TouchPanel {
         if report == Some(Contact::Up) {
             let [x, y] = touch.place;
             self.log.note(now, "tapped", format!("at {x}, {y}"));
-            // The finger is off for a while before the next tap.
             self.pen = None;
-            if let Some(next) = self.taps.front_mut() {
-                next.at = next.at.max(now + TAP);
-            }
+            self.rests_until = now + TAP;
         }
     }
 }
@@ -249,7 +252,7 @@ impl Device for TouchPanel {
 
     fn poll_at(&self) -> Option<Instant> {
         let pen = self.pen.map(|touch| touch.report_at.min(touch.until));
-        let tap = self.taps.front().map(|tap| tap.at);
+        let tap = self.taps.front().map(|tap| tap.at.max(self.rests_until));
         earliest([pen.or(tap), self.log.poll_at()])
     }
 

@@ -4,11 +4,12 @@
 use core::fmt;
 
 use emulators::pc::ScriptError;
+use emulators::touch_panel;
 use protocols::Instant;
 
 use super::Run;
 use crate::robots;
-use crate::scenario::{Action, Scenario, Span, Step};
+use crate::scenario::{Action, Scenario, Span, Step, TapSpec};
 
 impl Run {
     /// Lets the PC do `action`, within a millisecond, to which the run goes on. The action becomes
@@ -34,6 +35,24 @@ impl Run {
         Ok(())
     }
 
+    /// Taps on the robot's display at `place`, column and row, within a millisecond, to which the
+    /// run goes on. The tap becomes one of the scenario's, so that [`case`](Self::case) repeats it.
+    ///
+    /// # Errors
+    /// If the robot has no display, or the place is beside it.
+    pub fn tap(&mut self, place: [u16; 2]) -> Result<(), CommandError> {
+        let [x, y] = place.map(usize::from);
+        if x >= touch_panel::WIDTH || y >= touch_panel::HEIGHT {
+            return Err(CommandError::BesideDisplay(place));
+        }
+        let at = Span::from_millis(self.rig.now().as_millis() + 1);
+        if !robots::tap(&mut self.scenario, &mut self.rig, TapSpec { at, place }) {
+            return Err(CommandError::NoDisplay);
+        }
+        self.go_on_until(at.instant());
+        Ok(())
+    }
+
     /// The run so far as a scenario that does it again, up to now and no further.
     pub fn case_so_far(&self) -> Scenario {
         let mut case = self.case();
@@ -50,6 +69,10 @@ pub enum CommandError {
     NoPc,
     /// The protocol does not allow it.
     Script(ScriptError),
+    /// The robot has no display.
+    NoDisplay,
+    /// There is nothing to tap.
+    BesideDisplay([u16; 2]),
 }
 
 impl fmt::Display for CommandError {
@@ -57,6 +80,14 @@ impl fmt::Display for CommandError {
         match self {
             Self::NoPc => f.write_str("the rig has no PC of its own: the PC's end is a port"),
             Self::Script(error) => error.fmt(f),
+            Self::NoDisplay => f.write_str("the robot has no display"),
+            Self::BesideDisplay([x, y]) => {
+                let (width, height) = (touch_panel::WIDTH, touch_panel::HEIGHT);
+                write!(
+                    f,
+                    "{x}, {y} is not on the display of {width} x {height} pixels"
+                )
+            }
         }
     }
 }
@@ -115,6 +146,26 @@ mod tests {
         let outcome = again(&case).finish();
         assert_eq!(outcome.trace_hash, run.rig.trace_hash());
         assert_eq!(outcome.ran.as_nanos(), 10_000_000_000);
+    }
+
+    /// Taps of the scenario and by hand, also faster than a finger can: done again to the byte.
+    #[test]
+    fn taps_by_hand_are_repeated_byte_by_byte() {
+        let mut run = run("[[device.display.touch-panel.tap]]\nat = \"4s\"\nplace = [410, 50]");
+        run.go_on_until(Instant::from_nanos(2_500_000_123));
+        for place in [[410, 130], [60, 80], [150, 120], [280, 50]] {
+            run.tap(place).expect("has a display");
+        }
+        run.go_on_until(Instant::from_nanos(3_999_500_000));
+        run.tap([240, 256]).expect("has a display");
+        assert!(run.tap([480, 0]).is_err());
+        run.go_on_until(Instant::from_secs(6));
+        let outcome = again(&run.case_so_far()).finish();
+        assert_eq!(outcome.trace_hash, run.rig.trace_hash());
+        assert_eq!(
+            outcome.display,
+            robots::display(run.scenario.robot, &run.rig).map(crate::render::display)
+        );
     }
 
     /// Looking at a run and cutting it into other pieces is not doing anything to it.

@@ -39,6 +39,8 @@ pub(super) enum Command {
     Mode { mode: ModeSpec },
     /// Set-points of the wheels by hand.
     Drive { wheels: [i8; 2] },
+    /// A finger on the robot's display, column and row.
+    Tap { place: [u16; 2] },
     /// The PC opens its port.
     Connect,
     /// The PC closes its port.

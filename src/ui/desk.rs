@@ -6,6 +6,7 @@ use std::rc::Rc;
 use std::sync::{Arc, PoisonError};
 
 use emulators::pc::{Connection, Pc};
+use emulators::touch_panel::{self, TouchPanel};
 use emulators::world::Pose;
 use firmware_core::pose::{Pose as ProgramPose, WirePose};
 use protocols::Instant;
@@ -62,8 +63,8 @@ pub struct Desk {
     wire: Rc<RefCell<Wire>>,
     stage: Arc<str>,
     hand: Hand,
-    /// The robot's map, and the PC's.
-    books: [Book; 2],
+    /// The robot's map, the PC's, and the robot's display.
+    books: [Book; 3],
     slow: Numbered,
     scan: Numbered,
     scan_turn: u64,
@@ -98,7 +99,7 @@ impl Desk {
             wire,
             stage: Arc::from(""),
             hand: Hand::default(),
-            books: ["robot", "pc"].map(Book::new),
+            books: ["robot", "pc", "display"].map(Book::new),
             slow: Numbered::new("{}"),
             scan: Numbered::new("{}"),
             scan_turn: 0,
@@ -177,6 +178,7 @@ impl Desk {
                 run.withdraw(FaultId(*id))
                     .map_err(|flaw| flaw.to_string())?;
             }
+            Command::Tap { place } => run.tap(*place).map_err(|error| error.to_string())?,
             Command::Drive { wheels } => {
                 if let Some(gesture) = self.hand.hold(wall, *wheels) {
                     does(run, gesture).inspect_err(|_| self.hand.let_go())?;
@@ -288,6 +290,9 @@ impl Desk {
         if let Some(pc) = robots::pc(run.scenario().robot, &run.rig) {
             look_at_pc(&mut self.books[1], pc);
         }
+        if let Some(panel) = robots::display(run.scenario().robot, &run.rig) {
+            look_at_display(&mut self.books[2], panel);
+        }
     }
 
     fn fast(&self, run: &Run, tempo: Tempo) -> Value {
@@ -352,6 +357,20 @@ pub(super) fn look_at_pc(book: &mut Book, pc: &Pc) {
         let row = |y: usize| map.pixels.get(y * map.width..(y + 1) * map.width);
         book.look([map.width, map.height], resolution_m, row);
     }
+}
+
+/// The robot's display into its book. A row is the upper bytes of its pixels, then the lower ones:
+/// both have longer runs than the pixels.
+fn look_at_display(book: &mut Book, panel: &TouchPanel) {
+    let rows = panel.pixels().chunks(touch_panel::WIDTH);
+    let bytes = rows.flat_map(|row| {
+        let byte = |index: usize| row.iter().map(move |pixel| pixel.to_be_bytes()[index]);
+        byte(0).chain(byte(1))
+    });
+    let bytes: Vec<u8> = bytes.collect();
+    let width = 2 * touch_panel::WIDTH;
+    let row = |y: usize| bytes.get(y * width..(y + 1) * width);
+    book.look([width, touch_panel::HEIGHT], 0.0, row);
 }
 
 /// What stays the same.

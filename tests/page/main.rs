@@ -5,6 +5,7 @@
 
 mod browser;
 mod clock;
+mod display;
 mod hostile;
 mod live;
 mod remote;

@@ -52,8 +52,7 @@ fn pass(run: &mut Run, seconds: u64) {
 
 /// Taps, and gives the robot two seconds to show what came of it.
 fn tap(run: &mut Run, place: [u16; 2]) {
-    let robot = run.scenario().robot;
-    assert!(robots::tap(robot, &mut run.rig, place));
+    run.tap(place).expect("it has a display");
     pass(run, 2);
 }
 
@@ -202,9 +201,8 @@ fn a_reset_takes_two_taps() {
     tap(&mut run, SETTINGS);
     tap(&mut run, RESET);
     assert!(known(&run) > 10_000);
-    let robot = run.scenario().robot;
-    robots::tap(robot, &mut run.rig, RESET);
-    robots::tap(robot, &mut run.rig, RESET);
+    run.tap(RESET).expect("it has a display");
+    run.tap(RESET).expect("it has a display");
     // Looked at before the next turn of the lidar fills the map again.
     let mut least = usize::MAX;
     for _ in 0..60 {

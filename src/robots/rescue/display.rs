@@ -69,7 +69,15 @@ pub(in super::super) fn of(rig: &Rig) -> Option<&TouchPanel> {
     rig.device(NAME)
 }
 
-/// The same, to be touched.
-pub(in super::super) fn of_mut(rig: &mut Rig) -> Option<&mut TouchPanel> {
-    rig.device_mut(NAME)
+/// Taps on it, and notes that in the scenario; whether there is one.
+pub(in super::super) fn tap(scenario: &mut Scenario, rig: &mut Rig, tap: TapSpec) -> bool {
+    let spec = scenario.device.get_mut(NAME);
+    let (Some(panel), Some(DeviceSpec::TouchPanel(spec))) =
+        (rig.device_mut::<TouchPanel>(NAME), spec)
+    else {
+        return false;
+    };
+    panel.tap(tap.at.instant(), tap.place);
+    spec.tap.push(tap);
+    true
 }

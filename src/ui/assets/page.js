@@ -137,6 +137,7 @@ function draw() {
   if (!hilrig.stage || !hilrig.now) return;
   unpack(hilrig.maps, hilrig.now.maps);
   drawWorld();
+  drawScreen();
   if (hilrig.stage.kind === "rig") drawWires();
   showNow();
   if (hilrig.slow) showSlow();
@@ -197,6 +198,29 @@ function drawWorld() {
   if ($("show-waypoints").checked && hilrig.now.pc) {
     view.drawWaypoints(context, frame, metres(dragged(hilrig.now.pc.waypoints)));
   }
+}
+
+// The robot's display: a row is the upper bytes of its pixels (RGB565), then the lower ones.
+let screenShown = null;
+function drawScreen() {
+  const display = (hilrig.past?.maps ?? hilrig.maps).display;
+  $("display").hidden = !display;
+  if (!display || (display === screenShown && !dirty.display)) return;
+  screenShown = display;
+  dirty.display = false;
+  const width = display.width / 2, image = new ImageData(width, display.height);
+  for (let y = 0, at = 0; y < display.height; y++) {
+    for (let x = 0; x < width; x++, at += 4) {
+      const high = display.cells[y * display.width + x];
+      const low = display.cells[y * display.width + width + x];
+      const red = high >> 3, green = (high & 7) << 3 | low >> 5, blue = low & 31;
+      image.data[at] = red << 3 | red >> 2;
+      image.data[at + 1] = green << 2 | green >> 4;
+      image.data[at + 2] = blue << 3 | blue >> 2;
+      image.data[at + 3] = 255;
+    }
+  }
+  $("screen").getContext("2d").putImageData(image, 0, 0);
 }
 
 // The list with the waypoint that is being dragged where the pointer is.
@@ -449,6 +473,17 @@ canvas.oncontextmenu = (event) => {
   if (hilrig.past || !frame) return;
   const index = waypointAt(place(event));
   if (index !== null) send({ do: "delete", index, at: hilrig.now.pc.waypoints[index] });
+};
+
+$("screen").onclick = (event) => {
+  if (hilrig.past) return;
+  const screen = event.currentTarget, box = screen.getBoundingClientRect();
+  const pixel = (at, from, span, all) =>
+    Math.max(0, Math.min(all - 1, Math.floor((at - from) * all / span)));
+  send({ do: "tap", place: [
+    pixel(event.clientX, box.left, box.width, screen.width),
+    pixel(event.clientY, box.top, box.height, screen.height),
+  ] });
 };
 
 $("add").onsubmit = (event) => {

@@ -1,0 +1,48 @@
+//! The robot's display on the page: what it shows, and what a click on it does.
+
+use hilrig::{render, robots};
+use serde_json::json;
+
+use super::again;
+use super::browser::Browser;
+use super::server::Server;
+
+/// All pixels of the page's picture, red, green and blue.
+const PIXELS: &str = "Array.from(document.getElementById('screen').getContext('2d')\
+    .getImageData(0, 0, 480, 272).data).filter((_, index) => index % 4 !== 3)";
+
+/// A click on the tab of settings: they appear, every pixel is the one that the robot's display
+/// holds at that nanosecond, and the saved session has the same tap.
+#[test]
+fn a_click_on_the_robots_display_touches_it() {
+    let server = Server::of("rescue-flat", "4");
+    let Some(browser) = Browser::at("display", &server) else {
+        return;
+    };
+    browser.wait("hilrig.maps.display && !document.getElementById('display').hidden");
+    let touch = "(() => { const box = document.getElementById('screen').getBoundingClientRect(); \
+        document.getElementById('screen').dispatchEvent(new MouseEvent('click', { \
+        clientX: box.left + 400.5 * box.width / 480, \
+        clientY: box.top + 256.5 * box.height / 272 })); return true; })()";
+    browser.value(touch);
+    browser.wait("hilrig.events.some((event) => event.rule === 'tapped')");
+    let tapped = "hilrig.events.find((event) => event.rule === 'tapped').detail";
+    // Events of a mouse are told in whole pixels of a page on which the picture may lie between.
+    let tapped = browser.value(tapped);
+    let near = ["at 399, 255", "at 399, 256", "at 400, 255", "at 400, 256"];
+    assert!(near.iter().any(|place| tapped == *place), "{tapped}");
+    let at = browser.value("hilrig.now.at_ns").as_u64().expect("a time");
+    browser.wait(&format!("hilrig.now.at_ns > {at} + 2e9"));
+
+    let at_ns = browser.pause();
+    let run = again(&server.case(), at_ns);
+    assert_eq!(browser.value("hilrig.slow.trace"), run.rig.trace_hash());
+    let panel = robots::display(run.scenario().robot, &run.rig).expect("it has one");
+    let held = render::display(panel);
+    assert!(
+        browser.value(PIXELS) == json!(held.as_raw()),
+        "other pixels"
+    );
+    // The tab is lit: not the gray of a button.
+    assert_ne!(held.get_pixel(330, 245).0, held.get_pixel(10, 245).0);
+}
