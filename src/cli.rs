@@ -10,6 +10,7 @@ mod export;
 mod fault;
 mod fidelity;
 mod import;
+mod map;
 mod place;
 mod ports;
 mod record;
@@ -68,6 +69,7 @@ enum Command {
     Shrink(shrink::ShrinkArgs),
     Fidelity(fidelity::Fidelity),
     Slam(slam::SlamArgs),
+    Map(map::MapArgs),
     Wireshark(wireshark::Wireshark),
 }
 
@@ -146,6 +148,7 @@ pub fn main() -> ExitCode {
         Command::Shrink(args) => shrink::run(&args),
         Command::Fidelity(args) => fidelity::run(args),
         Command::Slam(args) => slam::run(args),
+        Command::Map(args) => map::run(args),
         Command::Wireshark(args) => wireshark::run(args),
     };
     match result {

@@ -25,6 +25,7 @@
 //! | [`folder`], [`render`], [`report`] | what a run leaves behind |
 //! | [`history`] | a run over its time, sampled, for the report |
 //! | [`view`] | what the page and the report show, and the script that draws it |
+//! | [`map`] | maps as others keep them, and how two differ |
 //! | [`slam`] | the mapper over anybody's log |
 //! | [`realtime`], [`standalone`] | the rig, or the program alone, at the pace of the wall clock |
 //! | [`transport`], [`clock`], [`control`] | the outside world |
@@ -49,6 +50,7 @@ pub mod generate;
 pub mod import;
 pub mod history;
 pub mod line;
+pub mod map;
 pub mod mission;
 pub mod museum;
 pub mod pc_program;

@@ -1,5 +1,7 @@
 //! Maps that a person can judge: one world each, as text beside its figures.
 
+use hilrig::map::RosMap;
+use hilrig::map::diff::{Reach, diff};
 use hilrig::render;
 
 use super::{failures, run_to_end, shipped};
@@ -52,4 +54,25 @@ fn an_l_is_not_mirrored() {
 #[test]
 fn who_walks_by_leaves_no_wall() {
     insta::assert_snapshot!(story("moving-obstacle"));
+}
+
+/// Two runs with other noise draw the same rooms: as they lie, walls half a cell of 10 mm apart in
+/// the mean, and hardly a wall of either that the other lacks.
+#[test]
+fn two_seeds_draw_the_same_rooms() {
+    let map = |seed| {
+        let (scenario, source) = shipped("l-shape");
+        let run = crate::Run::new(scenario, &source, Some(seed)).expect("can be wired");
+        let grid = run.finish().map.expect("the program is in this process");
+        RosMap::of_grid(&grid)
+    };
+    let as_they_lie = Reach {
+        shift_m: 0.0,
+        turn: 0.0,
+    };
+    let found = diff(&map(1), &map(2), as_they_lie).expect("walls");
+    assert!(
+        found.wall_error_mm <= 10.0 && found.overlap() >= 0.97,
+        "{found:?}"
+    );
 }

@@ -6,17 +6,17 @@ use std::process::{Command, Output};
 use crate::room;
 
 /// A folder of its own, removed afterwards.
-struct Session(PathBuf);
+pub(crate) struct Session(PathBuf);
 
 impl Session {
-    fn new(name: &str) -> Self {
+    pub(crate) fn new(name: &str) -> Self {
         let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("slam-{name}"));
         let _ = std::fs::remove_dir_all(&folder);
         std::fs::create_dir_all(&folder).expect("the target folder can be written");
         Self(folder)
     }
 
-    fn write(&self, name: &str, bytes: &[u8]) {
+    pub(crate) fn write(&self, name: &str, bytes: &[u8]) {
         std::fs::write(self.0.join(name), bytes).expect("the target folder can be written");
     }
 
@@ -25,9 +25,17 @@ impl Session {
     }
 
     fn slam(&self, arguments: &[&str]) -> Output {
+        self.hilrig(&[&["slam"], arguments].concat())
+    }
+
+    pub(crate) fn hilrig(&self, arguments: &[&str]) -> Output {
         let mut command = Command::new(env!("CARGO_BIN_EXE_hilrig"));
-        command.arg("slam").args(arguments).current_dir(&self.0);
+        command.args(arguments).current_dir(&self.0);
         command.output().expect("the command starts")
+    }
+
+    pub(crate) fn has(&self, name: &str) -> bool {
+        self.0.join(name).is_file()
     }
 }
 
@@ -37,7 +45,7 @@ impl Drop for Session {
     }
 }
 
-fn text(bytes: &[u8]) -> &str {
+pub(crate) fn text(bytes: &[u8]) -> &str {
     core::str::from_utf8(bytes).expect("the command speaks UTF-8")
 }
 

@@ -2,6 +2,7 @@
 
 mod command;
 mod damage;
+mod diff;
 mod intel;
 mod relations;
 mod room;
