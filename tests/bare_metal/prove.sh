@@ -6,7 +6,8 @@
 #   2. teeth:  the same library with std, and with a heap, does not;
 #   3. target: it builds for the Cortex-M4F of the seed's board, an STM32F407, and links into its
 #              128 KiB of RAM;
-#   4. stack:  the robot at work needs at most the 64 KiB of core-coupled RAM beside it.
+#   4. stack:  the robot at work needs at most the 64 KiB of core-coupled RAM beside it;
+#   5. cycles: the search's inner loop takes no more than the model of the processor says.
 #
 # usage: tests/bare_metal/prove.sh [--host]      --host: steps 1 and 2 only
 set -euo pipefail
@@ -92,3 +93,38 @@ printf 'static  %7d of %d bytes\n' $robot $((128 * 1024))
 printf 'stack   %7d of %d bytes at most, %d in the largest frame\n' \
     "$stack" $((64 * 1024)) "$largest"
 ((stack <= 64 * 1024)) || die "the stack does not fit"
+
+# A loop's cycles on a Cortex-M4 without wait states: one an instruction, one more for each access
+# to memory (none of them pipelined), three for the jumps. The largest loop with UXTB16, which adds
+# two sums at a time, is the row kernel: it is in here only if the portable form is the one built.
+if command -v llvm-objdump >/dev/null; then
+    kernel=$(awk '$8 ~ /4slam3row4sums$/ { print $8 }' <<<"$symbols")
+    [[ -n $kernel ]] || die "the image does not hold the row kernel"
+    read -r instructions accesses < <(llvm-objdump -d --no-show-raw-insn \
+        --disassemble-symbols="$kernel" "$out/robot.elf" | awk '
+        $1 ~ /^[0-9a-f]+:$/ {
+            at[++n] = substr($1, 1, length($1) - 1); name[n] = $2
+            if (match($0, /0x[0-9a-f]+ </)) target[n] = substr($0, RSTART + 2, RLENGTH - 4)
+        }
+        END {
+            for (i = 1; i <= n; i++) {
+                if (name[i] !~ /^b/ || target[i] == "" || target[i] "" > at[i] "") continue
+                count = memory = found = 0
+                for (j = 1; j <= i; j++) {
+                    if (at[j] "" < target[i] "") continue
+                    count++
+                    memory += name[j] ~ /^(ldr|str)/
+                    found += name[j] ~ /^uxtb16/
+                }
+                if (found && count > best) { best = count; accesses = memory }
+            }
+            print best + 0, accesses + 0
+        }')
+    cycles=$((instructions + accesses + 3))
+    model=$(awk '/^const CYCLES_PER_ROW/ { print $5 + 0 }' ../../firmware_core/src/slam/effort.rs)
+    printf 'search  %7d cycles a point and row of 32 poses (%d instructions, %d accesses), %d in the model\n' \
+        "$cycles" "$instructions" "$accesses" "$model"
+    ((instructions > 0 && cycles <= model)) || die "the model of the processor is too fast"
+else
+    say "skipped: llvm-objdump is missing (package llvm), the inner loop is not counted"
+fi
