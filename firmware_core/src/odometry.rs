@@ -47,6 +47,27 @@ impl WheelGeometry {
     }
 }
 
+/// Faults of the fielded code, to show what they do; all off by default.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Defects {
+    /// Only the length of the motion is used: driving backwards moves forwards (SL-07).
+    pub loses_the_sign: bool,
+    /// The heading in degrees goes through a factor `180 / pi` into sine and cosine, where single
+    /// precision runs out (SL-08).
+    pub garbles_the_heading: bool,
+    /// The motion is laid along the heading turned the wrong way (SL-09).
+    pub turns_the_wrong_way: bool,
+}
+
+impl Defects {
+    /// None.
+    pub const NONE: Self = Self {
+        loses_the_sign: false,
+        garbles_the_heading: false,
+        turns_the_wrong_way: false,
+    };
+}
+
 /// Ticks allowed beyond the fastest wheel, for a reading that comes a little late.
 const TICKS_SLACK: u32 = 16;
 /// Unbelievable readings in a row after which the counters must have been restarted.
@@ -66,6 +87,9 @@ struct Sample {
 #[derive(Clone, Debug)]
 pub struct Odometry {
     geometry: WheelGeometry,
+    defects: Defects,
+    /// The fielded heading: degrees, clockwise, never normalised.
+    psi_deg: f32,
     last_ticks: Option<[i32; 2]>,
     /// Oldest first; all of `..len` hold.
     samples: [Sample; SAMPLES],
@@ -77,6 +101,11 @@ pub struct Odometry {
 impl Odometry {
     /// Starts at the origin, knowing nothing of the counters.
     pub const fn new(geometry: WheelGeometry) -> Self {
+        Self::with_defects(geometry, Defects::NONE)
+    }
+
+    /// One with the fielded code's faults, which begins at the fielded start, psi 90.
+    pub const fn with_defects(geometry: WheelGeometry, defects: Defects) -> Self {
         const ORIGIN: Sample = Sample {
             at: Instant::ZERO,
             pose: Pose {
@@ -87,6 +116,8 @@ impl Odometry {
         };
         Self {
             geometry,
+            defects,
+            psi_deg: 90.0,
             last_ticks: None,
             samples: [ORIGIN; SAMPLES],
             len: 0,
@@ -126,7 +157,12 @@ impl Odometry {
         }
         self.disbelieved_in_a_row = 0;
         self.last_ticks = Some(ticks);
-        let change = self.geometry.arc(step);
+        let change = if self.defects == Defects::NONE {
+            self.geometry.arc(step)
+        } else {
+            fielded::change(&self.geometry, self.defects, self.psi_deg, step)
+        };
+        self.psi_deg -= change.turn.to_degrees();
         self.push(Sample {
             at: now,
             pose: newest.pose.then(change),
@@ -243,38 +279,45 @@ fn seconds(duration: Duration) -> f32 {
 }
 
 /// The fielded firmware's odometry (its document's listing B.4), kept to show what is wrong with
-/// it; see [`fielded::arc`].
+/// it; see [`fielded::change`].
 pub mod fielded {
     use core::f32::consts::PI;
 
-    use super::{WheelGeometry, sin_cos};
-    use crate::pose::{Pose, normalised};
+    use super::{Defects, WheelGeometry, sin_cos};
+    use crate::pose::PoseChange;
 
-    /// The pose after `ticks`, by the fielded rule: only the length of the motion is used, so
-    /// driving backwards moves forwards (SL-07); the heading in degrees goes through a factor
-    /// `180 / pi` into sine and cosine, where single precision runs out (SL-08); and the heading
-    /// is turned the wrong way before the motion is laid along it (SL-09). `psi_deg` is the
-    /// fielded heading, clockwise and never normalised; the new one is returned beside the pose.
-    pub fn arc(geometry: &WheelGeometry, pose: Pose, psi_deg: f32, ticks: [i32; 2]) -> (Pose, f32) {
+    /// The motion by `ticks`, as the fielded rule has it as far as its faults are switched on.
+    /// `psi_deg` is the fielded heading, clockwise and never normalised.
+    pub fn change(
+        geometry: &WheelGeometry,
+        defects: Defects,
+        psi_deg: f32,
+        ticks: [i32; 2],
+    ) -> PoseChange {
+        let sound = geometry.arc(ticks);
         let [left, right] = ticks.map(|count| count as f32 * geometry.tick_mm());
-        let turn = (left - right) / geometry.axle_mm;
-        let length = if left == right {
-            libm::fabsf(left)
-        } else {
+        let mut length = sound.distance_mm();
+        if defects.garbles_the_heading && left != right {
             let radius = -geometry.axle_mm * (left + right) / (2.0 * (right - left));
             let garbled = psi_deg * 180.0 / PI;
             let (sin_0, cos_0) = sin_cos(garbled);
-            let (sin_1, cos_1) = sin_cos(turn + garbled);
-            libm::hypotf(radius * (sin_1 - sin_0), radius * (cos_1 - cos_0))
+            let (sin_1, cos_1) = sin_cos((left - right) / geometry.axle_mm + garbled);
+            length = libm::hypotf(radius * (sin_1 - sin_0), radius * (cos_1 - cos_0));
+        }
+        if left + right < 0.0 && !defects.loses_the_sign {
+            length = -length;
+        }
+        let along = if defects.turns_the_wrong_way {
+            -sound.turn
+        } else {
+            sound.turn / 2.0
         };
-        let (sin, cos) = sin_cos((180.0 - psi_deg).to_radians() + turn);
-        let psi_deg = psi_deg + turn.to_degrees();
-        let pose = Pose {
-            x_mm: pose.x_mm + length * cos,
-            y_mm: pose.y_mm + length * sin,
-            heading: normalised((180.0 - psi_deg).to_radians()),
-        };
-        (pose, psi_deg)
+        let (sin, cos) = sin_cos(along);
+        PoseChange {
+            forward_mm: length * cos,
+            left_mm: length * sin,
+            turn: sound.turn,
+        }
     }
 }
 
@@ -329,35 +372,64 @@ mod tests {
         );
     }
 
-    /// The fielded rule against its own figures (measured on the field code): SL-07, SL-09 and
-    /// one of the headings of SL-08.
-    #[test]
-    fn the_fielded_rule_shows_its_defects() {
+    /// The pose after one step from the fielded start or another psi, for one defect and without.
+    fn stepped(defects: Defects, psi_deg: i16, ticks: [i32; 2]) -> [Pose; 2] {
         let start = Pose::from_wire(crate::pose::WirePose {
             x_mm: 0,
             y_mm: 0,
-            psi_deg: 90,
+            psi_deg,
         });
-        let (back, _) = fielded::arc(&DRIVE, start, 90.0, [-100, -100]);
-        assert!(
-            near(back.y_mm, 45.379, 1e-2),
-            "reverse moves forward: {back:?}"
-        );
+        [defects, Defects::NONE].map(|defects| {
+            let psi = f32::from(psi_deg);
+            start.then(fielded::change(&DRIVE, defects, psi, ticks))
+        })
+    }
 
-        let exact = start.then(DRIVE.arc([100, 50]));
-        let (curve, psi) = fielded::arc(&DRIVE, start, 90.0, [100, 50]);
-        assert!(near(exact.x_mm, 1.48, 0.01), "{exact:?}");
-        assert!(
-            near(curve.x_mm, -2.97, 0.02),
-            "wrong side, twice as much: {curve:?}"
-        );
-        assert!(near(psi, 95.0, 0.01));
+    /// SL-07: 100 ticks backwards, looking to +y: +45.4 mm instead of -45.4.
+    #[test]
+    fn without_its_sign_driving_backwards_moves_forwards() {
+        let defects = Defects {
+            loses_the_sign: true,
+            ..Defects::NONE
+        };
+        let [fielded, sound] = stepped(defects, 90, [-100, -100]);
+        assert!(near(fielded.y_mm, 45.379, 1e-2) && near(sound.y_mm, -45.379, 1e-2));
+    }
 
-        let (lost, _) = fielded::arc(&DRIVE, start, 720.0, [100, 99]);
-        assert!(
-            lost.position().distance_mm(start.position()) < 1e-3,
-            "{lost:?}"
-        );
+    /// SL-08: 100/99 ticks at psi 720: nothing instead of 45.15 mm.
+    #[test]
+    fn a_garbled_heading_loses_the_way() {
+        let defects = Defects {
+            garbles_the_heading: true,
+            ..Defects::NONE
+        };
+        let [fielded, sound] = stepped(defects, 720, [100, 99]);
+        let way = |pose: Pose| libm::hypotf(pose.x_mm, pose.y_mm);
+        assert!(near(way(fielded), 0.0, 1e-3) && near(way(sound), 45.15, 0.01));
+    }
+
+    /// SL-09: a curve of 100/50 ticks: -2.97 mm to the side instead of +1.48.
+    #[test]
+    fn turned_the_wrong_way_a_curve_bends_to_the_other_side() {
+        let defects = Defects {
+            turns_the_wrong_way: true,
+            ..Defects::NONE
+        };
+        let [fielded, sound] = stepped(defects, 90, [100, 50]);
+        assert!(near(fielded.x_mm, -2.97, 0.02) && near(sound.x_mm, 1.48, 0.01));
+    }
+
+    /// The switches reach what the robot believes.
+    #[test]
+    fn an_odometry_with_defects_shows_them() {
+        let defects = Defects {
+            loses_the_sign: true,
+            ..Defects::NONE
+        };
+        let mut odometry = Odometry::with_defects(DRIVE, defects);
+        odometry.update(at(0), [0, 0]);
+        let change = odometry.update(at(200), [-100, -100]);
+        assert!(near(change.forward_mm, 45.379, 1e-2), "{change:?}");
     }
 
     #[test]

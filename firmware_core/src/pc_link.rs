@@ -20,7 +20,7 @@ use crate::grid::Grid;
 use crate::pose::Pose;
 use crate::waypoints::Waypoints;
 pub use fielded::Defects;
-use fielded::Receiver;
+use fielded::{CountedPsi, Receiver};
 
 /// Room for the longest frame beside a queue that is still worth filling.
 const TX_LEN: usize = 2048;
@@ -125,6 +125,7 @@ pub struct PcLink {
 #[derive(Clone, Debug)]
 struct Fielded {
     receiver: Receiver,
+    psi: CountedPsi,
     /// Received bytes that nobody has looked at yet, and how many may be.
     waiting: Fifo<WAITING_MAX>,
     allowed: usize,
@@ -155,6 +156,7 @@ impl PcLink {
             counters: Counters::NONE,
             fielded: Fielded {
                 receiver: Receiver::new(),
+                psi: CountedPsi::new(),
                 waiting: Fifo::new(),
                 allowed: 0,
                 is_dead: false,
@@ -215,7 +217,11 @@ impl PcLink {
         let mut frame = [0; FRAME_MAX];
         if now >= self.pose_at {
             self.pose_at = next_period(self.pose_at, self.settings.pose_period, now);
-            let len = encode_map_properties(&properties(view), &mut frame);
+            let mut properties = properties(view);
+            if self.settings.defects.counts_psi {
+                properties.psi_deg = self.fielded.psi.count(properties.psi_deg);
+            }
+            let len = encode_map_properties(&properties, &mut frame);
             self.queue(now, &frame, len);
         }
         if self.can_echo() {

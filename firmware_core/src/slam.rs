@@ -99,6 +99,8 @@ pub struct Mapper<const W: usize = SIDE, const H: usize = SIDE> {
     sparse: EndPoints,
     dense: EndPoints,
     travel: Travel,
+    /// Motion that the fielded code takes up with the next scan that is drawn (SL-14).
+    saved_up: PoseChange,
     doubts: u8,
     /// Scans since the robot was found elsewhere, until one fits there.
     unsettled: Option<u8>,
@@ -116,6 +118,7 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
             sparse: EndPoints::EMPTY,
             dense: EndPoints::EMPTY,
             travel: Travel::NONE,
+            saved_up: PoseChange::NONE,
             doubts: 0,
             unsettled: None,
             scans: 0,
@@ -153,6 +156,7 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
         self.grid.clear();
         self.pose = self.settings.start;
         self.travel = Travel::NONE;
+        self.saved_up = PoseChange::NONE;
         self.doubts = 0;
         self.unsettled = None;
         self.scans = 0;
@@ -160,7 +164,11 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
 
     /// Moves the believed pose by what the odometry reports.
     pub fn predict(&mut self, change: PoseChange) {
-        self.pose = self.pose.then(change);
+        if self.settings.defects.saves_up_motion {
+            self.saved_up = self.saved_up.then(change);
+        } else {
+            self.pose = self.pose.then(change);
+        }
         self.travel.add(change);
     }
 
@@ -174,6 +182,7 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
     /// contradicts the map. `wheel_speeds` (left, right; ticks per 40 ms) tell how fast the robot
     /// turns: a turning robot's scan is drawn more weakly.
     pub fn integrate(&mut self, scan: &Scan, wheel_speeds: [i16; 2]) -> Outcome {
+        self.pose = self.pose.then(core::mem::take(&mut self.saved_up));
         let outcome = self.locate(scan);
         if outcome.certainty == Certainty::Sure {
             self.draw(scan, wheel_speeds);
@@ -485,6 +494,34 @@ mod tests {
         };
         assert!(walls(Defects::default()) > 300);
         assert_eq!(walls(Defects::FIELDED), 0);
+    }
+
+    /// SL-14: half a metre with the map switched off. The fielded code takes it up in one step when
+    /// it is switched on, wherever the search has brought the robot meanwhile.
+    #[test]
+    fn motion_without_mapping_is_not_saved_up() {
+        let way = |saves_up_motion| {
+            let mut mapper = mapper(Settings {
+                defects: Defects {
+                    saves_up_motion,
+                    ..Defects::NONE
+                },
+                ..Settings::document()
+            });
+            let step = PoseChange {
+                forward_mm: 50.0,
+                ..PoseChange::NONE
+            };
+            for _ in 0..10 {
+                mapper.predict(step);
+                mapper.locate(&scan_of(&[]));
+            }
+            let before = mapper.pose().x_mm;
+            mapper.integrate(&scan_of(&[]), [0, 0]);
+            [before, mapper.pose().x_mm].map(|x| x - 1500.0)
+        };
+        assert_eq!(way(false), [500.0, 500.0]);
+        assert_eq!(way(true), [0.0, 500.0]);
     }
 
     /// SL-11: 230000, which the document calls a full match, reads as -32144 in 16 bits.

@@ -35,6 +35,8 @@ pub struct Defects {
     pub prints_text: bool,
     /// What the lidar sends is passed on, between the frames (XV-12).
     pub raw_lidar: bool,
+    /// The heading is counted on over full turns until 16 bits are full (SL-13).
+    pub counts_psi: bool,
 }
 
 impl Defects {
@@ -52,6 +54,7 @@ impl Defects {
         sends_twice: false,
         prints_text: false,
         raw_lidar: false,
+        counts_psi: false,
     };
 
     /// Whether frames are received in the fielded way.
@@ -66,6 +69,24 @@ impl Defects {
     /// Whether received bytes wait in a queue.
     pub(super) const fn queues(&self) -> bool {
         self.short_queue || self.byte_per_row
+    }
+}
+
+/// The heading on the wire as the fielded code counts it: on and on, then cut to 16 bits (SL-13).
+#[derive(Clone, Debug)]
+pub(super) struct CountedPsi(i32);
+
+impl CountedPsi {
+    /// At the start, psi 90.
+    pub(super) const fn new() -> Self {
+        Self(90)
+    }
+
+    /// The next one, less than half a turn from the last.
+    #[expect(clippy::cast_possible_truncation, reason = "that is the fault")]
+    pub(super) const fn count(&mut self, psi_deg: i16) -> i16 {
+        self.0 += (psi_deg as i32 - self.0 + 180).rem_euclid(360) - 180;
+        self.0 as i16
     }
 }
 
@@ -252,5 +273,28 @@ impl PcLink {
         let line = pcui::BAUD / 10;
         let pace = self.settings.pace_bytes_per_s.unwrap_or(line).max(1);
         Duration::from_nanos(len as u64 * 1_000_000_000 / u64::from(pace))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// SL-13: 91 turns of 360 degrees are 32760, and a little more is negative; turning the other
+    /// way psi is negative at once.
+    #[test]
+    fn a_counted_psi_wraps_after_91_turns() {
+        let turned = |degrees: i32| {
+            let mut psi = CountedPsi::new();
+            let step = degrees.signum();
+            let mut told = 90;
+            for now in 0..degrees.abs() {
+                let sound = (90 + step * (now + 1)).rem_euclid(360);
+                told = psi.count(i16::try_from(sound).expect("less than 360"));
+            }
+            told
+        };
+        assert_eq!([turned(360), turned(-100)], [450, -10]);
+        assert_eq!([turned(32_677), turned(32_678)], [32_767, -32_768]);
     }
 }

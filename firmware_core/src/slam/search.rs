@@ -262,6 +262,40 @@ mod tests {
         assert_eq!((found.tally.sum, found.tries), (230, 1001));
     }
 
+    /// H-SL-1: towards a summit, a search that never narrows ends farther down on average.
+    #[test]
+    fn narrowing_brings_the_search_nearer_to_the_summit() {
+        let mut grid = pillar();
+        for x in 100..300 {
+            for y in 50..250 {
+                let apart = (200_usize).abs_diff(x) + (150_usize).abs_diff(y);
+                grid.set(
+                    x,
+                    y,
+                    u8::try_from(255_usize.saturating_sub(6 * apart)).unwrap(),
+                );
+            }
+        }
+        let scan = points(&[Point::new(450.0, 0.0)]);
+        let mean = |never_narrows| {
+            let mut settings = Settings::document();
+            settings.defects.never_narrows = never_narrows;
+            let sums = (0..200_u64).map(|seed| {
+                let mut random = Pcg32::new(seed);
+                run(&grid, &settings, scan.all(), CENTRE, 60, &mut random)
+                    .tally
+                    .sum
+            });
+            sums.sum::<u32>() / 200
+        };
+        assert!(
+            mean(false) >= mean(true) + 3,
+            "{} {}",
+            mean(false),
+            mean(true)
+        );
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
         /// Whatever the map, the answer is never worse than staying.

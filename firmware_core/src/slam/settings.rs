@@ -69,6 +69,8 @@ pub struct Defects {
     pub score_wraps: bool,
     /// Holes shorter than two cells are not drawn (SL-12).
     pub loses_short_holes: bool,
+    /// Motion while nothing is drawn is made up for with the next scan that is (SL-14).
+    pub saves_up_motion: bool,
     /// The spread is never halved (H-SL-1, before commit 6850670 of the fielded code).
     pub never_narrows: bool,
 }
@@ -85,6 +87,7 @@ impl Defects {
         outside_is_free: false,
         score_wraps: false,
         loses_short_holes: false,
+        saves_up_motion: false,
         never_narrows: false,
     };
 
@@ -99,6 +102,7 @@ impl Defects {
         outside_is_free: true,
         score_wraps: true,
         loses_short_holes: true,
+        saves_up_motion: true,
         never_narrows: false,
     };
 }

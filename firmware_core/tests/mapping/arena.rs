@@ -28,11 +28,11 @@ fn walls() -> Vec<Wall> {
     blocks.concat()
 }
 
-/// The mapping issue asks for 15 mm and 0.4 deg RMS in every run; 20 seeds gave 3.9 to 5.6 mm and
-/// 0.22 to 0.25 deg.
+/// Asked for are 15 mm and 0.4 deg RMS in each of 20 runs, and no pose far off; they gave 3.9 to
+/// 5.6 mm and 0.22 to 0.25 deg.
 #[test]
 fn the_arena_is_known_to_half_a_cell_in_every_run() {
-    for seed in 1..=3 {
+    for seed in 1..=20 {
         let world = World::new(walls(), [1000.0, 1000.0, 0.3], seed);
         let mut run: Run = Run::new(world, Settings::core(20.0));
         run.steps(10);
@@ -45,7 +45,7 @@ fn the_arena_is_known_to_half_a_cell_in_every_run() {
         }
         let errors = run.errors;
         assert!(
-            errors.rms_mm() <= 10.0 && errors.rms_deg() <= 0.4,
+            errors.rms_mm() <= 10.0 && errors.rms_deg() <= 0.4 && errors.worst_mm <= 40.0,
             "seed {seed}: {errors:?}"
         );
     }

@@ -5,7 +5,7 @@ use protocols::rle::Dialect;
 use super::Config;
 use crate::scan::WeakReadings;
 use crate::slam::Mode;
-use crate::{base_link, packets, scan, waypoints};
+use crate::{base_link, odometry, packets, scan, waypoints};
 
 /// Faults of the fielded program to show; none by default. Those of the map, of navigation and of
 /// the PC link are in the settings of these.
@@ -19,6 +19,8 @@ pub struct Defects {
     pub scan: scan::Defects,
     /// Of the list of waypoints.
     pub waypoints: waypoints::Defects,
+    /// Of the odometry.
+    pub odometry: odometry::Defects,
     /// Of the robot as a whole.
     pub own: Own,
 }
@@ -51,6 +53,7 @@ impl Defects {
         packets: packets::Defects::NONE,
         scan: scan::Defects::NONE,
         waypoints: waypoints::Defects::NONE,
+        odometry: odometry::Defects::NONE,
         own: Own {
             assumes_empty_battery: false,
             speaks_tenths: false,
@@ -69,7 +72,7 @@ type Switch = fn(&mut Config);
 
 /// Every defect that the program can have, in the order of the list.
 #[rustfmt::skip]
-const SWITCHES: [(&str, Switch); 55] = [
+const SWITCHES: [(&str, Switch); 60] = [
     ("MA-01", |c| c.defects.base.stores_checksum = true),
     ("MA-02", |c| c.defects.base.unbounded_store = true),
     ("MA-03", |c| c.defects.base.signed_counter = true),
@@ -104,12 +107,17 @@ const SWITCHES: [(&str, Switch); 55] = [
         document(c).weight_down_to_one = true;
     }),
     ("SL-06", |c| document(c).truncating_rounding = true),
+    ("SL-07", |c| c.defects.odometry.loses_the_sign = true),
+    ("SL-08", |c| c.defects.odometry.garbles_the_heading = true),
+    ("SL-09", |c| c.defects.odometry.turns_the_wrong_way = true),
     ("SL-10", |c| document(c).outside_is_free = true),
     ("SL-11", |c| document(c).score_wraps = true),
     ("SL-12", |c| {
         document(c).loses_short_holes = true;
         c.mapping.hole_mm = c.mapping.resolution_mm;
     }),
+    ("SL-13", |c| c.pc_link.defects.counts_psi = true),
+    ("SL-14", |c| document(c).saves_up_motion = true),
     ("H-SL-1", |c| document(c).never_narrows = true),
     ("PU-01", |c| c.pc_link.defects.forgets_to_restart = true),
     ("PU-02", |c| c.pc_link.defects.signed_checksum = true),

@@ -74,7 +74,7 @@ impl Drive {
                 config.reply_timeout,
                 config.defects.base,
             ),
-            odometry: Odometry::new(config.wheels),
+            odometry: Odometry::with_defects(config.wheels, config.defects.odometry),
             set_point: HALT,
             valid_until: Instant::ZERO,
             is_confirmed: false,
