@@ -18,6 +18,8 @@ mod answer;
 mod battery;
 mod config;
 mod drive;
+mod fault;
+mod hand;
 mod infrared;
 pub mod journal;
 pub mod led;
@@ -50,10 +52,11 @@ pub use profile::{Profile, Quirks};
 
 use battery::Battery;
 use drive::{Counter, Regulator};
+use fault::Encoders;
 use journal::{Journal, rules};
 use led::Trouble;
 use memory::Memory;
-use profile::{Bounds, Button, Processor, Restart};
+use profile::{Bounds, Processor, Restart};
 use receiver::{Divider, Receiver, Request};
 use sender::{Pace, Sender};
 use ticks::{ANALOG, CYCLE, DIVIDER, REGULATOR, Ticks};
@@ -76,6 +79,7 @@ pub struct AvrBase {
     regulated: Instant,
     analog_at: Instant,
     block: usize,
+    encoders: Encoders,
     battery: Battery,
     button: ButtonState,
     watchdog_at: Option<Instant>,
@@ -209,6 +213,7 @@ impl AvrBase {
             regulated: Instant::ZERO,
             analog_at: ticks.after(Instant::ZERO, ANALOG, 1),
             block: 0,
+            encoders: Encoders::default(),
             battery: Battery::new(config.battery),
             button: ButtonState::Released,
             watchdog_at: None,
@@ -264,33 +269,17 @@ impl AvrBase {
         led::led(&self.memory, trouble)
     }
 
-    /// Somebody presses the stop button.
-    pub fn press_stop(&mut self, now: Instant) {
-        self.button = match (self.quirks.button, self.button) {
-            (Button::Toggle, ButtonState::Toggled) => ButtonState::Released,
-            (Button::Toggle, _) => ButtonState::Toggled,
-            (Button::HoldAndDelay, _) => ButtonState::Pressed,
-        };
-        self.now = self.now.max(now);
-        self.announce(now);
-    }
-
-    /// Somebody lets the stop button go.
-    pub fn release_stop(&mut self, now: Instant) {
-        if self.button == ButtonState::Pressed {
-            let until = self.ticks.after(now, DIVIDER, BUTTON_COUNTS);
-            self.button = ButtonState::Lingering(until);
-        }
-        self.now = self.now.max(now);
-    }
-
-    /// Another battery, or a charger.
-    pub const fn replace_battery(&mut self, now: Instant, battery: BatteryConfig) {
-        self.battery.replace(now, battery);
-    }
-
     /// The processor starts anew: all registers and counts are 0.
     pub fn reset(&mut self, now: Instant, cause: StartCause) {
+        self.forget(now, cause);
+        let detail = match cause {
+            StartCause::PowerOn => "power, or the reset button",
+            StartCause::Watchdog => "the processor's watchdog",
+        };
+        self.journal.note(now, "started", detail.into());
+    }
+
+    fn forget(&mut self, now: Instant, cause: StartCause) {
         let stale =
             cause == StartCause::Watchdog && self.quirks.restart == Restart::FiveSecondsStale;
         self.start = Start {
@@ -313,12 +302,7 @@ impl AvrBase {
         self.button = ButtonState::Released;
         self.watchdog_at = None;
         self.last_frame = now;
-        let detail = match cause {
-            StartCause::PowerOn => "power, or the reset button",
-            StartCause::Watchdog => "the processor's watchdog",
-        };
         self.motors.reason = "reset";
-        self.journal.note(now, "started", detail.into());
     }
 
     /// Whether the stop button holds the motors.
@@ -387,7 +371,8 @@ impl AvrBase {
             self.tell_motors(self.now, false);
         }
         for (side, wheel) in self.sides.iter_mut().zip(WHEELS) {
-            side.counter = Counter::started(self.now, world.encoder_ticks(wheel));
+            let edges = self.encoders.count(wheel, world.encoder_ticks(wheel));
+            side.counter = Counter::started(self.now, edges);
         }
         if self.quirks.bounds == Bounds::Refused {
             self.battery
@@ -398,7 +383,7 @@ impl AvrBase {
 
     fn look_at_wheels(&mut self, world: &World) {
         for (side, wheel) in self.sides.iter_mut().zip(WHEELS) {
-            let edges = world.encoder_ticks(wheel);
+            let edges = self.encoders.count(wheel, world.encoder_ticks(wheel));
             if self.memory.timer_task_runs() {
                 side.counter
                     .look(self.quirks.odometer, self.ticks, self.now, edges);
@@ -451,7 +436,8 @@ impl Device for AvrBase {
                     "the line was held low for longer than a character".into()
                 });
             }
-            LineEvent::Opened | LineEvent::Closed | LineEvent::Overrun => {}
+            LineEvent::Opened | LineEvent::Closed | LineEvent::ParityError | LineEvent::Overrun => {
+            }
         }
     }
 
@@ -493,6 +479,18 @@ impl Device for AvrBase {
             Self::DEBUG => DEBUG_LINE,
             _ => BUS_LINE,
         }
+    }
+
+    fn known_faults(&self) -> &'static [&'static str] {
+        &fault::NAMES
+    }
+
+    fn set_fault(&mut self, now: Instant, fault: &str, figure: Option<f64>, begins: bool) {
+        self.change_fault(now, fault, figure, begins);
+    }
+
+    fn peek(&self, address: u8) -> Option<u8> {
+        Some(self.register(address))
     }
 
     fn take_events(&mut self) -> Vec<Event> {

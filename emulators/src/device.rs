@@ -41,6 +41,21 @@ pub trait Device {
     /// Line coding of `port` as the device is set up now.
     fn line_config(&self, port: Port) -> LineConfig;
 
+    /// Names of what can go wrong with the device itself. `off`, `restart`, `stuck`, `garbage`,
+    /// `wrong` and `slow` mean the same for all devices that have them.
+    fn known_faults(&self) -> &'static [&'static str] {
+        &[]
+    }
+
+    /// One of [`known_faults`](Self::known_faults) begins, or ends, at `now`; others are ignored.
+    /// `figure` says how bad it is, where that is a question. The device is polled next.
+    fn set_fault(&mut self, _now: Instant, _fault: &str, _figure: Option<f64>, _begins: bool) {}
+
+    /// The value of a register, without disturbing anything; `None`: no such register.
+    fn peek(&self, _address: u8) -> Option<u8> {
+        None
+    }
+
     /// What happened since the last call, oldest first: what the device did by itself, and what
     /// its master did wrong.
     fn take_events(&mut self) -> Vec<Event>;

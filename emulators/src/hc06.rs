@@ -421,6 +421,21 @@ impl Device for Hc06 {
         }
     }
 
+    fn known_faults(&self) -> &'static [&'static str] {
+        &["off", "restart", "out-of-reach"]
+    }
+
+    fn set_fault(&mut self, now: Instant, fault: &str, _figure: Option<f64>, begins: bool) {
+        match (fault, begins) {
+            ("off", true) => self.power_off(now),
+            ("off", false) => self.power_on(now),
+            ("restart", true) => self.power_cycle(now),
+            ("out-of-reach", true) => self.set_radio(now, Radio::Lost),
+            ("out-of-reach", false) => self.set_radio(now, Radio::InReach),
+            _ => {}
+        }
+    }
+
     fn take_events(&mut self) -> Vec<Event> {
         self.log.take()
     }

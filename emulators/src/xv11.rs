@@ -214,6 +214,7 @@ impl Xv11 {
         self.rotor.stuck = self.faults.has(Fault::Stuck);
         self.rotor.unpowered = self.faults.has(Fault::Off);
         self.eye.dark = self.faults.has(Fault::Dark);
+        self.eye.range_factor = self.faults.range_factor();
         self.plan();
     }
 
@@ -261,7 +262,8 @@ impl Device for Xv11 {
                     "a character without stop bit: noise, or not 115200 baud".to_owned()
                 });
             }
-            LineEvent::Opened | LineEvent::Closed | LineEvent::Overrun => {}
+            LineEvent::Opened | LineEvent::Closed | LineEvent::ParityError | LineEvent::Overrun => {
+            }
         }
         self.foresee();
     }
@@ -291,6 +293,18 @@ impl Device for Xv11 {
 
     fn line_config(&self, _port: Port) -> LineConfig {
         uart::LINE
+    }
+
+    fn known_faults(&self) -> &'static [&'static str] {
+        &Fault::NAMES
+    }
+
+    fn set_fault(&mut self, now: Instant, fault: &str, figure: Option<f64>, begins: bool) {
+        match Fault::named(fault, figure) {
+            Some(fault) if begins => Self::set_fault(self, now, fault),
+            Some(fault) => self.clear_fault(now, fault),
+            None => {}
+        }
     }
 
     fn take_events(&mut self) -> Vec<Event> {

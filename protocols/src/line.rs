@@ -83,6 +83,8 @@ pub enum LineEvent {
     Break,
     /// A character without a valid stop bit: noise, or a wrong baud rate.
     FramingError,
+    /// A character whose parity bit is wrong.
+    ParityError,
     /// The receiver had no room for a character.
     Overrun,
 }

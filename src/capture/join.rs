@@ -301,6 +301,7 @@ pub(crate) const fn event_words(event: LineEvent) -> &'static str {
         LineEvent::Closed => "port closed",
         LineEvent::Break => "break",
         LineEvent::FramingError => "framing error",
+        LineEvent::ParityError => "parity error",
         LineEvent::Overrun => "overrun",
     }
 }

@@ -39,7 +39,12 @@ pub(super) struct Battery {
     since: Instant,
     /// Least voltage seen since the firmware started, mV.
     least_mv: u16,
+    /// All but empty, whatever it would be by now.
+    pub(super) is_low: bool,
 }
+
+/// Voltage of a battery that is all but empty, mV: 3 percent.
+const LOW_MV: f64 = 9_900.0;
 
 impl Battery {
     pub(super) const fn new(config: BatteryConfig) -> Self {
@@ -47,6 +52,7 @@ impl Battery {
             config,
             since: Instant::ZERO,
             least_mv: u16::MAX,
+            is_low: false,
         }
     }
 
@@ -64,7 +70,10 @@ impl Battery {
     /// One run of the analog task.
     pub(super) fn sample(&mut self, now: Instant, kind: BatteryRegisters, memory: &mut Memory) {
         let gone_s = (now - self.since).as_secs_f64();
-        let volts_mv = self.config.start_mv - self.config.drop_mv_per_s * gone_s;
+        let volts_mv = match self.is_low {
+            true => LOW_MV,
+            false => self.config.start_mv - self.config.drop_mv_per_s * gone_s,
+        };
         let raw = whole(((volts_mv + 300.0) / 15.0).clamp(0.0, 1023.0));
         memory.set_i16(BATTERY_RAW, raw);
         let mv = (raw * 15 - 300).cast_unsigned();

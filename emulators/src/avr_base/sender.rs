@@ -50,6 +50,11 @@ impl Sender {
         }
     }
 
+    /// Nothing more comes of what is on its way.
+    pub(super) fn clear(&mut self) {
+        self.queue.clear();
+    }
+
     /// Moves what is ready at `now` into `buf`.
     pub(super) fn take(&mut self, now: Instant, buf: &mut [u8]) -> usize {
         let ready = self.queue.iter().take_while(|&&(at, _)| at <= now).count();

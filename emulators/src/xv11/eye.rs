@@ -62,6 +62,8 @@ pub(super) struct Eye {
     pub(super) optics: Optics,
     /// No laser light: nothing is seen.
     pub(super) dark: bool,
+    /// Distance told by distance measured.
+    pub(super) range_factor: f64,
     range: Rng,
     strength: Rng,
     beam: Rng,
@@ -84,6 +86,7 @@ impl Eye {
             mount,
             optics,
             dark: false,
+            range_factor: 1.0,
             range: Rng::stream(seed, &format!("{name}.range")),
             strength: Rng::stream(seed, &format!("{name}.strength")),
             beam: Rng::stream(seed, &format!("{name}.beam")),
@@ -100,6 +103,22 @@ impl Eye {
         slot: u16,
         angle_deg: f64,
     ) -> RawReading {
+        let raw = self.look(world, at, slot, angle_deg);
+        match Reading::from(raw) {
+            Reading::Range {
+                distance_mm,
+                strength,
+                weak,
+            } if self.range_factor != 1.0 => RawReading::from(Reading::Range {
+                distance_mm: whole(f64::from(distance_mm) * self.range_factor),
+                strength,
+                weak,
+            }),
+            _ => raw,
+        }
+    }
+
+    fn look(&mut self, world: &World, at: Instant, slot: u16, angle_deg: f64) -> RawReading {
         let noise = Noise {
             angle: normal(&mut self.beam),
             chance: self.beam.uniform(),

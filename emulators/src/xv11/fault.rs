@@ -1,5 +1,8 @@
 //! What can be wrong with a sensor, as data.
 
+/// Friction that a regulated supply can no longer make up for, rpm/s.
+const SLOW_RPM_S: f64 = 600.0;
+
 /// One thing that is wrong. Setting a fault again replaces its figure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
@@ -27,13 +30,18 @@ pub enum Fault {
     DenseStarts,
     /// One byte of each packet is damaged after the checksum was made.
     Garbage,
+    /// Every distance is too long by this factor, or too short.
+    Wrong {
+        /// Distance told by true distance.
+        factor: f64,
+    },
     /// The processor restarts, in the middle of a packet. Once; clears itself.
     Restart,
 }
 
 impl Fault {
     /// Every fault, with a figure where one is needed.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Off,
         Self::Dust {
             friction_rpm_s: 400.0,
@@ -45,6 +53,7 @@ impl Fault {
         Self::Dark,
         Self::DenseStarts,
         Self::Garbage,
+        Self::Wrong { factor: 1.1 },
         Self::Restart,
     ];
 
@@ -65,7 +74,32 @@ impl Fault {
             Self::Dark => "dark",
             Self::DenseStarts => "dense-starts",
             Self::Garbage => "garbage",
+            Self::Wrong { .. } => "wrong",
             Self::Restart => "restart",
+        }
+    }
+
+    /// The names of all faults, and `slow`, which is what enough dust does.
+    pub(super) const NAMES: [&str; 12] = {
+        let mut names = ["slow"; 12];
+        let mut index = 0;
+        while index < Self::ALL.len() {
+            names[index + 1] = Self::ALL[index].name();
+            index += 1;
+        }
+        names
+    };
+
+    /// The fault with this name and `figure`, if that is a question.
+    pub(super) fn named(name: &str, figure: Option<f64>) -> Option<Self> {
+        match (name, Self::from_name(name)) {
+            ("slow" | "dust", _) => Some(Self::Dust {
+                friction_rpm_s: figure.unwrap_or(SLOW_RPM_S),
+            }),
+            (_, Some(Self::Wrong { factor })) => Some(Self::Wrong {
+                factor: figure.unwrap_or(factor),
+            }),
+            (_, fault) => fault,
         }
     }
 }
@@ -93,6 +127,14 @@ impl Faults {
         let had = self.has(fault);
         self.clear(fault);
         had
+    }
+
+    pub(super) fn range_factor(&self) -> f64 {
+        let wrong = self.0.iter().find_map(|fault| match fault {
+            Fault::Wrong { factor } => Some(*factor),
+            _ => None,
+        });
+        wrong.unwrap_or(1.0)
     }
 
     pub(super) fn dust_rpm_s(&self) -> f64 {

@@ -399,7 +399,10 @@ impl Master for Rescue {
     fn line_event(&mut self, port: Port, _now: Instant, event: LineEvent) {
         self.attend_at = Instant::ZERO;
         match event {
-            LineEvent::Break | LineEvent::FramingError | LineEvent::Overrun => {
+            LineEvent::Break
+            | LineEvent::FramingError
+            | LineEvent::ParityError
+            | LineEvent::Overrun => {
                 self.counters.line_errors = self.counters.line_errors.saturating_add(1);
             }
             LineEvent::Opened | LineEvent::Closed => match port {

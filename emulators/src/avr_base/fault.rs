@@ -1,0 +1,96 @@
+//! What can go wrong with the base besides what its firmware does wrong.
+
+use protocols::Instant;
+
+use super::{AvrBase, StartCause};
+use crate::world::Wheel;
+
+/// Names of the faults.
+pub(super) const NAMES: [&str; 5] = ["off", "restart", "stuck", "wrong", "battery-low"];
+
+/// Counts for each true one if nobody says how wrong they are: the two wires of each encoder are
+/// exchanged, so that it counts backwards.
+const WRONG: f64 = -1.0;
+
+/// What the firmware sees of the encoders.
+#[derive(Clone, Debug)]
+pub(super) struct Encoders {
+    /// No count comes.
+    stuck: bool,
+    /// Counts seen for each true one; 1 is sound.
+    factor: f64,
+    /// True counts at the last look, and what was seen of them.
+    last: [Option<(i64, f64)>; 2],
+}
+
+impl Default for Encoders {
+    fn default() -> Self {
+        Self {
+            stuck: false,
+            factor: 1.0,
+            last: [None; 2],
+        }
+    }
+}
+
+impl Encoders {
+    /// What is seen of `wheel`, whose true count is `edges`.
+    pub(super) fn count(&mut self, wheel: Wheel, edges: i64) -> i64 {
+        let last = &mut self.last[wheel as usize];
+        let (before, seen) = last.unwrap_or((edges, edges as f64));
+        // As long as nothing is wrong this is exact: counts are whole and far below 2^53.
+        let factor = if self.stuck { 0.0 } else { self.factor };
+        let seen = seen + (edges - before) as f64 * factor;
+        *last = Some((edges, seen));
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "a count of edges times a bounded factor"
+        )]
+        let seen = seen.floor() as i64;
+        seen
+    }
+}
+
+impl AvrBase {
+    pub(super) fn change_fault(
+        &mut self,
+        now: Instant,
+        fault: &str,
+        figure: Option<f64>,
+        begins: bool,
+    ) {
+        match (fault, begins) {
+            ("off", true) => {
+                self.forget(now, StartCause::PowerOn);
+                self.bus.clear();
+                self.debug.clear();
+                self.journal.note(now, "off", "no supply".into());
+                self.start.crashed_until = Some(Instant::from_nanos(u64::MAX));
+            }
+            ("off", false) | ("restart", true) => self.reset(now, StartCause::PowerOn),
+            ("stuck", _) => self.encoders.stuck = begins,
+            ("wrong", true) => self.encoders.factor = figure.unwrap_or(WRONG),
+            ("wrong", false) => self.encoders.factor = 1.0,
+            ("battery-low", _) => self.battery.is_low = begins,
+            _ => {}
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_stand_still_while_stuck_and_go_on_from_there() {
+        let mut encoders = Encoders::default();
+        let count = |encoders: &mut Encoders, edges| encoders.count(Wheel::Left, edges);
+        assert_eq!(count(&mut encoders, 100), 100);
+        encoders.stuck = true;
+        assert_eq!(count(&mut encoders, 150), 100);
+        encoders.stuck = false;
+        assert_eq!(count(&mut encoders, 160), 110);
+        encoders.factor = -1.0;
+        assert_eq!(count(&mut encoders, 170), 100);
+    }
+}

@@ -1,0 +1,33 @@
+//! What somebody does to the base by hand.
+
+use protocols::Instant;
+
+use super::profile::Button;
+use super::{AvrBase, BUTTON_COUNTS, BatteryConfig, ButtonState, DIVIDER};
+
+impl AvrBase {
+    /// Somebody presses the stop button.
+    pub fn press_stop(&mut self, now: Instant) {
+        self.button = match (self.quirks.button, self.button) {
+            (Button::Toggle, ButtonState::Toggled) => ButtonState::Released,
+            (Button::Toggle, _) => ButtonState::Toggled,
+            (Button::HoldAndDelay, _) => ButtonState::Pressed,
+        };
+        self.now = self.now.max(now);
+        self.announce(now);
+    }
+
+    /// Somebody lets the stop button go.
+    pub fn release_stop(&mut self, now: Instant) {
+        if self.button == ButtonState::Pressed {
+            let until = self.ticks.after(now, DIVIDER, BUTTON_COUNTS);
+            self.button = ButtonState::Lingering(until);
+        }
+        self.now = self.now.max(now);
+    }
+
+    /// Another battery, or a charger.
+    pub const fn replace_battery(&mut self, now: Instant, battery: BatteryConfig) {
+        self.battery.replace(now, battery);
+    }
+}
