@@ -209,6 +209,42 @@ mod tests {
         assert_eq!(read(&text, 111_111, 115_200), (text, 0));
     }
 
+    /// By hand: a bit of the receiver is 115200 / 111111 = 1.0368 bits of the sender. It looks at
+    /// 1.555, 2.592, 3.629, 4.666, 5.702, 6.739, 7.776, 8.813 and, for the stop bit, 9.850: in each
+    /// bit of the sender once, in order, and before the next character begins at 10.
+    #[test]
+    fn a_line_of_115200_read_at_111111_is_read_right() {
+        let all: Vec<u8> = (0..=255).collect();
+        assert_eq!(read(&all, 115_200, 111_111), (all, 0));
+    }
+
+    /// By hand, bits of the sender numbered from the first start bit, L low and H high:
+    ///
+    /// ```text
+    /// number     0  1 2 3 4 5 6 7 8  9  10 11 ...                    19
+    /// 48 69      L  L L L H L L H L  H  L  H L L H L H H L           H
+    /// 61 62      L  H L L L L H H L  H  L  L H L L L H H L           H
+    /// 00 00      L  L L L L L L L L  H  L  L L L L L L L L           H
+    /// ```
+    ///
+    /// From an edge at `e` the receiver, whose bits are twice as long, looks for its start bit at
+    /// `e + 1`, for data at `e + 3`, `e + 5` .. `e + 17`, for its stop bit at `e + 19`.
+    ///
+    /// - 48 69, `e` = 0: start L; data L L H H H L L H, stop H: 1001 1100.
+    /// - 61 62: bit 1 is H, a false start; `e` = 2: start L; data (5, 7 .. 19) L H H L L L H H,
+    ///   stop (21, idle) H: 1100 0110.
+    /// - 00 00, `e` = 0: data L L L H L L L L, stop H: 0000 1000.
+    /// - 61 62 00: as the second, but bit 21 is in the low third character: no stop bit. The next
+    ///   edge would be behind it; there is none.
+    #[test]
+    fn a_line_of_115200_read_at_57600_gives_what_lies_at_every_other_bit() {
+        let half = |sent: &[u8]| read(sent, 115_200, 57_600);
+        assert_eq!(half(&[0x48, 0x69]), (vec![0b1001_1100], 0));
+        assert_eq!(half(&[0x61, 0x62]), (vec![0b1100_0110], 0));
+        assert_eq!(half(&[0x00, 0x00]), (vec![0b0000_1000], 0));
+        assert_eq!(half(&[0x61, 0x62, 0x00]), (vec![], 1));
+    }
+
     #[test]
     fn twelve_per_cent_is_not() {
         let text = b"reset by watchdog".to_vec();
