@@ -12,6 +12,10 @@ use crate::line::Direction;
 use crate::rig::Rig;
 use crate::robots::Actuators;
 
+mod at_work;
+
+pub use at_work::AtWorkAgain;
+
 /// How a check ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]

@@ -33,7 +33,7 @@ pub enum Request {
     /// A fault is to begin, now or when it says.
     Add {
         /// The fault, as in a scenario; times count from the start of the run.
-        fault: FaultSpec,
+        fault: Box<FaultSpec>,
     },
     /// All faults are to be told.
     List {},
@@ -98,7 +98,7 @@ pub fn obey(run: &mut Run, request: &[u8], asked: Instant) -> Answer {
                 ..Answer::default()
             };
         }
-        Request::Add { fault } => run.inject(fault),
+        Request::Add { fault } => run.inject(*fault),
         Request::End { id } => run.withdraw(id).map(|()| id),
     };
     match changed {

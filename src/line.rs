@@ -1,14 +1,18 @@
 //! One direction of a link: bytes leave one node, take their time, meet faults, and arrive at
 //! another node.
 
+mod passage;
+
 use std::collections::VecDeque;
 
 use core::time::Duration;
 
 use protocols::{Instant, LineConfig, LineEvent, Port};
 
-use crate::fault::{LineFaults, Strike};
+use crate::fault::{Budget, LineFaults, Passed};
 use crate::resample::Resampler;
+use passage::PIECE_MAX;
+pub use passage::{Delivery, Original, SentBytes};
 
 /// A port of a node of the rig.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,6 +66,7 @@ struct Chunk {
     arrives: Instant,
     bytes: Vec<u8>,
     framing_errors: u32,
+    parity_errors: u32,
     original: Option<Box<Original>>,
 }
 
@@ -90,16 +95,22 @@ pub struct Line {
     due: Instant,
     chunks: VecDeque<Chunk>,
     in_flight: u64,
+    /// No later chunk overtakes this.
+    last_arrives: Instant,
+    /// What the sender is to hear of itself, and when.
+    echo: Option<(Instant, Vec<u8>)>,
+    /// When the receiver was last unable to take bytes, and how many it had room for until then.
+    overrun: (Instant, usize),
     resampler: Resampler,
     spare: Vec<Vec<u8>>,
 }
 
 /// Most chunks on their way at once; a sender is asked for more only below it.
-const CHUNKS_MAX: usize = 64;
+const CHUNKS_MAX: usize = 1 << 16;
+/// Most stalls, one after the other, that withhold a byte.
+const GATES_MAX: usize = 1000;
 /// Later than any run.
 const NEVER: Instant = Instant::from_nanos(u64::MAX);
-/// Largest piece.
-const PIECE_MAX: usize = 64;
 
 impl Line {
     /// An ideal line.
@@ -117,6 +128,9 @@ impl Line {
             due: NEVER,
             chunks: VecDeque::new(),
             in_flight: 0,
+            last_arrives: Instant::ZERO,
+            echo: None,
+            overrun: (Instant::ZERO, 0),
             resampler: Resampler::default(),
             spare: Vec::new(),
         }
@@ -129,7 +143,7 @@ impl Line {
 
     /// Bytes sent and not yet delivered.
     pub const fn in_flight(&self) -> u64 {
-        self.in_flight
+        self.in_flight + self.faults.held()
     }
 
     /// Whether each byte sent was delivered, lost, garbled or is on its way.
@@ -141,7 +155,7 @@ impl Line {
             t.added,
             t.delivered,
             t.framing_errors,
-            self.in_flight,
+            self.in_flight(),
         ]
         .map(u64::cast_signed);
         sent - lost + added + t.resampled == delivered + errors + in_flight
@@ -162,13 +176,33 @@ impl Line {
         self.due <= now
     }
 
-    fn note_due(&mut self) {
-        let front = self.chunks.front().map(|chunk| chunk.arrives);
+    /// Looks again when something is due, after what goes wrong has changed.
+    pub fn note_due(&mut self) {
+        let front = self
+            .chunks
+            .front()
+            .map(|chunk| self.release(chunk.arrives).0);
         self.due = front
             .into_iter()
             .chain(self.resampler.idle_at())
             .min()
             .unwrap_or(NEVER);
+    }
+
+    /// When the receiver gets what arrives at `at`, and how many bytes it has room for until then.
+    fn release(&self, at: Instant) -> (Instant, Option<usize>) {
+        let (mut release, mut room) = (at, None);
+        if self.faults.is_clean() {
+            return (release, room);
+        }
+        for _ in 0..GATES_MAX {
+            let Some(gate) = self.faults.gate(release) else {
+                break;
+            };
+            release = gate.opens;
+            room = room.into_iter().chain(gate.fifo).min();
+        }
+        (release, room)
     }
 
     /// Whether the line can take bytes from its sender at `now`.
@@ -183,6 +217,7 @@ impl Line {
         now: Instant,
         sender: LineConfig,
         receiver: LineConfig,
+        budget: &mut Budget,
         transmit: impl FnOnce(&mut [u8]) -> usize,
     ) -> Option<(Instant, SentBytes)> {
         let mut buf = [0; PIECE_MAX];
@@ -191,70 +226,139 @@ impl Line {
             return None;
         }
         let sent = &buf[..len];
-        let start = now;
-        let ends = start + sender.bytes_time(len as u64);
-        self.free_at = ends;
+        let (start, agreed) = (now, sender);
         if self.is_played {
+            let ends = start + agreed.bytes_time(len as u64);
+            self.free_at = ends;
             self.traffic.sent += len as u64;
             self.traffic.lost += len as u64;
             return Some((ends, SentBytes { buf, len }));
         }
-
-        let mut bytes = self.spare.pop().unwrap_or_default();
-        bytes.clear();
-        let struck = self.faults.struck_len();
-        if self.faults.is_clean() {
-            bytes.extend_from_slice(sent);
+        let is_clean = self.faults.is_clean();
+        let mut passed = Passed {
+            bytes: self.spare.pop().unwrap_or_default(),
+            ..Passed::default()
+        };
+        passed.bytes.clear();
+        let (struck, held) = (self.faults.struck_len(), self.faults.held());
+        let mut sender = agreed;
+        if is_clean {
+            passed.bytes.extend_from_slice(sent);
         } else {
-            for (number, &byte) in (self.traffic.sent..).zip(sent) {
-                self.faults.strike(number, byte, start, &mut bytes);
-            }
+            sender = self.faults.sender_line(agreed, start);
+            let first = self.traffic.sent;
+            self.faults
+                .pass(first, sent, start, sender, budget, &mut passed);
+        }
+        let ends = start + sender.bytes_time(len as u64);
+        self.free_at = ends + passed.pauses.iter().map(|(_, by)| *by).sum();
+        if passed.echo {
+            self.echo = Some((ends, passed.bytes.clone()));
         }
         self.traffic.sent += len as u64;
-        self.traffic.added += bytes.len().saturating_sub(len) as u64;
-        self.traffic.lost += len.saturating_sub(bytes.len()) as u64;
+        self.count(len as u64 + held, passed.bytes.len() as u64);
 
-        let mut original = (!self.faults.is_clean() && bytes != sent)
-            .then(|| Box::new(self.original(ends, start, sent, struck)));
+        let is_changed = !is_clean && (passed.bytes != sent || !passed.effects.is_empty());
+        let mut original = (is_changed || self.faults.struck_len() > struck)
+            .then(|| Box::new(self.original(ends, &passed, sent, struck)));
         let mut framing_errors = 0;
         if !sender.agrees_with(receiver) {
-            let before = bytes.len();
-            framing_errors = self.resampler.feed(&mut bytes, start, sender, receiver);
+            let before = passed.bytes.len();
+            framing_errors = self
+                .resampler
+                .feed(&mut passed.bytes, start, sender, receiver);
             self.traffic.resampled +=
-                bytes.len() as i64 + i64::from(framing_errors) - before as i64;
-            let original =
-                original.get_or_insert_with(|| Box::new(self.original(ends, start, sent, struck)));
+                passed.bytes.len() as i64 + i64::from(framing_errors) - before as i64;
+            let original = original
+                .get_or_insert_with(|| Box::new(self.original(ends, &passed, sent, struck)));
             original.bauds = Some([sender.baud, receiver.baud]);
         } else if original.is_none() && self.latency > Duration::ZERO {
-            original = Some(Box::new(self.original(ends, start, sent, struck)));
+            original = Some(Box::new(self.original(ends, &passed, sent, struck)));
         }
-        self.send_off(ends, bytes, framing_errors, original);
+        self.send_off(start, ends, sender, passed, framing_errors, original);
         Some((ends, SentBytes { buf, len }))
     }
 
+    /// Counts what became of `given` bytes, those held back before included: `passed`, and what is
+    /// held back now, are left.
+    fn count(&mut self, given: u64, passed: u64) {
+        let left = passed + self.faults.held();
+        self.traffic.added += left.saturating_sub(given);
+        self.traffic.lost += given.saturating_sub(left);
+    }
+
     /// What is kept of `sent` because something else will arrive, or later.
-    fn original(&self, ends: Instant, start: Instant, sent: &[u8], struck: usize) -> Original {
+    fn original(&self, ends: Instant, passed: &Passed, sent: &[u8], struck: usize) -> Original {
         Original {
             at: ends,
             bytes: sent.to_vec(),
             strikes: self.faults.struck().skip(struck).copied().collect(),
-            is_cut: self.faults.is_cut(start),
+            effects: passed.effects.clone(),
             bauds: None,
         }
     }
 
+    /// Puts what passed on its way, in pieces if it is to arrive so.
     fn send_off(
         &mut self,
+        start: Instant,
         ends: Instant,
+        sender: LineConfig,
+        mut passed: Passed,
+        framing_errors: u32,
+        mut original: Option<Box<Original>>,
+    ) {
+        let (late, len) = (self.latency + passed.late, passed.bytes.len());
+        let mut paused = Duration::ZERO;
+        let mut pauses = core::mem::take(&mut passed.pauses).into_iter().peekable();
+        let piece = passed.piece.unwrap_or(usize::MAX).max(1);
+        let mut from = 0;
+        loop {
+            while let Some((_, by)) = pauses.next_if(|(at, _)| *at <= from || from >= len) {
+                paused += by;
+            }
+            let next_pause = pauses.peek().map_or(len, |(at, _)| *at);
+            let to = len.min(next_pause).min(from.saturating_add(piece));
+            if to >= len && pauses.peek().is_none() {
+                break;
+            }
+            let so_far = start + sender.bytes_time(to as u64);
+            let bytes = passed.bytes[from..to].to_vec();
+            self.put(
+                so_far.min(ends) + paused + late,
+                bytes,
+                0,
+                0,
+                original.take(),
+            );
+            from = to;
+        }
+        passed.bytes.drain(..from);
+        let arrives = ends + paused + late;
+        self.put(
+            arrives,
+            passed.bytes,
+            framing_errors,
+            passed.parity_errors,
+            original,
+        );
+    }
+
+    fn put(
+        &mut self,
+        arrives: Instant,
         bytes: Vec<u8>,
         framing_errors: u32,
+        parity_errors: u32,
         original: Option<Box<Original>>,
     ) {
         self.in_flight += bytes.len() as u64 + u64::from(framing_errors);
+        self.last_arrives = self.last_arrives.max(arrives);
         self.chunks.push_back(Chunk {
-            arrives: ends + self.latency,
+            arrives: self.last_arrives,
             bytes,
             framing_errors,
+            parity_errors,
             original,
         });
         self.note_due();
@@ -263,16 +367,23 @@ impl Line {
     /// Lets `bytes` arrive at `at`, no earlier than what is on its way, whatever the sender does;
     /// `framing_errors` characters without a stop bit come before them.
     pub fn play(&mut self, at: Instant, bytes: &[u8], framing_errors: u32) {
-        let added = bytes.len() as u64 + u64::from(framing_errors);
-        self.traffic.added += added;
-        self.in_flight += added;
-        self.chunks.push_back(Chunk {
-            arrives: at,
-            bytes: bytes.to_vec(),
-            framing_errors,
-            original: None,
-        });
-        self.note_due();
+        self.traffic.added += bytes.len() as u64 + u64::from(framing_errors);
+        self.put(at, bytes.to_vec(), framing_errors, 0, None);
+    }
+
+    /// What the sender is to hear of itself, see [`hear`](Self::hear).
+    pub(crate) const fn take_echo(&mut self) -> Option<(Instant, Vec<u8>)> {
+        self.echo.take()
+    }
+
+    /// Puts `bytes` of the other direction on this line; they are lost if nobody takes what is on
+    /// its way already.
+    pub(crate) fn hear(&mut self, at: Instant, bytes: Vec<u8>) {
+        if self.chunks.len() >= CHUNKS_MAX {
+            return;
+        }
+        self.traffic.added += bytes.len() as u64;
+        self.put(at, bytes, 0, 0, None);
     }
 
     /// Hands over what has arrived by `now`, one chunk a call.
@@ -285,19 +396,30 @@ impl Line {
             bytes.clear();
             let framing_errors = self.resampler.idle(&mut bytes);
             self.traffic.resampled += bytes.len() as i64 + i64::from(framing_errors);
-            self.send_off(now, bytes, framing_errors, None);
+            self.put(now, bytes, framing_errors, 0, None);
         }
-        if self.chunks.front()?.arrives > now {
+        let (release, room) = self.release(self.chunks.front()?.arrives);
+        if release > now {
             return None;
         }
-        let chunk = self.chunks.pop_front()?;
-        self.note_due();
+        let mut chunk = self.chunks.pop_front()?;
         self.in_flight -= chunk.bytes.len() as u64 + u64::from(chunk.framing_errors);
+        let overrun = room.is_some_and(|room| self.overflow(release, room, &mut chunk.bytes));
+        self.note_due();
         self.traffic.delivered += chunk.bytes.len() as u64;
         self.traffic.framing_errors += u64::from(chunk.framing_errors);
-        let event = (chunk.framing_errors > 0).then_some(LineEvent::FramingError);
+        let event = match &chunk {
+            Chunk {
+                framing_errors: 1..,
+                ..
+            } => Some(LineEvent::FramingError),
+            Chunk {
+                parity_errors: 1.., ..
+            } => Some(LineEvent::ParityError),
+            _ => overrun.then_some(LineEvent::Overrun),
+        };
         Some(Delivery {
-            at: chunk.arrives,
+            at: release,
             bytes: chunk.bytes,
             event,
             framing_errors: chunk.framing_errors,
@@ -305,62 +427,23 @@ impl Line {
         })
     }
 
+    /// Cuts `bytes` to what there is `room` for until `release`; whether any were lost.
+    fn overflow(&mut self, release: Instant, room: usize, bytes: &mut Vec<u8>) -> bool {
+        if self.overrun.0 != release {
+            self.overrun = (release, 0);
+        }
+        let keep = room.saturating_sub(self.overrun.1).min(bytes.len());
+        let lost = bytes.len() - keep;
+        bytes.truncate(keep);
+        self.overrun.1 += keep;
+        self.traffic.lost += lost as u64;
+        lost > 0
+    }
+
     /// Gives a delivered buffer back for later use.
     pub fn recycle(&mut self, bytes: Vec<u8>) {
         if self.spare.len() < 4 {
             self.spare.push(bytes);
         }
-    }
-}
-
-/// What a sender gave in one go.
-#[derive(Clone, Copy, Debug)]
-pub struct SentBytes {
-    buf: [u8; PIECE_MAX],
-    len: usize,
-}
-
-impl core::ops::Deref for SentBytes {
-    type Target = [u8];
-
-    fn deref(&self) -> &[u8] {
-        &self.buf[..self.len]
-    }
-}
-
-/// What a receiver gets in one go.
-#[derive(Clone, Debug)]
-pub struct Delivery {
-    /// When the last byte was complete.
-    pub at: Instant,
-    /// The bytes, faults applied; may be empty.
-    pub bytes: Vec<u8>,
-    /// What happened besides.
-    pub event: Option<LineEvent>,
-    /// Characters without a valid stop bit among what was sent.
-    pub framing_errors: u32,
-    /// What was sent, if the line changed or delayed it.
-    pub original: Option<Box<Original>>,
-}
-
-/// Bytes as they left the sender, and what the line did to them.
-#[derive(Clone, Debug)]
-pub struct Original {
-    /// When the last of them ended on the wire.
-    pub at: Instant,
-    /// The bytes.
-    pub bytes: Vec<u8>,
-    /// The damage, byte by byte.
-    pub strikes: Vec<Strike>,
-    /// Whether the line was cut.
-    pub is_cut: bool,
-    /// The rates of sender and receiver, if those do not agree.
-    pub bauds: Option<[u32; 2]>,
-}
-
-impl Original {
-    /// Whether `arrived` are the bytes as sent, which nothing but time befell.
-    pub(crate) fn is_only_late(&self, arrived: &[u8]) -> bool {
-        self.strikes.is_empty() && !self.is_cut && self.bauds.is_none() && self.bytes == arrived
     }
 }

@@ -178,11 +178,12 @@ fn faults(faults: &[FaultSpec]) -> String {
         let from = fault.from.map(|span| format!("from {}", seconds(span)));
         let until = fault.until.map(|span| format!("until {}", seconds(span)));
         let when: Vec<String> = [byte, rate, from, until].into_iter().flatten().collect();
-        let way = match fault.direction.into() {
-            crate::line::Direction::ToMaster => "to the robot",
-            crate::line::Direction::ToDevice => "to the device",
+        let way = match fault.direction.map(Into::into) {
+            Some(crate::line::Direction::ToMaster) => "to the robot",
+            Some(crate::line::Direction::ToDevice) => "to the device",
+            None => "",
         };
-        let link = escape(&fault.link);
+        let link = escape(&fault.place());
         row("", &[fault.kind.name(), &link, way, &when.join(" ")])
     });
     let more = more(faults.len(), faults.len().min(FAULTS_MAX), "case.toml");

@@ -1,6 +1,7 @@
 //! World, devices and the robot's program, wired by lines, run by one clock that jumps from event
 //! to event.
 
+mod disturb;
 mod node;
 mod swap;
 
@@ -12,8 +13,10 @@ use emulators::{Device, Event, EventKind};
 use protocols::{Instant, LineConfig, LineEvent};
 
 use crate::cpu::CpuModel;
+use crate::fault::Budget;
 use crate::line::{Direction, End, Line};
 use crate::trace::{Side, Tap, Trace};
+pub use disturb::Disturbance;
 pub use node::{AnyDevice, Program};
 use node::{Body, Node, Outside};
 
@@ -81,6 +84,10 @@ pub struct Rig {
     events: Vec<Logged>,
     events_dropped: u64,
     violations: u64,
+    /// How much may go wrong at random.
+    pub budget: Budget,
+    /// What goes on besides damage to bytes.
+    disturbed: Vec<Disturbance>,
 }
 
 impl Rig {
@@ -97,6 +104,8 @@ impl Rig {
             events: Vec::new(),
             events_dropped: 0,
             violations: 0,
+            budget: Budget::default(),
+            disturbed: Vec::new(),
         }
     }
 
@@ -385,6 +394,11 @@ impl Rig {
                     let node = &mut self.nodes[line.to.node];
                     if let Some(event) = delivery.event {
                         node.line_event(line.to.port, delivery.at, event);
+                        if event != LineEvent::FramingError {
+                            for tap in &mut self.taps {
+                                tap.line_event(index, direction, delivery.at, event);
+                            }
+                        }
                     }
                     if !delivery.bytes.is_empty() {
                         let bytes = &delivery.bytes;
@@ -440,8 +454,14 @@ impl Rig {
                 let node = &mut self.nodes[line.from.node];
                 let sender = node.line_config(line.from.port);
                 let port = line.from.port;
-                let taken = line.take(self.now, sender, receiver, |buf| node.transmit(port, buf));
+                let budget = &mut self.budget;
+                let taken = line.take(self.now, sender, receiver, budget, |buf| {
+                    node.transmit(port, buf)
+                });
                 line.silent_since = taken.is_none().then_some(epoch);
+                if let Some((at, bytes)) = line.take_echo() {
+                    link.lines[1 - direction as usize].hear(at, bytes);
+                }
                 if let Some((ends, sent)) = taken {
                     node.after_transmit(self.now);
                     self.trace.record(index, direction, Side::Sent, ends, &sent);

@@ -14,9 +14,7 @@ use crate::decode::Protocol;
 use crate::fault::FaultId;
 use crate::line::End;
 use crate::rig::{Program, Rig};
-use crate::scenario::{
-    DeviceSpec, FaultSpec, Flaw, Robot, Scenario, ScenarioError, Source, Step, TapSpec,
-};
+use crate::scenario::{DeviceSpec, Robot, Scenario, ScenarioError, Source, Step, TapSpec};
 
 pub mod rescue;
 
@@ -97,28 +95,15 @@ fn plan_links(rig: &mut Rig, scenario: &Scenario, source: &Source) -> Result<(),
                 .for_each(|line| line.latency = spec.latency.0);
         }
     }
+    rig.budget = scenario.budget.unwrap_or_default().into();
     for (index, fault) in scenario.fault.iter().enumerate() {
-        plan_fault(rig, fault, FaultId(index), scenario.seed).map_err(|flaw| {
+        let planned = rig.plan_fault(fault, FaultId(index), scenario.seed);
+        planned.map_err(|flaw| {
             let span = source.find_in_list("fault", index, flaw.key);
             source.invalid(span, format!("fault[{index}].{}", flaw.key), flaw.message)
         })?;
     }
     Ok(())
-}
-
-/// Plans one fault on a wired rig; `seed` and `id` choose its dice.
-///
-/// # Errors
-/// If there is no such link, or the fault makes no sense.
-pub fn plan_fault(rig: &mut Rig, fault: &FaultSpec, id: FaultId, seed: u64) -> Result<(), Flaw> {
-    let names: Vec<String> = rig.links().iter().map(|link| link.name.clone()).collect();
-    let Some(link) = rig.link_mut(&fault.link) else {
-        let found = &fault.link;
-        let message = format!("is \"{found}\", expected one of {}", names.join(", "));
-        return Err(Flaw::new("link", message));
-    };
-    let line = link.line_mut(fault.direction.into());
-    fault.plan(id, &mut line.faults, seed)
 }
 
 /// What a robot's checkers need to know.

@@ -1,5 +1,6 @@
 //! One run of a scenario in virtual time: wired, driven, watched, judged.
 
+mod agenda;
 mod command;
 mod faults;
 
@@ -12,6 +13,7 @@ use image::RgbImage;
 use protocols::Instant;
 
 use crate::check::{self, Check, Checker, Look, Status};
+use crate::fault::FaultId;
 use crate::history::History;
 use crate::mission::Progress;
 use crate::realtime::Paced;
@@ -23,6 +25,7 @@ use crate::scenario::{Scenario, ScenarioError, Source};
 use crate::score::{self, PoseError, PosePair, WallOverlap};
 use crate::view;
 
+use agenda::Agenda;
 pub use command::CommandError;
 pub use faults::{FAULTS_MAX, FaultReport, FaultState};
 
@@ -41,6 +44,9 @@ pub struct Run {
     checkers: Vec<Box<dyn Checker>>,
     progress: Progress,
     pushes: Vec<PushSpec>,
+    agenda: Agenda,
+    /// Faults that wait for a condition.
+    waiting: Vec<FaultId>,
     truth: Vec<(Instant, Pose)>,
     pairs: Vec<PosePair>,
     history: History,
@@ -117,12 +123,18 @@ impl Run {
         let watch = robots::watch(scenario.robot);
         let mut pushes = scenario.world.push.clone();
         pushes.sort_by_key(|push| push.at);
-        Self {
+        let mut checkers = check::standard(watch.command_link, watch.silence_max);
+        if let Some(phases) = scenario.phases {
+            checkers.push(Box::new(check::AtWorkAgain::new(phases.windows())));
+        }
+        let mut run = Self {
             rig,
             seed: scenario.seed,
-            checkers: check::standard(watch.command_link, watch.silence_max),
+            checkers,
             progress: Progress::new(&scenario.mission, &scenario.expect),
             pushes,
+            agenda: Agenda::default(),
+            waiting: Vec::new(),
             truth: Vec::new(),
             pairs: Vec::new(),
             history: History::new(scenario.duration.0),
@@ -130,7 +142,9 @@ impl Run {
             next_look: Instant::ZERO + LOOK_EVERY,
             is_over: false,
             scenario,
-        }
+        };
+        run.plan_agenda();
+        run
     }
 
     /// The scenario being run.
@@ -179,23 +193,30 @@ impl Run {
         self.advance(deadline);
     }
 
-    /// Runs the rig until `deadline`, pushing the robot when it is time to.
+    /// Runs the rig until `deadline`, doing to robot and devices what is due in between.
     fn advance(&mut self, deadline: Instant) {
-        while let Some(push) = self.pushes.first().copied()
-            && push.at.instant() <= deadline
-        {
-            self.rig.run_until(push.at.instant());
-            let turn = push.turn_deg.to_radians();
-            self.rig
-                .world
-                .push(push.by_m[0], push.by_m[1], turn, push.over.0);
-            self.pushes.remove(0);
+        loop {
+            let push = self.pushes.first().map(|push| push.at.instant());
+            let next = push.into_iter().chain(self.agenda.due()).min();
+            let Some(at) = next.filter(|&at| at <= deadline) else {
+                break;
+            };
+            self.rig.run_until(at);
+            self.agenda.perform(&mut self.rig);
+            if push.is_some_and(|push| push <= at) {
+                let push = self.pushes.remove(0);
+                let turn = push.turn_deg.to_radians();
+                self.rig
+                    .world
+                    .push(push.by_m[0], push.by_m[1], turn, push.over.0);
+            }
         }
         self.rig.run_until(deadline);
     }
 
     fn look(&mut self) {
         self.next_look = self.rig.now() + LOOK_EVERY;
+        self.begin_what_waited();
         let contacts = self.rig.world.take_contacts();
         let actuators = robots::actuators(self.scenario.robot, &self.rig);
         let look = Look {

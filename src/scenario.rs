@@ -5,6 +5,7 @@ mod device;
 mod fault;
 mod mission;
 mod own;
+mod phases;
 mod source;
 mod span;
 pub mod world;
@@ -17,12 +18,13 @@ use serde::{Deserialize, Serialize};
 pub use device::{
     AvrBaseSpec, DeviceSpec, Hc06Spec, SupplySpec, TapSpec, TouchPanelSpec, TurnSpec, Xv11Spec,
 };
-pub use fault::{DirectionSpec, FaultKind, FaultSpec, Flaw, LinkSpec};
+pub use fault::{Condition, DirectionSpec, FaultKind, FaultSpec, Flaw, LinkSpec, Place, WhenSpec};
 pub use mission::{Action, Expect, Mission, ModeSpec, Step};
 pub use own::{
     AccessSpec, CommandSpec, OrderSpec, PeriodicSpec, RegisterSpec, RegistersSpec, SourceSpec,
     TextSpec, VariableSpec, WidthSpec,
 };
+pub use phases::{BudgetSpec, PhasesSpec};
 pub use source::{ScenarioError, Source};
 pub use span::Span;
 pub use world::WorldSpec;
@@ -68,6 +70,12 @@ pub struct Scenario {
     /// Settings of links, by the names that the robot gives them.
     #[serde(default)]
     pub link: BTreeMap<String, LinkSpec>,
+    /// How much may go wrong at random.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub budget: Option<BudgetSpec>,
+    /// When things may go wrong at random, and when the robot must be at work again.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub phases: Option<PhasesSpec>,
     /// Ground truth.
     pub world: WorldSpec,
     /// What goes wrong.
@@ -176,19 +184,23 @@ impl Scenario {
 
     /// Reads a scenario from `text`; `path` is for messages and relative files.
     pub fn parse(path: &Path, text: String) -> Result<(Self, Source), ScenarioError> {
-        match toml::from_str(&text) {
-            Ok(scenario) => Ok((
-                scenario,
-                Source {
-                    path: path.to_owned(),
-                    text,
-                },
-            )),
-            Err(source) => Err(ScenarioError::Parse {
-                path: path.to_owned(),
-                source: Box::new(source),
-            }),
+        let mut scenario: Self = toml::from_str(&text).map_err(|source| ScenarioError::Parse {
+            path: path.to_owned(),
+            source: Box::new(source),
+        })?;
+        let source = Source {
+            path: path.to_owned(),
+            text,
+        };
+        if let Some(phases) = scenario.phases {
+            if phases.length() > scenario.duration.0 {
+                let message = "is shorter than the phases together, expected at least their sum";
+                return Err(source.invalid(source.find("duration"), "duration", message));
+            }
+            let faults = scenario.fault.iter_mut();
+            faults.for_each(|fault| phases.confine(fault));
         }
+        Ok((scenario, source))
     }
 
     /// The scenario as a file.

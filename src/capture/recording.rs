@@ -12,7 +12,6 @@ use super::files::Files;
 use super::join::{Extra, Joiner, event_words, line_of};
 use super::record::{Interface, Kind, Section};
 use super::scribe::Scribe;
-use crate::fault::Damage;
 use crate::folder::TOOL;
 use crate::line::{Delivery, Direction, Original};
 use crate::rig::Rig;
@@ -174,15 +173,10 @@ fn words(original: &Original) -> String {
     };
     for strike in &original.strikes {
         let byte = strike.byte;
-        match strike.damage {
-            Damage::Flip { bit } => say(format_args!("byte {byte} flip bit {bit}")),
-            Damage::Drop => say(format_args!("byte {byte} drop")),
-            Damage::Insert { value } => say(format_args!("byte {byte} insert {value:#04x}")),
-            Damage::Duplicate => say(format_args!("byte {byte} duplicate")),
-        }
+        say(format_args!("byte {byte} {}", strike.damage));
     }
-    if original.is_cut {
-        say(format_args!("line cut"));
+    for effect in &original.effects {
+        say(format_args!("{effect}"));
     }
     if let Some([sender, receiver]) = original.bauds {
         say(format_args!("sent at {sender} baud, read at {receiver}"));

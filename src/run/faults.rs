@@ -7,10 +7,9 @@ use protocols::Instant;
 use serde::Serialize;
 
 use super::Run;
-use crate::fault::FaultId;
-use crate::line::Direction;
-use crate::robots;
-use crate::scenario::{DirectionSpec, FaultSpec, Flaw, Origin, Scenario, Span};
+use crate::fault::{Activity, FaultId, LineFaults, Window};
+use crate::line::{Direction, Line};
+use crate::scenario::{DirectionSpec, FaultKind, FaultSpec, Flaw, Origin, Scenario, Span};
 
 /// Most faults that a run takes while it goes on.
 pub const FAULTS_MAX: usize = 10_000;
@@ -19,9 +18,9 @@ pub const FAULTS_MAX: usize = 10_000;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum FaultState {
-    /// Its time is still to come.
+    /// Its time, or what it waits for, is still to come.
     Planned,
-    /// It is at work.
+    /// It is at work, or will be again.
     Active,
     /// Its time is over, or it was withdrawn.
     Over,
@@ -40,6 +39,8 @@ pub struct FaultReport {
 
 /// The least time by which a change lies after what the rig has already done.
 const NEXT: Duration = Duration::from_nanos(1);
+/// Most spells of one clogged line that a case holds.
+const SPELLS_MAX: u128 = 100_000;
 
 impl Run {
     /// Adds a fault to the run as it goes on, from now on or from a later time that it names. Its
@@ -55,25 +56,79 @@ impl Run {
             return Err(Flaw::new("kind", message));
         }
         let id = FaultId(self.scenario.fault.len());
-        if let Some(byte) = fault.byte {
-            let sent = self
-                .rig
-                .link(&fault.link)
-                .map_or(0, |link| link.line(fault.direction.into()).traffic().sent);
-            if byte < sent {
+        let now = self.next_instant();
+        let sent = self.line_of(&fault).map_or(0, |line| line.traffic().sent);
+        for (key, wanted) in [("byte", fault.byte), ("at_byte", fault.at_byte)] {
+            if let Some(byte) = wanted.filter(|&byte| byte < sent) {
                 let message = format!("is {byte}, expected one to come: {sent} have passed");
-                return Err(Flaw::new("byte", message));
+                return Err(Flaw::new(key, message));
             }
-        } else {
-            let now = self.next_instant();
+        }
+        let waits = fault.byte.is_some()
+            || fault.at_byte.is_some()
+            || fault.at_frame.is_some()
+            || fault.when.is_some();
+        if !waits {
             let begins = fault.window().from.max(now);
             fault.from = Some(Span(begins - Instant::ZERO));
         }
-        robots::plan_fault(&mut self.rig, &fault, id, self.seed)?;
-        let words = format!("fault {id}: {} on {}", fault.kind.name(), fault.link);
+        self.plan(&fault, id)?;
+        let words = format!("fault {id}: {} on {}", fault.kind.name(), fault.place());
         self.scenario.fault.push(fault);
         self.note_fault("fault-added", words);
         Ok(id)
+    }
+
+    /// Plans a fault on the rig, and what belongs to it on the agenda.
+    fn plan(&mut self, fault: &FaultSpec, id: FaultId) -> Result<(), Flaw> {
+        let what = self.rig.plan_fault(fault, id, self.seed)?;
+        if fault.when.is_some() {
+            self.waiting.push(id);
+        } else {
+            self.agenda.add(id, fault.activity(id, self.seed), what);
+        }
+        Ok(())
+    }
+
+    /// Puts on the agenda what belongs to the faults of the scenario. Their effects on lines were
+    /// planned when the rig was wired.
+    pub(super) fn plan_agenda(&mut self) {
+        for (index, fault) in self.scenario.fault.iter().enumerate() {
+            let id = FaultId(index);
+            if fault.when.is_some() {
+                self.waiting.push(id);
+            } else if let Ok(what) = self.rig.disturbances(fault) {
+                self.agenda.add(id, fault.activity(id, self.seed), what);
+            }
+        }
+    }
+
+    /// Begins the faults whose conditions hold now.
+    pub(super) fn begin_what_waited(&mut self) {
+        if self.waiting.is_empty() {
+            return;
+        }
+        let pose = self.rig.world.pose();
+        let from = Some(Span(self.next_instant() - Instant::ZERO));
+        for id in core::mem::take(&mut self.waiting) {
+            let fault = &self.scenario.fault[id.0];
+            let condition = fault.when.as_ref().and_then(|when| when.condition().ok());
+            let register = |device: &str, address| self.rig.register(device, address);
+            if condition.is_some_and(|condition| condition.holds(pose, register)) {
+                let begun = FaultSpec {
+                    from,
+                    when: None,
+                    ..fault.clone()
+                };
+                let words = format!("fault {id}: {} on {}", begun.kind.name(), begun.place());
+                if self.plan(&begun, id).is_ok() {
+                    self.note_fault("fault-begun", words);
+                }
+                self.scenario.fault[id.0] = begun;
+            } else {
+                self.waiting.push(id);
+            }
+        }
     }
 
     /// Ends a fault now. It stays in the list, with its end.
@@ -87,20 +142,17 @@ impl Run {
             let message = format!("is {id}, expected a number below {count}");
             return Err(Flaw::new("id", message));
         };
-        if self.state_of(&fault, now) == FaultState::Over {
+        if self.state_of(id, &fault, now) == FaultState::Over {
             return Err(Flaw::new("id", format!("fault {id} is over already")));
         }
-        let strike = fault.strike()?;
-        let line = self
-            .rig
-            .link_mut(&fault.link)
-            .expect("a fault that was planned names a link")
-            .line_mut(fault.direction.into());
-        if let Some(strike) = strike {
-            line.faults.remove_strike(strike);
-        } else {
-            line.faults.end(id, next);
+        if let Some(strike) = fault.strike()?
+            && let Some(faults) = self.faults_on(&fault)
+        {
+            faults.remove_strike(strike);
         }
+        self.rig.end_fault(id, next);
+        self.agenda.end(id, next);
+        self.waiting.retain(|&waiting| waiting != id);
         // A fault that never began has an empty window from now on.
         let fault = &mut self.scenario.fault[id.0];
         fault.until = Some(Span(next - Instant::ZERO));
@@ -114,20 +166,45 @@ impl Run {
         let faults = self.scenario.fault.iter().enumerate();
         faults.map(move |(index, fault)| FaultReport {
             id: FaultId(index),
-            state: self.state_of(fault, now),
+            state: self.state_of(FaultId(index), fault, now),
             fault: fault.clone(),
         })
     }
 
-    fn state_of(&self, fault: &FaultSpec, now: Instant) -> FaultState {
-        let window = fault.window();
+    fn line_of(&self, fault: &FaultSpec) -> Option<&Line> {
+        let link = self.rig.link(fault.link.as_deref()?)?;
+        Some(link.line(fault.direction?.into()))
+    }
+
+    fn faults_on(&mut self, fault: &FaultSpec) -> Option<&mut LineFaults> {
+        let link = self.rig.link_mut(fault.link.as_deref()?)?;
+        Some(&mut link.line_mut(fault.direction?.into()).faults)
+    }
+
+    /// When the fault is at work, its trigger considered.
+    fn activity_of(&self, id: FaultId, fault: &FaultSpec) -> Activity {
+        let on_line = self
+            .line_of(fault)
+            .and_then(|line| line.faults.activity(id));
+        on_line
+            .cloned()
+            .unwrap_or_else(|| fault.activity(id, self.seed))
+    }
+
+    fn state_of(&self, id: FaultId, fault: &FaultSpec, now: Instant) -> FaultState {
+        let withdrawn = fault
+            .until
+            .is_some_and(|until| until.instant() <= now + NEXT);
+        let activity = self.activity_of(id, fault);
         let passed = fault.byte.is_some_and(|byte| {
-            let link = self.rig.link(&fault.link);
-            link.is_some_and(|link| link.line(fault.direction.into()).traffic().sent > byte)
+            self.line_of(fault)
+                .is_some_and(|line| line.traffic().sent > byte)
         });
-        if passed || window.until <= now + NEXT {
+        let waits = activity.trigger.is_some() || fault.when.is_some() || fault.byte.is_some();
+        let is_over = activity.window.until <= now + NEXT;
+        if withdrawn || passed || (is_over && !waits) {
             FaultState::Over
-        } else if fault.byte.is_some() || window.from > now + NEXT {
+        } else if waits || activity.window.from > now + NEXT {
             FaultState::Planned
         } else {
             FaultState::Active
@@ -150,9 +227,9 @@ impl Run {
         self.rig.log("rig", event);
     }
 
-    /// The run so far as a scenario: seed and defaults written out, and random damage replaced by
-    /// the bytes that it hit. A run of it has the same faults, whatever the dice of later versions
-    /// would say.
+    /// The run so far as a scenario: seed and defaults written out, random damage replaced by the
+    /// bytes that it hit, and what waited for something by the times at which it was at work. A
+    /// run of it has the same faults, whatever the dice of later versions would say.
     pub fn case(&self) -> Scenario {
         let mut case = self.scenario.clone();
         case.seed = self.seed;
@@ -162,8 +239,13 @@ impl Run {
         });
         let ran = self.rig.now() - Instant::ZERO;
         case.duration = case.duration.max(Span(ran));
-        case.fault
-            .retain(|fault| fault.kind.damage().is_none() && !fault.window().is_empty());
+        // What was struck is written out, so there is no budget to be kept any more.
+        case.budget = None;
+        let faults = self.scenario.fault.iter().enumerate();
+        let faults = faults.filter(|(_, fault)| !fault.kind.is_strike());
+        case.fault = faults
+            .flat_map(|(index, fault)| self.resolved(FaultId(index), fault))
+            .collect();
         for link in self.rig.links() {
             for (direction, spec) in [
                 (Direction::ToMaster, DirectionSpec::ToMaster),
@@ -176,5 +258,47 @@ impl Run {
             }
         }
         case
+    }
+
+    /// A fault as it was at work: with its times, and without dice where that can be.
+    fn resolved(&self, id: FaultId, fault: &FaultSpec) -> Vec<FaultSpec> {
+        let activity = self.activity_of(id, fault);
+        let mut fault = fault.clone();
+        if fault.when.is_some() || activity.trigger.is_some() {
+            // It never began, but may yet in a longer run, unless it was withdrawn.
+            return Vec::from_iter(fault.until.is_none().then_some(fault));
+        }
+        let span = |at: Instant| (at < Window::ALWAYS.until).then(|| Span(at - Instant::ZERO));
+        if fault.at_byte.take().is_some() || fault.at_frame.take().is_some() {
+            fault.from = span(activity.window.from);
+            fault.until = span(activity.window.until);
+            fault.lasting = fault.lasting.filter(|_| fault.every.is_some());
+        }
+        if activity.window.is_empty() {
+            return Vec::new();
+        }
+        match fault.kind {
+            FaultKind::Clog => {
+                let spells = (0..SPELLS_MAX).map_while(|number| activity.spell(number));
+                let spells = spells.take_while(|spell| spell.from <= self.rig.now());
+                let stall = |spell: Window| FaultSpec {
+                    kind: FaultKind::Stall,
+                    from: span(spell.from),
+                    until: span(spell.until),
+                    lasting: None,
+                    every: None,
+                    count: None,
+                    stream: None,
+                    ..fault.clone()
+                };
+                let real = spells.filter(|spell| !spell.is_empty());
+                real.map(stall).collect()
+            }
+            FaultKind::Jitter => {
+                fault.stream = Some(fault.dice(id));
+                vec![fault]
+            }
+            _ => vec![fault],
+        }
     }
 }

@@ -1,12 +1,20 @@
 //! Settings of links, and what goes wrong on them.
 
-use emulators::rng::Rng;
+mod kind;
+mod plan;
+mod when;
+
+use core::fmt;
+
 use protocols::Instant;
 use serde::{Deserialize, Serialize};
 
 use super::Span;
-use crate::fault::{Damage, DamageKind, FaultId, LineFaults, Strike, Window};
+use crate::fault::{Damage, Strike, Window};
 use crate::line::Direction;
+
+pub use kind::{FaultKind, Place};
+pub use when::{Condition, WhenSpec};
 
 /// Settings of a link.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -17,124 +25,159 @@ pub struct LinkSpec {
     pub latency: Span,
 }
 
-/// Something that goes wrong on a link.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct FaultSpec {
+/// Declares the keys of a fault: each is optional, and which are given can be listed.
+macro_rules! fault_spec {
+    ($($(#[doc = $doc:literal])+ $key:ident: $type:ty,)+) => {
+        /// Something that goes wrong. Which keys belong together depends on the kind.
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+        #[serde(deny_unknown_fields)]
+        pub struct FaultSpec {
+            /// What happens.
+            pub kind: FaultKind,
+            $(
+                $(#[doc = $doc])+
+                #[serde(default, skip_serializing_if = "Option::is_none")]
+                pub $key: Option<$type>,
+            )+
+        }
+
+        impl FaultSpec {
+            /// A fault of `kind` without any keys.
+            pub const fn new(kind: FaultKind) -> Self {
+                Self { kind, $($key: None,)+ }
+            }
+
+            /// The keys that are given.
+            fn given(&self) -> impl Iterator<Item = &'static str> {
+                let keys = [$((stringify!($key), self.$key.is_some())),+];
+                keys.into_iter().filter_map(|(key, given)| given.then_some(key))
+            }
+        }
+    };
+}
+
+fault_spec! {
     /// Which link.
-    pub link: String,
+    link: String,
     /// Which way.
-    pub direction: DirectionSpec,
-    /// What happens.
-    pub kind: FaultKind,
+    direction: DirectionSpec,
+    /// Which device.
+    device: String,
+    /// Which devices.
+    devices: Vec<String>,
     /// Chance per byte, 0 to 1.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub rate: Option<f64>,
+    rate: f64,
     /// Number of the one byte that is hit, counted from 0 as sent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub byte: Option<u64>,
+    byte: u64,
     /// For `flip`: which bit, 0 to 7.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub bit: Option<u8>,
-    /// For `insert`: which value.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub value: Option<u8>,
+    bit: u8,
+    /// For `insert`: which value; for `burst`: the bits inverted.
+    value: u8,
+    /// How many bytes.
+    len: u16,
+    /// For how many bytes the receiver has room.
+    fifo: u16,
+    /// By how much time.
+    by: Span,
+    /// Rate of the sender.
+    baud: u32,
+    /// Millionths by which the sender is too fast.
+    ppm: f64,
+    /// Millionths by which it gets faster each second.
+    ppm_per_s: f64,
+    /// The other link.
+    with: String,
+    /// Name of what this device can have.
+    fault: String,
+    /// By which factor, or how much.
+    factor: f64,
     /// Begins here instead of at the start of the run.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub from: Option<Span>,
+    from: Span,
     /// Ends here instead of at the end of the run.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub until: Option<Span>,
+    until: Span,
+    /// Ends after this time; with `every`, each spell does.
+    lasting: Span,
+    /// Comes again after this time.
+    every: Span,
+    /// Is over after so many strikes or spells.
+    count: u32,
+    /// Begins with this byte of its line, counted from 0 as sent.
+    at_byte: u64,
+    /// Begins with this frame of its line, counted from 0.
+    at_frame: u64,
+    /// Begins when this holds.
+    when: WhenSpec,
+    /// Name of the dice; by default the place in the list decides.
+    stream: String,
 }
 
 impl FaultSpec {
+    /// A fault of `kind` on one direction of a link.
+    pub fn on(link: &str, direction: DirectionSpec, kind: FaultKind) -> Self {
+        Self {
+            link: Some(link.to_owned()),
+            direction: Some(direction),
+            ..Self::new(kind)
+        }
+    }
+
     /// The fault that does once more what `strike` did.
     pub fn of_strike(link: &str, direction: DirectionSpec, strike: Strike) -> Self {
-        let (kind, bit, value) = match strike.damage {
-            Damage::Flip { bit } => (FaultKind::Flip, Some(bit), None),
-            Damage::Drop => (FaultKind::Drop, None, None),
-            Damage::Insert { value } => (FaultKind::Insert, None, Some(value)),
-            Damage::Duplicate => (FaultKind::Duplicate, None, None),
-        };
-        Self {
-            link: link.to_owned(),
-            direction,
-            kind,
-            rate: None,
+        let spec = |kind| Self {
             byte: Some(strike.byte),
-            bit,
-            value,
-            from: None,
-            until: None,
+            ..Self::on(link, direction, kind)
+        };
+        match strike.damage {
+            Damage::Flip { bit } => Self {
+                bit: Some(bit),
+                ..spec(FaultKind::Flip)
+            },
+            Damage::Drop => spec(FaultKind::Drop),
+            Damage::Insert { value } => Self {
+                value: Some(value),
+                ..spec(FaultKind::Insert)
+            },
+            Damage::Duplicate => spec(FaultKind::Duplicate),
+            Damage::Burst { len, mask } => Self {
+                len: Some(len),
+                value: Some(mask),
+                ..spec(FaultKind::Burst)
+            },
+            Damage::Truncate { len } => Self {
+                len: Some(len),
+                ..spec(FaultKind::Truncate)
+            },
+            Damage::Swap => spec(FaultKind::Swap),
+            Damage::ParityError => spec(FaultKind::ParityError),
+            Damage::Idle { by } => Self {
+                by: Some(Span(by)),
+                ..spec(FaultKind::Idle)
+            },
         }
     }
 
-    /// When it is active.
+    /// When it may be at work; from its trigger on, if it waits for one.
     pub fn window(&self) -> Window {
-        Window {
-            from: self.from.map_or(Instant::ZERO, Span::instant),
-            until: self.until.map_or(Window::ALWAYS.until, Span::instant),
+        let from = self.from.map_or(Instant::ZERO, Span::instant);
+        let mut until = self.until.map_or(Window::ALWAYS.until, Span::instant);
+        if let (Some(lasting), None) = (self.lasting, self.every) {
+            until = until.min(from + lasting.0);
         }
+        Window { from, until }
     }
 
-    /// What it does to the one byte that it names, if it names one.
-    pub fn strike(&self) -> Result<Option<Strike>, Flaw> {
-        let Some(byte) = self.byte else {
-            return Ok(None);
-        };
-        let damage = match (self.kind, self.bit, self.value) {
-            (FaultKind::Flip, Some(bit @ 0..8), None) => Damage::Flip { bit },
-            (FaultKind::Flip, ..) => {
-                return Err(Flaw::new("bit", "a flip of one byte needs its bit, 0 to 7"));
-            }
-            (FaultKind::Insert, None, Some(value)) => Damage::Insert { value },
-            (FaultKind::Insert, ..) => {
-                return Err(Flaw::new(
-                    "value",
-                    "an insertion at one byte needs its value",
-                ));
-            }
-            (FaultKind::Duplicate, ..) => Damage::Duplicate,
-            (FaultKind::Drop, ..) => Damage::Drop,
-            (FaultKind::Cut, ..) => {
-                return Err(Flaw::new("byte", "a cut has a time, expected no byte"));
-            }
-        };
-        Ok(Some(Strike { byte, damage }))
-    }
-
-    /// Plans the fault on `line`; `seed` and its place in the list, `id`, choose its dice.
-    ///
-    /// # Errors
-    /// If its keys do not go together.
-    pub fn plan(&self, id: FaultId, line: &mut LineFaults, seed: u64) -> Result<(), Flaw> {
-        let window = self.window();
-        if window.until <= window.from {
-            return Err(Flaw::new(
-                "until",
-                "is not after its begin, expected a later time",
-            ));
+    /// Where it acts, for a list.
+    pub fn place(&self) -> String {
+        match (&self.link, &self.device, &self.devices) {
+            (Some(link), ..) => link.clone(),
+            (None, Some(device), _) => device.clone(),
+            (None, None, devices) => devices
+                .iter()
+                .flatten()
+                .cloned()
+                .collect::<Vec<_>>()
+                .join(", "),
         }
-        let Some(kind) = self.kind.damage() else {
-            self.strike()?;
-            line.add_cut(id, window);
-            return Ok(());
-        };
-        match (self.rate, self.strike()?) {
-            (Some(chance), None) if (0.0..=1.0).contains(&chance) => {
-                let stream = format!("fault.{id}");
-                line.add_rate(id, kind, window, chance, Rng::stream(seed, &stream));
-            }
-            (Some(_), None) => {
-                return Err(Flaw::new("rate", "expected a chance per byte from 0 to 1"));
-            }
-            (None, Some(strike)) => line.add_strike(strike),
-            _ => {
-                let message = "expected either a rate or the number of a byte";
-                return Err(Flaw::new("rate", message));
-            }
-        }
-        Ok(())
     }
 }
 
@@ -155,8 +198,8 @@ impl Flaw {
     }
 }
 
-impl core::fmt::Display for Flaw {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+impl fmt::Display for Flaw {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: {}", self.key, self.message)
     }
 }
@@ -178,46 +221,6 @@ impl From<DirectionSpec> for Direction {
         match spec {
             DirectionSpec::ToMaster => Self::ToMaster,
             DirectionSpec::ToDevice => Self::ToDevice,
-        }
-    }
-}
-
-/// Kinds of faults as in a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum FaultKind {
-    /// A bit is inverted.
-    Flip,
-    /// A byte is lost.
-    Drop,
-    /// A byte is inserted before another.
-    Insert,
-    /// A byte comes twice.
-    Duplicate,
-    /// Nothing gets through.
-    Cut,
-}
-
-impl FaultKind {
-    /// Name as in a file.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Flip => "flip",
-            Self::Drop => "drop",
-            Self::Insert => "insert",
-            Self::Duplicate => "duplicate",
-            Self::Cut => "cut",
-        }
-    }
-
-    /// What it does to a byte; `None` for a cut.
-    pub const fn damage(self) -> Option<DamageKind> {
-        match self {
-            Self::Flip => Some(DamageKind::Flip),
-            Self::Drop => Some(DamageKind::Drop),
-            Self::Insert => Some(DamageKind::Insert),
-            Self::Duplicate => Some(DamageKind::Duplicate),
-            Self::Cut => None,
         }
     }
 }

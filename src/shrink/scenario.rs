@@ -44,16 +44,16 @@ fn fewer_faults(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) 
     // Whole lanes first: a case may hold thousands of damaged bytes on lines that do not matter.
     let mut lanes: Vec<(String, &str)> = Vec::new();
     for fault in &best.fault {
-        let lane = (fault.link.clone(), fault.kind.name());
+        let lane = (fault.place(), fault.kind.name());
         if !lanes.contains(&lane) {
             lanes.push(lane);
         }
     }
-    for (link, kind) in lanes {
+    for (place, kind) in lanes {
         let mut smaller = best.clone();
         smaller
             .fault
-            .retain(|fault| fault.link != link || fault.kind.name() != kind);
+            .retain(|fault| fault.place() != place || fault.kind.name() != kind);
         take(best, smaller, effort, fails);
     }
     let rest = best.clone();
@@ -167,7 +167,7 @@ pub fn in_words(case: &Scenario) -> String {
                 (None, Some(from)) => format!(" from {from}"),
                 (None, None) => String::new(),
             };
-            format!("{}{at} on {}", fault.kind.name(), fault.link)
+            format!("{}{at} on {}", fault.kind.name(), fault.place())
         })
         .collect();
     let more = match case.fault.len().saturating_sub(5) {

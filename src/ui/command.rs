@@ -47,7 +47,7 @@ pub(super) enum Command {
     Disconnect,
     /// Something goes wrong from now on, for so long if a time is given.
     Fault {
-        fault: FaultSpec,
+        fault: Box<FaultSpec>,
         for_ms: Option<u32>,
     },
     /// A fault ends.

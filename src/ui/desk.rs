@@ -172,7 +172,7 @@ impl Desk {
                 let now = run.rig.now() - Instant::ZERO;
                 let until = for_ms.map(|ms| Span(now + Duration::from_millis(u64::from(ms))));
                 fault.until = until.or(fault.until);
-                run.inject(fault).map_err(|flaw| flaw.to_string())?;
+                run.inject(*fault).map_err(|flaw| flaw.to_string())?;
             }
             Command::EndFault { id } => {
                 run.withdraw(FaultId(*id))

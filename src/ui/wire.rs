@@ -214,7 +214,7 @@ impl Tap for Ear {
         let mut wire = self.0.borrow_mut();
         if let (Some(lanes), Some(original)) = (wire.lanes.get_mut(link), &delivery.original) {
             let tally = &mut lanes[direction as usize].tally;
-            tally.faults += original.strikes.len() as u64 + u64::from(original.is_cut);
+            tally.faults += (original.strikes.len() + original.effects.len()) as u64;
         }
     }
 }

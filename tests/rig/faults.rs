@@ -1,4 +1,9 @@
 //! What goes wrong, and how it is seen on the wire.
 
+mod any;
 mod control;
+mod devices;
+mod kinds;
 mod live;
+mod schedule;
+mod wire;

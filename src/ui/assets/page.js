@@ -370,7 +370,9 @@ function faultItem({ id, state, fault }) {
   const what = fault.byte !== undefined ? `byte ${fault.byte}`
     : fault.rate !== undefined ? `${fault.rate} a byte` : "";
   const until = fault.until ? ` until ${fault.until}` : "";
-  item.append(`${fault.kind} on ${fault.link} ${fault.direction} ${what}${until}: ${state} `);
+  const place = fault.link ? `${fault.link} ${fault.direction}`
+    : fault.device ?? fault.devices.join(", ");
+  item.append(`${fault.kind} on ${place} ${what}${until}: ${state} `);
   if (state !== "over") {
     item.append(button("End", `end fault ${id}`, (event) => {
       event.target.blur();

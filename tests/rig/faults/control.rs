@@ -17,7 +17,7 @@ fn a_request_is_answered_with_what_came_of_it() {
     run.go_on_until(Instant::from_millis(1490));
     let add = r#"{"do":"add","fault":{"link":"base","direction":"to-device","kind":"cut"}}"#;
     insta::assert_snapshot!(said(&mut run, add), @r#"{"ok":true,"id":0,"asked":"1500ms","applied":"1490ms"}"#);
-    insta::assert_snapshot!(said(&mut run, r#"{"do":"list"}"#), @r#"{"ok":true,"faults":[{"id":0,"state":"active","fault":{"link":"base","direction":"to-device","kind":"cut","from":"1490000001ns"}}]}"#);
+    insta::assert_snapshot!(said(&mut run, r#"{"do":"list"}"#), @r#"{"ok":true,"faults":[{"id":0,"state":"active","fault":{"kind":"cut","link":"base","direction":"to-device","from":"1490000001ns"}}]}"#);
     insta::assert_snapshot!(said(&mut run, r#"{"do":"end","id":0}"#), @r#"{"ok":true,"id":0,"asked":"1500ms","applied":"1490ms"}"#);
     insta::assert_snapshot!(said(&mut run, r#"{"do":"end","id":0}"#), @r#"{"ok":false,"key":"id","message":"fault 0 is over already"}"#);
 }
@@ -31,7 +31,7 @@ fn a_request_that_makes_no_sense_is_told_what_was_expected() {
     insta::assert_snapshot!(said(&mut run, r#"{"do":"list","of":1}"#), @r#"{"ok":false,"key":"request","message":"unknown field `of`, there are no fields"}"#);
     let add =
         r#"{"do":"add","fault":{"link":"base","direction":"to-device","kind":"cut","rat":1}}"#;
-    insta::assert_snapshot!(said(&mut run, add), @r#"{"ok":false,"key":"request","message":"unknown field `rat`, expected one of `link`, `direction`, `kind`, `rate`, `byte`, `bit`, `value`, `from`, `until`"}"#);
+    insta::assert_snapshot!(said(&mut run, add), @r#"{"ok":false,"key":"request","message":"unknown field `rat`, expected one of `kind`, `link`, `direction`, `device`, `devices`, `rate`, `byte`, `bit`, `value`, `len`, `fifo`, `by`, `baud`, `ppm`, `ppm_per_s`, `with`, `fault`, `factor`, `from`, `until`, `lasting`, `every`, `count`, `at_byte`, `at_frame`, `when`, `stream`"}"#);
     let add =
         r#"{"do":"add","fault":{"link":"base","direction":"to-device","kind":"flip","rate":7}}"#;
     insta::assert_snapshot!(said(&mut run, add), @r#"{"ok":false,"key":"rate","message":"expected a chance per byte from 0 to 1"}"#);

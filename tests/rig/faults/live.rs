@@ -97,11 +97,11 @@ fn a_fault_that_makes_no_sense_changes_nothing() {
     let mut run = start(in_a_room("10s", ""));
     run.rig.run_for(Duration::from_secs(1));
     let mut fault = cut();
-    fault.link = "bus".to_owned();
+    fault.link = Some("bus".to_owned());
     let flaw = run.inject(fault).expect_err("no such link").to_string();
     assert!(flaw.starts_with("link: is \"bus\", expected one of lidar, motor, base"));
     let mut fault = cut();
-    fault.direction = DirectionSpec::ToMaster;
+    fault.direction = Some(DirectionSpec::ToMaster);
     fault.until = Some("1s".parse().expect("a span"));
     assert_eq!(run.inject(fault).expect_err("in the past").key, "until");
     assert_eq!(run.withdraw(FaultId(0)).expect_err("none").key, "id");

@@ -1,0 +1,212 @@
+//! When a fault is at work: a window, in it spells, or from an event on.
+
+use core::time::Duration;
+
+use emulators::rng::Rng;
+use protocols::Instant;
+
+/// A span of time, its end excluded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Window {
+    /// First instant inside.
+    pub from: Instant,
+    /// First instant after.
+    pub until: Instant,
+}
+
+impl Window {
+    /// The whole run.
+    pub const ALWAYS: Self = Self {
+        from: Instant::ZERO,
+        until: Instant::from_nanos(u64::MAX),
+    };
+
+    /// Whether nothing lies inside.
+    pub fn is_empty(self) -> bool {
+        self.until <= self.from
+    }
+
+    /// Whether `now` lies inside.
+    pub fn contains(self, now: Instant) -> bool {
+        self.from <= now && now < self.until
+    }
+}
+
+/// Repeated times within a window in which a fault is at work.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Spells {
+    /// From the beginning of one to that of the next.
+    pub every: Duration,
+    /// Length of each.
+    pub lasting: Duration,
+    /// How many there are before the fault has worn off.
+    pub count: Option<u32>,
+    /// Seed and name of the dice, if each begins and ends by chance within its period: then
+    /// `lasting` is the mean length.
+    pub dice: Option<(u64, String)>,
+}
+
+/// What a fault waits for on its line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Trigger {
+    /// This byte, counted from zero as sent.
+    Byte(u64),
+    /// This frame, counted from zero: what is sent without a pause of two characters.
+    Frame(u64),
+}
+
+/// When a fault is at work.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Activity {
+    /// Never outside. While a trigger is waited for, its length counts from there.
+    pub window: Window,
+    /// In spells, or all the time.
+    pub spells: Option<Spells>,
+    /// What is waited for; `None` when it has come.
+    pub trigger: Option<Trigger>,
+}
+
+impl From<Window> for Activity {
+    fn from(window: Window) -> Self {
+        Self {
+            window,
+            spells: None,
+            trigger: None,
+        }
+    }
+}
+
+impl Activity {
+    /// The time around `now` in which the fault is at work, if it is.
+    pub fn spell_at(&self, now: Instant) -> Option<Window> {
+        if self.trigger.is_some() || !self.window.contains(now) {
+            return None;
+        }
+        let Some(spells) = &self.spells else {
+            return Some(self.window);
+        };
+        let period = nanos(spells.every).max(1);
+        let spell = self.spell((now - self.window.from).as_nanos() / u128::from(period))?;
+        spell.contains(now).then_some(spell)
+    }
+
+    /// Whether the fault is at work at `now`.
+    pub fn is_active(&self, now: Instant) -> bool {
+        self.spell_at(now).is_some()
+    }
+
+    /// The spell with this number, cut to the window; `None` behind the last one.
+    pub fn spell(&self, number: u128) -> Option<Window> {
+        let Some(spells) = &self.spells else {
+            return (number == 0 && !self.window.is_empty()).then_some(self.window);
+        };
+        if spells
+            .count
+            .is_some_and(|count| number >= u128::from(count))
+        {
+            return None;
+        }
+        let number = u64::try_from(number).ok()?;
+        let (mut offset, mut length) = (0, nanos(spells.lasting));
+        if let Some((seed, name)) = &spells.dice {
+            let mut rng = Rng::stream(*seed, &format!("{name}.{number}"));
+            length = rng.below(2 * length + 1).min(nanos(spells.every));
+            offset = rng.below(nanos(spells.every) - length + 1);
+        }
+        let begin = nanos(spells.every)
+            .checked_mul(number)?
+            .checked_add(offset)?;
+        let from = self.window.from.as_nanos().checked_add(begin)?;
+        let until = from
+            .saturating_add(length)
+            .min(self.window.until.as_nanos());
+        let from = Instant::from_nanos(from);
+        (from < self.window.until).then_some(Window {
+            from,
+            until: Instant::from_nanos(until),
+        })
+    }
+
+    /// The event that was waited for has come at `now`.
+    pub fn fire(&mut self, now: Instant) {
+        let length = self.window.until.as_nanos() - self.window.from.as_nanos();
+        self.trigger = None;
+        self.window = Window {
+            from: now,
+            until: Instant::from_nanos(now.as_nanos().saturating_add(length)),
+        };
+    }
+
+    /// Ends at `at`, if it would go on for longer.
+    pub fn end(&mut self, at: Instant) {
+        self.trigger = None;
+        self.window.until = self.window.until.min(at);
+    }
+}
+
+fn nanos(duration: Duration) -> u64 {
+    u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX / 4)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spells(count: Option<u32>, dice: Option<(u64, String)>) -> Activity {
+        Activity {
+            window: Window {
+                from: Instant::from_secs(10),
+                until: Instant::from_secs(20),
+            },
+            spells: Some(Spells {
+                every: Duration::from_secs(3),
+                lasting: Duration::from_secs(1),
+                count,
+                dice,
+            }),
+            trigger: None,
+        }
+    }
+
+    /// By hand: 10-11, 13-14, 16-17, 19-20 s.
+    #[test]
+    fn spells_come_at_regular_times_within_the_window() {
+        let at = |activity: &Activity| -> Vec<u64> {
+            let active = |&second: &u64| activity.is_active(Instant::from_secs(second));
+            (0..30).filter(active).collect()
+        };
+        assert_eq!(at(&spells(None, None)), [10, 13, 16, 19]);
+        assert_eq!(at(&spells(Some(2), None)), [10, 13]);
+        assert_eq!(at(&spells(Some(0), None)), [0; 0]);
+    }
+
+    #[test]
+    fn spells_by_chance_stay_within_their_periods_and_come_again_alike() {
+        let activity = spells(None, Some((1, "clog".to_owned())));
+        for number in 0..3 {
+            let spell = activity
+                .spell(u128::from(number))
+                .expect("within the window");
+            assert!(spell.from >= Instant::from_secs(10 + 3 * number));
+            assert!(spell.until <= Instant::from_secs(13 + 3 * number));
+            assert_eq!(activity.spell(u128::from(number)), Some(spell));
+        }
+        assert_ne!(
+            activity.spell(0),
+            spells(None, Some((2, "clog".to_owned()))).spell(0)
+        );
+    }
+
+    #[test]
+    fn what_waits_for_an_event_lasts_as_long_from_there_on() {
+        let mut activity = Activity::from(Window {
+            from: Instant::ZERO,
+            until: Instant::from_secs(2),
+        });
+        activity.trigger = Some(Trigger::Byte(7));
+        assert!(!activity.is_active(Instant::from_secs(1)));
+        activity.fire(Instant::from_secs(5));
+        assert!(activity.is_active(Instant::from_millis(6_999)));
+        assert!(!activity.is_active(Instant::from_secs(7)));
+    }
+}

@@ -1,0 +1,68 @@
+//! How much may go wrong at random.
+
+use core::time::Duration;
+use std::collections::VecDeque;
+
+use protocols::Instant;
+
+/// Bounds for random damage on all lines together. Damage that names its byte is not counted: it
+/// was asked for.
+#[derive(Clone, Debug, Default)]
+pub struct Budget {
+    /// Most strikes of the run.
+    pub total: Option<u64>,
+    /// Most strikes within [`AT_ONCE`].
+    pub at_once: Option<u32>,
+    spent: u64,
+    recent: VecDeque<Instant>,
+}
+
+/// What counts as one moment.
+pub const AT_ONCE: Duration = Duration::from_millis(100);
+
+impl Budget {
+    /// Bounds that are not reached yet.
+    pub const fn new(total: Option<u64>, at_once: Option<u32>) -> Self {
+        Self {
+            total,
+            at_once,
+            spent: 0,
+            recent: VecDeque::new(),
+        }
+    }
+
+    /// Whether there may be one more strike at `now`; if so, it is counted.
+    pub fn spend(&mut self, now: Instant) -> bool {
+        if self.total.is_some_and(|total| self.spent >= total) {
+            return false;
+        }
+        if let Some(most) = self.at_once {
+            while self.recent.front().is_some_and(|&at| now >= at + AT_ONCE) {
+                self.recent.pop_front();
+            }
+            if self.recent.len() >= usize::try_from(most).unwrap_or(usize::MAX) {
+                return false;
+            }
+            self.recent.push_back(now);
+        }
+        self.spent += 1;
+        true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_more_is_spent_than_there_is() {
+        let mut budget = Budget::new(Some(3), Some(2));
+        let spent: Vec<bool> = [0, 50, 99, 100, 200]
+            .map(|ms| budget.spend(Instant::from_millis(ms)))
+            .into();
+        // The third comes too soon after two others, the fifth is beyond the total.
+        assert_eq!(spent, [true, true, false, true, false]);
+        let mut unbounded = Budget::default();
+        assert!((0..1000).all(|_| unbounded.spend(Instant::ZERO)));
+    }
+}

@@ -1,0 +1,138 @@
+//! What happens to single bytes.
+
+use core::fmt;
+use core::time::Duration;
+
+/// What happens to a byte, or to some bytes from it on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Damage {
+    /// One bit is inverted; 0 is the least significant, larger numbers wrap at 8.
+    Flip {
+        /// Which bit.
+        bit: u8,
+    },
+    /// The byte never arrives.
+    Drop,
+    /// Another byte arrives before it.
+    Insert {
+        /// The other byte.
+        value: u8,
+    },
+    /// The byte arrives twice.
+    Duplicate,
+    /// This byte and those behind it are garbled.
+    Burst {
+        /// How many bytes, this one included.
+        len: u16,
+        /// The bits inverted in each.
+        mask: u8,
+    },
+    /// This byte and the rest of what is sent with it never arrive: all up to the next pause of
+    /// two characters.
+    Truncate {
+        /// At most so many bytes are lost.
+        len: u16,
+    },
+    /// The byte arrives behind the one that follows it.
+    Swap,
+    /// The byte's parity is wrong: the receiver reports that and has no byte.
+    ParityError,
+    /// The sender pauses before the byte.
+    Idle {
+        /// For how long.
+        by: Duration,
+    },
+}
+
+impl fmt::Display for Damage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Flip { bit } => write!(f, "flip bit {bit}"),
+            Self::Drop => f.write_str("drop"),
+            Self::Insert { value } => write!(f, "insert {value:#04x}"),
+            Self::Duplicate => f.write_str("duplicate"),
+            Self::Burst { len, mask } => write!(f, "burst of {len} with {mask:#04x}"),
+            Self::Truncate { len } => write!(f, "truncate at most {len}"),
+            Self::Swap => f.write_str("swap"),
+            Self::ParityError => f.write_str("parity error"),
+            Self::Idle { by } => write!(f, "idle {by:?}"),
+        }
+    }
+}
+
+/// The kinds of [`Damage`], without what is drawn by lot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum DamageKind {
+    /// See [`Damage::Flip`].
+    Flip,
+    /// See [`Damage::Drop`].
+    Drop,
+    /// See [`Damage::Insert`].
+    Insert,
+    /// See [`Damage::Duplicate`].
+    Duplicate,
+    /// See [`Damage::Burst`].
+    Burst {
+        /// How many bytes.
+        len: u16,
+    },
+    /// See [`Damage::Truncate`].
+    Truncate {
+        /// How many bytes at most.
+        len: u16,
+    },
+    /// See [`Damage::Swap`].
+    Swap,
+    /// See [`Damage::ParityError`].
+    ParityError,
+    /// See [`Damage::Idle`].
+    Idle {
+        /// For how long.
+        by: Duration,
+    },
+}
+
+impl DamageKind {
+    /// All kinds, with a figure where one is needed.
+    pub const ALL: [Self; 9] = [
+        Self::Flip,
+        Self::Drop,
+        Self::Insert,
+        Self::Duplicate,
+        Self::Burst { len: 4 },
+        Self::Truncate { len: 64 },
+        Self::Swap,
+        Self::ParityError,
+        Self::Idle {
+            by: Duration::from_millis(1),
+        },
+    ];
+
+    /// The damage that the lot `detail` makes of it.
+    pub(super) fn with_detail(self, detail: u8) -> Damage {
+        match self {
+            Self::Flip => Damage::Flip { bit: detail % 8 },
+            Self::Drop => Damage::Drop,
+            Self::Insert => Damage::Insert { value: detail },
+            Self::Duplicate => Damage::Duplicate,
+            // A mask of 0 would be no damage.
+            Self::Burst { len } => Damage::Burst {
+                len,
+                mask: detail.max(1),
+            },
+            Self::Truncate { len } => Damage::Truncate { len },
+            Self::Swap => Damage::Swap,
+            Self::ParityError => Damage::ParityError,
+            Self::Idle { by } => Damage::Idle { by },
+        }
+    }
+}
+
+/// One byte that was, or is to be, damaged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Strike {
+    /// Number of the byte on its line, counted from zero as sent.
+    pub byte: u64,
+    /// What happens to it.
+    pub damage: Damage,
+}

@@ -1,0 +1,146 @@
+//! What a fault does to a line while it is at work.
+
+use core::time::Duration;
+
+use emulators::rng::Rng;
+use protocols::{Instant, LineConfig};
+
+use super::{DamageKind, HostDamage};
+
+/// What a fault does to a line.
+#[derive(Clone, Debug)]
+pub enum Effect {
+    /// Damages bytes at random.
+    Strikes {
+        /// What happens to a byte.
+        kind: DamageKind,
+        /// Chance per byte, 0 to 1.
+        chance: f64,
+        /// Strikes after which the fault has worn off.
+        left: Option<u32>,
+        /// The dice.
+        rng: Box<Rng>,
+    },
+    /// Treats bytes as text.
+    Host(HostDamage),
+    /// The sender hears itself.
+    Echo,
+    /// Nothing gets through.
+    Cut,
+    /// Nothing is handed over before the end, then all of it at once.
+    Stall,
+    /// As a stall, and the receiver has room for so many bytes; the rest is lost.
+    Overrun {
+        /// Room for bytes.
+        fifo: usize,
+    },
+    /// Bytes are handed over in pieces of at most this length.
+    ShortRead {
+        /// Length of a piece.
+        len: usize,
+    },
+    /// Bytes take longer.
+    Latency {
+        /// By this time.
+        by: Duration,
+    },
+    /// Bytes take longer, sometimes more, sometimes less, but never overtake each other.
+    Jitter {
+        /// By at most this time.
+        by: Duration,
+        /// The dice.
+        rng: Box<Rng>,
+    },
+    /// The sender runs at another rate.
+    WrongBaud(Rate),
+}
+
+impl Effect {
+    /// What it is called in a capture.
+    pub const fn words(&self) -> &'static str {
+        match self {
+            Self::Strikes { .. } => "strikes",
+            Self::Host(HostDamage::StripNul) => "strip NUL",
+            Self::Host(HostDamage::CrToLf) => "CR to LF",
+            Self::Host(HostDamage::EatXonXoff) => "eat XON and XOFF",
+            Self::Host(HostDamage::ClearBit7) => "clear bit 7",
+            Self::Echo => "echo",
+            Self::Cut => "line cut",
+            Self::Stall => "stall",
+            Self::Overrun { .. } => "overrun",
+            Self::ShortRead { .. } => "short read",
+            Self::Latency { .. } => "latency",
+            Self::Jitter { .. } => "jitter",
+            Self::WrongBaud(_) => "wrong baud rate",
+        }
+    }
+}
+
+/// A rate that differs from the one agreed on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rate {
+    /// This rate, instead of the sender's own.
+    pub baud: Option<u32>,
+    /// Millionths by which it is too fast, at the beginning.
+    pub ppm: f64,
+    /// Millionths that are added each second.
+    pub ppm_per_s: f64,
+}
+
+/// A drifting rate moves in steps of this time.
+const DRIFT_STEP: Duration = Duration::from_millis(10);
+
+impl Rate {
+    /// Coding of a sender with `line`, `since` the fault began.
+    pub fn of(self, line: LineConfig, since: Duration) -> LineConfig {
+        let steps = since.as_nanos() / DRIFT_STEP.as_nanos();
+        let seconds = steps as f64 * DRIFT_STEP.as_secs_f64();
+        let ppm = self.ppm + self.ppm_per_s * seconds;
+        let baud = f64::from(self.baud.unwrap_or(line.baud)) * (1.0 + ppm * 1e-6);
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "clamped to the rates that a line can have"
+        )]
+        let baud = libm::round(baud).clamp(f64::from(BAUD_MIN), f64::from(BAUD_MAX)) as u32;
+        LineConfig { baud, ..line }
+    }
+}
+
+/// Slowest rate of a line.
+pub const BAUD_MIN: u32 = 50;
+/// Fastest rate of a line.
+pub const BAUD_MAX: u32 = 50_000_000;
+
+/// What is withheld until when.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Gate {
+    /// When all is handed over.
+    pub(crate) opens: Instant,
+    /// For how many bytes there is room meanwhile.
+    pub(crate) fifo: Option<usize>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// By hand: 115200 x 1.03 = 118656; after 2 s at -10,000 ppm/s 115200 x 1.01 = 116352.
+    #[test]
+    fn a_rate_is_off_by_millionths_and_drifts() {
+        let line = LineConfig::new_8n1(115_200);
+        let rate = Rate {
+            baud: None,
+            ppm: 30_000.0,
+            ppm_per_s: -10_000.0,
+        };
+        assert_eq!(rate.of(line, Duration::ZERO).baud, 118_656);
+        assert_eq!(rate.of(line, Duration::from_secs(2)).baud, 116_352);
+        assert_eq!(rate.of(line, Duration::from_secs(1000)).baud, BAUD_MIN);
+        let fixed = Rate {
+            baud: Some(57_600),
+            ppm: 0.0,
+            ppm_per_s: 0.0,
+        };
+        assert_eq!(fixed.of(line, Duration::from_secs(9)).baud, 57_600);
+    }
+}

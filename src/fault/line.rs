@@ -1,0 +1,332 @@
+//! All that goes wrong on one direction of a link.
+
+use core::time::Duration;
+use std::collections::{BTreeMap, VecDeque};
+
+use emulators::rng::Rng;
+use protocols::{Instant, LineConfig};
+
+use super::{Activity, Budget, Damage, DamageKind, Effect, FaultId, Gate, Strike, Trigger, Window};
+
+/// Most strikes that are kept for the saved case; later ones strike all the same.
+pub const STRIKES_MAX: usize = 1 << 20;
+
+#[derive(Clone, Debug)]
+struct Entry {
+    id: FaultId,
+    activity: Activity,
+    effect: Effect,
+}
+
+/// All that goes wrong on one direction of a link.
+#[derive(Clone, Debug, Default)]
+pub struct LineFaults {
+    entries: Vec<Entry>,
+    planned: BTreeMap<u64, Vec<Damage>>,
+    struck: VecDeque<Strike>,
+    wire: Wire,
+}
+
+/// What damage leaves behind for the bytes that follow.
+#[derive(Clone, Debug, Default)]
+struct Wire {
+    /// Bytes still to be garbled, and how.
+    burst: (u16, u8),
+    /// Bytes still to be lost unless the sender pauses.
+    truncated: u16,
+    /// A byte that waits for the next one.
+    held: Option<u8>,
+    /// When the sender last ended.
+    quiet_from: Instant,
+    /// Frames begun.
+    frames: u64,
+}
+
+/// What comes out at the far end of what was sent in one go.
+#[derive(Debug, Default)]
+pub(crate) struct Passed {
+    /// The bytes.
+    pub(crate) bytes: Vec<u8>,
+    /// Pauses of the sender: before which of `bytes`, how long.
+    pub(crate) pauses: Vec<(usize, Duration)>,
+    /// Bytes that came as a parity error.
+    pub(crate) parity_errors: u32,
+    /// Longest piece in which they are handed over.
+    pub(crate) piece: Option<usize>,
+    /// By how much they are late.
+    pub(crate) late: Duration,
+    /// Whether the sender hears itself.
+    pub(crate) echo: bool,
+    /// What was at work.
+    pub(crate) effects: Vec<&'static str>,
+}
+
+impl LineFaults {
+    /// Adds a fault.
+    pub fn add(&mut self, id: FaultId, activity: Activity, effect: Effect) {
+        self.entries.push(Entry {
+            id,
+            activity,
+            effect,
+        });
+    }
+
+    /// Adds damage at random: `chance` per byte, drawn from `rng` for every byte of the run,
+    /// inside the window or not, so that changing one fault never shifts another.
+    pub fn add_rate(
+        &mut self,
+        id: FaultId,
+        kind: DamageKind,
+        window: Window,
+        chance: f64,
+        rng: Rng,
+    ) {
+        let (left, rng) = (None, Box::new(rng));
+        let effect = Effect::Strikes {
+            kind,
+            chance,
+            left,
+            rng,
+        };
+        self.add(id, window.into(), effect);
+    }
+
+    /// Adds damage to a certain byte.
+    pub fn add_strike(&mut self, strike: Strike) {
+        self.planned
+            .entry(strike.byte)
+            .or_default()
+            .push(strike.damage);
+    }
+
+    /// Adds a time in which nothing gets through.
+    pub fn add_cut(&mut self, id: FaultId, window: Window) {
+        self.add(id, window.into(), Effect::Cut);
+    }
+
+    /// Ends a fault that has a window at `at`, if it would go on for longer.
+    pub fn end(&mut self, id: FaultId, at: Instant) {
+        let entries = self.entries.iter_mut().filter(|entry| entry.id == id);
+        entries.for_each(|entry| entry.activity.end(at));
+    }
+
+    /// When the fault is at work, as far as that is known by now.
+    pub fn activity(&self, id: FaultId) -> Option<&Activity> {
+        let mut entries = self.entries.iter();
+        let entry = entries.find(|entry| entry.id == id)?;
+        Some(&entry.activity)
+    }
+
+    /// Takes back damage to a certain byte; whether it was still to come.
+    pub fn remove_strike(&mut self, strike: Strike) -> bool {
+        let Some(damages) = self.planned.get_mut(&strike.byte) else {
+            return false;
+        };
+        let place = damages.iter().position(|&damage| damage == strike.damage);
+        place.map(|place| damages.remove(place)).is_some()
+    }
+
+    /// Whether nothing goes wrong, and nothing that went wrong goes on.
+    pub fn is_clean(&self) -> bool {
+        self.entries.is_empty() && self.planned.is_empty() && self.wire.is_clean()
+    }
+
+    /// Every byte damaged so far, in order, at most [`STRIKES_MAX`].
+    pub fn struck(&self) -> impl Iterator<Item = &Strike> {
+        self.struck.iter()
+    }
+
+    /// Damage to certain bytes that is still to come, in order.
+    pub fn to_come(&self) -> impl Iterator<Item = Strike> {
+        let planned = self.planned.iter();
+        planned
+            .flat_map(|(&byte, damages)| damages.iter().map(move |&damage| Strike { byte, damage }))
+    }
+
+    /// How many strikes there were so far.
+    pub(crate) fn struck_len(&self) -> usize {
+        self.struck.len()
+    }
+
+    /// Bytes that were sent and wait for another one.
+    pub(crate) const fn held(&self) -> u64 {
+        self.wire.held.is_some() as u64
+    }
+
+    /// The coding that a sender with `line` really has at `now`.
+    pub(crate) fn sender_line(&self, line: LineConfig, now: Instant) -> LineConfig {
+        self.active(now)
+            .fold(line, |line, entry| match &entry.effect {
+                Effect::WrongBaud(rate) => rate.of(line, now - entry.activity.window.from),
+                _ => line,
+            })
+    }
+
+    /// What withholds bytes that arrive at `at`, if anything does.
+    pub(crate) fn gate(&self, at: Instant) -> Option<Gate> {
+        let gates = self.entries.iter().filter_map(|entry| {
+            let fifo = match entry.effect {
+                Effect::Stall => None,
+                Effect::Overrun { fifo } => Some(fifo),
+                _ => return None,
+            };
+            // What arrives as it begins was sent before and comes through: so it is when the begin
+            // is the sending of another byte.
+            let spell = entry
+                .activity
+                .spell_at(at)
+                .filter(|spell| spell.from < at)?;
+            let opens = spell.until;
+            Some(Gate { opens, fifo })
+        });
+        gates.max_by_key(|gate| gate.opens)
+    }
+
+    fn active(&self, now: Instant) -> impl Iterator<Item = &Entry> {
+        let entries = self.entries.iter();
+        entries.filter(move |entry| entry.activity.is_active(now))
+    }
+
+    /// What the far end gets of `sent`, whose first byte is the `first`-th on this line. They are
+    /// sent back to back from `start` on by a sender with `line`.
+    pub(crate) fn pass(
+        &mut self,
+        first: u64,
+        sent: &[u8],
+        start: Instant,
+        line: LineConfig,
+        budget: &mut Budget,
+        passed: &mut Passed,
+    ) {
+        self.notice(first, sent.len() as u64, start, line);
+        let mut hosts = Vec::new();
+        let mut is_cut = false;
+        for entry in &mut self.entries {
+            if !entry.activity.is_active(start) {
+                continue;
+            }
+            match &mut entry.effect {
+                Effect::Host(damage) => hosts.push(*damage),
+                Effect::Echo => passed.echo = true,
+                Effect::Cut => is_cut = true,
+                Effect::ShortRead { len } => {
+                    passed.piece = Some(passed.piece.unwrap_or(*len).min(*len));
+                }
+                Effect::Latency { by } => passed.late += *by,
+                Effect::Jitter { by, rng } => {
+                    let most = u64::try_from(by.as_nanos()).unwrap_or(u64::MAX - 1);
+                    passed.late += Duration::from_nanos(rng.below(most + 1));
+                }
+                Effect::Strikes { .. } => continue,
+                Effect::Stall | Effect::Overrun { .. } | Effect::WrongBaud(_) => {}
+            }
+            passed.effects.push(entry.effect.words());
+        }
+        for (number, &byte) in (first..).zip(sent) {
+            let damages = self.damages(number, start, budget);
+            let byte = hosts.iter().try_fold(byte, |byte, damage| damage.of(byte));
+            if !is_cut {
+                self.wire.apply(byte, &damages, passed);
+            }
+        }
+        self.wire.quiet_from = start + line.bytes_time(sent.len() as u64);
+    }
+
+    /// Counts frames, ends what a pause ends, and starts what waited for this.
+    fn notice(&mut self, first: u64, len: u64, start: Instant, line: LineConfig) {
+        if first == 0 || start >= self.wire.quiet_from + line.bytes_time(2) {
+            self.wire.truncated = 0;
+            self.wire.frames += 1;
+        }
+        let frame = self.wire.frames - 1;
+        for entry in &mut self.entries {
+            let has_come = match entry.activity.trigger {
+                None => false,
+                Some(Trigger::Byte(byte)) => byte < first + len,
+                Some(Trigger::Frame(wanted)) => wanted <= frame,
+            };
+            if has_come {
+                entry.activity.fire(start);
+            }
+        }
+    }
+
+    /// What happens to the byte `number`, sent at `now`.
+    fn damages(&mut self, number: u64, now: Instant, budget: &mut Budget) -> Vec<Damage> {
+        let mut damages = self.planned.remove(&number).unwrap_or_default();
+        for entry in &mut self.entries {
+            let Effect::Strikes {
+                kind,
+                chance,
+                left,
+                rng,
+            } = &mut entry.effect
+            else {
+                continue;
+            };
+            // Two draws per byte whatever comes of them, see `add_rate`.
+            let hit = rng.chance(*chance);
+            let detail = rng.next_u64().to_le_bytes()[0];
+            if hit && *left != Some(0) && entry.activity.is_active(now) && budget.spend(now) {
+                *left = left.map(|left| left - 1);
+                damages.push(kind.with_detail(detail));
+            }
+        }
+        if self.struck.len() < STRIKES_MAX {
+            self.struck.extend(damages.iter().map(|&damage| Strike {
+                byte: number,
+                damage,
+            }));
+        }
+        damages
+    }
+}
+
+impl Wire {
+    const fn is_clean(&self) -> bool {
+        self.burst.0 == 0 && self.truncated == 0 && self.held.is_none()
+    }
+
+    /// Puts out what arrives of `byte`; `None`: it was taken away before.
+    fn apply(&mut self, byte: Option<u8>, damages: &[Damage], passed: &mut Passed) {
+        let waiting = self.held.take();
+        let mut byte = byte;
+        let mut copies = 1_usize;
+        for &damage in damages {
+            match damage {
+                Damage::Flip { bit } => byte = byte.map(|byte| byte ^ 1 << (bit % 8)),
+                Damage::Drop => copies = 0,
+                Damage::Insert { value } => passed.bytes.push(value),
+                Damage::Duplicate => copies *= 2,
+                Damage::Burst { len, mask } => self.burst = (len, mask),
+                Damage::Truncate { len } => self.truncated = len,
+                Damage::Swap => self.held = byte.take(),
+                Damage::ParityError => {
+                    passed.parity_errors += u32::from(byte.take().is_some());
+                }
+                Damage::Idle { by } => passed.pauses.push((passed.bytes.len(), by)),
+            }
+        }
+        if let (left @ 1.., mask) = self.burst {
+            byte = byte.map(|byte| byte ^ mask);
+            self.burst.0 = left - 1;
+        }
+        if self.truncated > 0 {
+            self.truncated -= 1;
+            byte = None;
+            self.held = None;
+        }
+        let copies = copies.min(COPIES_MAX);
+        passed.bytes.extend(
+            byte.into_iter()
+                .flat_map(|byte| core::iter::repeat_n(byte, copies)),
+        );
+        passed.bytes.extend(waiting);
+    }
+}
+
+/// Most copies of one byte, however often it is doubled.
+const COPIES_MAX: usize = 64;
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,143 @@
+//! A bench of two links between ends that are served from outside. What is put in does not depend
+//! on what comes out, so each line shows what befell it and nothing else.
+
+use core::cell::RefCell;
+use core::time::Duration;
+use std::rc::Rc;
+
+use hilrig::fault::FaultId;
+use hilrig::line::{Delivery, Direction, End};
+use hilrig::rig::Rig;
+use hilrig::run::Run;
+use hilrig::scenario::{FaultSpec, Scenario};
+use hilrig::trace::{Side, Tap};
+use protocols::{Instant, LineConfig, LineEvent, Port};
+
+use crate::in_a_room;
+
+/// A byte takes 100 us.
+pub(super) const LINE: LineConfig = LineConfig::new_8n1(100_000);
+/// Each line is given this at 10 ms, the second one with 20 hex added to each byte, and so on.
+pub(super) const SENT: [u8; 10] = [0x00, 0x0D, 0x11, 0x13, 0x81, 5, 6, 7, 8, 9];
+
+/// What went over the four lines: `a` to its master and to its device, then `b`.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Seen {
+    /// What arrived: when, in byte times since 10 ms; which bytes, or which event.
+    pub(super) lines: [Vec<String>; 4],
+    /// What the receivers got.
+    pub(super) got: [Vec<u8>; 4],
+    /// The run as a case.
+    pub(super) case: Scenario,
+}
+
+impl Seen {
+    /// One line as text.
+    pub(super) fn line(&self, index: usize) -> String {
+        self.lines[index].join(" ")
+    }
+
+    /// All lines but one.
+    pub(super) fn others(&self, index: usize) -> Vec<&Vec<String>> {
+        let lines = self.lines.iter().enumerate();
+        lines
+            .filter(|(other, _)| *other != index)
+            .map(|(_, line)| line)
+            .collect()
+    }
+}
+
+struct Pen(Rc<RefCell<[Vec<String>; 4]>>);
+
+impl Pen {
+    fn put(&self, link: usize, direction: Direction, at: Instant, what: &str) {
+        let since = (at - Instant::from_millis(10)).as_nanos() as f64 / 1e5;
+        self.0.borrow_mut()[2 * link + direction as usize].push(format!("{since}:{what}"));
+    }
+}
+
+impl Tap for Pen {
+    fn record(&mut self, _: usize, _: Direction, _: Side, _: Instant, _: &[u8]) {}
+
+    fn arrived(&mut self, link: usize, direction: Direction, delivery: &Delivery) {
+        let bytes: Vec<String> = delivery.bytes.iter().map(|b| format!("{b:02x}")).collect();
+        if !bytes.is_empty() {
+            self.put(link, direction, delivery.at, &bytes.join("."));
+        }
+        if delivery.framing_errors > 0 {
+            self.put(link, direction, delivery.at, "!framing");
+        }
+    }
+
+    fn line_event(&mut self, link: usize, direction: Direction, at: Instant, event: LineEvent) {
+        self.put(link, direction, at, &format!("!{event:?}").to_lowercase());
+    }
+}
+
+/// The scenario with these TOML lines.
+pub(super) fn scenario(text: &str) -> Scenario {
+    in_a_room("1s", text).0
+}
+
+/// One fault on `a`, to its master.
+pub(super) fn one(kind: &str, keys: &str) -> Scenario {
+    scenario(&format!(
+        "[[fault]]\nkind = \"{kind}\"\nlink = \"a\"\ndirection = \"to-master\"\n{keys}\n"
+    ))
+}
+
+/// Runs `scenario` on the bench; each line is given `sent`, in pieces of at most `piece` bytes.
+pub(super) fn run(scenario: Scenario, sent: &[u8], piece: usize) -> Seen {
+    let sent = [0, 0x20, 0x40, 0x60].map(|offset| sent.iter().map(|byte| byte + offset).collect());
+    run_each(scenario, sent, piece)
+}
+
+/// Whether this fault can be planned on the bench.
+pub(super) fn is_sound(fault: &FaultSpec) -> bool {
+    let (mut rig, _) = bench(1);
+    rig.plan_fault(fault, FaultId(0), 1).is_ok()
+}
+
+/// The rig and its nodes: `a` at its device and at its master, then `b`.
+fn bench(piece: usize) -> (Rig, [usize; 4]) {
+    let (room, source) = in_a_room("1s", "");
+    let world = room.world.build(room.seed, &source).expect("sound");
+    let mut rig = Rig::new(world);
+    let nodes = ["a.device", "a.master", "b.device", "b.master"];
+    let nodes = nodes.map(|name| rig.add_outside(name, LINE));
+    let end = |node| End {
+        node,
+        port: Port(0),
+    };
+    rig.connect("a", end(nodes[0]), end(nodes[1]), piece);
+    rig.connect("b", end(nodes[2]), end(nodes[3]), piece);
+    (rig, nodes)
+}
+
+/// The same with bytes of its own for each line.
+pub(super) fn run_each(scenario: Scenario, sent: [Vec<u8>; 4], piece: usize) -> Seen {
+    let (mut rig, nodes) = bench(piece);
+    rig.budget = scenario.budget.unwrap_or_default().into();
+    for (index, fault) in scenario.fault.iter().enumerate() {
+        let planned = rig.plan_fault(fault, FaultId(index), scenario.seed);
+        planned.expect("a fault that makes sense here");
+    }
+    let lines = Rc::new(RefCell::default());
+    rig.add_tap(Box::new(Pen(Rc::clone(&lines))));
+
+    let mut run = Run::with_rig(scenario, rig);
+    run.go_on_until(Instant::from_millis(10));
+    for (node, bytes) in nodes.into_iter().zip(&sent) {
+        run.rig.inject(node, bytes);
+    }
+    run.go_on_until(Instant::ZERO + Duration::from_secs(1));
+    for link in run.rig.links() {
+        assert!(link.lines.iter().all(|line| line.conserves_bytes()));
+    }
+    let receivers = [nodes[1], nodes[0], nodes[3], nodes[2]];
+    let got = receivers.map(|node| run.rig.take_output(node));
+    let case = run.case();
+    drop(run);
+    let lines = lines.take();
+    Seen { lines, got, case }
+}
