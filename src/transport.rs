@@ -54,6 +54,12 @@ pub trait Transport {
     /// What was lost so far.
     fn counters(&self) -> Counters;
 
+    /// Whether the far end has read since the last write, or does not depend on this end any more.
+    /// Asked before a port is given up.
+    fn is_drained(&mut self) -> bool {
+        true
+    }
+
     /// Appends what becomes readable when a [`read`](Self::read) may bring something new. May be
     /// empty for a while, so whoever waits also looks again after a few milliseconds.
     fn readiness<'a>(&'a self, fds: &mut Vec<BorrowedFd<'a>>);

@@ -248,6 +248,7 @@ fn into_ports(args: &ReplayArgs, recorded: &Recorded) -> Result<Verdict, CliErro
             }
         }
     }
+    drain(&mut playback, &stop);
     println!("played {} s", playback.now());
     for socket in playback.sockets() {
         let [said, heard] = socket.counts();
@@ -259,6 +260,24 @@ fn into_ports(args: &ReplayArgs, recorded: &Recorded) -> Result<Verdict, CliErro
     let divergences = playback.sockets().iter().filter_map(Socket::divergence);
     let first = divergences.min_by_key(|divergence| divergence.at);
     Ok(judge(first.as_ref(), ""))
+}
+
+/// How long a client may take from its first reading to its last.
+const SETTLE: Duration = Duration::from_millis(100);
+
+/// A new terminal takes with it what its client has not read: waits for that, but not for ever.
+fn drain(playback: &mut Playback<WallClock>, stop: &Stop) {
+    let until = playback.clock().now() + ANSWERS;
+    while !playback.is_drained() {
+        let now = playback.clock().now();
+        if now >= until || stop.is_due(now) {
+            break;
+        }
+        playback.clock().sleep_until(now + Duration::from_millis(1));
+    }
+    playback
+        .clock()
+        .sleep_until(playback.clock().now() + SETTLE);
 }
 
 /// A line on standard input sends the next piece; its end ends the replay. Whether to go on.

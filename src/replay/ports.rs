@@ -269,6 +269,13 @@ impl<C: Clock> Playback<C> {
         Some((at, socket.link.clone(), bytes))
     }
 
+    /// Whether somebody read since the last was said, where that can be known. To be asked when all was
+    /// said, before the ports are given up.
+    pub fn is_drained(&mut self) -> bool {
+        let mut sockets = self.sockets.iter_mut();
+        sockets.all(|socket| socket.port.is_drained())
+    }
+
     fn listen(&mut self) -> Result<(), PlaybackError> {
         for socket in &mut self.sockets {
             socket.listen(self.now).map_err(|source| PlaybackError {

@@ -193,6 +193,13 @@ impl Transport for Pty {
         written
     }
 
+    /// What its client has not read yet is lost with the terminal. How much that is the system does
+    /// not say, but the client is seen to read.
+    fn is_drained(&mut self) -> bool {
+        self.look();
+        !self.open || self.is_hung_up() || self.unread == 0
+    }
+
     fn next_event(&mut self) -> Option<PortEvent> {
         self.events.pop_front()
     }

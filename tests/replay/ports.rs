@@ -3,6 +3,7 @@
 use std::fs::File;
 use std::io::Write as _;
 use std::path::Path;
+use std::process::{Command, Stdio};
 
 use hilrig::capture::{Capture, Interface, Kind, Record, Section};
 use hilrig::line::Direction;
@@ -167,6 +168,49 @@ fn a_device_that_answers_otherwise_is_told_with_byte_and_frame() {
          AB 24 82 [13] 34 97 01",
     ];
     assert_eq!(told, expected);
+}
+
+/// Each line on standard input sends one piece, and nothing is sent without a line.
+#[test]
+fn a_stepped_replay_sends_one_piece_a_line() {
+    let folder = folder("stepped");
+    let file = folder.join("field.pcapng");
+    let pieces: [&[u8]; 3] = [b"one", b"two", b"three"];
+    field(
+        &file,
+        "lidar",
+        &pieces.map(|piece| (Direction::ToMaster, piece)),
+    );
+    let port = folder.join("lidar");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_hilrig"));
+    command.args(["replay", &shown(&file), "--step", "--to"]);
+    command.arg(format!("lidar=pty:{}", shown(&port)));
+    command.stdin(Stdio::piped()).stdout(Stdio::piped());
+    let child = command.stderr(Stdio::piped()).spawn();
+    let mut replay = Running(Some(child.expect("the command starts")));
+    let child = replay.0.as_mut().expect("running");
+    let mut lines = child.stdin.take().expect("piped");
+    let mut client = client(&port);
+    let (mut got, mut expected) = (Vec::new(), Vec::new());
+    for piece in pieces {
+        lines.write_all(b"\n").expect("it listens");
+        expected.extend_from_slice(piece);
+        wait_until("a piece", || {
+            read_some(&mut client, &mut got);
+            got.len() >= expected.len()
+        });
+        read_some(&mut client, &mut got);
+        assert_eq!(got, expected);
+    }
+    drop(lines);
+    let (status, said, _) = replay.end();
+    assert!(status.success(), "{said}");
+    let told = "0.000000 s lidar 6F 6E 65\n0.001000 s lidar 74 77 6F\n";
+    assert!(said.starts_with(&told.replace(" s ", " ")), "{said}");
+    assert!(
+        said.ends_with("lidar: 11 B sent, 0 B came back\n"),
+        "{said}"
+    );
 }
 
 /// The capture takes the part of the program on the ports of a rig that runs in another process;
