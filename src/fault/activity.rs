@@ -137,9 +137,11 @@ impl Activity {
         };
     }
 
-    /// Ends at `at`, if it would go on for longer.
+    /// Ends at `at`, if it would go on for longer. What waits for an event never was at work.
     pub fn end(&mut self, at: Instant) {
-        self.trigger = None;
+        if self.trigger.take().is_some() {
+            self.window.from = at;
+        }
         self.window.until = self.window.until.min(at);
     }
 }
@@ -208,5 +210,14 @@ mod tests {
         activity.fire(Instant::from_secs(5));
         assert!(activity.is_active(Instant::from_millis(6_999)));
         assert!(!activity.is_active(Instant::from_secs(7)));
+    }
+
+    #[test]
+    fn what_ends_while_it_waits_was_never_at_work() {
+        let mut activity = Activity::from(Window::ALWAYS);
+        activity.trigger = Some(Trigger::Frame(3));
+        activity.end(Instant::from_secs(1));
+        assert!(activity.window.is_empty());
+        assert_eq!(activity.spell(0), None);
     }
 }
