@@ -19,7 +19,6 @@
 //! | [`pc_program`] | what somebody at the page wants, as what the PC says |
 //! | [`run`], [`mission`], [`check`], [`score`] | a run watched and judged |
 //! | [`museum`] | the defects of the fielded programs, each with its reproduction |
-//! | [`fuzz`] | cases that nobody thought of |
 //! | [`fuzz`], [`generate`], [`shrink`] | cases that nobody thought of, made small |
 //! | [`campaign`] | many runs, grouped by cause |
 //! | [`folder`], [`render`], [`report`] | what a run leaves behind |
