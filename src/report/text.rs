@@ -42,7 +42,8 @@ fn next_time(text: &str) -> Option<Range<usize>> {
     let mut start = 0;
     while start < bytes.len() {
         let len = bytes[start..].iter().take_while(|&&b| is_part(b)).count();
-        let number = &text[start..start + len];
+        // Digits and dots are whole characters; other bytes need not be.
+        let number = text.get(start..start + len).unwrap_or_default();
         if let Some((whole, decimals)) = number.split_once('.')
             && !whole.is_empty()
             && decimals.len() == 6

@@ -61,7 +61,7 @@ fn a_wrong_unit_is_refused() {
 fn a_wall_outside_is_named() {
     let scenario =
         shipped("rescue-flat").replace("[2.90, 2.90], [0.10, 2.90]", "[2.90, 3.90], [0.10, 2.90]");
-    insta::assert_snapshot!(refusal("outside", &scenario), @"error: s.toml:35: world.wall[0]: it reaches from (2.9, 0.1) to (2.9, 3.9) m; expected within (0, 0) to (3, 3) m");
+    insta::assert_snapshot!(refusal("outside", &scenario), @"error: s.toml:38: world.wall[0]: it reaches from (2.9, 0.1) to (2.9, 3.9) m; expected within (0, 0) to (3, 3) m");
 }
 
 #[test]
@@ -83,7 +83,7 @@ fn an_unknown_profile_lists_the_known_ones() {
 fn an_unknown_device_lists_the_known_ones() {
     let device = "[device.ldar.xv11]\n\n[world]\n";
     let scenario = shipped("empty-room").replace("[world]\n", device);
-    insta::assert_snapshot!(refusal("device", &scenario), @"error: s.toml:15: device.ldar: no such device; the rescue robot has lidar, base, radio");
+    insta::assert_snapshot!(refusal("device", &scenario), @"error: s.toml:15: device.ldar: no such device; the rescue robot has lidar, base, radio, display");
 }
 
 #[test]
