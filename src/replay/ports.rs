@@ -269,8 +269,8 @@ impl<C: Clock> Playback<C> {
         Some((at, socket.link.clone(), bytes))
     }
 
-    /// Whether somebody read since the last was said, where that can be known. To be asked when all was
-    /// said, before the ports are given up.
+    /// Whether somebody read since the last was said, where that can be known. To be asked when all
+    /// was said, before the ports are given up.
     pub fn is_drained(&mut self) -> bool {
         let mut sockets = self.sockets.iter_mut();
         sockets.all(|socket| socket.port.is_drained())
