@@ -70,7 +70,8 @@ step "tests"
 cargo test --locked --workspace
 
 step "demo"
-cargo run --locked --release -- demo --out target/demo/release
+# Without the page and MCAP, which have no part in it and take two minutes to compile.
+cargo run --locked --release --no-default-features -- demo --out target/demo/release
 
 step "the debug build of the tests gives the same bytes as the release build"
 "$target"/debug/hilrig demo --out target/demo/debug >/dev/null 2>&1
