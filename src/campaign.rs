@@ -10,6 +10,7 @@ mod merge;
 mod page;
 mod store;
 
+pub(crate) use judge::words_of_panic;
 pub use judge::{Record, cause_of, run};
 pub use merge::{Group, Merged, SituationCount, merge};
 pub use page::page;

@@ -9,6 +9,7 @@ mod dut;
 mod export;
 mod fault;
 mod fidelity;
+mod fuzz;
 mod import;
 mod map;
 mod place;
@@ -66,6 +67,7 @@ enum Command {
     Decode(decode::DecodeArgs),
     Bugs(bugs::Bugs),
     Campaign(campaign::CampaignArgs),
+    Fuzz(fuzz::FuzzArgs),
     Shrink(shrink::ShrinkArgs),
     Fidelity(fidelity::Fidelity),
     Slam(slam::SlamArgs),
@@ -145,6 +147,7 @@ pub fn main() -> ExitCode {
         Command::Decode(args) => decode::run(args),
         Command::Bugs(args) => bugs::run(args),
         Command::Campaign(args) => campaign::run(args),
+        Command::Fuzz(args) => fuzz::run(&args),
         Command::Shrink(args) => shrink::run(&args),
         Command::Fidelity(args) => fidelity::run(args),
         Command::Slam(args) => slam::run(args),

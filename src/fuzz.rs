@@ -1,6 +1,27 @@
-//! Looking for what nobody thought of: bytes into decoders, and later whole scenarios.
+//! Looking for what nobody thought of: bytes into decoders and programs, and whole scenarios.
 //!
-//! A *finding* is kept as a value that people can read, never as a seed: bytes in hexadecimal, a
-//! scenario as TOML. So it means the same in every later version.
+//! ```text
+//! pool of choices --havoc--> choices --> case --> subject --> behaviour, verdict
+//!        ^                                                       |         |
+//!        +------------- choices that did something new ----------+         +--> finding
+//! ```
+//!
+//! A fuzzer mutates strings of *choices*, any bytes at all; a [`Subject`] makes a case of them,
+//! runs it, and judges it. Choices that bring about what none did before are kept and mutated
+//! further. A *finding* is kept as a value that people can read, never as a seed: bytes in
+//! hexadecimal, a scenario as TOML. So it means the same in every later version.
 
+mod engine;
+mod folder;
+mod havoc;
+mod missions;
+mod subject;
 pub mod wire;
+mod wires;
+
+pub use engine::{Found, Fuzzer, Round, silence_panics};
+pub(crate) use folder::read_corpus;
+pub use folder::{Folder, FolderError, Plan};
+pub use missions::Missions;
+pub use subject::{Behaviour, Fault, Kept, Subject, size};
+pub use wires::Wires;

@@ -67,18 +67,19 @@ pub fn run(
             Ok((record, Some(outcome)))
         }
         Err(panic) => {
-            let message = message_of(panic.as_ref());
-            record.cause = Some(format!("panic: {}", without_figures(&message)));
-            record.detail = Some(message);
+            let (cause, message) = words_of_panic(panic.as_ref());
+            (record.cause, record.detail) = (Some(cause), Some(message));
             Ok((record, None))
         }
     }
 }
 
-fn message_of(panic: &(dyn Any + Send)) -> String {
+/// A panic as a cause without figures, and what it says.
+pub(crate) fn words_of_panic(panic: &(dyn Any + Send)) -> (String, String) {
     let text = panic.downcast_ref::<String>().map(String::as_str);
     let text = text.or_else(|| panic.downcast_ref::<&str>().copied());
-    text.unwrap_or("without words").to_owned()
+    let text = text.unwrap_or("without words");
+    (format!("panic: {}", without_figures(text)), text.to_owned())
 }
 
 /// The first check that failed, without and with its figures: checkers of the whole run come

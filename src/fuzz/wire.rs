@@ -8,12 +8,14 @@
 mod choices;
 mod formats;
 mod laws;
+mod marks;
 mod stream;
 mod texts;
 
 pub use choices::Choices;
 pub use formats::{Avr, HighFirst, LowFirst, Pcui, Wire, Xv11, Xv11Turns};
 pub use laws::keeps_the_laws;
+pub use marks::Mark;
 pub use stream::{Piece, Stream, StreamError};
 
 use core::fmt;
@@ -52,6 +54,8 @@ pub struct Target {
     pub stream: fn(&[u8]) -> Stream,
     /// Whether the laws hold on a stream.
     pub check: fn(&Stream) -> Result<(), Broken>,
+    /// What the decoder does with it, as numbers.
+    pub marks: fn(&Stream, Mark<'_>),
 }
 
 impl Target {
@@ -66,11 +70,13 @@ impl Target {
             name: "rle",
             stream: Stream::raw,
             check: texts::rows_survive_their_code,
+            marks: marks::of_row,
         },
         Self {
             name: "hc06",
             stream: Stream::raw,
             check: texts::commands_are_said_as_heard,
+            marks: marks::of_command,
         },
     ];
 
@@ -79,6 +85,21 @@ impl Target {
             name: W::NAME,
             stream: Stream::session::<W>,
             check: keeps_the_laws::<W>,
+            marks: marks::of_session::<W>,
+        }
+    }
+
+    /// Whether its streams are sessions of frames rather than bytes as they are.
+    pub fn has_sessions(&self) -> bool {
+        !matches!(self.name, "rle" | "hc06")
+    }
+
+    /// Data that [`stream`](Self::stream) makes `stream` of.
+    pub fn data_of(&self, stream: &Stream) -> Vec<u8> {
+        if self.has_sessions() {
+            stream.to_data()
+        } else {
+            stream.bytes().to_vec()
         }
     }
 

@@ -4,6 +4,7 @@ mod campaign;
 mod decode;
 mod errors;
 mod fidelity;
+mod fuzz;
 mod mutated;
 mod results;
 mod shrink;

@@ -37,6 +37,11 @@ pub trait Wire {
 
     /// Whether a frame means what its parts say: made again of them, it is the same.
     fn means_itself(frame: &<Self::Decoder as Decode>::Frame) -> Result<(), Broken>;
+
+    /// Which kind of frame it is, below 2^32: frames of a kind are alike to a fuzzer.
+    fn kind(frame: &<Self::Decoder as Decode>::Frame) -> u64 {
+        Self::bytes(frame).len() as u64
+    }
 }
 
 fn made_again(found: &[u8], made: &[u8]) -> Result<(), Broken> {
@@ -88,6 +93,15 @@ impl Wire for Xv11 {
         }
         let folded = ((sum % 32_768) + sum / 32_768) % 32_768;
         (folded == u32::from(frame[20]) + 256 * u32::from(frame[21])).then_some(22)
+    }
+
+    fn kind(frame: &xv11::Frame) -> u64 {
+        let valid = frame.readings().map(|reading| match reading {
+            xv11::Reading::Range { weak: false, .. } => 0,
+            xv11::Reading::Range { .. } => 1,
+            _ => 2,
+        });
+        valid.iter().fold(0, |kind, reading| kind * 3 + reading)
     }
 
     fn means_itself(frame: &xv11::Frame) -> Result<(), Broken> {
@@ -229,6 +243,11 @@ impl<O: Order> Wire for Avr<O> {
         (bytes[0] == 0xAB && holds).then_some(end + 2)
     }
 
+    fn kind(frame: &avr::Frame) -> u64 {
+        let size = u64::from(u8::BITS - frame.count().leading_zeros());
+        u64::from(frame.is_write()) << 16 | u64::from(frame.register() / 8) << 8 | size
+    }
+
     fn means_itself(frame: &avr::Frame) -> Result<(), Broken> {
         let made = if frame.is_write() {
             avr::Frame::write(frame.register(), frame.data(), O::ORDER)
@@ -302,6 +321,21 @@ impl Wire for Pcui {
         let payload = bytes.get(17..17 + len)?;
         let sum: u32 = payload.iter().map(|&byte| u32::from(byte)).sum();
         (sum.to_le_bytes() == header[10..14]).then_some(17 + len)
+    }
+
+    fn kind(frame: &pcui::Frame) -> u64 {
+        let len = frame.payload().len();
+        let size = u64::from(usize::BITS - len.leading_zeros());
+        let message = match frame.message() {
+            Ok(Message::Map(_)) => 1,
+            Ok(Message::Row(_)) => 2,
+            Ok(Message::CodedRow(_)) => 3,
+            Ok(Message::Waypoints(_)) => 4,
+            Ok(Message::Order(_)) => 5,
+            Ok(Message::State(_)) => 6,
+            Err(_) => 7,
+        };
+        message << 8 | size
     }
 
     fn means_itself(frame: &pcui::Frame) -> Result<(), Broken> {

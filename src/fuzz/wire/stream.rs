@@ -52,6 +52,26 @@ impl Stream {
         }
     }
 
+    /// The stream that consists of `pieces`.
+    pub fn of<'a>(pieces: impl IntoIterator<Item = Piece<'a>>) -> Self {
+        let mut stream = Self::default();
+        let mut is_open = false;
+        for piece in pieces {
+            let at = stream.bytes.len();
+            match piece {
+                Piece::Idle => stream.marks.push((at, true)),
+                Piece::Bytes(bytes) => {
+                    if is_open {
+                        stream.marks.push((at, false));
+                    }
+                    stream.bytes.extend(bytes);
+                }
+            }
+            is_open = matches!(piece, Piece::Bytes(_));
+        }
+        stream
+    }
+
     /// All bytes, whatever the pieces.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
@@ -228,6 +248,12 @@ mod tests {
         let stream = Stream::parse(text).expect("a stream");
         assert_eq!(stream.bytes(), [0xAB, 0x24, 0xFF, 0x00, 0x01]);
         assert_eq!(stream.to_text(), text);
+    }
+
+    #[test]
+    fn a_stream_is_the_sum_of_its_pieces() {
+        let stream = Stream::parse("AB 24\nFF\nidle\nidle\n00 01\n").expect("a stream");
+        assert_eq!(Stream::of(stream.pieces()).to_text(), stream.to_text());
     }
 
     #[test]

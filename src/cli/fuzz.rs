@@ -1,0 +1,308 @@
+use core::num::NonZeroUsize;
+use core::time::Duration;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::thread;
+
+use clap::Args;
+use protocols::Instant;
+
+use super::stop::Stop;
+use super::{CliError, Verdict};
+use crate::clock::{Clock, WallClock};
+use crate::decode::Protocol;
+use crate::fuzz::wire::Target;
+use crate::fuzz::{
+    self, Folder, FolderError, Found, Fuzzer, Missions, Plan, Round, Subject, Wires,
+};
+use crate::generate::Vary;
+use crate::robots;
+use crate::run::Run;
+use crate::scenario::{Scenario, Span};
+use crate::shrink::Effort;
+
+/// Look for what nobody thought of: bytes into decoders, or whole missions made of bytes.
+///
+/// Inputs that do something new are kept and changed further. What is found is kept as a value that
+/// people can read, made small, with the command that repeats it. The same seed and number of
+/// cases find the same, on however many processors; the same command goes on where it stopped.
+#[derive(Debug, Args)]
+#[command(after_long_help = "Examples:\n  \
+    hilrig fuzz --for 60s                        # every wire format in turn\n  \
+    hilrig fuzz pcui avr-low-first --cases 1000000\n  \
+    hilrig fuzz --scenario scenarios/empty-room.toml --for 10m --out night\n  \
+    hilrig fuzz --scenario my.toml --link base   # the wire format of that link\n  \
+    hilrig fuzz pcui --repeat night/findings/no-frame-is-lost-1A2B3C4D\n\n\
+    Exit code 1: something was found, now or earlier in the same folder.")]
+pub(super) struct FuzzArgs {
+    /// What to fuzz [default: every wire format in turn]
+    #[arg(value_name = "TARGET", conflicts_with = "scenario")]
+    targets: Vec<String>,
+    /// Fuzz missions made of this scenario
+    #[arg(long, value_name = "SCENARIO")]
+    scenario: Option<PathBuf>,
+    /// Fuzz the wire format of this link of the scenario instead
+    #[arg(long, value_name = "LINK", requires = "scenario")]
+    link: Option<String>,
+    /// What of the scenario is made anew: some of world,mission,timing,faults, or all
+    #[arg(
+        long,
+        value_name = "WHAT",
+        default_value = "all",
+        requires = "scenario"
+    )]
+    vary: Vary,
+    /// Stop after this time, all targets together [default: 60s, none with --cases]
+    #[arg(long = "for", value_name = "TIME")]
+    time: Option<Span>,
+    /// Stop after this many cases of each target, those of earlier runs included
+    #[arg(long, value_name = "N")]
+    cases: Option<u64>,
+    /// Seed of all changes
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Cases at the same time [default: one for each processor]
+    #[arg(long, value_name = "N")]
+    jobs: Option<NonZeroUsize>,
+    /// Inputs to begin with, beside a few valid ones: a folder of text files
+    #[arg(long, value_name = "DIR")]
+    corpus: Option<PathBuf>,
+    /// Run one finding, a file or its folder, instead of looking for more
+    #[arg(long, value_name = "FILE")]
+    repeat: Option<PathBuf>,
+    /// Folder of the results, to be gone on with if it exists
+    #[arg(long, value_name = "DIR", default_value = "hilrig-out/fuzz")]
+    out: PathBuf,
+}
+
+impl From<FolderError> for CliError {
+    fn from(error: FolderError) -> Self {
+        Self::Other(error.to_string())
+    }
+}
+
+/// How long if neither time nor cases are given.
+const TIME: Duration = Duration::from_secs(60);
+/// Time between two lines of progress.
+const PROGRESS: Duration = Duration::from_secs(2);
+
+pub(super) fn run(args: &FuzzArgs) -> Result<Verdict, CliError> {
+    let subjects = subjects(args)?;
+    fuzz::silence_panics();
+    match &args.repeat {
+        Some(file) => repeat(file, &subjects),
+        None => look(args, &subjects),
+    }
+}
+
+type Subjects = Vec<Box<dyn Subject>>;
+
+/// What is to be fuzzed.
+fn subjects(args: &FuzzArgs) -> Result<Subjects, CliError> {
+    if let Some(path) = &args.scenario {
+        return Ok(vec![of_scenario(args, path)?]);
+    }
+    if args.targets.is_empty() {
+        return Ok(Wires::all().map(|wire| Box::new(wire) as _).collect());
+    }
+    args.targets.iter().map(|name| named(name)).collect()
+}
+
+fn named(name: &str) -> Result<Box<dyn Subject>, CliError> {
+    if let Some(target) = Target::named(name) {
+        return Ok(Box::new(Wires(target)));
+    }
+    let known: Vec<&str> = Target::ALL.iter().map(|target| target.name).collect();
+    let known = known.join(", ");
+    let text = format!("there is nothing called \"{name}\" to fuzz, expected one of {known}");
+    Err(CliError::Other(text))
+}
+
+fn of_scenario(args: &FuzzArgs, path: &Path) -> Result<Box<dyn Subject>, CliError> {
+    let (scenario, source) = Scenario::read(path)?;
+    // What cannot be wired is told once, not with every case.
+    let run = Run::new(scenario.clone(), &source, None)?;
+    let Some(link) = &args.link else {
+        return Ok(Box::new(Missions::new(scenario, source, args.vary)));
+    };
+    let target = match robots::protocol(scenario.robot, &run.rig, link) {
+        Some(Protocol::Xv11) => "xv11",
+        Some(Protocol::Xv11Turn) => "xv11-turns",
+        Some(Protocol::Bus) => "avr-low-first",
+        Some(Protocol::BusHighFirst) => "avr-high-first",
+        Some(Protocol::Pcui) => "pcui",
+        Some(Protocol::Panel) | None => {
+            let links: Vec<&str> = run.rig.links().iter().map(|link| &*link.name).collect();
+            let text = format!(
+                "--link {link}: no wire format that can be fuzzed, the links of {} are {}",
+                path.display(),
+                links.join(", ")
+            );
+            return Err(CliError::Other(text));
+        }
+    };
+    named(target)
+}
+
+/// Runs the case in `file`.
+fn repeat(file: &Path, subjects: &Subjects) -> Result<Verdict, CliError> {
+    let [subject] = &subjects[..] else {
+        let text = "--repeat runs one case, expected the name of its target before it";
+        return Err(CliError::Other(text.to_owned()));
+    };
+    let mut path = file.to_owned();
+    if path.is_dir() {
+        path.push(subject.case_file());
+    }
+    let text = fs::read_to_string(&path)
+        .map_err(|error| CliError::Other(format!("cannot read {}: {error}", path.display())))?;
+    let judged = subject.repeated(&text);
+    let judged = judged.map_err(|error| CliError::Other(format!("{}: {error}", path.display())))?;
+    match judged {
+        Ok(()) => {
+            println!("{}: every law holds", subject.name());
+            Ok(Verdict::Pass)
+        }
+        Err(fault) => {
+            println!("{}: {}\n{}", subject.name(), fault.cause, fault.detail);
+            Ok(Verdict::Fail)
+        }
+    }
+}
+
+/// One run of the command.
+struct Desk<'a> {
+    args: &'a FuzzArgs,
+    folder: Folder,
+    clock: WallClock,
+    stop: Stop,
+    jobs: usize,
+}
+
+fn look(args: &FuzzArgs, subjects: &Subjects) -> Result<Verdict, CliError> {
+    let time = args.time.map(|time| time.0);
+    let time = time.or_else(|| args.cases.is_none().then_some(TIME));
+    let jobs = args.jobs.or_else(|| thread::available_parallelism().ok());
+    let mut desk = Desk {
+        args,
+        folder: Folder::create(&args.out, plan(args)?)?,
+        clock: WallClock::start(),
+        stop: Stop::new(time)?,
+        jobs: jobs.map_or(1, NonZeroUsize::get),
+    };
+    let mut findings = 0;
+    for (index, subject) in subjects.iter().enumerate() {
+        let left = u32::try_from(subjects.len() - index).expect("a few targets");
+        let until = time.map(|time| {
+            let now = desk.clock.now();
+            now + (Instant::ZERO + time - now) / left
+        });
+        findings += desk.fuzz(subject.as_ref(), until)?;
+    }
+    println!("{findings} findings, results in {}", args.out.display());
+    Ok(if findings == 0 {
+        Verdict::Pass
+    } else {
+        Verdict::Fail
+    })
+}
+
+fn plan(args: &FuzzArgs) -> Result<Plan, CliError> {
+    let scenario = args.scenario.as_ref().map(|path| Scenario::read(path));
+    let scenario = scenario.transpose()?.map(|(_, source)| source.text);
+    Ok(Plan {
+        tool: concat!("hilrig ", env!("CARGO_PKG_VERSION")).to_owned(),
+        seed: args.seed,
+        scenario,
+        vary: args.vary.to_string(),
+        defects: Vec::new(),
+    })
+}
+
+impl Desk<'_> {
+    /// Fuzzes one target; how many causes it came to, earlier runs included.
+    fn fuzz(&mut self, subject: &dyn Subject, until: Option<Instant>) -> Result<usize, CliError> {
+        let (before, causes) = self.folder.progress(subject.name());
+        let mut fuzzer = Fuzzer::new(subject, self.args.seed, before, causes);
+        let mut kept = 0;
+        for choices in self.folder.pool(subject)? {
+            fuzzer.add(choices);
+            kept += 1;
+        }
+        if before == 0 {
+            let mut given = subject.seeds();
+            if let Some(dir) = &self.args.corpus {
+                given.extend(fuzz::read_corpus(dir, subject)?);
+            }
+            for choices in given {
+                let round = fuzzer.add(choices);
+                self.keep(subject, &round, &mut kept)?;
+            }
+        }
+        let (begun, mut said) = (self.clock.now(), self.clock.now());
+        let most = self.args.cases.unwrap_or(u64::MAX);
+        while fuzzer.cases() < most {
+            let now = self.clock.now();
+            if self.stop.is_due(now) || until.is_some_and(|until| until <= now) {
+                break;
+            }
+            if now - said >= PROGRESS {
+                said = now;
+                tell(&fuzzer, subject, before, now - begun);
+                self.folder
+                    .save(subject.name(), fuzzer.cases(), fuzzer.causes())?;
+            }
+            let round = fuzzer.round(most - fuzzer.cases(), self.jobs);
+            self.keep(subject, &round, &mut kept)?;
+        }
+        self.folder
+            .save(subject.name(), fuzzer.cases(), fuzzer.causes())?;
+        println!(
+            "{}: {} cases, {} behaviours, {} findings",
+            subject.name(),
+            fuzzer.cases(),
+            fuzzer.behaviours(),
+            fuzzer.causes().len()
+        );
+        Ok(fuzzer.causes().len())
+    }
+
+    /// Writes what a round came to.
+    fn keep(&self, subject: &dyn Subject, round: &Round, kept: &mut usize) -> Result<(), CliError> {
+        for choices in &round.new {
+            self.folder.keep_choices(subject, *kept, choices)?;
+            *kept += 1;
+        }
+        for found in &round.found {
+            self.keep_finding(subject, found)?;
+        }
+        Ok(())
+    }
+
+    fn keep_finding(&self, subject: &dyn Subject, found: &Found) -> Result<(), CliError> {
+        let is_over = || self.stop.is_due(self.clock.now());
+        let mut effort = Effort::until(subject.tries(), &is_over);
+        let small = subject.keep(&found.choices, &found.fault, &mut effort);
+        let dir = self.folder.keep_finding(subject, &small)?;
+        println!("{}: {}", subject.name(), small.fault.cause);
+        println!("  {}", small.fault.detail.replace('\n', "\n  "));
+        println!(
+            "  case {}, repeat with: {}",
+            found.case,
+            subject.repeat(&dir)
+        );
+        Ok(())
+    }
+}
+
+/// A line of progress.
+fn tell(fuzzer: &Fuzzer<'_>, subject: &dyn Subject, before: u64, time: Duration) {
+    let rate = (fuzzer.cases() - before) as f64 / time.as_secs_f64().max(1e-3);
+    eprintln!(
+        "  {}: {} cases, {rate:.0}/s, {} behaviours, {} findings",
+        subject.name(),
+        fuzzer.cases(),
+        fuzzer.behaviours(),
+        fuzzer.causes().len()
+    );
+}

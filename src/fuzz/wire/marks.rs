@@ -1,0 +1,80 @@
+//! What a decoder did with a stream, as numbers: what tells a fuzzer without instrumentation that
+//! a stream is of a new kind.
+
+use protocols::Decode;
+use protocols::hc06::{Command, LineCommand};
+use protocols::rle;
+
+use super::formats::kind_of;
+use super::{Piece, Stream, Wire};
+
+/// Where marks go.
+pub type Mark<'a> = &'a mut dyn FnMut(&[u64]);
+
+const fn size(number: usize) -> u64 {
+    (usize::BITS - number.leading_zeros()) as u64
+}
+
+/// Each frame or error beside the two before it and the bytes thrown away between, in sizes.
+pub(super) fn of_session<W: Wire>(stream: &Stream, mark: Mark<'_>) {
+    let mut decoder = W::decoder();
+    let mut before = [0, 0];
+    let mut discarded = 0;
+    let mut hear = |decoder: &mut W::Decoder, mut bytes: &[u8]| {
+        while let Some(outcome) = decoder.step(&mut bytes) {
+            let kind = match &outcome {
+                Ok(frame) => 16 + W::kind(frame),
+                Err(error) => u64::from(kind_of(*error)),
+            };
+            let lost = usize::try_from(decoder.discarded() - discarded).unwrap_or(usize::MAX);
+            discarded = decoder.discarded();
+            mark(&[kind, before[0], before[1], size(lost)]);
+            before = [kind, before[0]];
+        }
+        mark(&[before[0], size(decoder.pending())]);
+    };
+    for piece in stream.pieces() {
+        match piece {
+            Piece::Bytes(bytes) => hear(&mut decoder, bytes),
+            Piece::Idle => {
+                decoder.idle();
+                hear(&mut decoder, &[]);
+            }
+        }
+    }
+}
+
+/// How a row's code ends.
+pub(super) fn of_row(stream: &Stream, mark: Mark<'_>) {
+    let mut row = [0; 300];
+    let bytes = stream.bytes();
+    let runs = bytes.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    let end = match rle::decode(bytes, &mut row) {
+        Ok(len) => 16 + len as u64 / 8,
+        Err(error) => error_number(error),
+    };
+    mark(&[end, size(bytes.len()), size(runs)]);
+}
+
+fn error_number(error: rle::RleError) -> u64 {
+    match error {
+        rle::RleError::OddLength => 1,
+        rle::RleError::TooLong { .. } => 2,
+        _ => 3,
+    }
+}
+
+/// Which commands are understood, by the letters that they are written with.
+pub(super) fn of_command(stream: &Stream, mark: Mark<'_>) {
+    let bytes = stream.bytes();
+    let heads = |most: usize| {
+        let head = bytes.iter().take(most);
+        head.fold(0, |hash: u64, &byte| (hash << 8) | u64::from(byte))
+    };
+    let old = Command::parse(bytes).map_or(0, |_| heads(7));
+    let new = LineCommand::parse(bytes).map_or(0, |_| heads(8));
+    mark(&[old, new, size(bytes.len())]);
+    // How far towards a command it is: letters that all of them begin with.
+    let fits = bytes.iter().zip(b"AT+").take_while(|(a, b)| a == b).count();
+    mark(&[1, fits as u64, size(bytes.len())]);
+}
