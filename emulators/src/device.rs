@@ -1,6 +1,7 @@
 //! The contract of every emulated device.
 
 use core::time::Duration;
+use std::collections::VecDeque;
 
 use protocols::{Instant, LineConfig, LineEvent, Port};
 
@@ -96,6 +97,15 @@ pub fn byte_end(now: Instant, line: LineConfig, index: usize, count: usize) -> I
 /// The earliest of some optional deadlines.
 pub fn earliest(deadlines: impl IntoIterator<Item = Option<Instant>>) -> Option<Instant> {
     deadlines.into_iter().flatten().min()
+}
+
+/// Moves what fits from the front of `queue` to `buf`; how many bytes that were.
+pub fn take(queue: &mut VecDeque<u8>, buf: &mut [u8]) -> usize {
+    let len = buf.len().min(queue.len());
+    for (slot, byte) in buf.iter_mut().zip(queue.drain(..len)) {
+        *slot = byte;
+    }
+    len
 }
 
 /// The least multiple of `period` after the start of the run that is later than `now`.

@@ -22,7 +22,7 @@ use core::time::Duration;
 use protocols::pcui::message::{Mode, Order};
 use protocols::{Instant, LineConfig, LineEvent, Port};
 
-use crate::device::{Device, Event, earliest};
+use crate::device::{Device, Event, earliest, take};
 use crate::event_log::EventLog;
 use crate::hc06::AIR_LINE;
 use crate::world::World;
@@ -336,11 +336,7 @@ impl Device for Pc {
         if port != Self::AIR {
             return 0;
         }
-        let len = buf.len().min(self.out.len());
-        for (slot, byte) in buf.iter_mut().zip(self.out.drain(..len)) {
-            *slot = byte;
-        }
-        len
+        take(&mut self.out, buf)
     }
 
     fn line_change(&mut self, port: Port) -> Option<LineEvent> {

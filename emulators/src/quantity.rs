@@ -4,6 +4,7 @@ use core::time::Duration;
 
 use protocols::Instant;
 
+use crate::event_log::EventLog;
 use crate::world::{Wheel, World};
 
 /// A named whole number of a device.
@@ -137,6 +138,39 @@ impl Variables {
             *value = variable.safe.unwrap_or(*value);
         }
         before != self.values
+    }
+}
+
+/// Waits for a master to fall silent.
+#[derive(Clone, Debug)]
+pub(crate) struct Watchdog {
+    time: Option<Duration>,
+    silent_at: Option<Instant>,
+}
+
+impl Watchdog {
+    /// `time` after it was last heard a master counts as silent; `None`: never.
+    pub(crate) const fn new(time: Option<Duration>) -> Self {
+        let silent_at = None;
+        Self { time, silent_at }
+    }
+
+    /// The master said something.
+    pub(crate) fn heard(&mut self, at: Instant) {
+        self.silent_at = self.time.map(|time| at + time);
+    }
+
+    /// When the master will count as silent.
+    pub(crate) const fn silent_at(&self) -> Option<Instant> {
+        self.silent_at
+    }
+
+    /// Makes `variables` safe if the master is silent by `now`.
+    pub(crate) fn poll(&mut self, now: Instant, variables: &mut Variables, log: &mut EventLog) {
+        if self.silent_at.take_if(|at| *at <= now).is_some() && variables.make_safe() {
+            let detail = "the master is silent: values are safe now".to_owned();
+            log.note(now, "made-safe", detail);
+        }
     }
 }
 

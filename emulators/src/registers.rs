@@ -17,9 +17,9 @@ use core::time::Duration;
 use protocols::avr::{self, ChecksumOrder, ERROR_REGISTER, Frame};
 use protocols::{Decode, FrameError, Instant, LineConfig, Port};
 
-use crate::device::{Device, Event, EventKind, byte_end, earliest};
+use crate::device::{Device, Event, EventKind, byte_end, earliest, take};
 use crate::event_log::EventLog;
-use crate::quantity::{Variable, VariableError, Variables};
+use crate::quantity::{Variable, VariableError, Variables, Watchdog};
 use crate::world::World;
 
 /// How a value lies in the registers: low byte first.
@@ -120,7 +120,7 @@ pub struct Registers {
     variables: Variables,
     decoder: avr::Decoder,
     quiet_at: Option<Instant>,
-    silent_at: Option<Instant>,
+    watchdog: Watchdog,
     pending: VecDeque<(Instant, Option<Frame>)>,
     output: VecDeque<u8>,
     /// When the last answer has left.
@@ -148,7 +148,7 @@ impl Registers {
             variables,
             decoder: avr::Decoder::new(config.order),
             quiet_at: None,
-            silent_at: None,
+            watchdog: Watchdog::new(config.watchdog),
             pending: VecDeque::new(),
             output: VecDeque::new(),
             free_at: Instant::ZERO,
@@ -185,7 +185,7 @@ impl Registers {
             });
         }
         if request.is_some() {
-            self.silent_at = self.config.watchdog.map(|watchdog| at + watchdog);
+            self.watchdog.heard(at);
         }
         self.pending.push_back((at + self.config.latency, request));
     }
@@ -332,26 +332,21 @@ impl Device for Registers {
             }
             self.answer(now, request.as_ref(), world);
         }
-        if self.silent_at.is_some_and(|at| at <= now) {
-            self.silent_at = None;
-            if self.variables.make_safe() {
-                let detail = "the master is silent: values are safe now".to_owned();
-                self.log.note(now, "made-safe", detail);
-            }
-        }
+        self.watchdog.poll(now, &mut self.variables, &mut self.log);
     }
 
     fn transmit(&mut self, _: Port, buf: &mut [u8]) -> usize {
-        let len = buf.len().min(self.output.len());
-        for (slot, byte) in buf.iter_mut().zip(self.output.drain(..len)) {
-            *slot = byte;
-        }
-        len
+        take(&mut self.output, buf)
     }
 
     fn poll_at(&self) -> Option<Instant> {
         let due = self.pending.front().map(|(due, _)| *due);
-        earliest([due, self.quiet_at, self.silent_at, self.log.poll_at()])
+        earliest([
+            due,
+            self.quiet_at,
+            self.watchdog.silent_at(),
+            self.log.poll_at(),
+        ])
     }
 
     fn line_config(&self, _: Port) -> LineConfig {

@@ -15,9 +15,9 @@ use core::time::Duration;
 
 use protocols::{Instant, LineConfig, Port};
 
-use crate::device::{Device, Event, EventKind, earliest};
+use crate::device::{Device, Event, EventKind, earliest, take};
 use crate::event_log::EventLog;
-use crate::quantity::{Variable, VariableError, Variables};
+use crate::quantity::{Variable, VariableError, Variables, Watchdog};
 use crate::world::World;
 
 /// How a text slave is set up.
@@ -88,7 +88,7 @@ pub struct Text {
     next_period: Option<Instant>,
     line: Vec<u8>,
     is_too_long: bool,
-    silent_at: Option<Instant>,
+    watchdog: Watchdog,
     /// Replies and when they are due.
     pending: VecDeque<(Instant, Vec<Piece>)>,
     output: VecDeque<u8>,
@@ -152,7 +152,7 @@ impl Text {
             refused,
             line: Vec::new(),
             is_too_long: false,
-            silent_at: None,
+            watchdog: Watchdog::new(config.watchdog),
             pending: VecDeque::new(),
             output: VecDeque::new(),
             log: EventLog::default(),
@@ -170,7 +170,7 @@ impl Text {
             return;
         }
         let line = String::from_utf8_lossy(&bytes).into_owned();
-        self.silent_at = self.config.watchdog.map(|watchdog| at + watchdog);
+        self.watchdog.heard(at);
         let found = self.commands.iter().find_map(|(request, reply)| {
             fields(request, &line).map(|fields| (fields, reply.clone()))
         });
@@ -333,26 +333,21 @@ impl Device for Text {
             // A late poll does not make up for lines that nobody heard.
             self.next_period = Some((at + period).max(now));
         }
-        if self.silent_at.is_some_and(|at| at <= now) {
-            self.silent_at = None;
-            if self.variables.make_safe() {
-                let detail = "the master is silent: values are safe now".to_owned();
-                self.log.note(now, "made-safe", detail);
-            }
-        }
+        self.watchdog.poll(now, &mut self.variables, &mut self.log);
     }
 
     fn transmit(&mut self, _: Port, buf: &mut [u8]) -> usize {
-        let len = buf.len().min(self.output.len());
-        for (slot, byte) in buf.iter_mut().zip(self.output.drain(..len)) {
-            *slot = byte;
-        }
-        len
+        take(&mut self.output, buf)
     }
 
     fn poll_at(&self) -> Option<Instant> {
         let due = self.pending.front().map(|(due, _)| *due);
-        earliest([due, self.next_period, self.silent_at, self.log.poll_at()])
+        earliest([
+            due,
+            self.next_period,
+            self.watchdog.silent_at(),
+            self.log.poll_at(),
+        ])
     }
 
     fn line_config(&self, _: Port) -> LineConfig {

@@ -12,7 +12,7 @@ use std::collections::VecDeque;
 use protocols::panel::{self, Command, Contact, Pen, READING_MAX, Window};
 use protocols::{Decode, Instant, LineConfig, Port};
 
-use crate::device::{Device, Event, EventKind, earliest};
+use crate::device::{Device, Event, EventKind, earliest, take};
 use crate::event_log::EventLog;
 use crate::world::World;
 
@@ -243,11 +243,7 @@ impl Device for TouchPanel {
     }
 
     fn transmit(&mut self, _port: Port, buf: &mut [u8]) -> usize {
-        let len = buf.len().min(self.reports.len());
-        for (slot, byte) in buf.iter_mut().zip(self.reports.drain(..len)) {
-            *slot = byte;
-        }
-        len
+        take(&mut self.reports, buf)
     }
 
     fn poll_at(&self) -> Option<Instant> {

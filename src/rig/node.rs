@@ -119,13 +119,7 @@ impl Node {
         match &mut self.body {
             Body::Device(device) => device.transmit(port, buf),
             Body::Program { program, .. } => program.transmit(port, buf),
-            Body::Outside(outside) => {
-                let len = buf.len().min(outside.to_rig.len());
-                for (slot, byte) in buf.iter_mut().zip(outside.to_rig.drain(..len)) {
-                    *slot = byte;
-                }
-                len
-            }
+            Body::Outside(outside) => emulators::device::take(&mut outside.to_rig, buf),
         }
     }
 

@@ -15,7 +15,7 @@ use core::time::Duration;
 use protocols::Instant;
 
 use super::Profile;
-use crate::device::next_multiple;
+use crate::device::{next_multiple, take};
 use crate::rng::Rng;
 
 /// Later than anything: this is asked for each byte, and comparing plain times is quick.
@@ -116,11 +116,7 @@ impl Lane {
 
     /// Takes what came out.
     pub(super) fn take(&mut self, buf: &mut [u8]) -> usize {
-        let len = buf.len().min(self.ready.len());
-        for (slot, byte) in buf.iter_mut().zip(self.ready.drain(..len)) {
-            *slot = byte;
-        }
-        len
+        take(&mut self.ready, buf)
     }
 
     /// Whether nothing waits to be taken.
