@@ -8,6 +8,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use emulators::world::Pose;
+use image::RgbImage;
 use protocols::Instant;
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 use serde::Serialize;
@@ -113,52 +114,64 @@ impl fmt::Display for FolderError {
 
 impl core::error::Error for FolderError {}
 
+/// A folder that is being filled.
+#[derive(Debug)]
+pub(crate) struct Folder<'a>(&'a Path);
+
+impl<'a> Folder<'a> {
+    /// The folder at `path`, made if need be.
+    pub(crate) fn at(path: &'a Path) -> Result<Self, FolderError> {
+        std::fs::create_dir_all(path).map_err(failed(path))?;
+        Ok(Self(path))
+    }
+
+    /// Writes a file.
+    pub(crate) fn put(&self, name: &str, bytes: impl AsRef<[u8]>) -> Result<(), FolderError> {
+        let path = self.0.join(name);
+        std::fs::write(&path, bytes).map_err(failed(&path))
+    }
+
+    /// Writes a picture in the form that its name says.
+    pub(crate) fn picture(&self, name: &str, picture: &RgbImage) -> Result<(), FolderError> {
+        let path = self.0.join(name);
+        let saved = picture.save(&path).map_err(io::Error::other);
+        saved.map_err(failed(&path))
+    }
+}
+
+fn failed(path: &Path) -> impl FnOnce(io::Error) -> FolderError {
+    let path = path.to_owned();
+    move |source| FolderError { path, source }
+}
+
 /// Writes all files of `outcome`, a run that took `wall`, into `dir`, which is made if need be.
 pub fn write(dir: &Path, outcome: &Outcome, wall: Duration) -> Result<(), FolderError> {
-    let failed = |path: &Path| {
-        let path = path.to_owned();
-        move |source| FolderError { path, source }
-    };
-    std::fs::create_dir_all(dir).map_err(failed(dir))?;
-    let put = |name: &str, text: &str| {
-        let path = dir.join(name);
-        std::fs::write(&path, text).map_err(failed(&path))
-    };
-    put("result.json", &result_json(outcome, wall))?;
-    put("case.toml", &outcome.case.to_toml())?;
-    put("report.html", &report::html(outcome))?;
-    put("events.txt", &events(outcome))?;
-    put("true.tum", &tum(&outcome.truth))?;
+    let folder = Folder::at(dir)?;
+    folder.put("result.json", result_json(outcome, wall))?;
+    folder.put("case.toml", outcome.case.to_toml())?;
+    folder.put("report.html", report::html(outcome))?;
+    folder.put("events.txt", events(outcome))?;
+    folder.put("true.tum", tum(&outcome.truth))?;
     let estimate: Vec<_> = outcome
         .pairs
         .iter()
         .map(|pair| (pair.at, pair.estimate))
         .collect();
-    put("estimate.tum", &tum(&estimate))?;
-    let (junit, path) = (junit([outcome.into()], wall), dir.join("junit.xml"));
-    std::fs::write(&path, junit).map_err(failed(&path))?;
+    folder.put("estimate.tum", tum(&estimate))?;
+    folder.put("junit.xml", junit([outcome.into()], wall))?;
     if let Some(display) = &outcome.display {
-        let path = dir.join("display.png");
-        display
-            .save(&path)
-            .map_err(io::Error::other)
-            .map_err(failed(&path))?;
+        folder.picture("display.png", display)?;
     }
     let Some(map) = outcome.map.as_deref() else {
         return Ok(());
     };
     let robot = outcome.truth.last().map(|&(_, pose)| pose);
-    put("map.txt", &render::text(map, 5, robot))?;
-    put("map.yaml", &render::ros_yaml(map, "map.pgm"))?;
+    folder.put("map.txt", render::text(map, 5, robot))?;
+    folder.put("map.yaml", render::ros_yaml(map, "map.pgm"))?;
+    folder.put("map.pgm", render::pgm(&render::ros_image(map)))?;
     let truth: Vec<Pose> = outcome.truth.iter().map(|&(_, pose)| pose).collect();
     let believed: Vec<Pose> = estimate.iter().map(|&(_, pose)| pose).collect();
-    let path = dir.join("map.pgm");
-    std::fs::write(&path, render::pgm(&render::ros_image(map))).map_err(failed(&path))?;
-    let path = dir.join("map.png");
-    render::picture(map, &truth, &believed)
-        .save(&path)
-        .map_err(io::Error::other)
-        .map_err(failed(&path))
+    folder.picture("map.png", &render::picture(map, &truth, &believed))
 }
 
 fn result_json(outcome: &Outcome, wall: Duration) -> String {

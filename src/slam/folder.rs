@@ -1,6 +1,5 @@
 //! What a survey leaves behind: map, way and timing.
 
-use std::io;
 use std::path::Path;
 
 use core::fmt::Write as _;
@@ -11,7 +10,7 @@ use serde::Serialize;
 
 use super::Log;
 use super::survey::{CELLS, Survey};
-use crate::folder::FolderError;
+use crate::folder::{Folder, FolderError};
 
 /// `timing.json`.
 #[derive(Clone, Debug, Serialize)]
@@ -55,26 +54,15 @@ pub fn timing<'a>(mode: &'a str, log: &Log, survey: &Survey) -> Timing<'a> {
 /// Writes `map.png`, `map.pgm`, `map.yaml`, `trajectory.tum` and `timing.json` into `dir`, which
 /// is made if need be.
 pub fn write(dir: &Path, survey: &Survey, timing: &Timing<'_>) -> Result<(), FolderError> {
-    let failed = |path: &Path| {
-        let path = path.to_owned();
-        move |source| FolderError { path, source }
-    };
-    std::fs::create_dir_all(dir).map_err(failed(dir))?;
-    let put = |name: &str, text: &str| {
-        let path = dir.join(name);
-        std::fs::write(&path, text).map_err(failed(&path))
-    };
+    let folder = Folder::at(dir)?;
     let frame = Frame::of(survey);
-    put("trajectory.tum", &tum(survey))?;
-    put("map.yaml", &frame.yaml(survey, "map.pgm"))?;
+    folder.put("trajectory.tum", tum(survey))?;
+    folder.put("map.yaml", frame.yaml(survey, "map.pgm"))?;
     let mut json = serde_json::to_string_pretty(timing).expect("plain data");
     json.push('\n');
-    put("timing.json", &json)?;
-    let path = dir.join("map.pgm");
-    std::fs::write(&path, crate::render::pgm(&frame.ros_image(survey))).map_err(failed(&path))?;
-    let path = dir.join("map.png");
-    let saved = frame.picture(survey).save(&path).map_err(io::Error::other);
-    saved.map_err(failed(&path))
+    folder.put("timing.json", json)?;
+    folder.put("map.pgm", crate::render::pgm(&frame.ros_image(survey)))?;
+    folder.picture("map.png", &frame.picture(survey))
 }
 
 /// The way in TUM form. Times keep nine digits, so that epoch times stay exact to the microsecond.
