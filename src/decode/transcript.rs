@@ -134,8 +134,8 @@ impl Transcript {
         let index = self.lane(record, link);
         let place = self.lanes[index].end();
         let event = match record.kind {
-            Kind::Data | Kind::Line(_) => record.comment.clone(),
-            Kind::Other(number) => format!("number {number} {}", record.comment),
+            Kind::Data | Kind::Line(_) => words::one_line(&record.comment),
+            Kind::Other(number) => format!("number {number} {}", words::one_line(&record.comment)),
         };
         if !event.is_empty() {
             self.tell(index, now, place, Said::Event(event));

@@ -174,6 +174,12 @@ pub(super) fn panel(frame: &panel::Frame) -> String {
     }
 }
 
+/// Somebody's comment, on one line whatever it holds.
+pub(super) fn one_line(comment: &str) -> String {
+    let plain = |c: char| if c.is_control() { ' ' } else { c };
+    comment.chars().map(plain).collect()
+}
+
 /// Text on a line; what an HC-06 would take for a command is named.
 pub(super) fn text(bytes: &[u8]) -> String {
     let shown = bytes.escape_ascii();

@@ -51,7 +51,8 @@ fn sample() -> Vec<u8> {
     };
     let closed = Record {
         kind: Kind::Line(LineEvent::Closed),
-        comment: "port closed".to_owned(),
+        // A comment of another tool may have lines of its own; what is printed has one a record.
+        comment: "port\nclosed".to_owned(),
         ..record(2, 90_000, up, &[])
     };
     let bus = [READ, READ].concat();
