@@ -31,6 +31,9 @@ fn a_click_on_the_robots_display_touches_it() {
     let tapped = browser.value(tapped);
     let near = ["at 399, 255", "at 399, 256", "at 400, 255", "at 400, 256"];
     assert!(near.iter().any(|place| tapped == *place), "{tapped}");
+    // What it drew came in frames, all sound.
+    let drawn = "hilrig.slow.lanes.find((lane) => lane.name === 'display')['to-device'].tally";
+    browser.wait(&format!("{drawn}.frames > 100 && {drawn}.errors === 0"));
     let at = browser.value("hilrig.now.at_ns").as_u64().expect("a time");
     browser.wait(&format!("hilrig.now.at_ns > {at} + 2e9"));
 

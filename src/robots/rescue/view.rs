@@ -4,7 +4,7 @@ use emulators::avr_base::AvrBase;
 use protocols::avr::ChecksumOrder;
 use protocols::avr::registers::{self, Width};
 
-use super::order_of;
+use super::{display, order_of};
 use crate::decode::Protocol;
 use crate::rig::Rig;
 use crate::robots::{Register, ScanLink};
@@ -26,6 +26,7 @@ pub(in super::super) fn protocol(rig: &Rig, link: &str) -> Option<Protocol> {
             })
         }
         "radio" | "pc" => Some(Protocol::Pcui),
+        display::NAME => Some(Protocol::Panel),
         _ => None,
     }
 }
