@@ -1,0 +1,137 @@
+use super::*;
+use crate::quantity::Source;
+use crate::quantity::tests::{variable, world};
+
+fn command(request: &str, reply: &str) -> Command {
+    Command {
+        request: request.to_owned(),
+        reply: Some(reply.to_owned()),
+    }
+}
+
+fn config() -> TextConfig {
+    let mut speed = variable("speed", Source::Stored);
+    speed.safe = Some(0);
+    TextConfig {
+        line: LineConfig::new_8n1(9600),
+        terminator: b"\r\n".to_vec(),
+        latency: Duration::from_millis(2),
+        watchdog: Some(Duration::from_millis(500)),
+        variables: vec![speed, variable("x", Source::XMm)],
+        commands: vec![
+            command("SPEED {speed}", "OK {speed}"),
+            command("WHERE?", "X {x}"),
+        ],
+        unknown: Some("ERR".to_owned()),
+        refused: Some("RANGE".to_owned()),
+        periodic: None,
+    }
+}
+
+fn after(slave: &mut Text, millis: u64, line: &str) -> String {
+    let at = Instant::from_millis(millis);
+    let mut world = world();
+    slave.receive(Text::UART, at, line.as_bytes());
+    slave.poll(at, &mut world);
+    slave.poll(at + Duration::from_millis(2), &mut world);
+    let mut buf = [0; 512];
+    let len = slave.transmit(Text::UART, &mut buf);
+    String::from_utf8_lossy(&buf[..len]).into_owned()
+}
+
+fn rules(slave: &mut Text) -> Vec<&'static str> {
+    slave
+        .take_events()
+        .into_iter()
+        .map(|event| event.rule)
+        .collect()
+}
+
+#[test]
+fn requests_set_variables_and_replies_show_them() {
+    let mut slave = Text::new(config()).expect("sound");
+    assert_eq!(after(&mut slave, 1, "SPEED -42\r\n"), "OK -42\r\n");
+    assert_eq!(after(&mut slave, 9, "WHERE?\r\n"), "X 1000\r\n");
+    assert_eq!(after(&mut slave, 20, "SPE"), "");
+    assert_eq!(
+        after(&mut slave, 30, "ED 7\r\nWHERE?\r\n"),
+        "OK 7\r\nX 1000\r\n"
+    );
+    assert_eq!(rules(&mut slave), [""; 0]);
+}
+
+#[test]
+fn each_rule_finds_its_guilty_master() {
+    let mut slave = Text::new(config()).expect("sound");
+    assert_eq!(after(&mut slave, 1, "SPEED 101\r\n"), "RANGE\r\n");
+    assert_eq!(after(&mut slave, 9, "SPEED\r\n"), "ERR\r\n");
+    assert_eq!(
+        after(&mut slave, 20, "SPEED 99999999999999999999\r\n"),
+        "ERR\r\n"
+    );
+    let endless = "a".repeat(1_000);
+    assert_eq!(after(&mut slave, 30, &endless), "");
+    assert_eq!(after(&mut slave, 40, "\r\nWHERE?\r\n"), "X 1000\r\n");
+    let flood = "WHERE?\r\n".repeat(20);
+    assert_eq!(after(&mut slave, 50, &flood).lines().count(), 16);
+    assert_eq!(
+        rules(&mut slave),
+        [
+            "out-of-range",
+            "unknown-request",
+            "line-too-long",
+            "queue-full"
+        ]
+    );
+}
+
+#[test]
+fn values_are_safe_when_the_master_falls_silent() {
+    let mut slave = Text::new(config()).expect("sound");
+    after(&mut slave, 1, "SPEED 42\r\n");
+    slave.poll(Instant::from_millis(500), &mut world());
+    assert_eq!(rules(&mut slave), [""; 0]);
+    slave.poll(Instant::from_millis(501), &mut world());
+    assert_eq!(rules(&mut slave), ["made-safe"]);
+}
+
+#[test]
+fn a_periodic_line_comes_once_a_period() {
+    let mut slave = Text::new(TextConfig {
+        periodic: Some(Periodic {
+            line: "x={x}".to_owned(),
+            period: Duration::from_millis(100),
+        }),
+        ..config()
+    })
+    .expect("sound");
+    let mut lines = Vec::new();
+    for millis in 0..=300 {
+        lines.push(after(&mut slave, millis, "\r"));
+    }
+    assert_eq!(lines.concat(), "x=1000\r\n".repeat(3));
+}
+
+#[test]
+fn descriptions_that_contradict_themselves_are_refused() {
+    let fault = |request: &str, reply: &str| {
+        let commands = vec![command(request, reply)];
+        Text::new(TextConfig {
+            commands,
+            ..config()
+        })
+        .err()
+    };
+    let wrong = |key, text: &str| Some(TextError::Command(0, key, text.to_owned()));
+    assert_eq!(
+        fault("A {b}", ""),
+        wrong("request", "\"A {b}\": there is no variable \"b\"")
+    );
+    assert_eq!(fault("A", "{x"), wrong("reply", "\"{x\" has a { without }"));
+    assert_eq!(
+        fault("A {x}", ""),
+        wrong("request", "\"A {x}\": x has a source and cannot be set")
+    );
+    assert!(fault("{speed}{speed}", "").is_some());
+    assert!(fault("", "").is_some());
+}

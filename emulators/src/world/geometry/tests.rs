@@ -1,0 +1,174 @@
+use super::*;
+use core::f64::consts::{FRAC_PI_2, FRAC_PI_4, SQRT_2};
+
+/// From (1, -1) to (1, 1).
+fn wall() -> Primitive {
+    Primitive::Segment(Segment::new(Point::new(1.0, -1.0), Point::new(1.0, 1.0)).unwrap())
+}
+
+/// Of radius 1 around (3, 0).
+fn pillar() -> Primitive {
+    Primitive::Circle(Circle {
+        center: Point::new(3.0, 0.0),
+        radius: 1.0,
+    })
+}
+
+fn cast(primitive: Primitive, x: f64, y: f64, angle: f64) -> Option<Crossing> {
+    primitive.cross(Ray::new(Point::new(x, y), angle), 100.0)
+}
+
+fn crossing(distance: f64, incidence: f64) -> Option<Crossing> {
+    Some(Crossing {
+        distance,
+        incidence,
+    })
+}
+
+fn assert_close(found: Option<Crossing>, distance: f64, incidence: f64) {
+    let found = found.expect("a crossing");
+    assert!((found.distance - distance).abs() < 1e-12, "{found:?}");
+    assert!((found.incidence - incidence).abs() < 1e-7, "{found:?}");
+}
+
+#[test]
+fn a_ray_head_on_meets_the_wall_from_either_side() {
+    assert_eq!(cast(wall(), 0.0, 0.5, 0.0), crossing(1.0, 1.0));
+    assert_close(cast(wall(), 2.5, 0.5, PI), 1.5, 1.0);
+}
+
+#[test]
+fn a_ray_at_45_degrees_goes_sqrt_2_as_far_at_cosine_0_7() {
+    assert_close(cast(wall(), 0.0, -0.5, FRAC_PI_4), SQRT_2, 0.5 * SQRT_2);
+}
+
+#[test]
+fn a_wall_behind_is_not_met() {
+    assert_eq!(cast(wall(), 2.0, 0.0, 0.0), None);
+}
+
+#[test]
+fn a_parallel_ray_beside_the_wall_misses() {
+    assert_eq!(cast(wall(), 1.1, -5.0, FRAC_PI_2), None);
+}
+
+#[test]
+fn a_collinear_ray_meets_the_nearer_end_from_below_and_from_above() {
+    assert_close(cast(wall(), 1.0, -5.0, FRAC_PI_2), 4.0, 0.0);
+    assert_close(cast(wall(), 1.0, 5.0, -FRAC_PI_2), 4.0, 0.0);
+}
+
+#[test]
+fn a_collinear_ray_that_starts_on_the_wall_meets_it_at_once() {
+    assert_close(cast(wall(), 1.0, 0.25, FRAC_PI_2), 0.0, 0.0);
+}
+
+#[test]
+fn a_collinear_ray_that_leaves_the_wall_behind_misses() {
+    assert_eq!(cast(wall(), 1.0, 1.5, FRAC_PI_2), None);
+}
+
+#[test]
+fn a_ray_that_starts_on_the_wall_meets_it_at_once_in_both_directions() {
+    assert_eq!(cast(wall(), 1.0, 0.0, 0.0), crossing(0.0, 1.0));
+    assert_close(cast(wall(), 1.0, 0.0, PI), 0.0, 1.0);
+}
+
+/// The corner (1, 1) is where two walls of a room meet; by rounding the ray may pass either
+/// end a tiny bit outside.
+#[test]
+fn a_ray_through_an_end_of_the_wall_meets_it() {
+    assert_close(cast(wall(), 0.0, 0.0, FRAC_PI_4), SQRT_2, 0.5 * SQRT_2);
+    assert_close(cast(wall(), -2.0, 1.0, 0.0), 3.0, 1.0);
+}
+
+#[test]
+fn a_ray_that_passes_an_end_by_a_micrometre_misses() {
+    assert_eq!(cast(wall(), 0.0, 1.000_001, 0.0), None);
+}
+
+#[test]
+fn a_wall_beyond_the_limit_is_not_met_and_one_at_the_limit_is() {
+    let ray = Ray::new(Point::new(0.0, 0.0), 0.0);
+    assert_eq!(wall().cross(ray, 0.999), None);
+    assert_eq!(wall().cross(ray, 1.0), crossing(1.0, 1.0));
+}
+
+#[test]
+fn a_ray_at_the_middle_of_a_circle_meets_its_near_side_head_on() {
+    assert_eq!(cast(pillar(), 0.0, 0.0, 0.0), crossing(2.0, 1.0));
+}
+
+/// 0.6 beside the middle: half chord 0.8.
+#[test]
+fn a_ray_beside_the_middle_of_a_circle_meets_it_askew() {
+    assert_close(cast(pillar(), 0.0, 0.6, 0.0), 2.2, 0.8);
+}
+
+#[test]
+fn a_tangent_meets_the_circle_where_it_touches() {
+    assert_eq!(cast(pillar(), 0.0, 1.0, 0.0), crossing(3.0, 0.0));
+    assert_eq!(cast(pillar(), 0.0, 1.000_001, 0.0), None);
+}
+
+#[test]
+fn a_ray_from_inside_a_circle_meets_its_far_side() {
+    assert_eq!(cast(pillar(), 3.0, 0.0, 0.0), crossing(1.0, 1.0));
+    assert_close(cast(pillar(), 3.5, 0.0, PI), 1.5, 1.0);
+}
+
+#[test]
+fn a_ray_from_the_circle_itself_meets_it_at_once() {
+    assert_eq!(cast(pillar(), 2.0, 0.0, 0.0), crossing(0.0, 1.0));
+    assert_close(cast(pillar(), 2.0, 0.0, PI), 0.0, 1.0);
+}
+
+#[test]
+fn a_circle_behind_is_not_met() {
+    assert_eq!(cast(pillar(), 4.5, 0.0, 0.0), None);
+}
+
+#[test]
+fn the_nearest_point_of_a_wall_is_beside_it_or_its_end() {
+    assert_eq!(
+        wall().nearest(Point::new(4.0, 0.5)),
+        (Point::new(1.0, 0.5), 3.0)
+    );
+    assert_eq!(
+        wall().nearest(Point::new(4.0, 5.0)),
+        (Point::new(1.0, 1.0), 5.0)
+    );
+}
+
+#[test]
+fn the_nearest_point_of_a_circle_is_found_from_its_middle_too() {
+    assert_eq!(
+        pillar().nearest(Point::new(0.0, 0.0)),
+        (Point::new(2.0, 0.0), 2.0)
+    );
+    assert_eq!(pillar().nearest(Point::new(3.0, 0.0)).1, 1.0);
+}
+
+#[test]
+fn a_wall_that_passes_a_corner_of_a_square_does_not_enter_it() {
+    let diagonal = Segment::new(Point::new(0.0, 2.1), Point::new(2.1, 0.0)).unwrap();
+    assert!(!Primitive::Segment(diagonal).enters(Point::new(0.5, 0.5), 0.5));
+    assert!(Primitive::Segment(diagonal).enters(Point::new(0.6, 0.6), 0.5));
+}
+
+#[test]
+fn angles_wrap_to_half_a_turn_either_way() {
+    assert_eq!(wrap_angle(PI), PI);
+    assert!((wrap_angle(-PI) - PI).abs() < 1e-15);
+    assert!((wrap_angle(7.0) - (7.0 - TAU)).abs() < 1e-15);
+    assert!((wrap_angle(-100.0) - (16.0 * TAU - 100.0)).abs() < 1e-13);
+}
+
+#[test]
+fn a_sensor_ahead_and_left_of_a_robot_that_looks_left_is_behind_it_in_x() {
+    let place = Pose::new(1.0, 2.0, FRAC_PI_2).offset(0.3, 0.1);
+    assert!(
+        (place.x - 0.9).abs() < 1e-15 && (place.y - 2.3).abs() < 1e-15,
+        "{place:?}"
+    );
+}

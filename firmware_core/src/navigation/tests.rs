@@ -1,0 +1,167 @@
+extern crate std;
+
+use std::vec::Vec;
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::pose::WirePose;
+
+const BODY: Body = Body {
+    radius_mm: 160.0,
+    clearance_mm: 45.0,
+    tick_mm_s: 11.345,
+    axle_mm: 260.0,
+};
+
+/// Wheel speeds by the seed report's law for a robot at the origin with heading psi and a
+/// waypoint one metre away in the direction in which psi would be `target_deg`.
+fn document(psi_deg: i16, target_deg: i16) -> [i8; 2] {
+    let aim = |psi_deg| {
+        Pose::from_wire(WirePose {
+            x_mm: 0,
+            y_mm: 0,
+            psi_deg,
+        })
+        .heading
+    };
+    Steering::DOCUMENT.towards(aim(target_deg) - aim(psi_deg))
+}
+
+/// Seed report, chapter on navigation, and the fielded program's own answers: ahead (20, 20),
+/// 90 degrees left (-10, 20), right (20, -10), behind (-20, 20).
+#[test]
+fn steering_follows_the_seeds_table() {
+    assert_eq!(document(90, 90), [20, 20]);
+    assert_eq!(document(90, 0), [-10, 20]);
+    assert_eq!(document(90, 180), [20, -10]);
+    assert_eq!(document(90, 270), [-20, 20]);
+}
+
+/// Field defects NV-01 (psi -170, target 170: 340 degrees right instead of 20 left) and NV-02
+/// (psi 810 is 90: two turns to the left until it was unwound).
+#[test]
+fn the_shorter_way_round_is_taken() {
+    assert_eq!(document(-170, 170), [13, 20]);
+    assert_eq!(document(170, -170), [20, 13]);
+    assert_eq!(document(810, 95), [20, 18]);
+    assert_eq!(document(-270, 95), [20, 18]);
+}
+
+#[test]
+fn calm_steering_turns_on_the_spot_when_it_must_turn_far() {
+    let towards = |degrees: f32| Steering::CALM.towards(degrees.to_radians());
+    assert_eq!(towards(90.0), [-9, 9]);
+    assert_eq!(towards(-60.0), [9, -9]);
+    assert_eq!(towards(15.0), [15, 20]);
+    assert_eq!(towards(0.0), [20, 20]);
+}
+
+/// A wall of points across the way, from -600 to 600 mm, `ahead` of the robot, and enough
+/// points behind it to see by.
+fn wall(ahead: f32) -> Surroundings {
+    let across = (-60..=60_i8).map(|n| Point::new(ahead, f32::from(n) * 10.0));
+    let behind = (-60..=60_i8).map(|n| Point::new(-1000.0, f32::from(n) * 10.0));
+    Surroundings::of(across.chain(behind))
+}
+
+/// The body's radius and the clearance are 205 mm.
+#[test]
+fn the_free_way_ends_where_the_body_would_come_too_near() {
+    let around = wall(600.0);
+    assert!((around.free_mm(&BODY, 0.0) - 395.0).abs() < 0.5);
+    assert!((around.free_mm(&BODY, core::f32::consts::PI) - 795.0).abs() < 0.5);
+    assert!(around.free_mm(&BODY, core::f32::consts::FRAC_PI_2) > 5000.0);
+}
+
+#[test]
+fn the_guard_slows_down_before_a_wall_and_stops_at_it() {
+    let guarded = |ahead| wall(ahead).guarded(&BODY, [20, 20]);
+    assert_eq!(guarded(600.0), [20, 20]);
+    assert_eq!(guarded(370.0), [14, 14]);
+    assert_eq!(guarded(260.0), [5, 5]);
+    assert_eq!(guarded(230.0), [0, 0]);
+    assert_eq!(wall(230.0).guarded(&BODY, [8, 20]), [-6, 6]);
+    assert_eq!(wall(230.0).guarded(&BODY, [-20, -20]), [-20, -20]);
+}
+
+#[test]
+fn a_robot_that_is_too_near_already_may_leave() {
+    assert_eq!(wall(180.0).guarded(&BODY, [-9, 9]), [-9, 9]);
+    let aside = Surroundings::of((-60..=60_i8).map(|n| Point::new(f32::from(n) * 10.0, 190.0)));
+    assert_eq!(aside.guarded(&BODY, [20, 20]), [20, 20]);
+    assert!(aside.free_mm(&BODY, 0.0) > 1000.0);
+}
+
+#[test]
+fn a_blind_robot_stands() {
+    let mut navigator = Navigator::new(Settings::new(BODY));
+    let around = Surroundings::EMPTY;
+    assert_eq!(navigator.explore(Pose::default(), &around), HALT);
+    let goal = Goal {
+        position: Point::new(1000.0, 0.0),
+        is_last: true,
+    };
+    let map = std::boxed::Box::new(Grid::new(10.0));
+    let step = navigator.approach(&map, Pose::default(), goal, &around);
+    assert_eq!(step, Step::Drive(HALT));
+}
+
+/// Seed report: reg = (260 - distance) / 10 in tens of millimetres.
+#[test]
+fn the_beam_law_is_the_seeds() {
+    let follow = |length| WallFollowing::DOCUMENT.follow_beam(length);
+    assert_eq!(follow(260.0), [20, 20]);
+    assert_eq!(follow(160.0), [20, 10]);
+    assert_eq!(follow(360.0), [10, 20]);
+    assert_eq!(follow(0.0), [20, -6]);
+    assert_eq!(follow(2000.0), [0, 20]);
+}
+
+/// At its distance and abeam the wall asks for nothing; ahead it asks for a turn to the right.
+#[test]
+fn the_nearest_law_keeps_the_wall_abeam() {
+    let follow = |bearing_deg: f32, range| {
+        let bearing = WallFollowing::NEAREST.follow_nearest(bearing_deg.to_radians(), range);
+        libm::roundf(bearing.to_degrees())
+    };
+    assert_eq!(follow(90.0, 270.0), 0.0);
+    assert_eq!(follow(90.0, 290.0), 10.0);
+    assert_eq!(follow(0.0, 270.0), -90.0);
+    assert_eq!(follow(130.0, 270.0), 40.0);
+}
+
+proptest! {
+    /// Whatever is seen and wanted: the guard never speeds a wheel up beyond what was wanted.
+    #[test]
+    fn the_guard_never_asks_for_more(
+        points in prop::collection::vec((-2e3_f32..2e3, -2e3_f32..2e3), 0..400),
+        wanted in [-35_i8..=35, -35_i8..=35],
+    ) {
+        let points: Vec<_> = points.into_iter().map(|(x, y)| Point::new(x, y)).collect();
+        let around = Surroundings::of(points.into_iter());
+        let guarded = around.guarded(&BODY, wanted);
+        let most = wanted[0].abs().max(wanted[1].abs());
+        prop_assert!(guarded[0].abs() <= most && guarded[1].abs() <= most);
+    }
+
+    /// No point in the way is ever approached to less than the body's radius within a second,
+    /// if it was outside to begin with.
+    #[test]
+    fn a_guarded_second_hits_nothing(
+        points in prop::collection::vec((170.0_f32..2e3, -3.2_f32..3.2), 10..60),
+        wanted in [-20_i8..=20, -20_i8..=20],
+    ) {
+        let points: Vec<_> = points.iter().map(|(range, bearing)| {
+            let (sin, cos) = sin_cos(*bearing);
+            Point::new(range * cos, range * sin)
+        }).collect();
+        let around = Surroundings::of(points.iter().copied());
+        let set_point = around.guarded(&BODY, wanted);
+        for tenth in 1..=9_u8 {
+            let end = arc_end(&BODY, set_point, f32::from(tenth) / 10.0);
+            let is_clear = points.iter().all(|point| point.distance_mm(end) > 160.0);
+            prop_assert!(is_clear, "{set_point:?}");
+        }
+    }
+}
