@@ -21,21 +21,24 @@ use crate::run::Run;
 use crate::scenario::{Scenario, Span};
 use crate::shrink::Effort;
 
-/// Look for what nobody thought of: bytes into decoders, or whole missions made of bytes.
+/// Look for what nobody thought of: bytes into decoders and programs, or whole missions made of
+/// bytes.
 ///
 /// Inputs that do something new are kept and changed further. What is found is kept as a value that
 /// people can read, made small, with the command that repeats it. The same seed and number of
 /// cases find the same, on however many processors; the same command goes on where it stopped.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
-    hilrig fuzz --for 60s                        # every wire format in turn\n  \
+    hilrig fuzz --for 60s                        # every target in turn\n  \
     hilrig fuzz pcui avr-low-first --cases 1000000\n  \
+    hilrig fuzz rescue base --for 5m             # the robot's program, and its base\n  \
+    hilrig fuzz --defect MA-05 --cases 5000      # does it find a known one?\n  \
     hilrig fuzz --scenario scenarios/empty-room.toml --for 10m --out night\n  \
     hilrig fuzz --scenario my.toml --link base   # the wire format of that link\n  \
     hilrig fuzz pcui --repeat night/findings/no-frame-is-lost-1A2B3C4D\n\n\
     Exit code 1: something was found, now or earlier in the same folder.")]
 pub(super) struct FuzzArgs {
-    /// What to fuzz [default: every wire format in turn]
+    /// What to fuzz: wire formats and programs [default: all of them in turn]
     #[arg(value_name = "TARGET", conflicts_with = "scenario")]
     targets: Vec<String>,
     /// Fuzz missions made of this scenario
@@ -52,6 +55,9 @@ pub(super) struct FuzzArgs {
         requires = "scenario"
     )]
     vary: Vary,
+    /// Switch on a defect of the fielded programs, by its number in "hilrig bugs"; may be repeated
+    #[arg(long = "defect", value_name = "ID", conflicts_with = "scenario")]
+    defects: Vec<String>,
     /// Stop after this time, all targets together [default: 60s, none with --cases]
     #[arg(long = "for", value_name = "TIME")]
     time: Option<Span>,
@@ -102,20 +108,30 @@ fn subjects(args: &FuzzArgs) -> Result<Subjects, CliError> {
     if let Some(path) = &args.scenario {
         return Ok(vec![of_scenario(args, path)?]);
     }
-    if args.targets.is_empty() {
-        return Ok(Wires::all().map(|wire| Box::new(wire) as _).collect());
+    let mut all: Subjects = Wires::all().map(|wire| Box::new(wire) as _).collect();
+    all.extend(fuzz::programs(&args.defects).map_err(|unknown| {
+        let expected = "expected one that \"hilrig bugs\" lists, such as AV-02, MA-05 or PU-01";
+        CliError::Other(format!("--defect {unknown}: no program has it, {expected}"))
+    })?);
+    if args.targets.is_empty() && !args.defects.is_empty() {
+        all.retain(|subject| !subject.defects().is_empty());
     }
-    args.targets.iter().map(|name| named(name)).collect()
+    if !args.targets.is_empty() {
+        for name in &args.targets {
+            if !all.iter().any(|subject| subject.name() == name) {
+                return Err(unknown(name, &all));
+            }
+        }
+        all.retain(|subject| args.targets.iter().any(|name| name == subject.name()));
+    }
+    Ok(all)
 }
 
-fn named(name: &str) -> Result<Box<dyn Subject>, CliError> {
-    if let Some(target) = Target::named(name) {
-        return Ok(Box::new(Wires(target)));
-    }
-    let known: Vec<&str> = Target::ALL.iter().map(|target| target.name).collect();
+fn unknown(name: &str, all: &Subjects) -> CliError {
+    let known: Vec<&str> = all.iter().map(|subject| subject.name()).collect();
     let known = known.join(", ");
     let text = format!("there is nothing called \"{name}\" to fuzz, expected one of {known}");
-    Err(CliError::Other(text))
+    CliError::Other(text)
 }
 
 fn of_scenario(args: &FuzzArgs, path: &Path) -> Result<Box<dyn Subject>, CliError> {
@@ -141,7 +157,8 @@ fn of_scenario(args: &FuzzArgs, path: &Path) -> Result<Box<dyn Subject>, CliErro
             return Err(CliError::Other(text));
         }
     };
-    named(target)
+    let target = Target::named(target).expect("a name of the list");
+    Ok(Box::new(Wires(target)))
 }
 
 /// Runs the case in `file`.
@@ -215,7 +232,7 @@ fn plan(args: &FuzzArgs) -> Result<Plan, CliError> {
         seed: args.seed,
         scenario,
         vary: args.vary.to_string(),
-        defects: Vec::new(),
+        defects: args.defects.clone(),
     })
 }
 
@@ -284,6 +301,10 @@ impl Desk<'_> {
         let mut effort = Effort::until(subject.tries(), &is_over);
         let small = subject.keep(&found.choices, &found.fault, &mut effort);
         let dir = self.folder.keep_finding(subject, &small)?;
+        eprintln!(
+            "  found after {:.1} s",
+            (self.clock.now() - Instant::ZERO).as_secs_f64()
+        );
         println!("{}: {}", subject.name(), small.fault.cause);
         println!("  {}", small.fault.detail.replace('\n', "\n  "));
         println!(

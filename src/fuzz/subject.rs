@@ -115,6 +115,11 @@ pub trait Subject: Sync {
     /// The law that was broken.
     fn run(&self, choices: &[u8], behaviour: &mut Behaviour) -> Result<(), Fault>;
 
+    /// Numbers of the defects that were switched on in it.
+    fn defects(&self) -> &[String] {
+        &[]
+    }
+
     /// Choices to begin with.
     fn seeds(&self) -> Vec<Vec<u8>>;
 

@@ -84,6 +84,32 @@ fn a_case_is_repeated_from_its_file_or_folder() {
     );
 }
 
+/// Acknowledgements are taken for data: found within the first cases, made small, and repeated by
+/// the command that is told, which finds nothing in the sound program.
+#[test]
+fn a_known_defect_is_found_and_repeated() {
+    let session = Session::new("fuzz-defect");
+    let (code, said, errors) = fuzz(&session, "--defect MA-05 --cases 256 --out found");
+    assert_eq!(code, Some(1), "{said}{errors}");
+    assert!(
+        said.starts_with("rescue: an-answer-fits-its-question: a read\n"),
+        "{said}"
+    );
+    let command = said
+        .lines()
+        .find_map(|line| line.split_once("repeat with: hilrig "));
+    let command: Vec<&str> = command.expect("told").1.split(' ').collect();
+    let again = session.hilrig(&command);
+    assert_eq!(again.status.code(), Some(1), "{}", text(&again.stderr));
+    let file = command.last().expect("the file");
+    assert_eq!(session.read(file), "reply acknowledged\n");
+    let sound = session.hilrig(&["fuzz", "rescue", "--repeat", file]);
+    assert_eq!(text(&sound.stdout), "rescue: every law holds\n");
+    let capture = session.path(file).with_file_name("capture.pcapng");
+    let capture = hilrig::capture::Capture::read(&capture).expect("written");
+    assert!(capture.records.len() > 4, "{}", capture.records.len());
+}
+
 #[test]
 fn what_cannot_be_fuzzed_is_told_with_what_can() {
     let session = Session::new("fuzz-errors");
@@ -92,6 +118,12 @@ fn what_cannot_be_fuzzed_is_told_with_what_can() {
     assert!(
         error
             .starts_with("error: there is nothing called \"xv12\" to fuzz, expected one of xv11, "),
+        "{error}"
+    );
+    let (code, _, error) = fuzz(&session, "--defect MA-99");
+    assert_eq!(code, Some(2));
+    assert!(
+        error.starts_with("error: --defect MA-99: no program has it, expected"),
         "{error}"
     );
     let (code, _, error) = fuzz(&session, "--link base");
