@@ -10,7 +10,10 @@
 //! runs it, and judges it. Choices that bring about what none did before are kept and mutated
 //! further. A *finding* is kept as a value that people can read, never as a seed: bytes in
 //! hexadecimal, a scenario as TOML. So it means the same in every later version.
+//!
+//! [`dut`] is for programs that cannot be looked into: they are met through their ports.
 
+pub mod dut;
 mod engine;
 mod folder;
 mod havoc;

@@ -94,6 +94,19 @@ pub struct PortReport {
     pub lost: Counters,
 }
 
+/// A sign of life of the client at a port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sign<'a> {
+    /// The port's name.
+    pub name: &'a str,
+    /// Whether somebody has it open.
+    pub is_open: bool,
+    /// Bytes that clients sent so far.
+    pub from_client: u64,
+    /// Whether the client has read since the last write, see [`Transport::is_drained`].
+    pub is_drained: bool,
+}
+
 impl<C: Clock> Realtime<C> {
     /// Paced by `clock`, whose zero is the rig's zero.
     pub fn new(clock: C) -> Self {
@@ -132,6 +145,26 @@ impl<C: Clock> Realtime<C> {
             traffic: port.traffic,
             lost: port.transport.counters(),
         })
+    }
+
+    /// The names of the ports.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.ports.iter().map(|port| port.end.name.as_str())
+    }
+
+    /// What can be seen of each client, without a byte of what it says.
+    pub fn signs(&mut self) -> impl Iterator<Item = Sign<'_>> {
+        self.ports.iter_mut().map(|port| Sign {
+            name: &port.end.name,
+            is_open: port.is_open,
+            from_client: port.traffic.from_client,
+            is_drained: port.transport.is_drained(),
+        })
+    }
+
+    /// Gives the transports back, in the order in which they were served.
+    pub fn into_transports(self) -> Vec<Box<dyn Transport>> {
+        self.ports.into_iter().map(|port| port.transport).collect()
     }
 
     /// Brings `paced` up to the present, or one slice nearer to it, carries across what came, and

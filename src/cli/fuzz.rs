@@ -1,3 +1,5 @@
+mod exec;
+
 use core::num::NonZeroUsize;
 use core::time::Duration;
 use std::fs;
@@ -21,8 +23,8 @@ use crate::run::Run;
 use crate::scenario::{Scenario, Span};
 use crate::shrink::Effort;
 
-/// Look for what nobody thought of: bytes into decoders and programs, or whole missions made of
-/// bytes.
+/// Look for what nobody thought of: bytes into decoders and programs, whole missions made of bytes,
+/// or traffic for somebody else's program.
 ///
 /// Inputs that do something new are kept and changed further. What is found is kept as a value that
 /// people can read, made small, with the command that repeats it. The same seed and number of
@@ -31,20 +33,22 @@ use crate::shrink::Effort;
 #[command(after_long_help = "Examples:\n  \
     hilrig fuzz --for 60s                        # every target in turn\n  \
     hilrig fuzz pcui avr-low-first --cases 1000000\n  \
-    hilrig fuzz rescue base --for 5m             # the robot's program, and its base\n  \
+    hilrig fuzz rescue base --for 5min           # the robot's program, and its base\n  \
     hilrig fuzz --defect MA-05 --cases 5000      # does it find a known one?\n  \
-    hilrig fuzz --scenario scenarios/empty-room.toml --for 10m --out night\n  \
+    hilrig fuzz --scenario scenarios/empty-room.toml --for 10min --out night\n  \
     hilrig fuzz --scenario my.toml --link base   # the wire format of that link\n  \
-    hilrig fuzz pcui --repeat night/findings/no-frame-is-lost-1A2B3C4D\n\n\
+    hilrig fuzz pcui --repeat night/findings/no-frame-is-lost-1A2B3C4D\n  \
+    hilrig fuzz --exec 'my-robot --ports \"$HILRIG_DIR\"' --scenario my.toml --for 10min\n  \
+    hilrig fuzz --dut-dir /dev/robot --scenario my.toml --link base\n\n\
     Exit code 1: something was found, now or earlier in the same folder.")]
 pub(super) struct FuzzArgs {
     /// What to fuzz: wire formats and programs [default: all of them in turn]
     #[arg(value_name = "TARGET", conflicts_with = "scenario")]
     targets: Vec<String>,
-    /// Fuzz missions made of this scenario
+    /// Fuzz missions made of this scenario, or a program that meets its devices
     #[arg(long, value_name = "SCENARIO")]
     scenario: Option<PathBuf>,
-    /// Fuzz the wire format of this link of the scenario instead
+    /// Fuzz the wire format of this link of the scenario instead, or a program on this link alone
     #[arg(long, value_name = "LINK", requires = "scenario")]
     link: Option<String>,
     /// What of the scenario is made anew: some of world,mission,timing,faults, or all
@@ -79,6 +83,8 @@ pub(super) struct FuzzArgs {
     /// Folder of the results, to be gone on with if it exists
     #[arg(long, value_name = "DIR", default_value = "hilrig-out/fuzz")]
     out: PathBuf,
+    #[command(flatten)]
+    exec: exec::ExecArgs,
 }
 
 impl From<FolderError> for CliError {
@@ -93,6 +99,9 @@ const TIME: Duration = Duration::from_secs(60);
 const PROGRESS: Duration = Duration::from_secs(2);
 
 pub(super) fn run(args: &FuzzArgs) -> Result<Verdict, CliError> {
+    if args.exec.is_wanted() {
+        return exec::run(args);
+    }
     let subjects = subjects(args)?;
     fuzz::silence_panics();
     match &args.repeat {

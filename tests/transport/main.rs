@@ -3,8 +3,10 @@
 //! Content and order only, never latency: every wait here ends early when what it waits for
 //! happens, and no assertion depends on how long that took.
 
+mod client;
 mod control;
 mod directory;
+mod fuzz_dut;
 mod processes;
 mod pty;
 mod realtime;

@@ -1,0 +1,255 @@
+//! `hilrig fuzz --exec` and `--dut-dir`: somebody else's program or board.
+
+use core::cell::Cell;
+use core::time::Duration;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use protocols::Instant;
+
+use super::FuzzArgs;
+use crate::cli::stop::Stop;
+use crate::cli::{CliError, Verdict};
+use crate::clock::{Clock, WallClock};
+use crate::fuzz::dut::{Finding, Hunt, Plan, Progress, Speech, Stand, StandError, Whose};
+use crate::scenario::{Scenario, Source, Span};
+
+/// Somebody else's program.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Somebody else's program")]
+pub(super) struct ExecArgs {
+    /// Fuzz the program that this shell command starts, anew for each case; its ports are in the
+    /// directory $HILRIG_DIR
+    #[arg(long, value_name = "CMD", conflicts_with_all = [
+        "dut_dir", "targets", "jobs", "corpus", "vary"
+    ])]
+    exec: Option<String>,
+    /// Fuzz the program or board behind the ports in this directory, e.g. links to real ones; it is
+    /// never started anew
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["targets", "jobs", "corpus", "vary"])]
+    dut_dir: Option<PathBuf>,
+    /// Directory in which the ports appear [default: OUT/ports]
+    #[arg(long, value_name = "DIR", requires = "exec")]
+    dir: Option<PathBuf>,
+    /// Length of a case
+    #[arg(long, value_name = "TIME", default_value = "2s")]
+    case: Span,
+    /// Time within which the program must read, speak or answer after a case
+    #[arg(long, value_name = "TIME", default_value = "2s")]
+    alive: Span,
+    /// Time within which the program must open a port
+    #[arg(long, value_name = "TIME", default_value = "10s", requires = "exec")]
+    start: Span,
+    /// Judge rules about time too: a program that this machine does not run in time breaks them
+    #[arg(long)]
+    strict: bool,
+    /// Most cases to make a finding smaller
+    #[arg(long, value_name = "N", default_value_t = 30, requires = "exec")]
+    shrink: u32,
+}
+
+/// How long without --for and --cases.
+const TIME: Duration = Duration::from_secs(60);
+/// Time between two lines of progress.
+const PROGRESS: Duration = Duration::from_secs(2);
+/// Longest case: what a program is told in one is held in memory.
+const CASE_MAX: Duration = Duration::from_secs(3600);
+
+impl ExecArgs {
+    /// Whether it is somebody else's program that is to be fuzzed.
+    pub(super) const fn is_wanted(&self) -> bool {
+        self.exec.is_some() || self.dut_dir.is_some()
+    }
+
+    fn whose(&self, out: &Path) -> Result<Whose, CliError> {
+        match (&self.exec, &self.dut_dir) {
+            (Some(command), _) => {
+                let dir = self.dir.clone().unwrap_or_else(|| out.join("ports"));
+                let dir = std::path::absolute(&dir).map_err(|error| {
+                    let text = format!("--dir {}: {error}", dir.display());
+                    CliError::Other(text)
+                })?;
+                let command = command.clone();
+                Ok(Whose::Command { command, dir })
+            }
+            (None, dir) => Ok(Whose::Ports(dir.clone().unwrap_or_default())),
+        }
+    }
+
+    /// The command that repeats a finding, up to its folder.
+    fn repeat(&self) -> String {
+        let quoted = |text: &str| format!("'{}'", text.replace('\'', "'\\''"));
+        let mut words = "hilrig fuzz".to_owned();
+        for (option, value) in [
+            ("--exec", self.exec.clone()),
+            (
+                "--dut-dir",
+                self.dut_dir.as_ref().map(|dir| dir.display().to_string()),
+            ),
+            (
+                "--dir",
+                self.dir.as_ref().map(|dir| dir.display().to_string()),
+            ),
+        ] {
+            if let Some(value) = value {
+                words += &format!(" {option} {}", quoted(&value));
+            }
+        }
+        words += &format!(" --alive {}", self.alive);
+        words += if self.strict { " --strict" } else { "" };
+        if self.exec.is_some() {
+            words += &format!(" --start {}", self.start);
+        }
+        words
+    }
+}
+
+impl From<StandError> for CliError {
+    fn from(error: StandError) -> Self {
+        Self::Other(error.to_string())
+    }
+}
+
+pub(super) fn run(args: &FuzzArgs) -> Result<Verdict, CliError> {
+    let own = &args.exec;
+    if !(Duration::from_millis(1)..=CASE_MAX).contains(&own.case.0) {
+        let text = format!("--case {}: expected a time from 1ms to 1h", own.case);
+        return Err(CliError::Other(text));
+    }
+    match &args.repeat {
+        Some(folder) => repeat(args, folder),
+        None => search(args),
+    }
+}
+
+fn stand<'a>(
+    args: &FuzzArgs,
+    source: Source,
+    goes_on: &'a dyn Fn() -> bool,
+) -> Result<Stand<'a>, CliError> {
+    let whose = args.exec.whose(&args.out)?;
+    let times = [args.exec.alive.0, args.exec.start.0];
+    let mut stand = Stand::new(whose, source, times, goes_on);
+    stand.is_strict = args.exec.strict;
+    Ok(stand)
+}
+
+/// Runs the case of one finding.
+fn repeat(args: &FuzzArgs, folder: &Path) -> Result<Verdict, CliError> {
+    let (case, source, key) = Finding::read(folder)?;
+    let (stop, clock) = (Stop::new(None)?, WallClock::start());
+    let goes_on = || !stop.is_due(clock.now());
+    let stand = stand(args, source, &goes_on)?;
+    let link = case.told.raw.as_ref().map(|raw| raw.link.as_str());
+    let ends = stand.ends(&case.scenario, link)?;
+    let speech = ends.into_iter().find(|(end, _)| Some(&*end.link) == link);
+    let speech = speech.map_or(Speech::Bytes, |(_, speech)| speech);
+    let recording = folder.join("repeated.pcapng");
+    let seen = stand.run(&case, &speech, &recording)?;
+    for cause in &seen.causes {
+        println!("{cause}");
+    }
+    let is_again = seen.causes.iter().any(|cause| cause.key() == key);
+    let shown = recording.display();
+    match is_again {
+        true => println!("seen again: {key}; bytes in {shown}"),
+        false => println!("not seen again: {key}; bytes in {shown}"),
+    }
+    Ok(match seen.causes.is_empty() {
+        true => Verdict::Pass,
+        false => Verdict::Fail,
+    })
+}
+
+fn search(args: &FuzzArgs) -> Result<Verdict, CliError> {
+    let path = args.scenario.as_ref().ok_or_else(|| {
+        let text = "--scenario is missing, expected the one whose devices the program is to meet";
+        CliError::Other(text.to_owned())
+    })?;
+    let (scenario, source) = Scenario::read(path)?;
+    let plan = Plan {
+        scenario,
+        link: args.link.clone(),
+        seed: args.seed,
+        lasting: args.exec.case.0,
+        tries: args.exec.shrink,
+        out: args.out.clone(),
+        repeat: args.exec.repeat(),
+    };
+    let time = args.time.map(|time| time.0);
+    let stop = Stop::new(time.or_else(|| args.cases.is_none().then_some(TIME)))?;
+    let (clock, said) = (WallClock::start(), Cell::new(Instant::ZERO));
+    let progress = Progress::default();
+    let goes_on = || {
+        let now = clock.now();
+        if now - said.get() >= PROGRESS {
+            said.set(now);
+            eprintln!("  {}", in_words(&progress, now - Instant::ZERO));
+        }
+        !stop.is_due(now)
+    };
+    let stand = stand(args, source, &goes_on)?;
+    let mut hunt = Hunt::new(&stand, plan, &progress)?;
+    let most = args.cases.unwrap_or(u64::MAX);
+    while hunt.next() < most {
+        match hunt.step() {
+            Ok(true) => {}
+            Ok(false) => {
+                eprintln!("  nothing there is to be spoken to any more: reset it to go on");
+                break;
+            }
+            Err(StandError::Interrupted) => break,
+            Err(error) => return Err(error.into()),
+        }
+    }
+    println!("{}", in_words(&progress, clock.now() - Instant::ZERO));
+    report(args, &hunt);
+    Ok(match hunt.findings().is_empty() {
+        true => Verdict::Pass,
+        false => Verdict::Fail,
+    })
+}
+
+fn in_words(progress: &Progress, time: Duration) -> String {
+    let (cases, seconds) = (progress.cases.get(), time.as_secs_f64());
+    let rate = cases as f64 / seconds.max(1e-3);
+    let findings = progress.findings.get();
+    let more = match progress.tries.get() {
+        0 => String::new(),
+        tries => format!("; a new one is run again and made smaller, {tries} tries"),
+    };
+    format!("{seconds:.1} s: {cases} cases, {rate:.1}/s, {findings} findings{more}")
+}
+
+/// The findings, and what cannot be seen of this program.
+fn report(args: &FuzzArgs, hunt: &Hunt<'_>) {
+    for kept in hunt.findings() {
+        let folder = args.out.join("findings").join(&kept.folder);
+        println!("{}: {}; {} times", folder.display(), kept.words, kept.count);
+        println!(
+            "  repeat with: {} --repeat '{}'",
+            args.exec.repeat(),
+            folder.display()
+        );
+    }
+    for met in hunt.met().filter(|met| !met.link.is_empty()) {
+        match met.answered.len() {
+            0 => println!(
+                "{}: no frame was answered: whether damaged ones are taken cannot be seen",
+                met.link
+            ),
+            count => println!(
+                "{}: {count} frames are answered, and asked damaged",
+                met.link
+            ),
+        }
+    }
+    if hunt.doubtful() > 0 {
+        let count = hunt.doubtful();
+        println!("{count} broken rules or failed checks not seen again, so not kept");
+    }
+    if hunt.late() > 0 {
+        let late = hunt.late();
+        println!("{late} cases not judged by rules and checks: this machine was too late for them");
+    }
+}

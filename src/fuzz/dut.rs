@@ -1,0 +1,40 @@
+//! Fuzzing of somebody else's program or board, through its ports.
+//!
+//! ```text
+//!  scenario --> devices + faults --+
+//!                                  +--> ports --> the program, a process of its own
+//!  seed -----> raw traffic --------+                 |
+//!              on one link                           v
+//!  finding <-- smaller case <-- cause <-- ends, says nothing, breaks a rule, takes what is damaged
+//! ```
+//!
+//! A *case* is what the program is told, as a value: a scenario with faults in what the program
+//! hears, or traffic on one link in place of a device's. It is the same for the same seed. What the
+//! program does is not: it lives in the time of the wall clock. So it is judged by what needs no
+//! exact time, and with generous limits: whether it lives, whether a device calls what it does
+//! against the rules, whether it answers a damaged frame as it answers the sound one. The last is
+//! found out by asking: a frame that is answered twice in the same way and whose answer noise does
+//! not get, is damaged so that no frame is in it by the slow reading of the format. Who answers it
+//! all the same has not looked at its checksum.
+
+mod case;
+mod cause;
+mod finding;
+mod found;
+mod hunt;
+mod live;
+mod meet;
+mod pace;
+mod process;
+mod speech;
+mod stand;
+mod trial;
+
+pub use case::{Case, Hex, Known, Pair, Raw, Told};
+pub use cause::Cause;
+pub use finding::{Finding, Kept, State};
+pub use hunt::{Hunt, Plan, Progress};
+pub use meet::Met;
+pub use process::{Ended, PORTS_VARIABLE};
+pub use speech::{Shape, Speech};
+pub use stand::{Seen, Stand, StandError, Whose};

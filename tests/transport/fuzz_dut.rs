@@ -1,0 +1,215 @@
+//! `hilrig fuzz --exec` against a program of somebody else's, a process of its own on a
+//! pseudo-terminal, and `--dut-dir` against one that is there already.
+//!
+//! The wall clock is in these tests as a limit only: a program that lives has far more time than it
+//! needs, and one that hangs hangs for ever.
+
+use core::sync::atomic::{AtomicBool, Ordering};
+use core::time::Duration;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::Arc;
+use std::thread;
+
+use hilrig::capture::Capture;
+use hilrig::clock::{Clock, WallClock};
+use hilrig::transport::{PortDir, Pty, Transport};
+
+use crate::client::{BUG, Client};
+use crate::support::{LINE, fresh_path};
+
+const SCENARIO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/own-slave.toml");
+const HILRIG: &str = env!("CARGO_BIN_EXE_hilrig");
+
+/// The command that starts the client: this test binary, as another test of it.
+fn client() -> String {
+    let exe = std::env::current_exe().expect("it runs");
+    let name = "client::the_client_of_other_tests_ends_only_when_its_port_does";
+    format!("'{}' --exact {name} --nocapture", exe.display())
+}
+
+/// Exit code and output of `command` with a client that has that bug.
+fn run(command: &mut Command, bug: &str) -> (Option<i32>, String) {
+    let output = command.env(BUG, bug).output().expect("the command starts");
+    let [stdout, stderr] = [output.stdout, output.stderr].map(String::from_utf8);
+    let said = [stdout, stderr].map(|said| said.expect("the command speaks UTF-8"));
+    (output.status.code(), said.concat())
+}
+
+/// Searches, and returns the folder, what was found, and what was said.
+fn search(bug: &str, more: &[&str]) -> (PathBuf, Vec<String>, String) {
+    let out = fresh_path(&format!("fuzz-{bug}"));
+    let mut command = Command::new(HILRIG);
+    command.args(["fuzz", "--exec", &client(), "--scenario", SCENARIO]);
+    command.args(["--link", "gripper", "--case", "300ms", "--alive", "1s"]);
+    command.args(more).arg("--out").arg(&out);
+    let (code, said) = run(&mut command, bug);
+    let folders = std::fs::read_dir(out.join("findings"));
+    let entries = folders.into_iter().flatten().flatten();
+    let mut names: Vec<String> = entries
+        .map(|entry| entry.file_name().into_string().expect("plain"))
+        .collect();
+    names.sort();
+    assert_eq!(code, Some(i32::from(!names.is_empty())), "{said}");
+    (out, names, said)
+}
+
+fn read(path: &Path) -> String {
+    std::fs::read_to_string(path).expect("the command wrote it")
+}
+
+/// The client ends by SIGABRT at a frame of more than 64 bytes of data. What is left of the case
+/// still does it, by the one line that the finding names.
+#[test]
+fn a_crash_is_found_and_its_command_repeats_it() {
+    let (out, names, said) = search("crash", &["--cases", "1", "--shrink", "12"]);
+    assert_eq!(names, ["01-crash-sigabrt"], "{said}");
+    let finding = out.join("findings/01-crash-sigabrt");
+    let cause = read(&finding.join("cause.txt"));
+    assert!(
+        cause.starts_with("crash-sigabrt *** buffer overflow detected ***\n"),
+        "{cause}"
+    );
+    assert!(cause.contains(" left of "), "{cause}");
+    assert!(read(&finding.join("stderr.txt")).contains("buffer overflow"));
+    let capture = Capture::read(&finding.join("capture.pcapng")).expect("readable");
+    assert_eq!((capture.broken, capture.cut), (None, 0));
+
+    let repeat = read(&finding.join("repeat.txt"));
+    let repeat = repeat.replacen("hilrig", HILRIG, 1);
+    let (code, said) = run(Command::new("sh").args(["-c", &repeat]), "crash");
+    assert_eq!(code, Some(1), "{said}");
+    assert!(said.contains("seen again: crash-sigabrt"), "{said}");
+    // Mended, the program passes the same case.
+    let (code, said) = run(Command::new("sh").args(["-c", &repeat]), "none");
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("not seen again: crash-sigabrt"), "{said}");
+}
+
+/// The client stands still at two start bytes in a row, alive and with its port open.
+#[test]
+fn a_hang_is_found_and_told_from_a_crash() {
+    let (out, names, said) = search("hang", &["--cases", "4", "--shrink", "2"]);
+    assert_eq!(names, ["01-hang"], "{said}");
+    let cause = read(&out.join("findings/01-hang/cause.txt"));
+    assert!(
+        cause.contains("it answers nothing that it used to"),
+        "{cause}"
+    );
+}
+
+/// The client compares the low byte of the checksum only.
+#[test]
+fn an_accepted_damaged_frame_is_found_and_told_from_a_crash() {
+    let (_, names, said) = search("accept", &["--cases", "1", "--shrink", "4"]);
+    assert_eq!(names, ["01-accepts-corrupt-frame"], "{said}");
+}
+
+/// The sound client answers a bad checksum by the refusal of the bus, which is no acceptance.
+/// Two cases, then the same command goes on to the third.
+#[test]
+fn nothing_is_found_in_a_sound_program() {
+    let (out, names, said) = search("none", &["--cases", "2"]);
+    assert_eq!(names, [""; 0], "{said}");
+    assert!(
+        said.contains("frames are answered, and asked damaged"),
+        "{said}"
+    );
+    assert!(!out.join("ports").exists(), "the ports are removed");
+    assert!(read(&out.join("dut.json")).contains("\"next\": 2"));
+}
+
+/// A board that is there already: a client in a thread, behind a terminal that the test made.
+#[test]
+fn a_program_behind_a_port_is_asked_as_well() {
+    let dir = PortDir::open(&fresh_path("fuzz-board")).expect("a fresh directory");
+    let mut board = Pty::open(&dir, "gripper", LINE).expect("a free name");
+    let over = Arc::new(AtomicBool::new(false));
+    let is_over = Arc::clone(&over);
+    let board = thread::spawn(move || {
+        let (mut client, clock, mut buf) = (Client::with("accept"), WallClock::start(), [0; 256]);
+        while !is_over.load(Ordering::Relaxed) {
+            let len = board.read(&mut buf).unwrap_or(0);
+            while board.next_event().is_some() {}
+            let reply = client.hears(&buf[..len]);
+            board.write(&reply);
+            clock.sleep_until(clock.now() + Duration::from_millis(4));
+        }
+    });
+    let out = fresh_path("fuzz-board-out");
+    let mut command = Command::new(HILRIG);
+    command.args([
+        "fuzz",
+        "--scenario",
+        SCENARIO,
+        "--link",
+        "gripper",
+        "--dut-dir",
+    ]);
+    command.arg(dir.path()).arg("--out").arg(&out);
+    let (code, said) = run(command.args(["--cases", "1", "--case", "100ms"]), "none");
+    over.store(true, Ordering::Relaxed);
+    board.join().expect("the board lives");
+    assert_eq!(code, Some(1), "{said}");
+    assert!(
+        said.contains("/findings/01-accepts-corrupt-frame: "),
+        "{said}"
+    );
+}
+
+/// Set-up errors: what is wrong, what was expected, exit code 2.
+#[test]
+fn programs_that_cannot_be_fuzzed_are_named_with_the_reason() {
+    let out = fresh_path("fuzz-cannot");
+    let out = out.to_str().expect("plain");
+    let said = |more: &[&str]| {
+        let mut command = Command::new(HILRIG);
+        let (code, said) = run(command.args(["fuzz", "--out", out]).args(more), "none");
+        assert_eq!(code, Some(2), "{said}");
+        said.replace(out, "OUT").replace(SCENARIO, "S")
+    };
+    let on = ["--scenario", SCENARIO];
+    let ports = "lidar, motor, base, radio, pc, gripper, sonar";
+    let exec = |command: &str, more: &[&str]| said(&[&["--exec", command], more, &on].concat());
+    assert_eq!(
+        said(&["--exec", "true"]),
+        "error: --scenario is missing, expected the one whose devices the program is to meet\n"
+    );
+    assert_eq!(
+        exec("echo no port >&2; exit 3", &[]),
+        format!(
+            "error: --exec 'echo no port >&2; exit 3': ended with exit code 3 before it opened a \
+             port, saying: no port; expected it to open one of {ports} in OUT/ports\n"
+        )
+    );
+    // What a shell says of a program that it does not find differs from shell to shell.
+    let missing = exec("no-such-robot", &[]);
+    assert!(
+        missing.contains("ended with exit code 127 before it opened a port"),
+        "{missing}"
+    );
+    assert_eq!(
+        exec("sleep 9", &["--start", "400ms"]),
+        format!(
+            "error: --exec 'sleep 9': opened no port within 0.4 s; expected it to open one of \
+             {ports} in OUT/ports\n"
+        )
+    );
+    assert_eq!(
+        exec("true", &["--link", "arm"]),
+        format!("error: --link arm: no port of the program, expected one of {ports}\n")
+    );
+    assert_eq!(
+        said(&[&["--dut-dir", "/dev/null"], &on[..]].concat()),
+        format!("error: --dut-dir /dev/null: no port there, expected one of {ports}\n")
+    );
+    assert_eq!(
+        said(&["--exec", "true", "--repeat", "/dev"]),
+        "error: /dev: is no finding, expected a folder with case.toml and told.toml\n"
+    );
+    let both = said(&["--exec", "true", "--dut-dir", "."]);
+    assert!(
+        both.contains("'--exec <CMD>' cannot be used with '--dut-dir <DIR>'"),
+        "{both}"
+    );
+}
