@@ -5,6 +5,7 @@ use core::panic::AssertUnwindSafe;
 use std::panic::catch_unwind;
 use std::path::{Path, PathBuf};
 
+use hilrig::fuzz::programs;
 use hilrig::fuzz::wire::{Broken, Choices, HighFirst, Stream, Target, Wire, keeps_the_laws};
 use protocols::avr::Frame;
 
@@ -36,6 +37,38 @@ fn every_stream_of_the_corpus_keeps_the_laws() {
             let stream = stream.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
             let held = (target.check)(&stream);
             held.unwrap_or_else(|broken| panic!("{}: {broken}", path.display()));
+        }
+    }
+}
+
+/// Sessions that made fielded programs fail. Each names its defect and the law that it broke: with
+/// the defect it does so still, and the sound program keeps every law. A program without a corpus
+/// fails.
+#[test]
+fn every_session_of_the_corpus_breaks_its_law_in_the_defective_program_alone() {
+    for sound in programs(&[]).expect("without a defect") {
+        let files = files(sound.name());
+        assert!(!files.is_empty(), "{} has no corpus", sound.name());
+        for path in files {
+            let text = std::fs::read_to_string(&path).expect("readable");
+            let first = text.lines().next().unwrap_or_default();
+            let named = first
+                .strip_prefix("# defect ")
+                .and_then(|line| line.split_once(": "));
+            let (defect, law) = named.unwrap_or_else(|| panic!("{}: {first}", path.display()));
+            let judged = sound
+                .repeated(&text)
+                .unwrap_or_else(|error| panic!("{error}"));
+            assert_eq!(judged, Ok(()), "{}", path.display());
+            let defective = programs(&[defect.to_owned()]).expect("known");
+            let defective = defective
+                .iter()
+                .find(|program| program.name() == sound.name());
+            let judged = defective.expect("the same programs").repeated(&text);
+            let broken = judged
+                .expect("read before")
+                .expect_err(&path.display().to_string());
+            assert_eq!(broken.law(), law, "{}: {broken:?}", path.display());
         }
     }
 }
