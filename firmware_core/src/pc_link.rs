@@ -172,6 +172,9 @@ impl PcLink {
             }
             self.received_at = now;
             self.stumble(now, input);
+            if let Some(frame) = self.kept_frame() {
+                return Some(frame);
+            }
         }
         self.next_frame(input)
     }

@@ -70,6 +70,8 @@ pub struct Outcome {
     pub points: u32,
     /// Poses compared, by whatever means.
     pub poses: u32,
+    /// Document mode: candidates with a point on the map; others are wasted.
+    pub on_map: u32,
     /// 0 to 1. In core mode the part of the points that agree with what the map knows; else the
     /// score as a part of its maximum.
     pub quality: f32,
@@ -280,6 +282,7 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
             tries: found.tries,
             points: found.tries.saturating_mul(count),
             poses: found.tries,
+            on_map: found.on_map,
             quality,
             certainty: Certainty::Sure,
         }
@@ -334,6 +337,7 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
             tries: 1,
             points: effort.document_points(),
             poses: effort.poses,
+            on_map: 0,
             quality: place.evidence.agreement(),
             certainty,
         }

@@ -27,6 +27,8 @@ pub struct Defects {
     pub short_queue: bool,
     /// One received byte is looked at per row sent (PU-14).
     pub byte_per_row: bool,
+    /// What comes while the link is switched off is kept and taken later (PU-15).
+    pub keeps_while_off: bool,
     /// A byte before the first millisecond is over ends the program (PU-16).
     pub not_ready_at_first: bool,
     /// Once the send queue was full, every byte is sent twice (PU-17).
@@ -50,6 +52,7 @@ impl Defects {
         unlocked: false,
         short_queue: false,
         byte_per_row: false,
+        keeps_while_off: false,
         not_ready_at_first: false,
         sends_twice: false,
         prints_text: false,
@@ -224,6 +227,25 @@ impl PcLink {
                 self.fielded.waiting.push(&[*byte]);
             }
         }
+    }
+
+    /// Bytes that come while the link is switched off: the fielded queue keeps the first 200.
+    pub fn receive_while_off(&mut self, bytes: &[u8]) {
+        if self.settings.defects.keeps_while_off {
+            let room = SHORT_QUEUE.saturating_sub(self.fielded.waiting.len());
+            self.fielded.waiting.push(&bytes[..room.min(bytes.len())]);
+        }
+    }
+
+    /// A frame of what was kept while the link was switched off.
+    pub(super) fn kept_frame(&mut self) -> Option<Frame> {
+        let mut byte = [0];
+        while self.settings.defects.keeps_while_off && self.fielded.waiting.pop(&mut byte) == 1 {
+            if let Some(frame) = self.next_frame(&mut &byte[..]) {
+                return Some(frame);
+            }
+        }
+        None
     }
 
     /// What is queued goes out twice, byte by byte.

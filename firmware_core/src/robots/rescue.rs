@@ -383,6 +383,7 @@ impl Master for Rescue {
                 }
                 self.attend_at = Instant::ZERO;
             }
+            Self::RADIO => self.pc.receive_while_off(bytes),
             Self::DISPLAY => {
                 if let Some(hit) = self.screen.receive(now, bytes) {
                     self.touched(now, hit);
@@ -438,7 +439,10 @@ impl Master for Rescue {
                 self.phase = Phase::Matched { since };
             }
         }
-        self.attend_at = self.next_attention();
+        // A program that waits for its lidar looks at nothing else (XV-08).
+        if !self.lidar.is_blocked() {
+            self.attend_at = self.next_attention();
+        }
         self.refresh_screen(now);
     }
 

@@ -14,6 +14,8 @@ pub(super) struct Found {
     /// Over all points.
     pub(super) tally: Tally,
     pub(super) tries: u32,
+    /// Tries of which a point lay on the map.
+    pub(super) on_map: u32,
 }
 
 /// The pose that candidates are drawn around, with its trigonometry done.
@@ -97,6 +99,7 @@ pub(super) fn run<const W: usize, const H: usize>(
     let mut best = (predicted, tally(grid.rows(), points, &here));
     let mut spread = u32::from(settings.search.spread_mm);
     let mut spread_deg = u32::from(settings.search.spread_deg);
+    let mut on_map = u32::from(best.1.inside > 0);
     for index in 0..tries {
         let shift = Shift {
             x_mm: offset(random, spread),
@@ -104,6 +107,7 @@ pub(super) fn run<const W: usize, const H: usize>(
             turn: offset(random, spread_deg).to_radians(),
         };
         let found = tally(grid.rows(), points, &base.placement(shift, cells_per_mm));
+        on_map += u32::from(found.inside > 0);
         if rank(found, defects) <= rank(best.1, defects) {
             continue;
         }
@@ -120,6 +124,7 @@ pub(super) fn run<const W: usize, const H: usize>(
         pose: best.0,
         tally: best.1,
         tries: tries.saturating_add(1),
+        on_map,
     }
 }
 

@@ -72,7 +72,7 @@ type Switch = fn(&mut Config);
 
 /// Every defect that the program can have, in the order of the list.
 #[rustfmt::skip]
-const SWITCHES: [(&str, Switch); 60] = [
+const SWITCHES: [(&str, Switch); 61] = [
     ("MA-01", |c| c.defects.base.stores_checksum = true),
     ("MA-02", |c| c.defects.base.unbounded_store = true),
     ("MA-03", |c| c.defects.base.signed_counter = true),
@@ -131,6 +131,7 @@ const SWITCHES: [(&str, Switch); 60] = [
     ("PU-11", |c| c.defects.own.explores_without_goal = true),
     ("PU-12", |c| c.pc_link.defects.short_queue = true),
     ("PU-14", |c| c.pc_link.defects.byte_per_row = true),
+    ("PU-15", |c| c.pc_link.defects.keeps_while_off = true),
     ("PU-16", |c| c.pc_link.defects.not_ready_at_first = true),
     ("PU-17", |c| c.pc_link.defects.sends_twice = true),
     ("PU-18", |c| c.pc_link.defects.prints_text = true),
