@@ -7,7 +7,10 @@
 
 mod base;
 mod bus;
+mod client;
+mod field;
 mod lidar;
+mod mapper;
 mod navigation;
 mod observation;
 mod pc;
@@ -131,12 +134,15 @@ impl Reproduction {
 
 /// All defects, in the order of the catalogue.
 pub fn catalogue() -> impl Iterator<Item = &'static Bug> {
-    let rooms: [&[Bug]; 5] = [
+    let rooms: [&[Bug]; 8] = [
         &base::ROWS,
         &bus::ROWS,
         &lidar::ROWS,
+        &mapper::ROWS,
         &pc::ROWS,
         &navigation::ROWS,
+        &client::ROWS,
+        &field::ROWS,
     ];
     rooms.into_iter().flatten()
 }

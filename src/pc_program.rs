@@ -10,6 +10,8 @@
 //! waypoint that is gone (the fielded program sent the numbers it had, and robots crashed of it).
 //! A gesture that does not make sense is refused with a sentence, and nothing is sent.
 
+pub mod fielded;
+
 use core::fmt;
 use core::time::Duration;
 

@@ -2,18 +2,20 @@
 
 mod orders;
 mod receiver;
-mod sender;
+pub(super) mod sender;
+mod switched;
 
 use firmware_core::waypoints::Waypoints;
 use protocols::pcui::message::{self, Order, Waypoint};
 use protocols::pcui::{self, FRAME_MAX, HEADER_LEN};
 
+use super::client::{CLIENT, pu_08, pu_13};
 use super::robot::{MS, Robot, config};
 use super::{Bug, Live, Variant};
 
 const PC_LINK: &str = "robot's program, PC link";
 
-pub(super) const ROWS: [Bug; 20] = [
+pub(super) const ROWS: [Bug; 22] = [
     Bug::mutant(
         "PU-01",
         PC_LINK,
@@ -56,6 +58,13 @@ pub(super) const ROWS: [Bug; 20] = [
         "a link to an unknown waypoint is a null pointer: the program ends",
         orders::pu_07,
     ),
+    Bug::new(
+        "PU-08",
+        PC_LINK,
+        "the first of three waypoints is deleted: the list names one that is gone, the robot crashes",
+        CLIENT,
+        pu_08,
+    ),
     Bug::mutant(
         "PU-09",
         PC_LINK,
@@ -80,18 +89,25 @@ pub(super) const ROWS: [Bug; 20] = [
         "a list of 21 waypoints overruns the receive queue of 200 bytes",
         receiver::pu_12,
     ),
+    Bug::new(
+        "PU-13",
+        PC_LINK,
+        "the 57th waypoint makes a list that the robot does not take, and nobody is told",
+        CLIENT,
+        pu_13,
+    ),
     Bug::mutant(
         "PU-14",
         PC_LINK,
         "one received byte is looked at per row sent: a list takes as many rows as it has bytes",
         receiver::pu_14,
     ),
-    Bug {
-        id: "PU-15",
-        place: PC_LINK,
-        sees: "bytes received while the link was switched off are parsed later as a torn frame",
-        live: Live::Not("the program here has no switch that turns its PC link off"),
-    },
+    Bug::mutant(
+        "PU-15",
+        PC_LINK,
+        "bytes received while the link was switched off are parsed later as a torn frame",
+        switched::pu_15,
+    ),
     Bug::mutant(
         "PU-16",
         PC_LINK,
@@ -181,7 +197,7 @@ pub(super) fn waypoints(variant: Variant, id: &str) -> Waypoints {
 }
 
 /// Notes whether the program still runs; whether it has ended.
-fn note_end(robot: &mut Robot) -> bool {
+pub(super) fn note_end(robot: &mut Robot) -> bool {
     use firmware_core::Inspect as _;
     let before = robot.radio.len();
     robot.run(500 * MS);

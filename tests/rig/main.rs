@@ -8,6 +8,7 @@ mod faults;
 mod figures;
 mod maps;
 mod mission;
+mod mutants;
 mod own_device;
 mod pc_program;
 mod report;

@@ -4,8 +4,8 @@ use core::time::Duration;
 
 use firmware_core::Master;
 use firmware_core::robots::rescue::Rescue;
-use protocols::pcui::{self, HEADER_LEN};
 use protocols::Instant;
+use protocols::pcui::{self, HEADER_LEN};
 
 use super::{chain, frame, list_frame, note_end};
 use crate::decode::Protocol;

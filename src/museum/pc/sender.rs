@@ -24,6 +24,16 @@ fn rows(robot: &mut Robot) -> (usize, u64) {
     (rows, strays)
 }
 
+/// A robot after some time, and how many rows it sent, and how many of them arrive whole; the
+/// defective one is that of PU-06.
+pub(in crate::museum) fn rows_arriving(variant: Variant, time: Duration) -> (Robot, [usize; 2]) {
+    let mut robot = Robot::new(variant, "PU-06");
+    robot.run(time);
+    let (whole, _) = rows(&mut robot);
+    let sent = usize::try_from(robot.counter("map rows sent")).expect("a count of rows");
+    (robot, [sent, whole])
+}
+
 pub(super) fn pu_06(variant: Variant) -> Observation {
     let mut robot = Robot::new(variant, "PU-06");
     robot.run(Duration::from_secs(5));

@@ -1,0 +1,118 @@
+//! What the seed report tells of in prose: each a run in a simulated world, in virtual time.
+//!
+//! Long stories are shortened, as far as the same mechanism shows in less time; `sees` says so.
+
+mod lab;
+mod map;
+mod place;
+mod stack;
+
+use super::{Bug, Live, Observation, Variant};
+
+const MAPPING: &str = "field report, mapping";
+const PC_LINK: &str = "field report, PC link";
+
+const fn told(
+    id: &'static str,
+    place: &'static str,
+    sees: &'static str,
+    by: &'static str,
+    show: fn(Variant) -> Observation,
+) -> Bug {
+    Bug::new(id, place, sees, by, show)
+}
+
+pub(super) const ROWS: [Bug; 13] = [
+    told(
+        "F-01",
+        MAPPING,
+        "after 20 minutes of rounds the map has turned (5 minutes here: half of it)",
+        "a mapper not synchronised with the lidar, constant weight, the fielded defects",
+        map::f_01,
+    ),
+    told(
+        "F-02",
+        MAPPING,
+        "a robot that turns stops mapping: spinning in an unknown room, no wall is drawn",
+        "the fielded weight of an update, down to 1",
+        map::f_02,
+    ),
+    told(
+        "F-03",
+        MAPPING,
+        "in a long corridor the search slips along it, though the wheels are right",
+        "the seed report's search",
+        place::f_03,
+    ),
+    told(
+        "F-04",
+        MAPPING,
+        "among furniture the pose is poor, and four times the tries make it no better",
+        "the seed report's search",
+        place::f_04,
+    ),
+    told(
+        "F-05",
+        PC_LINK,
+        "now and then a row of the map is missing, its checksum wrong",
+        "the program with PU-06: poses are written into rows",
+        stack::f_05,
+    ),
+    told(
+        "F-06",
+        MAPPING,
+        "the map is mirrored: the beams are counted the other way round",
+        "a lidar that turns clockwise",
+        stack::f_06,
+    ),
+    told(
+        "F-07",
+        MAPPING,
+        "the robot moves 60 mm during a scan: walls get thick",
+        "scans without compensation of motion",
+        map::f_07,
+    ),
+    told(
+        "F-08",
+        MAPPING,
+        "pushed by 400 mm at rest, the robot believes to be where it was",
+        "the word of the wheels alone",
+        place::f_08,
+    ),
+    told(
+        "F-09",
+        "field report, processor",
+        "everything gets sluggish: the search takes more than its time",
+        "the program with SL-04: the budget of tries without bounds",
+        stack::f_09,
+    ),
+    told(
+        "F-10",
+        "field report, navigation",
+        "a robot that follows the walls never comes to what stands free in the room",
+        "exploration in place of waypoints",
+        stack::f_10,
+    ),
+    told(
+        "F-11",
+        MAPPING,
+        "on debris a wheel slips while it counts on: the pose leaves the robot",
+        "the word of the wheels alone",
+        place::f_11,
+    ),
+    told(
+        "F-12",
+        PC_LINK,
+        "the radio was away for a while: the PC program has to be started again",
+        "a PC program that opens its port once",
+        stack::f_12,
+    ),
+    Bug {
+        id: "F-13",
+        place: "field report, memory",
+        sees: "the processor's memory is nearly full with a map of 300 x 300",
+        live: Live::Not(
+            "a limit, not a fault: the compiler holds the whole program to 128 of 192 KiB",
+        ),
+    },
+];

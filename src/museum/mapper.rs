@@ -1,0 +1,142 @@
+//! The mapper as it was fielded: its search, its drawing, its odometry. Both variants are the seed
+//! report's way to map; they differ in the defect only.
+
+mod drawing;
+pub(super) mod search;
+mod way;
+
+use firmware_core::pose::{Point, Pose};
+use firmware_core::scan::Scan;
+use firmware_core::slam::{Defects, Mapper, Settings};
+use protocols::Instant;
+
+use super::robot::config;
+use super::{Bug, Variant};
+
+const MAPPER: &str = "robot's program, mapper";
+const ODOMETRY: &str = "robot's program, odometry";
+
+pub(super) const ROWS: [Bug; 15] = [
+    Bug::mutant(
+        "SL-01",
+        MAPPER,
+        "after seven improvements a remainder by zero: candidates a million metres away",
+        search::sl_01,
+    ),
+    Bug::mutant(
+        "SL-02",
+        MAPPER,
+        "after four improvements the heading is tried all around the circle",
+        search::sl_02,
+    ),
+    Bug::mutant(
+        "SL-03",
+        MAPPER,
+        "17 overruns: the budget of tries falls below 0 and reads as 65486, ten seconds a scan",
+        search::sl_03,
+    ),
+    Bug::mutant(
+        "SL-04",
+        MAPPER,
+        "minutes without a valid beam wind the budget up: the first scans after it take seconds",
+        search::sl_04,
+    ),
+    Bug::mutant(
+        "SL-05",
+        MAPPER,
+        "while the robot turns fast the map can only be erased",
+        drawing::sl_05,
+    ),
+    Bug::mutant(
+        "SL-06",
+        MAPPER,
+        "the weight of an update is a ceiling: no wall ever gets black",
+        drawing::sl_06,
+    ),
+    Bug::mutant(
+        "SL-07",
+        ODOMETRY,
+        "driving backwards moves the pose forwards",
+        way::sl_07,
+    ),
+    Bug::mutant(
+        "SL-08",
+        ODOMETRY,
+        "after two turns a nearly straight way counts as none",
+        way::sl_08,
+    ),
+    Bug::mutant(
+        "SL-09",
+        ODOMETRY,
+        "a curve bends to the wrong side, twice as far",
+        way::sl_09,
+    ),
+    Bug::mutant(
+        "SL-10",
+        MAPPER,
+        "at the map's edge one point on a wall beats a full match",
+        search::sl_10,
+    ),
+    Bug::mutant(
+        "SL-11",
+        MAPPER,
+        "the quality of a good match is told as a negative number",
+        search::sl_11,
+    ),
+    Bug::mutant(
+        "SL-12",
+        MAPPER,
+        "with a hole of less than two cells no wall is drawn at all",
+        drawing::sl_12,
+    ),
+    Bug::mutant(
+        "SL-13",
+        ODOMETRY,
+        "after 91 turns the heading that the PC is told is negative",
+        way::sl_13,
+    ),
+    Bug::mutant(
+        "SL-14",
+        MAPPER,
+        "mapping switched on after a drive without it: the pose jumps by the whole way",
+        way::sl_14,
+    ),
+    Bug::mutant(
+        "H-SL-1",
+        MAPPER,
+        "the search never narrows: it ends farther from the place that fits",
+        search::h_sl_1,
+    ),
+];
+
+/// The mapper's settings for `variant`.
+pub(super) fn settings(variant: Variant, id: &str) -> Settings {
+    let with = config(Variant::Defective, id).mapping;
+    let defects = match variant {
+        Variant::Defective => with.defects,
+        Variant::Sound => Defects::NONE,
+    };
+    Settings {
+        start: Pose::new(1500.0, 1500.0, 0.0),
+        defects,
+        ..with
+    }
+}
+
+fn mapper(settings: Settings) -> Box<Mapper> {
+    Box::new(Mapper::new(settings))
+}
+
+fn scan_of(points: &[Point]) -> Scan {
+    Scan::from_points(points, Instant::ZERO, Instant::ZERO)
+}
+
+/// The four walls of a room, `half` millimetres away, seen from its middle.
+fn room([half_x, half_y]: [f32; 2]) -> Scan {
+    let beam = |degree: u16| {
+        let (sin, cos) = firmware_core::pose::sin_cos(f32::from(degree).to_radians());
+        let distance = (half_x / cos.abs()).min(half_y / sin.abs());
+        Point::new(distance * cos, distance * sin)
+    };
+    scan_of(&(0..360).map(beam).collect::<Vec<_>>())
+}

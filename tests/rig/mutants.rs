@@ -1,0 +1,183 @@
+//! The fielded program's defects in the whole rig: devices, lines and world, one defect at a time.
+//! Each row's sign is false without the defect. What no run of the rig can show is listed with the
+//! reason; its exhibit in the museum catches it.
+
+mod occasions;
+mod signs;
+
+use core::time::Duration;
+
+use firmware_core::robots::rescue::{Config, Rescue};
+use hilrig::run::Run;
+use protocols::Instant;
+
+use super::{in_a_room, start};
+
+/// A defect in the rig.
+struct Row {
+    id: &'static str,
+    /// What is added to an empty room.
+    occasion: fn() -> String,
+    /// When the sign is looked for.
+    after_ms: u64,
+    /// What tells the defect.
+    sign: fn(&Run) -> bool,
+}
+
+const fn row(
+    id: &'static str,
+    occasion: fn() -> String,
+    after_ms: u64,
+    sign: fn(&Run) -> bool,
+) -> Row {
+    Row {
+        id,
+        occasion,
+        after_ms,
+        sign,
+    }
+}
+
+#[rustfmt::skip]
+const ROWS: [Row; 36] = {
+    use occasions as o;
+    use signs as s;
+    [
+        row("MA-01", o::way, 3_000, s::memory_is_hurt),
+        row("MA-02", o::count_of_126, 3_000, s::memory_is_hurt),
+        row("MA-05", o::acknowledgement, 3_000, s::encoders_jump),
+        row("MA-06", o::late_base, 8_000, s::memory_is_hurt),
+        row("MA-07", o::no_base, 6_000, s::base_is_believed),
+        row("MA-08", o::way, 3_000, s::base_complains),
+        row("MA-09", o::way, 0, s::battery_is_empty),
+        row("MA-10", o::way, 6_000, s::speed_is_told_in_tenths),
+        row("XV-01", o::way, 5_000, s::no_scan),
+        row("XV-02", o::flipped_lidar, 8_000, s::draws_beyond_the_walls),
+        row("XV-03", o::noisy_lidar, 5_000, s::memory_is_hurt),
+        row("XV-04", o::noisy_lidar, 5_000, s::memory_is_hurt),
+        row("XV-05", o::noisy_lidar, 5_000, s::memory_is_hurt),
+        row("XV-06", o::noisy_lidar, 8_000, s::turns_are_lost),
+        row("XV-08", o::no_lidar, 8_000, s::pc_hears_nothing),
+        row("XV-11", o::dark_exploration, 8_000, s::moves),
+        row("XV-12", o::way, 4_000, s::pc_hears_noise),
+        row("SL-04", o::no_beams, 40_000, s::scan_takes_long),
+        row("SL-05", o::spin, 10_000, s::only_what_it_saw_at_rest),
+        row("SL-06", o::rest, 15_000, s::no_black_in_the_map),
+        row("SL-07", o::backwards_in_the_dark, 7_000, s::believes_wrong),
+        row("SL-12", o::rest, 10_000, s::hardly_a_wall_in_the_map),
+        row("PU-01", o::stray_p, 2_400, s::no_waypoints),
+        row("PU-02", o::list_of_high_sum, 5_000, s::no_waypoints),
+        row("PU-03", o::negative_length, 6_000, s::no_waypoints),
+        row("PU-06", o::way, 5_000, s::pc_hears_noise),
+        row("PU-10", o::shorter_list, 14_000, s::target_is_nowhere),
+        row("PU-11", o::empty_list, 6_000, s::explores),
+        row("PU-12", o::list_of_21, 5_000, s::no_waypoints),
+        row("PU-14", o::list_of_20, 2_000, s::no_waypoints),
+        row("PU-15", o::list_while_off, 9_000, s::half_a_list),
+        row("PU-18", o::way, 5_000, s::pc_hears_noise),
+        row("PU-20", o::by_hand, 7_000, s::hand_is_forgotten),
+        row("PU-21", o::hand_gone, 9_000, s::hand_is_obeyed),
+        row("NV-01", o::past_the_seam, 5_500, s::turned_right),
+        row("NV-04", o::stop, 6_700, s::moves),
+    ]
+};
+
+/// Switches that no run of the rig tells, and why. The museum's exhibits do.
+#[rustfmt::skip]
+const EXHIBITS_ONLY: [(&str, &str); 25] = [
+    ("MA-03", "a reply is given up long before its 127th byte"),
+    ("MA-04", "the emulated base never sends a short reply with a good checksum"),
+    ("XV-07", "a few distances of an old turn are within the map's noise"),
+    ("XV-09", "the rig's lidar is turned by its supply unless a scenario says otherwise"),
+    ("XV-10", "more points are better by less than the seeds differ"),
+    ("SL-01", "tries are wasted when the search has nearly ended"),
+    ("SL-02", "tries are wasted when the search has nearly ended"),
+    ("SL-03", "no scan of the modelled processor overruns 17 times in a row"),
+    ("SL-08", "shows after two whole turns, on a nearly straight way only"),
+    ("SL-09", "at 25 readings a second it is 3 per cent of a tight curve"),
+    ("SL-10", "the rig's worlds lie within the map"),
+    ("SL-11", "a figure of the debug text, which no frame carries"),
+    ("SL-13", "91 turns take six minutes"),
+    ("SL-14", "mapping is switched on the display, by hand"),
+    ("H-SL-1", "the pose is worse by less than the seeds differ"),
+    ("PU-04", "the rig's PC sends no frame without payload"),
+    ("PU-05", "the rig's PC sends no list that lies"),
+    ("PU-07", "the rig's PC chains its lists; PU-08 shows the one that does not"),
+    ("PU-09", "the rig's PC chains its lists"),
+    ("PU-16", "the radio passes nothing on in its first millisecond"),
+    ("PU-17", "the radio takes all that the program sends"),
+    ("PU-19", "the last column of the map is beyond the walls"),
+    ("NV-02", "counts turns that have to be made by hand first"),
+    ("NV-03", "nothing on the wire removes a single waypoint"),
+    ("NV-05", "no frame holds more than 56 waypoints"),
+];
+
+/// Whether the row's sign is there, with its defect or without. Those of the mapper are compared
+/// with the same way to map.
+fn shows(row: &Row, defect: Option<&str>) -> bool {
+    let program = match defect {
+        Some(id) => format!("[program]\ndefects = [\"{id}\"]\n"),
+        None if row.id.starts_with("SL-") => "[program]\nmapper = \"document\"\n".to_owned(),
+        None => String::new(),
+    };
+    let mut text = (row.occasion)();
+    match text.find("[program]\n") {
+        // An occasion with settings of the program has them joined.
+        Some(at) => text.insert_str(
+            at + "[program]\n".len(),
+            program.strip_prefix("[program]\n").unwrap_or(""),
+        ),
+        None => text += &program,
+    }
+    let mut run = start(in_a_room("60s", &text));
+    run.go_on_until(Instant::ZERO + Duration::from_millis(row.after_ms));
+    (row.sign)(&run)
+}
+
+fn all_show(prefixes: &[&str]) {
+    let of_wing = |row: &&Row| prefixes.iter().any(|prefix| row.id.starts_with(prefix));
+    let found: Vec<_> = ROWS
+        .iter()
+        .filter(of_wing)
+        .map(|row| (row.id, shows(row, Some(row.id)), shows(row, None)))
+        .filter(|&(_, with, without)| !with || without)
+        .collect();
+    assert_eq!(found, [], "number, sign with the defect, sign without");
+}
+
+#[test]
+fn the_rig_tells_the_masters_defects() {
+    all_show(&["MA-"]);
+}
+
+#[test]
+fn the_rig_tells_the_lidars_defects() {
+    all_show(&["XV-"]);
+}
+
+#[test]
+fn the_rig_tells_the_mappers_defects() {
+    all_show(&["SL-"]);
+}
+
+#[test]
+fn the_rig_tells_the_defects_of_radio_and_navigation() {
+    all_show(&["PU-", "NV-"]);
+}
+
+/// Every switch is in one of the two lists, and in one only.
+#[test]
+fn every_defect_is_told_by_the_rig_or_has_its_reason() {
+    let here = ROWS.iter().map(|row| row.id);
+    let mut listed: Vec<_> = here
+        .chain(EXHIBITS_ONLY.iter().map(|(id, _)| *id))
+        .collect();
+    let mut known: Vec<_> = Config::defects().collect();
+    listed.sort_unstable();
+    known.sort_unstable();
+    assert_eq!(listed, known);
+}
+
+fn program(run: &Run) -> &Rescue {
+    run.rig.program_as().expect("the rescue robot")
+}

@@ -1,0 +1,162 @@
+//! What happens in the empty room, as the TOML that is added.
+
+/// A way through the room.
+pub(super) fn way() -> String {
+    "[mission]\nto_the_end = true\nwaypoints_m = [[1.5, 2.2], [0.8, 1.5], [1.5, 1.0]]\n".to_owned()
+}
+
+fn fault(link: &str, direction: &str, rest: &str) -> String {
+    format!("[[fault]]\nlink = \"{link}\"\ndirection = \"{direction}\"\n{rest}\n")
+}
+
+fn strike(kind: &str, rest: &str) -> String {
+    fault("base", "to-master", &format!("kind = \"{kind}\"\n{rest}"))
+}
+
+/// The first reply's byte 2 is 8A: W and a count of ten.
+pub(super) fn count_of_126() -> String {
+    way() + &strike("burst", "byte = 2\nlen = 1\nvalue = 0x74")
+}
+
+/// The empty frame of register 36, sum low byte first, in front of the second answer to a read of
+/// it: the first has 15 bytes, the battery's 8. What lay in the buffer is the battery's.
+pub(super) fn acknowledgement() -> String {
+    let bytes = [0xAB, 0x24, 0x00, 0xCF, 0x00];
+    let each = bytes.map(|value| strike("insert", &format!("byte = 23\nvalue = {value}")));
+    way() + &each.concat()
+}
+
+pub(super) fn late_base() -> String {
+    way() + "[[fault]]\nkind = \"delayed\"\ndevice = \"base\"\nby = \"6ms\"\nfrom = \"3s\"\n"
+}
+
+pub(super) fn no_base() -> String {
+    way() + &strike("cut", "from = \"3s\"")
+}
+
+pub(super) fn noisy_lidar() -> String {
+    let noise = |kind| format!("kind = \"{kind}\"\nrate = 0.004\nfrom = \"2s\"");
+    let each = ["flip", "drop", "insert"].map(|kind| fault("lidar", "to-master", &noise(kind)));
+    way() + &each.concat()
+}
+
+pub(super) fn flipped_lidar() -> String {
+    rest()
+        + &fault(
+            "lidar",
+            "to-master",
+            "kind = \"flip\"\nrate = 0.004\nfrom = \"2s\"",
+        )
+}
+
+pub(super) fn no_lidar() -> String {
+    way() + &fault("lidar", "to-master", "kind = \"cut\"\nfrom = \"4s\"")
+}
+
+/// A lidar that sees nothing from the beginning.
+const DARK: &str = "[device.lidar.xv11]\nfaults = [\"dark\"]\n";
+
+pub(super) fn dark_exploration() -> String {
+    format!("[program]\nstart_mode = \"exploration\"\n{DARK}")
+}
+
+pub(super) fn no_beams() -> String {
+    rest() + "[[fault]]\ndevice = \"lidar\"\nkind = \"device\"\nfault = \"dark\"\nuntil = \"38s\"\n"
+}
+
+pub(super) fn rest() -> String {
+    "[mission]\nto_the_end = true\n".to_owned()
+}
+
+fn hand(set_point: [i8; 2]) -> String {
+    let [left, right] = set_point;
+    let step = format!("[[mission.step]]\nat = \"4s\"\ndo = {{ drive = [{left}, {right}] }}\n");
+    rest() + &step
+}
+
+pub(super) fn spin() -> String {
+    hand([-20, 20]).replace("\"4s\"", "\"600ms\"")
+}
+
+pub(super) fn backwards_in_the_dark() -> String {
+    hand([-15, -15]) + DARK
+}
+
+pub(super) fn by_hand() -> String {
+    hand([10, -10])
+}
+
+/// The PC is gone a second after its order.
+pub(super) fn hand_gone() -> String {
+    hand([10, -10]) + "[[mission.step]]\nat = \"5s\"\ndo = \"disconnect\"\n"
+}
+
+/// In front of the PC's first frame.
+pub(super) fn stray_p() -> String {
+    way()
+        + &fault(
+            "radio",
+            "to-master",
+            "kind = \"insert\"\nbyte = 0\nvalue = 0x50",
+        )
+}
+
+fn list(count: u32, [x, y]: [f64; 2]) -> String {
+    let places = (0..count).map(|_| format!("[{x}, {y}]"));
+    let places = places.collect::<Vec<_>>().join(", ");
+    format!("[mission]\nto_the_end = true\nwaypoints_m = [{places}]\n")
+}
+
+/// 56 places at 0AFF make a sum of 81F7.
+pub(super) fn list_of_high_sum() -> String {
+    list(56, [2.815, 2.815])
+}
+
+/// Byte 9 is the high half of the first frame's length.
+pub(super) fn negative_length() -> String {
+    let hit = "kind = \"burst\"\nbyte = 9\nlen = 1\nvalue = 0x80";
+    way() + &fault("radio", "to-master", hit)
+}
+
+/// 19 bytes and 9 each: 208.
+pub(super) fn list_of_21() -> String {
+    list(21, [1.5, 2.2])
+}
+
+/// 199 bytes.
+pub(super) fn list_of_20() -> String {
+    list(20, [1.5, 2.2])
+}
+
+/// On its way to the third place the robot gets a list of one.
+pub(super) fn shorter_list() -> String {
+    "[mission]\nto_the_end = true\nwaypoints_m = [[1.5, 1.25], [1.5, 1.3], [1.5, 2.2]]\n\
+     [[mission.step]]\nat = \"6s\"\ndo = { waypoints-m = [[0.9, 0.9]] }\n"
+        .to_owned()
+}
+
+pub(super) fn empty_list() -> String {
+    way() + "[[mission.step]]\nat = \"4s\"\ndo = { waypoints-m = [] }\n"
+}
+
+/// The link is switched off on the display before a list of 30 comes, and on again after it.
+pub(super) fn list_while_off() -> String {
+    let places = ["[1.5, 2.2]"; 30].join(", ");
+    format!(
+        "[mission]\nto_the_end = true\n[[mission.step]]\nat = \"4s\"\n\
+         do = {{ waypoints-m = [{places}] }}\n[device.display.touch-panel]\ntap = [\
+         {{ at = \"2s\", place = [400, 256] }}, {{ at = \"3s\", place = [410, 50] }}, \
+         {{ at = \"5s\", place = [410, 50] }}]\n"
+    )
+}
+
+pub(super) fn stop() -> String {
+    way() + "[[mission.step]]\nat = \"6s\"\ndo = { mode = \"stop\" }\n"
+}
+
+/// The hand turns the robot from 90 to some -10 degrees, psi -170; the place lies at psi 170.
+pub(super) fn past_the_seam() -> String {
+    hand([10, -10]).replace("\"4s\"", "\"600ms\"")
+        + "[[mission.step]]\nat = \"3500ms\"\ndo = { waypoints-m = [[2.4, 1.36]] }\n\
+           [[mission.step]]\nat = \"3550ms\"\ndo = { mode = \"waypoint\" }\n"
+}
