@@ -98,13 +98,22 @@ impl Bug {
 
     /// Both variants on the same stimulus; `None` if the defect has no exhibit.
     pub fn reproduce(&self) -> Option<Reproduction> {
+        self.reproduce_telling(|_| {})
+    }
+
+    /// The same, telling which variant is looked at next.
+    pub fn reproduce_telling(&self, mut begins: impl FnMut(Variant)) -> Option<Reproduction> {
         let Live::Exhibit { by, show } = self.live else {
             return None;
         };
+        let mut look = |variant| {
+            begins(variant);
+            show(variant)
+        };
         Some(Reproduction {
             by,
-            defective: show(Variant::Defective),
-            sound: show(Variant::Sound),
+            defective: look(Variant::Defective),
+            sound: look(Variant::Sound),
         })
     }
 }

@@ -1,9 +1,13 @@
 use std::io::{self, Write};
 
+use core::time::Duration;
+
 use clap::Args;
+use protocols::Instant;
 use serde_json::{Value, json};
 
 use super::{CliError, Verdict};
+use crate::clock::{Clock, WallClock};
 use crate::museum::{self, Bug, Live, Observation, Reproduction, Variant};
 
 /// List the defects of the fielded programs, or reproduce one on the spot.
@@ -12,9 +16,9 @@ use crate::museum::{self, Bug, Live, Observation, Reproduction, Variant};
 /// the decisive bytes and figures of both; all of it in virtual time.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
-    hilrig bugs                # number, place and symptom of each\n  \
+    hilrig bugs                # number and symptom of each, by place\n  \
     hilrig bugs AV-02          # this one, live\n  \
-    hilrig bugs --all          # all of them, one line each\n  \
+    hilrig bugs --all          # all of them, one line each, and how many show\n  \
     hilrig bugs PU-01 --json\n\n\
     Exit code 1: a defect did not show, or the sound variant has it too.")]
 pub(super) struct Bugs {
@@ -58,15 +62,20 @@ fn tell(args: &Bugs, out: &mut dyn Write) -> Result<Verdict, Failure> {
         list(args.json, out)?;
         return Ok(Verdict::Pass);
     }
-    let mut verdict = Verdict::Pass;
+    let wanted = wanted(args)?;
+    let mut progress = Progress::new(wanted.len());
     let mut shown = Vec::new();
-    for bug in wanted(args)? {
-        let Some(reproduction) = bug.reproduce() else {
+    let mut bad = 0;
+    for bug in &wanted {
+        progress.begun += 1;
+        let reproduction = bug.reproduce_telling(|variant| progress.tell(bug, variant));
+        let Some(reproduction) = reproduction else {
+            if args.all && !args.json {
+                not_live(bug, out)?;
+            }
             continue;
         };
-        if !reproduction.holds() {
-            verdict = Verdict::Fail;
-        }
+        bad += usize::from(!reproduction.holds());
         if args.json {
             shown.push(as_json(bug, &reproduction));
         } else if args.all {
@@ -77,8 +86,51 @@ fn tell(args: &Bugs, out: &mut dyn Write) -> Result<Verdict, Failure> {
     }
     if args.json {
         writeln!(out, "{:#}", Value::from(shown))?;
+    } else if args.all {
+        let live = wanted.iter().filter(|bug| is_live(bug)).count();
+        let (all, good) = (wanted.len(), live - bad);
+        writeln!(out, "{all} defects, {live} live: {good} show, {bad} do not")?;
     }
-    Ok(verdict)
+    Ok(if bad == 0 {
+        Verdict::Pass
+    } else {
+        Verdict::Fail
+    })
+}
+
+/// Time after which whoever waits is told of the exhibit that runs.
+const PROGRESS: Duration = Duration::from_secs(2);
+
+/// Tells which exhibit runs, when it takes long.
+struct Progress {
+    clock: WallClock,
+    said: Instant,
+    begun: usize,
+    all: usize,
+}
+
+impl Progress {
+    fn new(all: usize) -> Self {
+        Self {
+            clock: WallClock::start(),
+            said: Instant::ZERO,
+            begun: 0,
+            all,
+        }
+    }
+
+    fn tell(&mut self, bug: &Bug, variant: Variant) {
+        let now = self.clock.now();
+        if now - self.said >= PROGRESS {
+            self.said = now;
+            let (at, all) = (self.begun, self.all);
+            eprintln!("{at} of {all}: {}, {}", bug.id, variant.name());
+        }
+    }
+}
+
+const fn is_live(bug: &Bug) -> bool {
+    matches!(bug.live, Live::Exhibit { .. })
 }
 
 /// The defects that were asked for; only `--all` passes over those without an exhibit.
@@ -108,14 +160,28 @@ fn list(json: bool, out: &mut dyn Write) -> io::Result<()> {
         let rows: Vec<Value> = museum::catalogue().map(row).collect();
         return writeln!(out, "{:#}", Value::from(rows));
     }
+    let mut places: Vec<&str> = Vec::new();
     for bug in museum::catalogue() {
-        let mark = match bug.live {
-            Live::Exhibit { .. } => "",
-            Live::Not(_) => " (not live)",
-        };
-        writeln!(out, "{:<7} {}: {}{mark}", bug.id, bug.place, bug.sees)?;
+        if !places.contains(&bug.place) {
+            places.push(bug.place);
+        }
     }
-    Ok(())
+    for place in places {
+        writeln!(out, "{place}")?;
+        for bug in museum::catalogue().filter(|bug| bug.place == place) {
+            writeln!(out, "  {:<7} {}", bug.id, bug.sees)?;
+            if let Live::Not(why) = bug.live {
+                writeln!(out, "          not live: {why}")?;
+            }
+        }
+        writeln!(out)?;
+    }
+    let all = museum::catalogue().count();
+    let live = museum::catalogue().filter(|bug| is_live(bug)).count();
+    writeln!(
+        out,
+        "{all} defects, {live} live: \"hilrig bugs ID\" shows one"
+    )
 }
 
 fn row(bug: &Bug) -> Value {
@@ -154,6 +220,13 @@ fn line(bug: &Bug, reproduction: &Reproduction, out: &mut dyn Write) -> io::Resu
         format!("{name}: {bad} instead of {good}")
     });
     writeln!(out, "{verdict} {:<7} {shown}", bug.id)
+}
+
+fn not_live(bug: &Bug, out: &mut dyn Write) -> io::Result<()> {
+    let Live::Not(why) = bug.live else {
+        return Ok(());
+    };
+    writeln!(out, "-    {:<7} not live: {why}", bug.id)
 }
 
 fn page(bug: &Bug, reproduction: &Reproduction, out: &mut dyn Write) -> io::Result<()> {

@@ -1,5 +1,6 @@
 //! The command line as a user meets it: exit codes, messages, files.
 
+mod bugs;
 mod campaign;
 mod decode;
 mod errors;
