@@ -2,6 +2,7 @@
 
 mod bugs;
 mod campaign;
+mod cookbook;
 mod decode;
 mod errors;
 mod fidelity;
