@@ -133,7 +133,7 @@ fn a_program_behind_a_port_is_asked_as_well() {
             while board.next_event().is_some() {}
             let reply = client.hears(&buf[..len]);
             board.write(&reply);
-            clock.sleep_until(clock.now() + Duration::from_millis(4));
+            clock.sleep_until(clock.now() + Duration::from_millis(15));
         }
     });
     let out = fresh_path("fuzz-board-out");

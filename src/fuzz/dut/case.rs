@@ -62,8 +62,8 @@ pub struct Raw {
     /// The link.
     pub link: String,
     /// Frames that the program answers.
-    #[serde(default)]
-    pub answered: Vec<Hex>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub answered: Vec<Answered>,
     /// Kinds of what it says there unasked.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub chatter: Vec<Hex>,
@@ -75,6 +75,16 @@ pub struct Raw {
     pub stream: String,
 }
 
+/// A frame that the program answers.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Answered {
+    /// The frame.
+    pub frame: Hex,
+    /// The kinds of its answer, see [`Speech::shape`].
+    pub kinds: Vec<Hex>,
+}
+
 /// A frame that the program answers, damaged and not.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -83,6 +93,8 @@ pub struct Pair {
     pub good: Hex,
     /// No frame at all.
     pub damaged: Hex,
+    /// Bytes as many, of which nobody could make anything.
+    pub noise: Hex,
 }
 
 /// Bytes that people can read.
@@ -183,10 +195,15 @@ pub(super) fn raw(
         let Some(last) = (met.answered.len() as u64).checked_sub(1) else {
             break;
         };
-        let good = &met.answered[index(dice, last + 1)];
+        let good = met.answered[index(dice, last + 1)].frame.clone();
         if let Some(damaged) = speech.damaged(&good.0, dice) {
-            let (good, damaged) = (good.clone(), Hex(damaged));
-            pairs.push(Pair { good, damaged });
+            let noise = Hex(speech.noise(&good.0, dice));
+            let damaged = Hex(damaged);
+            pairs.push(Pair {
+                good,
+                damaged,
+                noise,
+            });
         }
     }
     let bytes = f64::from(baud) / 10.0 * lasting.as_secs_f64() * LOAD;

@@ -153,3 +153,46 @@ fn with_units(case: &Case, units: &[Unit]) -> Case {
 fn quoted(path: &Path) -> String {
     format!("'{}'", path.display().to_string().replace('\'', "'\\''"))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::case::{Hex, Raw, Told};
+    use super::*;
+    use crate::scenario::Scenario;
+
+    #[test]
+    fn a_case_is_taken_apart_and_put_together_again() {
+        let text = "schema = 1\nname = \"a\"\nrobot = \"rescue\"\nduration = \"5s\"\n\
+            [world]\nstart = { x_m = 1.5, y_m = 1.5, heading_deg = 90 }\n[[world.wall]]\n\
+            path_m = [[0.3, 0.3], [2.7, 0.3]]\n";
+        let parsed = Scenario::parse(Path::new("<test>"), text.to_owned());
+        let pair = Pair {
+            good: Hex(vec![1, 2]),
+            damaged: Hex(vec![1, 3]),
+            noise: Hex(vec![9, 9]),
+        };
+        let raw = Raw {
+            pair: vec![pair],
+            stream: "AB 04\nidle\nFF\n".to_owned(),
+            ..Raw::default()
+        };
+        let case = Case {
+            scenario: parsed.expect("sound").0,
+            told: Told {
+                raw: Some(raw),
+                ..Told::default()
+            },
+        };
+        let all = units(&case);
+        assert_eq!(all.len(), 4);
+        assert_eq!(with_units(&case, &all), case);
+        let less = with_units(&case, &[all[0].clone(), all[3].clone()]);
+        let raw = less.told.raw.expect("as before");
+        assert_eq!((raw.pair.len(), raw.stream.as_str()), (1, "FF\n"));
+    }
+
+    #[test]
+    fn a_path_with_a_quote_is_one_word_for_a_shell() {
+        assert_eq!(quoted(Path::new("/a b/c'd")), "'/a b/c'\\''d'");
+    }
+}

@@ -23,8 +23,8 @@ use crate::transport::{Note, PortDir, Pty, Serial, Transport};
 const OPENED: Duration = Duration::from_millis(300);
 /// Silence that ends an answer.
 const QUIET: Duration = Duration::from_millis(8);
-/// A pause of a stream: longer than any idle rule of the formats.
-const PAUSE: Duration = Duration::from_millis(10);
+/// A pause of a stream: longer than the idle rules of most programs.
+const PAUSE: Duration = Duration::from_millis(20);
 /// Bytes that may wait for the line of a raw link.
 const BACKLOG_MAX: usize = 1024;
 /// A capture of a case may have so many bytes; the rest is left out.
@@ -49,6 +49,8 @@ pub(super) struct Live<'a> {
     process: Option<Process>,
     raw: Option<usize>,
     heard: Vec<u8>,
+    /// When the last byte was said there.
+    said_at: Instant,
     ports: BTreeMap<String, Seen>,
     goes_on: &'a dyn Fn() -> bool,
 }
@@ -104,6 +106,7 @@ impl<'a> Live<'a> {
             process: process.transpose().map_err(StandError::NotStarted)?,
             raw,
             heard: Vec::new(),
+            said_at: Instant::ZERO,
             ports: BTreeMap::new(),
             goes_on: stand.goes_on,
         };
@@ -210,17 +213,28 @@ impl<'a> Live<'a> {
                 self.turn()?;
             }
             self.run.rig().inject(node, piece);
+            self.said_at = self.now();
+        }
+        Ok(())
+    }
+
+    /// Waits until all has been said.
+    fn flush(&mut self) -> Result<(), Halt> {
+        let Some(node) = self.raw else { return Ok(()) };
+        while self.run.rig().backlog(node) > 0 {
+            self.turn()?;
+            self.said_at = self.now();
         }
         Ok(())
     }
 
     /// Says nothing for a while once all has been said.
     pub(super) fn pause(&mut self) -> Result<(), Halt> {
-        let Some(node) = self.raw else { return Ok(()) };
-        while self.run.rig().backlog(node) > 0 {
+        self.flush()?;
+        while self.now() < self.said_at + PAUSE {
             self.turn()?;
         }
-        self.pass(PAUSE)
+        Ok(())
     }
 
     /// Says `bytes` and returns what is said on the raw link within `window`, or until it is over.
@@ -228,7 +242,7 @@ impl<'a> Live<'a> {
         self.pause()?;
         self.heard.clear();
         self.say(bytes)?;
-        self.pause()?;
+        self.flush()?;
         let until = self.now() + window;
         let (mut len, mut since) = (self.heard.len(), self.now());
         while self.now() < until && (len == 0 || self.now() - since < QUIET) {

@@ -7,10 +7,10 @@ use std::path::Path;
 use emulators::rng::Rng;
 use protocols::Instant;
 
-use super::case::{Case, Hex, Known, Raw, Told, WARM_UP, quiet};
+use super::case::{Answered, Case, Hex, Known, Raw, Told, WARM_UP, quiet};
 use super::cause::Cause;
 use super::live::{Halt, Live};
-use super::speech::{Shape, Speech};
+use super::speech::{Shape, Speech, is_echo};
 use super::stand::{Seen, Stand, StandError, Whose};
 use super::trial::{Talk, settle};
 use crate::fuzz::wire::Stream;
@@ -33,7 +33,7 @@ pub struct Met {
     /// What it says on the link unasked.
     pub chatter: Shape,
     /// Frames that it answers.
-    pub answered: Vec<Hex>,
+    pub answered: Vec<Answered>,
 }
 
 impl Stand<'_> {
@@ -147,25 +147,46 @@ impl Met {
         let from = live.now();
         live.pass(LISTEN)?;
         let mut talk = Talk::new(speech);
-        talk.chatter = speech.shape(&live.take_heard());
-        self.chatter = talk.chatter.clone();
+        talk.chatter = speech.shape(&live.take_heard(), &[]);
         self.known = live.known(from);
         for _ in 0..TRIED {
             let Some(frame) = speech.frame(rng).filter(|_| self.answered.len() < ANSWERED) else {
                 break;
             };
             let noise = speech.noise(&frame, rng);
-            let mut answer = |bytes: &[u8]| {
+            let mut answer = |bytes: &[u8], talk: &Talk<'_>| {
                 *asked += &Stream::raw(bytes).to_text();
                 *asked += "idle\n";
                 talk.ask(live, bytes)
             };
-            let first = answer(&frame)?;
-            if !first.is_empty() && first == answer(&frame)? && first != answer(&noise)? {
-                self.answered.push(Hex(frame));
+            let first = answer(&frame, &talk)?;
+            if first.is_empty() || first != answer(&frame, &talk)? {
+                continue;
+            }
+            // What comes after noise comes by itself.
+            talk.chatter.extend(answer(&noise, &talk)?);
+            let kinds: Vec<Hex> = (&first - &talk.chatter).into_iter().map(Hex).collect();
+            let frame = Hex(frame);
+            if !kinds.is_empty() {
+                self.answered.push(Answered { frame, kinds });
             }
         }
+        self.chatter = talk.chatter;
+        self.forget_doubtful();
         Ok(())
+    }
+
+    /// Forgets answers that were found to come by themselves, and those that are weak evidence if
+    /// there is better.
+    fn forget_doubtful(&mut self) {
+        let chatter = &self.chatter;
+        let comes_by_itself = |kind: &Hex| chatter.contains(&kind.0);
+        self.answered
+            .retain(|one| !one.kinds.iter().any(comes_by_itself));
+        let echoes = |one: &Answered| one.kinds.iter().any(|kind| is_echo(&kind.0));
+        if self.answered.iter().any(echoes) {
+            self.answered.retain(echoes);
+        }
     }
 
     /// Whether it is still what it was.

@@ -29,6 +29,8 @@ pub struct Frames {
     frame_at: fn(&[u8]) -> Option<usize>,
     /// Where in a frame stands what kind of frame it is.
     kind: fn(&[u8]) -> &[u8],
+    /// Bytes before what a frame carries.
+    head: usize,
 }
 
 /// Lines of text.
@@ -42,20 +44,39 @@ pub struct Text {
 /// their numbers.
 pub type Shape = BTreeSet<Vec<u8>>;
 
+/// As many bytes in a row are not the same by chance.
+const ECHO: usize = 4;
+/// Behind the kind of an answer that carries what the question carried.
+const ECHOED: u8 = b'=';
 /// Register in whose name a bad checksum is answered on the bus.
 const REFUSAL: u8 = 0xFF;
 /// Bytes of chance for a session; most of its 64 items take fewer than 16.
 const CHANCE_MAX: u64 = 1500;
 
 impl Frames {
-    const fn of<W: Wire>(protocol: Protocol, kind: fn(&[u8]) -> &[u8]) -> Self {
+    const fn of<W: Wire>(protocol: Protocol, kind: fn(&[u8]) -> &[u8], head: usize) -> Self {
         Self {
             protocol,
             session: Stream::session::<W>,
             build: W::build,
             frame_at: W::frame_at,
             kind,
+            head,
         }
+    }
+
+    /// The kind of `frame`; with a mark behind it if it carries what `question` carried.
+    fn told_kind(&self, frame: &[u8], question: &[u8]) -> Vec<u8> {
+        let mut kind = (self.kind)(frame).to_vec();
+        let [carried, asked] = [frame, question].map(|bytes| bytes.get(self.head..));
+        let mut asked = asked.unwrap_or_default().windows(ECHO);
+        let echoes = |window: &[u8]| {
+            let is_plain = window.iter().all(|byte| *byte == window[0]);
+            let mut carried = carried.unwrap_or_default().windows(ECHO);
+            !is_plain && carried.any(|found| found == window)
+        };
+        kind.extend(asked.any(echoes).then_some(ECHOED));
+        kind
     }
 
     const fn is_bus(&self) -> bool {
@@ -77,13 +98,13 @@ impl Speech {
     /// What is spoken by `protocol`.
     pub const fn of_protocol(protocol: Option<Protocol>) -> Self {
         let frames = match protocol {
-            Some(Protocol::Xv11) => Frames::of::<Xv11>(Protocol::Xv11, first),
-            Some(Protocol::Xv11Turn) => Frames::of::<Xv11Turns>(Protocol::Xv11Turn, first),
-            Some(Protocol::Bus) => Frames::of::<Avr<LowFirst>>(Protocol::Bus, register),
+            Some(Protocol::Xv11) => Frames::of::<Xv11>(Protocol::Xv11, first, 4),
+            Some(Protocol::Xv11Turn) => Frames::of::<Xv11Turns>(Protocol::Xv11Turn, first, 6),
+            Some(Protocol::Bus) => Frames::of::<Avr<LowFirst>>(Protocol::Bus, register, 3),
             Some(Protocol::BusHighFirst) => {
-                Frames::of::<Avr<HighFirst>>(Protocol::BusHighFirst, register)
+                Frames::of::<Avr<HighFirst>>(Protocol::BusHighFirst, register, 3)
             }
-            Some(Protocol::Pcui) => Frames::of::<Pcui>(Protocol::Pcui, message),
+            Some(Protocol::Pcui) => Frames::of::<Pcui>(Protocol::Pcui, message, 17),
             Some(Protocol::Panel) | None => return Self::Bytes,
         };
         Self::Frames(frames)
@@ -187,8 +208,10 @@ impl Speech {
         }
     }
 
-    /// What kind of answer `bytes` are, refusals left out.
-    pub fn shape(&self, bytes: &[u8]) -> Shape {
+    /// What kinds of frames or lines are in `bytes`, the answer to `question`, refusals left out.
+    /// An answer that carries what the question carried is a kind of its own, and better evidence
+    /// than any that may have come by itself.
+    pub fn shape(&self, bytes: &[u8], question: &[u8]) -> Shape {
         match self {
             Self::Frames(frames) => {
                 let found = frames.protocol.frames(bytes);
@@ -197,7 +220,11 @@ impl Speech {
                     bytes.get(from.ok()?..to.ok()?)
                 });
                 let frame = frame.filter(|frame| !frames.is_refusal(frame));
-                frame.map(|frame| (frames.kind)(frame).to_vec()).collect()
+                let kinds: Shape = frame
+                    .map(|frame| frames.told_kind(frame, question))
+                    .collect();
+                let echoes: Shape = kinds.iter().filter(|kind| is_echo(kind)).cloned().collect();
+                if echoes.is_empty() { kinds } else { echoes }
             }
             Self::Text(_) => {
                 let lines = bytes.split(|&byte| byte == b'\n' || byte == b'\r');
@@ -209,6 +236,11 @@ impl Speech {
             Self::Bytes => Shape::new(),
         }
     }
+}
+
+/// Whether a kind of answer carries what the question carried.
+pub(super) fn is_echo(kind: &[u8]) -> bool {
+    kind.len() > 1 && kind.ends_with(&[ECHOED])
 }
 
 /// Tries to damage a frame so that nothing of it is one: a frame of zeros and few others resist.
@@ -331,7 +363,7 @@ mod tests {
         for _ in 0..100 {
             let bad = BUS.damaged(&good, &mut rng).expect("a checksum tells");
             assert_eq!(bad.len(), good.len());
-            assert_eq!(BUS.shape(&bad), Shape::new(), "{bad:02X?}");
+            assert_eq!(BUS.shape(&bad, &[]), Shape::new(), "{bad:02X?}");
         }
     }
 
@@ -353,13 +385,27 @@ mod tests {
         let one = [0xAB, 0x04, 0x81, 0x01, 0x31, 0x01];
         let two = [0xAB, 0x04, 0x81, 0x02, 0x32, 0x01];
         let refusal = [0xAB, 0xFF, 0x80, 0x2A, 0x02];
-        assert_eq!(BUS.shape(&one), Shape::from([vec![0x04, 0x81]]));
-        assert_eq!(BUS.shape(&one), BUS.shape(&two));
-        assert_eq!(BUS.shape(&refusal), Shape::new());
+        assert_eq!(BUS.shape(&one, &[]), Shape::from([vec![0x04, 0x81]]));
+        assert_eq!(BUS.shape(&one, &[]), BUS.shape(&two, &[]));
+        assert_eq!(BUS.shape(&refusal, &[]), Shape::new());
         let text = Speech::Text(Text {
             words: Vec::new(),
             terminator: "\n".into(),
         });
-        assert_eq!(text.shape(b"mm=120\r\n"), Shape::from([b"mm=#".to_vec()]));
+        assert_eq!(
+            text.shape(b"mm=120\r\n", b""),
+            Shape::from([b"mm=#".to_vec()])
+        );
+    }
+
+    /// A list of one waypoint, told back; the sum of 1, 0, 2 to 10 is 55, 37 hexadecimal.
+    #[test]
+    fn an_answer_that_carries_the_question_is_told_from_one_that_does_not() {
+        let pcui = Speech::of_protocol(Some(Protocol::Pcui));
+        let mut list = b"PCUI_MSG\x0B\x00\x37\x00\x00\x00LWP\x01\x00".to_vec();
+        list.extend(2..=10);
+        let echo = Shape::from([b"LWP=".to_vec()]);
+        assert_eq!(pcui.shape(&list, &list), echo);
+        assert_eq!(pcui.shape(&list, b"?"), Shape::from([b"LWP".to_vec()]));
     }
 }

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use super::case::{Case, Known, Pair, Raw};
+use super::case::{Answered, Case, Known, Pair, Raw};
 use super::cause::Cause;
 use super::live::{Halt, Live};
 use super::speech::{Shape, Speech};
@@ -33,19 +33,36 @@ impl<'a> Talk<'a> {
     /// What kind of answer the program gives to `bytes`.
     pub(super) fn ask(&self, live: &mut Live<'_>, bytes: &[u8]) -> Result<Shape, Halt> {
         let heard = live.ask(bytes, WINDOW)?;
-        Ok(&self.speech.shape(&heard) - &self.chatter)
+        Ok(&self.speech.shape(&heard, bytes) - &self.chatter)
     }
 
-    /// Whether the damaged frame is answered as the sound one is. Twice, because the first answer
-    /// may be a late one to something else.
-    fn is_taken(&self, live: &mut Live<'_>, pair: &Pair) -> Result<bool, Halt> {
+    /// Whether the damaged frame is answered as the sound one is, and noise is not. Twice, and
+    /// after another frame was answered: what the program says by itself may tell of the last
+    /// frame that it took.
+    fn is_taken(&self, live: &mut Live<'_>, raw: &Raw, pair: &Pair) -> Result<bool, Halt> {
+        if self.ask(live, &pair.damaged.0)?.is_empty() {
+            return Ok(false);
+        }
+        let others = raw.answered.iter().map(|answered| &answered.frame);
+        let other = others.into_iter().find(|frame| **frame != pair.good);
         for _ in 0..2 {
-            let answer = self.ask(live, &pair.damaged.0)?;
-            if answer.is_empty() || answer != self.ask(live, &pair.good.0)? {
+            if let Some(other) = other {
+                self.ask(live, &other.0)?;
+            }
+            let to_noise = self.ask(live, &pair.noise.0)?;
+            let to_damaged = self.ask(live, &pair.damaged.0)?;
+            let to_good = self.ask(live, &pair.good.0)?;
+            if to_damaged.is_empty() || to_damaged == to_noise || to_damaged != to_good {
                 return Ok(false);
             }
         }
         Ok(true)
+    }
+
+    /// Whether the program answers as it did.
+    fn is_answered(&self, live: &mut Live<'_>, asked: &Answered) -> Result<bool, Halt> {
+        let kinds = self.ask(live, &asked.frame.0)?;
+        Ok(asked.kinds.iter().any(|kind| kinds.contains(&kind.0)))
     }
 }
 
@@ -62,7 +79,7 @@ pub(super) fn act(
     };
     let talk = Talk::of(raw, speech);
     for pair in &raw.pair {
-        if talk.is_taken(live, pair)? {
+        if talk.is_taken(live, raw, pair)? {
             let (pair, link) = (pair.clone(), raw.link.clone());
             return Ok(Some(Cause::Accepts { pair, link }));
         }
@@ -104,8 +121,8 @@ pub(super) fn settle(
         }
         match asked {
             Some((talk, raw)) if !answers => {
-                let frame = &raw.answered[count % raw.answered.len()];
-                answers = !talk.ask(live, &frame.0)?.is_empty();
+                let asked = &raw.answered[count % raw.answered.len()];
+                answers = talk.is_answered(live, asked)?;
                 count += 1;
             }
             _ => live.turn()?,
