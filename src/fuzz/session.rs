@@ -8,6 +8,7 @@
 //! ```
 
 mod base;
+mod pc;
 mod rescue;
 mod step;
 mod tape;
@@ -50,18 +51,19 @@ trait Bench: Sync {
 /// # Errors
 /// The first of `defects` that none of the programs has.
 pub fn programs(defects: &[String]) -> Result<Vec<Box<dyn Subject>>, String> {
-    let known = |id: &&String| !(base::knows(id) || rescue::knows(id));
+    let known = |id: &&String| !(base::knows(id) || rescue::knows(id) || pc::knows(id));
     if let Some(unknown) = defects.iter().find(known) {
         return Err(unknown.clone());
     }
     Ok(vec![
         Box::new(Sessions(base::Base::new(defects))),
         Box::new(Sessions(rescue::Robot::new(defects))),
+        Box::new(Sessions(pc::Client::new(defects))),
     ])
 }
 
 /// Names of the programs.
-pub const PROGRAMS: [&str; 2] = [base::Base::NAME, rescue::Robot::NAME];
+pub const PROGRAMS: [&str; 3] = [base::Base::NAME, rescue::Robot::NAME, pc::Client::NAME];
 
 /// A bench as a subject.
 struct Sessions<B>(B);
