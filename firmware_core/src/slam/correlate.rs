@@ -4,7 +4,7 @@
 use super::effort::Effort;
 use super::matching::{Placement, whole};
 use super::prior::Prior;
-use super::row::{LANES, POINTS_MAX, Sums, add, sums};
+use super::row::{Cut, LANES, POINTS_MAX, Sums, add_cut, sums};
 use crate::grid::Grid;
 use crate::pose::{Pose, normalised};
 
@@ -56,15 +56,21 @@ pub(super) fn search<const W: usize, const H: usize>(
     };
     let scale = 16.0 * points.len() as f32;
     let reach = window.reach.clamp(0, REACH_MAX);
+    let side = (2 * reach + 1).unsigned_abs();
     let mut costs_x = [0.0; LANES];
     for (column, cost) in (-reach..=reach).zip(&mut costs_x) {
         let x_mm = centre.x_mm + column as f32 * cell_mm;
         *cost = prior.deviation_x(x_mm) * prior.cost * scale;
     }
+    let least_cost_x = costs_x[..side as usize]
+        .iter()
+        .copied()
+        .fold(f32::MAX, f32::min);
+    let in_window: Sums =
+        core::array::from_fn(|lane| if lane < side as usize { u16::MAX } else { 0 });
     let cost_max = prior.cost_max * scale;
     for turn in -window.turns..=window.turns {
         effort.placed(count);
-        let side = (2 * reach + 1).unsigned_abs();
         effort.rows(side, side, count);
         let heading = normalised(centre.heading + turn as f32 * window.turn_step);
         let placement = Placement::new(Pose { heading, ..centre }, cell_mm);
@@ -74,6 +80,16 @@ pub(super) fn search<const W: usize, const H: usize>(
             let lanes = placed.sums(grid, row);
             let y_mm = centre.y_mm + row as f32 * cell_mm;
             let cost_row = cost_turn + prior.deviation_y(y_mm) * prior.cost * scale;
+            // No lane of the window can be better than its highest sum at its least cost.
+            let highest = lanes
+                .iter()
+                .zip(&in_window)
+                .map(|(sum, kept)| sum & kept)
+                .max();
+            let highest = 16 * highest.map_or(0, i32::from);
+            if highest - whole((cost_row + least_cost_x).min(cost_max)) <= best.rating {
+                continue;
+            }
             for ((column, sum), cost_x) in (-reach..=reach).zip(&lanes).zip(&costs_x) {
                 let cost = whole((cost_row + cost_x).min(cost_max));
                 let rating = 16 * i32::from(*sum) - cost;
@@ -100,8 +116,8 @@ struct Placed<const W: usize, const H: usize> {
     /// Of points whose whole window lies on the map: index of its lower left cell.
     starts: [u32; POINTS_MAX],
     whole: usize,
-    /// Of other points whose window touches the map: its lower left cell.
-    edges: [(i32, i32); POINTS_MAX],
+    /// Other points whose window touches the map.
+    edges: [Cut; POINTS_MAX],
     cut: usize,
     reach: i32,
 }
@@ -111,7 +127,7 @@ impl<const W: usize, const H: usize> Placed<W, H> {
         let mut placed = Self {
             starts: [0; POINTS_MAX],
             whole: 0,
-            edges: [(0, 0); POINTS_MAX],
+            edges: [Cut::EMPTY; POINTS_MAX],
             cut: 0,
             reach,
         };
@@ -126,7 +142,7 @@ impl<const W: usize, const H: usize> Placed<W, H> {
                 placed.starts[placed.whole] = (low * width + left).unsigned_abs();
                 placed.whole += 1;
             } else if right > 0 && high > 0 && left < width && low < height {
-                placed.edges[placed.cut] = (left, low);
+                placed.edges[placed.cut] = Cut::new(left, low, width);
                 placed.cut += 1;
             }
         }
@@ -135,27 +151,10 @@ impl<const W: usize, const H: usize> Placed<W, H> {
 
     /// Scores of the lanes of a row of the window.
     fn sums(&self, grid: &Grid<W, H>, row: i32) -> Sums {
+        let row = u16::try_from(row + self.reach).expect("within the window");
         let cells = grid.rows().as_flattened();
-        let row = row + self.reach;
-        let mut lanes = sums(
-            cells,
-            &self.starts[..self.whole],
-            row.unsigned_abs() as usize * W,
-        );
-        for (left, low) in &self.edges[..self.cut] {
-            let Some(cells) = usize::try_from(low + row).ok().and_then(|y| grid.row(y)) else {
-                continue;
-            };
-            // What of the row lies on the map; the rest counts as 0.
-            let (skip, from) = ((-left).max(0).unsigned_abs(), left.max(&0).unsigned_abs());
-            let mut part = [0; LANES];
-            let cells = cells.get(from as usize..).unwrap_or(&[]);
-            for (lane, cell) in part.iter_mut().skip(skip as usize).zip(cells) {
-                *lane = *cell;
-            }
-            add(&mut lanes, &part);
-        }
-        lanes
+        let lanes = sums(cells, &self.starts[..self.whole], usize::from(row) * W);
+        add_cut(lanes, grid.rows(), &self.edges[..self.cut], row)
     }
 }
 

@@ -6,6 +6,8 @@
 //! and [`packed`] says the same with four cells to a word, for a Cortex-M4, which adds two 16-bit
 //! sums at a time.
 
+use crate::grid::Grid;
+
 /// Poses that are scored side by side.
 pub(super) const LANES: usize = 32;
 
@@ -26,31 +28,111 @@ pub(super) fn sums(cells: &[u8], starts: &[u32], offset: usize) -> Sums {
     }
 }
 
-/// One 16-bit sum per lane; eight rows at a time, so that the sums are loaded and stored seldom.
+/// One 16-bit sum per lane. The plainest loop is the best one: its sums stay in registers as long
+/// as a row is found with a single comparison.
 #[inline]
 fn spread(cells: &[u8], starts: &[u32], offset: usize) -> Sums {
+    let cells = cells.get(offset..).unwrap_or(&[]);
     let mut sums = [0_u16; LANES];
-    let (groups, rest) = starts.as_chunks::<8>();
-    for group in groups {
-        let rows = group.map(|start| lanes(cells, start, offset).unwrap_or(&[0; LANES]));
-        for (lane, sum) in sums.iter_mut().enumerate() {
-            *sum += rows.iter().map(|row| u16::from(row[lane])).sum::<u16>();
-        }
-    }
-    for start in rest {
-        if let Some(row) = lanes(cells, *start, offset) {
-            add(&mut sums, row);
+    for start in starts {
+        let start = *start as usize;
+        if let Some(row) = cells.get(start..start.wrapping_add(LANES)) {
+            for (sum, cell) in sums.iter_mut().zip(row) {
+                *sum += u16::from(*cell);
+            }
         }
     }
     sums
 }
 
-/// Adds a row's cells to the lanes.
-#[inline]
-pub(super) fn add(sums: &mut Sums, row: &[u8; LANES]) {
-    for (sum, cell) in sums.iter_mut().zip(row) {
-        *sum += u16::from(*cell);
+/// A point whose window hangs over the map's edge.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Cut {
+    /// Index of its lower left cell, were the map's rows one long one that goes on to both sides.
+    start: i32,
+    /// Its lowest row.
+    low: i16,
+    /// Where in [`KEPT`] the lanes begin that lie on the map; a map narrower than they are has
+    /// none.
+    kept: Option<u8>,
+}
+
+/// Which lanes count, for windows that hang over the left edge, none, or the right one.
+static KEPT: [[u8; LANES]; 3] = [[0; LANES], [u8::MAX; LANES], [0; LANES]];
+
+impl Cut {
+    pub(super) const EMPTY: Self = Self {
+        start: 0,
+        low: 0,
+        kept: None,
+    };
+
+    /// The point whose window begins at column `left` of row `low` on a map of `width` cells.
+    #[inline]
+    pub(super) fn new(left: i32, low: i32, width: i32) -> Self {
+        const LANES: i32 = 32;
+        const {
+            assert!(
+                LANES.unsigned_abs() as usize == self::LANES,
+                "the same lanes"
+            )
+        };
+        let over = (left + LANES - width).max(0);
+        let kept = u8::try_from(LANES + left.min(0) + over).ok();
+        Self {
+            start: low * width + left,
+            low: i16::try_from(low).expect("near the map"),
+            kept: kept.filter(|_| width >= LANES),
+        }
     }
+}
+
+/// Adds row `row` of the windows of `cuts` to the lanes; what is not on the map counts as 0.
+#[inline(never)]
+pub(super) fn add_cut<const W: usize, const H: usize>(
+    mut sums: Sums,
+    cells: &[[u8; W]; H],
+    cuts: &[Cut],
+    row: u16,
+) -> Sums {
+    let flat = cells.as_flattened();
+    let offset = i32::from(row) * Grid::<W, H>::WIDTH;
+    for cut in cuts {
+        let y = (i32::from(cut.low) + i32::from(row)).cast_unsigned() as usize;
+        if y >= H {
+            continue;
+        }
+        // A start before the map becomes a huge one here.
+        let start = (cut.start + offset).cast_unsigned() as usize;
+        let lanes = flat.get(start..start.wrapping_add(LANES));
+        let kept = cut.kept.map(usize::from);
+        let kept = kept.and_then(|from| KEPT.as_flattened().get(from..from + LANES));
+        if let (Some(lanes), Some(kept)) = (lanes, kept) {
+            for ((sum, cell), kept) in sums.iter_mut().zip(lanes).zip(kept) {
+                *sum += u16::from(*cell & *kept);
+            }
+        } else {
+            let left = cut.start - i32::from(cut.low) * Grid::<W, H>::WIDTH;
+            for (sum, cell) in sums.iter_mut().zip(&part(&cells[y], left)) {
+                *sum += u16::from(*cell);
+            }
+        }
+    }
+    sums
+}
+
+/// The lanes from `left` on, where a row's end is the map's as well.
+#[cold]
+#[inline(never)]
+fn part(row: &[u8], left: i32) -> [u8; LANES] {
+    let mut part = [0; LANES];
+    let skip = left.min(0).unsigned_abs() as usize;
+    let cells = row.get(left.max(0).unsigned_abs() as usize..);
+    let cells = cells.unwrap_or(&[]);
+    for (lane, cell) in part.iter_mut().skip(skip).zip(cells) {
+        *lane = *cell;
+    }
+    part
 }
 
 /// Even and odd cells of a word as two 16-bit sums each.
@@ -109,6 +191,40 @@ mod tests {
             prop_assert_eq!(spread(&cells, &starts, offset), naive);
             prop_assert_eq!(packed(&cells, &starts, offset), naive);
             prop_assert_eq!(sums(&cells, &starts, offset), naive);
+        }
+    }
+
+    fn cut_sums_are_naive<const W: usize>(cells: &[[u8; W]; 9], corners: &[(i32, i32)], row: u16) {
+        let width = i32::try_from(W).unwrap();
+        let mut cuts = [Cut::EMPTY; 20];
+        for (cut, (left, low)) in cuts.iter_mut().zip(corners) {
+            *cut = Cut::new(*left, *low, width);
+        }
+        let cuts = &cuts[..corners.len()];
+        let sums = add_cut([7; LANES], cells, cuts, row);
+        let naive: Sums = core::array::from_fn(|lane| {
+            let lane = i32::try_from(lane).unwrap();
+            let of = |(left, low): &(i32, i32)| {
+                let y = usize::try_from(low + i32::from(row)).ok()?;
+                let x = usize::try_from(left + lane).ok()?;
+                cells.get(y)?.get(x).copied().map(u16::from)
+            };
+            7 + corners.iter().filter_map(of).sum::<u16>()
+        });
+        assert_eq!(sums, naive);
+    }
+
+    proptest! {
+        /// At all edges, on maps wider and narrower than the lanes.
+        #[test]
+        fn windows_over_the_edge_count_what_lies_on_the_map(
+            values in proptest::collection::vec(0_u8.., 9 * 40),
+            corners in proptest::collection::vec((-32_i32..42, -10_i32..12), 0..20),
+            row in 0_u16..31,
+        ) {
+            cut_sums_are_naive::<40>(values.as_chunks().0.try_into().unwrap(), &corners, row);
+            let narrow = values[..180].as_chunks().0;
+            cut_sums_are_naive::<20>(narrow.try_into().unwrap(), &corners, row);
         }
     }
 
