@@ -210,8 +210,10 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
         let wanted = usize::from(self.settings.search.points).clamp(1, most);
         self.sparse
             .set(spread(points, wanted), self.settings.resolution_mm);
-        self.dense
-            .set(spread(points, DENSE_POINTS), self.settings.resolution_mm);
+        if self.settings.mode == Mode::Core {
+            self.dense
+                .set(spread(points, DENSE_POINTS), self.settings.resolution_mm);
+        }
         let outcome = if self.scans == 0 {
             self.stay()
         } else {

@@ -1,7 +1,7 @@
 //! The seed report's Monte-Carlo search: random candidates around a base pose; in the last two
 //! thirds of the tries a better one becomes the base and halves the spread.
 
-use super::matching::{Placement, Tally, tally};
+use super::matching::{Placement, Tally, tally, whole};
 use super::random::Pcg32;
 use super::settings::{Defects, Settings};
 use crate::grid::Grid;
@@ -45,7 +45,48 @@ impl Base {
 struct Shift {
     x_mm: f32,
     y_mm: f32,
-    turn: f32,
+    turn: Turn,
+}
+
+/// A turn, with its trigonometry done.
+#[derive(Clone, Copy)]
+struct Turn {
+    angle: f32,
+    sin: f32,
+    cos: f32,
+}
+
+impl Turn {
+    #[inline]
+    fn by(degrees: f32) -> Self {
+        let angle = degrees.to_radians();
+        let (sin, cos) = small_sin_cos(angle);
+        Self { angle, sin, cos }
+    }
+}
+
+/// The turns that candidates are drawn from: whole degrees, few enough to know them all.
+struct Turns([Turn; 2 * Self::REACH]);
+
+impl Turns {
+    /// Degrees to each side.
+    const REACH: usize = 10;
+
+    fn new() -> Self {
+        let degrees = |index: usize| index as f32 - Self::REACH as f32;
+        Self(core::array::from_fn(|index| Turn::by(degrees(index))))
+    }
+
+    /// One of them, or any other where the spread is wider or none.
+    #[inline]
+    fn drawn(&self, random: &mut Pcg32, spread_deg: u32) -> Turn {
+        let degrees = offset(random, spread_deg);
+        let index = whole(degrees + Self::REACH as f32);
+        let known = usize::try_from(index)
+            .ok()
+            .and_then(|index| self.0.get(index));
+        known.copied().unwrap_or_else(|| Turn::by(degrees))
+    }
 }
 
 impl Base {
@@ -53,13 +94,13 @@ impl Base {
         Pose {
             x_mm: self.pose.x_mm + shift.x_mm,
             y_mm: self.pose.y_mm + shift.y_mm,
-            heading: normalised(self.pose.heading + shift.turn),
+            heading: normalised(self.pose.heading + shift.turn.angle),
         }
     }
 
     #[inline]
     fn placement(&self, shift: Shift, cells_per_mm: f32) -> Placement {
-        let (sin, cos) = small_sin_cos(shift.turn);
+        let Turn { sin, cos, .. } = shift.turn;
         Placement::from_parts(
             self.x_cells + shift.x_mm * cells_per_mm,
             self.y_cells + shift.y_mm * cells_per_mm,
@@ -100,11 +141,12 @@ pub(super) fn run<const W: usize, const H: usize>(
     let mut spread = u32::from(settings.search.spread_mm);
     let mut spread_deg = u32::from(settings.search.spread_deg);
     let mut on_map = u32::from(best.1.inside > 0);
+    let turns = Turns::new();
     for index in 0..tries {
         let shift = Shift {
             x_mm: offset(random, spread),
             y_mm: offset(random, spread),
-            turn: offset(random, spread_deg).to_radians(),
+            turn: turns.drawn(random, spread_deg),
         };
         let found = tally(grid.rows(), points, &base.placement(shift, cells_per_mm));
         on_map += u32::from(found.inside > 0);
