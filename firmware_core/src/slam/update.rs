@@ -8,7 +8,7 @@
 //!     robot       hit  end
 //! ```
 
-use super::matching::CellFrame;
+use super::matching::{CellFrame, whole};
 use super::settings::{Defects, Rounding};
 use crate::grid::{Grid, OBSTACLE};
 use crate::pose::Pose;
@@ -77,35 +77,64 @@ pub(super) fn draw_scan<const W: usize, const H: usize>(
 /// The cell of a place; places far off the map are brought nearer.
 fn cell((x, y): (f32, f32)) -> (i32, i32) {
     let index = |cells: f32| {
-        #[expect(clippy::cast_possible_truncation, reason = "clamped")]
-        let index = libm::floorf(cells).clamp(-9e3, 9e3) as i32;
-        index
+        let cells = cells.clamp(-9e3, 9e3);
+        let towards_zero = whole(cells);
+        towards_zero - i32::from(towards_zero as f32 > cells)
     };
     (index(x), index(y))
 }
 
-/// A line of cells: the long axis advances in every step, the short one when the error overflows.
+/// A line of cells: the long axis advances in every step, the short one when its place along it,
+/// in parts of a cell, overflows. The classic whole-number error gives the same cells, but each of
+/// its steps waits for the one before.
 struct Line {
     /// Index of the current cell.
-    at: isize,
-    long: isize,
-    short: isize,
-    error: i32,
-    straight: i32,
-    diagonal: i32,
+    at: u32,
+    /// What is added to it in a step, and more when the short axis advances.
+    straight: u32,
+    short: u32,
+    /// Place along the short axis, 32 binary places of a cell from its border, and its advance.
+    place: u32,
+    slope: u32,
 }
 
 impl Line {
-    #[inline]
-    fn step(&mut self) {
-        let crosses = self.error > 0;
-        self.at += self.long + if crosses { self.short } else { 0 };
-        self.error += if crosses {
-            self.diagonal
-        } else {
-            self.straight
-        };
+    /// The line from `at` of `long` steps along the long axis and `short` along the other, each of
+    /// which changes the index by so much.
+    fn new(at: i32, (long, long_step): (i32, i32), (short, short_step): (i32, i32)) -> Self {
+        // After i steps floor((2 i short + long - 1) / (2 long)) cells have been crossed. Rounded
+        // up, the place is too large by at most 2^-18 within the 8191 steps of a map, and the next
+        // border is 2^-16 away or farther.
+        let (long, short) = (long.unsigned_abs().max(1), short.unsigned_abs());
+        let diagonal = long == short;
+        Self {
+            at: at.cast_unsigned(),
+            straight: (long_step + if diagonal { short_step } else { 0 }).cast_unsigned(),
+            short: if diagonal { 0 } else { short_step }.cast_unsigned(),
+            place: parts(long - 1, 2 * long),
+            slope: if diagonal { 0 } else { parts(short, long) },
+        }
     }
+
+    /// The index of the next cell; a huge one before the map.
+    #[inline]
+    fn next(&mut self) -> usize {
+        let at = self.at;
+        let (place, crosses) = self.place.overflowing_add(self.slope);
+        self.place = place;
+        self.at = at
+            .wrapping_add(self.straight)
+            .wrapping_add(if crosses { self.short } else { 0 });
+        at as usize
+    }
+}
+
+/// `part / whole` with 32 binary places, rounded up; both have 16 bits, and `part` is the smaller.
+/// In two divisions of 32 bits, which a Cortex-M4 can do.
+const fn parts(part: u32, whole: u32) -> u32 {
+    let (high, rest) = ((part << 16) / whole, (part << 16) % whole);
+    let low = (rest << 16).div_ceil(whole);
+    (high << 16) + low
 }
 
 /// Draws `ray` from its start up to its end or the map's edge; nothing if it starts outside.
@@ -118,20 +147,15 @@ pub(super) fn draw<const W: usize, const H: usize>(cells: &mut [[u8; W]; H], ray
     }
     let (dx, dy) = (ray.end.0 - x, ray.end.1 - y);
     let steep = dy.abs() >= dx.abs();
+    let along_x = (dx.abs(), dx.signum());
+    let along_y = (dy.abs(), dy.signum() * width);
     let (long, short) = if steep {
-        (dy.abs(), dx.abs())
+        (along_y, along_x)
     } else {
-        (dx.abs(), dy.abs())
+        (along_x, along_y)
     };
-    let (x_step, y_step) = (dx.signum() as isize, dy.signum() as isize * W as isize);
-    let mut line = Line {
-        at: (y * width + x) as isize,
-        long: if steep { y_step } else { x_step },
-        short: if steep { x_step } else { y_step },
-        error: 2 * short - long,
-        straight: 2 * short,
-        diagonal: 2 * (short - long),
-    };
+    let mut line = Line::new(y * width + x, long, short);
+    let (long, short) = (long.0, short.0);
     let behind_hit = if steep {
         (ray.end.1 - ray.hit.1).abs()
     } else {
@@ -151,14 +175,14 @@ pub(super) fn draw<const W: usize, const H: usize>(cells: &mut [[u8; W]; H], ray
     let hole = Hole::new(long, behind_hit, ink);
     let free_steps = hole.begins_after.clamp(-1, steps);
     let cells = cells.as_flattened_mut();
-    for _ in 0..=free_steps {
-        blend(cells, &line, 0, ink);
-        line.step();
+    let keep = 256 - ink.weight;
+    for _ in 0..free_steps + 1 {
+        if let Some(cell) = cells.get_mut(line.next()) {
+            [_, *cell] = (keep * u16::from(*cell)).to_le_bytes();
+        }
     }
-    let mut value = Ramp::new(hole);
-    for _ in (free_steps + 1)..=steps {
-        blend(cells, &line, value.next(), ink);
-        line.step();
+    for flank in hole.flanks(steps) {
+        flank.draw(cells, &mut line, ink);
     }
 }
 
@@ -169,94 +193,87 @@ struct Hole {
     begins_after: i32,
     /// Steps from the hole's begin to the hit, and from the hit to its end.
     half: i32,
-    /// Height of a step, and the remainder that is spread over the steps.
-    rise: i32,
-    rest: i32,
+}
+
+/// One side of the hole, as far as it is drawn.
+struct Flank {
+    cells: i32,
+    /// Value of the first cell and its change, with 32 binary places.
+    value: u64,
+    rise: u64,
 }
 
 impl Hole {
     /// `behind_hit` cells lie between the hit and the end of a ray of `long` cells.
-    fn new(long: i32, behind_hit: i32, ink: Ink) -> Self {
-        let peak = i32::from(OBSTACLE);
-        let (half, rise, rest) = match behind_hit {
-            0 if ink.loses_short_holes => (0, 0, 0),
-            0 => (1, peak, 0),
-            half => (half, peak / half, peak % half),
+    const fn new(long: i32, behind_hit: i32, ink: Ink) -> Self {
+        let half = match behind_hit {
+            0 if ink.loses_short_holes => 0,
+            0 => 1,
+            half => half,
         };
         Self {
             begins_after: long - behind_hit - half,
             half,
-            rise,
-            rest,
         }
+    }
+
+    /// Up to 255 at the hit and down again, for the last of `steps` steps. The remainder of the
+    /// division is spread as the field code's line-drawing error does: after i steps up
+    /// floor((255 i + half / 2 - 1) / half), after i steps down 255 less
+    /// ceil((255 i - half / 2) / half). Both are kept too large by less than 2^-15, and the next
+    /// whole number is 2^-15 away or farther.
+    fn flanks(self, steps: i32) -> [Flank; 2] {
+        let half = self.half.unsigned_abs().max(1);
+        let peak = u32::from(OBSTACLE);
+        let rise = (u64::from(peak / half) << 32) + u64::from(parts(peak % half, half));
+        let error = half / 2;
+        let bottom = u64::from(parts(error.saturating_sub(1), half));
+        let top = (u64::from(peak) << 32) + u64::from(parts(error, half)) + (1 << 16);
+        // Steps of the hole before the robot, and up to the last that is drawn.
+        let first = (-1 - self.begins_after).max(0);
+        let last = (steps - self.begins_after).max(first);
+        let up = first.min(self.half);
+        let down = first.max(self.half) - self.half;
+        let passed = |cells: i32| u64::from(cells.unsigned_abs() + 1) * rise;
+        [
+            Flank {
+                cells: last.min(self.half) - up,
+                value: bottom + passed(up),
+                rise,
+            },
+            Flank {
+                cells: last.max(self.half) - self.half - down,
+                value: top.wrapping_sub(passed(down)),
+                rise: rise.wrapping_neg(),
+            },
+        ]
     }
 }
 
-/// Values along the hole: up to 255 at the hit and down again, the remainder of the division
-/// spread as a line-drawing error.
-struct Ramp {
-    hole: Hole,
-    step: i32,
-    value: i32,
-    error: i32,
-}
-
-impl Ramp {
-    /// At the hole's begin, or at the robot if that lies within the hole.
-    fn new(hole: Hole) -> Self {
-        let mut ramp = Self {
-            hole,
-            step: 0,
-            value: 0,
-            error: hole.half / 2,
-        };
-        for _ in hole.begins_after..-1 {
-            ramp.next();
-        }
-        ramp
-    }
-
+impl Flank {
     #[inline]
-    fn next(&mut self) -> u16 {
-        let Hole {
-            half, rise, rest, ..
-        } = self.hole;
-        if self.step < half {
-            self.value += rise;
-            self.error += rest;
-            if self.error > half {
-                self.value += 1;
-                self.error -= half;
-            }
-        } else {
-            self.value -= rise;
-            self.error -= rest;
-            if self.error < 0 {
-                self.value -= 1;
-                self.error += half;
+    fn draw(&self, cells: &mut [u8], line: &mut Line, ink: Ink) {
+        let mut value = self.value;
+        for _ in 0..self.cells {
+            let [.., whole, _, _, _] = value.to_le_bytes();
+            value = value.wrapping_add(self.rise);
+            if let Some(cell) = cells.get_mut(line.next()) {
+                *cell = blended(*cell, u16::from(whole), ink);
             }
         }
-        self.step += 1;
-        u16::try_from(self.value.clamp(0, 255)).expect("clamped")
     }
 }
 
+/// `old` and a part of `value`.
 #[inline]
-fn blend(cells: &mut [u8], line: &Line, value: u16, ink: Ink) {
-    let Some(cell) = usize::try_from(line.at)
-        .ok()
-        .and_then(|at| cells.get_mut(at))
-    else {
-        return;
-    };
-    let old = u16::from(*cell);
-    let mixed = (256 - ink.weight) * old + ink.weight * value;
+fn blended(old: u8, value: u16, ink: Ink) -> u8 {
+    let old = u16::from(old);
     let up = match ink.rounding {
         Rounding::Corrected if value > old => 255,
         _ => 0,
     };
-    let [_, new] = (mixed + up).to_le_bytes();
-    *cell = new;
+    let [_, new] = ((256 - ink.weight) * old + ink.weight * value + up).to_le_bytes();
+    new
 }
 
 /// Steps after which a line is still within `room` cells of its start along the short axis.
