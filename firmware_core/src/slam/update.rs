@@ -88,11 +88,11 @@ fn cell((x, y): (f32, f32)) -> (i32, i32) {
 /// in parts of a cell, overflows. The classic whole-number error gives the same cells, but each of
 /// its steps waits for the one before.
 struct Line {
-    /// Index of the current cell.
-    at: u32,
-    /// What is added to it in a step, and more when the short axis advances.
-    straight: u32,
-    short: u32,
+    /// Index of the current cell; a huge one would lie before the map.
+    at: usize,
+    /// What is added to it in a step, without and with one along the short axis.
+    straight: usize,
+    diagonal: usize,
     /// Place along the short axis, 32 binary places of a cell from its border, and its advance.
     place: u32,
     slope: u32,
@@ -101,40 +101,50 @@ struct Line {
 impl Line {
     /// The line from `at` of `long` steps along the long axis and `short` along the other, each of
     /// which changes the index by so much.
-    fn new(at: i32, (long, long_step): (i32, i32), (short, short_step): (i32, i32)) -> Self {
+    fn new(at: usize, (long, ahead): (i32, isize), (short, aside): (i32, isize)) -> Self {
         // After i steps floor((2 i short + long - 1) / (2 long)) cells have been crossed. Rounded
         // up, the place is too large by at most 2^-18 within the 8191 steps of a map, and the next
         // border is 2^-16 away or farther.
         let (long, short) = (long.unsigned_abs().max(1), short.unsigned_abs());
-        let diagonal = long == short;
+        let diagonal = (ahead + aside).cast_unsigned();
+        let is_diagonal = long == short;
         Self {
-            at: at.cast_unsigned(),
-            straight: (long_step + if diagonal { short_step } else { 0 }).cast_unsigned(),
-            short: if diagonal { 0 } else { short_step }.cast_unsigned(),
+            at,
+            straight: if is_diagonal {
+                diagonal
+            } else {
+                ahead.cast_unsigned()
+            },
+            diagonal,
             place: parts(long - 1, 2 * long),
-            slope: if diagonal { 0 } else { parts(short, long) },
+            slope: if is_diagonal { 0 } else { parts(short, long) },
         }
     }
 
-    /// The index of the next cell; a huge one before the map.
+    /// The index of the current cell; goes on to the next.
     #[inline]
     fn next(&mut self) -> usize {
         let at = self.at;
         let (place, crosses) = self.place.overflowing_add(self.slope);
         self.place = place;
-        self.at = at
-            .wrapping_add(self.straight)
-            .wrapping_add(if crosses { self.short } else { 0 });
-        at as usize
+        self.at = at.wrapping_add(if crosses {
+            self.diagonal
+        } else {
+            self.straight
+        });
+        at
     }
 }
 
 /// `part / whole` with 32 binary places, rounded up; both have 16 bits, and `part` is the smaller.
-/// In two divisions of 32 bits, which a Cortex-M4 can do.
+#[expect(clippy::cast_possible_truncation, reason = "less than one")]
 const fn parts(part: u32, whole: u32) -> u32 {
+    if cfg!(target_pointer_width = "64") {
+        return ((part as u64) << 32).div_ceil(whole as u64) as u32;
+    }
+    // In two divisions of 32 bits, which a Cortex-M4 can do.
     let (high, rest) = ((part << 16) / whole, (part << 16) % whole);
-    let low = (rest << 16).div_ceil(whole);
-    (high << 16) + low
+    (high << 16) + (rest << 16).div_ceil(whole)
 }
 
 /// Draws `ray` from its start up to its end or the map's edge; nothing if it starts outside.
@@ -147,14 +157,14 @@ pub(super) fn draw<const W: usize, const H: usize>(cells: &mut [[u8; W]; H], ray
     }
     let (dx, dy) = (ray.end.0 - x, ray.end.1 - y);
     let steep = dy.abs() >= dx.abs();
-    let along_x = (dx.abs(), dx.signum());
-    let along_y = (dy.abs(), dy.signum() * width);
+    let along_x = (dx.abs(), dx.signum() as isize);
+    let along_y = (dy.abs(), dy.signum() as isize * W.cast_signed());
     let (long, short) = if steep {
         (along_y, along_x)
     } else {
         (along_x, along_y)
     };
-    let mut line = Line::new(y * width + x, long, short);
+    let mut line = Line::new((y * width + x).unsigned_abs() as usize, long, short);
     let (long, short) = (long.0, short.0);
     let behind_hit = if steep {
         (ray.end.1 - ray.hit.1).abs()
@@ -175,15 +185,23 @@ pub(super) fn draw<const W: usize, const H: usize>(cells: &mut [[u8; W]; H], ray
     let hole = Hole::new(long, behind_hit, ink);
     let free_steps = hole.begins_after.clamp(-1, steps);
     let cells = cells.as_flattened_mut();
-    let keep = 256 - ink.weight;
-    for _ in 0..free_steps + 1 {
-        if let Some(cell) = cells.get_mut(line.next()) {
-            [_, *cell] = (keep * u16::from(*cell)).to_le_bytes();
-        }
-    }
+    line = clear(cells, line, free_steps + 1, 256 - ink.weight);
     for flank in hole.flanks(steps) {
-        flank.draw(cells, &mut line, ink);
+        line = flank.draw(cells, line, ink);
     }
+}
+
+/// Leaves `keep` parts of 256 of the next cells of a line. A function of its own, as each flank's
+/// drawing is, for its loop needs the registers.
+#[inline(never)]
+fn clear(cells: &mut [u8], mut line: Line, count: i32, keep: u16) -> Line {
+    for _ in 0..count {
+        let Some(cell) = cells.get_mut(line.next()) else {
+            break;
+        };
+        [_, *cell] = (keep * u16::from(*cell)).to_le_bytes();
+    }
+    line
 }
 
 /// The hole at the end of a ray, along its long axis.
@@ -227,8 +245,10 @@ impl Hole {
         let peak = u32::from(OBSTACLE);
         let rise = (u64::from(peak / half) << 32) + u64::from(parts(peak % half, half));
         let error = half / 2;
-        let bottom = u64::from(parts(error.saturating_sub(1), half));
-        let top = (u64::from(peak) << 32) + u64::from(parts(error, half)) + (1 << 16);
+        let shift = u64::from(parts(error, half));
+        // Less the one part of `half`, or as much of it as takes the value below.
+        let bottom = shift.saturating_sub(1 << 16);
+        let top = (u64::from(peak) << 32) + shift + (1 << 16);
         // Steps of the hole before the robot, and up to the last that is drawn.
         let first = (-1 - self.begins_after).max(0);
         let last = (steps - self.begins_after).max(first);
@@ -251,28 +271,33 @@ impl Hole {
 }
 
 impl Flank {
-    #[inline]
-    fn draw(&self, cells: &mut [u8], line: &mut Line, ink: Ink) {
+    #[inline(never)]
+    fn draw(&self, cells: &mut [u8], mut line: Line, ink: Ink) -> Line {
         let mut value = self.value;
+        let weight = i32::from(ink.weight);
+        let up = match ink.rounding {
+            Rounding::Corrected => 255,
+            Rounding::Truncating => 0,
+        };
         for _ in 0..self.cells {
-            let [.., whole, _, _, _] = value.to_le_bytes();
+            let whole = (value >> 32) as i32;
             value = value.wrapping_add(self.rise);
-            if let Some(cell) = cells.get_mut(line.next()) {
-                *cell = blended(*cell, u16::from(whole), ink);
-            }
+            let Some(cell) = cells.get_mut(line.next()) else {
+                break;
+            };
+            *cell = blended(*cell, whole, weight, up);
         }
+        line
     }
 }
 
-/// `old` and a part of `value`.
+/// `old`, moved towards `value` by `weight` parts of 256; `up` is added if that is upwards.
 #[inline]
-fn blended(old: u8, value: u16, ink: Ink) -> u8 {
-    let old = u16::from(old);
-    let up = match ink.rounding {
-        Rounding::Corrected if value > old => 255,
-        _ => 0,
-    };
-    let [_, new] = ((256 - ink.weight) * old + ink.weight * value + up).to_le_bytes();
+fn blended(old: u8, value: i32, weight: i32, up: i32) -> u8 {
+    let old = i32::from(old);
+    let way = value - old;
+    let moved = way * weight + if way > 0 { up } else { 0 };
+    let [new, ..] = (old + (moved >> 8)).to_le_bytes();
     new
 }
 
