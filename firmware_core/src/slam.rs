@@ -20,6 +20,7 @@ mod settings;
 mod trace;
 mod tracking;
 mod update;
+mod walk;
 
 use core::time::Duration;
 
@@ -78,6 +79,10 @@ pub struct Outcome {
     /// How sure the pose is.
     pub certainty: Certainty,
 }
+
+/// Whether inner loops have the forms that suit x86-64; otherwise they have those for a Cortex-M4,
+/// which give the same.
+const WIDE: bool = cfg!(all(target_arch = "x86_64", not(feature = "portable")));
 
 /// Points of the core's refinement.
 const DENSE_POINTS: usize = 180;
@@ -356,7 +361,7 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
             }
             Mode::Core => {
                 let strokes = trace::Strokes::new(weight, &self.settings);
-                trace::trace_scan(&mut self.grid, self.pose, scan, hole_cells, strokes);
+                trace::trace_scan(&mut self.grid, self.pose, scan, hole_cells, &strokes);
             }
         }
         self.scans = self.scans.saturating_add(1);

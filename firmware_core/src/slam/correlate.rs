@@ -4,7 +4,7 @@
 use super::effort::Effort;
 use super::matching::{Placement, whole};
 use super::prior::Prior;
-use super::row::{Cut, LANES, POINTS_MAX, Sums, add_cut, sums};
+use super::row::{Cut, LANES, POINTS_MAX, Sums, add_cut, pair, sums};
 use crate::grid::Grid;
 use crate::pose::{Pose, normalised};
 
@@ -48,67 +48,106 @@ pub(super) fn search<const W: usize, const H: usize>(
     let points = &points[..points.len().min(POINTS_MAX)];
     let count = super::count_u32(points.len());
     let cell_mm = grid.resolution_mm();
-    let mut best = Best {
-        pose: centre,
-        rating: i32::MIN,
-        sum: 0,
-        steps: [0; 3],
-    };
     let scale = 16.0 * points.len() as f32;
     let reach = window.reach.clamp(0, REACH_MAX);
-    let side = (2 * reach + 1).unsigned_abs();
-    let mut costs_x = [0.0; LANES];
-    for (column, cost) in (-reach..=reach).zip(&mut costs_x) {
-        let x_mm = centre.x_mm + column as f32 * cell_mm;
-        *cost = prior.deviation_x(x_mm) * prior.cost * scale;
-    }
-    let least_cost_x = costs_x[..side as usize]
-        .iter()
-        .copied()
-        .fold(f32::MAX, f32::min);
-    let in_window: Sums =
-        core::array::from_fn(|lane| if lane < side as usize { u16::MAX } else { 0 });
-    let cost_max = prior.cost_max * scale;
+    let mut contest = Contest::new(centre, cell_mm, reach, prior, scale);
     for turn in -window.turns..=window.turns {
         effort.placed(count);
-        effort.rows(side, side, count);
+        effort.rows(contest.side, contest.side, count);
         let heading = normalised(centre.heading + turn as f32 * window.turn_step);
         let placement = Placement::new(Pose { heading, ..centre }, cell_mm);
         let cost_turn = prior.deviation_heading(heading) * prior.cost * scale;
         let placed = Placed::<W, H>::new(points, &placement, reach);
-        for row in -reach..=reach {
-            let lanes = placed.sums(grid, row);
+        let mut enter = |row: i32, lanes: &Sums| {
             let y_mm = centre.y_mm + row as f32 * cell_mm;
-            let cost_row = cost_turn + prior.deviation_y(y_mm) * prior.cost * scale;
-            // No lane of the window can be better than its highest sum at its least cost.
-            let highest = lanes
-                .iter()
-                .zip(&in_window)
-                .map(|(sum, kept)| sum & kept)
-                .max();
-            let highest = 16 * highest.map_or(0, i32::from);
-            if highest - whole((cost_row + least_cost_x).min(cost_max)) <= best.rating {
-                continue;
-            }
-            for ((column, sum), cost_x) in (-reach..=reach).zip(&lanes).zip(&costs_x) {
-                let cost = whole((cost_row + cost_x).min(cost_max));
-                let rating = 16 * i32::from(*sum) - cost;
-                if rating > best.rating {
-                    best = Best {
-                        pose: Pose {
-                            x_mm: centre.x_mm + column as f32 * cell_mm,
-                            y_mm,
-                            heading,
-                        },
-                        rating,
-                        sum: u32::from(*sum),
-                        steps: [column, row, turn],
-                    };
-                }
+            let cost = cost_turn + prior.deviation_y(y_mm) * prior.cost * scale;
+            contest.enter([row, turn], [y_mm, heading], cost, lanes);
+        };
+        let mut row = -reach;
+        while row < reach {
+            let [low, high] = placed.pair(grid, row);
+            enter(row, &low);
+            enter(row + 1, &high);
+            row += 2;
+        }
+        if row == reach {
+            enter(row, &placed.sums(grid, row));
+        }
+    }
+    contest.best
+}
+
+/// Rows of poses, compared one after the other.
+struct Contest {
+    best: Best,
+    centre: Pose,
+    cell_mm: f32,
+    reach: i32,
+    /// Poses of a row.
+    side: u32,
+    /// What each of them costs for its x, and the least of it.
+    costs_x: [f32; LANES],
+    least_cost_x: f32,
+    cost_max: f32,
+    /// All bits of the lanes that are poses.
+    in_window: Sums,
+}
+
+impl Contest {
+    fn new(centre: Pose, cell_mm: f32, reach: i32, prior: &Prior, scale: f32) -> Self {
+        let side = (2 * reach + 1).unsigned_abs();
+        let mut costs_x = [0.0; LANES];
+        for (column, cost) in (-reach..=reach).zip(&mut costs_x) {
+            let x_mm = centre.x_mm + column as f32 * cell_mm;
+            *cost = prior.deviation_x(x_mm) * prior.cost * scale;
+        }
+        let of_poses = costs_x[..side as usize].iter().copied();
+        Self {
+            best: Best {
+                pose: centre,
+                rating: i32::MIN,
+                sum: 0,
+                steps: [0; 3],
+            },
+            centre,
+            cell_mm,
+            reach,
+            side,
+            least_cost_x: of_poses.fold(f32::MAX, f32::min),
+            costs_x,
+            cost_max: prior.cost_max * scale,
+            in_window: Sums::from_lanes(|lane| match lane < side as usize {
+                true => u16::MAX,
+                false => 0,
+            }),
+        }
+    }
+
+    /// Compares the poses of a row, all of which cost `cost` for their y and heading.
+    fn enter(&mut self, [row, turn]: [i32; 2], [y_mm, heading]: [f32; 2], cost: f32, lanes: &Sums) {
+        // No pose of the row can be better than its highest sum at its least cost.
+        let highest = 16 * i32::from(lanes.highest(&self.in_window));
+        if highest - whole((cost + self.least_cost_x).min(self.cost_max)) <= self.best.rating {
+            return;
+        }
+        let columns = -self.reach..=self.reach;
+        for ((column, sum), cost_x) in columns.zip(lanes.lanes()).zip(&self.costs_x) {
+            let cost = whole((cost + cost_x).min(self.cost_max));
+            let rating = 16 * i32::from(sum) - cost;
+            if rating > self.best.rating {
+                self.best = Best {
+                    pose: Pose {
+                        x_mm: self.centre.x_mm + column as f32 * self.cell_mm,
+                        y_mm,
+                        heading,
+                    },
+                    rating,
+                    sum: u32::from(sum),
+                    steps: [column, row, turn],
+                };
             }
         }
     }
-    best
 }
 
 /// Points of one heading, as places in the map.
@@ -151,10 +190,28 @@ impl<const W: usize, const H: usize> Placed<W, H> {
 
     /// Scores of the lanes of a row of the window.
     fn sums(&self, grid: &Grid<W, H>, row: i32) -> Sums {
-        let row = u16::try_from(row + self.reach).expect("within the window");
+        let row = self.row(row);
         let cells = grid.rows().as_flattened();
         let lanes = sums(cells, &self.starts[..self.whole], usize::from(row) * W);
         add_cut(lanes, grid.rows(), &self.edges[..self.cut], row)
+    }
+
+    /// Scores of the lanes of a row of the window and the next one.
+    fn pair(&self, grid: &Grid<W, H>, row: i32) -> [Sums; 2] {
+        let row = self.row(row);
+        let cells = grid.rows().as_flattened();
+        let offset = usize::from(row) * W;
+        let [low, high] = pair::<W>(cells, &self.starts[..self.whole], offset);
+        let cuts = &self.edges[..self.cut];
+        [
+            add_cut(low, grid.rows(), cuts, row),
+            add_cut(high, grid.rows(), cuts, row + 1),
+        ]
+    }
+
+    /// A row's number from the window's lowest.
+    fn row(&self, row: i32) -> u16 {
+        u16::try_from(row + self.reach).expect("within the window")
     }
 }
 

@@ -5,6 +5,7 @@
 //! coordinate of a turned and shifted point is two 16-bit products and a sum with 18 binary
 //! places: one instruction on a Cortex-M4 (SMLAD), and what SSE2 calls PMADDWD.
 
+use super::WIDE;
 use crate::grid::Grid;
 use crate::pose::{Point, Pose, sin_cos};
 use crate::scan::BEAMS;
@@ -159,7 +160,7 @@ pub(super) fn tally<const W: usize, const H: usize>(
     points: &[[i16; 2]],
     placement: &Placement,
 ) -> Tally {
-    if cfg!(target_arch = "x86_64") {
+    if WIDE {
         tally_in_blocks(cells, points, placement)
     } else {
         tally_each(cells, points, placement)

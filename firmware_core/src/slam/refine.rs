@@ -196,11 +196,7 @@ mod tests {
     /// A map drawn with sixteen beams to the degree, and a scan of 180 points without noise.
     fn seen(in_corridor: bool) -> (Grid<100, 100>, EndPoints) {
         let mut grid = Grid::new(CELL_MM);
-        let strokes = Strokes {
-            wall: 40,
-            free: 20,
-            first: 256,
-        };
+        let strokes = Strokes::of(40, 20, 256);
         let bearing = |index: u16, step: f32| f32::from(index) * step.to_radians();
         for point in (0..5760).filter_map(|index| end(bearing(index, 1.0 / 16.0), in_corridor)) {
             let hit = HERE.to_world(point);
@@ -209,7 +205,7 @@ mod tests {
                 hit: (hit.x_mm / CELL_MM, hit.y_mm / CELL_MM),
                 half_hole: 6.0,
             };
-            trace(grid.rows_mut(), &beam, strokes);
+            trace(grid.rows_mut(), &beam, &strokes);
         }
         let mut points = EndPoints::EMPTY;
         let scan = (0..180).filter_map(|index| end(bearing(index, 2.0), in_corridor));

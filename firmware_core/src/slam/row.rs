@@ -2,10 +2,11 @@
 //!
 //! Poses that differ by whole cells along x look up neighbouring cells of the same row, so one
 //! load serves [`LANES`] of them. No intrinsics are needed, and none can be had without `unsafe`:
-//! [`spread`] is written so that compilers turn it into SSE2 code (0.03 ns per look-up measured),
+//! [`Twos`] is written so that compilers turn it into SSE2 code (0.02 ns per look-up measured),
 //! and [`packed`] says the same with four cells to a word, for a Cortex-M4, which adds two 16-bit
 //! sums at a time.
 
+use super::WIDE;
 use crate::grid::Grid;
 
 /// Poses that are scored side by side.
@@ -14,35 +15,137 @@ pub(super) const LANES: usize = 32;
 /// Points that 16-bit sums can hold: 257 times 255 is 65535.
 pub(super) const POINTS_MAX: usize = 257;
 
-/// Sums of map values of neighbouring poses.
-pub(super) type Sums = [u16; LANES];
+/// Sums of map values of neighbouring poses; those of even and odd lanes apart, as they come out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Sums {
+    even: [u16; LANES / 2],
+    odd: [u16; LANES / 2],
+}
+
+impl Sums {
+    /// One after the other.
+    pub(super) fn lanes(&self) -> impl Iterator<Item = u16> {
+        self.even
+            .iter()
+            .zip(&self.odd)
+            .flat_map(|(even, odd)| [*even, *odd])
+    }
+
+    /// From one after the other.
+    pub(super) fn from_lanes(lane: impl Fn(usize) -> u16) -> Self {
+        Self {
+            even: core::array::from_fn(|index| lane(2 * index)),
+            odd: core::array::from_fn(|index| lane(2 * index + 1)),
+        }
+    }
+
+    /// The highest, of each lane only the bits in `masks`.
+    pub(super) fn highest(&self, masks: &Self) -> u16 {
+        let of = |sums: &[u16], masks: &[u16]| {
+            let kept = sums.iter().zip(masks).map(|(sum, mask)| sum & mask);
+            kept.fold(0, u16::max)
+        };
+        of(&self.even, &masks.even).max(of(&self.odd, &masks.odd))
+    }
+
+    fn add(&mut self, other: &Self) {
+        let even = self.even.iter_mut().zip(&other.even);
+        let odd = self.odd.iter_mut().zip(&other.odd);
+        even.chain(odd).for_each(|(sum, more)| *sum += more);
+    }
+}
 
 /// Adds up the cells from each of `starts`, plus `offset`, on; a row that runs over the end of the
 /// map counts as 0.
 #[inline(never)]
 pub(super) fn sums(cells: &[u8], starts: &[u32], offset: usize) -> Sums {
-    if cfg!(target_arch = "x86_64") {
+    if WIDE {
         spread(cells, starts, offset)
     } else {
         packed(cells, starts, offset)
     }
 }
 
-/// One 16-bit sum per lane. The plainest loop is the best one: its sums stay in registers as long
-/// as a row is found with a single comparison.
+/// The same for two rows, one above the other, on a map of `W` cells across; both must lie on it.
+#[inline(never)]
+pub(super) fn pair<const W: usize>(cells: &[u8], starts: &[u32], offset: usize) -> [Sums; 2] {
+    if !WIDE {
+        return [0, W].map(|above| sums(cells, starts, offset + above));
+    }
+    let cells = cells.get(offset..).unwrap_or(&[]);
+    let (mut low, mut high) = (Twos::ZERO, Twos::ZERO);
+    for start in starts {
+        let start = *start as usize;
+        if let Some(rows) = cells.get(start..start.wrapping_add(W + LANES))
+            && let (Some(row), Some(above)) = (rows.first_chunk(), rows.last_chunk())
+        {
+            low.add(row);
+            high.add(above);
+        }
+    }
+    [low.sums(), high.sums()]
+}
+
+/// One row of them.
 #[inline]
 fn spread(cells: &[u8], starts: &[u32], offset: usize) -> Sums {
     let cells = cells.get(offset..).unwrap_or(&[]);
-    let mut sums = [0_u16; LANES];
+    let mut twos = Twos::ZERO;
     for start in starts {
         let start = *start as usize;
-        if let Some(row) = cells.get(start..start.wrapping_add(LANES)) {
-            for (sum, cell) in sums.iter_mut().zip(row) {
-                *sum += u16::from(*cell);
-            }
+        let row = cells.get(start..start.wrapping_add(LANES));
+        if let Some(row) = row.and_then(|row| row.first_chunk()) {
+            twos.add(row);
         }
     }
-    sums
+    twos.sums()
+}
+
+/// Sums of cells two by two, for processors that add eight words at a time: taking cells apart is
+/// their dearest work, and half of it can wait for the end. A word of two cells is added as it is,
+/// modulo 2^16, and once more its upper cell alone; what the first sum has more than 256 times the
+/// second is the sum of the lower cells, for that is below 2^16.
+struct Twos {
+    words: [u16; LANES / 2],
+    odd: [u16; LANES / 2],
+}
+
+impl Twos {
+    const ZERO: Self = Self {
+        words: [0; LANES / 2],
+        odd: [0; LANES / 2],
+    };
+
+    #[inline]
+    fn add(&mut self, row: &[u8; LANES]) {
+        let (twos, _) = row.as_chunks::<2>();
+        for ((words, odd), two) in self.words.iter_mut().zip(&mut self.odd).zip(twos) {
+            let word = u16::from_le_bytes(*two);
+            *words = words.wrapping_add(word);
+            *odd += word >> 8;
+        }
+    }
+
+    /// The cells that have a mask of ones; the others count as 0.
+    #[inline]
+    fn add_masked(&mut self, row: &[u8; LANES], masks: &[u8; LANES]) {
+        let (twos, masks) = (row.as_chunks::<2>().0, masks.as_chunks::<2>().0);
+        let sums = self.words.iter_mut().zip(&mut self.odd);
+        for ((words, odd), (two, mask)) in sums.zip(twos.iter().zip(masks)) {
+            let word = u16::from_le_bytes(*two) & u16::from_le_bytes(*mask);
+            *words = words.wrapping_add(word);
+            *odd += word >> 8;
+        }
+    }
+
+    #[inline]
+    fn sums(&self) -> Sums {
+        let lower = |index: usize| self.words[index].wrapping_sub(self.odd[index] << 8);
+        Sums {
+            even: core::array::from_fn(lower),
+            odd: self.odd,
+        }
+    }
 }
 
 /// A point whose window hangs over the map's edge.
@@ -52,19 +155,19 @@ pub(super) struct Cut {
     start: i32,
     /// Its lowest row.
     low: i16,
-    /// Where in [`KEPT`] the lanes begin that lie on the map; a map narrower than they are has
-    /// none.
-    kept: Option<u8>,
+    /// Where in [`KEPT`] the lanes begin that lie on the map; past its end for a map narrower than
+    /// they are, which has none.
+    kept: u8,
 }
 
-/// Which lanes count, for windows that hang over the left edge, none, or the right one.
+/// Masks of the lanes that count, for windows that hang over the left edge, none, or the right one.
 static KEPT: [[u8; LANES]; 3] = [[0; LANES], [u8::MAX; LANES], [0; LANES]];
 
 impl Cut {
     pub(super) const EMPTY: Self = Self {
         start: 0,
         low: 0,
-        kept: None,
+        kept: u8::MAX,
     };
 
     /// The point whose window begins at column `left` of row `low` on a map of `width` cells.
@@ -82,7 +185,7 @@ impl Cut {
         Self {
             start: low * width + left,
             low: i16::try_from(low).expect("near the map"),
-            kept: kept.filter(|_| width >= LANES),
+            kept: kept.filter(|_| width >= LANES).unwrap_or(u8::MAX),
         }
     }
 }
@@ -95,30 +198,56 @@ pub(super) fn add_cut<const W: usize, const H: usize>(
     cuts: &[Cut],
     row: u16,
 ) -> Sums {
+    if cuts.is_empty() {
+        return sums;
+    }
     let flat = cells.as_flattened();
     let offset = i32::from(row) * Grid::<W, H>::WIDTH;
+    let masks = KEPT.as_flattened();
+    let mut twos = Twos::ZERO;
     for cut in cuts {
-        let y = (i32::from(cut.low) + i32::from(row)).cast_unsigned() as usize;
-        if y >= H {
-            continue;
-        }
-        // A start before the map becomes a huge one here.
+        // A row below the map, or the part of its first row before it, becomes a huge start here;
+        // one above the map, or the part of its last row behind it, ends too late.
         let start = (cut.start + offset).cast_unsigned() as usize;
         let lanes = flat.get(start..start.wrapping_add(LANES));
-        let kept = cut.kept.map(usize::from);
-        let kept = kept.and_then(|from| KEPT.as_flattened().get(from..from + LANES));
-        if let (Some(lanes), Some(kept)) = (lanes, kept) {
-            for ((sum, cell), kept) in sums.iter_mut().zip(lanes).zip(kept) {
-                *sum += u16::from(*cell & *kept);
-            }
-        } else {
-            let left = cut.start - i32::from(cut.low) * Grid::<W, H>::WIDTH;
-            for (sum, cell) in sums.iter_mut().zip(&part(&cells[y], left)) {
-                *sum += u16::from(*cell);
-            }
+        let kept = usize::from(cut.kept);
+        let kept = masks.get(kept..kept.wrapping_add(LANES));
+        if let Some(lanes) = lanes.and_then(|lanes| lanes.first_chunk())
+            && let Some(kept) = kept.and_then(|kept| kept.first_chunk())
+        {
+            twos.add_masked(lanes, kept);
+        }
+    }
+    sums.add(&twos.sums());
+    // Where a row's end is the map's as well.
+    let row = i16::try_from(row).expect("within the window");
+    for cut in cuts {
+        let y = cut.low + row;
+        let y = usize::from(y.cast_unsigned());
+        if (y == 0 || y == H - 1) || (W < LANES && y < H) {
+            add_end(&mut sums, cells, cut, y);
         }
     }
     sums
+}
+
+/// Adds the lanes of a cut row that [`add_cut`]'s loop could not reach.
+#[cold]
+#[inline(never)]
+fn add_end<const W: usize, const H: usize>(
+    sums: &mut Sums,
+    cells: &[[u8; W]; H],
+    cut: &Cut,
+    y: usize,
+) {
+    let left = cut.start - i32::from(cut.low) * Grid::<W, H>::WIDTH;
+    let starts_inside = y > 0 || left >= 0;
+    let ends_inside = y + 1 < H || left + 32 <= Grid::<W, H>::WIDTH;
+    if W >= LANES && starts_inside && ends_inside {
+        return;
+    }
+    let part = part(&cells[y], left);
+    sums.add(&Sums::from_lanes(|lane| u16::from(part[lane])));
 }
 
 /// The lanes from `left` on, where a row's end is the map's as well.
@@ -156,13 +285,22 @@ fn packed(cells: &[u8], starts: &[u32], offset: usize) -> Sums {
             *odd += (word >> 8) & EVEN;
         }
     }
-    let mut sums = [0; LANES];
-    for ((even, odd), sums) in even.iter().zip(odd).zip(sums.as_chunks_mut::<4>().0) {
-        let [a0, a1, c0, c1] = even.to_le_bytes();
-        let [b0, b1, d0, d1] = odd.to_le_bytes();
-        *sums = [[a0, a1], [b0, b1], [c0, c1], [d0, d1]].map(u16::from_le_bytes);
+    let halves = |word: u32| {
+        let [a, b, c, d] = word.to_le_bytes();
+        [[a, b], [c, d]].map(u16::from_le_bytes)
+    };
+    let apart = |words: [u32; WORDS]| {
+        let mut sums = [0; LANES / 2];
+        let (twos, _) = sums.as_chunks_mut();
+        for (two, word) in twos.iter_mut().zip(words) {
+            *two = halves(word);
+        }
+        sums
+    };
+    Sums {
+        even: apart(even),
+        odd: apart(odd),
     }
-    sums
 }
 
 #[inline]
@@ -183,7 +321,7 @@ mod tests {
             starts in proptest::collection::vec(0_u32..800, 0..POINTS_MAX),
             offset in 0_usize..200,
         ) {
-            let naive: Sums = core::array::from_fn(|lane| {
+            let naive = Sums::from_lanes(|lane| {
                 let whole = starts.iter().map(|start| *start as usize + offset);
                 let whole = whole.filter(|start| start + LANES <= cells.len());
                 whole.map(|start| u16::from(cells[start + lane])).sum()
@@ -191,6 +329,17 @@ mod tests {
             prop_assert_eq!(spread(&cells, &starts, offset), naive);
             prop_assert_eq!(packed(&cells, &starts, offset), naive);
             prop_assert_eq!(sums(&cells, &starts, offset), naive);
+        }
+
+        /// Two rows at once are two rows.
+        #[test]
+        fn a_pair_of_rows_has_the_sums_of_both(
+            cells in proptest::collection::vec(0_u8.., 700),
+            starts in proptest::collection::vec(0_u32..500, 0..POINTS_MAX),
+            offset in 0_usize..100,
+        ) {
+            let rows = [0, 70].map(|above| packed(&cells, &starts, offset + above));
+            prop_assert_eq!(pair::<70>(&cells, &starts, offset), rows);
         }
     }
 
@@ -201,8 +350,8 @@ mod tests {
             *cut = Cut::new(*left, *low, width);
         }
         let cuts = &cuts[..corners.len()];
-        let sums = add_cut([7; LANES], cells, cuts, row);
-        let naive: Sums = core::array::from_fn(|lane| {
+        let sums = add_cut(Sums::from_lanes(|_| 7), cells, cuts, row);
+        let naive = Sums::from_lanes(|lane| {
             let lane = i32::try_from(lane).unwrap();
             let of = |(left, low): &(i32, i32)| {
                 let y = usize::try_from(low + i32::from(row)).ok()?;
@@ -231,7 +380,13 @@ mod tests {
     #[test]
     fn the_most_points_of_the_highest_value_do_not_overflow() {
         let starts = [0; POINTS_MAX];
-        assert_eq!(sums(&[255; LANES], &starts, 0), [u16::MAX; LANES]);
-        assert_eq!(packed(&[255; LANES], &starts, 0), [u16::MAX; LANES]);
+        assert_eq!(
+            sums(&[255; LANES], &starts, 0),
+            Sums::from_lanes(|_| u16::MAX)
+        );
+        assert_eq!(
+            packed(&[255; LANES], &starts, 0),
+            Sums::from_lanes(|_| u16::MAX)
+        );
     }
 }

@@ -6,19 +6,20 @@ use core::cmp::Ordering;
 
 use super::matching::{CellFrame, whole};
 use super::settings::Settings;
+use super::walk::{Walk, faded};
 use crate::grid::{Grid, UNKNOWN};
 use crate::pose::Pose;
 use crate::scan::Scan;
 
 /// How strongly rays are drawn, each of 256.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Strokes {
     /// The hole around a beam's end.
-    pub(super) wall: u16,
-    /// The free way to it.
-    pub(super) free: u16,
+    wall: i32,
     /// Either, on a cell that was never drawn.
-    pub(super) first: u16,
+    first: i32,
+    /// What becomes of a cell on the free way.
+    free: [u8; 256],
 }
 
 impl Strokes {
@@ -28,10 +29,21 @@ impl Strokes {
             let scaled = u32::from(of) * u32::from(weight) / u32::from(settings.weight.max(1));
             u16::try_from(scaled.clamp(1, 256)).expect("clamped")
         };
+        Self::of(
+            weight,
+            part(settings.free_weight),
+            part(settings.first_weight),
+        )
+    }
+
+    /// The hole, the free way to it, and either on a cell that was never drawn.
+    pub(super) fn of(wall: u16, free: u16, first: u16) -> Self {
+        let mut then = faded(free);
+        then[usize::from(UNKNOWN)] = faded(first)[usize::from(UNKNOWN)];
         Self {
-            wall: weight,
-            free: part(settings.free_weight),
-            first: part(settings.first_weight),
+            wall: i32::from(wall),
+            first: i32::from(first),
+            free: then,
         }
     }
 }
@@ -42,7 +54,7 @@ pub(super) fn trace_scan<const W: usize, const H: usize>(
     pose: Pose,
     scan: &Scan,
     hole_cells: f32,
-    strokes: Strokes,
+    strokes: &Strokes,
 ) {
     let frame = CellFrame::new(pose, grid.resolution_mm());
     for (point, beam) in scan.points().iter().zip(scan.beams()) {
@@ -75,17 +87,17 @@ const EDGE: f32 = 0.01;
 pub(super) fn trace<const W: usize, const H: usize>(
     cells: &mut [[u8; W]; H],
     beam: &Beam,
-    strokes: Strokes,
+    strokes: &Strokes,
 ) {
     let (dx, dy) = (beam.hit.0 - beam.from.0, beam.hit.1 - beam.from.1);
     let cells = cells.as_flattened_mut();
     if dx.abs() >= dy.abs() {
         let line = Line::new(beam.from, (dx, dy), beam.half_hole, (W, H));
-        line.draw(strokes, |long, short| short * W + long, cells);
+        line.draw(strokes, (1, W), cells);
     } else {
         let swapped = (beam.from.1, beam.from.0);
         let line = Line::new(swapped, (dy, dx), beam.half_hole, (H, W));
-        line.draw(strokes, |long, short| long * W + short, cells);
+        line.draw(strokes, (W, 1), cells);
     }
 }
 
@@ -152,9 +164,9 @@ impl Line {
             return nothing;
         }
         // The first cell whose middle is passed, the first with a share of the hole, the last.
-        let first = libm::ceilf(enter - 0.5);
-        let last = libm::ceilf(leave - 0.5) - 1.0;
-        let hole_from = libm::ceilf(hit - half - 0.5).max(first);
+        let first = ceil(enter - 0.5);
+        let last = ceil(leave - 0.5) - 1.0;
+        let hole_from = ceil(hit - half - 0.5).max(first);
         if last < first {
             return nothing;
         }
@@ -173,54 +185,61 @@ impl Line {
         }
     }
 
-    #[inline]
-    fn draw(&self, strokes: Strokes, index: impl Fn(usize, usize) -> usize, cells: &mut [u8]) {
-        let (mut long, mut short) = (self.first, self.short);
-        let mut next = || {
-            // Neither is ever negative on the map; elsewhere the index is caught below.
-            let (row, column) = (long.cast_unsigned(), short.cast_unsigned() >> BITS);
-            long = long.wrapping_add(self.step);
-            short = short.wrapping_add(self.slope);
-            index(row as usize, column as usize)
-        };
-        let (first, again) = (256 - strokes.first, 256 - strokes.free);
-        for _ in 0..self.free {
-            if let Some(cell) = cells.get_mut(next()) {
-                let keep = if *cell == UNKNOWN { first } else { again };
-                [_, *cell] = (keep * u16::from(*cell)).to_le_bytes();
-            }
-        }
+    fn draw(&self, strokes: &Strokes, strides: (usize, usize), cells: &mut [u8]) {
+        let mut walk = self.walk(strides);
+        walk.map(cells, self.free, &strokes.free);
         let peak = 255 << BITS;
         let mut value = self.value;
         for _ in 0..self.hole {
-            let height = if value > peak {
-                2 * peak - value
-            } else {
-                value
-            };
-            let height = u16::try_from((height >> BITS).clamp(0, 255)).expect("clamped");
+            let height = (peak - (value - peak).abs()).max(0) >> BITS;
             value += self.rise;
-            if let Some(cell) = cells.get_mut(next()) {
-                *cell = blended(
-                    *cell,
-                    height,
-                    if *cell == UNKNOWN {
-                        strokes.first
-                    } else {
-                        strokes.wall
-                    },
-                );
+            if let Some(cell) = cells.get_mut(walk.next()) {
+                let weight = if *cell == UNKNOWN {
+                    &strokes.first
+                } else {
+                    &strokes.wall
+                };
+                *cell = blended(*cell, height, *weight);
             }
         }
+    }
+
+    /// The way of the beam on a map whose cells lie so far apart along its long and its short axis.
+    /// On the map no place is negative; elsewhere the index becomes a huge one.
+    fn walk(&self, (ahead, aside): (usize, usize)) -> Walk {
+        let first = self.first.cast_unsigned() as usize;
+        let fixed = |short: i32| (i64::from(short) << (32 - BITS)).cast_unsigned();
+        Walk {
+            along: first.wrapping_mul(ahead),
+            ahead: if self.step > 0 {
+                ahead
+            } else {
+                ahead.wrapping_neg()
+            },
+            across: fixed(self.short),
+            slope: fixed(self.slope),
+            aside,
+        }
+    }
+}
+
+/// The next whole number, of places on a map and near it.
+#[inline]
+fn ceil(value: f32) -> f32 {
+    let towards_zero = whole(value) as f32;
+    if towards_zero < value {
+        towards_zero + 1.0
+    } else {
+        towards_zero
     }
 }
 
 /// Moves `old` towards `value` by `weight` parts of 256, rounded towards the value.
 #[inline]
-fn blended(old: u8, value: u16, weight: u16) -> u8 {
-    let old = u16::from(old);
-    let up = if value > old { 255 } else { 0 };
-    let [_, new] = ((256 - weight) * old + weight * value + up).to_le_bytes();
+fn blended(old: u8, value: i32, weight: i32) -> u8 {
+    let way = value - i32::from(old);
+    let up = if way > 0 { 255 } else { 0 };
+    let [new, ..] = (i32::from(old) + ((way * weight + up) >> 8)).to_le_bytes();
     new
 }
 
@@ -229,11 +248,9 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const BLACK: Strokes = Strokes {
-        wall: 256,
-        free: 256,
-        first: 256,
-    };
+    fn black() -> Strokes {
+        Strokes::of(256, 256, 256)
+    }
 
     /// A beam along x from the middle of cell 2, wall a quarter into cell 10, half a hole of four
     /// cells: 255 less 63.75 for each cell between a cell's middle and the wall.
@@ -245,7 +262,7 @@ mod tests {
             hit: (10.25, 1.5),
             half_hole: 4.0,
         };
-        trace(&mut cells, &beam, BLACK);
+        trace(&mut cells, &beam, &black());
         assert_eq!(cells[1][..7], [7, 7, 0, 0, 0, 0, 15]);
         assert_eq!(cells[1][7..], [79, 143, 207, 239, 175, 111, 47, 7, 7]);
         assert_eq!([cells[0], cells[2]], [[7; 16]; 2]);
@@ -260,15 +277,7 @@ mod tests {
             hit: (7.5, 0.5),
             half_hole: 1.0,
         };
-        trace(
-            &mut cells,
-            &beam,
-            Strokes {
-                wall: 40,
-                free: 64,
-                first: 128,
-            },
-        );
+        trace(&mut cells, &beam, &Strokes::of(40, 64, 128));
         assert_eq!(cells[0], [63, 63, 63, 75, 63, 63, 63, 191]);
     }
 
@@ -291,7 +300,7 @@ mod tests {
                     hit,
                     half_hole: 6.0,
                 },
-                BLACK,
+                &black(),
             );
             assert_eq!(cells, [[9; 8]; 8], "{hit:?}");
         }
@@ -310,7 +319,7 @@ mod tests {
         ) {
             let beam = Beam { from: (fx, fy), hit: (hx, hy), half_hole: half };
             let mut cells = [[9; 40]; 30];
-            trace(&mut cells, &beam, BLACK);
+            trace(&mut cells, &beam, &black());
             let [fx, fy, hx, hy, half] = [fx, fy, hx, hy, half].map(f64::from);
             let (dx, dy) = (hx - fx, hy - fy);
             let length = dx.hypot(dy);

@@ -8,8 +8,10 @@
 //!     robot       hit  end
 //! ```
 
+use super::WIDE;
 use super::matching::{CellFrame, whole};
 use super::settings::{Defects, Rounding};
+use super::walk::{Walk, faded};
 use crate::grid::{Grid, OBSTACLE};
 use crate::pose::Pose;
 use crate::scan::Scan;
@@ -56,6 +58,7 @@ pub(super) fn draw_scan<const W: usize, const H: usize>(
     ink: Ink,
 ) {
     let frame = CellFrame::new(pose, grid.resolution_mm());
+    let mut brush = Brush::new(ink);
     for (point, beam) in scan.points().iter().zip(scan.beams()) {
         let (from, hit) = (frame.place(scan.origin(*beam)), frame.place(*point));
         let (dx, dy) = (hit.0 - from.0, hit.1 - from.1);
@@ -70,7 +73,7 @@ pub(super) fn draw_scan<const W: usize, const H: usize>(
             hit: cell(hit),
             end: cell(end),
         };
-        draw(grid.rows_mut(), &ray, ink);
+        draw(grid.rows_mut(), &ray, ink, &mut brush);
     }
 }
 
@@ -84,63 +87,37 @@ fn cell((x, y): (f32, f32)) -> (i32, i32) {
     (index(x), index(y))
 }
 
-/// A line of cells: the long axis advances in every step, the short one when its place along it,
-/// in parts of a cell, overflows. The classic whole-number error gives the same cells, but each of
-/// its steps waits for the one before.
-struct Line {
-    /// Index of the current cell; a huge one would lie before the map.
-    at: usize,
-    /// What is added to it in a step, without and with one along the short axis.
-    straight: usize,
-    diagonal: usize,
-    /// Place along the short axis, 32 binary places of a cell from its border, and its advance.
-    place: u32,
-    slope: u32,
-}
-
-impl Line {
-    /// The line from `at` of `long` steps along the long axis and `short` along the other, each of
-    /// which changes the index by so much.
-    fn new(at: usize, (long, ahead): (i32, isize), (short, aside): (i32, isize)) -> Self {
-        // After i steps floor((2 i short + long - 1) / (2 long)) cells have been crossed. Rounded
-        // up, the place is too large by at most 2^-18 within the 8191 steps of a map, and the next
-        // border is 2^-16 away or farther.
-        let (long, short) = (long.unsigned_abs().max(1), short.unsigned_abs());
-        let diagonal = (ahead + aside).cast_unsigned();
-        let is_diagonal = long == short;
-        Self {
-            at,
-            straight: if is_diagonal {
-                diagonal
-            } else {
-                ahead.cast_unsigned()
-            },
-            diagonal,
-            place: parts(long - 1, 2 * long),
-            slope: if is_diagonal { 0 } else { parts(short, long) },
-        }
-    }
-
-    /// The index of the current cell; goes on to the next.
-    #[inline]
-    fn next(&mut self) -> usize {
-        let at = self.at;
-        let (place, crosses) = self.place.overflowing_add(self.slope);
-        self.place = place;
-        self.at = at.wrapping_add(if crosses {
-            self.diagonal
-        } else {
-            self.straight
-        });
-        at
+/// The walk from `at` of `long` steps along the long axis and `short` along the other, each of
+/// which changes the index by so much.
+fn walk(at: usize, (long, ahead): (i32, isize), (short, aside): (i32, isize)) -> Walk {
+    // After i steps floor((2 i short + long - 1) / (2 long)) cells have been crossed. Rounded up,
+    // the place is too large by at most 2^-18 within the 8191 steps of a map, and the next border
+    // is 2^-16 away or farther. At the start it is a half less half a step's share.
+    let (long, short) = (long.unsigned_abs().max(1), short.unsigned_abs());
+    let slope = match long == short {
+        true => 1 << 32,
+        false => u64::from(parts(short, long)),
+    };
+    Walk {
+        along: at,
+        ahead: ahead.cast_unsigned(),
+        across: u64::from((1 << 31) - (1_u32 << 31) / long),
+        slope,
+        aside: aside.cast_unsigned(),
     }
 }
 
 /// `part / whole` with 32 binary places, rounded up; both have 16 bits, and `part` is the smaller.
 #[expect(clippy::cast_possible_truncation, reason = "less than one")]
-const fn parts(part: u32, whole: u32) -> u32 {
-    if cfg!(target_pointer_width = "64") {
-        return ((part as u64) << 32).div_ceil(whole as u64) as u32;
+#[expect(clippy::cast_sign_loss, reason = "of positive numbers")]
+fn parts(part: u32, whole: u32) -> u32 {
+    if WIDE {
+        // In double precision, where a division takes half as long as one of 64-bit numbers. It is
+        // right to 2^-20, and no quotient is nearer to a whole number than 2^-16 but those that are
+        // one.
+        let quotient = f64::from(part) * (1_u64 << 32) as f64 / f64::from(whole);
+        let down = quotient as u64 as u32;
+        return down + u32::from(f64::from(down) < quotient);
     }
     // In two divisions of 32 bits, which a Cortex-M4 can do.
     let (high, rest) = ((part << 16) / whole, (part << 16) % whole);
@@ -149,7 +126,12 @@ const fn parts(part: u32, whole: u32) -> u32 {
 
 /// Draws `ray` from its start up to its end or the map's edge; nothing if it starts outside.
 #[expect(clippy::cast_possible_truncation, reason = "sizes <= 8191")]
-pub(super) fn draw<const W: usize, const H: usize>(cells: &mut [[u8; W]; H], ray: &Ray, ink: Ink) {
+pub(super) fn draw<const W: usize, const H: usize>(
+    cells: &mut [[u8; W]; H],
+    ray: &Ray,
+    ink: Ink,
+    brush: &mut Brush,
+) {
     let (x, y) = ray.from;
     let (width, height) = (W as i32, H as i32);
     if x < 0 || x >= width || y < 0 || y >= height {
@@ -164,7 +146,7 @@ pub(super) fn draw<const W: usize, const H: usize>(cells: &mut [[u8; W]; H], ray
     } else {
         (along_x, along_y)
     };
-    let mut line = Line::new((y * width + x).unsigned_abs() as usize, long, short);
+    let mut line = walk((y * width + x).unsigned_abs() as usize, long, short);
     let (long, short) = (long.0, short.0);
     let behind_hit = if steep {
         (ray.end.1 - ray.hit.1).abs()
@@ -185,23 +167,48 @@ pub(super) fn draw<const W: usize, const H: usize>(cells: &mut [[u8; W]; H], ray
     let hole = Hole::new(long, behind_hit, ink);
     let free_steps = hole.begins_after.clamp(-1, steps);
     let cells = cells.as_flattened_mut();
-    line = clear(cells, line, free_steps + 1, 256 - ink.weight);
-    for flank in hole.flanks(steps) {
+    line.map(cells, free_steps + 1, &brush.free);
+    for flank in hole.flanks(steps, &mut brush.slopes) {
         line = flank.draw(cells, line, ink);
     }
 }
 
-/// Leaves `keep` parts of 256 of the next cells of a line. A function of its own, as each flank's
-/// drawing is, for its loop needs the registers.
-#[inline(never)]
-fn clear(cells: &mut [u8], mut line: Line, count: i32, keep: u16) -> Line {
-    for _ in 0..count {
-        let Some(cell) = cells.get_mut(line.next()) else {
-            break;
-        };
-        [_, *cell] = (keep * u16::from(*cell)).to_le_bytes();
+/// What the rays of a scan have in common.
+pub(super) struct Brush {
+    /// What becomes of a cell on the free way.
+    free: [u8; 256],
+    /// Those of the hole drawn last.
+    slopes: Slopes,
+}
+
+impl Brush {
+    pub(super) fn new(ink: Ink) -> Self {
+        Self {
+            free: faded(ink.weight),
+            slopes: Slopes::new(1),
+        }
     }
-    line
+}
+
+/// The slopes of a hole.
+#[derive(Clone, Copy)]
+struct Slopes {
+    half: u32,
+    /// Change of the value per cell and its first part, with 32 binary places.
+    rise: u64,
+    shift: u64,
+}
+
+impl Slopes {
+    /// Those of a hole of `half` cells to each side, at least one.
+    fn new(half: u32) -> Self {
+        let peak = u32::from(OBSTACLE);
+        Self {
+            half,
+            rise: (u64::from(peak / half) << 32) + u64::from(parts(peak % half, half)),
+            shift: u64::from(parts(half / 2, half)),
+        }
+    }
 }
 
 /// The hole at the end of a ray, along its long axis.
@@ -240,12 +247,13 @@ impl Hole {
     /// floor((255 i + half / 2 - 1) / half), after i steps down 255 less
     /// ceil((255 i - half / 2) / half). Both are kept too large by less than 2^-15, and the next
     /// whole number is 2^-15 away or farther.
-    fn flanks(self, steps: i32) -> [Flank; 2] {
+    fn flanks(self, steps: i32, slopes: &mut Slopes) -> [Flank; 2] {
         let half = self.half.unsigned_abs().max(1);
+        if slopes.half != half {
+            *slopes = Slopes::new(half);
+        }
+        let Slopes { rise, shift, .. } = *slopes;
         let peak = u32::from(OBSTACLE);
-        let rise = (u64::from(peak / half) << 32) + u64::from(parts(peak % half, half));
-        let error = half / 2;
-        let shift = u64::from(parts(error, half));
         // Less the one part of `half`, or as much of it as takes the value below.
         let bottom = shift.saturating_sub(1 << 16);
         let top = (u64::from(peak) << 32) + shift + (1 << 16);
@@ -272,7 +280,7 @@ impl Hole {
 
 impl Flank {
     #[inline(never)]
-    fn draw(&self, cells: &mut [u8], mut line: Line, ink: Ink) -> Line {
+    fn draw(&self, cells: &mut [u8], mut line: Walk, ink: Ink) -> Walk {
         let mut value = self.value;
         let weight = i32::from(ink.weight);
         let up = match ink.rounding {
@@ -324,7 +332,7 @@ mod tests {
 
     fn row<const N: usize>(ray: &Ray, ink: Ink, start: u8) -> [u8; N] {
         let mut cells = [[start; N]; 3];
-        draw(&mut cells, ray, ink);
+        draw(&mut cells, ray, ink, &mut Brush::new(ink));
         cells[1]
     }
 
@@ -362,7 +370,8 @@ mod tests {
                 ..BLACK
             };
             let mut cells = [[UNKNOWN; 3]; 3];
-            (0..5000).for_each(|_| draw(&mut cells, &along_x(0, 1, 2), ink));
+            let mut brush = Brush::new(ink);
+            (0..5000).for_each(|_| draw(&mut cells, &along_x(0, 1, 2), ink, &mut brush));
             cells[1][1]
         };
         let fielded =
@@ -473,7 +482,7 @@ mod tests {
             let rounding = if corrected { Rounding::Corrected } else { Rounding::Truncating };
             let ink = Ink { weight, rounding, loses_short_holes: false };
             let (mut cells, mut truth) = ([[start; 40]; 30], [[start; 40]; 30]);
-            draw(&mut cells, &ray, ink);
+            draw(&mut cells, &ray, ink, &mut Brush::new(ink));
             naive(&mut truth, &ray, ink);
             prop_assert!(cells == truth);
         }
@@ -487,7 +496,7 @@ mod tests {
             hit: (9000, -9000),
             end: (9000, -9000),
         };
-        draw(grid.rows_mut(), &ray, BLACK);
+        draw(grid.rows_mut(), &ray, BLACK, &mut Brush::new(BLACK));
         // 150 rows down at a slope of 9150 : 8850, so 145 columns on.
         assert_eq!(
             (grid.get(295, 0), grid.get(296, 0)),
