@@ -26,7 +26,7 @@ use core::time::Duration;
 
 pub use budget::Budget;
 pub use settings::{
-    DEFAULT_CELL_MM, Defects, Mode, MotionNoise, Pushes, Rounding, Search, Settings,
+    DEFAULT_CELL_MM, Defects, Keyframes, Mode, MotionNoise, Pushes, Rounding, Search, Settings,
 };
 
 use crate::grid::{Grid, SIDE};
@@ -92,6 +92,14 @@ const DOUBTS_MAX: u8 = 2;
 const SETTLED: f32 = 0.85;
 /// Scans that need not fit well after a push; then the world has changed as well.
 const UNSETTLED_MAX: u8 = 5;
+/// A robot whose wheels have gone less than this since the scan drawn last rests.
+const AT_REST_CELLS: f32 = 0.1;
+const AT_REST_RAD: f32 = 0.005;
+/// How far a pose is off that was found in scans which a push smeared.
+const UNSETTLED_CELLS: f32 = 3.0;
+const UNSETTLED_RAD: f32 = 0.02;
+/// How far from its prediction the pose is found at most when the push is over.
+const SETTLED_CELLS: f32 = 2.0;
 /// Agreement that a lost robot's new place must have.
 const FOUND_AGAIN: f32 = 0.75;
 
@@ -112,6 +120,11 @@ pub struct Mapper<const W: usize = SIDE, const H: usize = SIDE> {
     /// Scans since the robot was found elsewhere, until one fits there.
     unsettled: Option<u8>,
     scans: u32,
+    /// Where the last scan was drawn, and since then: scans, way and turns by the wheels.
+    drawn_at: Pose,
+    since_drawn: u8,
+    driven_mm: f32,
+    driven_rad: f32,
 }
 
 impl<const W: usize, const H: usize> Mapper<W, H> {
@@ -129,6 +142,10 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
             doubts: 0,
             unsettled: None,
             scans: 0,
+            drawn_at: settings.start,
+            since_drawn: 0,
+            driven_mm: 0.0,
+            driven_rad: 0.0,
             settings,
         }
     }
@@ -177,6 +194,8 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
             self.pose = self.pose.then(change);
         }
         self.travel.add(change);
+        self.driven_mm += change.distance_mm();
+        self.driven_rad += change.turn.abs();
     }
 
     /// The robot may have moved by about so much without the odometry's knowing, for instance
@@ -186,15 +205,38 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
     }
 
     /// Finds the pose at which `scan` fits the map, and draws the scan from there, unless it
-    /// contradicts the map. `wheel_speeds` (left, right; ticks per 40 ms) tell how fast the robot
-    /// turns: a turning robot's scan is drawn more weakly.
+    /// contradicts the map or tells it nothing new. `wheel_speeds` (left, right; ticks per 40 ms)
+    /// tell how fast the robot turns: a turning robot's scan is drawn more weakly.
     pub fn integrate(&mut self, scan: &Scan, wheel_speeds: [i16; 2]) -> Outcome {
         self.pose = self.pose.then(core::mem::take(&mut self.saved_up));
         let outcome = self.locate(scan);
-        if outcome.certainty == Certainty::Sure {
+        self.since_drawn = self.since_drawn.saturating_add(1);
+        if outcome.certainty == Certainty::Sure && self.is_worth_drawing(outcome.pose) {
             self.draw(scan, wheel_speeds);
         }
         outcome
+    }
+
+    /// Whether the map gains by a scan that was taken at `pose`.
+    fn is_worth_drawing(&self, pose: Pose) -> bool {
+        let rule = &self.settings.keyframes;
+        // A pose sticks to a map that was drawn at rest, the more so the oftener: that the robot
+        // begins to move, only the wheels say in time; that it was pushed, only the pose.
+        let way = self.drawn_at.change_to(pose);
+        let cells = way.distance_mm().max(self.driven_mm) / self.settings.resolution_mm;
+        let turn = way.turn.abs().max(self.driven_rad);
+        let rests = self.driven_mm < AT_REST_CELLS * self.settings.resolution_mm
+            && self.driven_rad < AT_REST_RAD;
+        let patience = match rests {
+            true if self.scans < rule.first => 1,
+            true => rule.at_rest,
+            false => rule.at_most,
+        };
+        self.settings.mode == Mode::Document
+            || self.scans == 0
+            || self.since_drawn >= patience
+            || cells >= rule.cells
+            || turn >= rule.turn
     }
 
     /// Finds the pose at which `scan` fits the map, without drawing it.
@@ -296,6 +338,10 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
     }
 
     fn track(&mut self) -> Outcome {
+        if self.unsettled.is_some() {
+            let unseen_mm = UNSETTLED_CELLS * self.settings.resolution_mm;
+            self.travel.doubt(unseen_mm, UNSETTLED_RAD);
+        }
         let Settings {
             motion,
             resolution_mm,
@@ -314,7 +360,9 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
         let mut certainty = Certainty::Sure;
         if place.evidence.agreement() >= DOUBTFUL {
             self.doubts = 0;
-            self.unsettled = unsettled_by(&place, self.unsettled);
+            let rest_mm = SETTLED_CELLS * self.settings.resolution_mm;
+            let is_at_rest = self.pose.change_to(place.pose).distance_mm() <= rest_mm;
+            self.unsettled = unsettled_by(&place, is_at_rest, self.unsettled);
             if self.unsettled.is_some() {
                 certainty = Certainty::Moved;
             }
@@ -365,13 +413,18 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
             }
         }
         self.scans = self.scans.saturating_add(1);
+        self.drawn_at = self.pose;
+        self.since_drawn = 0;
+        self.driven_mm = 0.0;
+        self.driven_rad = 0.0;
     }
 }
 
 /// Scans since the robot was found elsewhere, after one more that belongs at `place`; `None` if it
-/// is where it was believed to be.
-fn unsettled_by(place: &tracking::Place, before: Option<u8>) -> Option<u8> {
-    if place.is_elsewhere {
+/// is where it was believed to be. A robot that goes on moving without its wheels is being pushed
+/// still.
+fn unsettled_by(place: &tracking::Place, is_at_rest: bool, before: Option<u8>) -> Option<u8> {
+    if place.is_elsewhere || (before.is_some() && !is_at_rest) {
         return Some(0);
     }
     let fits = place.evidence.agreement() >= SETTLED;

@@ -138,14 +138,14 @@ fn s3_a_push_of_400_mm_is_made_good_in_six_searches() {
     assert!(errors[4] < 100.0, "{errors:?}");
 }
 
-/// The same push with the mapper that the robot has by default: within two searches, and nearer;
-/// of seeds 0 to 19, 19 are within 15 mm.
+/// The same push with the mapper that the robot has by default: within two searches, and nearer,
+/// with every seed: 0.3 to 6.5 mm were measured.
 #[test]
 fn s3_the_default_mapper_is_there_after_two_searches() {
-    let errors: Vec<f64> = (1..=10)
+    let errors: Vec<f64> = (0..20)
         .map(|seed| error_after_push("best", seed, 2))
         .collect();
-    assert!(errors.iter().all(|error| *error < 20.0), "{errors:?}");
+    assert!(errors.iter().all(|error| *error < 15.0), "{errors:?}");
 }
 
 /// Error in mm of the n-th pose that was found after the end of the push.

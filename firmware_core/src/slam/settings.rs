@@ -46,6 +46,43 @@ pub enum Pushes {
     Unlikely,
 }
 
+/// Which scans are drawn. Each is drawn a little wrong, and the next one is matched to that: where
+/// many scans see the same from nearly the same place, fewer drawn ones drift less.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Keyframes {
+    /// Scans that are drawn if the robot rests, so that there is a map to match with.
+    pub first: u32,
+    /// Way since the scan drawn last, in cells of the map.
+    pub cells: f32,
+    /// Turn since then, radians.
+    pub turn: f32,
+    /// Scans since then, if the robot rests: what moves around it must not stay.
+    pub at_rest: u8,
+    /// Scans since then in any case.
+    pub at_most: u8,
+}
+
+impl Keyframes {
+    /// Two cells, five degrees, or the fourth scan at rest. With more cells, a robot in a corridor
+    /// is drawn back to where the walls that it knows end.
+    pub const SPARSE: Self = Self {
+        first: 40,
+        cells: 2.0,
+        turn: 0.087,
+        at_rest: 4,
+        at_most: 32,
+    };
+
+    /// Every scan.
+    pub const ALL: Self = Self {
+        first: u32::MAX,
+        cells: 0.0,
+        turn: 0.0,
+        at_rest: 1,
+        at_most: 1,
+    };
+}
+
 /// Faults of the fielded code, to show what they do; all off by default. Numbers are those of the
 /// project's list of field defects.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -170,6 +207,8 @@ pub struct Settings {
     pub motion: MotionNoise,
     /// Core mode: what else moves the robot.
     pub pushes: Pushes,
+    /// Core mode: which scans are drawn.
+    pub keyframes: Keyframes,
     /// Document mode: the time regulator.
     pub budget: Budget,
     /// Document mode: faults to show.
@@ -203,6 +242,7 @@ impl Settings {
             },
             motion: MotionNoise::WHEELS,
             pushes: Pushes::Followed,
+            keyframes: Keyframes::SPARSE,
             budget: Budget::DOCUMENT,
             defects: Defects::NONE,
         }
