@@ -52,10 +52,14 @@ cargo --version
 
 step "format"
 cargo fmt --all --check
-rustfmt --edition 2024 --check tests/bare_metal/src/lib.rs fuzz/src/lib.rs fuzz/src/bin/corpus.rs
+rustfmt --edition 2024 --check tests/bare_metal/src/lib.rs tests/every_build/src/main.rs \
+    fuzz/src/lib.rs fuzz/src/bin/corpus.rs
 
 step "bare metal: no std, no heap, 128 KiB"
 bash tests/bare_metal/prove.sh
+
+step "the mapper is the same in every build"
+bash tests/every_build/prove.sh
 
 step "coverage of the decoders by the corpus"
 bash tests/coverage.sh

@@ -12,3 +12,5 @@ mod corridor;
 mod endurance;
 mod flat;
 mod lost;
+mod same;
+mod scenes;
