@@ -7,6 +7,10 @@ use emulators::registers::Registers;
 use emulators::text::Text;
 use emulators::touch_panel::TouchPanel;
 use emulators::world::World;
+use firmware_core::odometry::WheelGeometry;
+use firmware_core::pose::Pose;
+use firmware_core::scan::Mounting;
+use protocols::avr::ChecksumOrder;
 use protocols::{LineConfig, Port};
 use serde::Serialize;
 
@@ -269,6 +273,35 @@ pub struct ScanLink {
 pub const fn scan_link(robot: Robot) -> ScanLink {
     match robot {
         Robot::Rescue => rescue::SCAN_LINK,
+    }
+}
+
+/// What a mapper needs to know of a robot to understand what passed its links.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Senses {
+    /// Link on which an XV-11 sends.
+    pub lidar: &'static str,
+    /// How it sits, and which of its readings count.
+    pub mounting: Mounting,
+    /// Register bus of the base.
+    pub base: &'static str,
+    /// Order of its checksum.
+    pub checksum_order: ChecksumOrder,
+    /// First registers of the wheels' counters of 32 bits, left and right.
+    pub counters: [u8; 2],
+    /// What a count means.
+    pub wheels: WheelGeometry,
+    /// Where the robot believes to start.
+    pub start: Pose,
+}
+
+/// What a mapper needs to know of the scenario's robot.
+///
+/// # Errors
+/// If the scenario sets the robot up in a way that it cannot be.
+pub fn senses(scenario: &Scenario, source: &Source) -> Result<Senses, ScenarioError> {
+    match scenario.robot {
+        Robot::Rescue => rescue::senses(scenario, source),
     }
 }
 

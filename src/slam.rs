@@ -8,9 +8,14 @@
 pub mod carmen;
 pub mod finding;
 pub mod folder;
+#[cfg(feature = "mcap")]
+pub mod mcap;
+#[cfg(feature = "mcap")]
+mod messages;
 pub mod motion;
 mod stamps;
 pub mod survey;
+pub mod wire;
 
 use emulators::world::Pose;
 use firmware_core::pose::Point;
@@ -26,6 +31,8 @@ pub struct Shot {
     pub at_s: f64,
     /// Motion since the scan before, by the wheels: metres and radians, seen from the pose then.
     pub moved: Pose,
+    /// Whether the wheels were asked at all; if not, the robot may have gone anywhere near.
+    pub is_measured: bool,
     /// What the beams hit, in the robot's frame.
     pub points: Vec<Point>,
 }
@@ -33,6 +40,8 @@ pub struct Shot {
 /// What a file of scans says.
 #[derive(Clone, Debug, Default)]
 pub struct Log {
+    /// Where the way begins, by the log: metres and radians.
+    pub start: Pose,
     /// The scans that are good for anything, in their order.
     pub shots: Vec<Shot>,
     /// What was not.
@@ -47,13 +56,13 @@ pub(crate) const FARTHEST_M: f64 = 50.0;
 /// Most beams of one scan; more are nonsense.
 pub(crate) const BEAMS_MAX: usize = 8192;
 
-/// End points of beams of these lengths (m) at these bearings (rad), from a laser that sits at
-/// `laser` in the robot's frame. Readings that are no returns are left out; more than the mapper
-/// takes are thinned evenly. The number of absurd ones comes second.
+/// End points of beams of these lengths (m) at these bearings (rad), from a laser that sat at
+/// `laser` in the robot's frame at each beam. Readings that are no returns are left out; more than
+/// the mapper takes are thinned evenly. The number of absurd ones comes second.
 pub(crate) fn end_points(
     ranges: impl Iterator<Item = f64>,
     bearing: impl Fn(usize) -> f64,
-    laser: Pose,
+    laser: impl Fn(usize) -> Pose,
     farthest_m: f64,
 ) -> (Vec<Point>, u32) {
     let mut absurd = 0;
@@ -66,6 +75,7 @@ pub(crate) fn end_points(
         if range < NEAREST_M || range >= farthest_m.min(FARTHEST_M) {
             continue;
         }
+        let laser = laser(index);
         let angle = laser.theta + bearing(index);
         let x_m = laser.x + range * libm::cos(angle);
         let y_m = laser.y + range * libm::sin(angle);

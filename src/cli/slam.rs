@@ -7,22 +7,32 @@ use firmware_core::slam::Mode;
 
 use super::{CliError, Verdict};
 use crate::clock::{Clock as _, WallClock};
+use crate::replay::Recorded;
+use crate::robots::senses;
 use crate::slam::survey::{CELL_MM, settings, survey};
-use crate::slam::{Log, carmen, folder};
+use crate::slam::{Log, carmen, folder, wire};
 
 /// Run the mapper over a log of scans and odometry: map, trajectory and timing.
 ///
-/// Reads CARMEN logs, also gzipped. The settings are the same for every log. What the log holds
-/// that cannot be used is left out, counted and told on standard error.
+/// Reads CARMEN logs, also gzipped; captures, whose robot must be known; MCAP files, ours or with
+/// messages of ROS 2 (LaserScan, Odometry) or Foxglove (LaserScan, PoseInFrame), uncompressed. The
+/// settings are the same for every log. What the log holds that cannot be used is left out, counted
+/// and told on standard error.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig slam intel.log.gz --out intel\n  \
-    hilrig slam intel.log --mode seed     # the seed report's algorithm instead of ours\n\n\
+    hilrig slam intel.log --mode seed     # the seed report's algorithm instead of ours\n  \
+    hilrig slam hilrig-out/rescue-flat-1 --cell-mm 10     # the capture of a run\n  \
+    hilrig slam field.pcapng --scenario scenarios/rescue-flat.toml\n  \
+    hilrig slam bag.mcap\n\n\
     Leaves map.png, map.pgm + map.yaml (ROS), trajectory.tum and timing.json in the folder.")]
 pub(super) struct SlamArgs {
-    /// The log
+    /// The log, or a result folder
     #[arg(value_name = "LOG")]
     log: PathBuf,
+    /// Scenario whose robot a capture is of [default: the one in the capture]
+    #[arg(long, value_name = "FILE")]
+    scenario: Option<PathBuf>,
     /// Whose mapper
     #[arg(long, value_enum, default_value_t)]
     mode: ModeArg,
@@ -49,7 +59,7 @@ const BYTES_MAX: u64 = 1 << 30;
 const PATIENCE: Duration = Duration::from_secs(2);
 
 pub(super) fn run(args: SlamArgs) -> Result<Verdict, CliError> {
-    let log = open(&args.log)?;
+    let log = open(&args.log, args.scenario.as_deref())?;
     let path = args.log.display();
     for note in &log.notes {
         eprintln!("{path}: {note}");
@@ -97,17 +107,66 @@ pub(super) fn run(args: SlamArgs) -> Result<Verdict, CliError> {
     Ok(Verdict::Pass)
 }
 
+/// With this every pcapng file begins.
+const PCAPNG: [u8; 4] = [0x0A, 0x0D, 0x0D, 0x0A];
+
 /// Reads the log, whatever it is.
-fn open(path: &Path) -> Result<Log, CliError> {
+fn open(path: &Path, scenario: Option<&Path>) -> Result<Log, CliError> {
+    if path.is_dir() {
+        return capture(&path.join("capture.pcapng"), scenario);
+    }
     let other = |what: String| CliError::Other(format!("{}: {what}", path.display()));
     let bytes = std::fs::read(path)
         .map_err(|error| CliError::Other(format!("cannot read {}: {error}", path.display())))?;
+    if bytes.starts_with(&PCAPNG) {
+        return capture(path, scenario);
+    }
     let bytes = if bytes.starts_with(&[0x1F, 0x8B]) {
         unpacked(&bytes, path).map_err(other)?
     } else {
         bytes
     };
+    if bytes.starts_with(b"\x89MCAP") {
+        return mcap(&bytes, path, scenario);
+    }
     carmen::read(&bytes).map_err(|error| other(error.to_string()))
+}
+
+fn capture(path: &Path, scenario: Option<&Path>) -> Result<Log, CliError> {
+    let capture = super::replay::read(path)?;
+    let (scenario, source) = super::replay::robot(&capture, path, scenario)?;
+    let recorded = Recorded::of(&capture, None);
+    wire::read(&recorded, &senses(&scenario, &source)?)
+        .map_err(|error| CliError::Other(format!("{}: {error}", path.display())))
+}
+
+#[cfg(not(feature = "mcap"))]
+fn mcap(_bytes: &[u8], path: &Path, _scenario: Option<&Path>) -> Result<Log, CliError> {
+    let error = "is an MCAP file, which this build of hilrig does not read (feature mcap)";
+    Err(CliError::Other(format!("{}: {error}", path.display())))
+}
+
+/// Ours hold the bytes of the links, from which more is known than from its messages.
+#[cfg(feature = "mcap")]
+fn mcap(bytes: &[u8], path: &Path, scenario: Option<&Path>) -> Result<Log, CliError> {
+    use crate::scenario::Scenario;
+
+    let other = |what: String| CliError::Other(format!("{}: {what}", path.display()));
+    let contents = crate::slam::mcap::read(bytes);
+    let robot = match (scenario, &contents.scenario) {
+        (Some(scenario), _) => Some(Scenario::read(scenario)?),
+        (None, Some(text)) => Some(Scenario::parse(path, text.clone())?),
+        (None, None) => None,
+    };
+    if let Some((scenario, source)) = robot
+        && contents.has_bytes()
+    {
+        let mut log = wire::read(&contents.recorded, &senses(&scenario, &source)?)
+            .map_err(|error| other(error.to_string()))?;
+        log.findings.extend(contents.findings);
+        return Ok(log);
+    }
+    contents.log().map_err(|error| other(error.to_string()))
 }
 
 /// What a gzipped file holds; of a damaged one, what is before the damage.

@@ -28,13 +28,8 @@ pub(super) fn write(export: &Export<'_>) -> Result<(Vec<u8>, String), McapError>
         writer,
         messages: 0,
     };
-    out.bytes(export)?;
     let zero = export.recorded.zero;
-    let scans = scans(export.recorded);
-    out.scans(&scans, zero)?;
-    if let Some(belief) = export.belief {
-        out.belief(belief, zero, export.recorded.end)?;
-    }
+    // First, so that a file that is cut off still says whose bytes it holds.
     for section in &export.capture.sections {
         if !section.scenario.is_empty() {
             out.writer.attach(&Attachment {
@@ -45,6 +40,12 @@ pub(super) fn write(export: &Export<'_>) -> Result<(Vec<u8>, String), McapError>
                 data: section.scenario.as_bytes().into(),
             })?;
         }
+    }
+    out.bytes(export)?;
+    let scans = scans(export.recorded);
+    out.scans(&scans, zero)?;
+    if let Some(belief) = export.belief {
+        out.belief(belief, zero, export.recorded.end)?;
     }
     out.writer.finish()?;
     let words = format!("{} messages, {} lidar turns", out.messages, scans.len());

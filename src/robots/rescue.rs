@@ -36,7 +36,7 @@ use crate::scenario::{
     Step, TurnSpec,
 };
 
-pub(super) use view::{SCAN_LINK, protocol, registers};
+pub(super) use view::{SCAN_LINK, protocol, registers, senses};
 
 /// What the checkers watch: the base stops the motors within 1.006 s of silence (field firmware,
 /// measured), plus a regulator's period of 40 ms and a look of the checker.

@@ -225,6 +225,7 @@ impl Reader {
                     shots.push(Shot {
                         at_s,
                         moved: chain.take(),
+                        is_measured: true,
                         points,
                     });
                 }
@@ -244,6 +245,7 @@ impl Reader {
             return Err(CarmenError(format!("{what}{first}")));
         }
         Ok(Log {
+            start: Pose::default(),
             shots,
             findings: self.findings,
             notes,
@@ -264,7 +266,7 @@ fn points_of(laser: &Laser, offset_m: f64) -> (Vec<firmware_core::pose::Point>, 
     end_points(
         laser.ranges.iter().copied(),
         bearing,
-        seat,
+        |_| seat,
         laser.farthest_m,
     )
 }

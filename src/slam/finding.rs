@@ -52,6 +52,16 @@ impl Findings {
         }
     }
 
+    /// Takes over what was found elsewhere.
+    pub fn extend(&mut self, other: Self) {
+        for (kind, count) in other.counts {
+            *self.counts.entry(kind).or_default() += count;
+        }
+        let room = TOLD_MAX.saturating_sub(self.told.len());
+        self.told.extend(other.told.into_iter().take(room));
+        self.absurd_readings += other.absurd_readings;
+    }
+
     /// How often something of this kind was found.
     pub fn count(&self, kind: Kind) -> u64 {
         self.counts.get(&kind).copied().unwrap_or(0)

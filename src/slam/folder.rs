@@ -125,12 +125,12 @@ impl Frame {
         })
     }
 
-    /// Metres from the log's beginning to the frame's lower left corner, and of a cell.
+    /// The frame's lower left corner in the log's frame, and the edge of a cell; metres.
     fn origin(&self, survey: &Survey) -> [f64; 3] {
         let cell_m = f64::from(survey.grid.resolution_mm()) / 1000.0;
         let middle = CELLS as f64 / 2.0;
         let [x, y] = [self.x, self.y].map(|cell| (f64::from(cell) - middle) * cell_m);
-        [x, y, cell_m]
+        [x + survey.middle[0], y + survey.middle[1], cell_m]
     }
 
     fn yaml(&self, survey: &Survey, image: &str) -> String {

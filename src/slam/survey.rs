@@ -26,6 +26,10 @@ type LogMapper = Mapper<CELLS, CELLS>;
 /// on it, so it is taken from the model, not from the host.
 const SEARCH_BASE_US: u64 = 14_000;
 const SEARCH_TRY_US: u64 = 150;
+/// How far a robot may go from one scan to the next while nobody asks its wheels: somebody carries
+/// the lidar at a slow pace.
+const UNMEASURED_MM: f32 = 100.0;
+const UNMEASURED_RAD: f32 = 0.1;
 /// Stack of the thread that does the work: a mapper of this size goes over it on its way to the
 /// heap.
 const STACK: usize = 64 << 20;
@@ -54,10 +58,12 @@ pub fn settings(mode: Mode, cell_mm: f32) -> Settings {
 /// What came of a log.
 #[derive(Debug)]
 pub struct Survey {
-    /// Time (s) and place of each scan, in metres from where the log began.
+    /// Time (s) and place of each scan, in metres in the log's frame.
     pub way: Vec<(f64, Place)>,
-    /// The map; the log begins in its middle.
+    /// The map.
     pub grid: Box<LogGrid>,
+    /// The map's middle in the log's frame, metres: there the way begins.
+    pub middle: [f64; 2],
     /// Scans at which the mapper was not sure.
     pub doubtful: usize,
     /// Scans at which it knew of several places.
@@ -95,10 +101,17 @@ fn run(
     clock: &dyn Clock,
     progress: &mut dyn FnMut(usize),
 ) -> Survey {
+    #[expect(clippy::cast_possible_truncation, reason = "an angle")]
+    let heading = log.start.theta as f32;
+    let settings = Settings {
+        start: Pose::new(settings.start.x_mm, settings.start.y_mm, heading),
+        ..settings
+    };
     let mut mapper: Box<LogMapper> = Box::new(Mapper::new(settings));
     let mut survey = Survey {
         way: Vec::with_capacity(log.shots.len()),
         grid: Box::new(Grid::new(settings.resolution_mm)),
+        middle: [log.start.x, log.start.y],
         doubtful: 0,
         ambiguous: 0,
         outside: 0,
@@ -124,9 +137,12 @@ fn run(
 impl Survey {
     fn take(&mut self, mapper: &mut LogMapper, shot: &Shot, is_first: bool) -> Certainty {
         let scan = Scan::from_points(&shot.points, Instant::ZERO, Instant::ZERO);
-        // Where the log begins is the origin, wherever its wheels say they are.
+        // The way begins with the first scan, whatever the wheels did before.
         if !is_first {
             mapper.predict(change(shot.moved));
+        }
+        if !shot.is_measured {
+            mapper.doubt(UNMEASURED_MM, UNMEASURED_RAD);
         }
         let outcome = mapper.integrate(&scan, [0, 0]);
         let took = SEARCH_BASE_US + u64::from(outcome.tries) * SEARCH_TRY_US;
@@ -139,8 +155,8 @@ impl Survey {
             outcome.pose.heading,
         ]
         .map(f64::from);
-        self.way
-            .push((shot.at_s, Place::new(x / 1000.0, y / 1000.0, heading)));
+        let [x, y] = [x / 1000.0 + self.middle[0], y / 1000.0 + self.middle[1]];
+        self.way.push((shot.at_s, Place::new(x, y, heading)));
         outcome.certainty
     }
 

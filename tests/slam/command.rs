@@ -20,7 +20,11 @@ impl Session {
         std::fs::write(self.0.join(name), bytes).expect("the target folder can be written");
     }
 
-    fn read(&self, name: &str) -> String {
+    pub(crate) fn bytes(&self, name: &str) -> Vec<u8> {
+        std::fs::read(self.0.join(name)).expect("a command wrote it")
+    }
+
+    pub(crate) fn read(&self, name: &str) -> String {
         std::fs::read_to_string(self.0.join(name)).expect("the command wrote it")
     }
 

@@ -4,6 +4,9 @@ mod command;
 mod damage;
 mod diff;
 mod intel;
+mod links;
+#[cfg(feature = "mcap")]
+mod messages;
 mod relations;
 mod room;
 

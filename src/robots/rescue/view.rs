@@ -1,19 +1,37 @@
-//! Where the page finds what it shows of the robot's devices.
+//! Where page and mapper find the robot's senses and devices.
 
 use emulators::avr_base::AvrBase;
 use protocols::avr::ChecksumOrder;
 use protocols::avr::registers::{self, Width};
 
-use super::{display, order_of};
+use super::{base, display, order_of, program};
 use crate::decode::Protocol;
 use crate::rig::Rig;
-use crate::robots::{Register, ScanLink};
+use crate::robots::{Register, ScanLink, Senses};
+use crate::scenario::{Scenario, ScenarioError, Source};
 
 /// Sensor angle 90 looks ahead.
 pub(in super::super) const SCAN_LINK: ScanLink = ScanLink {
     link: "lidar",
     first_bearing: -core::f64::consts::FRAC_PI_2,
 };
+
+pub(in super::super) fn senses(
+    scenario: &Scenario,
+    source: &Source,
+) -> Result<Senses, ScenarioError> {
+    let checksum_order = order_of(base(scenario, source)?.profile);
+    let config = program(scenario, checksum_order, source)?;
+    Ok(Senses {
+        lidar: SCAN_LINK.link,
+        mounting: config.mounting,
+        base: "base",
+        checksum_order,
+        counters: [registers::ENCODER_LEFT, registers::ENCODER_RIGHT],
+        wheels: config.wheels,
+        start: config.mapping.start,
+    })
+}
 
 pub(in super::super) fn protocol(rig: &Rig, link: &str) -> Option<Protocol> {
     match link {
