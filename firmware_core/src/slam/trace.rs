@@ -205,20 +205,32 @@ impl Line {
     }
 
     /// The way of the beam on a map whose cells lie so far apart along its long and its short axis.
-    /// On the map no place is negative; elsewhere the index becomes a huge one.
+    /// The place along the short one is never negative on the map.
     fn walk(&self, (ahead, aside): (usize, usize)) -> Walk {
-        let first = self.first.cast_unsigned() as usize;
-        let fixed = |short: i32| (i64::from(short) << (32 - BITS)).cast_unsigned();
+        let at = |cell: i32| cell.cast_unsigned() as usize;
+        let first = at(self.first).wrapping_mul(ahead);
+        let first = first.wrapping_add(at(self.short >> BITS).wrapping_mul(aside));
+        let straight = if self.step > 0 {
+            ahead
+        } else {
+            ahead.wrapping_neg()
+        };
+        let (aside, way) = if self.slope < 0 {
+            (aside.wrapping_neg(), !self.short)
+        } else {
+            (aside, self.short)
+        };
+        let diagonal = straight.wrapping_add(aside);
+        let slope = self.slope.unsigned_abs();
+        if slope >> BITS > 0 {
+            return Walk::straight(first, diagonal);
+        }
         Walk {
-            along: first.wrapping_mul(ahead),
-            ahead: if self.step > 0 {
-                ahead
-            } else {
-                ahead.wrapping_neg()
-            },
-            across: fixed(self.short),
-            slope: fixed(self.slope),
-            aside,
+            at: first,
+            straight,
+            diagonal,
+            place: way.cast_unsigned() << BITS,
+            slope: slope << BITS,
         }
     }
 }

@@ -94,16 +94,16 @@ fn walk(at: usize, (long, ahead): (i32, isize), (short, aside): (i32, isize)) ->
     // the place is too large by at most 2^-18 within the 8191 steps of a map, and the next border
     // is 2^-16 away or farther. At the start it is a half less half a step's share.
     let (long, short) = (long.unsigned_abs().max(1), short.unsigned_abs());
-    let slope = match long == short {
-        true => 1 << 32,
-        false => u64::from(parts(short, long)),
-    };
+    let diagonal = (ahead + aside).cast_unsigned();
+    if long == short {
+        return Walk::straight(at, diagonal);
+    }
     Walk {
-        along: at,
-        ahead: ahead.cast_unsigned(),
-        across: u64::from((1 << 31) - (1_u32 << 31) / long),
-        slope,
-        aside: aside.cast_unsigned(),
+        at,
+        straight: ahead.cast_unsigned(),
+        diagonal,
+        place: (1 << 31) - (1 << 31) / long,
+        slope: parts(short, long),
     }
 }
 
@@ -169,7 +169,7 @@ pub(super) fn draw<const W: usize, const H: usize>(
     let cells = cells.as_flattened_mut();
     line.map(cells, free_steps + 1, &brush.free);
     for flank in hole.flanks(steps, &mut brush.slopes) {
-        line = flank.draw(cells, line, ink);
+        flank.draw(cells, &mut line, &brush.step);
     }
 }
 
@@ -177,14 +177,27 @@ pub(super) fn draw<const W: usize, const H: usize>(
 pub(super) struct Brush {
     /// What becomes of a cell on the free way.
     free: [u8; 256],
+    /// What is added to a cell, modulo 256, by what the drawn value has more than it, modulo 512.
+    step: [u8; 512],
     /// Those of the hole drawn last.
     slopes: Slopes,
 }
 
 impl Brush {
     pub(super) fn new(ink: Ink) -> Self {
+        let up = match ink.rounding {
+            Rounding::Corrected => 255,
+            Rounding::Truncating => 0,
+        };
+        let mut step = [0; 512];
+        for (difference, step) in (-256..256).zip(&mut step) {
+            let moved = difference * i32::from(ink.weight) + if difference > 0 { up } else { 0 };
+            [*step, ..] = (moved >> 8).to_le_bytes();
+        }
+        step.rotate_left(256);
         Self {
             free: faded(ink.weight),
+            step,
             slopes: Slopes::new(1),
         }
     }
@@ -280,33 +293,20 @@ impl Hole {
 
 impl Flank {
     #[inline(never)]
-    fn draw(&self, cells: &mut [u8], mut line: Walk, ink: Ink) -> Walk {
+    fn draw(&self, cells: &mut [u8], line: &mut Walk, step: &[u8; 512]) {
+        let mut walk = *line;
         let mut value = self.value;
-        let weight = i32::from(ink.weight);
-        let up = match ink.rounding {
-            Rounding::Corrected => 255,
-            Rounding::Truncating => 0,
-        };
         for _ in 0..self.cells {
-            let whole = (value >> 32) as i32;
+            let whole = (value >> 32) as usize;
             value = value.wrapping_add(self.rise);
-            let Some(cell) = cells.get_mut(line.next()) else {
+            let Some(cell) = cells.get_mut(walk.next()) else {
                 break;
             };
-            *cell = blended(*cell, whole, weight, up);
+            let more = whole.wrapping_sub(usize::from(*cell)) % step.len();
+            *cell = cell.wrapping_add(step[more]);
         }
-        line
+        *line = walk;
     }
-}
-
-/// `old`, moved towards `value` by `weight` parts of 256; `up` is added if that is upwards.
-#[inline]
-fn blended(old: u8, value: i32, weight: i32, up: i32) -> u8 {
-    let old = i32::from(old);
-    let way = value - old;
-    let moved = way * weight + if way > 0 { up } else { 0 };
-    let [new, ..] = (old + (moved >> 8)).to_le_bytes();
-    new
 }
 
 /// Steps after which a line is still within `room` cells of its start along the short axis.

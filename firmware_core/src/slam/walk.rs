@@ -5,27 +5,39 @@
 /// A walk over the cells of a map, whose rows lie one behind the other.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Walk {
-    /// Index of the cell that would be reached along the long axis alone; a huge one would lie
-    /// before the map.
-    pub(super) along: usize,
-    /// What a step adds to it.
-    pub(super) ahead: usize,
-    /// Way along the short axis in cells with 32 binary places, and its advance in a step.
-    pub(super) across: u64,
-    pub(super) slope: u64,
-    /// What a cell along the short axis adds to the index.
-    pub(super) aside: usize,
+    /// Index of the current cell; a huge one would lie before the map.
+    pub(super) at: usize,
+    /// What is added to it in a step, without and with one along the short axis.
+    pub(super) straight: usize,
+    pub(super) diagonal: usize,
+    /// Place along the short axis, 32 binary places of a cell from its border, and its advance.
+    pub(super) place: u32,
+    pub(super) slope: u32,
 }
 
 impl Walk {
+    /// One that never changes its direction.
+    pub(super) const fn straight(at: usize, step: usize) -> Self {
+        Self {
+            at,
+            straight: step,
+            diagonal: step,
+            place: 0,
+            slope: 0,
+        }
+    }
+
     /// The index of the current cell; goes on to the next.
     #[inline]
-    #[expect(clippy::cast_possible_truncation, reason = "32 bits")]
     pub(super) fn next(&mut self) -> usize {
-        let cells = (self.across >> 32) as usize;
-        let at = self.along.wrapping_add(cells.wrapping_mul(self.aside));
-        self.along = self.along.wrapping_add(self.ahead);
-        self.across = self.across.wrapping_add(self.slope);
+        let at = self.at;
+        let (place, crosses) = self.place.overflowing_add(self.slope);
+        self.place = place;
+        self.at = at.wrapping_add(if crosses {
+            self.diagonal
+        } else {
+            self.straight
+        });
         at
     }
 
