@@ -15,7 +15,10 @@ use hilrig::capture::Capture;
 use hilrig::clock::{Clock, WallClock};
 use hilrig::transport::{PortDir, Pty, Transport};
 
+use rustix::process::Signal;
+
 use crate::client::{BUG, Client};
+use crate::processes::Running;
 use crate::support::{LINE, fresh_path};
 
 const SCENARIO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/own-slave.toml");
@@ -36,13 +39,21 @@ fn run(command: &mut Command, bug: &str) -> (Option<i32>, String) {
     (output.status.code(), said.concat())
 }
 
+const ON_LINK: [&str; 2] = ["--link", "gripper"];
+
 /// Searches, and returns the folder, what was found, and what was said.
 fn search(bug: &str, more: &[&str]) -> (PathBuf, Vec<String>, String) {
     let out = fresh_path(&format!("fuzz-{bug}"));
+    let found = search_in(&out, &client(), bug, &[&ON_LINK, more].concat());
+    (out, found.0, found.1)
+}
+
+/// Searches in `out` with a program that `exec` starts.
+fn search_in(out: &Path, exec: &str, bug: &str, more: &[&str]) -> (Vec<String>, String) {
     let mut command = Command::new(HILRIG);
-    command.args(["fuzz", "--exec", &client(), "--scenario", SCENARIO]);
-    command.args(["--link", "gripper", "--case", "300ms", "--alive", "1s"]);
-    command.args(more).arg("--out").arg(&out);
+    command.args(["fuzz", "--exec", exec, "--scenario", SCENARIO]);
+    command.args(["--case", "300ms", "--alive", "1s"]);
+    command.args(more).arg("--out").arg(out);
     let (code, said) = run(&mut command, bug);
     let folders = std::fs::read_dir(out.join("findings"));
     let entries = folders.into_iter().flatten().flatten();
@@ -51,7 +62,7 @@ fn search(bug: &str, more: &[&str]) -> (PathBuf, Vec<String>, String) {
         .collect();
     names.sort();
     assert_eq!(code, Some(i32::from(!names.is_empty())), "{said}");
-    (out, names, said)
+    (names, said)
 }
 
 fn read(path: &Path) -> String {
@@ -117,6 +128,70 @@ fn nothing_is_found_in_a_sound_program() {
     );
     assert!(!out.join("ports").exists(), "the ports are removed");
     assert!(read(&out.join("dut.json")).contains("\"next\": 2"));
+
+    let (names, said) = search_in(
+        &out,
+        &client(),
+        "none",
+        &["--link", "gripper", "--cases", "3"],
+    );
+    assert!(names.is_empty() && said.contains("1 cases, "), "{said}");
+    let mut other = Command::new(HILRIG);
+    other.args(["fuzz", "--exec", "another", "--scenario", SCENARIO]);
+    let (code, said) = run(other.arg("--out").arg(&out), "none");
+    assert_eq!(code, Some(2), "{said}");
+    let expected = "dut.json: is of another program, scenario, link or seed; expected another";
+    assert!(said.contains(expected), "{said}");
+}
+
+/// The gripper says what is wrong: a write to a register that is read-only. No fault is needed for
+/// that, and none is left.
+#[test]
+fn a_broken_rule_of_a_device_is_found() {
+    let out = fresh_path("fuzz-meddle");
+    let (names, said) = search_in(&out, &client(), "meddle", &["--cases", "1"]);
+    assert_eq!(names, ["01-rule-write-read-only"], "{said}");
+    let case = read(&out.join("findings/01-rule-write-read-only/case.toml"));
+    assert!(!case.contains("[[fault]]"), "{case}");
+}
+
+/// Two programs of one line: one ends as if all were well, the other never reads its port.
+#[test]
+fn an_early_end_and_a_port_that_is_not_read_are_found() {
+    let open = "exec 3<>\"$HILRIG_DIR/gripper\"";
+    for (name, exec, found) in [
+        ("ends", format!("{open}; sleep 0.5"), "01-ended"),
+        ("deaf", format!("{open}; sleep 60"), "01-hang"),
+    ] {
+        let out = fresh_path(&format!("fuzz-{name}"));
+        let more = ["--link", "gripper", "--cases", "1", "--shrink", "0"];
+        let (names, said) = search_in(&out, &exec, "none", &more);
+        assert_eq!(names, [found], "{said}");
+    }
+}
+
+/// Interrupted in the middle, it leaves no port and no program behind, and says what it did.
+#[test]
+fn an_interrupted_search_ends_its_program() {
+    let out = fresh_path("fuzz-interrupted");
+    let exec = format!("{BUG}=none {}", client());
+    let out_text = out.to_str().expect("plain");
+    let args = [
+        "fuzz",
+        "--exec",
+        &exec,
+        "--scenario",
+        SCENARIO,
+        "--out",
+        out_text,
+    ];
+    let mut search = Running::start(&[&args[..], &ON_LINK, &["--case", "300ms"]].concat());
+    search.wait_for(" cases, ");
+    search.signal(Signal::INT);
+    let (status, said) = search.end();
+    assert_eq!(status.code(), Some(0), "{said}");
+    assert!(said.contains("frames are answered"), "{said}");
+    assert!(!out.join("ports").exists(), "{said}");
 }
 
 /// A board that is there already: a client in a thread, behind a terminal that the test made.

@@ -77,9 +77,9 @@ impl Cause {
     }
 
     /// Whether a busy machine may have brought it about: a program that was not given the processor
-    /// in time asks twice.
-    pub(super) const fn may_be_lateness(&self) -> bool {
-        matches!(self, Self::Rule { .. } | Self::Check { .. })
+    /// in time asks twice, or does not stop before a wall.
+    pub(super) fn may_be_lateness(&self) -> bool {
+        matches!(self, Self::Check { .. }) || self.is_about_time()
     }
 
     /// Whether it is a rule about when something is said.

@@ -102,12 +102,13 @@ impl<'a> Hunt<'a> {
         })
     }
 
-    /// Broken rules and failed checks that were not seen twice more when the case was run again.
+    /// Failed checks and broken rules about time that were not seen twice more when the case was run
+    /// again.
     pub const fn doubtful(&self) -> u64 {
         self.doubtful
     }
 
-    /// Cases in which the rig was too late for its devices to be strict.
+    /// Cases in which the rig was too late to judge checks.
     pub const fn late(&self) -> u64 {
         self.late
     }

@@ -42,13 +42,14 @@ impl Ended {
     }
 }
 
-/// Signals that end programs; the numbers that all of Linux's processors share.
-const SIGNALS: [(i32, &str); 11] = [
+/// Signals that end programs, by their numbers on most of Linux's processors.
+const SIGNALS: [(i32, &str); 12] = [
     (1, "SIGHUP"),
     (2, "SIGINT"),
     (3, "SIGQUIT"),
     (4, "SIGILL"),
     (6, "SIGABRT"),
+    (7, "SIGBUS"),
     (8, "SIGFPE"),
     (9, "SIGKILL"),
     (11, "SIGSEGV"),
@@ -123,6 +124,10 @@ impl Process {
 
     /// What it said on its standard error so far, the end of it.
     pub(super) fn said(&self) -> String {
+        if self.ended.is_some() {
+            // Its last words may still be on their way.
+            self.is_silent_within(FAREWELL);
+        }
         let said = self.said.lock();
         let said = said.map(|said| said.iter().copied().collect::<Vec<u8>>());
         String::from_utf8_lossy(&said.unwrap_or_default()).into_owned()

@@ -107,11 +107,11 @@ pub struct Seen {
     pub ran: Scenario,
     /// What the program did in the last part of the case.
     pub known: Known,
-    /// Whether the rig was too late for its devices to be strict.
+    /// Whether the rig was too late to judge what may come of that.
     pub was_late: bool,
 }
 
-/// A rig that is later than this may make a program break a rule.
+/// A rig that is later than this may make a program break a rule about time, or drive into a wall.
 const LATE: Duration = Duration::from_millis(20);
 
 impl<'a> Stand<'a> {
@@ -219,10 +219,10 @@ impl<'a> Stand<'a> {
             Err(Halt::Interrupted) => return Err(StandError::Interrupted),
         };
         let ran = run.case();
-        if !was_late {
-            let broken = broken(run).into_iter();
-            causes.extend(broken.filter(|cause| self.is_strict || !cause.is_about_time()));
-        }
+        let counts = |cause: &Cause| {
+            (self.is_strict || !cause.is_about_time()) && !(was_late && cause.may_be_lateness())
+        };
+        causes.extend(broken(run).into_iter().filter(counts));
         Ok(Seen {
             causes,
             said,
