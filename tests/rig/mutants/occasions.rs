@@ -1,8 +1,14 @@
 //! What happens in the empty room, as the TOML that is added.
 
+use protocols::pcui::{FRAME_MAX, HEADER_LEN, seal};
+
 /// A way through the room.
 pub(super) fn way() -> String {
     "[mission]\nto_the_end = true\nwaypoints_m = [[1.5, 2.2], [0.8, 1.5], [1.5, 1.0]]\n".to_owned()
+}
+
+pub(super) fn way_with_other_dice() -> String {
+    "seed = 2\n".to_owned() + &way()
 }
 
 fn fault(link: &str, direction: &str, rest: &str) -> String {
@@ -18,12 +24,73 @@ pub(super) fn count_of_126() -> String {
     way() + &strike("burst", "byte = 2\nlen = 1\nvalue = 0x74")
 }
 
-/// The empty frame of register 36, sum low byte first, in front of the second answer to a read of
-/// it: the first has 15 bytes, the battery's 8. What lay in the buffer is the battery's.
+/// These bytes, where somebody else's byte `at` would come.
+fn says(link: &str, at: u32, bytes: &[u8]) -> String {
+    let insert = |value| format!("kind = \"insert\"\nbyte = {at}\nvalue = {value}");
+    let each = bytes
+        .iter()
+        .map(|value| fault(link, "to-master", &insert(value)));
+    each.collect()
+}
+
+/// A frame of the PC in front of its own first.
+fn pc_says(id: &[u8; 3], payload: &[u8]) -> String {
+    let mut frame = [0; FRAME_MAX];
+    frame[HEADER_LEN..HEADER_LEN + payload.len()].copy_from_slice(payload);
+    let len = seal(&mut frame, *id, payload.len()).expect("short");
+    says("radio", 0, &frame[..len])
+}
+
+pub(super) fn frame_without_payload() -> String {
+    way() + &pc_says(b"STA", &[])
+}
+
+/// A waypoint as it stands in a list: place, layer, number, the one before.
+const fn waypoint(place: u8, id: u8, previous: [u8; 2]) -> [u8; 9] {
+    [place, 0, place, 0, 0, id, 0, previous[0], previous[1]]
+}
+
+const NOBODY: [u8; 2] = [0xFF, 0xFF];
+
+/// It says 50 and holds one.
+pub(super) fn list_that_lies() -> String {
+    let list = [&[50, 0][..], &waypoint(9, 0, NOBODY)].concat();
+    by_hand() + &pc_says(b"LWP", &list)
+}
+
+/// The catalogue's list.
+pub(super) fn link_to_nobody() -> String {
+    let list = [
+        &[2, 0][..],
+        &waypoint(2, 1, NOBODY),
+        &waypoint(5, 0, [1, 0]),
+    ]
+    .concat();
+    by_hand() + &pc_says(b"LWP", &list)
+}
+
+pub(super) fn two_behind_one() -> String {
+    let behind = |id| waypoint(9, id, [0, 0]);
+    let list = [&[3, 0][..], &waypoint(9, 0, NOBODY), &behind(1), &behind(2)].concat();
+    by_hand() + &pc_says(b"LWP", &list)
+}
+
+/// In front of the second answer to a read of the wheels: the first has 15 bytes, the battery's 8.
+const SECOND_ANSWER: u32 = 23;
+
+/// Two bytes for ten; what else lay in the buffer is the battery's.
+pub(super) fn short_reply() -> String {
+    way()
+        + &says(
+            "base",
+            SECOND_ANSWER,
+            &[0xAB, 0x24, 0x82, 0x09, 0x09, 0x63, 0x01],
+        )
+}
+
+/// The empty frame of register 36; what lay in the buffer is the battery's.
 pub(super) fn acknowledgement() -> String {
-    let bytes = [0xAB, 0x24, 0x00, 0xCF, 0x00];
-    let each = bytes.map(|value| strike("insert", &format!("byte = 23\nvalue = {value}")));
-    way() + &each.concat()
+    way() + &says("base", SECOND_ANSWER, &[0xAB, 0x24, 0x00, 0xCF, 0x00])
 }
 
 pub(super) fn late_base() -> String {
@@ -159,4 +226,19 @@ pub(super) fn past_the_seam() -> String {
     hand([10, -10]).replace("\"4s\"", "\"600ms\"")
         + "[[mission.step]]\nat = \"3500ms\"\ndo = { waypoints-m = [[2.4, 1.36]] }\n\
            [[mission.step]]\nat = \"3550ms\"\ndo = { mode = \"waypoint\" }\n"
+}
+
+/// Two turns and a third to the right, then a place straight ahead of where the robot looked first.
+pub(super) fn two_turns() -> String {
+    hand([20, -20]).replace("\"4s\"", "\"600ms\"")
+        + "[[mission.step]]\nat = \"9900ms\"\ndo = { waypoints-m = [[1.5, 2.2]] }\n\
+           [[mission.step]]\nat = \"9950ms\"\ndo = { mode = \"waypoint\" }\n"
+}
+
+/// Switched off on the display while the robot is driven by hand, then on again.
+pub(super) fn mapping_off() -> String {
+    hand([15, 15])
+        + "[[mission.step]]\nat = \"7s\"\ndo = { mode = \"stop\" }\n\
+           [device.display.touch-panel]\ntap = [{ at = \"3s\", place = [410, 90] }, \
+           { at = \"8s\", place = [410, 90] }]\n"
 }

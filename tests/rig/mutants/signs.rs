@@ -108,10 +108,32 @@ pub(super) fn no_black_in_the_map(run: &Run) -> bool {
     cells_above(run, 230) == 0
 }
 
-pub(super) fn believes_wrong(run: &Run) -> bool {
+fn error_mm(run: &Run) -> f64 {
     let (now, truth) = (run.rig.now(), run.rig.world.pose());
-    let believed = program(run).pose_at(now);
-    hilrig::score::PosePair::new(now, truth, believed).error_mm() > 60.0
+    hilrig::score::PosePair::new(now, truth, program(run).pose_at(now)).error_mm()
+}
+
+pub(super) fn believes_wrong(run: &Run) -> bool {
+    error_mm(run) > 60.0
+}
+
+pub(super) fn is_lost(run: &Run) -> bool {
+    error_mm(run) > 200.0
+}
+
+pub(super) fn has_ended(run: &Run) -> bool {
+    program(run).is_dead()
+}
+
+pub(super) fn phantoms(run: &Run) -> bool {
+    let all = program(run).waypoints().all();
+    all.iter().filter(|one| one.position_mm == [0, 0]).count() > 40
+}
+
+/// The room's robot starts at (1.5, 1.2).
+pub(super) fn stays_on_the_spot(run: &Run) -> bool {
+    let pose = run.rig.world.pose();
+    libm::hypot(pose.x - 1.5, pose.y - 1.2) < 0.1
 }
 
 pub(super) fn no_waypoints(run: &Run) -> bool {
