@@ -102,8 +102,8 @@ impl<'a> Hunt<'a> {
         })
     }
 
-    /// Failed checks and broken rules about time that were not seen twice more when the case was run
-    /// again.
+    /// Failed checks and broken rules about time that were not seen twice more when the case was
+    /// run again.
     pub const fn doubtful(&self) -> u64 {
         self.doubtful
     }
