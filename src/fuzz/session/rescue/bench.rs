@@ -15,7 +15,10 @@ use crate::line::Direction;
 
 const MS: Duration = Duration::from_millis(1);
 const ORDER: ChecksumOrder = ChecksumOrder::LowFirst;
-/// No frame waits for its rest any more; the program gives up after 100 ms.
+/// After this no frame waits for its rest any more: the radio's own gaps stay below 40 ms, and the
+/// program waits for 100.
+const IDLE_MS: u32 = 100;
+/// A pause that is certainly long enough.
 const QUIET_MS: u32 = 150;
 /// A good frame of the PC: an order to stand still.
 const ORDER_TO_STOP: &[u8] = b"PCUI_MSG\x03\x00\x00\x00\x00\x00STA\x00\x00\x00";
@@ -109,10 +112,11 @@ impl<'a> Around<'a> {
                 .note(RADIO, self.now, Direction::ToDevice, &buf[..len]);
             self.program.transmit(Rescue::MOTOR, &mut buf);
         }
-        if ms >= QUIET_MS - 50 {
+        self.judge_memory(|| "in a pause".to_owned())?;
+        if ms >= IDLE_MS {
             self.judge_frames()?;
         }
-        self.judge_memory(|| "in a pause".to_owned())
+        Ok(())
     }
 
     /// Answers the program's requests.
@@ -342,6 +346,9 @@ fn spoilt(bytes: &mut Vec<u8>, spoil: Spoil) {
     }
 }
 
+/// Letters of what was said last that are shown.
+const WORDS_MAX: usize = 100;
+
 /// What was said last, for people.
 fn words_of(port: usize, bytes: &[u8]) -> String {
     let protocol = [Protocol::Xv11, Protocol::Bus, Protocol::Pcui][port];
@@ -352,5 +359,8 @@ fn words_of(port: usize, bytes: &[u8]) -> String {
         What::Frame(words) => words,
         What::Bad(_) => "bytes of no frame".to_owned(),
     });
-    format!("at {}", words.collect::<Vec<_>>().join("; "))
+    let words = words.collect::<Vec<_>>().join("; ");
+    let shown: String = words.chars().take(WORDS_MAX).collect();
+    let more = if shown.len() < words.len() { ".." } else { "" };
+    format!("at {shown}{more}")
 }
