@@ -56,9 +56,9 @@ impl Stand<'_> {
         self.expect_ports(&live, &opened)?;
         // The first half is for waking up.
         let middle = Instant::ZERO + WARM_UP + lasting / 2;
-        let acted = opened.and_then(|()| live.pass(lasting)).map(|()| None);
+        let acted = opened.and_then(|()| live.pass(lasting));
         let known = live.known(middle);
-        let seen = self.judge(live, acted)?;
+        let seen = self.judge(live, acted, Vec::new())?;
         let met = Met {
             known,
             ..Met::default()
@@ -91,12 +91,13 @@ impl Stand<'_> {
             link: link.to_owned(),
             ..Met::default()
         };
-        let mut asked = String::new();
+        let (mut asked, mut causes) = (String::new(), Vec::new());
         let acted = opened.and_then(|()| {
             met.talk(&mut live, speech, rng, &mut asked)?;
-            met.farewell(&mut live, speech, self.alive)
+            causes.extend(met.farewell(&mut live, speech, self.alive)?);
+            Ok(())
         });
-        let seen = self.judge(live, acted)?;
+        let seen = self.judge(live, acted, causes)?;
         case.told.known = met.known.clone();
         let raw = case.told.raw.get_or_insert_default();
         (raw.stream, raw.answered) = (asked, met.answered.clone());

@@ -199,25 +199,28 @@ impl<'a> Stand<'a> {
     /// Tries `case`, `speech` being that of its raw link; every byte is in `recording` then.
     pub fn run(&self, case: &Case, speech: &Speech, recording: &Path) -> Result<Seen, StandError> {
         let (mut live, opened) = Live::begin(self, case, recording)?;
-        let acted = opened.and_then(|()| trial::act(&mut live, case, speech, self.alive));
-        self.judge(live, acted)
+        let mut causes = Vec::new();
+        let acted =
+            opened.and_then(|()| trial::act(&mut live, case, speech, self.alive, &mut causes));
+        self.judge(live, acted, causes)
     }
 
-    /// Ends the program and says what was wrong with it.
+    /// Ends the program and says what was wrong with it, besides `causes`.
     pub(super) fn judge(
         &self,
         live: Live<'_>,
-        acted: Result<Option<Cause>, Halt>,
+        acted: Result<(), Halt>,
+        mut causes: Vec<Cause>,
     ) -> Result<Seen, StandError> {
         let known = live.known(live.now());
         let was_late = live.late() > LATE;
         let (said, run) = live.end(self);
-        let mut causes = match acted {
-            Ok(cause) => Vec::from_iter(cause),
-            Err(Halt::Ended(ended)) => vec![Cause::of_end(ended, &said)],
-            Err(Halt::Lost(how)) => vec![Cause::PortLost(how)],
+        match acted {
+            Ok(()) => {}
+            Err(Halt::Ended(ended)) => causes.push(Cause::of_end(ended, &said)),
+            Err(Halt::Lost(how)) => causes.push(Cause::PortLost(how)),
             Err(Halt::Interrupted) => return Err(StandError::Interrupted),
-        };
+        }
         let ran = run.case();
         let counts = |cause: &Cause| {
             (self.is_strict || !cause.is_about_time()) && !(was_late && cause.may_be_lateness())

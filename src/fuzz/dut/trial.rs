@@ -66,22 +66,26 @@ impl<'a> Talk<'a> {
     }
 }
 
-/// Does what `case` says, then sees whether the program lives.
+/// Does what `case` says, then sees whether the program lives. What was wrong is in `causes`, also
+/// if it ended after that.
 pub(super) fn act(
     live: &mut Live<'_>,
     case: &Case,
     speech: &Speech,
     alive: Duration,
-) -> Result<Option<Cause>, Halt> {
+    causes: &mut Vec<Cause>,
+) -> Result<(), Halt> {
     let Some(raw) = &case.told.raw else {
         live.pass(case.told.lasting.0)?;
-        return settle(live, &case.told.known, None, alive);
+        causes.extend(settle(live, &case.told.known, None, alive)?);
+        return Ok(());
     };
     let talk = Talk::of(raw, speech);
     for pair in &raw.pair {
         if talk.is_taken(live, raw, pair)? {
             let (pair, link) = (pair.clone(), raw.link.clone());
-            return Ok(Some(Cause::Accepts { pair, link }));
+            causes.push(Cause::Accepts { pair, link });
+            break;
         }
     }
     // Whoever reads a case made sure that it can be read.
@@ -93,7 +97,8 @@ pub(super) fn act(
         }
     }
     live.pause()?;
-    settle(live, &case.told.known, Some((&talk, raw)), alive)
+    causes.extend(settle(live, &case.told.known, Some((&talk, raw)), alive)?);
+    Ok(())
 }
 
 /// Whether the program lives: it reads what it is given, speaks where it always spoke, and answers
