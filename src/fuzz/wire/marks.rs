@@ -15,23 +15,28 @@ const fn size(number: usize) -> u64 {
     (usize::BITS - number.leading_zeros()) as u64
 }
 
-/// Each frame or error beside the two before it and the bytes thrown away between, in sizes.
+/// Which kinds of frames there are; and each frame or error, whatever its kind, beside the two
+/// before it and the bytes thrown away between, in sizes. Finer marks would call every session new.
 pub(super) fn of_session<W: Wire>(stream: &Stream, mark: Mark<'_>) {
     let mut decoder = W::decoder();
-    let mut before = [0, 0];
+    // Of nothing yet.
+    let mut before = [7, 7];
     let mut discarded = 0;
     let mut hear = |decoder: &mut W::Decoder, mut bytes: &[u8]| {
         while let Some(outcome) = decoder.step(&mut bytes) {
             let kind = match &outcome {
-                Ok(frame) => 16 + W::kind(frame),
+                Ok(frame) => {
+                    mark(&[1, W::kind(frame)]);
+                    0
+                }
                 Err(error) => u64::from(kind_of(*error)),
             };
             let lost = usize::try_from(decoder.discarded() - discarded).unwrap_or(usize::MAX);
             discarded = decoder.discarded();
-            mark(&[kind, before[0], before[1], size(lost)]);
+            mark(&[2, kind, before[0], before[1], size(lost)]);
             before = [kind, before[0]];
         }
-        mark(&[before[0], size(decoder.pending())]);
+        mark(&[3, before[0], size(decoder.pending())]);
     };
     for piece in stream.pieces() {
         match piece {
