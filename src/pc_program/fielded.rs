@@ -79,7 +79,7 @@ impl Client {
     /// (0, 0) while the map's scale is not known (UI-07). What is sent.
     pub fn click(&mut self, at_mm: [i16; 2]) -> Vec<u8> {
         let id = self.next_id;
-        self.next_id += 1;
+        self.next_id = self.next_id.wrapping_add(1);
         self.waypoints.push(Waypoint {
             position_mm: self.resolution_mm.map_or([0; 2], |_| at_mm),
             layer: 0,
@@ -227,6 +227,9 @@ impl Client {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+    use protocols::pcui::{FRAME_MAX, seal};
+
     use super::*;
 
     /// Field-bug catalogue, PU-07: the list that the program produces of its own, by UI-05. The
@@ -266,5 +269,33 @@ mod tests {
             (client.painting().width, client.painting().height),
             (300, 300)
         );
+    }
+
+    proptest! {
+        /// Its faults are an exception and what is painted wrong, never the end of whoever shows
+        /// them: whatever frames it hears, between whatever clicks.
+        #[test]
+        fn no_frame_brings_the_comparison_down(
+            frames in prop::collection::vec(
+                (
+                    prop::sample::select(vec![*b"MPD", *b"MAP", *b"MAR", *b"LWP", *b"STA"]),
+                    prop::collection::vec(any::<u8>(), 0..=40),
+                    any::<[i16; 2]>(),
+                    0_usize..4,
+                ),
+                0..12,
+            ),
+        ) {
+            let mut client = Client::default();
+            for (id, payload, place, index) in frames {
+                let mut frame = [0; FRAME_MAX];
+                frame[HEADER_LEN..HEADER_LEN + payload.len()].copy_from_slice(&payload);
+                let len = seal(&mut frame, id, payload.len()).expect("short");
+                client.receive(&frame[..len]);
+                client.click(place);
+                client.right_click(index);
+                prop_assert_eq!(client.places().len(), client.waypoints().len());
+            }
+        }
     }
 }
