@@ -30,7 +30,7 @@ mod speech;
 mod stand;
 mod trial;
 
-pub use case::{Case, Hex, Known, Pair, Raw, Told};
+pub use case::{Answered, Case, Hex, Known, Pair, Raw, Told};
 pub use cause::Cause;
 pub use finding::{Finding, Kept, State};
 pub use hunt::{Hunt, Plan, Progress};
