@@ -76,6 +76,8 @@ const RESTART_AFTER: u8 = 3;
 const SAMPLES: usize = 16;
 /// Longest time that the last motion is continued beyond the newest sample.
 const EXTRAPOLATION_MAX: Duration = Duration::from_millis(250);
+/// Shortest time between two readings that tell a speed.
+const SPEED_TAKES: Duration = Duration::from_millis(20);
 
 #[derive(Clone, Copy, Debug)]
 struct Sample {
@@ -189,7 +191,7 @@ impl Odometry {
     }
 
     /// The dead-reckoned pose at `at`: between two readings along the way between them, after the
-    /// newest one at its speed for at most 250 ms, before the oldest one that is kept, that one's.
+    /// newest one at the last speed for at most 250 ms, before the oldest that is kept, that one's.
     pub fn pose_at(&self, at: Instant) -> Pose {
         let samples = &self.samples[..self.len];
         let Some(newest) = samples.last() else {
@@ -203,10 +205,19 @@ impl Odometry {
             return between(samples[after - 1], samples[after], at);
         }
         let latest = newest.at + EXTRAPOLATION_MAX;
-        let before = self.len.checked_sub(2).and_then(|index| samples.get(index));
+        // Of two readings right behind one another, a tick more in the second is no speed.
+        let is_before = |sample: &&Sample| newest.at - sample.at >= SPEED_TAKES;
+        let before = samples.iter().rev().find(is_before);
         before.map_or(newest.pose, |before| {
             between(*before, *newest, at.min(latest))
         })
+    }
+
+    /// Whether `at` is not before the oldest reading that is kept.
+    pub fn remembers(&self, at: Instant) -> bool {
+        self.samples[..self.len]
+            .first()
+            .is_some_and(|oldest| oldest.at <= at)
     }
 
     /// Readings that were not believed.
@@ -491,6 +502,21 @@ mod tests {
             "{beyond:?} {truth:?}"
         );
         assert_eq!(odometry.pose_at(at(450)), odometry.pose_at(at(9_000)));
+    }
+
+    /// The wheels are read twice, a quarter of a millisecond apart, and one ticks in between.
+    /// Then the base falls silent. Found by a campaign: 4000 ticks a second, continued for 250 ms,
+    /// turned the robot by 90 degrees in its own eyes. By hand: 20 and 21 ticks in 40.25 ms are
+    /// 9.303 mm and 1.745 mrad, up to 290 ms 7.205 times as much.
+    #[test]
+    fn two_readings_right_behind_one_another_tell_no_speed() {
+        let mut odometry = Odometry::new(DRIVE);
+        odometry.update(at(0), [0, 0]);
+        odometry.update(at(40), [20, 20]);
+        odometry.update(at(40) + Duration::from_micros(250), [20, 21]);
+        let beyond = odometry.pose_at(at(290));
+        assert!(near(beyond.x_mm, 67.03, 0.1), "{beyond:?}");
+        assert!(near(beyond.heading, 0.012_58, 1e-4), "{beyond:?}");
     }
 
     #[test]

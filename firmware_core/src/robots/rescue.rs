@@ -32,7 +32,7 @@ pub use drive::Battery;
 
 use crate::navigation::{Goal, HALT, Navigator, Step, Surroundings};
 use crate::pc_link::{PcLink, View};
-use crate::pose::{Point, Pose};
+use crate::pose::{Point, Pose, PoseChange};
 use crate::scan::Scan;
 use crate::slam::Mapper;
 use crate::waypoints::{Waypoint, Waypoints};
@@ -86,8 +86,9 @@ pub struct Rescue {
     mode: Mode,
     ordered_at: Instant,
     phase: Phase,
-    /// When the pose was last found by matching.
-    matched_at: Option<Instant>,
+    /// When the pose was last found by matching, and where the wheels put the robot then: a search
+    /// of the whole map takes longer than the odometry remembers.
+    matched: Option<(Instant, Pose)>,
     attend_at: Instant,
     motor_duty: Option<u8>,
     switches: Switches,
@@ -145,7 +146,7 @@ impl Rescue {
             mode,
             ordered_at: Instant::ZERO,
             phase: Phase::Waiting,
-            matched_at: None,
+            matched: None,
             attend_at: Instant::ZERO,
             motor_duty: None,
             switches: Switches::AT_START,
@@ -204,15 +205,20 @@ impl Rescue {
 
     /// Where the robot believes to be at `now`: the matched pose and the wheels since.
     pub fn pose_at(&self, now: Instant) -> Pose {
-        match self.matched_at {
-            Some(at) => {
-                let odometry = &self.drive.odometry;
-                self.mapper
-                    .pose()
-                    .then(odometry.pose_at(at).change_to(odometry.pose_at(now)))
-            }
-            None => self.mapper.pose(),
-        }
+        self.mapper.pose().then(self.motion_until(now))
+    }
+
+    /// What the wheels say about the way from the last matched pose to `now`.
+    fn motion_until(&self, now: Instant) -> PoseChange {
+        let odometry = &self.drive.odometry;
+        self.matched.map_or(PoseChange::NONE, |(at, pose)| {
+            let pose = if odometry.remembers(at) {
+                odometry.pose_at(at)
+            } else {
+                pose
+            };
+            pose.change_to(odometry.pose_at(now))
+        })
     }
 
     /// What an interrupt or a timer does: everything that must not wait for the search.
@@ -298,11 +304,10 @@ impl Rescue {
         let turn = self.lidar.take_turn();
         self.scan = Scan::deskewed(turn, &self.config.mounting, odometry);
         let end = self.scan.end;
-        if let Some(before) = self.matched_at {
-            let change = odometry.pose_at(before).change_to(odometry.pose_at(end));
-            self.mapper.predict(change);
+        if self.matched.is_some() {
+            self.mapper.predict(self.motion_until(end));
         }
-        self.matched_at = Some(end);
+        self.matched = Some((end, odometry.pose_at(end)));
         // Without the wheels' word for it, a moving robot would drag the map along with it.
         let knows_motion = odometry
             .updated_at()
@@ -324,10 +329,7 @@ impl Rescue {
 
     /// Decides where to drive, from the newest scan and the wheels since.
     fn navigate(&mut self, now: Instant) {
-        let odometry = &self.drive.odometry;
-        let since = odometry
-            .pose_at(self.scan.end)
-            .change_to(odometry.pose_at(now));
+        let since = self.motion_until(now);
         let pose = self.mapper.pose().then(since);
         let around = Surroundings::seen(&self.scan, since);
         let set_point = match self.mode() {

@@ -9,7 +9,7 @@ use crate::pose::{Point, Pose};
 
 impl Inspect for Rescue {
     fn estimate(&self) -> Option<(Instant, Pose)> {
-        self.matched_at.map(|at| (at, self.mapper.pose()))
+        self.matched.map(|(at, _)| (at, self.mapper.pose()))
     }
 
     fn map(&self) -> Option<&Grid> {

@@ -96,7 +96,7 @@ impl Rescue {
                 self.waypoints.clear();
                 self.pc.echo_waypoints();
                 self.mapper.restart();
-                self.matched_at = None;
+                self.matched = None;
                 self.switches = Switches::AT_START;
                 self.lidar.switch_on();
                 self.screen.notices.push(now, Notice::Reset);
@@ -119,7 +119,8 @@ impl Rescue {
         let pose = self.pose_at(now);
         self.mapper.restart();
         self.mapper.set_pose(pose);
-        self.matched_at = self.matched_at.map(|_| now);
+        let place = self.drive.odometry.pose_at(now);
+        self.matched = self.matched.map(|_| (now, place));
         self.navigator.reset();
         self.screen.notices.push(now, Notice::MapCleared);
     }
