@@ -50,6 +50,8 @@ pub struct Patience {
     pub order_period: Duration,
     /// Time after which a port that the far end closed is opened again; `None`: never.
     pub reopen: Option<Duration>,
+    /// Time for the far end to answer before it is called once more; `None`: for ever.
+    pub answer: Option<Duration>,
 }
 
 impl Default for Patience {
@@ -60,6 +62,7 @@ impl Default for Patience {
             tries_max: 5,
             order_period: Duration::from_millis(500),
             reopen: Some(Duration::from_millis(500)),
+            answer: Some(Duration::from_secs(10)),
         }
     }
 }
@@ -193,7 +196,7 @@ impl Pc {
 
     fn do_it(&mut self, now: Instant, action: Action) {
         match action {
-            Action::Open => self.open(),
+            Action::Open => self.open(now),
             Action::Close => self.close(now),
             Action::Waypoints(list) => {
                 self.waypoints = Some(Wish::new(list, self.patience.until_confirmed()));
@@ -213,11 +216,25 @@ impl Pc {
         }
     }
 
-    fn open(&mut self) {
-        self.reopen_at = None;
+    fn open(&mut self, now: Instant) {
         if self.connection == Connection::Closed {
             self.connection = Connection::Opening;
-            self.changes.push_back(LineEvent::Opened);
+            self.call(now);
+        }
+    }
+
+    fn call(&mut self, now: Instant) {
+        self.reopen_at = self.patience.answer.map(|after| now + after);
+        self.changes.push_back(LineEvent::Opened);
+    }
+
+    /// What was opened did not answer, or what the far end closed is to be opened again.
+    fn reopen(&mut self, now: Instant) {
+        if self.connection == Connection::Opening {
+            self.log.note(now, "no-answer", String::new());
+            self.call(now);
+        } else {
+            self.open(now);
         }
     }
 
@@ -241,6 +258,7 @@ impl Pc {
 
     fn connect(&mut self, now: Instant) {
         if self.connection == Connection::Opening {
+            self.reopen_at = None;
             self.connection = Connection::Connected(now);
             self.log.note(now, "connected", String::new());
         }
@@ -253,7 +271,7 @@ impl Pc {
             self.idle(now);
         }
         if self.reopen_at.is_some_and(|at| at <= now) {
-            self.open();
+            self.reopen(now);
         }
         // A new wish takes the place of the old one before that is said again.
         while self.step_at().is_some_and(|at| at <= now) {

@@ -298,6 +298,22 @@ fn steps_wait_for_their_condition() {
     assert_eq!(desk.pc.map_complete_at(), Some(Instant::from_secs(30)));
 }
 
+/// Whom the far end does not answer, as after a bad line took the call away, calls again after ten
+/// seconds. Found by a campaign: the PC waited for ever.
+#[test]
+fn a_far_end_that_does_not_answer_is_called_again() {
+    let mut desk = Desk::new(Script::mission(vec![[1, 2]]).expect("one waypoint"));
+    desk.run_until(Instant::from_millis(9_999));
+    assert_eq!(desk.changes, [LineEvent::Opened]);
+    desk.run_until(Instant::from_secs(15));
+    let again = [LineEvent::Opened, LineEvent::Opened];
+    assert_eq!(desk.changes, again);
+    desk.pc.line_event(Pc::AIR, desk.now, LineEvent::Opened);
+    desk.run_until(Instant::from_millis(16_500));
+    assert_eq!(desk.changes, again);
+    assert_eq!(desk.frame_times(), [16_000]);
+}
+
 /// A port that the far end closed is opened again, and what was not confirmed is said again.
 #[test]
 fn a_lost_connection_is_opened_again() {
