@@ -18,6 +18,14 @@ pub struct Unit {
     pub frame: Option<Protocol>,
 }
 
+impl Unit {
+    /// Link and direction.
+    fn lane(&self) -> (usize, bool) {
+        let record = &self.record;
+        (record.link, record.direction == Direction::ToDevice)
+    }
+}
+
 /// Pause on a line that ends whatever was being sent on it.
 const QUIET: Duration = Duration::from_millis(100);
 
@@ -109,61 +117,71 @@ pub fn with_units(capture: &Capture, units: &[Unit]) -> Capture {
     }
 }
 
-/// What is wrong with the bytes of a capture: the first stretch that is no frame, by its lane and
-/// the kind of error, without figures.
+/// What is wrong with the bytes of a capture: the first frame that is broken or, if all are sound,
+/// the first bytes outside of frames, of which many devices have some; by its lane and the kind of
+/// error, without figures.
 pub fn fault_of(capture: &Capture, units: &[Unit]) -> Option<String> {
-    // Lanes without any frame are of an unknown format, and nothing can be said of them.
-    let mut bad = units.iter().filter(|unit| {
-        let is_data = unit.record.kind == Kind::Data && !unit.record.bytes.is_empty();
-        is_data && unit.frame.is_none() && known(units, unit)
-    });
-    let first = bad.next()?;
+    let (index, kind) = first_bad(units)?;
+    let record = &units[index].record;
     let name = capture
         .links
-        .get(first.record.link)
+        .get(record.link)
         .map_or("?", |link| &link.name);
-    let direction = match first.record.direction {
-        Direction::ToMaster => "to-master",
-        Direction::ToDevice => "to-device",
-    };
-    let error = known_format(units, first).and_then(|protocol| {
-        let mut stream = Stream::new(protocol);
-        let mut found = stream.push(&first.record.bytes);
-        found.extend(stream.idle());
-        found.into_iter().find_map(|one| match one.what {
-            What::Bad(errors) => errors.first().copied(),
-            What::Frame(_) => None,
-        })
+    Some(format!("{name} {}: {kind}", record.direction.name()))
+}
+
+const OUTSIDE: &str = "bytes outside of frames";
+
+/// The first unit that is a broken frame, or else no frame though its lane has frames, and what is
+/// wrong with it. Of a lane without any, whose format is unknown, nothing can be said.
+fn first_bad(units: &[Unit]) -> Option<(usize, &'static str)> {
+    let mut formats: BTreeMap<(usize, bool), Protocol> = BTreeMap::new();
+    for unit in units {
+        if let Some(protocol) = unit.frame {
+            formats.entry(unit.lane()).or_insert(protocol);
+        }
+    }
+    let mut bad = units.iter().enumerate().filter_map(|(index, unit)| {
+        let is_data = unit.record.kind == Kind::Data && !unit.record.bytes.is_empty();
+        let is_bad = is_data && unit.frame.is_none();
+        let protocol = formats.get(&unit.lane()).filter(|_| is_bad)?;
+        Some((index, error_of(&unit.record.bytes, *protocol)))
     });
-    let kind = match error {
+    let first = bad.next()?;
+    if first.1 != OUTSIDE {
+        return Some(first);
+    }
+    bad.find(|(_, kind)| *kind != OUTSIDE).or(Some(first))
+}
+
+fn error_of(bytes: &[u8], protocol: Protocol) -> &'static str {
+    let mut stream = Stream::new(protocol);
+    let mut found = stream.push(bytes);
+    found.extend(stream.idle());
+    let error = found.into_iter().find_map(|one| match one.what {
+        What::Bad(errors) => errors.first().copied(),
+        What::Frame(_) => None,
+    });
+    match error {
         Some(FrameError::Checksum { .. }) => "a checksum that does not fit",
         Some(FrameError::Length { .. }) => "a length that is not allowed",
         Some(FrameError::Truncated { .. }) => "a frame that was cut off",
-        _ => "bytes outside of frames",
-    };
-    Some(format!("{name} {direction}: {kind}"))
-}
-
-fn known(units: &[Unit], unit: &Unit) -> bool {
-    known_format(units, unit).is_some()
-}
-
-fn known_format(units: &[Unit], unit: &Unit) -> Option<Protocol> {
-    let mut lane = units.iter().filter(|other| {
-        other.record.link == unit.record.link && other.record.direction == unit.record.direction
-    });
-    lane.find_map(|other| other.frame)
+        _ => OUTSIDE,
+    }
 }
 
 /// The fewest units, and the plainest bytes in them, for which `fails` still holds. In sound frames
 /// the payload is put to zero byte by byte; with `repairs` their checksums are made to fit again.
+///
+/// `fails` holds for all of `units`.
 pub fn capture(
     units: &[Unit],
     mut fails: impl FnMut(&[Unit]) -> bool,
     effort: &mut Effort<'_>,
     repairs: Repair,
 ) -> Vec<Unit> {
-    let mut best = fewest(units, effort, &mut fails);
+    let near = neighbourhood(units, &mut fails, effort);
+    let mut best = fewest(near.as_deref().unwrap_or(units), effort, &mut fails);
     for index in 0..best.len() {
         for at in 0..best[index].record.bytes.len() {
             let mut plainer = best.clone();
@@ -181,6 +199,32 @@ pub fn capture(
         }
     }
     best
+}
+
+/// What lies around the first thing that is wrong, for which `fails` still holds: of a long capture
+/// that is nearly always enough, and found in the time that it takes to read it. First on its own
+/// lane, then on all of them, twice as far each time.
+fn neighbourhood(
+    units: &[Unit],
+    fails: &mut impl FnMut(&[Unit]) -> bool,
+    effort: &mut Effort<'_>,
+) -> Option<Vec<Unit>> {
+    let (bad, _) = first_bad(units)?;
+    let same_lane = |&index: &usize| units[index].lane() == units[bad].lane();
+    let own_lane: Vec<usize> = (0..units.len()).filter(same_lane).collect();
+    for lane in [own_lane, (0..units.len()).collect()] {
+        let middle = lane.partition_point(|&index| index < bad);
+        let mut reach = 1;
+        while reach < lane.len() {
+            let around = middle.saturating_sub(reach)..(middle + reach).min(lane.len());
+            let around: Vec<Unit> = lane[around].iter().map(|&i| units[i].clone()).collect();
+            if effort.spend() && fails(&around) {
+                return Some(around);
+            }
+            reach *= 2;
+        }
+    }
+    None
 }
 
 /// What happens to the checksum of a frame whose payload was changed.

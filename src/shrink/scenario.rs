@@ -7,6 +7,9 @@ use crate::scenario::{Scenario, Span};
 /// what the cause is read from, then a shorter run, fewer orders and waypoints, less in the world,
 /// and settings as they are by default.
 ///
+/// If `start` does not fail without its faults, neither does what it is shrunk to: a mission that
+/// nobody could complete in its time says nothing of what kept the robot from it.
+///
 /// `fails` holds for `start`. Random faults cannot be thinned out without becoming others; give
 /// the case of a run, in which they are written out as the bytes that they hit.
 pub fn scenario(
@@ -14,6 +17,16 @@ pub fn scenario(
     mut fails: impl FnMut(&Scenario) -> bool,
     effort: &mut Effort<'_>,
 ) -> Scenario {
+    let without_faults = |case: &Scenario| Scenario {
+        fault: Vec::new(),
+        ..case.clone()
+    };
+    let are_faults_to_blame =
+        !start.fault.is_empty() && effort.spend() && !fails(&without_faults(start));
+    let mut fails = |case: &Scenario| {
+        let is_about_faults = !are_faults_to_blame || !case.fault.is_empty();
+        is_about_faults && fails(case) && !(are_faults_to_blame && fails(&without_faults(case)))
+    };
     let mut best = start.clone();
     // Where it was saved from is not where it is going.
     best.origin = None;
@@ -143,7 +156,9 @@ fn plainer(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
         smaller.device.remove(&device);
         take(best, smaller, effort, fails);
     }
-    let plain: [fn(&mut Scenario); 3] = [
+    let plain: [fn(&mut Scenario); 5] = [
+        |scenario| scenario.phases = None,
+        |scenario| scenario.budget = None,
         |scenario| scenario.program = Default::default(),
         |scenario| scenario.mission.connect = Span::from_millis(500),
         |scenario| scenario.description.clear(),

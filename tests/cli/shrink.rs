@@ -130,6 +130,28 @@ fn a_command_decides_what_is_bad() {
     assert_eq!(small.matches("[[fault]]").count(), 0, "{small}");
 }
 
+/// Whoever judges presses Ctrl-C as well, at the first try: what comes out is the whole case, which
+/// is still bad, and the command that repeats it.
+#[test]
+fn the_best_so_far_is_the_result_when_somebody_stops_the_search() {
+    let session = Session::new("shrink-stopped");
+    session.write("twelve.toml", &twelve_faults());
+    let judge = "kill -INT $PPID; sleep 0.2; grep -q 'y_m = 1.0'";
+    let output = session.hilrig(&["shrink", "twelve.toml", "--while", judge, "--out", "small"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let said = text(&output.stdout);
+    assert!(said.contains(", 0 tries."), "{said}");
+    assert!(
+        said.contains("repeat with: hilrig run small/case.toml"),
+        "{said}"
+    );
+    let small = session.read("small/case.toml");
+    assert!(
+        small.contains("y_m = 1.0") && small.contains("[[fault]]"),
+        "{small}"
+    );
+}
+
 #[test]
 fn what_passes_cannot_be_shrunk() {
     let session = Session::new("shrink-passes");
