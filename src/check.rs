@@ -12,8 +12,10 @@ use crate::line::Direction;
 use crate::rig::Rig;
 use crate::robots::Actuators;
 
+mod accepted;
 mod at_work;
 
+pub use accepted::SetPointsAsAccepted;
 pub use at_work::AtWorkAgain;
 
 /// How a check ended.

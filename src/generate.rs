@@ -7,13 +7,19 @@
 //! What goes wrong ends early enough that the mission must succeed afterwards.
 
 mod dice;
+mod faults;
+mod mission;
+mod surface;
+mod world;
 
-use core::fmt::Write as _;
 use core::str::FromStr;
 
-use crate::scenario::{Action, FaultSpec, LinkSpec, Scenario, Span, Step, WorldSpec};
+use crate::robots;
+use crate::scenario::{LinkSpec, Scenario, Span};
 pub use dice::Dice;
-use dice::Draw;
+use faults::Adversity;
+use surface::Surface;
+use world::Room;
 
 /// What is made anew; the rest is as in the scenario that it starts from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -82,169 +88,57 @@ impl core::fmt::Display for Vary {
 
 /// Faults live from here, milliseconds: before the robot has its mission.
 const ADVERSITY_FROM_MS: u64 = 300;
-/// And end here.
+/// And end here, but for those that wait for something.
 const ADVERSITY_UNTIL_MS: u64 = 14_000;
-/// From then on the mission has this long, milliseconds: three ways through the room at a third
-/// of the robot's speed.
-const RECOVERY_MS: u64 = 90_000;
-/// Most faults of a mission.
-const FAULTS_MAX: u64 = 12;
+/// From then on the mission has this long at least, milliseconds: for three ways through the room
+/// at a third of the robot's speed, and half as long before it is given once more.
+const RECOVERY_MS: u64 = 120_000;
 
 /// The scenario that `dice` make of `base`.
 pub fn scenario(base: &Scenario, vary: Vary, dice: &mut Dice) -> Scenario {
     let mut made = base.clone();
-    let plan = Plan::draw(&mut dice.world, &mut dice.mission);
+    let room = Room::draw(robots::arena(base.robot), &mut dice.world);
+    let surface = Surface::of(base);
     if vary.world {
-        made.world = plan.world();
+        made.world = room.world();
     }
     if vary.world || vary.mission {
-        made.mission.waypoints_m = plan.waypoints.clone();
-        made.mission.step = steps(&plan.waypoints, &mut dice.mission);
+        let places = match vary.world {
+            true => room.free,
+            // Where the scenario's own room has places to go to, only the scenario knows.
+            false => base.mission.waypoints_m.clone(),
+        };
+        let waypoints = mission::waypoints(places, &mut dice.mission);
+        made.mission.step = mission::steps(&waypoints, &mut dice.mission);
+        made.mission.waypoints_m = waypoints;
         made.expect.visit_within_mm = Some(200.0);
+        made.expect.settle = Some(Span::from_millis(dice.mission.between(2_000, 4_000)));
         made.expect.return_within_mm = None;
         made.expect.wall_overlap_min = None;
     }
     if vary.timing {
         made.mission.connect = Span::from_millis(dice.timing.between(100, 1500));
-        for name in ["lidar", "radio", "pc"] {
+        // Who commands the motors waits for less.
+        let hasty = robots::watch(base.robot).command_link;
+        for name in surface.links().filter(|&name| name != hasty) {
             let latency = Span::from_millis(dice.timing.between(0, 12));
             made.link.insert(name.to_owned(), LinkSpec { latency });
         }
     }
     if vary.faults {
-        made.fault = faults(&mut dice.faults);
-        made.duration = Span::from_millis(ADVERSITY_UNTIL_MS + RECOVERY_MS);
-        // What a device hears through a bad line is no fault of who spoke, and where the robot
-        // believes to be while it cannot see is not what is judged here.
-        made.expect.violations_max = None;
-        made.expect.pose_rms_mm_max = None;
-        made.expect.heading_rms_deg_max = None;
-        made.expect.map_received = None;
+        let adversity = Adversity::draw(&surface, &made.mission.waypoints_m, &mut dice.faults);
+        adversity.befall(&mut made);
     }
     made
 }
 
-/// Nine places in a room of 2.4 m, each free, a waypoint or taken by an obstacle.
-struct Plan {
-    start: [f64; 2],
-    heading_deg: u64,
-    obstacles: Vec<([f64; 2], u64)>,
-    waypoints: Vec<[f64; 2]>,
-}
-
-impl Plan {
-    fn draw(world: &mut Draw, mission: &mut Draw) -> Self {
-        let mut places: Vec<[f64; 2]> = Vec::new();
-        for row in [0.8, 1.5, 2.2] {
-            places.extend([0.8, 1.5, 2.2].map(|column| [column, row]));
-        }
-        let start = places.remove(world.index(places.len()));
-        let heading_deg = world.below(360);
-        let mut obstacles = Vec::new();
-        for _ in 0..world.below(3) {
-            let place = places.remove(world.index(places.len()));
-            let nudge = [world.below(11), world.below(11)];
-            let nudge = nudge.map(|cm| (cm as f64 - 5.0) / 100.0);
-            let size_mm = world.between(25, 120);
-            obstacles.push(([place[0] + nudge[0], place[1] + nudge[1]], size_mm));
-        }
-        let count = 1 + mission.below(3);
-        let waypoints = (0..count).map(|_| places.remove(mission.index(places.len())));
-        Self {
-            start,
-            heading_deg,
-            obstacles,
-            waypoints: waypoints.collect(),
-        }
-    }
-
-    /// The world as its text in a scenario says it.
-    fn world(&self) -> WorldSpec {
-        let mut text = format!(
-            "start = {{ x_m = {:.2}, y_m = {:.2}, heading_deg = {} }}\n\
-             bounds = {{ min_m = [0, 0], max_m = [3, 3] }}\n[[wall]]\n\
-             path_m = [[0.3, 0.3], [2.7, 0.3], [2.7, 2.7], [0.3, 2.7], [0.3, 0.3]]\n",
-            self.start[0], self.start[1], self.heading_deg
-        );
-        for ([x, y], size_mm) in &self.obstacles {
-            let radius = *size_mm as f64 / 1000.0;
-            write!(
-                text,
-                "[[pillar]]\nat_m = [[{x:.2}, {y:.2}]]\nradius_m = {radius:.3}\n"
-            )
-            .expect("a string takes everything");
-        }
-        toml::from_str(&text).expect("a room as people write it")
-    }
-}
-
-/// What the PC does besides sending the mission: it sends it once more, or hangs up for a while.
-fn steps(waypoints: &[[f64; 2]], dice: &mut Draw) -> Vec<Step> {
-    let mut steps = Vec::new();
-    for _ in 0..dice.below(4) {
-        let at = dice.between(2_000, ADVERSITY_UNTIL_MS - 2_000);
-        if dice.below(2) == 0 {
-            let action = Action::WaypointsM(waypoints.to_vec());
-            steps.push((at, action));
-        } else {
-            steps.push((at, Action::Disconnect));
-            steps.push((at + dice.between(100, 1_500), Action::Connect));
-        }
-    }
-    steps.sort_by_key(|&(at, _)| at);
-    let step = |(at, action)| Step {
-        at: Span::from_millis(at),
-        action,
-    };
-    steps.into_iter().map(step).collect()
-}
-
-/// Links, and which way, on which something may go wrong.
-const LANES: [(&str, &str); 7] = [
-    ("lidar", "to-master"),
-    ("base", "to-master"),
-    ("base", "to-device"),
-    ("radio", "to-master"),
-    ("radio", "to-device"),
-    ("pc", "to-master"),
-    ("pc", "to-device"),
-];
-const KINDS: [&str; 5] = ["flip", "drop", "insert", "duplicate", "cut"];
-/// Chances per byte, from one in ten thousand to one in thirty.
-const RATES: [f64; 6] = [0.0001, 0.0003, 0.001, 0.003, 0.01, 0.03];
-
-fn faults(dice: &mut Draw) -> Vec<FaultSpec> {
-    let enabled: Vec<&str> = KINDS.into_iter().filter(|_| dice.below(2) == 1).collect();
-    let count = dice.below(FAULTS_MAX + 1);
-    if enabled.is_empty() {
-        return Vec::new();
-    }
-    let fault = |_| {
-        let (link, direction) = LANES[dice.index(LANES.len())];
-        let kind = enabled[dice.index(enabled.len())];
-        let from = dice.between(ADVERSITY_FROM_MS, ADVERSITY_UNTIL_MS - 100);
-        let length_max = if kind == "cut" { 3_000 } else { 12_000 };
-        let until = (from + dice.between(10, length_max)).min(ADVERSITY_UNTIL_MS);
-        let rate = RATES[dice.index(RATES.len())];
-        let rate = if kind == "cut" {
-            String::new()
-        } else {
-            format!("rate = {rate}\n")
-        };
-        let text = format!(
-            "link = \"{link}\"\ndirection = \"{direction}\"\nkind = \"{kind}\"\n{rate}\
-             from = \"{from}ms\"\nuntil = \"{until}ms\"\n"
-        );
-        toml::from_str(&text).expect("a fault as people write it")
-    };
-    (0..count).map(fault).collect()
-}
-
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
     use std::path::Path;
 
     use super::*;
+    use crate::scenario::FaultKind;
 
     fn base() -> Scenario {
         let text = "schema = 1\nname = \"base\"\nrobot = \"rescue\"\nduration = \"5s\"\n\
@@ -275,6 +169,7 @@ mod tests {
         let (one, mut other) = (make(&bytes), make(&others));
         assert_ne!(one.fault, other.fault);
         other.fault = one.fault.clone();
+        (other.budget, other.phases) = (one.budget, one.phases);
         assert_eq!(one, other);
     }
 
@@ -294,16 +189,61 @@ mod tests {
         );
     }
 
+    fn kinds(seed: u64) -> BTreeSet<&'static str> {
+        let made = scenario(&base(), Vary::ALL, &mut Dice::of_seed(seed));
+        made.fault.iter().map(|fault| fault.kind.name()).collect()
+    }
+
     #[test]
     fn kinds_of_faults_are_off_in_some_missions_and_on_in_others() {
-        let kinds = |seed| {
-            let made = scenario(&base(), Vary::ALL, &mut Dice::of_seed(seed));
-            made.fault
-                .iter()
-                .filter(|fault| fault.kind.name() == "cut")
-                .count()
+        let with = (0..200).filter(|&seed| kinds(seed).contains("cut")).count();
+        assert!(
+            (10..190).contains(&with),
+            "{with} of 200 missions have cuts"
+        );
+    }
+
+    /// The rescue robot has links, and devices that know every fault of a device.
+    #[test]
+    fn every_kind_of_fault_comes_up() {
+        let seen: BTreeSet<&str> = (0..400).flat_map(kinds).collect();
+        let all: BTreeSet<&str> = FaultKind::ALL.iter().map(|kind| kind.name()).collect();
+        assert_eq!(seen, all);
+    }
+
+    /// Links and devices are those of the robot as the scenario fits it out.
+    #[test]
+    fn a_display_is_disturbed_if_there_is_one() {
+        let mut fitted = base();
+        let display = toml::from_str("[touch-panel]").expect("a display");
+        fitted.device.insert("display".to_owned(), display);
+        let places = |base: &Scenario| -> BTreeSet<String> {
+            let made = |seed| scenario(base, Vary::ALL, &mut Dice::of_seed(seed));
+            let faults = (0..50).flat_map(|seed| made(seed).fault);
+            faults.filter_map(|fault| fault.link).collect()
         };
-        let with = (0..100).filter(|&seed| kinds(seed) > 0).count();
-        assert!((20..80).contains(&with), "{with} of 100 missions have cuts");
+        let [without, with] = [places(&base()), places(&fitted)];
+        assert_eq!(Vec::from_iter(without), ["base", "lidar", "pc", "radio"]);
+        assert_eq!(
+            Vec::from_iter(with),
+            ["base", "display", "lidar", "pc", "radio"]
+        );
+    }
+
+    /// What was made is sound, and means the same when it is read from its file.
+    #[test]
+    fn a_mission_survives_its_file() {
+        for seed in 0..100 {
+            let made = scenario(&base(), Vary::ALL, &mut Dice::of_seed(seed));
+            let text = made.to_toml();
+            let (read, source) = Scenario::parse(Path::new("<made>"), text).expect("sound");
+            assert_eq!(read.to_toml(), made.to_toml(), "seed {seed}");
+            let run = crate::run::Run::new(read, &source, None);
+            assert!(
+                run.is_ok(),
+                "seed {seed}: {}",
+                run.err().expect("it is none")
+            );
+        }
     }
 }

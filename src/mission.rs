@@ -9,7 +9,7 @@ use crate::scenario::{Expect, Mission};
 
 /// Distance that counts as a visit if the scenario names none, mm.
 const WITHIN_MM: f64 = 200.0;
-/// Time at rest after which a mission is over.
+/// Time at rest after which a mission is over if the scenario names none.
 const REST: Duration = Duration::from_secs(2);
 
 /// A visited waypoint.
@@ -26,6 +26,7 @@ pub struct Visit {
 pub struct Progress {
     waypoints: Vec<Point>,
     within_mm: f64,
+    settle: Duration,
     visits: Vec<Visit>,
     resting_since: Option<Instant>,
     last: Option<Point>,
@@ -41,6 +42,7 @@ impl Progress {
                 .map(|&[x, y]| Point::new(x, y))
                 .collect(),
             within_mm: expect.visit_within_mm.unwrap_or(WITHIN_MM),
+            settle: expect.settle.map_or(REST, |settle| settle.0),
             visits: Vec::new(),
             resting_since: None,
             last: None,
@@ -88,7 +90,13 @@ impl Progress {
     pub fn is_over(&self, now: Instant) -> bool {
         !self.waypoints.is_empty()
             && self.visits.len() == self.waypoints.len()
-            && self.resting_since.is_some_and(|since| now - since >= REST)
+            && self.rested(now) >= self.settle
+    }
+
+    /// How long the robot has been at rest.
+    pub fn rested(&self, now: Instant) -> Duration {
+        let since = self.resting_since.unwrap_or(now);
+        now - since
     }
 
     /// Distance from the last waypoint, mm.

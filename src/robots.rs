@@ -31,6 +31,19 @@ pub struct Actuators {
     pub limit: i16,
 }
 
+/// What a frame to the base commands: the set-points of the left and the right wheel, as the wheels
+/// can follow them.
+pub type Command = [Option<i16>; 2];
+
+/// How a robot's base is commanded.
+#[derive(Clone, Copy, Debug)]
+pub struct Dialect {
+    /// The longest frame.
+    pub frame_max: usize,
+    /// The command in the sound frame with which these bytes end, if they do.
+    pub command: fn(&[u8]) -> Option<Command>,
+}
+
 /// Who takes the part of the robot's program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dut {
@@ -117,6 +130,43 @@ pub struct Watch {
     pub command_link: &'static str,
     /// Silence after which the base must have stopped the motors.
     pub silence_max: Duration,
+}
+
+/// A room that suits a robot, for missions that are made by chance. It looks different from each
+/// place and in each direction: a robot that was lost can find out where it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Arena {
+    /// Side of the world, metres.
+    pub side_m: f64,
+    /// The wall, from corner to corner.
+    pub wall_m: &'static [[f64; 2]],
+    /// Places for the robot, its waypoints and obstacles: six at least, so far apart that the
+    /// robot gets past an obstacle.
+    pub places_m: &'static [[f64; 2]],
+    /// Least and greatest radius of an obstacle.
+    pub obstacle_mm: [u64; 2],
+}
+
+/// The room for missions that are made by chance.
+pub const fn arena(robot: Robot) -> Arena {
+    match robot {
+        Robot::Rescue => rescue::ARENA,
+    }
+}
+
+/// Links that are levels rather than bytes, so that no fault of a serial line can befall them.
+pub const fn pins(robot: Robot) -> &'static [&'static str] {
+    match robot {
+        Robot::Rescue => &rescue::PINS,
+    }
+}
+
+/// Links on which a device may be told to do something else for good, and the device: nothing but
+/// its switch brings it back.
+pub const fn consoles(robot: Robot) -> &'static [(&'static str, &'static str)] {
+    match robot {
+        Robot::Rescue => &rescue::CONSOLES,
+    }
 }
 
 /// Wires the scenario's robot into `world`.
@@ -214,6 +264,13 @@ pub const fn watch(robot: Robot) -> Watch {
 pub fn actuators(robot: Robot, rig: &Rig) -> Option<Actuators> {
     match robot {
         Robot::Rescue => rescue::actuators(rig),
+    }
+}
+
+/// How the base is commanded, if the base is emulated.
+pub fn dialect(robot: Robot, rig: &Rig) -> Option<Dialect> {
+    match robot {
+        Robot::Rescue => rescue::dialect(rig),
     }
 }
 

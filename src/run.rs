@@ -119,11 +119,16 @@ impl Run {
     }
 
     /// A run of `scenario` in a rig that was wired for it.
-    pub fn with_rig(scenario: Scenario, rig: Rig) -> Self {
+    pub fn with_rig(scenario: Scenario, mut rig: Rig) -> Self {
         let watch = robots::watch(scenario.robot);
         let mut pushes = scenario.world.push.clone();
         pushes.sort_by_key(|push| push.at);
         let mut checkers = check::standard(watch.command_link, watch.silence_max);
+        if let Some(dialect) = robots::dialect(scenario.robot, &rig) {
+            let link = watch.command_link;
+            let checker = check::SetPointsAsAccepted::listening(&mut rig, link, dialect);
+            checkers.extend(checker.map(|checker| Box::new(checker) as Box<dyn Checker>));
+        }
         if let Some(phases) = scenario.phases {
             checkers.push(Box::new(check::AtWorkAgain::new(phases.windows())));
         }
@@ -180,7 +185,10 @@ impl Run {
             Some(true) => robots::map_received(self.scenario.robot, &self.rig).unwrap_or(true),
             _ => true,
         };
-        let done = !self.scenario.mission.to_the_end && received && self.progress.is_over(now);
+        let phases = self.scenario.phases;
+        let judged = phases.is_none_or(|phases| now >= phases.windows()[3].until);
+        let over = judged && received && self.progress.is_over(now);
+        let done = !self.scenario.mission.to_the_end && over;
         self.is_over = now >= self.scenario.duration.instant() || done;
     }
 
@@ -347,6 +355,12 @@ impl Run {
             let (visits, all) = (self.progress.visits().len(), self.progress.waypoints());
             let detail = format!("{visits} of {all} waypoints within {within} mm");
             checks.push(Check::new("waypoints-visited", visits == all, detail));
+        }
+        if let Some(settle) = expect.settle {
+            let rested = self.progress.rested(self.rig.now());
+            let seconds = rested.as_secs_f64();
+            let detail = format!("at rest for {seconds:.2} s, at least {settle}");
+            checks.push(Check::new("settled", rested >= settle.0, detail));
         }
         if let Some(min) = expect.wall_overlap_min {
             let overlap = wall_overlap.unwrap_or_default();

@@ -1,21 +1,23 @@
 //! Whether the robot recovers.
 
+use core::time::Duration;
+
 use protocols::Instant;
 
 use super::{Check, Checker, Look};
 use crate::fault::Window;
 use crate::line::Direction;
 
-/// After adversity and recovery the robot is at work as before: the lines that were busy in the
-/// second half of the warm-up carry bytes again, and a program in this process goes on finding out
-/// where it is.
+/// After adversity and recovery the robot is at work as before: the lines that were busy all
+/// through the second half of the warm-up carry bytes again, and a program in this process goes on
+/// finding out where it is.
 #[derive(Clone, Debug)]
 pub struct AtWorkAgain {
     /// Warm-up, adversity, recovery, judgement.
     phases: [Window; 4],
-    /// Bytes delivered per line: half through the warm-up, at its end, at the begin of the
-    /// judgement, and now.
-    delivered: [Vec<u64>; 4],
+    /// Bytes delivered per line: at the four quarters of the second half of the warm-up, at its
+    /// end, at the begin of the judgement, and now.
+    delivered: [Vec<u64>; 7],
     /// Time of the last estimate at the begin of the judgement, and now.
     estimated: [Option<Instant>; 2],
     names: Vec<String>,
@@ -30,15 +32,16 @@ impl AtWorkAgain {
     pub const fn new(phases: [Window; 4]) -> Self {
         Self {
             phases,
-            delivered: [const { Vec::new() }; 4],
+            delivered: [const { Vec::new() }; 7],
             estimated: [None; 2],
             names: Vec::new(),
             was_judged: false,
         }
     }
 
-    fn half(&self) -> Instant {
-        Instant::ZERO + (self.phases[0].until - Instant::ZERO) / 2
+    /// A quarter of the second half of the warm-up.
+    fn quarter(&self) -> Duration {
+        (self.phases[0].until - Instant::ZERO) / 8
     }
 }
 
@@ -51,7 +54,11 @@ impl Checker for AtWorkAgain {
         let estimated = rig.program().and_then(|program| program.estimate());
         let estimated = estimated.map(|(at, _)| at);
         if now <= judgement.until {
-            let until = [self.half(), warm_up.until, judgement.from, judgement.until];
+            let quarter = |number| Instant::ZERO + self.quarter() * number;
+            let [half, end] = [quarter(4), warm_up.until];
+            let quarters = [half, quarter(5), quarter(6), quarter(7), end];
+            let judged = [judgement.from, judgement.until];
+            let until = quarters.into_iter().chain(judged);
             for (seen, until) in self.delivered.iter_mut().zip(until) {
                 if now <= until {
                     seen.clone_from(&delivered);
@@ -77,10 +84,14 @@ impl Checker for AtWorkAgain {
         if !self.was_judged {
             return Check::new(name, false, "the run ended before the end of the judgement");
         }
-        let seconds = (self.phases[0].until - self.half()).as_secs();
-        let [half, warm, before, after] = &self.delivered;
+        let least = BUSY * u64::try_from(self.quarter().as_millis()).unwrap_or(u64::MAX) / 1000;
+        let (quarters, [before, after]) = self.delivered.split_last_chunk().expect("seven");
         let of = |seen: &Vec<u64>, line: usize| seen.get(line).copied().unwrap_or(0);
-        let busy = |line| of(warm, line) >= of(half, line) + (BUSY * seconds).max(1);
+        // In each of them: a list that is sent once makes no line busy.
+        let busy = |line| {
+            let mut quarters = quarters.windows(2);
+            quarters.all(|pair| of(&pair[1], line) >= of(&pair[0], line) + least.max(1))
+        };
         let lines: Vec<usize> = (0..self.names.len()).filter(|&line| busy(line)).collect();
         if lines.is_empty() {
             let detail = "no line was busy in the warm-up, so none can be judged";

@@ -64,6 +64,15 @@ impl Draw {
         least + self.below(most - least + 1)
     }
 
+    /// The same, for a smaller type.
+    pub(super) fn narrow<T: TryFrom<u64>>(&mut self, least: u64, most: u64) -> T
+    where
+        T::Error: core::fmt::Debug,
+    {
+        let number = self.between(least, most);
+        number.try_into().expect("the bounds fit the type")
+    }
+
     /// An index into `len` things.
     pub(super) fn index(&mut self, len: usize) -> usize {
         usize::try_from(self.below(len as u64)).expect("below a length")

@@ -207,16 +207,20 @@ impl Rig {
         })
     }
 
+    /// The devices, each with the faults that it knows.
+    pub fn devices(&self) -> impl Iterator<Item = (&str, &'static [&'static str])> {
+        self.nodes.iter().filter_map(|node| match &node.body {
+            Body::Device(device) => Some((node.name.as_str(), device.known_faults())),
+            _ => None,
+        })
+    }
+
     /// The faults that the device `name` knows.
     fn known_faults(&self, key: &'static str, name: &str) -> Result<&'static [&'static str], Flaw> {
-        let devices = self.nodes.iter().filter_map(|node| match &node.body {
-            Body::Device(device) => Some((node.name.as_str(), device)),
-            _ => None,
-        });
         let mut names = Vec::new();
-        for (found, device) in devices {
+        for (found, faults) in self.devices() {
             if found == name {
-                return Ok(device.known_faults());
+                return Ok(faults);
             }
             names.push(found);
         }

@@ -9,6 +9,8 @@
 //! | `pc` | HC-06 air end | PC |
 //! | `display` | touch panel | program, 1 Mbaud; only if the scenario has a device `display` |
 
+mod arena;
+mod command;
 pub(super) mod display;
 mod view;
 
@@ -36,6 +38,8 @@ use crate::scenario::{
     Step, TurnSpec,
 };
 
+pub(super) use arena::ARENA;
+pub(super) use command::dialect;
 pub(super) use view::{SCAN_LINK, protocol, registers, senses};
 
 /// What the checkers watch: the base stops the motors within 1.006 s of silence (field firmware,
@@ -44,6 +48,12 @@ pub const WATCH: Watch = Watch {
     command_link: "base",
     silence_max: Duration::from_millis(1060),
 };
+
+/// A break, or three ESC, open the lidar's console and end its stream.
+pub const CONSOLES: [(&str, &str); 1] = [("lidar", "lidar")];
+
+/// The duty of the lidar's motor is a level.
+pub const PINS: [&str; 1] = ["motor"];
 
 /// Situations that a campaign must bring about: what each link can do to the program.
 pub const SITUATIONS: [&str; 14] = [

@@ -72,6 +72,9 @@ pub struct Expect {
     /// In the end the robot rests at the last waypoint, at most this far off.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub return_within_mm: Option<f64>,
+    /// Having visited its waypoints, the robot rests for this long, and nothing goes wrong then.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub settle: Option<Span>,
     /// Root mean square of the error of the believed position.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pose_rms_mm_max: Option<f64>,

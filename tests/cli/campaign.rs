@@ -1,5 +1,7 @@
 //! Campaigns: however they are cut and whenever they are stopped, they come to the same.
 
+use std::process::Command;
+
 use super::{Session, shipped, text};
 
 /// Two seconds of a mission that takes longer, so that some check fails and there is a case to be
@@ -71,4 +73,59 @@ fn a_folder_of_another_campaign_is_refused() {
         error.contains("plan.json: is of another campaign"),
         "{error}"
     );
+}
+
+/// Runs without faults pass, but say nothing of how the robot copes with them.
+#[test]
+fn a_campaign_in_which_too_little_came_up_fails_on_request() {
+    let session = Session::new("campaign-situations");
+    let scenario = shipped("empty-room").replace("\"90s\"", "\"2s\"");
+    session.write("calm.toml", &scenario.replace("visit_within_mm = 200", ""));
+    let run = |more: &[&str]| {
+        let arguments = ["campaign", "calm.toml", "--seeds", "0..2", "--out", "calm"];
+        session.hilrig(&[&arguments[..], more].concat())
+    };
+    assert_eq!(run(&[]).status.code(), Some(0));
+    let output = run(&["--all-situations"]);
+    assert_eq!(output.status.code(), Some(1));
+    let said = text(&output.stdout);
+    assert!(said.contains("  never came up: base silences\n"), "{said}");
+}
+
+/// The templates for clusters as they stand in the docs, but for the number of runs: a shell takes
+/// them, and a shard of each leaves its runs where the merge expects them.
+#[test]
+fn the_templates_for_clusters_run() {
+    let docs = include_str!("../../docs/campaigns.md");
+    let between = |from: &str, to: &str| {
+        let (_, rest) = docs.split_once(from).expect("the docs have the template");
+        rest.split_once(to).expect("and its end").0.to_owned()
+    };
+    let slurm = between("```bash\n", "```");
+    let kubernetes = between("            - hilrig", "          volumeMounts");
+    let kubernetes = format!("hilrig{}", kubernetes.replace('\n', " "));
+
+    let session = Session::new("campaign-templates");
+    short(&session);
+    let run = |script: &str| {
+        let script = script.replace("scenarios/*.toml", "short.toml");
+        let script = script.replace("0..100000", "0..2").replace("/16", "/1");
+        let script = script.replace("\"/shards/", "\"indexed/");
+        let mut command = Command::new("bash");
+        command.args(["-euc", &format!("srun() {{ \"$@\"; }}\n{script}")]);
+        let tool = std::path::Path::new(env!("CARGO_BIN_EXE_hilrig")).parent();
+        let tools = std::env::var("PATH").expect("a shell needs it");
+        let tools = format!("{}:{tools}", tool.expect("it is in a folder").display());
+        command.env("PATH", tools).current_dir(session.path("."));
+        command
+            .env("SLURM_ARRAY_TASK_ID", "0")
+            .env("SLURM_ARRAY_TASK_COUNT", "1");
+        command.env("JOB_COMPLETION_INDEX", "0");
+        command.output().expect("there is a shell")
+    };
+    for (script, folder) in [(slurm, "shards/0"), (kubernetes, "indexed/0")] {
+        let output = run(&script);
+        let runs = session.read(&format!("{folder}/runs.jsonl"));
+        assert_eq!(runs.lines().count(), 2, "{}", text(&output.stderr));
+    }
 }

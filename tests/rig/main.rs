@@ -1,6 +1,8 @@
 //! Whole rigs in virtual time: the seed's figures, determinism, maps, behaviour under faults.
 
 mod capture;
+mod cases;
+mod checkers;
 mod determinism;
 mod device_keys;
 mod display;

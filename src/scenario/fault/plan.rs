@@ -102,7 +102,7 @@ impl FaultSpec {
     }
 
     /// Whether all that it does, it does to the bytes of its line.
-    fn is_on_line_only(&self) -> bool {
+    pub(crate) fn is_on_line_only(&self) -> bool {
         use FaultKind::{Break, Swizzle, Unplugged};
         self.kind.place() == Place::Line && !matches!(self.kind, Break | Swizzle | Unplugged)
     }

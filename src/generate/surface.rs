@@ -1,0 +1,125 @@
+use std::path::PathBuf;
+
+use crate::rig::Rig;
+use crate::robots::{self, Dut, PcEnd};
+use crate::scenario::{DirectionSpec, FaultKind, Place, Scenario, Source, WorldSpec};
+
+/// All of a robot that something can go wrong with, as its links and devices are wired.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Surface {
+    links: Vec<String>,
+    devices: Vec<Device>,
+    consoles: &'static [(&'static str, &'static str)],
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Device {
+    pub(super) name: String,
+    /// The faults that it knows.
+    pub(super) faults: &'static [&'static str],
+    /// Whether its registers can be looked at.
+    pub(super) has_registers: bool,
+}
+
+impl Device {
+    /// Faults that no other device has.
+    pub(super) fn of_its_own(&self) -> impl Iterator<Item = &'static str> {
+        let is_known = |name: &str| FaultKind::ALL.iter().any(|kind| kind.name() == name);
+        self.faults
+            .iter()
+            .copied()
+            .filter(move |name| !is_known(name))
+    }
+}
+
+impl Surface {
+    /// What there is in `scenario`. Nothing if it cannot be wired, which its run will say.
+    pub(super) fn of(scenario: &Scenario) -> Self {
+        let source = Source {
+            path: PathBuf::from(&scenario.name),
+            text: String::new(),
+        };
+        // What is wired does not depend on where the robot stands.
+        let nowhere = "start = { x_m = 1, y_m = 1, heading_deg = 0 }\n\
+            [[wall]]\npath_m = [[0, 0], [2, 0]]";
+        let nowhere: WorldSpec = toml::from_str(nowhere).expect("a wall and a start");
+        let nowhere = nowhere
+            .build(0, &source)
+            .expect("the wall is not at the start");
+        let mut sound = scenario.clone();
+        sound.fault.clear();
+        match robots::wire(&sound, &source, nowhere, Dut::Internal, PcEnd::Scripted) {
+            Ok(wired) => {
+                // Nobody is at the other end of what a scenario describes itself.
+                let open = wired.open_ends.iter().map(|end| end.link.as_str());
+                let open: Vec<&str> = open.collect();
+                Self {
+                    consoles: robots::consoles(scenario.robot),
+                    ..Self::wired(&wired.rig, &open, robots::pins(scenario.robot))
+                }
+            }
+            Err(_) => Self::default(),
+        }
+    }
+
+    fn wired(rig: &Rig, open: &[&str], pins: &[&str]) -> Self {
+        let names = rig.links().iter().map(|link| link.name.as_str());
+        let links = names.filter(|name| !open.contains(name) && !pins.contains(name));
+        let devices = rig.devices().filter(|(name, _)| !open.contains(name));
+        let device = |(name, faults): (&str, _)| Device {
+            name: name.to_owned(),
+            faults,
+            has_registers: rig.register(name, 0).is_some(),
+        };
+        Self {
+            links: links.map(str::to_owned).collect(),
+            devices: devices.map(device).collect(),
+            consoles: &[],
+        }
+    }
+
+    /// Names of the links.
+    pub(super) fn links(&self) -> impl Iterator<Item = &str> {
+        self.links.iter().map(String::as_str)
+    }
+
+    /// Links that reach a console, and whose it is; see [`robots::consoles`].
+    pub(super) fn consoles(&self) -> impl Iterator<Item = (&'static str, &'static str)> + use<> {
+        self.consoles.iter().copied()
+    }
+
+    /// Every direction of every link.
+    pub(super) fn lanes(&self) -> Vec<(&str, DirectionSpec)> {
+        let both = [DirectionSpec::ToMaster, DirectionSpec::ToDevice];
+        let lanes = self.links().flat_map(|link| both.map(|way| (link, way)));
+        lanes.collect()
+    }
+
+    /// The devices that can have a fault of `kind`, or lose their supply with others.
+    pub(super) fn devices(&self, kind: FaultKind) -> Vec<&Device> {
+        let can = |device: &&Device| match kind {
+            FaultKind::Delayed => true,
+            FaultKind::Device => device.of_its_own().next().is_some(),
+            FaultKind::PowerDip | FaultKind::Intermittent => device.faults.contains(&"off"),
+            _ => device.faults.contains(&kind.name()),
+        };
+        self.devices.iter().filter(can).collect()
+    }
+
+    /// Devices whose registers can be looked at.
+    pub(super) fn with_registers(&self) -> Vec<&Device> {
+        let devices = self.devices.iter();
+        devices.filter(|device| device.has_registers).collect()
+    }
+
+    /// The kinds of faults that something here can have.
+    pub(super) fn kinds(&self) -> impl Iterator<Item = FaultKind> {
+        let can = |kind: &FaultKind| match (kind.place(), kind) {
+            (Place::Line, FaultKind::Swizzle) => self.links.len() > 1,
+            (Place::Line, _) => !self.links.is_empty(),
+            (Place::Device, _) => !self.devices(*kind).is_empty(),
+            (Place::Devices, _) => self.devices(*kind).len() > 1,
+        };
+        FaultKind::ALL.iter().copied().filter(can)
+    }
+}

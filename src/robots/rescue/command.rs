@@ -1,0 +1,38 @@
+//! What the base is told to do, read from the bytes themselves.
+
+use emulators::avr_base::AvrBase;
+use protocols::avr::registers::{SPEED_LEFT_TO, SPEED_RIGHT_TO};
+use protocols::avr::{self, ChecksumOrder};
+use protocols::{Candidate, Format as _};
+
+use super::{SET_POINT_MAX, order_of};
+use crate::rig::Rig;
+use crate::robots::{Command, Dialect};
+
+pub(in super::super) fn dialect(rig: &Rig) -> Option<Dialect> {
+    let base = rig.device::<AvrBase>("base")?;
+    let command = match order_of(base.profile()) {
+        ChecksumOrder::LowFirst => |bytes: &[u8]| command(bytes, ChecksumOrder::LowFirst),
+        ChecksumOrder::HighFirst => |bytes: &[u8]| command(bytes, ChecksumOrder::HighFirst),
+    };
+    Some(Dialect {
+        frame_max: avr::FRAME_MAX,
+        command,
+    })
+}
+
+/// The set-points in the frame with which `bytes` end.
+fn command(bytes: &[u8], order: ChecksumOrder) -> Option<Command> {
+    let format = avr::Bus { order };
+    let starts = (0..bytes.len()).filter(|&at| bytes[at] == avr::START);
+    let mut ends = starts.map(|at| &bytes[at..]);
+    let is_whole = |frame: &&[u8]| format.judge(frame) == Candidate::Complete(frame.len());
+    let frame = format.frame(ends.find(is_whole)?);
+    let told = |address: u8| {
+        let offset = address.checked_sub(frame.register())?;
+        let value = frame.data().get(usize::from(offset))?.cast_signed();
+        Some(i16::from(value).clamp(-SET_POINT_MAX, SET_POINT_MAX))
+    };
+    let command = [SPEED_LEFT_TO, SPEED_RIGHT_TO].map(told);
+    (command != [None; 2]).then_some(command)
+}

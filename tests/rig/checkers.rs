@@ -1,0 +1,125 @@
+//! Whole-run checkers, each with a mutant that it catches. What stops the motors is in `silence`,
+//! what demands a recovery in `faults::schedule`.
+
+use hilrig::check::{self, Look, Status};
+use hilrig::robots::Actuators;
+use hilrig::run::Outcome;
+
+use super::{failures, in_a_room, run_to_end, start};
+
+const EXPLORES: &str = "start_mode = \"exploration\"\n";
+
+/// The verdict called `name`, of a program that explores with `defects` beside `more` that happens.
+fn verdict(name: &str, defects: &str, more: &str) -> (Status, String) {
+    let text = format!("[program]\n{EXPLORES}defects = [{defects}]\n{more}");
+    verdict_of(name, &run_to_end(in_a_room("12s", &text)))
+}
+
+fn verdict_of(name: &str, outcome: &Outcome) -> (Status, String) {
+    let found = outcome.checks.iter().find(|check| check.name == name);
+    let check = found.expect("a checker of every run");
+    (check.status, check.detail.clone())
+}
+
+/// A lidar that sees nothing, before a robot that takes nothing for free space (XV-11): it drives
+/// into the wall at its travelling speed. The sound program stands still.
+#[test]
+fn a_robot_that_drives_blind_is_caught_at_the_wall() {
+    let dark =
+        "[[fault]]\nkind = \"device\"\ndevice = \"lidar\"\nfault = \"dark\"\nfrom = \"5s\"\n";
+    let (status, said) = verdict("no-collision-at-speed", "\"XV-11\"", dark);
+    assert_eq!(status, Status::Fail, "{said}");
+    assert!(said.contains("the first in earnest at"), "{said}");
+    let (status, said) = verdict("no-collision-at-speed", "", dark);
+    assert_eq!(status, Status::Pass, "{said}");
+}
+
+/// Each reply's checksum goes one element behind the caller's array (MA-01).
+#[test]
+fn a_write_beside_a_buffer_is_caught_though_no_byte_on_the_wire_tells() {
+    let (status, said) = verdict("memory-intact", "\"MA-01\"", "");
+    assert_eq!(status, Status::Fail);
+    assert!(said.contains("beside the reply buffer"), "{said}");
+    assert_eq!(verdict("memory-intact", "", "").0, Status::Pass);
+}
+
+/// A byte on the radio's line in the first millisecond ends the fielded program (PU-16).
+#[test]
+fn a_program_that_ends_is_caught() {
+    let after = |defects: &str| {
+        let text = format!("[program]\ndefects = [{defects}]\n");
+        let mut run = start(in_a_room("1s", &text));
+        let radio = run.rig.replace_device("radio").expect("it has one");
+        run.rig.inject(radio, b"P");
+        verdict_of("program-alive", &run.finish())
+    };
+    let (status, said) = after("\"PU-16\"");
+    assert_eq!(status, Status::Fail);
+    assert!(said.starts_with("ended at 0."), "{said}");
+    assert_eq!(after("").0, Status::Pass);
+}
+
+/// The wheels follow 35 ticks per 40 ms at most (seed report: the register's range).
+#[test]
+fn a_set_point_beyond_what_the_wheels_can_do_is_caught() {
+    let run = start(in_a_room("1s", ""));
+    let after = |set_points| {
+        let mut checkers = check::standard("base", core::time::Duration::from_secs(1));
+        let limit = 35;
+        let actuators = Some(Actuators { set_points, limit });
+        for checker in &mut checkers {
+            checker.observe(&Look {
+                rig: &run.rig,
+                actuators,
+                contacts: &[],
+            });
+        }
+        let verdicts = checkers.iter().map(|checker| checker.verdict());
+        let failed = verdicts.filter(|check| check.status == Status::Fail);
+        failed.map(|check| check.name).collect::<Vec<_>>()
+    };
+    assert_eq!(after([35, -35]), [""; 0]);
+    assert_eq!(after([0, -36]), ["set-points-in-range"]);
+}
+
+/// A base whose firmware takes the set-points for unsigned (build of 2014): -20 becomes 236, and
+/// the regulator follows as far as it can, 35. No frame said so.
+#[test]
+fn a_set_point_that_no_frame_told_is_caught() {
+    let after = |profile: &str| {
+        let turn = "[[mission.step]]\nat = \"2500ms\"\ndo = { drive = [-20, 20] }\n";
+        let base = format!("[device.base.avr-base]\nprofile = \"{profile}\"\n");
+        let outcome = run_to_end(in_a_room("5s", &format!("{turn}{base}")));
+        verdict_of("set-points-as-accepted", &outcome)
+    };
+    let (status, said) = after("rcj2015-2014");
+    assert_eq!(status, Status::Fail);
+    assert!(said.starts_with("35, 20 at "), "{said}");
+    assert_eq!(after("rcj2015-2015").0, Status::Pass);
+}
+
+const MISSION: &str = "[expect]\nvisit_within_mm = 200\nsettle = \"3s\"\n\
+    [mission]\nwaypoints_m = [[1.5, 1.8]]\n";
+
+/// The waypoint is visited, and the PC then orders a turn on the spot that never ends: without the
+/// order the robot rests, and the run is over when it has done so for three seconds.
+#[test]
+fn a_robot_that_does_not_come_to_rest_is_caught() {
+    let rests = run_to_end(in_a_room("30s", MISSION));
+    assert_eq!(failures(&rests), [""; 0]);
+    assert!(rests.ran.as_secs() < 25, "{:?}", rests.ran);
+    let turns = "[[mission.step]]\nat = \"5500ms\"\ndo = { drive = [-6, 6] }\n";
+    let outcome = run_to_end(in_a_room("30s", &format!("{MISSION}{turns}")));
+    let failed = failures(&outcome);
+    assert_eq!(failed, ["settled: at rest for 0.00 s, at least 3s"]);
+}
+
+/// A robot that is never told where to go.
+#[test]
+fn a_mission_that_does_not_succeed_is_caught() {
+    let cut = "[[fault]]\nkind = \"cut\"\nlink = \"radio\"\ndirection = \"to-master\"\n";
+    let outcome = run_to_end(in_a_room("5s", &format!("{MISSION}{cut}")));
+    let failed = failures(&outcome);
+    let named = "waypoints-visited: 0 of 1 waypoints within 200 mm";
+    assert!(failed.contains(&named.to_owned()), "{failed:?}");
+}
