@@ -158,6 +158,8 @@ struct Placed<const W: usize, const H: usize> {
     /// Other points whose window touches the map.
     edges: [Cut; POINTS_MAX],
     cut: usize,
+    /// Rows of their windows that hang over the map's first or last cell.
+    ends: u32,
     reach: i32,
 }
 
@@ -168,6 +170,7 @@ impl<const W: usize, const H: usize> Placed<W, H> {
             whole: 0,
             edges: [Cut::EMPTY; POINTS_MAX],
             cut: 0,
+            ends: 0,
             reach,
         };
         let (width, height) = (Grid::<W, H>::WIDTH, Grid::<W, H>::HEIGHT);
@@ -182,6 +185,7 @@ impl<const W: usize, const H: usize> Placed<W, H> {
                 placed.whole += 1;
             } else if right > 0 && high > 0 && left < width && low < height {
                 placed.edges[placed.cut] = Cut::new(left, low, width);
+                placed.ends |= Cut::ends::<W, H>(left, low);
                 placed.cut += 1;
             }
         }
@@ -192,8 +196,14 @@ impl<const W: usize, const H: usize> Placed<W, H> {
     fn sums(&self, grid: &Grid<W, H>, row: i32) -> Sums {
         let row = self.row(row);
         let cells = grid.rows().as_flattened();
-        let lanes = sums(cells, &self.starts[..self.whole], usize::from(row) * W);
-        add_cut(lanes, grid.rows(), &self.edges[..self.cut], row)
+        let mut lanes = [sums(
+            cells,
+            &self.starts[..self.whole],
+            usize::from(row) * W,
+        )];
+        self.add_edges(&mut lanes, grid, row);
+        let [lanes] = lanes;
+        lanes
     }
 
     /// Scores of the lanes of a row of the window and the next one.
@@ -201,12 +211,15 @@ impl<const W: usize, const H: usize> Placed<W, H> {
         let row = self.row(row);
         let cells = grid.rows().as_flattened();
         let offset = usize::from(row) * W;
-        let [low, high] = pair::<W>(cells, &self.starts[..self.whole], offset);
-        let cuts = &self.edges[..self.cut];
-        [
-            add_cut(low, grid.rows(), cuts, row),
-            add_cut(high, grid.rows(), cuts, row + 1),
-        ]
+        let mut lanes = pair::<W>(cells, &self.starts[..self.whole], offset);
+        self.add_edges(&mut lanes, grid, row);
+        lanes
+    }
+
+    fn add_edges<const N: usize>(&self, lanes: &mut [Sums; N], grid: &Grid<W, H>, row: u16) {
+        if self.cut > 0 {
+            add_cut(lanes, grid.rows(), &self.edges[..self.cut], row, self.ends);
+        }
     }
 
     /// A row's number from the window's lowest.

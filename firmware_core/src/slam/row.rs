@@ -105,6 +105,7 @@ fn spread(cells: &[u8], starts: &[u32], offset: usize) -> Sums {
 /// their dearest work, and half of it can wait for the end. A word of two cells is added as it is,
 /// modulo 2^16, and once more its upper cell alone; what the first sum has more than 256 times the
 /// second is the sum of the lower cells, for that is below 2^16.
+#[derive(Clone, Copy)]
 struct Twos {
     words: [u16; LANES / 2],
     odd: [u16; LANES / 2],
@@ -188,66 +189,90 @@ impl Cut {
             kept: kept.filter(|_| width >= LANES).unwrap_or(u8::MAX),
         }
     }
+
+    /// Whether row `y` of a window from column `left` on hangs over the map's first or last cell;
+    /// on a map narrower than the lanes each row does.
+    const fn has_end<const W: usize, const H: usize>(left: i32, y: i32) -> bool {
+        let (width, height) = (Grid::<W, H>::WIDTH, Grid::<W, H>::HEIGHT);
+        let hangs_over = (y == 0 && left < 0) || (y == height - 1 && left + 32 > width);
+        y >= 0 && y < height && (W < LANES || hangs_over)
+    }
+
+    /// A bit for each row of the window at column `left` of row `low` that has such an end.
+    #[inline]
+    pub(super) const fn ends<const W: usize, const H: usize>(left: i32, low: i32) -> u32 {
+        let height = Grid::<W, H>::HEIGHT;
+        if W < LANES {
+            return u32::MAX;
+        }
+        let mut bits = 0;
+        if left < 0 && low <= 0 && low > -32 {
+            bits |= 1 << -low;
+        }
+        if left + 32 > Grid::<W, H>::WIDTH && low < height && low > height - 33 {
+            bits |= 1 << (height - 1 - low);
+        }
+        bits
+    }
 }
 
-/// Adds row `row` of the windows of `cuts` to the lanes; what is not on the map counts as 0.
+/// Adds the rows from `row` on of the windows of `cuts` to the lanes; what is not on the map counts
+/// as 0. `ends` has a bit for each row that has ends, see [`Cut::ends`].
 #[inline(never)]
-pub(super) fn add_cut<const W: usize, const H: usize>(
-    mut sums: Sums,
+pub(super) fn add_cut<const N: usize, const W: usize, const H: usize>(
+    sums: &mut [Sums; N],
     cells: &[[u8; W]; H],
     cuts: &[Cut],
     row: u16,
-) -> Sums {
-    if cuts.is_empty() {
-        return sums;
-    }
+    ends: u32,
+) {
     let flat = cells.as_flattened();
     let offset = i32::from(row) * Grid::<W, H>::WIDTH;
     let masks = KEPT.as_flattened();
-    let mut twos = Twos::ZERO;
+    let mut twos = [Twos::ZERO; N];
     for cut in cuts {
-        // A row below the map, or the part of its first row before it, becomes a huge start here;
-        // one above the map, or the part of its last row behind it, ends too late.
-        let start = (cut.start + offset).cast_unsigned() as usize;
-        let lanes = flat.get(start..start.wrapping_add(LANES));
         let kept = usize::from(cut.kept);
         let kept = masks.get(kept..kept.wrapping_add(LANES));
-        if let Some(lanes) = lanes.and_then(|lanes| lanes.first_chunk())
-            && let Some(kept) = kept.and_then(|kept| kept.first_chunk())
-        {
-            twos.add_masked(lanes, kept);
+        let Some(kept) = kept.and_then(|kept| kept.first_chunk()) else {
+            continue;
+        };
+        // A row below the map, or the part of its first row before it, becomes a huge start here;
+        // one above the map, or the part of its last row behind it, ends too late.
+        let mut start = cut.start + offset;
+        for twos in &mut twos {
+            let at = start.cast_unsigned() as usize;
+            let lanes = flat.get(at..at.wrapping_add(LANES));
+            if let Some(lanes) = lanes.and_then(|lanes| lanes.first_chunk()) {
+                twos.add_masked(lanes, kept);
+            }
+            start += Grid::<W, H>::WIDTH;
         }
     }
-    sums.add(&twos.sums());
-    // Where a row's end is the map's as well.
-    let row = i16::try_from(row).expect("within the window");
-    for cut in cuts {
-        let y = cut.low + row;
-        let y = usize::from(y.cast_unsigned());
-        if (y == 0 || y == H - 1) || (W < LANES && y < H) {
-            add_end(&mut sums, cells, cut, y);
+    for ((row, sums), twos) in (row..).zip(sums).zip(twos) {
+        sums.add(&twos.sums());
+        if ends >> row & 1 == 1 {
+            add_ends(sums, cells, cuts, row);
         }
     }
-    sums
 }
 
-/// Adds the lanes of a cut row that [`add_cut`]'s loop could not reach.
+/// Adds what [`add_cut`]'s loop could not reach: where a row's end is the map's as well.
 #[cold]
 #[inline(never)]
-fn add_end<const W: usize, const H: usize>(
+fn add_ends<const W: usize, const H: usize>(
     sums: &mut Sums,
     cells: &[[u8; W]; H],
-    cut: &Cut,
-    y: usize,
+    cuts: &[Cut],
+    row: u16,
 ) {
-    let left = cut.start - i32::from(cut.low) * Grid::<W, H>::WIDTH;
-    let starts_inside = y > 0 || left >= 0;
-    let ends_inside = y + 1 < H || left + 32 <= Grid::<W, H>::WIDTH;
-    if W >= LANES && starts_inside && ends_inside {
-        return;
+    for cut in cuts {
+        let y = i32::from(cut.low) + i32::from(row);
+        let left = cut.start - i32::from(cut.low) * Grid::<W, H>::WIDTH;
+        if Cut::has_end::<W, H>(left, y) {
+            let part = part(&cells[y.unsigned_abs() as usize], left);
+            sums.add(&Sums::from_lanes(|lane| u16::from(part[lane])));
+        }
     }
-    let part = part(&cells[y], left);
-    sums.add(&Sums::from_lanes(|lane| u16::from(part[lane])));
 }
 
 /// The lanes from `left` on, where a row's end is the map's as well.
@@ -350,17 +375,23 @@ mod tests {
             *cut = Cut::new(*left, *low, width);
         }
         let cuts = &cuts[..corners.len()];
-        let sums = add_cut(Sums::from_lanes(|_| 7), cells, cuts, row);
-        let naive = Sums::from_lanes(|lane| {
-            let lane = i32::try_from(lane).unwrap();
-            let of = |(left, low): &(i32, i32)| {
-                let y = usize::try_from(low + i32::from(row)).ok()?;
-                let x = usize::try_from(left + lane).ok()?;
-                cells.get(y)?.get(x).copied().map(u16::from)
-            };
-            7 + corners.iter().filter_map(of).sum::<u16>()
-        });
-        assert_eq!(sums, naive);
+        let ends = corners
+            .iter()
+            .fold(0, |ends, (left, low)| ends | Cut::ends::<W, 9>(*left, *low));
+        let mut sums = [Sums::from_lanes(|_| 7); 2];
+        add_cut(&mut sums, cells, cuts, row, ends);
+        let naive = |row: u16| {
+            Sums::from_lanes(|lane| {
+                let lane = i32::try_from(lane).unwrap();
+                let of = |(left, low): &(i32, i32)| {
+                    let y = usize::try_from(low + i32::from(row)).ok()?;
+                    let x = usize::try_from(left + lane).ok()?;
+                    cells.get(y)?.get(x).copied().map(u16::from)
+                };
+                7 + corners.iter().filter_map(of).sum::<u16>()
+            })
+        };
+        assert_eq!(sums, [naive(row), naive(row + 1)]);
     }
 
     proptest! {
