@@ -10,8 +10,8 @@ mod merge;
 mod page;
 mod store;
 
-pub(crate) use judge::words_of_panic;
 pub use judge::{Record, cause_of, run};
+pub(crate) use judge::{without_figures, words_of_panic};
 pub use merge::{Group, Merged, SituationCount, merge};
 pub use page::page;
 pub use store::{CampaignError, Plan, Shard, Store};

@@ -103,8 +103,8 @@ fn first_rule(check: &str, outcome: &Outcome) -> Option<String> {
     Some(format!("{} {}", first.source, first.event.rule))
 }
 
-/// `text` with each number as `#`.
-fn without_figures(text: &str) -> String {
+/// `text` with each number as `#`: counts, addresses and process numbers differ from run to run.
+pub(crate) fn without_figures(text: &str) -> String {
     let mut out = String::new();
     for c in text.chars() {
         match c {

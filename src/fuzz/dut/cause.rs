@@ -4,6 +4,7 @@ use core::fmt;
 
 use super::case::{Hex, Pair};
 use super::process::Ended;
+use crate::campaign::without_figures;
 
 /// Rules about when something is said: a program that is not given the processor in time breaks
 /// them without being to blame.
@@ -177,19 +178,6 @@ fn last_words(said: &str) -> &str {
         .find(is_telling)
         .or(lines().next_back())
         .unwrap_or("")
-}
-
-/// Process numbers, addresses and counts differ from run to run.
-fn without_figures(words: &str) -> String {
-    let mut out = String::new();
-    for c in words.chars() {
-        match c {
-            '0'..='9' if out.ends_with('#') => {}
-            '0'..='9' => out.push('#'),
-            _ => out.push(c),
-        }
-    }
-    out
 }
 
 #[cfg(test)]
