@@ -156,7 +156,8 @@ fn of_scenario(args: &FuzzArgs, path: &Path) -> Result<Box<dyn Subject>, CliErro
         Some(Protocol::Bus) => "avr-low-first",
         Some(Protocol::BusHighFirst) => "avr-high-first",
         Some(Protocol::Pcui) => "pcui",
-        Some(Protocol::Panel) | None => {
+        Some(Protocol::Panel) => "panel",
+        None => {
             let links: Vec<&str> = run.rig.links().iter().map(|link| &*link.name).collect();
             let text = format!(
                 "--link {link}: no wire format that can be fuzzed, the links of {} are {}",

@@ -9,6 +9,7 @@ mod choices;
 mod formats;
 mod laws;
 mod marks;
+mod panel;
 mod stream;
 mod texts;
 
@@ -16,6 +17,7 @@ pub use choices::Choices;
 pub use formats::{Avr, HighFirst, LowFirst, Pcui, Wire, Xv11, Xv11Turns};
 pub use laws::keeps_the_laws;
 pub use marks::Mark;
+pub use panel::Panel;
 pub use stream::{Piece, Stream, StreamError};
 
 use core::fmt;
@@ -60,12 +62,13 @@ pub struct Target {
 
 impl Target {
     /// All targets.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::of::<Xv11>(),
         Self::of::<Xv11Turns>(),
         Self::of::<Avr<LowFirst>>(),
         Self::of::<Avr<HighFirst>>(),
         Self::of::<Pcui>(),
+        Self::of::<Panel>(),
         Self {
             name: "rle",
             stream: Stream::raw,

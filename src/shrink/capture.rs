@@ -1,12 +1,12 @@
 use core::time::Duration;
 use std::collections::BTreeMap;
 
-use protocols::{FrameError, panel};
+use protocols::FrameError;
 
 use super::{Effort, fewest};
 use crate::capture::{Capture, Kind, Record};
 use crate::decode::{Protocol, Stream, What};
-use crate::fuzz::wire::{Avr, HighFirst, LowFirst, Pcui, Wire, Xv11, Xv11Turns};
+use crate::fuzz::wire::{Avr, HighFirst, LowFirst, Panel, Pcui, Wire, Xv11, Xv11Turns};
 use crate::line::Direction;
 
 /// A frame, or a stretch of bytes that are none, or a line event: what is kept or left out whole.
@@ -244,16 +244,8 @@ fn repair(unit: &mut Unit) {
         Some(Protocol::Bus) => Avr::<LowFirst>::repair(bytes),
         Some(Protocol::BusHighFirst) => Avr::<HighFirst>::repair(bytes),
         Some(Protocol::Pcui) => Pcui::repair(bytes),
-        Some(Protocol::Panel) => repair_panel(bytes),
+        Some(Protocol::Panel) => Panel::repair(bytes),
         None => {}
-    }
-}
-
-fn repair_panel(frame: &mut [u8]) {
-    if let Some((body, sum)) = frame.split_last_chunk_mut::<2>()
-        && let Some(summed) = body.get(1..)
-    {
-        *sum = panel::checksum(summed).to_be_bytes();
     }
 }
 

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use emulators::rng::Rng;
 
 use crate::decode::Protocol;
-use crate::fuzz::wire::{Avr, Choices, HighFirst, LowFirst, Pcui, Piece, Stream, Wire};
+use crate::fuzz::wire::{Avr, Choices, HighFirst, LowFirst, Panel, Pcui, Piece, Stream, Wire};
 use crate::fuzz::wire::{Xv11, Xv11Turns};
 use crate::scenario::{DeviceSpec, OrderSpec, TextSpec};
 
@@ -105,7 +105,8 @@ impl Speech {
                 Frames::of::<Avr<HighFirst>>(Protocol::BusHighFirst, register, 3)
             }
             Some(Protocol::Pcui) => Frames::of::<Pcui>(Protocol::Pcui, message, 17),
-            Some(Protocol::Panel) | None => return Self::Bytes,
+            Some(Protocol::Panel) => Frames::of::<Panel>(Protocol::Panel, command, 4),
+            None => return Self::Bytes,
         };
         Self::Frames(frames)
     }
@@ -258,6 +259,11 @@ fn first(frame: &[u8]) -> &[u8] {
 /// Register and whether it is a write, with the count: what a reply on the bus echoes.
 fn register(frame: &[u8]) -> &[u8] {
     &frame[1..3]
+}
+
+/// The number of a command or report.
+fn command(frame: &[u8]) -> &[u8] {
+    &frame[1..2]
 }
 
 /// The three letters of a message.

@@ -44,7 +44,7 @@ pub trait Wire {
     }
 }
 
-fn made_again(found: &[u8], made: &[u8]) -> Result<(), Broken> {
+pub(super) fn made_again(found: &[u8], made: &[u8]) -> Result<(), Broken> {
     if found == made {
         return Ok(());
     }

@@ -1,0 +1,7 @@
+#![no_main]
+//! See `Target` in src/fuzz/wire.rs.
+
+libfuzzer_sys::fuzz_target!(|data: &[u8]| {
+    let target = hilrig_fuzz::wire::Target::named("panel").expect("listed");
+    target.fuzz(data);
+});

@@ -1,0 +1,161 @@
+//! The touch panel's frames as a fuzzer sees them.
+
+use protocols::Decode;
+use protocols::panel::{self, Command, HEADER_LEN, Window};
+
+use super::formats::made_again;
+use super::{Broken, Choices, Wire};
+
+/// The touch panel.
+#[derive(Clone, Copy, Debug)]
+pub struct Panel;
+
+/// Bytes before the payload and behind it.
+const AROUND: usize = HEADER_LEN + 2;
+/// Numbers of frames; the last means nothing.
+const OPS: [u8; 8] = [
+    panel::RUNS,
+    panel::RUNS,
+    panel::WRITE,
+    panel::WRITE,
+    panel::PEN,
+    panel::ON,
+    panel::OFF,
+    0x00,
+];
+
+impl Wire for Panel {
+    type Decoder = panel::Decoder;
+    const NAME: &'static str = "panel";
+
+    fn decoder() -> panel::Decoder {
+        panel::Decoder::default()
+    }
+
+    fn bytes(frame: &panel::Frame) -> &[u8] {
+        frame.as_bytes()
+    }
+
+    fn build(choices: &mut Choices<'_>, out: &mut Vec<u8>) {
+        let op = OPS[choices.below(OPS.len())];
+        let len = match (op, choices.byte()) {
+            (panel::RUNS, most @ 0..250) => panel::WINDOW_LEN + 3 * usize::from(most % 8),
+            (panel::WRITE, most @ 0..250) => panel::WINDOW_LEN + 2 * usize::from(most % 8),
+            (panel::PEN, 0..250) => 5,
+            (panel::ON | panel::OFF, 0..250) => 0,
+            (_, most) => usize::from(most) * 3,
+        };
+        let start = out.len();
+        out.resize(start + HEADER_LEN, 0);
+        out.extend(choices.take(len));
+        out.resize(start + AROUND + len, 0);
+        let sealed = panel::seal(&mut out[start..], op, len);
+        debug_assert!(sealed.is_some(), "at most 765 bytes");
+    }
+
+    fn repair(frame: &mut [u8]) {
+        if let Some(len) = frame.len().checked_sub(AROUND) {
+            let op = frame[1];
+            // A payload that became too long stays as it is.
+            let _ = panel::seal(frame, op, len);
+        }
+    }
+
+    /// The checksum bit by bit.
+    fn frame_at(bytes: &[u8]) -> Option<usize> {
+        let header = bytes.get(..4)?;
+        let end = 4 + usize::from(header[2]) * 256 + usize::from(header[3]);
+        if header[0] != 0x7E || end - 4 > 968 {
+            return None;
+        }
+        let mut sum = 0_u16;
+        for byte in bytes.get(1..end)? {
+            sum ^= u16::from(*byte) << 8;
+            for _ in 0..8 {
+                let carries = sum & 0x8000 != 0;
+                sum <<= 1;
+                sum ^= if carries { 0x1021 } else { 0 };
+            }
+        }
+        (bytes.get(end..end + 2)? == sum.to_be_bytes()).then_some(end + 2)
+    }
+
+    fn kind(frame: &panel::Frame) -> u64 {
+        let size = u64::from(usize::BITS - frame.payload().len().leading_zeros());
+        let is_told = frame.command().is_some() || frame.pen().is_some();
+        u64::from(frame.op()) << 16 | u64::from(is_told) << 8 | size
+    }
+
+    fn means_itself(frame: &panel::Frame) -> Result<(), Broken> {
+        if let Some(pen) = frame.pen() {
+            return made_again(frame.as_bytes(), &panel::encode_pen(pen));
+        }
+        match frame.command() {
+            Some(Command::On | Command::Off) => {
+                made_again(frame.as_bytes(), &panel::encode_switch(frame.op()))
+            }
+            Some(Command::Write(window, pixels)) => {
+                let pixels = pixels.chunks_exact(2).map(|pixel| (1, pixel));
+                pixels_mean_themselves(window, pixels)
+            }
+            Some(Command::Runs(window, runs)) => {
+                let runs = runs.chunks_exact(3).map(|run| (run[0], &run[1..]));
+                pixels_mean_themselves(window, runs)
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+/// Pixels have two spellings: said again, they must be the same.
+fn pixels_mean_themselves<'a>(
+    window: Window,
+    runs: impl Iterator<Item = (u8, &'a [u8])>,
+) -> Result<(), Broken> {
+    let mut pixels = [0; PIXELS_MAX];
+    let Some(len) =
+        spread(runs, &mut pixels).filter(|&len| u32::try_from(len) == Ok(window.area()))
+    else {
+        return Ok(());
+    };
+    let mut made = [0; panel::FRAME_MAX];
+    let said = panel::encode_pixels(window, &pixels[..len], &mut made);
+    let mut decoder = panel::Decoder::default();
+    let frame = decoder
+        .push(&made[..said.unwrap_or(0)])
+        .find_map(Result::ok);
+    let mut again = [0; PIXELS_MAX];
+    let found = match frame.as_ref().and_then(panel::Frame::command) {
+        Some(Command::Write(other, pixels)) if other == window => {
+            spread(pixels.chunks_exact(2).map(|pixel| (1, pixel)), &mut again)
+        }
+        Some(Command::Runs(other, runs)) if other == window => {
+            let runs = runs.chunks_exact(3).map(|run| (run[0], &run[1..]));
+            spread(runs, &mut again)
+        }
+        _ => None,
+    };
+    if found.map(|found| &again[..found]) == Some(&pixels[..len]) {
+        return Ok(());
+    }
+    let detail = format!("{len} pixels said and heard are {found:?}, or others");
+    Err(Broken::new("pixels-mean-themselves", detail))
+}
+
+/// Most pixels that fit a frame one by one.
+const PIXELS_MAX: usize = 480;
+
+/// The pixels of `runs` in a row; `None` if there are more than fit.
+fn spread<'a>(
+    runs: impl Iterator<Item = (u8, &'a [u8])>,
+    pixels: &mut [u16; PIXELS_MAX],
+) -> Option<usize> {
+    let mut len = 0;
+    for (count, pixel) in runs {
+        let end = len + usize::from(count);
+        let pixel = u16::from_be_bytes([pixel[0], pixel[1]]);
+        pixels.get_mut(len..end)?.fill(pixel);
+        len = end;
+    }
+    Some(len)
+}
