@@ -58,14 +58,14 @@ pub struct Window {
 }
 
 impl Window {
-    /// Pixels inside; 0 if the corners are exchanged.
+    /// Pixels inside, at most [`u32::MAX`]; 0 if the corners are exchanged.
     pub const fn area(self) -> u32 {
         let [x0, x1] = self.columns;
         let [y0, y1] = self.rows;
         if x0 > x1 || y0 > y1 {
             return 0;
         }
-        (x1 - x0 + 1) as u32 * (y1 - y0 + 1) as u32
+        ((x1 - x0) as u32 + 1).saturating_mul((y1 - y0) as u32 + 1)
     }
 
     fn to_bytes(self) -> [u8; WINDOW_LEN] {
