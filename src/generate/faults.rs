@@ -16,6 +16,9 @@ const BAUDS: [u32; 7] = [9_600, 38_400, 57_600, 111_111, 230_400, 921_600, 1_040
 const FACTORS: [f64; 4] = [0.98, 0.99, 1.01, 1.02];
 /// Longest time for which something may get through nothing at all, milliseconds.
 const SILENCE_MAX_MS: u64 = 3_000;
+/// Longest time for which something may seem to stand still that moves: the mapper follows what the
+/// wheels say, and a turn of more than 12 degrees that they do not tell of is beyond its search.
+const STUCK_MAX_MS: u64 = 500;
 /// Longest time for which something may be bad otherwise.
 const TROUBLE_MAX_MS: u64 = 12_000;
 /// Longest time of what comes unforeseen: there must be time to recover from it, too.
@@ -205,7 +208,6 @@ fn silences(kind: FaultKind) -> bool {
             | K::Swizzle
             | K::PowerDip
             | K::Off
-            | K::Stuck
     )
 }
 
@@ -217,7 +219,11 @@ fn comes_in_spells(kind: FaultKind) -> bool {
 /// Times that are known beforehand.
 fn foreseen(fault: &mut FaultSpec, is_late: bool, dice: &mut Draw) {
     let earliest = [ADVERSITY_FROM_MS, WARM_UP_MS][usize::from(is_late)];
-    let most = [TROUBLE_MAX_MS, SILENCE_MAX_MS][usize::from(silences(fault.kind))];
+    let most = match fault.kind {
+        FaultKind::Stuck => STUCK_MAX_MS,
+        kind if silences(kind) => SILENCE_MAX_MS,
+        _ => TROUBLE_MAX_MS,
+    };
     let from = dice.between(earliest, ADVERSITY_UNTIL_MS - 100);
     let until = (from + dice.between(10, most)).min(ADVERSITY_UNTIL_MS);
     fault.from = Some(Span::from_millis(from));
@@ -239,7 +245,12 @@ fn unforeseen(fault: &mut FaultSpec, surface: &Surface, places: &[[f64; 2]], dic
     if comes_in_spells(fault.kind) {
         return foreseen(fault, false, dice);
     }
-    fault.lasting = Some(Span::from_millis(dice.between(10, SURPRISE_MAX_MS)));
+    let most = if fault.kind == FaultKind::Stuck {
+        STUCK_MAX_MS
+    } else {
+        SURPRISE_MAX_MS
+    };
+    fault.lasting = Some(Span::from_millis(dice.between(10, most)));
     let registers = surface.with_registers();
     match dice.below(4) {
         0 if fault.is_on_line_only() => fault.at_byte = Some(dice.below(20_000)),
