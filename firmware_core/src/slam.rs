@@ -17,6 +17,7 @@ mod relocate;
 mod row;
 mod search;
 mod settings;
+mod sight;
 mod trace;
 mod tracking;
 mod update;

@@ -7,6 +7,7 @@ use super::evidence::Evidence;
 use super::prior::Prior;
 use super::refine::refine;
 use super::settings::Pushes;
+use super::sight::as_far_as_seen;
 use crate::grid::Grid;
 use crate::pose::Pose;
 
@@ -96,7 +97,10 @@ pub(super) fn track<const W: usize, const H: usize>(
     {
         consider(farther(grid, task, effort), &mut evidence);
     }
-    let pose = refine(grid, task.dense, best.pose, &prior, effort);
+    let mut pose = refine(grid, task.dense, best.pose, &prior, effort);
+    if !is_elsewhere {
+        pose = as_far_as_seen(task.dense, centre, pose);
+    }
     Place {
         pose,
         sum: best.sum,

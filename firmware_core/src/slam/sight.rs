@@ -1,0 +1,105 @@
+//! What a scan can say at all. Between two walls it says nothing of the way along them; but the map
+//! is drawn stronger behind the robot than ahead of it, so that the best score is always a little
+//! behind. There the odometry is believed.
+
+use crate::pose::Pose;
+
+/// Points from one to the next of a pair: nearer ones tell more of the lidar's noise than of the
+/// wall.
+const APART: usize = 4;
+/// Farthest two points of one wall, in 1/16 cells.
+const GAP_MAX: f32 = 16.0 * 12.0;
+/// Part of the walls that must stand across a direction for the scan to be heard about it: below
+/// the first not at all, from the second on wholly.
+const DEAF: f32 = 0.01;
+const HEARS: f32 = 0.03;
+
+/// `found` with the scan's word for what its `points`, in the robot's own frame, can tell, and
+/// that of the odometry, `predicted`, for the rest.
+pub(super) fn as_far_as_seen(points: &[[i16; 2]], predicted: Pose, found: Pose) -> Pose {
+    let Some((axis, share)) = least_seen(points) else {
+        return found;
+    };
+    let heard = ((share - DEAF) / (HEARS - DEAF)).clamp(0.0, 1.0);
+    let (sin, cos) = (libm::sinf(found.heading), libm::cosf(found.heading));
+    let along = [axis[0] * cos - axis[1] * sin, axis[0] * sin + axis[1] * cos];
+    let moved = [found.x_mm - predicted.x_mm, found.y_mm - predicted.y_mm];
+    let unheard = (moved[0] * along[0] + moved[1] * along[1]) * (1.0 - heard);
+    Pose::new(
+        found.x_mm - unheard * along[0],
+        found.y_mm - unheard * along[1],
+        found.heading,
+    )
+}
+
+/// The direction, a unit vector in the robot's frame, that the fewest walls stand across, and how
+/// many of them do, as a part of those across the other direction.
+fn least_seen(points: &[[i16; 2]]) -> Option<([f32; 2], f32)> {
+    let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+    for (a, b) in points.iter().zip(points.get(APART..)?) {
+        let [dx, dy] = [0, 1].map(|axis| f32::from(b[axis]) - f32::from(a[axis]));
+        let square = dx * dx + dy * dy;
+        if square > 0.0 && square < GAP_MAX * GAP_MAX {
+            // Of the wall's normal: its tangent turned by a quarter.
+            xx += dy * dy / square;
+            xy -= dx * dy / square;
+            yy += dx * dx / square;
+        }
+    }
+    let (half, middle) = ((xx - yy) / 2.0, (xx + yy) / 2.0);
+    let apart = libm::sqrtf(half * half + xy * xy);
+    if middle <= 0.0 || apart <= 0.0 {
+        return None;
+    }
+    // The eigenvector of the lesser eigenvalue, from whichever row is longer.
+    let [x, y] = if half > 0.0 {
+        [-xy, half + apart]
+    } else {
+        [apart - half, -xy]
+    };
+    let length = libm::sqrtf(x * x + y * y);
+    let axis = [x / length, y / length];
+    Some((axis, ((middle - apart) / (middle + apart)).max(0.0)))
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use std::vec::Vec;
+
+    use super::*;
+
+    /// Walls at y = +-25 cells, seen from -75 to 75 cells.
+    fn corridor() -> Vec<[i16; 2]> {
+        let wall = |y: i16| (-60..=60).map(move |x: i16| [x * 20, y]);
+        wall(400).chain(wall(-400)).collect()
+    }
+
+    #[test]
+    fn along_a_corridor_the_odometry_stands_and_across_it_the_scan() {
+        let predicted = Pose::new(1000.0, 500.0, 0.0);
+        let found = Pose::new(990.0, 504.0, 0.01);
+        let pose = as_far_as_seen(&corridor(), predicted, found);
+        assert!((pose.x_mm - 1000.0).abs() < 0.2, "{pose:?}");
+        assert!((pose.y_mm - 504.0).abs() < 0.2, "{pose:?}");
+        assert!((pose.heading - 0.01).abs() < f32::EPSILON);
+    }
+
+    #[test]
+    fn a_corridor_with_an_end_tells_everything() {
+        let mut points = corridor();
+        points.extend((-19..=19).map(|y: i16| [1200, y * 20]));
+        let found = Pose::new(990.0, 504.0, 0.01);
+        let pose = as_far_as_seen(&points, Pose::new(1000.0, 500.0, 0.0), found);
+        assert_eq!(pose, found);
+    }
+
+    #[test]
+    fn a_scan_of_nothing_leaves_the_pose() {
+        let found = Pose::new(1.0, 2.0, 0.5);
+        for points in [&[][..], &[[5, 5]; 3], &[[5, 5]; 30]] {
+            assert_eq!(as_far_as_seen(points, Pose::default(), found), found);
+        }
+    }
+}
