@@ -7,8 +7,9 @@ use crate::pose::Pose;
 /// Points from one to the next of a pair: nearer ones tell more of the lidar's noise than of the
 /// wall.
 const APART: usize = 4;
-/// Farthest two points of one wall, in 1/16 cells.
-const GAP_MAX: f32 = 16.0 * 12.0;
+/// Farthest two such points of one wall, as a part of their distance from the robot: 24 degrees, or
+/// fewer on a wall that runs away from it.
+const GAP_MAX: f32 = 0.4;
 /// Part of the walls that must stand across a direction for the scan to be heard about it: below
 /// the first not at all, from the second on wholly.
 const DEAF: f32 = 0.01;
@@ -39,7 +40,8 @@ fn least_seen(points: &[[i16; 2]]) -> Option<([f32; 2], f32)> {
     for (a, b) in points.iter().zip(points.get(APART..)?) {
         let [dx, dy] = [0, 1].map(|axis| f32::from(b[axis]) - f32::from(a[axis]));
         let square = dx * dx + dy * dy;
-        if square > 0.0 && square < GAP_MAX * GAP_MAX {
+        let [x, y] = b.map(f32::from);
+        if square > 0.0 && square < GAP_MAX * GAP_MAX * (x * x + y * y) {
             // Of the wall's normal: its tangent turned by a quarter.
             xx += dy * dy / square;
             xy -= dx * dy / square;
