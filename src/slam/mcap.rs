@@ -5,7 +5,9 @@ mod cdr;
 mod json;
 
 use core::fmt;
+use core::panic::AssertUnwindSafe;
 use std::collections::BTreeMap;
+use std::panic::catch_unwind;
 
 use ::mcap::records::Record;
 use ::mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
@@ -68,6 +70,16 @@ enum Channel {
 /// Reads a file, up to where it is damaged.
 pub fn read(bytes: &[u8]) -> Contents {
     let mut reader = Reader::default();
+    // The library computes with lengths that a damaged file names, and may run over.
+    if catch_unwind(AssertUnwindSafe(|| read_into(&mut reader, bytes))).is_err() {
+        let what = format_args!("lengths that make no sense");
+        let place = format_args!("the rest");
+        reader.contents.findings.add(Kind::Unreadable, place, what);
+    }
+    reader.contents.in_order()
+}
+
+fn read_into(reader: &mut Reader, bytes: &[u8]) {
     let mut rest = bytes;
     let options = LinearReaderOptions::default().with_record_length_limit(bytes.len());
     let mut records = LinearReader::new_with_options(options);
@@ -100,7 +112,6 @@ pub fn read(bytes: &[u8]) -> Contents {
             }
         }
     }
-    reader.contents.in_order()
 }
 
 /// The error, and what helps.

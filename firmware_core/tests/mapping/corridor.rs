@@ -46,8 +46,8 @@ fn the_documents_search_slips_along_a_corridor() {
     assert!(mapper > 1.2 * wheels, "{mapper} {wheels}");
 }
 
-/// At most 1.2 times the odometry's error in the middle one of nine runs. In a single one the wheels
-/// may do better by luck: they count too much, and a wrong heading takes some of that off the axis.
+/// At most 1.2 times the odometry's error in the middle one of nine runs. In a single one the
+/// wheels may do better by luck: they count too much, and a wrong heading takes some of that off.
 #[test]
 fn the_core_leaves_the_odometry_alone_along_a_corridor() {
     let mut runs: Vec<(f32, f32)> = (1..=9)
