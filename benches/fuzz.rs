@@ -10,10 +10,10 @@ use core::time::Duration;
 use std::path::Path;
 use std::process::ExitCode;
 
-use hilrig::fuzz::wire::{Avr, LowFirst, Pcui, Stream, Target, Wire, Xv11};
-use hilrig::fuzz::{Behaviour, programs};
 use hilrig::run::Run;
 use hilrig::scenario::{Scenario, Span};
+use hilrig::search::fuzz::wire::{Avr, LowFirst, Pcui, Stream, Target, Wire, Xv11};
+use hilrig::search::fuzz::{Behaviour, programs};
 use rustix::time::{ClockId, clock_gettime};
 
 /// Rounds of each figure, and how long one is to take at least.

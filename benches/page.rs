@@ -22,7 +22,7 @@ use std::fs;
 use std::process::ExitCode;
 
 use browser::Browser;
-use hilrig::clock::{Clock, WallClock};
+use hilrig::realtime::clock::{Clock, WallClock};
 use server::Server;
 
 /// Most bytes a second to the page.

@@ -11,7 +11,7 @@ use core::time::Duration;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use hilrig::capture::{Limits, Recording, about};
-use hilrig::clock::{Clock, WallClock};
+use hilrig::realtime::clock::{Clock, WallClock};
 use hilrig::run::Run;
 use hilrig::scenario::Scenario;
 use protocols::Instant;

@@ -7,12 +7,20 @@
 //! that a capture explains itself.
 //! Bytes on their way when the run ends reached nobody and are not in the file.
 
+pub mod case;
+pub mod decode;
+pub mod divergence;
+pub mod export;
 mod files;
+pub mod import;
 mod join;
 pub mod pcapng;
 pub mod record;
 mod recording;
+pub mod replay;
 mod scribe;
+pub mod tap;
+pub mod wireshark;
 
 use std::fs::File;
 use std::io::{self, Read as _};

@@ -32,9 +32,9 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use crate::folder::FolderError;
+use crate::realtime::transport::TransportError;
 use crate::scenario::ScenarioError;
-use crate::transport::TransportError;
+use crate::show::folder::FolderError;
 
 /// Hardware-in-the-loop rig for small serial robots.
 #[derive(Debug, Parser)]

@@ -11,18 +11,22 @@
 //! a client can read and answer in between. Nothing here is exact to better than a few hundred
 //! microseconds, and how late it was is measured: verdicts come from virtual time.
 
+pub mod clock;
+pub mod control;
 mod lateness;
+pub mod standalone;
+pub mod transport;
 
 use core::fmt;
 use core::time::Duration;
 
 use emulators::{Event, EventKind};
-use protocols::{Instant, LineConfig, LineEvent};
+use protocols::{LineConfig, LineEvent};
 
-use crate::clock::Clock;
-use crate::rig::Rig;
+use crate::realtime::clock::Clock;
+use crate::realtime::transport::{Counters, PortEvent, Transport, TransportError, wait};
+use crate::rig::{Paced, Rig};
 use crate::robots::OpenEnd;
-use crate::transport::{Counters, PortEvent, Transport, TransportError, wait};
 
 pub use lateness::Lateness;
 
@@ -38,25 +42,6 @@ const BREATH: Duration = Duration::from_millis(1);
 const WAIT_MAX: Duration = Duration::from_millis(5);
 /// Bytes of a client that may wait for the line before no more are read, as in a UART's driver.
 const BACKLOG_MAX: usize = 4096;
-
-/// What can be run at the pace of a clock: a rig, or a rig with its checkers.
-pub trait Paced {
-    /// The rig.
-    fn rig(&mut self) -> &mut Rig;
-
-    /// Runs until `deadline`, doing whatever belongs to that time.
-    fn run_until(&mut self, deadline: Instant);
-}
-
-impl Paced for Rig {
-    fn rig(&mut self) -> &mut Rig {
-        self
-    }
-
-    fn run_until(&mut self, deadline: Instant) {
-        Self::run_until(self, deadline);
-    }
-}
 
 /// Runs a rig at the pace of a clock.
 pub struct Realtime<C> {

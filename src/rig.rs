@@ -1,9 +1,15 @@
 //! World, devices and the robot's program, wired by lines, run by one clock that jumps from event
 //! to event.
 
+pub mod cpu;
 mod disturb;
+pub mod fault;
+pub mod line;
 mod node;
+mod paced;
+pub mod resample;
 mod swap;
+pub mod trace;
 
 use core::any::Any;
 use core::time::Duration;
@@ -12,13 +18,14 @@ use emulators::world::World;
 use emulators::{Device, Event, EventKind};
 use protocols::{Instant, LineConfig, LineEvent};
 
-use crate::cpu::CpuModel;
-use crate::fault::Budget;
-use crate::line::{Direction, End, Line};
-use crate::trace::{Side, Tap, Trace};
+use crate::rig::cpu::CpuModel;
+use crate::rig::fault::Budget;
+use crate::rig::line::{Direction, End, Line};
+use crate::rig::trace::{Side, Tap, Trace};
 pub use disturb::Disturbance;
 pub use node::{AnyDevice, Program};
 use node::{Body, Node, Outside};
+pub use paced::Paced;
 
 /// A UART connection between two nodes, or a node and the outside.
 #[derive(Debug)]
@@ -241,6 +248,16 @@ impl Rig {
             }
             _ => None,
         })
+    }
+
+    /// The name of the node `index`.
+    pub(crate) fn node_name(&self, index: usize) -> &str {
+        &self.nodes[index].name
+    }
+
+    /// One line of the link `index`.
+    pub(crate) fn line_mut(&mut self, link: usize, direction: Direction) -> &mut Line {
+        self.links[link].line_mut(direction)
     }
 
     /// Fingerprint of all bytes on all lines so far.

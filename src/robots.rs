@@ -14,9 +14,9 @@ use protocols::avr::ChecksumOrder;
 use protocols::{LineConfig, Port};
 use serde::Serialize;
 
-use crate::decode::Protocol;
-use crate::fault::FaultId;
-use crate::line::End;
+use crate::codec::Protocol;
+use crate::rig::fault::FaultId;
+use crate::rig::line::End;
 use crate::rig::{Program, Rig};
 use crate::scenario::{DeviceSpec, Robot, Scenario, ScenarioError, Source, Step, TapSpec};
 

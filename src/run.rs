@@ -1,8 +1,12 @@
 //! One run of a scenario in virtual time: wired, driven, watched, judged.
 
 mod agenda;
+pub mod check;
 mod command;
 mod faults;
+pub mod history;
+pub mod mission;
+pub mod score;
 
 use core::time::Duration;
 use std::collections::BTreeMap;
@@ -12,18 +16,17 @@ use firmware_core::grid::Grid;
 use image::RgbImage;
 use protocols::Instant;
 
-use crate::check::{self, Check, Checker, Look, Status};
-use crate::fault::FaultId;
-use crate::history::History;
-use crate::mission::Progress;
-use crate::realtime::Paced;
-use crate::render;
-use crate::rig::{Logged, Rig};
+use crate::rig::fault::FaultId;
+use crate::rig::{Logged, Paced, Rig};
 use crate::robots::{self, Dut, PcEnd, Wired};
+use crate::run::check::{Check, Checker, Look, Status};
+use crate::run::history::History;
+use crate::run::mission::Progress;
+use crate::run::score::{PoseError, PosePair, WallOverlap};
 use crate::scenario::world::PushSpec;
 use crate::scenario::{Scenario, ScenarioError, Source};
-use crate::score::{self, PoseError, PosePair, WallOverlap};
-use crate::view;
+use crate::show::render;
+use crate::show::view;
 
 use agenda::Agenda;
 pub use command::CommandError;

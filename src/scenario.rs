@@ -6,6 +6,7 @@ mod fault;
 mod mission;
 mod own;
 mod phases;
+pub mod plan;
 mod source;
 mod span;
 pub mod world;

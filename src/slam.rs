@@ -8,6 +8,7 @@
 pub mod carmen;
 pub mod finding;
 pub mod folder;
+pub mod map;
 #[cfg(feature = "mcap")]
 pub mod mcap;
 #[cfg(feature = "mcap")]

@@ -1,5 +1,5 @@
 #![no_main]
-//! See `Target` in src/fuzz/wire.rs.
+//! See `Target` in src/search/fuzz/wire.rs.
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| {
     let target = hilrig_fuzz::wire::Target::named("avr-high-first").expect("listed");

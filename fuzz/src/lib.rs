@@ -3,7 +3,7 @@
 
 pub use fuzz::wire;
 
-#[path = "../../src/fuzz"]
+#[path = "../../src/search/fuzz"]
 mod fuzz {
     pub mod wire;
 }

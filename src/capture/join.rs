@@ -8,7 +8,7 @@
 use core::mem::take;
 
 use super::record::{Kind, Packet};
-use crate::line::Direction;
+use crate::rig::line::Direction;
 use crate::rig::{Link, Rig};
 use protocols::{Instant, LineConfig, LineEvent};
 

@@ -9,7 +9,7 @@
 use protocols::{Instant, LineConfig, LineEvent};
 
 use super::pcapng::{self, Block, Order};
-use crate::line::Direction;
+use crate::rig::line::Direction;
 
 /// Link type "RTAC serial".
 pub const LINK_TYPE: u16 = 250;

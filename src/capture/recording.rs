@@ -12,11 +12,11 @@ use super::files::Files;
 use super::join::{Extra, Joiner, event_words, line_of};
 use super::record::{Interface, Kind, Section};
 use super::scribe::Scribe;
-use crate::folder::TOOL;
-use crate::line::{Delivery, Direction, Original};
+use crate::TOOL;
 use crate::rig::Rig;
+use crate::rig::line::{Delivery, Direction, Original};
+use crate::rig::trace::{Side, Tap, fingerprint};
 use crate::scenario::Scenario;
-use crate::trace::{Side, Tap, fingerprint};
 
 /// How much a recording may take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

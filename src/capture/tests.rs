@@ -4,7 +4,7 @@ use protocols::{Instant, LineEvent};
 
 use super::record::{Kind, Record, Sent};
 use super::*;
-use crate::line::Direction;
+use crate::rig::line::Direction;
 
 fn record(sequence: u64, kind: Kind, bytes: &[u8]) -> Record {
     Record {

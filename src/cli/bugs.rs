@@ -7,8 +7,8 @@ use protocols::Instant;
 use serde_json::{Value, json};
 
 use super::{CliError, Verdict};
-use crate::clock::{Clock, WallClock};
 use crate::museum::{self, Bug, Live, Observation, Reproduction, Variant};
+use crate::realtime::clock::{Clock, WallClock};
 
 /// List the defects of the fielded programs, or reproduce one on the spot.
 ///

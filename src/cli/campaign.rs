@@ -10,10 +10,10 @@ use clap::{Args, Subcommand};
 
 use super::stop::Stop;
 use super::{CliError, Verdict};
-use crate::campaign::{self, CampaignError, Merged, Plan, Record, Shard, Store};
-use crate::clock::{Clock, WallClock};
-use crate::generate::{self, Dice, Vary};
+use crate::realtime::clock::{Clock, WallClock};
 use crate::scenario::{Scenario, Source, Span};
+use crate::search::campaign::{self, CampaignError, Merged, Plan, Record, Shard, Store};
+use crate::search::generate::{self, Dice, Vary};
 
 /// Run scenarios with many seeds, on all processors and on many machines, and group what fails.
 ///

@@ -3,8 +3,8 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Subcommand};
 
 use super::{CliError, Verdict};
-use crate::case::{Case, Judgement};
-use crate::replay::Recorded;
+use crate::capture::case::{Case, Judgement};
+use crate::capture::replay::Recorded;
 use crate::scenario::Span;
 
 /// Make regression tests from captures.
@@ -112,7 +112,7 @@ fn test(name: &str, path: &Path) -> String {
          use std::path::Path;\n\n\
          #[test]\n\
          fn case_{name}_holds() {{\n    \
-         let (case, source) = hilrig::case::Case::read(Path::new({path:?})).expect(\"a case\");\n    \
+         let (case, source) = hilrig::capture::case::Case::read(Path::new({path:?})).expect(\"a case\");\n    \
          let judgement = case.run(&source).expect(\"it can be played\");\n    \
          assert!(judgement.passed(), \"{{judgement}}\");\n\
          }}\n"

@@ -8,10 +8,10 @@ use clap::Args;
 use protocols::Instant;
 
 use super::{CliError, Verdict};
-use crate::decode::Protocol;
-use crate::decode::diagnose::{Line, diagnose};
-use crate::decode::summary::Lidar;
-use crate::decode::transcript::{Entry, Sum, Transcript};
+use crate::capture::decode::diagnose::{Line, diagnose};
+use crate::capture::decode::summary::Lidar;
+use crate::capture::decode::transcript::{Entry, Sum, Transcript};
+use crate::codec::Protocol;
 use crate::scenario::Span;
 use source::{Lane, Source, lanes};
 

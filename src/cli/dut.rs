@@ -7,12 +7,12 @@ use protocols::Instant;
 use super::place::{self, Place};
 use super::stop::Stop;
 use super::{CliError, Verdict};
-use crate::clock::{Clock, WallClock};
+use crate::realtime::clock::{Clock, WallClock};
+use crate::realtime::standalone::Standalone;
+use crate::realtime::transport::{Note, Serial, Transport};
 use crate::rig::Program;
 use crate::robots::{self, Alone};
 use crate::scenario::{Scenario, Span};
-use crate::standalone::Standalone;
-use crate::transport::{Note, Serial, Transport};
 
 /// Run the robot's program as a process of its own, on serial ports.
 ///

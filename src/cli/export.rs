@@ -3,8 +3,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::{CliError, Verdict};
-use crate::export::{Belief, Export, Format, Laser};
-use crate::replay::Recorded;
+use crate::capture::export::{Belief, Export, Format, Laser};
+use crate::capture::replay::Recorded;
 use crate::scenario::Span;
 
 /// Write a capture in a form that other tools read.

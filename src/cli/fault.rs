@@ -7,7 +7,7 @@ use clap::{Args, Subcommand};
 use serde_json::{Map, Value};
 
 use super::{CliError, Verdict};
-use crate::control;
+use crate::realtime::control;
 
 /// Add faults to a rig that runs in real time, list them, end them.
 ///

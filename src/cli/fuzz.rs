@@ -11,17 +11,17 @@ use protocols::Instant;
 
 use super::stop::Stop;
 use super::{CliError, Verdict};
-use crate::clock::{Clock, WallClock};
-use crate::decode::Protocol;
-use crate::fuzz::wire::Target;
-use crate::fuzz::{
-    self, Folder, FolderError, Found, Fuzzer, Missions, Plan, Round, Subject, Wires,
-};
-use crate::generate::Vary;
+use crate::codec::Protocol;
+use crate::realtime::clock::{Clock, WallClock};
 use crate::robots;
 use crate::run::Run;
 use crate::scenario::{Scenario, Span};
-use crate::shrink::Effort;
+use crate::search::fuzz::wire::Target;
+use crate::search::fuzz::{
+    self, Folder, FolderError, Found, Fuzzer, Missions, Plan, Round, Subject, Wires,
+};
+use crate::search::generate::Vary;
+use crate::search::shrink::Effort;
 
 /// Look for what nobody thought of: bytes into decoders and programs, whole missions made of bytes,
 /// or traffic for somebody else's program.

@@ -3,8 +3,8 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::{CliError, Verdict};
-use crate::import::{self, Format, Options};
-use crate::replay::PlayedSide;
+use crate::capture::import::{self, Format, Options};
+use crate::capture::replay::PlayedSide;
 
 /// Turn a dump of another tool into a capture.
 ///

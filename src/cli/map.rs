@@ -3,9 +3,9 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 
 use super::{CliError, Verdict};
-use crate::folder::FolderError;
-use crate::map::diff::{Difference, Reach, diff, picture};
-use crate::map::{RosMap, Seen};
+use crate::show::folder::FolderError;
+use crate::slam::map::diff::{Difference, Reach, diff, picture};
+use crate::slam::map::{RosMap, Seen};
 
 /// Compare maps.
 #[derive(Debug, Args)]

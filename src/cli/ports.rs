@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use protocols::LineConfig;
 
 use super::CliError;
-use crate::transport::{PortDir, Pty, Serial, Transport};
+use crate::realtime::transport::{PortDir, Pty, Serial, Transport};
 
 /// Opens ports, and owns the directories in which it makes new ones.
 #[derive(Debug, Default)]

@@ -7,8 +7,8 @@ use super::place::Place;
 use super::ports::Ports;
 use super::stop::Stop;
 use super::{CliError, Verdict};
-use crate::clock::{Clock, WallClock, utc};
-use crate::record::{CaptureFile, RecordError, Recorder, Wire};
+use crate::capture::tap::{CaptureFile, RecordError, Recorder, Wire};
+use crate::realtime::clock::{Clock, WallClock, utc};
 use crate::scenario::Span;
 
 /// Sit between two ports, pass bytes both ways and record them as a capture.

@@ -12,11 +12,11 @@ use super::ports::Ports;
 use super::stop::Stop;
 use super::{CliError, Verdict};
 use crate::capture::Capture;
-use crate::clock::{Clock, WallClock};
-use crate::divergence::Divergence;
-use crate::replay::{
+use crate::capture::divergence::Divergence;
+use crate::capture::replay::{
     Pace, Playback, PlayedSide, Recorded, Replay, Replayed, Socket, Voice, scenario_of,
 };
+use crate::realtime::clock::{Clock, WallClock};
 use crate::scenario::{Scenario, Source, Span};
 
 /// Feed a capture back: into the robot's program in virtual time, or into ports.

@@ -6,14 +6,14 @@ use protocols::Instant;
 
 use super::show::{Show, ShowArgs};
 use super::{CliError, Verdict, default_out};
+use crate::capture::case::{Case, Judgement};
 use crate::capture::{self, Limits, Recording};
-use crate::case::{Case, Judgement};
-use crate::check::Status;
-use crate::clock::{Clock, WallClock};
-use crate::folder::{self, FolderError, Metrics, Suite};
 use crate::realtime::Realtime;
+use crate::realtime::clock::{Clock, WallClock};
+use crate::run::check::Status;
 use crate::run::{Outcome, Run};
 use crate::scenario::{Scenario, ScenarioError, Source};
+use crate::show::folder::{self, FolderError, Metrics, Suite};
 
 /// Run scenarios and judge them, for CI.
 ///

@@ -7,12 +7,12 @@ use clap::Args;
 use super::run::{Pace, Talk, judged_run};
 use super::stop::Stop;
 use super::{CliError, Verdict};
-use crate::campaign;
 use crate::capture::Capture;
-use crate::clock::{Clock, WallClock};
-use crate::folder::FolderError;
+use crate::realtime::clock::{Clock, WallClock};
 use crate::scenario::{Scenario, Source};
-use crate::shrink::{self, Effort, Repair, Unit};
+use crate::search::campaign;
+use crate::search::shrink::{self, Effort, Repair, Unit};
+use crate::show::folder::FolderError;
 
 /// Make a failing case or a capture smaller while it still fails for the same reason.
 ///

@@ -6,8 +6,8 @@ use clap::{Args, ValueEnum};
 use firmware_core::slam::Mode;
 
 use super::{CliError, Verdict};
-use crate::clock::{Clock as _, WallClock};
-use crate::replay::Recorded;
+use crate::capture::replay::Recorded;
+use crate::realtime::clock::{Clock as _, WallClock};
 use crate::robots::senses;
 use crate::slam::survey::{CELL_MM, settings, survey};
 use crate::slam::{Log, carmen, folder, wire};

@@ -7,9 +7,9 @@ use protocols::LineConfig;
 
 use super::stop::Stop;
 use super::{CliError, Verdict};
-use crate::clock::{Clock, WallClock};
+use crate::realtime::clock::{Clock, WallClock};
 use crate::scenario::{Scenario, Span};
-use crate::ui::{Hub, Remote, SPEED_MAX, Server, Session};
+use crate::show::ui::{Hub, Remote, SPEED_MAX, Server, Session};
 
 /// Show a run on a page in the browser: see it, steer it, disturb it, save it.
 ///

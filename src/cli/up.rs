@@ -9,15 +9,16 @@ use super::show::ShowArgs;
 use super::stop::Stop;
 use super::{CliError, Verdict};
 use crate::capture::{self, Limits, Recording};
-use crate::clock::{Clock, WallClock, utc};
-use crate::control::Control;
-use crate::folder::FolderError;
-use crate::realtime::{Paced, Realtime};
+use crate::realtime::Realtime;
+use crate::realtime::clock::{Clock, WallClock, utc};
+use crate::realtime::control::Control;
+use crate::realtime::transport::{Note, PortDir, Pty, Serial, Transport};
+use crate::rig::Paced;
 use crate::rig::Rig;
 use crate::robots::{self, Dut, OpenEnd, PcEnd, Wired};
 use crate::run::Run;
 use crate::scenario::{Scenario, Span};
-use crate::transport::{Note, PortDir, Pty, Serial, Transport};
+use crate::show::folder::FolderError;
 
 /// Run a scenario in real time, its links on ports for any program to open.
 ///

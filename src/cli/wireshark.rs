@@ -7,7 +7,7 @@ use std::process::Command;
 use clap::Args;
 
 use super::{CliError, Verdict};
-use crate::wireshark::{FILE_NAME, dissector};
+use crate::capture::wireshark::{FILE_NAME, dissector};
 
 /// Give Wireshark a decoder for the robots' protocols.
 ///

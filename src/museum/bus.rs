@@ -10,7 +10,7 @@ use protocols::{Decode, pcui};
 
 use super::robot::{MS, Robot, config};
 use super::{Bug, Observation, Variant};
-use crate::decode::Protocol;
+use crate::codec::Protocol;
 
 const MASTER: &str = "robot's program, bus";
 

@@ -10,10 +10,10 @@ use protocols::pcui::{FRAME_MAX, message::Waypoint};
 use protocols::{Instant, LineEvent};
 
 use super::{Bug, Observation, Variant};
-use crate::decode::Protocol;
-use crate::pc_program::fielded::Client;
-use crate::pc_program::{self, Gesture};
+use crate::codec::Protocol;
 use crate::robots::rescue::pc_action;
+use crate::robots::rescue::pc_program::fielded::Client;
+use crate::robots::rescue::pc_program::{self, Gesture};
 pub(super) use clicks::{pu_08, pu_13};
 
 const PC: &str = "PC program";

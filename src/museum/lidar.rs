@@ -12,7 +12,7 @@ use protocols::{Decode, FrameError, Instant, pcui, xv11};
 
 use super::robot::{MS, Robot, config, packet, packet_at, range};
 use super::{Bug, Observation, Variant};
-use crate::decode::Protocol;
+use crate::codec::Protocol;
 
 const LIDAR: &str = "robot's program, lidar";
 

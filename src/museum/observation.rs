@@ -1,6 +1,6 @@
 use core::fmt::Display;
 
-use crate::decode::{Protocol, Stream, What};
+use crate::codec::{Protocol, Stream, What};
 
 /// Bytes that passed on a wire.
 #[derive(Clone, Debug, PartialEq, Eq)]

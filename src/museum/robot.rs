@@ -11,7 +11,7 @@ use protocols::xv11::{self, RawReading, Reading, SpeedWord};
 use protocols::{Decode, Instant};
 
 use super::{Observation, Variant};
-use crate::decode::Protocol;
+use crate::codec::Protocol;
 
 pub(super) const MS: Duration = Duration::from_millis(1);
 

@@ -2,12 +2,12 @@ use std::path::Path;
 
 use emulators::Device;
 use emulators::world::{BodyConfig, Pose, Scene, Shape, World};
-use protocols::Port as DevicePort;
+use protocols::{Instant, Port as DevicePort};
 
 use super::*;
-use crate::clock::SimClock;
-use crate::line::End;
-use crate::transport::Memory;
+use crate::realtime::clock::SimClock;
+use crate::realtime::transport::Memory;
+use crate::rig::line::End;
 
 const LINE: LineConfig = LineConfig::new_8n1(115_200);
 

@@ -10,7 +10,7 @@ use emulators::world::World;
 use firmware_core::{Inspect, Master};
 use protocols::{Instant, LineConfig, LineEvent, Port};
 
-use crate::cpu::CpuModel;
+use crate::rig::cpu::CpuModel;
 
 /// An emulated device in a rig: any [`Device`] that owns its data.
 pub trait AnyDevice: Device + Any {}

@@ -5,7 +5,7 @@ use protocols::LineConfig;
 
 use super::Rig;
 use super::node::{Body, Node, Outside, Program};
-use crate::line::{Direction, End, Line};
+use crate::rig::line::{Direction, End, Line};
 
 impl Rig {
     /// The links whose master end is the program under test, by their numbers.

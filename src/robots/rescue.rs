@@ -12,6 +12,7 @@
 mod arena;
 mod command;
 pub(super) mod display;
+pub mod pc_program;
 mod view;
 
 use core::time::Duration;
@@ -30,9 +31,9 @@ use protocols::pcui::message::{Mode, Order};
 use protocols::{LineConfig, Port};
 
 use super::{Actuators, Alone, Dut, PcEnd, ProgramPort, Watch, Wired};
-use crate::cpu::CpuModel;
-use crate::line::End;
 use crate::rig::Rig;
+use crate::rig::cpu::CpuModel;
+use crate::rig::line::End;
 use crate::scenario::{
     Action, CpuSpec, DeviceSpec, Hc06Spec, MapperSpec, ModeSpec, Scenario, ScenarioError, Source,
     Step, TurnSpec,

@@ -2,7 +2,7 @@
 
 use protocols::Instant;
 
-use crate::fault::{Activity, FaultId};
+use crate::rig::fault::{Activity, FaultId};
 use crate::rig::{Disturbance, Rig};
 
 /// Disturbances with their times.

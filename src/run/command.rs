@@ -164,7 +164,7 @@ mod tests {
         assert_eq!(outcome.trace_hash, run.rig.trace_hash());
         assert_eq!(
             outcome.display,
-            robots::display(run.scenario.robot, &run.rig).map(crate::render::display)
+            robots::display(run.scenario.robot, &run.rig).map(crate::show::render::display)
         );
     }
 

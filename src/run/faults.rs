@@ -7,8 +7,8 @@ use protocols::Instant;
 use serde::Serialize;
 
 use super::Run;
-use crate::fault::{Activity, FaultId, LineFaults, Window};
-use crate::line::{Direction, Line};
+use crate::rig::fault::{Activity, FaultId, LineFaults, Window};
+use crate::rig::line::{Direction, Line};
 use crate::scenario::{DirectionSpec, FaultKind, FaultSpec, Flaw, Origin, Scenario, Span};
 
 /// Most faults that a run takes while it goes on.

@@ -2,6 +2,7 @@
 
 mod kind;
 mod plan;
+mod schedule;
 mod when;
 
 use core::fmt;
@@ -10,8 +11,8 @@ use protocols::Instant;
 use serde::{Deserialize, Serialize};
 
 use super::Span;
-use crate::fault::{Damage, Strike, Window};
-use crate::line::Direction;
+use crate::rig::fault::{Damage, Strike, Window};
+use crate::rig::line::Direction;
 
 pub use kind::{FaultKind, Place};
 pub use when::{Condition, WhenSpec};

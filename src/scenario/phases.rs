@@ -6,7 +6,7 @@ use protocols::Instant;
 use serde::{Deserialize, Serialize};
 
 use super::{FaultSpec, Span};
-use crate::fault::{Budget, Window};
+use crate::rig::fault::{Budget, Window};
 
 /// Lengths of the parts of a run, one after the other. Faults at random, and those that name no
 /// time, happen in the adversity only; in the judgement the robot must be at work again.

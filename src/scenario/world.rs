@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
 use super::{ScenarioError, Source, Span};
-use crate::plan;
+use crate::scenario::plan;
 
 /// Ground truth as data.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

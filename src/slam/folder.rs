@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use super::Log;
 use super::survey::{CELLS, Survey};
-use crate::folder::{Folder, FolderError};
+use crate::show::folder::{Folder, FolderError};
 
 /// `timing.json`.
 #[derive(Clone, Debug, Serialize)]
@@ -61,7 +61,10 @@ pub fn write(dir: &Path, survey: &Survey, timing: &Timing<'_>) -> Result<(), Fol
     let mut json = serde_json::to_string_pretty(timing).expect("plain data");
     json.push('\n');
     folder.put("timing.json", json)?;
-    folder.put("map.pgm", crate::render::pgm(&frame.ros_image(survey)))?;
+    folder.put(
+        "map.pgm",
+        crate::show::render::pgm(&frame.ros_image(survey)),
+    )?;
     folder.picture("map.png", &frame.picture(survey))
 }
 
@@ -135,7 +138,7 @@ impl Frame {
 
     fn yaml(&self, survey: &Survey, image: &str) -> String {
         let [x, y, cell_m] = self.origin(survey);
-        crate::render::ros_yaml_at([x, y], cell_m, image)
+        crate::show::render::ros_yaml_at([x, y], cell_m, image)
     }
 
     /// The map, dark where it believes walls, with the way in red; small maps are enlarged.
@@ -154,7 +157,7 @@ impl Frame {
         let height = f64::from(image.height());
         for (_, place) in &survey.way {
             let (x, y) = ((place.x - x0) / pixel_m, height - (place.y - y0) / pixel_m);
-            crate::render::dot(&mut image, x, y, Rgb([220, 40, 30]));
+            crate::show::render::dot(&mut image, x, y, Rgb([220, 40, 30]));
         }
         image
     }

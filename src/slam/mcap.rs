@@ -18,8 +18,8 @@ use protocols::Instant;
 use super::finding::{Findings, Kind};
 use super::messages::{Beams, Said, log};
 use super::{BEAMS_MAX, Log};
-use crate::line::Direction;
-use crate::replay::{Arrival, Passage, Recorded};
+use crate::capture::replay::{Arrival, Passage, Recorded};
+use crate::rig::line::Direction;
 
 /// A file that cannot be used at all.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -11,7 +11,7 @@ use protocols::Instant;
 
 use super::motion::change;
 use super::{Log, Shot};
-use crate::clock::{Clock, thread_cpu_time};
+use crate::realtime::clock::{Clock, thread_cpu_time};
 
 /// Cells along an edge of a log's map: 102 m at the usual 50 mm.
 pub const CELLS: usize = 2048;

@@ -17,7 +17,7 @@ use protocols::{Decode, Instant, LineConfig, avr, xv11};
 
 use super::finding::Kind;
 use super::{Log, Shot};
-use crate::replay::{Arrival, Passage, Recorded};
+use crate::capture::replay::{Arrival, Passage, Recorded};
 use crate::robots::Senses;
 
 /// Links that hold nothing to map.

@@ -5,7 +5,7 @@ use std::io::{BufRead as _, BufReader, Write as _};
 use std::process::{Command, Stdio};
 
 use hilrig::capture::{Interface, Kind, Record, Section};
-use hilrig::line::Direction;
+use hilrig::rig::line::Direction;
 use protocols::{Instant, LineEvent, xv11};
 
 use super::captures::capture;

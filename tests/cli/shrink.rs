@@ -1,8 +1,8 @@
 //! Shrinking: what is left is what matters, and it fails for the same reason.
 
 use hilrig::capture::{Capture, Interface, Kind, Record};
-use hilrig::line::Direction;
-use hilrig::shrink;
+use hilrig::rig::line::Direction;
+use hilrig::search::shrink;
 use protocols::Instant;
 use protocols::xv11::{Frame, RawReading, SpeedWord};
 

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::Command;
 
 use hilrig::capture::{Interface, Kind, Record, Section};
-use hilrig::line::Direction;
+use hilrig::rig::line::Direction;
 use protocols::{Instant, LineEvent};
 
 use super::captures::skipped;

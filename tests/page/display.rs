@@ -1,6 +1,7 @@
 //! The robot's display on the page: what it shows, and what a click on it does.
 
-use hilrig::{render, robots};
+use hilrig::robots;
+use hilrig::show::render;
 use serde_json::json;
 
 use super::again;

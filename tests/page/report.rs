@@ -5,10 +5,10 @@ use std::path::Path;
 use core::time::Duration;
 
 use fantoccini::actions::KeyAction;
-use hilrig::check::Status;
-use hilrig::folder as results;
 use hilrig::run::Run;
+use hilrig::run::check::Status;
 use hilrig::scenario::Scenario;
+use hilrig::show::folder as results;
 
 use super::browser::Browser;
 use super::server::folder;

@@ -1,9 +1,9 @@
 //! What the page shows is what there is: compared with the same run done again from its case.
 
 use firmware_core::robots::rescue::Rescue;
-use hilrig::pc_program;
 use hilrig::robots;
-use hilrig::view::millimetres;
+use hilrig::robots::rescue::pc_program;
+use hilrig::show::view::millimetres;
 use serde_json::{Value, json};
 
 use super::again;

@@ -2,6 +2,7 @@
 
 use fantoccini::actions::KeyAction;
 use hilrig::robots;
+use hilrig::robots::rescue::pc_program;
 use serde_json::json;
 
 use super::again;
@@ -58,7 +59,7 @@ fn waypoints_are_added_dragged_and_deleted_by_mouse() {
     let run = again(&server.case(), at_ns);
     assert_eq!(browser.value("hilrig.slow.trace"), run.rig.trace_hash());
     let pc = robots::pc(run.scenario().robot, &run.rig).expect("emulated");
-    assert_eq!(json!(hilrig::pc_program::waypoints(pc)), list);
+    assert_eq!(json!(pc_program::waypoints(pc)), list);
 }
 
 /// UI-06 in front of a real browser: beside the map there is nothing to click.

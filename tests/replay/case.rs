@@ -8,8 +8,8 @@ use firmware_core::grid::Grid;
 use firmware_core::pose::Pose;
 use firmware_core::robots::rescue::Rescue;
 use firmware_core::{Inspect, Master, Work};
-use hilrig::case::{Case, Judgement};
-use hilrig::replay::{Recorded, scenario_of};
+use hilrig::capture::case::{Case, Judgement};
+use hilrig::capture::replay::{Recorded, scenario_of};
 use hilrig::rig::Program;
 use proptest::prelude::*;
 use protocols::{Instant, LineConfig, Port};
@@ -146,7 +146,7 @@ fn run(case: &Case, defect: Option<Defect>) -> Judgement {
 
 fn failed(judgement: &Judgement) -> Vec<&str> {
     let checks = judgement.checks.iter();
-    let failed = checks.filter(|check| check.status == hilrig::check::Status::Fail);
+    let failed = checks.filter(|check| check.status == hilrig::run::check::Status::Fail);
     failed.map(|check| &*check.name).collect()
 }
 
@@ -256,7 +256,7 @@ fn a_command_turns_a_capture_into_a_test() {
 
     #[test]
     fn case_stall_holds() {
-        let (case, source) = hilrig::case::Case::read(Path::new("stall.toml")).expect("a case");
+        let (case, source) = hilrig::capture::case::Case::read(Path::new("stall.toml")).expect("a case");
         let judgement = case.run(&source).expect("it can be played");
         assert!(judgement.passed(), "{judgement}");
     }

@@ -3,10 +3,10 @@
 use core::time::Duration;
 use std::path::Path;
 
+use hilrig::capture::replay::{Recorded, Replay, Replayed, Voice, scenario_of};
 use hilrig::capture::{Capture, Kind};
-use hilrig::line::Direction;
-use hilrig::replay::{Recorded, Replay, Replayed, Voice, scenario_of};
 use hilrig::rig::Logged;
+use hilrig::rig::line::Direction;
 
 use crate::support::*;
 

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use hilrig::capture::Capture;
-use hilrig::line::Direction;
+use hilrig::rig::line::Direction;
 use hilrig::slam::carmen;
 
 use crate::record::bytes;

@@ -5,9 +5,9 @@ use std::io::Write as _;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
+use hilrig::capture::import::{Format, Options, read};
 use hilrig::capture::{Capture, Kind};
-use hilrig::import::{Format, Options, read};
-use hilrig::line::Direction;
+use hilrig::rig::line::Direction;
 use proptest::prelude::*;
 use protocols::{Instant, LineEvent};
 use serialport::{SerialPort as _, TTYPort};

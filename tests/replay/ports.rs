@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use hilrig::capture::{Capture, Interface, Kind, Record, Section};
-use hilrig::line::Direction;
+use hilrig::rig::line::Direction;
 use protocols::Instant;
 use protocols::avr::{self, ChecksumOrder};
 use rustix::process::Signal;

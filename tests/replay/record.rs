@@ -4,11 +4,11 @@ use std::io::Write as _;
 use std::path::Path;
 use std::process::Command;
 
+use hilrig::capture::tap::{CaptureFile, Recorder, Wire};
 use hilrig::capture::{Capture, Kind};
-use hilrig::clock::WallClock;
-use hilrig::line::Direction;
-use hilrig::record::{CaptureFile, Recorder, Wire};
-use hilrig::transport::{PortDir, Pty, Transport};
+use hilrig::realtime::clock::WallClock;
+use hilrig::realtime::transport::{PortDir, Pty, Transport};
+use hilrig::rig::line::Direction;
 use protocols::{Instant, LineConfig};
 use rustix::process::Signal;
 

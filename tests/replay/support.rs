@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
 
 use hilrig::capture::{Capture, Limits, Recording, about};
-use hilrig::clock::{Clock, WallClock};
+use hilrig::realtime::clock::{Clock, WallClock};
 use hilrig::rig::{Logged, Rig};
 use hilrig::run::Run;
 use hilrig::scenario::{Scenario, Source};

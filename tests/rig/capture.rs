@@ -9,10 +9,10 @@ use std::process::Command;
 use std::rc::Rc;
 
 use hilrig::capture::{Capture, Kind, Limits, Recording, about};
-use hilrig::fault::{Damage, FaultId, Strike, Window};
-use hilrig::line::Direction;
+use hilrig::rig::fault::{Damage, FaultId, Strike, Window};
+use hilrig::rig::line::Direction;
+use hilrig::rig::trace::{Side, Tap};
 use hilrig::run::Run;
-use hilrig::trace::{Side, Tap};
 use protocols::{Instant, LineConfig, LineEvent};
 
 use super::in_a_room;

@@ -1,9 +1,9 @@
 //! Whole-run checkers, each with a mutant that it catches. What stops the motors is in `silence`,
 //! what demands a recovery in `faults::schedule`.
 
-use hilrig::check::{self, Look, Status};
 use hilrig::robots::Actuators;
 use hilrig::run::Outcome;
+use hilrig::run::check::{self, Look, Status};
 
 use super::{failures, in_a_room, run_to_end, start};
 

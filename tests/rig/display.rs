@@ -8,10 +8,10 @@ use std::path::Path;
 
 use firmware_core::Inspect;
 use firmware_core::robots::rescue::Rescue;
-use hilrig::line::Direction;
-use hilrig::render;
+use hilrig::rig::line::Direction;
 use hilrig::robots;
 use hilrig::run::Run;
+use hilrig::show::render;
 use image::RgbImage;
 use protocols::pcui::message::Mode;
 

@@ -1,15 +1,15 @@
 //! The figures that the seed report measured, each stated by a test. S9 (waypoint list) and S10
-//! (memory) are proved in `firmware_core`; S4 also in `hilrig::cpu`.
+//! (memory) are proved in `firmware_core`; S4 also in `hilrig::rig::cpu`.
 
 use core::time::Duration;
 
 use emulators::rng::Rng;
 use firmware_core::Inspect;
 use firmware_core::robots::rescue::Rescue;
-use hilrig::cpu::CpuModel;
-use hilrig::fault::{DamageKind, FaultId, Window};
-use hilrig::line::{Direction, End};
 use hilrig::rig::Rig;
+use hilrig::rig::cpu::CpuModel;
+use hilrig::rig::fault::{DamageKind, FaultId, Window};
+use hilrig::rig::line::{Direction, End};
 use protocols::rle::Dialect;
 use protocols::xv11::{self, Reading};
 use protocols::{Decode, Instant, LineConfig, Port, pcui};
@@ -179,7 +179,7 @@ fn error_after_push(mapper: &str, seed: u64, searches: u32) -> f64 {
                 (truth.y - 1.6).abs() < 0.01,
                 "the push moves the robot: {truth:?}"
             );
-            return hilrig::score::PosePair::new(at, truth, estimate).error_mm();
+            return hilrig::run::score::PosePair::new(at, truth, estimate).error_mm();
         }
     }
 }

@@ -51,7 +51,7 @@ fn failures(outcome: &Outcome) -> Vec<String> {
     let failed = outcome
         .checks
         .iter()
-        .filter(|check| check.status == hilrig::check::Status::Fail);
+        .filter(|check| check.status == hilrig::run::check::Status::Fail);
     failed
         .map(|check| format!("{}: {}", check.name, check.detail))
         .collect()

@@ -1,8 +1,8 @@
 //! Maps that a person can judge: one world each, as text beside its figures.
 
-use hilrig::map::RosMap;
-use hilrig::map::diff::{Reach, diff};
-use hilrig::render;
+use hilrig::show::render;
+use hilrig::slam::map::RosMap;
+use hilrig::slam::map::diff::{Reach, diff};
 
 use super::{failures, run_to_end, shipped};
 

@@ -1,7 +1,7 @@
 //! report.html as text: what it says, that it is the run's alone, and that nothing of others is
 //! markup. What a browser makes of it: `tests/page/report.rs`.
 
-use hilrig::report;
+use hilrig::show::report;
 
 use super::{in_a_room, run_to_end};
 

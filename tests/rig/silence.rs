@@ -4,7 +4,7 @@ use core::time::Duration;
 
 use emulators::avr_base::AvrBase;
 use emulators::rng::Rng;
-use hilrig::fault::{DamageKind, FaultId, Window};
+use hilrig::rig::fault::{DamageKind, FaultId, Window};
 use proptest::prelude::*;
 use protocols::Instant;
 

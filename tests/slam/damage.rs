@@ -2,7 +2,7 @@
 
 use firmware_core::pose::Point;
 use firmware_core::slam::Mode;
-use hilrig::clock::WallClock;
+use hilrig::realtime::clock::WallClock;
 use hilrig::slam::finding::Kind;
 use hilrig::slam::survey::{CELL_MM, settings, survey};
 use hilrig::slam::{Log, carmen};

@@ -4,10 +4,10 @@ use std::io::Read as _;
 
 use emulators::world::Pose;
 use firmware_core::slam::Mode;
+use hilrig::rig::trace::fingerprint;
 use hilrig::slam::motion::{between, moved};
 use hilrig::slam::survey::{CELL_MM, Survey, settings, survey};
 use hilrig::slam::{Log, carmen};
-use hilrig::trace::fingerprint;
 
 use crate::captures::beside;
 use crate::damage::still;

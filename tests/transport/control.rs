@@ -5,7 +5,7 @@ use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use hilrig::control::{LINE_MAX, NAME};
+use hilrig::realtime::control::{LINE_MAX, NAME};
 use hilrig::run::Run;
 use hilrig::scenario::Scenario;
 use rustix::process::Signal;

@@ -3,7 +3,7 @@
 use std::fs;
 use std::os::unix::fs::symlink;
 
-use hilrig::transport::{PortDir, Pty, Transport};
+use hilrig::realtime::transport::{PortDir, Pty, Transport};
 
 use crate::support::*;
 

@@ -12,8 +12,8 @@ use std::sync::Arc;
 use std::thread;
 
 use hilrig::capture::Capture;
-use hilrig::clock::{Clock, WallClock};
-use hilrig::transport::{PortDir, Pty, Transport};
+use hilrig::realtime::clock::{Clock, WallClock};
+use hilrig::realtime::transport::{PortDir, Pty, Transport};
 
 use rustix::process::Signal;
 

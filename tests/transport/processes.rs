@@ -9,8 +9,8 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread;
 
 use hilrig::capture::{Capture, Record};
-use hilrig::clock::{Clock, WallClock};
-use hilrig::transport::{Pty, Transport};
+use hilrig::realtime::clock::{Clock, WallClock};
+use hilrig::realtime::transport::{Pty, Transport};
 use protocols::xv11;
 use protocols::{Decode, Instant, LineConfig};
 use rustix::process::{Pid, Signal, kill_process};

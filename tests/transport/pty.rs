@@ -4,9 +4,9 @@ use core::time::Duration;
 use std::io::{Read, Write};
 use std::os::fd::BorrowedFd;
 
-use hilrig::clock::{Clock, WallClock};
-use hilrig::transport::PortEvent::{BaudChanged, Closed, Opened};
-use hilrig::transport::{Counters, Pty, Transport, wait};
+use hilrig::realtime::clock::{Clock, WallClock};
+use hilrig::realtime::transport::PortEvent::{BaudChanged, Closed, Opened};
+use hilrig::realtime::transport::{Counters, Pty, Transport, wait};
 use protocols::Instant;
 use serialport::TTYPort;
 

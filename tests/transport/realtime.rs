@@ -5,14 +5,14 @@ use std::io::Write;
 
 use emulators::world::{BodyConfig, Pose, Scene, Shape, World};
 use emulators::{Device, Event};
-use hilrig::clock::{Clock, SimClock, WallClock};
-use hilrig::line::End;
 use hilrig::realtime::Realtime;
+use hilrig::realtime::clock::{Clock, SimClock, WallClock};
+use hilrig::realtime::transport::{PortDir, Pty, Serial, Transport};
 use hilrig::rig::Rig;
+use hilrig::rig::line::End;
 use hilrig::robots::OpenEnd;
 use hilrig::run::Run;
 use hilrig::scenario::Scenario;
-use hilrig::transport::{PortDir, Pty, Serial, Transport};
 use protocols::{Instant, LineConfig, Port};
 use serialport::TTYPort;
 

@@ -2,8 +2,8 @@
 
 use std::io::Write;
 
-use hilrig::transport::PortEvent::{BaudChanged, Closed, Opened};
-use hilrig::transport::{Pty, Serial, Transport, TransportError};
+use hilrig::realtime::transport::PortEvent::{BaudChanged, Closed, Opened};
+use hilrig::realtime::transport::{Pty, Serial, Transport, TransportError};
 use protocols::LineConfig;
 
 use crate::support::*;

@@ -3,8 +3,8 @@
 use core::time::Duration;
 use std::path::PathBuf;
 
-use hilrig::clock::{Clock, WallClock};
-use hilrig::transport::{PortDir, PortEvent, Transport};
+use hilrig::realtime::clock::{Clock, WallClock};
+use hilrig::realtime::transport::{PortDir, PortEvent, Transport};
 use protocols::{Instant, LineConfig};
 use serialport::{ErrorKind, TTYPort};
 

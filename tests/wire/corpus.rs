@@ -5,13 +5,15 @@ use core::panic::AssertUnwindSafe;
 use std::panic::catch_unwind;
 use std::path::{Path, PathBuf};
 
-use hilrig::fuzz::programs;
-use hilrig::fuzz::wire::{Broken, Choices, HighFirst, Stream, Target, Wire, keeps_the_laws};
+use hilrig::search::fuzz::programs;
+use hilrig::search::fuzz::wire::{
+    Broken, Choices, HighFirst, Stream, Target, Wire, keeps_the_laws,
+};
 use protocols::avr::Frame;
 
 use crate::mutants::{Fault, Mutant};
 
-type Sound = hilrig::fuzz::wire::Avr<HighFirst>;
+type Sound = hilrig::search::fuzz::wire::Avr<HighFirst>;
 
 fn files(target: &str) -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"))

@@ -1,8 +1,8 @@
 //! Real captures as `hilrig decode` counts and judges them.
 
-use hilrig::decode::Protocol;
-use hilrig::decode::diagnose::{Damage, Line, diagnose};
-use hilrig::decode::summary::Lidar;
+use hilrig::capture::decode::diagnose::{Damage, Line, diagnose};
+use hilrig::capture::decode::summary::Lidar;
+use hilrig::codec::Protocol;
 
 use super::captures::capture;
 

@@ -2,12 +2,12 @@
 
 use core::time::Duration;
 
+use hilrig::capture::decode::diagnose::{Line, diagnose};
+use hilrig::capture::decode::summary::Lidar;
+use hilrig::capture::decode::transcript::{Said, Transcript};
 use hilrig::capture::{Capture, Interface, Kind, Record, Section, Sent};
-use hilrig::decode::Protocol;
-use hilrig::decode::diagnose::{Line, diagnose};
-use hilrig::decode::summary::Lidar;
-use hilrig::decode::transcript::{Said, Transcript};
-use hilrig::line::Direction;
+use hilrig::codec::Protocol;
+use hilrig::rig::line::Direction;
 use proptest::prelude::*;
 use protocols::{Instant, LineConfig, LineEvent};
 

@@ -9,10 +9,10 @@ use protocols::Instant;
 
 use super::source::{PCAPNG, raw_link, raw_record};
 use super::{CliError, DecodeArgs, Failure, tell_entry};
+use crate::capture::decode::transcript::Transcript;
 use crate::capture::{Interface, Item, Reader};
 use crate::cli::stop::Stop;
-use crate::clock::{Clock, WallClock};
-use crate::decode::transcript::Transcript;
+use crate::realtime::clock::{Clock, WallClock};
 
 /// How often a file that has ended is looked at again.
 const LOOK_EVERY: Duration = Duration::from_millis(50);

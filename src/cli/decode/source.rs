@@ -7,7 +7,7 @@ use protocols::{Instant, LineEvent};
 
 use super::CliError;
 use crate::capture::{Capture, Interface, Kind, Record};
-use crate::line::Direction;
+use crate::rig::line::Direction;
 
 /// How a capture begins.
 pub(super) const PCAPNG: [u8; 4] = [0x0A, 0x0D, 0x0D, 0x0A];

@@ -10,9 +10,9 @@ use protocols::Instant;
 use super::FuzzArgs;
 use crate::cli::stop::Stop;
 use crate::cli::{CliError, Verdict};
-use crate::clock::{Clock, WallClock};
-use crate::fuzz::dut::{Finding, Hunt, Plan, Progress, Speech, Stand, StandError, Whose};
+use crate::realtime::clock::{Clock, WallClock};
 use crate::scenario::{Scenario, Source, Span};
+use crate::search::fuzz::dut::{Finding, Hunt, Plan, Progress, Speech, Stand, StandError, Whose};
 
 /// Somebody else's program.
 #[derive(Debug, Args)]

@@ -7,7 +7,7 @@ use emulators::world::{BodyConfig, Pose, Scene, Shape, World};
 use protocols::Instant;
 use protocols::avr::{BAUD, ChecksumOrder, Frame};
 
-use crate::decode::Protocol;
+use crate::codec::Protocol;
 use crate::museum::{Observation, Variant};
 
 pub(super) const MS: Duration = Duration::from_millis(1);

@@ -15,9 +15,9 @@ use firmware_core::scan::{BEAMS, Scan, Turn};
 use firmware_core::slam::{Mapper, Outcome, Settings};
 use protocols::Instant;
 
-use crate::cpu::CpuModel;
+use crate::rig::cpu::CpuModel;
+use crate::run::score::PosePair;
 use crate::scenario::Scenario;
-use crate::score::PosePair;
 
 /// How scans are made of turns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

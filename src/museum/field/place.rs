@@ -7,7 +7,7 @@ use firmware_core::slam::{Budget, Settings};
 
 use super::lab::{Lab, flat, walls};
 use crate::museum::{Observation, Variant};
-use crate::score::pose_error;
+use crate::run::score::pose_error;
 
 /// Two walls 2 m apart, no end in sight: 5 m are driven with a lidar that reaches 3 m.
 pub(super) fn f_03(variant: Variant) -> Observation {

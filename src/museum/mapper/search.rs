@@ -8,8 +8,8 @@ use firmware_core::scan::Scan;
 use firmware_core::slam::{Budget, Mapper, Outcome, Settings};
 
 use super::{mapper, room, scan_of, settings};
-use crate::cpu::CpuModel;
 use crate::museum::{Observation, Variant};
+use crate::rig::cpu::CpuModel;
 
 /// Searches of which an exhibit shows the sum.
 const SEARCHES: u64 = 20;

@@ -5,7 +5,7 @@ use core::time::Duration;
 use protocols::pcui::message::{self, NO_WAYPOINT, Waypoint};
 
 use super::{chain, list, list_frame, note_end, order, waypoints};
-use crate::decode::Protocol;
+use crate::codec::Protocol;
 use crate::museum::robot::{MS, Robot, range};
 use crate::museum::{Observation, Variant};
 

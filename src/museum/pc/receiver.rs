@@ -8,7 +8,7 @@ use protocols::Instant;
 use protocols::pcui::{self, HEADER_LEN};
 
 use super::{chain, frame, list_frame, note_end};
-use crate::decode::Protocol;
+use crate::codec::Protocol;
 use crate::museum::robot::{MS, Robot};
 use crate::museum::{Observation, Variant};
 

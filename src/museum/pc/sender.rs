@@ -6,7 +6,7 @@ use firmware_core::Master;
 use protocols::pcui::{self, FRAME_MAX, HEADER_LEN, message};
 use protocols::{Decode, Instant};
 
-use crate::decode::Protocol;
+use crate::codec::Protocol;
 use crate::museum::robot::{MS, Robot, config};
 use crate::museum::{Observation, Variant};
 

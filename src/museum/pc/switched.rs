@@ -8,7 +8,7 @@ use firmware_core::robots::rescue::Rescue;
 use protocols::Instant;
 
 use super::{chain, list_frame};
-use crate::decode::Protocol;
+use crate::codec::Protocol;
 use crate::museum::{Observation, Variant};
 use crate::run::Run;
 use crate::scenario::Scenario;

@@ -4,8 +4,8 @@ use emulators::touch_panel::{self, Tap, TouchPanel};
 use firmware_core::robots::rescue::{Display, Rescue};
 
 use super::line_of;
-use crate::line::End;
 use crate::rig::Rig;
+use crate::rig::line::End;
 use crate::robots::Wired;
 use crate::scenario::{DeviceSpec, Scenario, ScenarioError, Source, TapSpec};
 

@@ -5,7 +5,7 @@ use protocols::avr::ChecksumOrder;
 use protocols::avr::registers::{self, Width};
 
 use super::{base, display, order_of, program};
-use crate::decode::Protocol;
+use crate::codec::Protocol;
 use crate::rig::Rig;
 use crate::robots::{Register, ScanLink, Senses};
 use crate::scenario::{Scenario, ScenarioError, Source};

@@ -5,7 +5,7 @@ use core::time::Duration;
 use emulators::rng::Rng;
 
 use super::{FaultKind, FaultSpec, Flaw, Place};
-use crate::fault::{
+use crate::rig::fault::{
     Activity, BAUD_MAX, BAUD_MIN, Damage, DamageKind, Effect, FaultId, HostDamage, Rate, Spells,
     Strike, Trigger,
 };

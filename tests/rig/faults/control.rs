@@ -1,6 +1,6 @@
 //! What a request comes to, without any socket.
 
-use hilrig::control::obey;
+use hilrig::realtime::control::obey;
 use hilrig::run::Run;
 use protocols::Instant;
 

@@ -7,11 +7,11 @@ use core::time::Duration;
 use std::path::Path;
 use std::rc::Rc;
 
-use hilrig::line::{Delivery, Direction};
+use hilrig::rig::line::{Delivery, Direction};
+use hilrig::rig::trace::{Side, Tap};
 use hilrig::robots::{self, Dut, PcEnd};
 use hilrig::run::Run;
 use hilrig::scenario::{FaultKind, Place, Scenario};
-use hilrig::trace::{Side, Tap};
 use protocols::avr::{self, ChecksumOrder, registers};
 use protocols::xv11::{self, Frame, Reading};
 use protocols::{Decode, Instant};

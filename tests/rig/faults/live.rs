@@ -3,7 +3,7 @@
 use core::time::Duration;
 use std::path::Path;
 
-use hilrig::fault::FaultId;
+use hilrig::rig::fault::FaultId;
 use hilrig::run::{FaultState, Run};
 use hilrig::scenario::{DirectionSpec, FaultSpec, Scenario};
 use protocols::Instant;

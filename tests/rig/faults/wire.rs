@@ -5,12 +5,12 @@ use core::cell::RefCell;
 use core::time::Duration;
 use std::rc::Rc;
 
-use hilrig::fault::FaultId;
-use hilrig::line::{Delivery, Direction, End};
 use hilrig::rig::Rig;
+use hilrig::rig::fault::FaultId;
+use hilrig::rig::line::{Delivery, Direction, End};
+use hilrig::rig::trace::{Side, Tap};
 use hilrig::run::Run;
 use hilrig::scenario::{FaultSpec, Scenario};
-use hilrig::trace::{Side, Tap};
 use protocols::{Instant, LineConfig, LineEvent, Port};
 
 use crate::in_a_room;

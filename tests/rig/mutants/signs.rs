@@ -110,7 +110,7 @@ pub(super) fn no_black_in_the_map(run: &Run) -> bool {
 
 fn error_mm(run: &Run) -> f64 {
     let (now, truth) = (run.rig.now(), run.rig.world.pose());
-    hilrig::score::PosePair::new(now, truth, program(run).pose_at(now)).error_mm()
+    hilrig::run::score::PosePair::new(now, truth, program(run).pose_at(now)).error_mm()
 }
 
 pub(super) fn believes_wrong(run: &Run) -> bool {

@@ -1,0 +1,411 @@
+//! A regression test as a file: the bytes that reached the program, as values, and what is
+//! expected of it.
+//!
+//! ```text
+//! case = 1
+//! [expect]                    what must hold when the bytes are played to the program
+//! [[link]]                    bytes of each link, one line a moment:
+//! to_program = "1070000 AB 24 0A"   nanoseconds since the start, then hex
+//! [scenario]                  which robot it is
+//! ```
+//!
+//! Within a line, groups of digits are chunks that arrived back to back at the link's rate, the
+//! last one complete at the time given; `!` is a character without a stop bit. A case holds no
+//! seed that could lose its meaning: later versions go on reading it.
+
+mod bytes;
+
+use core::fmt;
+use core::time::Duration;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use protocols::{Instant, LineConfig};
+use serde::{Deserialize, Serialize};
+
+use crate::TOOL;
+use crate::capture::divergence::Track;
+use crate::capture::replay::{Arrival, Passage, Recorded, Replay, ReplayError, Replayed, Voice};
+use crate::rig::Program;
+use crate::run::check::{Check, Status};
+use crate::scenario::{Scenario, ScenarioError, Source};
+
+/// The only version so far.
+pub const VERSION: u32 = 1;
+
+/// A regression test as data.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Case {
+    /// Version of the format, 1.
+    #[serde(deserialize_with = "known_version")]
+    pub case: u32,
+    /// Short name.
+    pub name: String,
+    /// Where it comes from, for people.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub description: String,
+    /// Tool and version that wrote it.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub tool: String,
+    /// How long it is, ns.
+    pub end_ns: u64,
+    /// What must hold.
+    pub expect: Expectation,
+    /// The bytes.
+    #[serde(default)]
+    pub link: Vec<LinkBytes>,
+    /// The robot.
+    pub scenario: Scenario,
+}
+
+/// What must hold when the bytes of a case are played to the program.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Expectation {
+    /// The program sends what it sent then, byte by byte.
+    #[serde(default)]
+    pub same_outputs: bool,
+    /// Links on which the program still sends within the last second.
+    #[serde(default)]
+    pub talks: Vec<String>,
+    /// Rules that the program must not break, as `device rule`, e.g. `base unknown-register`.
+    #[serde(default)]
+    pub never: Vec<String>,
+    /// Checks of every run that must pass, e.g. `memory-intact`.
+    #[serde(default)]
+    pub checks: Vec<String>,
+}
+
+/// What passed one link.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LinkBytes {
+    /// Name of the link.
+    pub name: String,
+    /// Bits per second.
+    pub baud: u32,
+    /// What reached the program.
+    #[serde(default)]
+    pub to_program: String,
+    /// What the program sent.
+    #[serde(default)]
+    pub from_program: String,
+}
+
+fn known_version<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
+    match u32::deserialize(deserializer)? {
+        VERSION => Ok(VERSION),
+        other => {
+            let message = format!("case is {other}, expected {VERSION}");
+            Err(serde::de::Error::custom(message))
+        }
+    }
+}
+
+/// Why a case cannot be read, made or run.
+#[derive(Debug)]
+pub enum CaseError {
+    /// The file cannot be read, or is no case.
+    File(ScenarioError),
+    /// A line of bytes makes no sense.
+    Bytes {
+        /// The file.
+        path: PathBuf,
+        /// The link.
+        link: String,
+        /// What is wrong, with its line.
+        message: String,
+    },
+    /// It cannot be played.
+    Replay(ReplayError),
+}
+
+impl fmt::Display for CaseError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::File(error) => error.fmt(f),
+            Self::Bytes {
+                path,
+                link,
+                message,
+            } => write!(f, "{}: link {link}: {message}", path.display()),
+            Self::Replay(error) => error.fmt(f),
+        }
+    }
+}
+
+impl core::error::Error for CaseError {}
+
+/// Silence at the end after which a program that used to talk is taken to have stopped.
+const SILENCE: Duration = Duration::from_secs(1);
+/// Pieces from which on a link is one on which the program talks all the time.
+const TALK_MIN: usize = 10;
+
+impl Case {
+    /// Whether `text` is meant to be a case, not a scenario.
+    pub fn is_meant(text: &str) -> bool {
+        let mut lines = text.lines().map(str::trim_start);
+        let first = lines.find(|line| !line.is_empty() && !line.starts_with('#'));
+        let key = first
+            .and_then(|line| line.split_once('='))
+            .map(|(key, _)| key.trim_end());
+        key == Some("case")
+    }
+
+    /// Reads a case from `text`; `path` is for messages and relative files.
+    ///
+    /// # Errors
+    /// If it is none.
+    pub fn parse(path: &Path, text: String) -> Result<(Self, Source), CaseError> {
+        let path = path.to_owned();
+        match toml::from_str(&text) {
+            Ok(case) => Ok((case, Source { path, text })),
+            Err(source) => {
+                let source = Box::new(source);
+                Err(CaseError::File(ScenarioError::Parse { path, source }))
+            }
+        }
+    }
+
+    /// Reads a case file.
+    ///
+    /// # Errors
+    /// If it cannot be read or is none.
+    pub fn read(path: &Path) -> Result<(Self, Source), CaseError> {
+        let text = std::fs::read_to_string(path).map_err(|source| {
+            let path = path.to_owned();
+            CaseError::File(ScenarioError::Read { path, source })
+        })?;
+        Self::parse(path, text)
+    }
+
+    /// The case as a file.
+    pub fn to_toml(&self) -> String {
+        toml::to_string_pretty(self).expect("every field has a TOML form")
+    }
+
+    /// Makes a case of what was recorded of `scenario`'s robot. If its program broke rules, they
+    /// must not be broken again; if it stopped talking, it must talk to the end; if a check of
+    /// every run fails, it must pass; else the program must send the same bytes again.
+    ///
+    /// # Errors
+    /// If the robot cannot be wired.
+    pub fn of(
+        name: &str,
+        recorded: &Recorded,
+        scenario: &Scenario,
+        source: &Source,
+    ) -> Result<Self, CaseError> {
+        let replay = Replay::new(recorded, scenario, source, Voice::Capture);
+        let judged = replay.map_err(CaseError::Replay)?.finish();
+        let own: BTreeSet<String> = judged.links.iter().map(|one| one.link.clone()).collect();
+        let links: Vec<&Passage> = recorded
+            .links
+            .iter()
+            .filter(|one| own.contains(&one.link))
+            .collect();
+        let talking = links.iter().filter(|one| talks(&one.sent));
+        let talks: Vec<String> = talking.clone().map(|one| one.link.clone()).collect();
+        let fell_silent = talking
+            .clone()
+            .any(|one| is_silent(&one.sent, recorded.end));
+        let never: BTreeSet<String> = judged.violations.iter().map(rule).collect();
+        let failed = |check: &&Check| check.status == Status::Fail;
+        let is_sound = !judged.checks.iter().any(|check| failed(&check));
+        // A mended program goes another way than the robot whose sensors were captured, so it is
+        // asked not to collide only if that is what went wrong.
+        let asked = |check: &&Check| check.name != "no-collision-at-speed" || failed(check);
+        let checks = judged.checks.iter().filter(asked);
+        Ok(Self {
+            case: VERSION,
+            name: name.to_owned(),
+            description: String::new(),
+            tool: format!("{TOOL} {}", env!("CARGO_PKG_VERSION")),
+            end_ns: recorded.end.as_nanos(),
+            expect: Expectation {
+                same_outputs: never.is_empty() && !fell_silent && is_sound,
+                talks,
+                never: never.into_iter().collect(),
+                checks: checks.map(|check| check.name.clone()).collect(),
+            },
+            link: links.into_iter().map(LinkBytes::of).collect(),
+            scenario: scenario.clone(),
+        })
+    }
+
+    /// The bytes, ready to be played.
+    ///
+    /// # Errors
+    /// If a line of them makes no sense.
+    pub fn recorded(&self, path: &Path) -> Result<Recorded, CaseError> {
+        let links = self.link.iter().map(|link| {
+            link.passage().map_err(|message| CaseError::Bytes {
+                path: path.to_owned(),
+                link: link.name.clone(),
+                message,
+            })
+        });
+        Ok(Recorded {
+            links: links.collect::<Result<_, _>>()?,
+            end: Instant::from_nanos(self.end_ns.min(END_MAX)),
+            zero: Instant::ZERO,
+        })
+    }
+
+    /// Plays the case to the robot's program and judges it.
+    ///
+    /// # Errors
+    /// If it cannot be played.
+    pub fn run(&self, source: &Source) -> Result<Judgement, CaseError> {
+        self.run_with(source, |program| program)
+    }
+
+    /// The same with another program, made from the robot's.
+    ///
+    /// # Errors
+    /// If it cannot be played.
+    pub fn run_with(
+        &self,
+        source: &Source,
+        program: impl FnOnce(Box<dyn Program>) -> Box<dyn Program>,
+    ) -> Result<Judgement, CaseError> {
+        let recorded = self.recorded(&source.path)?;
+        let replay = Replay::new(&recorded, &self.scenario, source, Voice::Program);
+        let mut replay = replay.map_err(CaseError::Replay)?;
+        replay.replace_program(program);
+        let replayed = replay.finish();
+        Ok(Judgement {
+            name: self.name.clone(),
+            checks: self.expect.judge(&replayed, recorded.end),
+            ran: replayed.ran,
+        })
+    }
+}
+
+/// Longest case, as long as the longest scenario: a week.
+const END_MAX: u64 = 7 * 86_400 * 1_000_000_000;
+
+fn rule(logged: &crate::rig::Logged) -> String {
+    format!("{} {}", logged.source, logged.event.rule)
+}
+
+/// Whether a program talks all the time on a line, until it stops for good.
+fn talks(sent: &Track) -> bool {
+    let times: Vec<Instant> = sent.pieces().map(|(at, _)| at).collect();
+    times.len() >= TALK_MIN && times.windows(2).all(|pair| pair[1] - pair[0] <= SILENCE)
+}
+
+fn is_silent(sent: &Track, end: Instant) -> bool {
+    sent.end().is_none_or(|last| end - last > SILENCE)
+}
+
+impl Expectation {
+    fn judge(&self, replayed: &Replayed, end: Instant) -> Vec<Check> {
+        let mut checks = Vec::new();
+        if self.same_outputs {
+            let divergence = replayed.divergence();
+            let detail = match &divergence {
+                None => format!("the same {} bytes", replayed.sent()),
+                Some(divergence) => divergence.to_string(),
+            };
+            checks.push(Check::new("same-outputs", divergence.is_none(), detail));
+        }
+        for name in &self.talks {
+            let link = replayed.links.iter().find(|one| one.link == *name);
+            let last = link.and_then(|one| one.got.end());
+            let pass = link.is_some_and(|one| !is_silent(&one.got, end));
+            let last = last.map_or("never".to_owned(), |at| format!("last at {at} s"));
+            let detail = format!("the program sent on {name} {last}, of {end} s");
+            checks.push(Check::new(&format!("talks-{name}"), pass, detail));
+        }
+        for forbidden in &self.never {
+            let mut broken = replayed
+                .violations
+                .iter()
+                .filter(|one| rule(one) == *forbidden);
+            let first = broken.next();
+            let detail = match first {
+                None => "not broken".to_owned(),
+                Some(first) => format!("broken {} times; first: {first}", 1 + broken.count()),
+            };
+            let name = format!("never-{}", forbidden.replace(' ', "-"));
+            checks.push(Check::new(&name, first.is_none(), detail));
+        }
+        for name in &self.checks {
+            let found = replayed.checks.iter().find(|check| check.name == *name);
+            let unknown = || Check::new(name, false, "expected the name of a check of every run");
+            checks.push(found.cloned().unwrap_or_else(unknown));
+        }
+        checks
+    }
+}
+
+/// How a case ended.
+#[derive(Clone, Debug)]
+pub struct Judgement {
+    /// Name of the case.
+    pub name: String,
+    /// All verdicts.
+    pub checks: Vec<Check>,
+    /// Length in virtual time.
+    pub ran: Duration,
+}
+
+impl Judgement {
+    /// Whether every check passed. A case that expects nothing fails: it would prove nothing.
+    pub fn passed(&self) -> bool {
+        !self.checks.is_empty() && self.checks.iter().all(|check| check.status == Status::Pass)
+    }
+}
+
+impl fmt::Display for Judgement {
+    /// A line for the case, one for each check.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let verdict = if self.passed() { "PASS" } else { "FAIL" };
+        write!(f, "{verdict} {}", self.name)?;
+        for check in &self.checks {
+            let mark = match check.status {
+                Status::Pass => "ok  ",
+                Status::Fail => "FAIL",
+            };
+            write!(f, "\n  {mark} {:<25} {}", check.name, check.detail)?;
+        }
+        Ok(())
+    }
+}
+
+impl LinkBytes {
+    fn of(passage: &Passage) -> Self {
+        let line = passage.line();
+        let sent = passage.sent.pieces().map(|(at, bytes)| Arrival {
+            at,
+            bytes: bytes.to_vec(),
+        });
+        Self {
+            name: passage.link.clone(),
+            baud: line.baud,
+            to_program: bytes::write(&passage.arrivals, line),
+            from_program: bytes::write(&sent.collect::<Vec<_>>(), line),
+        }
+    }
+
+    fn passage(&self) -> Result<Passage, String> {
+        let line = LineConfig::new_8n1(self.baud);
+        if !(50..=100_000_000).contains(&self.baud) {
+            return Err(format!("baud is {}, expected 50 to 100000000", self.baud));
+        }
+        let read = |key, text| bytes::read(text, line).map_err(|error| format!("{key} {error}"));
+        let mut sent = Track::default();
+        for arrival in read("from_program", &self.from_program)? {
+            sent.push(arrival.at, &arrival.bytes);
+        }
+        Ok(Passage {
+            link: self.name.clone(),
+            baud: self.baud,
+            arrivals: read("to_program", &self.to_program)?,
+            heard: Vec::new(),
+            sent,
+        })
+    }
+}

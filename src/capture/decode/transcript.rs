@@ -1,0 +1,379 @@
+//! A capture in words: what passed all its lines, merged in the order of time.
+//!
+//! A frame has the time of its last byte. What is bad is only known to be so when a frame follows
+//! or the line falls quiet, so lines wait a little before they are told; how long is a constant, so
+//! a long capture takes no more memory than a short one.
+
+use core::time::Duration;
+use std::collections::VecDeque;
+
+use protocols::{FrameError, Instant, LineConfig};
+
+use crate::capture::{Interface, Kind, Record};
+use crate::codec::{Found, Protocol, Stream, What, words};
+use crate::rig::line::Direction;
+
+/// Silence after which a frame that was begun is given up.
+const QUIET: Duration = Duration::from_millis(50);
+/// How long a line waits at least for earlier ones: a record tells of bytes that came before it. On
+/// slower lines than 57600 baud a few may come late.
+const PATIENCE: Duration = Duration::from_millis(100);
+/// Bytes in which a protocol must show itself. If none does, they are text or bad, and the next
+/// ones are looked at.
+const GUESS_MAX: usize = 4096;
+/// How many bytes are looked at first, and then twice as many, so that what is found depends on the
+/// bytes alone and not on the pieces in which they came.
+const GUESS_FIRST: usize = 64;
+/// Fewest of its bytes in sound frames for a protocol to be believed at once.
+const GUESS_MIN: u64 = 44;
+/// Shortest run of printable bytes among bad ones that is shown as text.
+const TEXT_MIN: usize = 4;
+
+/// One line of a transcript.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Entry {
+    /// When its last byte arrived, or the event happened.
+    pub at: Instant,
+    /// Index of the link.
+    pub link: usize,
+    /// Which way it went.
+    pub direction: Direction,
+    /// Place of its first byte among those of its line.
+    pub place: u64,
+    /// What it was.
+    pub said: Said,
+}
+
+/// What a line of a transcript is about.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Said {
+    /// A sound frame, in words.
+    Frame(String),
+    /// Printable bytes outside of frames, in words.
+    Text(String),
+    /// Bytes that are neither, and why those that looked like a frame were none.
+    Bad(Vec<u8>, Vec<FrameError>),
+    /// The line told something besides bytes, or a fault struck, in words.
+    Event(String),
+}
+
+impl core::fmt::Display for Said {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Frame(words) | Self::Text(words) => f.write_str(words),
+            Self::Event(words) => write!(f, "EVENT {words}"),
+            Self::Bad(bytes, errors) => {
+                let shown = bytes[..bytes.len().min(32)].escape_ascii();
+                let more = if bytes.len() > 32 { ".." } else { "" };
+                write!(f, "BAD {} bytes \"{shown}{more}\"", bytes.len())?;
+                errors.iter().try_for_each(|error| write!(f, "; {error}"))
+            }
+        }
+    }
+}
+
+/// One direction of a link.
+struct Lane {
+    link: usize,
+    direction: Direction,
+    rate: LineConfig,
+    /// None until the bytes have shown it.
+    stream: Option<Stream>,
+    protocol: Option<Protocol>,
+    /// Without a stream: how many untold bytes are looked at next.
+    look_at: usize,
+    /// Bytes that were not told yet, and where they begin in the stream.
+    untold: VecDeque<u8>,
+    told: u64,
+    /// Ends of the pieces in which those came, with their times.
+    times: VecDeque<(u64, Instant)>,
+    framed: u64,
+}
+
+/// Turns records into lines.
+#[derive(Default)]
+pub struct Transcript {
+    lanes: Vec<Lane>,
+    waiting: VecDeque<Entry>,
+    protocol: Option<Protocol>,
+}
+
+/// Sums of one lane.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sum {
+    /// Index of the link.
+    pub link: usize,
+    /// Which way.
+    pub direction: Direction,
+    /// What it carried, if any frame was found.
+    pub protocol: Option<Protocol>,
+    /// Bytes in all.
+    pub bytes: u64,
+    /// Bytes in sound frames.
+    pub framed: u64,
+}
+
+impl Transcript {
+    /// All lanes carry `protocol`; if none is given, each what its first bytes show.
+    pub fn new(protocol: Option<Protocol>) -> Self {
+        Self {
+            protocol,
+            ..Self::default()
+        }
+    }
+
+    /// Takes the next record of `link`.
+    pub fn record(&mut self, record: &Record, link: &Interface) {
+        let now = record.at;
+        for index in 0..self.lanes.len() {
+            let last = self.lanes[index].times.back();
+            if last.is_some_and(|&(_, last)| now - last > QUIET) {
+                self.settle(index);
+            }
+        }
+        let index = self.lane(record, link);
+        let place = self.lanes[index].end();
+        let event = match record.kind {
+            Kind::Data | Kind::Line(_) => words::one_line(&record.comment),
+            Kind::Other(number) => format!("number {number} {}", words::one_line(&record.comment)),
+        };
+        if !event.is_empty() {
+            self.tell(index, now, place, Said::Event(event));
+        }
+        if record.kind == Kind::Data {
+            let rate = self.lanes[index].rate;
+            for (at, bytes) in record.chunks(rate) {
+                self.feed(index, at, bytes);
+            }
+        }
+    }
+
+    /// The lines that nothing earlier can follow any more, now that it is `now`.
+    pub fn ready(&mut self, now: Instant) -> impl Iterator<Item = Entry> {
+        let untold = self.lanes.iter().filter_map(Lane::first_untold).min();
+        let count = self.waiting.partition_point(|entry| {
+            now - entry.at > PATIENCE && untold.is_none_or(|untold| entry.at <= untold)
+        });
+        self.waiting.drain(..count)
+    }
+
+    /// All lines so far, without waiting for earlier ones.
+    pub fn all(&mut self) -> impl Iterator<Item = Entry> {
+        self.waiting.drain(..)
+    }
+
+    /// The rest: nothing more comes, or not for long.
+    pub fn finish(&mut self) -> impl Iterator<Item = Entry> {
+        (0..self.lanes.len()).for_each(|index| self.settle(index));
+        self.waiting.drain(..)
+    }
+
+    /// What the lanes carried.
+    pub fn sums(&self) -> impl Iterator<Item = Sum> {
+        self.lanes.iter().map(|lane| Sum {
+            link: lane.link,
+            direction: lane.direction,
+            protocol: lane.protocol,
+            bytes: lane.end(),
+            framed: lane.framed,
+        })
+    }
+
+    fn lane(&mut self, record: &Record, link: &Interface) -> usize {
+        let (link_index, direction) = (record.link, record.direction);
+        let is_own = |lane: &Lane| (lane.link, lane.direction) == (link_index, direction);
+        if let Some(index) = self.lanes.iter().position(is_own) {
+            return index;
+        }
+        self.lanes.push(Lane {
+            link: link_index,
+            direction,
+            rate: LineConfig::new_8n1(link.baud.max(1)),
+            stream: self.protocol.map(Stream::new),
+            protocol: self.protocol,
+            look_at: GUESS_FIRST,
+            untold: VecDeque::new(),
+            told: 0,
+            times: VecDeque::new(),
+            framed: 0,
+        });
+        self.lanes.len() - 1
+    }
+
+    fn feed(&mut self, index: usize, at: Instant, bytes: &[u8]) {
+        let lane = &mut self.lanes[index];
+        lane.untold.extend(bytes);
+        lane.times.push_back((lane.end(), at));
+        match &mut lane.stream {
+            Some(stream) => {
+                let found = stream.push(bytes);
+                self.told(index, found);
+            }
+            None => self.look(index),
+        }
+    }
+
+    /// Looks for the protocol of a lane that has none.
+    fn look(&mut self, index: usize) {
+        loop {
+            let lane = &mut self.lanes[index];
+            let len = lane.look_at;
+            if lane.stream.is_some() || lane.untold.len() < len {
+                return;
+            }
+            let best = Protocol::best(&lane.untold.make_contiguous()[..len]);
+            let fewest = if len < GUESS_MAX { GUESS_MIN } else { 1 };
+            if best.is_some_and(|(_, framed)| framed >= fewest) {
+                lane.protocol = best.map(|(protocol, _)| protocol);
+                let all = lane.untold.len();
+                self.decide(index, all);
+            } else if len < GUESS_MAX {
+                lane.look_at = 2 * len;
+            } else {
+                self.decide(index, len);
+            }
+        }
+    }
+
+    /// The first `len` untold bytes are told as what they are by now; without a protocol as text
+    /// or bad, which says nothing of what comes later.
+    fn decide(&mut self, index: usize, len: usize) {
+        let lane = &mut self.lanes[index];
+        let held = &lane.untold.make_contiguous()[..len];
+        let mut stream = Stream::new(lane.protocol.unwrap_or(Protocol::Pcui));
+        let mut found = Vec::new();
+        let (mut start, mut last) = (0, None);
+        for &(end, at) in &lane.times {
+            if start == len {
+                break;
+            }
+            if last.is_some_and(|last| at - last > QUIET) {
+                found.extend(stream.idle());
+            }
+            last = Some(at);
+            let until = usize::try_from(end - lane.told).expect("held in memory");
+            found.extend(stream.push(&held[start..until.min(len)]));
+            start = until.min(len);
+        }
+        if lane.protocol.is_some() {
+            lane.stream = Some(stream);
+        } else {
+            found.extend(stream.idle());
+            lane.look_at = GUESS_FIRST;
+        }
+        self.told(index, found);
+    }
+
+    /// The lane fell quiet.
+    fn settle(&mut self, index: usize) {
+        let lane = &mut self.lanes[index];
+        if lane.untold.is_empty() {
+            return;
+        }
+        if lane.stream.is_none() {
+            lane.protocol = Protocol::guess(lane.untold.make_contiguous());
+            let all = lane.untold.len();
+            self.decide(index, all);
+        }
+        let found = self.lanes[index].stream.as_mut().map(Stream::idle);
+        self.told(index, found.unwrap_or_default());
+    }
+
+    fn told(&mut self, index: usize, found: Vec<Found>) {
+        for Found { bytes: range, what } in found {
+            let lane = &mut self.lanes[index];
+            // A stream that began later than the lane counts from its own start.
+            let len = usize::try_from(range.end - range.start).expect("held in memory");
+            let place = lane.told;
+            let (at, bytes) = lane.take(len);
+            match what {
+                What::Frame(words) => {
+                    self.lanes[index].framed += len as u64;
+                    self.tell(index, at, place, Said::Frame(words));
+                }
+                What::Bad(errors) => self.tell_bad(index, (at, place), &bytes, errors),
+            }
+        }
+    }
+
+    /// Bad bytes, and the text among them.
+    fn tell_bad(
+        &mut self,
+        index: usize,
+        (at, place): (Instant, u64),
+        bytes: &[u8],
+        errors: Vec<FrameError>,
+    ) {
+        let is_text = |byte: u8| matches!(byte, b' '..=b'~' | b'\r' | b'\n' | b'\t');
+        let runs: Vec<&[u8]> = bytes.chunk_by(|a, b| is_text(*a) == is_text(*b)).collect();
+        let shown_as_text =
+            |run: &[u8]| is_text(run[0]) && (run.len() >= TEXT_MIN || run.len() == bytes.len());
+        let (mut start, mut errors) = (0, Some(errors));
+        let mut bad = 0..0;
+        for run in runs {
+            let own = start..start + run.len();
+            start = own.end;
+            if !shown_as_text(run) {
+                bad.end = own.end;
+                continue;
+            }
+            if !bad.is_empty() {
+                let said = Said::Bad(
+                    bytes[bad.clone()].to_vec(),
+                    errors.take().unwrap_or_default(),
+                );
+                self.tell(index, at, place + bad.start as u64, said);
+            }
+            bad = own.end..own.end;
+            let said = Said::Text(words::text(run));
+            self.tell(index, at, place + own.start as u64, said);
+        }
+        if !bad.is_empty() {
+            let said = Said::Bad(
+                bytes[bad.clone()].to_vec(),
+                errors.take().unwrap_or_default(),
+            );
+            self.tell(index, at, place + bad.start as u64, said);
+        }
+    }
+
+    fn tell(&mut self, index: usize, at: Instant, place: u64, said: Said) {
+        let Lane {
+            link, direction, ..
+        } = self.lanes[index];
+        let later = self.waiting.iter().rev();
+        let later = later.take_while(|entry| entry.at > at).count();
+        let entry = Entry {
+            at,
+            link,
+            direction,
+            place,
+            said,
+        };
+        self.waiting.insert(self.waiting.len() - later, entry);
+    }
+}
+
+impl Lane {
+    /// Bytes so far.
+    fn end(&self) -> u64 {
+        self.told + self.untold.len() as u64
+    }
+
+    /// When the first untold byte came: nothing earlier will be told of this lane.
+    fn first_untold(&self) -> Option<Instant> {
+        let untold = self.times.iter().find(|&&(end, _)| end > self.told);
+        untold.map(|&(_, at)| at)
+    }
+
+    /// Takes the first `len` untold bytes, with the time of the last of them.
+    fn take(&mut self, len: usize) -> (Instant, Vec<u8>) {
+        let bytes: Vec<u8> = self.untold.drain(..len.min(self.untold.len())).collect();
+        self.told += bytes.len() as u64;
+        while self.times.len() > 1 && self.times[0].0 < self.told {
+            self.times.pop_front();
+        }
+        let at = self.times.front().map_or(Instant::ZERO, |&(_, at)| at);
+        (at, bytes)
+    }
+}

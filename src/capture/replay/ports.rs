@@ -1,0 +1,307 @@
+//! A capture played into ports, in the place of a device or of a program.
+
+use core::fmt;
+use core::time::Duration;
+
+use protocols::Instant;
+
+use super::{Passage, Recorded};
+use crate::capture::divergence::{Divergence, Track, compare};
+use crate::realtime::clock::Clock;
+use crate::realtime::transport::{PortEvent, Transport, TransportError, wait};
+use crate::rig::line::Direction;
+
+/// Whose part the capture takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Side {
+    /// The device's: a program on the port is told what it was told
+    Device,
+    /// The program's: a device on the port is told what it was told
+    Program,
+}
+
+impl Side {
+    /// The direction in which the capture speaks.
+    pub const fn speaks(self) -> Direction {
+        match self {
+            Self::Device => Direction::ToMaster,
+            Self::Program => Direction::ToDevice,
+        }
+    }
+
+    /// The direction in which it listens.
+    pub const fn hears(self) -> Direction {
+        match self {
+            Self::Device => Direction::ToDevice,
+            Self::Program => Direction::ToMaster,
+        }
+    }
+}
+
+/// How fast a capture is played.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Pace {
+    /// This many times as fast as it was recorded.
+    Times(f64),
+    /// A piece whenever [`Playback::step`] is called.
+    Stepped,
+}
+
+/// A link of the capture and the port that it is played into.
+pub struct Socket {
+    link: String,
+    side: Side,
+    port: Box<dyn Transport>,
+    is_open: bool,
+    /// What is said, piece by piece.
+    lines: std::vec::IntoIter<(Instant, Vec<u8>)>,
+    /// Said, and not taken by the port yet.
+    pending: Vec<u8>,
+    expected: Track,
+    got: Track,
+    said: u64,
+}
+
+impl Socket {
+    /// Plays one `side` of `passage` into `port`.
+    pub fn new(passage: &Passage, side: Side, port: Box<dyn Transport>) -> Self {
+        let mut answers = Track::default();
+        for arrival in &passage.arrivals {
+            answers.push(arrival.at, &arrival.bytes);
+        }
+        let (said, expected) = match side {
+            Side::Device => (&answers, &passage.sent),
+            Side::Program => (&passage.sent, &answers),
+        };
+        let pieces = said.pieces().map(|(at, bytes)| (at, bytes.to_vec()));
+        Self {
+            link: passage.link.clone(),
+            side,
+            is_open: false,
+            lines: pieces.collect::<Vec<_>>().into_iter(),
+            pending: Vec::new(),
+            expected: expected.clone(),
+            got: Track::default(),
+            said: 0,
+            port,
+        }
+    }
+
+    /// Name of the link.
+    pub fn link(&self) -> &str {
+        &self.link
+    }
+
+    /// Bytes said and heard so far.
+    pub fn counts(&self) -> [u64; 2] {
+        [self.said, self.got.bytes().len() as u64]
+    }
+
+    /// Where what was heard first differs from the capture.
+    pub fn divergence(&self) -> Option<Divergence> {
+        compare(&self.link, self.side.hears(), &self.expected, &self.got)
+    }
+
+    fn next_at(&self) -> Option<Instant> {
+        self.lines.as_slice().first().map(|&(at, _)| at)
+    }
+
+    fn listen(&mut self, now: Instant) -> Result<(), TransportError> {
+        let mut buf = [0; 1024];
+        for _ in 0..READS_MAX {
+            let len = self.port.read(&mut buf)?;
+            while let Some(event) = self.port.next_event() {
+                self.is_open = match event {
+                    PortEvent::Opened => true,
+                    PortEvent::Closed => false,
+                    PortEvent::BaudChanged(_) => self.is_open,
+                };
+            }
+            if len == 0 {
+                break;
+            }
+            self.got.push(now, &buf[..len]);
+        }
+        Ok(())
+    }
+
+    /// Hands over as much as the port takes; the rest waits, so that nothing is lost however fast
+    /// the capture is played.
+    fn say(&mut self) {
+        while !self.pending.is_empty() {
+            let len = self.pending.len().min(PIECE_MAX);
+            let taken = self.port.write(&self.pending[..len]);
+            self.said += taken as u64;
+            self.pending.drain(..taken);
+            if taken < len {
+                break;
+            }
+        }
+    }
+}
+
+const READS_MAX: usize = 16;
+/// Most bytes handed over in one go.
+const PIECE_MAX: usize = 256;
+/// Bytes of a link that wait for a port before the capture is held up.
+const PENDING_MAX: usize = 1 << 16;
+/// Longest wait: a port may have no way to wake us.
+const WAIT_MAX: Duration = Duration::from_millis(5);
+
+/// A port went away while a capture was played into it.
+#[derive(Debug)]
+pub struct PlaybackError {
+    /// The link that belongs there.
+    pub link: String,
+    /// What happened.
+    pub source: TransportError,
+}
+
+impl fmt::Display for PlaybackError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "link {}: {}", self.link, self.source)
+    }
+}
+
+impl core::error::Error for PlaybackError {}
+
+/// A capture being played into ports.
+pub struct Playback<C> {
+    clock: C,
+    pace: Pace,
+    sockets: Vec<Socket>,
+    /// The clock's time at which the capture begins; `None`: not all ports are open yet.
+    started: Option<Instant>,
+    /// Time of the capture.
+    now: Instant,
+    end: Instant,
+}
+
+impl<C: Clock> Playback<C> {
+    /// Plays `recorded` into `sockets`, from when somebody has each of them open.
+    pub fn new(clock: C, recorded: &Recorded, sockets: Vec<Socket>, pace: Pace) -> Self {
+        Self {
+            clock,
+            pace,
+            sockets,
+            started: None,
+            now: Instant::ZERO,
+            end: recorded.end,
+        }
+    }
+
+    /// The clock.
+    pub const fn clock(&self) -> &C {
+        &self.clock
+    }
+
+    /// Time of the capture.
+    pub const fn now(&self) -> Instant {
+        self.now
+    }
+
+    /// The links being played.
+    pub fn sockets(&self) -> &[Socket] {
+        &self.sockets
+    }
+
+    /// A port that nobody has open yet, if that is what is waited for.
+    pub fn waits_for(&self) -> Option<&Socket> {
+        self.sockets
+            .iter()
+            .find(|socket| !socket.is_open)
+            .filter(|_| self.started.is_none())
+    }
+
+    /// Whether all was said and taken.
+    pub fn is_over(&self) -> bool {
+        let is_done = |one: &Socket| one.next_at().is_none() && one.pending.is_empty();
+        self.sockets.iter().all(is_done) && (self.now >= self.end || self.pace == Pace::Stepped)
+    }
+
+    /// Whether all that the capture says was heard.
+    pub fn has_heard_all(&self) -> bool {
+        let has_all = |one: &Socket| one.got.bytes().len() >= one.expected.bytes().len();
+        self.sockets.iter().all(has_all)
+    }
+
+    /// Says what is due, listens, and waits a little.
+    ///
+    /// # Errors
+    /// If a port went away.
+    pub fn turn(&mut self) -> Result<(), PlaybackError> {
+        self.listen()?;
+        let clock = self.clock.now();
+        if self.started.is_none() && self.sockets.iter().all(|socket| socket.is_open) {
+            self.started = Some(clock);
+        }
+        if let (Some(started), Pace::Times(times)) = (self.started, self.pace)
+            && self
+                .sockets
+                .iter()
+                .all(|socket| socket.pending.len() < PENDING_MAX)
+        {
+            self.now = Instant::ZERO + (clock - started).mul_f64(times);
+            for socket in &mut self.sockets {
+                while socket.next_at().is_some_and(|at| at <= self.now) {
+                    let (_, bytes) = socket.lines.next().expect("was there");
+                    socket.pending.extend(bytes);
+                }
+            }
+        }
+        self.sockets.iter_mut().for_each(Socket::say);
+        self.wait();
+        Ok(())
+    }
+
+    /// Says the next piece, whenever it was due: its time, its link and its bytes. `None`: all
+    /// was said.
+    pub fn step(&mut self) -> Option<(Instant, String, Vec<u8>)> {
+        let due = self
+            .sockets
+            .iter_mut()
+            .filter(|socket| socket.next_at().is_some());
+        let socket = due.min_by_key(|socket| socket.next_at())?;
+        let (at, bytes) = socket.lines.next()?;
+        socket.pending.extend_from_slice(&bytes);
+        socket.say();
+        self.now = at;
+        Some((at, socket.link.clone(), bytes))
+    }
+
+    /// Whether somebody read since the last was said, where that can be known. To be asked when all
+    /// was said, before the ports are given up.
+    pub fn is_drained(&mut self) -> bool {
+        let mut sockets = self.sockets.iter_mut();
+        sockets.all(|socket| socket.port.is_drained())
+    }
+
+    fn listen(&mut self) -> Result<(), PlaybackError> {
+        for socket in &mut self.sockets {
+            socket.listen(self.now).map_err(|source| PlaybackError {
+                link: socket.link.clone(),
+                source,
+            })?;
+        }
+        Ok(())
+    }
+
+    fn wait(&self) {
+        let now = self.clock.now();
+        let next = self.sockets.iter().filter_map(Socket::next_at).min();
+        let mut timeout = WAIT_MAX;
+        if let (Some(next), Pace::Times(times)) = (next, self.pace) {
+            timeout = timeout.min((next - self.now).div_f64(times));
+        }
+        if self.sockets.iter().any(|socket| !socket.pending.is_empty()) {
+            timeout = timeout.min(Duration::from_millis(1));
+        }
+        let mut fds = Vec::new();
+        self.sockets
+            .iter()
+            .for_each(|socket| socket.port.readiness(&mut fds));
+        if fds.is_empty() || wait(&fds, timeout).is_err() {
+            self.clock.sleep_until(now + timeout);
+        }
+    }
+}

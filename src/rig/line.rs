@@ -1,0 +1,449 @@
+//! One direction of a link: bytes leave one node, take their time, meet faults, and arrive at
+//! another node.
+
+mod passage;
+
+use std::collections::VecDeque;
+
+use core::time::Duration;
+
+use protocols::{Instant, LineConfig, LineEvent, Port};
+
+use crate::rig::fault::{Budget, LineFaults, Passed};
+use crate::rig::resample::Resampler;
+use passage::PIECE_MAX;
+pub use passage::{Delivery, Original, SentBytes};
+
+/// A port of a node of the rig.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct End {
+    /// Index of the node.
+    pub node: usize,
+    /// The node's port.
+    pub port: Port,
+}
+
+/// Which way bytes go on a link.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Direction {
+    /// From the device to the robot's program (on the air: from the PC to the radio's air end).
+    ToMaster,
+    /// From the robot's program to the device.
+    ToDevice,
+}
+
+impl Direction {
+    /// Name as in scenarios and reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::ToMaster => "to-master",
+            Self::ToDevice => "to-device",
+        }
+    }
+}
+
+/// What has passed a line.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Traffic {
+    /// Bytes that left the sender.
+    pub sent: u64,
+    /// Bytes that faults took away.
+    pub lost: u64,
+    /// Bytes that faults added.
+    pub added: u64,
+    /// Bytes that reached the receiver.
+    pub delivered: u64,
+    /// Characters without a valid stop bit: never delivered as data.
+    pub framing_errors: u64,
+    /// Bytes that a receiver at another baud rate read differently in number: what came out of
+    /// resampling, minus what went in.
+    pub resampled: i64,
+}
+
+/// Bytes on their way.
+#[derive(Clone, Debug)]
+struct Chunk {
+    arrives: Instant,
+    bytes: Vec<u8>,
+    framing_errors: u32,
+    parity_errors: u32,
+    original: Option<Box<Original>>,
+}
+
+/// One direction of a link.
+#[derive(Clone, Debug)]
+pub struct Line {
+    /// Where bytes come from.
+    pub from: End,
+    /// Where they go.
+    pub to: End,
+    /// What goes wrong.
+    pub faults: LineFaults,
+    /// Time between the last bit on the wire and the receiver seeing the byte.
+    pub latency: Duration,
+    /// Most bytes that travel as one piece. Byte times are exact all the same; a larger piece
+    /// only means that the receiver hears of all its bytes when the last one is complete.
+    pub piece: usize,
+    /// Whether the sender is unplugged and a recording plays in its place: what the sender puts on
+    /// the wire is lost, what [`play`](Self::play) adds arrives.
+    pub is_played: bool,
+    /// The sender's epoch in which it had nothing to send: not asked again before the next.
+    pub(crate) silent_since: Option<u64>,
+    traffic: Traffic,
+    free_at: Instant,
+    /// When [`deliver`](Self::deliver) next has something to do.
+    due: Instant,
+    chunks: VecDeque<Chunk>,
+    in_flight: u64,
+    /// No later chunk overtakes this.
+    last_arrives: Instant,
+    /// What the sender is to hear of itself, and when.
+    echo: Option<(Instant, Vec<u8>)>,
+    /// When the receiver was last unable to take bytes, and how many it had room for until then.
+    overrun: (Instant, usize),
+    resampler: Resampler,
+    spare: Vec<Vec<u8>>,
+}
+
+/// Most chunks on their way at once; a sender is asked for more only below it.
+const CHUNKS_MAX: usize = 1 << 16;
+/// Most stalls, one after the other, that withhold a byte.
+const GATES_MAX: usize = 1000;
+/// Later than any run.
+const NEVER: Instant = Instant::from_nanos(u64::MAX);
+
+impl Line {
+    /// An ideal line.
+    pub fn new(from: End, to: End) -> Self {
+        Self {
+            from,
+            to,
+            faults: LineFaults::default(),
+            latency: Duration::ZERO,
+            piece: 1,
+            is_played: false,
+            silent_since: None,
+            traffic: Traffic::default(),
+            free_at: Instant::ZERO,
+            due: NEVER,
+            chunks: VecDeque::new(),
+            in_flight: 0,
+            last_arrives: Instant::ZERO,
+            echo: None,
+            overrun: (Instant::ZERO, 0),
+            resampler: Resampler::default(),
+            spare: Vec::new(),
+        }
+    }
+
+    /// What has passed so far.
+    pub const fn traffic(&self) -> Traffic {
+        self.traffic
+    }
+
+    /// Bytes sent and not yet delivered.
+    pub const fn in_flight(&self) -> u64 {
+        self.in_flight + self.faults.held()
+    }
+
+    /// Whether each byte sent was delivered, lost, garbled or is on its way.
+    pub fn conserves_bytes(&self) -> bool {
+        let t = &self.traffic;
+        let [sent, lost, added, delivered, errors, in_flight] = [
+            t.sent,
+            t.lost,
+            t.added,
+            t.delivered,
+            t.framing_errors,
+            self.in_flight(),
+        ]
+        .map(u64::cast_signed);
+        sent - lost + added + t.resampled == delivered + errors + in_flight
+    }
+
+    /// When the line next has something to deliver, or can take more from a sender that had more
+    /// the last time.
+    pub fn poll_at(&self, now: Instant) -> Option<Instant> {
+        let asks_again = self.silent_since.is_none() && self.free_at > now;
+        let due = asks_again
+            .then_some(self.free_at)
+            .map_or(self.due, |at| at.min(self.due));
+        (due < NEVER).then_some(due)
+    }
+
+    /// Whether something has arrived by `now`.
+    pub(crate) fn is_due(&self, now: Instant) -> bool {
+        self.due <= now
+    }
+
+    /// Looks again when something is due, after what goes wrong has changed.
+    pub fn note_due(&mut self) {
+        let front = self
+            .chunks
+            .front()
+            .map(|chunk| self.release(chunk.arrives).0);
+        self.due = front
+            .into_iter()
+            .chain(self.resampler.idle_at())
+            .min()
+            .unwrap_or(NEVER);
+    }
+
+    /// When the receiver gets what arrives at `at`, and how many bytes it has room for until then.
+    fn release(&self, at: Instant) -> (Instant, Option<usize>) {
+        let (mut release, mut room) = (at, None);
+        if self.faults.is_clean() {
+            return (release, room);
+        }
+        for _ in 0..GATES_MAX {
+            let Some(gate) = self.faults.gate(release) else {
+                break;
+            };
+            release = gate.opens;
+            room = room.into_iter().chain(gate.fifo).min();
+        }
+        (release, room)
+    }
+
+    /// Whether the line can take bytes from its sender at `now`.
+    pub fn has_room(&self, now: Instant) -> bool {
+        self.free_at <= now && self.chunks.len() < CHUNKS_MAX
+    }
+
+    /// Takes what the sender has ready, `transmit(buf) -> len`, and puts it on the wire. Returns
+    /// the bytes as sent and when the last of them ends, or `None` if there was nothing.
+    pub fn take(
+        &mut self,
+        now: Instant,
+        sender: LineConfig,
+        receiver: LineConfig,
+        budget: &mut Budget,
+        transmit: impl FnOnce(&mut [u8]) -> usize,
+    ) -> Option<(Instant, SentBytes)> {
+        let mut buf = [0; PIECE_MAX];
+        let len = transmit(&mut buf[..self.piece.min(PIECE_MAX)]);
+        if len == 0 {
+            return None;
+        }
+        let sent = &buf[..len];
+        let (start, agreed) = (now, sender);
+        if self.is_played {
+            let ends = start + agreed.bytes_time(len as u64);
+            self.free_at = ends;
+            self.traffic.sent += len as u64;
+            self.traffic.lost += len as u64;
+            return Some((ends, SentBytes { buf, len }));
+        }
+        let is_clean = self.faults.is_clean();
+        let mut passed = Passed {
+            bytes: self.spare.pop().unwrap_or_default(),
+            ..Passed::default()
+        };
+        passed.bytes.clear();
+        let (struck, held) = (self.faults.struck_len(), self.faults.held());
+        let mut sender = agreed;
+        if is_clean {
+            passed.bytes.extend_from_slice(sent);
+        } else {
+            sender = self.faults.sender_line(agreed, start);
+            let first = self.traffic.sent;
+            self.faults
+                .pass(first, sent, start, sender, budget, &mut passed);
+        }
+        let ends = start + sender.bytes_time(len as u64);
+        self.free_at = ends + passed.pauses.iter().map(|(_, by)| *by).sum();
+        if passed.echo {
+            self.echo = Some((ends, passed.bytes.clone()));
+        }
+        self.traffic.sent += len as u64;
+        self.count(len as u64 + held, passed.bytes.len() as u64);
+
+        let is_changed = !is_clean && (passed.bytes != sent || !passed.effects.is_empty());
+        let mut original = (is_changed || self.faults.struck_len() > struck)
+            .then(|| Box::new(self.original(ends, &passed, sent, struck)));
+        let mut framing_errors = 0;
+        if !sender.agrees_with(receiver) {
+            let before = passed.bytes.len();
+            framing_errors = self
+                .resampler
+                .feed(&mut passed.bytes, start, sender, receiver);
+            self.traffic.resampled +=
+                passed.bytes.len() as i64 + i64::from(framing_errors) - before as i64;
+            let original = original
+                .get_or_insert_with(|| Box::new(self.original(ends, &passed, sent, struck)));
+            original.bauds = Some([sender.baud, receiver.baud]);
+        } else if original.is_none() && self.latency > Duration::ZERO {
+            original = Some(Box::new(self.original(ends, &passed, sent, struck)));
+        }
+        self.send_off(start, ends, sender, passed, framing_errors, original);
+        Some((ends, SentBytes { buf, len }))
+    }
+
+    /// Counts what became of `given` bytes, those held back before included: `passed`, and what is
+    /// held back now, are left.
+    fn count(&mut self, given: u64, passed: u64) {
+        let left = passed + self.faults.held();
+        self.traffic.added += left.saturating_sub(given);
+        self.traffic.lost += given.saturating_sub(left);
+    }
+
+    /// What is kept of `sent` because something else will arrive, or later.
+    fn original(&self, ends: Instant, passed: &Passed, sent: &[u8], struck: usize) -> Original {
+        Original {
+            at: ends,
+            bytes: sent.to_vec(),
+            strikes: self.faults.struck().skip(struck).copied().collect(),
+            effects: passed.effects.clone(),
+            bauds: None,
+        }
+    }
+
+    /// Puts what passed on its way, in pieces if it is to arrive so.
+    fn send_off(
+        &mut self,
+        start: Instant,
+        ends: Instant,
+        sender: LineConfig,
+        mut passed: Passed,
+        framing_errors: u32,
+        mut original: Option<Box<Original>>,
+    ) {
+        let (late, len) = (self.latency + passed.late, passed.bytes.len());
+        let mut paused = Duration::ZERO;
+        let mut pauses = core::mem::take(&mut passed.pauses).into_iter().peekable();
+        let piece = passed.piece.unwrap_or(usize::MAX).max(1);
+        let mut from = 0;
+        loop {
+            while let Some((_, by)) = pauses.next_if(|(at, _)| *at <= from || from >= len) {
+                paused += by;
+            }
+            let next_pause = pauses.peek().map_or(len, |(at, _)| *at);
+            let to = len.min(next_pause).min(from.saturating_add(piece));
+            if to >= len && pauses.peek().is_none() {
+                break;
+            }
+            let so_far = start + sender.bytes_time(to as u64);
+            let bytes = passed.bytes[from..to].to_vec();
+            self.put(
+                so_far.min(ends) + paused + late,
+                bytes,
+                0,
+                0,
+                original.take(),
+            );
+            from = to;
+        }
+        passed.bytes.drain(..from);
+        let arrives = ends + paused + late;
+        self.put(
+            arrives,
+            passed.bytes,
+            framing_errors,
+            passed.parity_errors,
+            original,
+        );
+    }
+
+    fn put(
+        &mut self,
+        arrives: Instant,
+        bytes: Vec<u8>,
+        framing_errors: u32,
+        parity_errors: u32,
+        original: Option<Box<Original>>,
+    ) {
+        self.in_flight += bytes.len() as u64 + u64::from(framing_errors);
+        self.last_arrives = self.last_arrives.max(arrives);
+        self.chunks.push_back(Chunk {
+            arrives: self.last_arrives,
+            bytes,
+            framing_errors,
+            parity_errors,
+            original,
+        });
+        self.note_due();
+    }
+
+    /// Lets `bytes` arrive at `at`, no earlier than what is on its way, whatever the sender does;
+    /// `framing_errors` characters without a stop bit come before them.
+    pub fn play(&mut self, at: Instant, bytes: &[u8], framing_errors: u32) {
+        self.traffic.added += bytes.len() as u64 + u64::from(framing_errors);
+        self.put(at, bytes.to_vec(), framing_errors, 0, None);
+    }
+
+    /// What the sender is to hear of itself, see [`hear`](Self::hear).
+    pub(crate) const fn take_echo(&mut self) -> Option<(Instant, Vec<u8>)> {
+        self.echo.take()
+    }
+
+    /// Puts `bytes` of the other direction on this line; they are lost if nobody takes what is on
+    /// its way already.
+    pub(crate) fn hear(&mut self, at: Instant, bytes: Vec<u8>) {
+        if self.chunks.len() >= CHUNKS_MAX {
+            return;
+        }
+        self.traffic.added += bytes.len() as u64;
+        self.put(at, bytes, 0, 0, None);
+    }
+
+    /// Hands over what has arrived by `now`, one chunk a call.
+    pub fn deliver(&mut self, now: Instant) -> Option<Delivery> {
+        if self.due > now {
+            return None;
+        }
+        if self.resampler.idle_at().is_some_and(|at| at <= now) {
+            let mut bytes = self.spare.pop().unwrap_or_default();
+            bytes.clear();
+            let framing_errors = self.resampler.idle(&mut bytes);
+            self.traffic.resampled += bytes.len() as i64 + i64::from(framing_errors);
+            self.put(now, bytes, framing_errors, 0, None);
+        }
+        let (release, room) = self.release(self.chunks.front()?.arrives);
+        if release > now {
+            return None;
+        }
+        let mut chunk = self.chunks.pop_front()?;
+        self.in_flight -= chunk.bytes.len() as u64 + u64::from(chunk.framing_errors);
+        let overrun = room.is_some_and(|room| self.overflow(release, room, &mut chunk.bytes));
+        self.note_due();
+        self.traffic.delivered += chunk.bytes.len() as u64;
+        self.traffic.framing_errors += u64::from(chunk.framing_errors);
+        let event = match &chunk {
+            Chunk {
+                framing_errors: 1..,
+                ..
+            } => Some(LineEvent::FramingError),
+            Chunk {
+                parity_errors: 1.., ..
+            } => Some(LineEvent::ParityError),
+            _ => overrun.then_some(LineEvent::Overrun),
+        };
+        Some(Delivery {
+            at: release,
+            bytes: chunk.bytes,
+            event,
+            framing_errors: chunk.framing_errors,
+            original: chunk.original,
+        })
+    }
+
+    /// Cuts `bytes` to what there is `room` for until `release`; whether any were lost.
+    fn overflow(&mut self, release: Instant, room: usize, bytes: &mut Vec<u8>) -> bool {
+        if self.overrun.0 != release {
+            self.overrun = (release, 0);
+        }
+        let keep = room.saturating_sub(self.overrun.1).min(bytes.len());
+        let lost = bytes.len() - keep;
+        bytes.truncate(keep);
+        self.overrun.1 += keep;
+        self.traffic.lost += lost as u64;
+        lost > 0
+    }
+
+    /// Gives a delivered buffer back for later use.
+    pub fn recycle(&mut self, bytes: Vec<u8>) {
+        if self.spare.len() < 4 {
+            self.spare.push(bytes);
+        }
+    }
+}

@@ -1,0 +1,24 @@
+//! What a clock can drive.
+
+use protocols::Instant;
+
+use super::Rig;
+
+/// What can be run at the pace of a clock: a rig, or a rig with its checkers.
+pub trait Paced {
+    /// The rig.
+    fn rig(&mut self) -> &mut Rig;
+
+    /// Runs until `deadline`, doing whatever belongs to that time.
+    fn run_until(&mut self, deadline: Instant);
+}
+
+impl Paced for Rig {
+    fn rig(&mut self) -> &mut Rig {
+        self
+    }
+
+    fn run_until(&mut self, deadline: Instant) {
+        Self::run_until(self, deadline);
+    }
+}

@@ -1,0 +1,83 @@
+//! The run as a fingerprint: two runs are the same when every byte on every line was the same at
+//! the same nanosecond.
+
+use crc::{CRC_64_XZ, Crc, Digest, Table};
+use protocols::{Instant, LineEvent};
+
+use crate::rig::line::{Delivery, Direction};
+
+static CRC: Crc<u64, Table<16>> = Crc::<u64, Table<16>>::new(&CRC_64_XZ);
+
+/// Running CRC-64/XZ over all that passed the lines.
+pub struct Trace {
+    digest: Digest<'static, u64, Table<16>>,
+}
+
+impl Default for Trace {
+    fn default() -> Self {
+        Self {
+            digest: CRC.digest(),
+        }
+    }
+}
+
+impl core::fmt::Debug for Trace {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "Trace({})", self.hash())
+    }
+}
+
+/// On which side of the faults bytes were seen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// As the sender put them on the wire.
+    Sent,
+    /// As the receiver got them.
+    Received,
+}
+
+/// Sees every chunk on every line while the rig runs.
+pub trait Tap {
+    /// `bytes` passed `link` in `direction`; the last one ended at `at`.
+    fn record(&mut self, link: usize, direction: Direction, side: Side, at: Instant, bytes: &[u8]);
+
+    /// `delivery` reached the receiver, or would have, had the line not lost all of it. Comes in
+    /// the order of time, and tells what the faults did.
+    fn arrived(&mut self, _link: usize, _direction: Direction, _delivery: &Delivery) {}
+
+    /// The sender's end told `event` at `at`: a port opened or closed, a break.
+    fn line_event(&mut self, _link: usize, _to: Direction, _at: Instant, _event: LineEvent) {}
+
+    /// The run has come to `now`: whatever was due before has been told. Called now and then.
+    fn reached(&mut self, _now: Instant) {}
+
+    /// The run is over; an error is one that also stopped an earlier record.
+    fn finish(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Tap for Trace {
+    fn record(&mut self, link: usize, direction: Direction, side: Side, at: Instant, bytes: &[u8]) {
+        let mut head = [0; 12];
+        head[0] = u8::try_from(link).unwrap_or(u8::MAX);
+        head[1] = direction as u8;
+        head[2] = side as u8;
+        head[3] = u8::try_from(bytes.len()).unwrap_or(u8::MAX);
+        head[4..].copy_from_slice(&at.as_nanos().to_le_bytes());
+        self.digest.update(&head);
+        self.digest.update(bytes);
+    }
+}
+
+impl Trace {
+    /// The fingerprint so far, sixteen hex digits.
+    pub fn hash(&self) -> String {
+        format!("{:016x}", self.digest.clone().finalize())
+    }
+}
+
+/// Fingerprint of one block of bytes, e.g. a map.
+pub fn fingerprint(bytes: &[u8]) -> String {
+    format!("{:016x}", CRC.checksum(bytes))
+}

@@ -1,0 +1,119 @@
+//! Whether the base acts on what it was told, and on nothing else.
+
+use core::cell::RefCell;
+use core::time::Duration;
+use std::collections::VecDeque;
+use std::rc::Rc;
+
+use protocols::Instant;
+
+use super::{Check, Checker, Look};
+use crate::rig::Rig;
+use crate::rig::line::{Delivery, Direction};
+use crate::rig::trace::{Side, Tap};
+use crate::robots::{Command, Dialect};
+
+/// Commands remembered at least: the base may have been deaf to the last ones.
+const COMMANDS_MIN: usize = 8;
+/// And for so long at least: a value may be in force until the next one is taken.
+const REMEMBERED: Duration = Duration::from_secs(2);
+
+/// Every set-point in force was told by a sound frame that reached the base, or is 0. Whatever the
+/// line did: a frame whose checksum does not hold commands nothing.
+#[derive(Debug)]
+pub struct SetPointsAsAccepted {
+    heard: Rc<RefCell<Heard>>,
+    broken: Option<(Instant, [i16; 2])>,
+}
+
+/// The memory of accepted frames.
+#[derive(Debug)]
+struct Heard {
+    link: usize,
+    dialect: Dialect,
+    /// The last bytes that reached the base.
+    bytes: VecDeque<u8>,
+    commands: VecDeque<(Instant, Command)>,
+    accepted: u64,
+}
+
+impl SetPointsAsAccepted {
+    /// Listens to what `rig` delivers on `link`; nothing if there is no such link.
+    pub fn listening(rig: &mut Rig, link: &str, dialect: Dialect) -> Option<Self> {
+        let link = rig.links().iter().position(|found| found.name == link)?;
+        let heard = Rc::new(RefCell::new(Heard {
+            link,
+            dialect,
+            bytes: VecDeque::new(),
+            commands: VecDeque::new(),
+            accepted: 0,
+        }));
+        rig.add_tap(Box::new(Ear(Rc::clone(&heard))));
+        Some(Self {
+            heard,
+            broken: None,
+        })
+    }
+}
+
+impl Heard {
+    fn take(&mut self, at: Instant, bytes: &[u8]) {
+        for &byte in bytes {
+            self.bytes.push_back(byte);
+            if self.bytes.len() > self.dialect.frame_max {
+                self.bytes.pop_front();
+            }
+            // A frame may end with any byte, whatever a decoder waits for.
+            let command = (self.dialect.command)(self.bytes.make_contiguous());
+            if let Some(command) = command {
+                self.accepted += 1;
+                self.commands.push_back((at, command));
+            }
+        }
+        let is_old = |&(told, _): &(Instant, Command)| at - told > REMEMBERED;
+        while self.commands.len() > COMMANDS_MIN && self.commands.front().is_some_and(is_old) {
+            self.commands.pop_front();
+        }
+    }
+
+    fn told(&self, wheel: usize, set_point: i16) -> bool {
+        let mut told = self.commands.iter().map(|(_, command)| command[wheel]);
+        set_point == 0 || told.any(|told| told == Some(set_point))
+    }
+}
+
+struct Ear(Rc<RefCell<Heard>>);
+
+impl Tap for Ear {
+    fn record(&mut self, _: usize, _: Direction, _: Side, _: Instant, _: &[u8]) {}
+
+    fn arrived(&mut self, link: usize, direction: Direction, delivery: &Delivery) {
+        let mut heard = self.0.borrow_mut();
+        if link == heard.link && direction == Direction::ToDevice {
+            heard.take(delivery.at, &delivery.bytes);
+        }
+    }
+}
+
+impl Checker for SetPointsAsAccepted {
+    fn observe(&mut self, look: &Look<'_>) {
+        let Some(actuators) = look.actuators.filter(|_| self.broken.is_none()) else {
+            return;
+        };
+        let heard = self.heard.borrow();
+        let [left, right] = actuators.set_points;
+        if !(heard.told(0, left) && heard.told(1, right)) {
+            self.broken = Some((look.rig.now(), actuators.set_points));
+        }
+    }
+
+    fn verdict(&self) -> Check {
+        let detail = match self.broken {
+            None => format!("as told by {} sound frames", self.heard.borrow().accepted),
+            Some((at, [left, right])) => {
+                format!("{left}, {right} at {at} s, which no sound frame told")
+            }
+        };
+        Check::new("set-points-as-accepted", self.broken.is_none(), detail)
+    }
+}

@@ -1,0 +1,112 @@
+//! Whether the robot recovers.
+
+use core::time::Duration;
+
+use protocols::Instant;
+
+use super::{Check, Checker, Look};
+use crate::rig::fault::Window;
+use crate::rig::line::Direction;
+
+/// After adversity and recovery the robot is at work as before: the lines that were busy all
+/// through the second half of the warm-up carry bytes again, and a program in this process goes on
+/// finding out where it is.
+#[derive(Clone, Debug)]
+pub struct AtWorkAgain {
+    /// Warm-up, adversity, recovery, judgement.
+    phases: [Window; 4],
+    /// Bytes delivered per line: at the four quarters of the second half of the warm-up, at its
+    /// end, at the begin of the judgement, and now.
+    delivered: [Vec<u64>; 7],
+    /// Time of the last estimate at the begin of the judgement, and now.
+    estimated: [Option<Instant>; 2],
+    names: Vec<String>,
+    was_judged: bool,
+}
+
+/// Bytes a second of a busy line, at least.
+const BUSY: u64 = 10;
+
+impl AtWorkAgain {
+    /// Watches a run with these phases.
+    pub const fn new(phases: [Window; 4]) -> Self {
+        Self {
+            phases,
+            delivered: [const { Vec::new() }; 7],
+            estimated: [None; 2],
+            names: Vec::new(),
+            was_judged: false,
+        }
+    }
+
+    /// A quarter of the second half of the warm-up.
+    fn quarter(&self) -> Duration {
+        (self.phases[0].until - Instant::ZERO) / 8
+    }
+}
+
+impl Checker for AtWorkAgain {
+    fn observe(&mut self, look: &Look<'_>) {
+        let (rig, now) = (look.rig, look.rig.now());
+        let [warm_up, _, _, judgement] = self.phases;
+        let lines = rig.links().iter().flat_map(|link| &link.lines);
+        let delivered: Vec<u64> = lines.map(|line| line.traffic().delivered).collect();
+        let estimated = rig.program().and_then(|program| program.estimate());
+        let estimated = estimated.map(|(at, _)| at);
+        if now <= judgement.until {
+            let quarter = |number| Instant::ZERO + self.quarter() * number;
+            let [half, end] = [quarter(4), warm_up.until];
+            let quarters = [half, quarter(5), quarter(6), quarter(7), end];
+            let judged = [judgement.from, judgement.until];
+            let until = quarters.into_iter().chain(judged);
+            for (seen, until) in self.delivered.iter_mut().zip(until) {
+                if now <= until {
+                    seen.clone_from(&delivered);
+                }
+            }
+            if now <= judgement.from {
+                self.estimated[0] = estimated;
+            }
+            self.estimated[1] = estimated;
+        }
+        self.was_judged |= now >= judgement.until;
+        if self.names.is_empty() {
+            let directions = [Direction::ToMaster, Direction::ToDevice];
+            let names = rig.links().iter().flat_map(|link| {
+                directions.map(|direction| format!("{} {}", link.name, direction.name()))
+            });
+            self.names = names.collect();
+        }
+    }
+
+    fn verdict(&self) -> Check {
+        let name = "at-work-again";
+        if !self.was_judged {
+            return Check::new(name, false, "the run ended before the end of the judgement");
+        }
+        let least = BUSY * u64::try_from(self.quarter().as_millis()).unwrap_or(u64::MAX) / 1000;
+        let (quarters, [before, after]) = self.delivered.split_last_chunk().expect("seven");
+        let of = |seen: &Vec<u64>, line: usize| seen.get(line).copied().unwrap_or(0);
+        // In each of them: a list that is sent once makes no line busy.
+        let busy = |line| {
+            let mut quarters = quarters.windows(2);
+            quarters.all(|pair| of(&pair[1], line) >= of(&pair[0], line) + least.max(1))
+        };
+        let lines: Vec<usize> = (0..self.names.len()).filter(|&line| busy(line)).collect();
+        if lines.is_empty() {
+            let detail = "no line was busy in the warm-up, so none can be judged";
+            return Check::new(name, false, detail);
+        }
+        let silent = lines
+            .iter()
+            .filter(|&&line| of(before, line) == of(after, line));
+        let silent: Vec<&str> = silent.map(|&line| self.names[line].as_str()).collect();
+        let lost = self.estimated[0].is_some() && self.estimated[0] == self.estimated[1];
+        let detail = match (silent.is_empty(), lost) {
+            (false, _) => format!("silent in the judgement: {}", silent.join(", ")),
+            (true, true) => "no new pose in the judgement".to_owned(),
+            (true, false) => format!("all of {} lines that were busy before", lines.len()),
+        };
+        Check::new(name, silent.is_empty() && !lost, detail)
+    }
+}

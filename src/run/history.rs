@@ -1,0 +1,182 @@
+//! What a run was like over its time, for the report: wires, scans and maps, sampled so that it
+//! stays small however long the run.
+
+use core::time::Duration;
+
+use firmware_core::grid::Grid;
+use protocols::Instant;
+
+use crate::rig::line::{Direction, Traffic};
+use crate::rig::{Link, Rig};
+
+/// Most samples of the wires.
+const BINS_MAX: u32 = 500;
+/// Shortest span of a sample of the wires.
+const BIN_MIN: Duration = Duration::from_millis(100);
+/// Most scans kept.
+const SCANS_MAX: usize = 200;
+/// Most maps kept.
+const MAPS_MAX: usize = 16;
+/// Points kept of a scan: every third degree.
+const POINTS_OF: usize = 3;
+
+/// One direction of a link over time.
+#[derive(Clone, Debug)]
+pub struct Lane {
+    /// Link and direction, e.g. `lidar to-master`.
+    pub name: String,
+    /// Share of the line's time that was used, per bin.
+    pub load: Vec<f64>,
+    /// Characters without a stop bit, per bin.
+    pub errors: Vec<u64>,
+    /// Bytes that faults struck, per bin.
+    pub faults: Vec<u64>,
+    before: Traffic,
+    struck_before: usize,
+}
+
+/// Samples in order of time, every second one dropped when there are too many.
+#[derive(Clone, Debug)]
+pub struct Thinned<T> {
+    /// Times and samples.
+    pub samples: Vec<(Instant, T)>,
+    period: Duration,
+    next: Instant,
+    most: usize,
+}
+
+impl<T> Thinned<T> {
+    fn new(period: Duration, most: usize) -> Self {
+        Self {
+            samples: Vec::new(),
+            period,
+            next: Instant::ZERO,
+            most,
+        }
+    }
+
+    /// Takes the sample that `make` makes if one is due at `now`.
+    fn offer(&mut self, now: Instant, make: impl FnOnce() -> Option<T>) {
+        if now < self.next {
+            return;
+        }
+        let Some(sample) = make() else { return };
+        self.samples.push((now, sample));
+        if self.samples.len() > self.most {
+            let mut number = 0;
+            self.samples.retain(|_| {
+                number += 1;
+                number % 2 == 1
+            });
+            self.period *= 2;
+        }
+        self.next = now + self.period;
+    }
+}
+
+/// A scan as the program took it, in the map's frame: x and y of each point in turn, metres.
+pub type Points = Vec<f64>;
+
+/// A run over its time.
+#[derive(Clone, Debug)]
+pub struct History {
+    /// Length of a bin of the lanes.
+    pub bin: Duration,
+    /// All directions of all links.
+    pub lanes: Vec<Lane>,
+    /// Scans.
+    pub scans: Thinned<Points>,
+    /// Maps.
+    pub maps: Thinned<Box<Grid>>,
+    next_bin: Instant,
+    end: Instant,
+}
+
+impl History {
+    /// The history of a run of `duration` that has not begun. A run that is watched for longer, as
+    /// on the page, has no history after it.
+    pub fn new(duration: Duration) -> Self {
+        let bin = (duration / BINS_MAX).max(BIN_MIN);
+        Self {
+            bin,
+            lanes: Vec::new(),
+            scans: Thinned::new(Duration::from_secs(1), SCANS_MAX),
+            maps: Thinned::new(Duration::from_secs(4), MAPS_MAX),
+            next_bin: Instant::ZERO + bin,
+            end: Instant::ZERO + duration,
+        }
+    }
+
+    /// Looks at the rig; called every few milliseconds of virtual time.
+    pub fn observe(&mut self, rig: &Rig) {
+        let now = rig.now();
+        if now > self.end {
+            return;
+        }
+        if now >= self.next_bin {
+            self.next_bin = now + self.bin;
+            self.count(rig);
+        }
+        let Some(program) = rig.program() else { return };
+        self.scans.offer(now, || {
+            let (_, pose) = program.estimate()?;
+            let points = program.scan().iter().step_by(POINTS_OF);
+            let places = points.map(|point| pose.to_world(*point));
+            let metres = |mm: f32| f64::from(mm.round()) / 1000.0;
+            let points = places.flat_map(|place| [metres(place.x_mm), metres(place.y_mm)]);
+            Some(points.collect())
+        });
+        self.maps.offer(now, || {
+            program.estimate()?;
+            program.map().map(|map| Box::new(map.clone()))
+        });
+    }
+
+    fn count(&mut self, rig: &Rig) {
+        if self.lanes.is_empty() {
+            self.lanes = rig.links().iter().flat_map(lanes_of).collect();
+        }
+        let lines = rig.links().iter().flat_map(|link| &link.lines);
+        for (lane, line) in self.lanes.iter_mut().zip(lines) {
+            let (traffic, struck) = (line.traffic(), line.faults.struck_len());
+            let [sender, _] = rig.line_configs(line);
+            let busy = sender.bytes_time(traffic.sent - lane.before.sent);
+            let load = busy.as_secs_f64() / self.bin.as_secs_f64();
+            lane.load.push((load * 1000.0).round() / 1000.0);
+            let errors = traffic.framing_errors - lane.before.framing_errors;
+            lane.errors.push(errors);
+            lane.faults
+                .push(struck.saturating_sub(lane.struck_before) as u64);
+            (lane.before, lane.struck_before) = (traffic, struck);
+        }
+    }
+}
+
+fn lanes_of(link: &Link) -> impl Iterator<Item = Lane> + use<> {
+    let directions = [Direction::ToMaster, Direction::ToDevice];
+    let names = directions.map(|direction| format!("{} {}", link.name, direction.name()));
+    names.into_iter().map(|name| Lane {
+        name,
+        load: Vec::new(),
+        errors: Vec::new(),
+        faults: Vec::new(),
+        before: Traffic::default(),
+        struck_before: 0,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Five samples at most: the sixth drops every second one and doubles the period.
+    #[test]
+    fn a_long_run_is_sampled_more_coarsely() {
+        let mut thinned = Thinned::new(Duration::from_secs(1), 5);
+        for second in 0..10 {
+            thinned.offer(Instant::from_secs(second), || Some(second));
+        }
+        let kept: Vec<u64> = thinned.samples.iter().map(|&(_, second)| second).collect();
+        assert_eq!(kept, [0, 2, 4, 7, 9]);
+    }
+}

@@ -1,0 +1,176 @@
+//! Faults of a scenario on a rig: which lines they act on, and what they do to devices.
+
+use crate::rig::fault::{Effect, FaultId};
+use crate::rig::line::Direction;
+use crate::rig::{Disturbance, Link, Rig};
+use protocols::LineEvent;
+
+use super::{FaultKind, FaultSpec, Flaw, Place};
+
+impl Rig {
+    /// Plans `fault` on the lines that it names and returns what else there is to do when it
+    /// begins and ends. Nothing is planned yet for one that waits for a condition. `seed` and `id`
+    /// choose its dice.
+    ///
+    /// # Errors
+    /// If the fault makes no sense in this rig; nothing was changed then.
+    pub fn plan_fault(
+        &mut self,
+        fault: &FaultSpec,
+        id: FaultId,
+        seed: u64,
+    ) -> Result<Vec<Disturbance>, Flaw> {
+        fault.check()?;
+        let strike = fault.strike()?;
+        let effect = fault.effect(id, seed)?;
+        let disturbances = self.disturbances(fault)?;
+        let lines = self.lines_of(fault)?;
+        if fault.when.is_some() {
+            return Ok(disturbances);
+        }
+        let activity = fault.activity(id, seed);
+        for (link, direction) in lines {
+            let line = self.line_mut(link, direction);
+            if let Some(strike) = strike {
+                line.faults.add_strike(strike);
+            } else if let Some(effect) = &effect {
+                line.faults.add(id, activity.clone(), Effect::clone(effect));
+            }
+            line.note_due();
+        }
+        Ok(disturbances)
+    }
+
+    /// The lines that a fault acts on.
+    fn lines_of(&self, fault: &FaultSpec) -> Result<Vec<(usize, Direction)>, Flaw> {
+        match (&fault.link, &fault.device, fault.direction) {
+            (Some(link), _, Some(direction)) => {
+                let link = self.index_of("link", link)?;
+                Ok(vec![(link, direction.into())])
+            }
+            // All that a device sends.
+            (None, Some(device), _) if fault.kind == FaultKind::Delayed => {
+                let sends = |(index, link): (usize, &Link)| {
+                    let directions = [Direction::ToMaster, Direction::ToDevice];
+                    let from = |direction| self.node_name(link.line(direction).from.node);
+                    let sent = directions
+                        .into_iter()
+                        .filter(|&d| from(d) == device.as_str());
+                    sent.map(|direction| (index, direction)).collect::<Vec<_>>()
+                };
+                Ok(self.links().iter().enumerate().flat_map(sends).collect())
+            }
+            _ => Ok(Vec::new()),
+        }
+    }
+
+    fn index_of(&self, key: &'static str, name: &str) -> Result<usize, Flaw> {
+        let found = self.links().iter().position(|link| link.name == name);
+        found.ok_or_else(|| {
+            let names: Vec<&str> = self.links().iter().map(|link| link.name.as_str()).collect();
+            let message = format!("is \"{name}\", expected one of {}", names.join(", "));
+            Flaw::new(key, message)
+        })
+    }
+
+    /// What there is to do when `fault` begins and ends, besides what happens to bytes.
+    ///
+    /// # Errors
+    /// If it names a device that is not there, or that knows no such fault.
+    pub fn disturbances(&self, fault: &FaultSpec) -> Result<Vec<Disturbance>, Flaw> {
+        let kind = fault.kind;
+        match (kind.place(), &fault.link, fault.direction) {
+            (Place::Line, Some(link), Some(direction)) => {
+                let (link, direction) = (link.clone(), direction.into());
+                let tell = |begin, end| Disturbance::Tell {
+                    link: link.clone(),
+                    direction,
+                    begin,
+                    end,
+                };
+                Ok(match kind {
+                    FaultKind::Unplugged => {
+                        vec![tell(LineEvent::Closed, Some(LineEvent::Opened))]
+                    }
+                    FaultKind::Break => vec![tell(LineEvent::Break, None)],
+                    FaultKind::Swizzle => vec![self.crossing(fault, &link, direction)?],
+                    _ => Vec::new(),
+                })
+            }
+            (Place::Device, ..) => {
+                let name = fault.device.as_deref().unwrap_or_default();
+                let of_its_own = || {
+                    let missing = "is missing, expected a name that the device knows";
+                    fault.fault.as_deref().ok_or(Flaw::new("fault", missing))
+                };
+                let what = match kind {
+                    FaultKind::Delayed => {
+                        self.known_faults("device", name)?;
+                        return Ok(Vec::new());
+                    }
+                    FaultKind::Intermittent => "off",
+                    FaultKind::Device => of_its_own()?,
+                    _ => kind.name(),
+                };
+                Ok(vec![self.ailment("device", name, what, fault.factor)?])
+            }
+            _ => {
+                let devices = fault.devices.iter().flatten();
+                let off = devices.map(|name| self.ailment("devices", name, "off", None));
+                off.collect()
+            }
+        }
+    }
+
+    fn crossing(
+        &self,
+        fault: &FaultSpec,
+        link: &str,
+        direction: Direction,
+    ) -> Result<Disturbance, Flaw> {
+        let with = fault.with.as_deref().unwrap_or_default();
+        if self.index_of("with", with)? == self.index_of("link", link)? {
+            return Err(Flaw::new("with", "is the same link, expected another one"));
+        }
+        Ok(Disturbance::Cross {
+            links: [link, with].map(str::to_owned),
+            direction,
+        })
+    }
+
+    fn ailment(
+        &self,
+        key: &'static str,
+        name: &str,
+        fault: &str,
+        figure: Option<f64>,
+    ) -> Result<Disturbance, Flaw> {
+        let known = self.known_faults(key, name)?;
+        if !known.contains(&fault) {
+            let known = known.join(", ");
+            let message = format!("\"{name}\" knows no fault \"{fault}\", expected one of {known}");
+            return Err(Flaw::new(key, message));
+        }
+        if figure.is_some_and(|figure| !(-1e6..=1e6).contains(&figure)) {
+            return Err(Flaw::new("factor", "expected -1000000 to 1000000"));
+        }
+        Ok(Disturbance::Device {
+            name: name.to_owned(),
+            fault: fault.to_owned(),
+            figure,
+        })
+    }
+
+    /// The faults that the device `name` knows.
+    fn known_faults(&self, key: &'static str, name: &str) -> Result<&'static [&'static str], Flaw> {
+        let mut names = Vec::new();
+        for (found, faults) in self.devices() {
+            if found == name {
+                return Ok(faults);
+            }
+            names.push(found);
+        }
+        let message = format!("is \"{name}\", expected one of {}", names.join(", "));
+        Err(Flaw::new(key, message))
+    }
+}

@@ -1,0 +1,6 @@
+//! Cases that nobody thought of: made by chance, judged in great numbers, made small.
+
+pub mod campaign;
+pub mod fuzz;
+pub mod generate;
+pub mod shrink;

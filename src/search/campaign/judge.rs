@@ -1,0 +1,137 @@
+use core::any::Any;
+use core::panic::AssertUnwindSafe;
+use std::collections::BTreeSet;
+use std::panic::catch_unwind;
+
+use serde::{Deserialize, Serialize};
+
+use crate::robots;
+use crate::run::check::Status;
+use crate::run::{Outcome, Run};
+use crate::scenario::{Scenario, ScenarioError, Source};
+
+/// What one run came to.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Record {
+    /// Name of the scenario.
+    pub scenario: String,
+    /// Seed of the run.
+    pub seed: u64,
+    /// Why it failed, without the figures; the same for every run that fails alike.
+    pub cause: Option<String>,
+    /// Why it failed, with the figures.
+    pub detail: Option<String>,
+    /// Virtual time, milliseconds.
+    pub ran_ms: u64,
+    /// Fingerprint of all bytes.
+    pub trace: String,
+    /// Situations that came up, see [`robots::situations`].
+    pub reached: BTreeSet<String>,
+}
+
+/// Runs `scenario` with everything that watches a run, and what it came to. A panic of the program
+/// under test or of the rig is a failure like any other.
+///
+/// # Errors
+/// If the scenario cannot be wired.
+pub fn run(
+    scenario: &Scenario,
+    source: &Source,
+) -> Result<(Record, Option<Box<Outcome>>), ScenarioError> {
+    let judged = catch_unwind(AssertUnwindSafe(|| {
+        let mut run = Run::new(scenario.clone(), source, None)?;
+        while !run.is_over() {
+            run.step();
+        }
+        Ok(Box::new(run.judge()))
+    }));
+    let mut record = Record {
+        scenario: scenario.name.clone(),
+        seed: scenario.seed,
+        cause: None,
+        detail: None,
+        ran_ms: 0,
+        trace: String::new(),
+        reached: BTreeSet::new(),
+    };
+    match judged {
+        Ok(Err(error)) => Err(error),
+        Ok(Ok(outcome)) => {
+            record.ran_ms = u64::try_from(outcome.ran.as_millis()).unwrap_or(u64::MAX);
+            record.trace.clone_from(&outcome.trace_hash);
+            record.reached = situations(scenario, &outcome);
+            if let Some((cause, detail)) = cause_of(&outcome) {
+                (record.cause, record.detail) = (Some(cause), Some(detail));
+            }
+            Ok((record, Some(outcome)))
+        }
+        Err(panic) => {
+            let (cause, message) = words_of_panic(panic.as_ref());
+            (record.cause, record.detail) = (Some(cause), Some(message));
+            Ok((record, None))
+        }
+    }
+}
+
+/// A panic as a cause without figures, and what it says.
+pub(crate) fn words_of_panic(panic: &(dyn Any + Send)) -> (String, String) {
+    let text = panic.downcast_ref::<String>().map(String::as_str);
+    let text = text.or_else(|| panic.downcast_ref::<&str>().copied());
+    let text = text.unwrap_or("without words");
+    (format!("panic: {}", without_figures(text)), text.to_owned())
+}
+
+/// The first check that failed, without and with its figures: checkers of the whole run come
+/// before what was to be true in the end.
+pub fn cause_of(outcome: &Outcome) -> Option<(String, String)> {
+    let failed = |check: &&crate::run::check::Check| check.status == Status::Fail;
+    let check = outcome.checks.iter().find(failed)?;
+    let detail = format!("{}: {}", check.name, check.detail);
+    let cause = match first_rule(&check.name, outcome) {
+        Some(rule) => format!("{}: {rule}", check.name),
+        None => check.name.clone(),
+    };
+    Some((cause, detail))
+}
+
+/// The first rule that was broken, for the check that counts them: its figures say nothing of the
+/// cause.
+fn first_rule(check: &str, outcome: &Outcome) -> Option<String> {
+    let mut broken = outcome.events.iter().filter(|logged| logged.is_violation());
+    let first = broken.next().filter(|_| check == "violations")?;
+    Some(format!("{} {}", first.source, first.event.rule))
+}
+
+/// `text` with each number as `#`: counts, addresses and process numbers differ from run to run.
+pub(crate) fn without_figures(text: &str) -> String {
+    let mut out = String::new();
+    for c in text.chars() {
+        match c {
+            '0'..='9' if out.ends_with('#') => {}
+            '0'..='9' => out.push('#'),
+            _ => out.push(c),
+        }
+    }
+    out
+}
+
+fn situations(scenario: &Scenario, outcome: &Outcome) -> BTreeSet<String> {
+    let wanted = robots::situations(scenario.robot);
+    let reached = wanted.iter().filter(|name| {
+        let count = outcome.counters.get(*name).copied();
+        count.unwrap_or(0) > 0
+    });
+    reached.map(|&name| name.to_owned()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_do_not_tell_causes_apart() {
+        assert_eq!(without_figures("index 1234 of 90"), "index # of #");
+        assert_eq!(without_figures("none"), "none");
+    }
+}

@@ -1,0 +1,290 @@
+//! The search: one case after the other, and what to do with what was found.
+
+use core::cell::Cell;
+use core::time::Duration;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::PathBuf;
+
+use emulators::rng::Rng;
+
+use super::case::{self, Case, Told};
+use super::cause::Cause;
+use super::finding::{Finding, Kept, State};
+use super::found::Found;
+use super::meet::Met;
+use super::speech::Speech;
+use super::stand::{Seen, Stand, StandError, Whose};
+use crate::robots::OpenEnd;
+use crate::scenario::{Scenario, Span};
+
+/// What is searched for, and how.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// World and devices.
+    pub scenario: Scenario,
+    /// The one link to be fuzzed with raw traffic; none: faults everywhere, and each link in turn.
+    pub link: Option<String>,
+    /// Chooses everything.
+    pub seed: u64,
+    /// Length of a case.
+    pub lasting: Duration,
+    /// Most tries to make a finding smaller.
+    pub tries: u32,
+    /// Folder of the results.
+    pub out: PathBuf,
+    /// The command that repeats a finding, up to its folder.
+    pub repeat: String,
+}
+
+/// How far a search is, for whoever looks on from where it is asked whether to go on.
+#[derive(Debug, Default)]
+pub struct Progress {
+    /// Cases since it was begun or gone on with.
+    pub cases: Cell<u64>,
+    /// Causes found, those of earlier searches counted.
+    pub findings: Cell<usize>,
+    /// Tries to see a finding again and to make it smaller; 0 while none is.
+    pub tries: Cell<u32>,
+}
+
+/// Most causes that are kept.
+const FINDINGS_MAX: usize = 100;
+
+/// A search under way.
+pub struct Hunt<'a> {
+    stand: &'a Stand<'a>,
+    progress: &'a Progress,
+    plan: Plan,
+    ends: Vec<(OpenEnd, Speech)>,
+    met: BTreeMap<Option<usize>, Met>,
+    state: State,
+    late: u64,
+    doubtful: u64,
+}
+
+impl<'a> Hunt<'a> {
+    /// Begins a search or goes on with the one in the folder.
+    pub fn new(
+        stand: &'a Stand<'a>,
+        plan: Plan,
+        progress: &'a Progress,
+    ) -> Result<Self, StandError> {
+        let ends = stand.ends(&plan.scenario, plan.link.as_deref())?;
+        if let Some(link) = &plan.link
+            && !ends.iter().any(|(end, _)| &end.link == link)
+        {
+            let names: Vec<&str> = ends.iter().map(|(end, _)| end.link.as_str()).collect();
+            let names = names.join(", ");
+            let error = format!("--link {link}: no port of the program, expected one of {names}");
+            return Err(StandError::Useless(error));
+        }
+        let program = match &stand.whose {
+            Whose::Command { command, .. } => command.clone(),
+            Whose::Ports(dir) => dir.display().to_string(),
+        };
+        let text = plan.scenario.to_toml();
+        let scenario = crate::rig::trace::fingerprint(text.as_bytes());
+        let link = plan.link.as_deref().unwrap_or("all links");
+        let of = format!("{program} | {scenario} | {link} | seed {}", plan.seed);
+        fs::create_dir_all(&plan.out).map_err(|error| StandError::File(plan.out.clone(), error))?;
+        let state = State::read(&plan.out, of)?;
+        progress.findings.set(state.findings.len());
+        Ok(Self {
+            stand,
+            progress,
+            state,
+            plan,
+            ends,
+            met: BTreeMap::new(),
+            late: 0,
+            doubtful: 0,
+        })
+    }
+
+    /// Failed checks and broken rules about time that were not seen twice more when the case was
+    /// run again.
+    pub const fn doubtful(&self) -> u64 {
+        self.doubtful
+    }
+
+    /// Cases in which the rig was too late to judge checks.
+    pub const fn late(&self) -> u64 {
+        self.late
+    }
+
+    /// Number of the next case, those of earlier searches counted.
+    pub const fn next(&self) -> u64 {
+        self.state.next
+    }
+
+    /// What was found.
+    pub fn findings(&self) -> &[Kept] {
+        &self.state.findings
+    }
+
+    /// What is known of the program, by the links on which it was talked to.
+    pub fn met(&self) -> impl Iterator<Item = &Met> {
+        self.met.values()
+    }
+
+    /// Tries one case; whether the program is still of use for another one.
+    pub fn step(&mut self) -> Result<bool, StandError> {
+        let kind = self.kind()?;
+        let (case, speech) = self.draw(kind);
+        let seen = self.stand.run(&case, &speech, &self.recording())?;
+        self.state.next += 1;
+        self.progress.cases.set(self.progress.cases.get() + 1);
+        self.late += u64::from(seen.was_late);
+        let is_gone = seen.causes.iter().any(Cause::is_final);
+        self.keep(case, &speech, seen)?;
+        self.state.write(&self.plan.out)?;
+        Ok(!is_gone || matches!(self.stand.whose, Whose::Command { .. }))
+    }
+
+    fn recording(&self) -> PathBuf {
+        self.plan.out.join(RECORDINGS[0])
+    }
+
+    /// What kind of case is next: faults, or raw traffic on the end with this number.
+    fn kind(&mut self) -> Result<Option<usize>, StandError> {
+        let link = self.plan.link.clone();
+        if let Some(link) = link {
+            let at = self.ends.iter().position(|(end, _)| end.link == link);
+            return self.meet_on(at.expect("seen to when the search began"));
+        }
+        if !self.met.contains_key(&None) {
+            let plan = &self.plan;
+            let met = self
+                .stand
+                .meet(&plan.scenario, plan.lasting, &self.recording())?;
+            let (met, case, seen) = met;
+            self.met.insert(None, met);
+            self.keep(case, &Speech::Bytes, seen)?;
+        }
+        let opens = &self.met[&None].known.opens;
+        let ends = self.ends.iter().enumerate();
+        let can = |(end, speech): &(OpenEnd, Speech)| {
+            opens.contains(&end.name) && !matches!(speech, Speech::Bytes)
+        };
+        let links: Vec<usize> = ends.filter(|(_, end)| can(end)).map(|(at, _)| at).collect();
+        let turn = self.state.next % (links.len() as u64 + 1);
+        match turn.checked_sub(1) {
+            None => Ok(None),
+            Some(turn) => self.meet_on(links[usize::try_from(turn).expect("few links")]),
+        }
+    }
+
+    /// Makes sure that the program is known on the end with this number.
+    fn meet_on(&mut self, at: usize) -> Result<Option<usize>, StandError> {
+        if !self.met.contains_key(&Some(at)) {
+            let (end, speech) = self.ends[at].clone();
+            let name = format!("fuzz.dut.meet.{}", end.link);
+            let mut rng = Rng::stream(self.plan.seed, &name);
+            let on = (end.link.as_str(), &speech);
+            let recording = self.recording();
+            let scenario = &self.plan.scenario;
+            let (met, case, seen) = self.stand.meet_on(scenario, on, &mut rng, &recording)?;
+            self.met.insert(Some(at), met);
+            self.keep(case, &speech, seen)?;
+        }
+        Ok(Some(at))
+    }
+
+    fn draw(&self, kind: Option<usize>) -> (Case, Speech) {
+        let number = self.state.next;
+        let dice = |of| Rng::stream(self.plan.seed, &format!("fuzz.dut.{number}.{of}"));
+        let (lasting, met) = (self.plan.lasting, &self.met[&kind]);
+        let mut scenario = case::quiet(&self.plan.scenario, lasting);
+        let (speech, raw) = match kind {
+            Some(at) => {
+                let (end, speech) = &self.ends[at];
+                let dice = &mut ["pairs", "stream"].map(dice);
+                let raw = case::raw(met, speech, end.line.baud, lasting, dice);
+                (speech.clone(), Some(raw))
+            }
+            None => {
+                let opens = met.known.opens.iter();
+                let links: Vec<String> = opens.filter_map(|name| self.link_of(name)).collect();
+                scenario.fault = case::faults(&links, lasting, &mut dice("faults"));
+                (Speech::Bytes, None)
+            }
+        };
+        let told = Told {
+            lasting: Span(lasting),
+            known: met.known.clone(),
+            raw,
+        };
+        (Case { scenario, told }, speech)
+    }
+
+    fn link_of(&self, name: &str) -> Option<String> {
+        let mut ends = self.ends.iter().map(|(end, _)| end);
+        ends.find(|end| end.name == name)
+            .map(|end| end.link.clone())
+    }
+
+    /// Keeps what was found in `case`, each cause once.
+    fn keep(&mut self, case: Case, speech: &Speech, seen: Seen) -> Result<(), StandError> {
+        for cause in &seen.causes {
+            let key = cause.key();
+            if let Some(kept) = self.state.findings.iter_mut().find(|kept| kept.key == key) {
+                kept.count += 1;
+                continue;
+            }
+            if self.state.findings.len() < FINDINGS_MAX {
+                self.keep_new(&case, speech, &seen, cause)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn keep_new(
+        &mut self,
+        case: &Case,
+        speech: &Speech,
+        seen: &Seen,
+        cause: &Cause,
+    ) -> Result<(), StandError> {
+        let number = self.state.findings.len() + 1;
+        let folder = format!("{number:02}-{}", cause.kind());
+        let mut first = case.clone();
+        if first.told.raw.is_none() {
+            first.scenario = seen.ran.clone();
+        }
+        let dir = self.plan.out.join("findings").join(&folder);
+        let found = Found {
+            stand: self.stand,
+            plan: &self.plan,
+            progress: self.progress,
+            speech,
+            cause,
+            finding: Finding::create(dir)?,
+        };
+        let kept = found.keep(first, seen);
+        self.progress.tries.set(0);
+        if !kept? {
+            self.doubtful += 1;
+            return found.finding.remove();
+        }
+        self.state.findings.push(Kept {
+            folder,
+            key: cause.key(),
+            words: cause.to_string(),
+            count: 1,
+        });
+        self.progress.findings.set(self.state.findings.len());
+        self.state.write(&self.plan.out)
+    }
+}
+
+impl Drop for Hunt<'_> {
+    fn drop(&mut self) {
+        for name in RECORDINGS {
+            let _ = fs::remove_file(self.plan.out.join(name));
+        }
+    }
+}
+
+/// Captures of the last case, and of the last try to see one again.
+pub(super) const RECORDINGS: [&str; 3] = [".last.pcapng", ".copy.pcapng", ".again.pcapng"];

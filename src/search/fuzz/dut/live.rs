@@ -1,0 +1,357 @@
+//! A case under way: the rig at the pace of the wall clock, its ports, and the program on them.
+
+use core::time::Duration;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use protocols::Instant;
+
+use super::case::{Case, Known, WARM_UP};
+use super::pace::Held;
+use super::process::{Ended, Process};
+use super::stand::{Stand, StandError, Whose};
+use crate::capture::{self, Limits, Recording};
+use crate::realtime::Realtime;
+use crate::realtime::clock::{Clock, utc};
+use crate::realtime::transport::{Note, PortDir, Pty, Serial, Transport};
+use crate::rig::Paced;
+use crate::rig::Rig;
+use crate::robots::{self, Dut, OpenEnd, PcEnd, Wired};
+use crate::run::Run;
+use crate::scenario::Scenario;
+
+/// Time without a further port being opened after which a program is taken to have opened all.
+const OPENED: Duration = Duration::from_millis(300);
+/// Silence that ends an answer.
+const QUIET: Duration = Duration::from_millis(8);
+/// A pause of a stream: longer than the idle rules of most programs.
+const PAUSE: Duration = Duration::from_millis(20);
+/// Bytes that may wait for the line of a raw link.
+const BACKLOG_MAX: usize = 1024;
+/// A capture of a case may have so many bytes; the rest is left out.
+const CAPTURE_MAX: u64 = 64 << 20;
+
+/// Why a case cannot go on.
+#[derive(Debug)]
+pub(super) enum Halt {
+    /// The program ended.
+    Ended(Ended),
+    /// A port went away.
+    Lost(String),
+    /// Somebody wants to stop.
+    Interrupted,
+}
+
+/// A case under way.
+pub(super) struct Live<'a> {
+    pub(super) run: Endless,
+    realtime: Realtime<Held>,
+    dir: Option<PortDir>,
+    process: Option<Process>,
+    raw: Option<usize>,
+    heard: Vec<u8>,
+    /// When the last byte was said there.
+    said_at: Instant,
+    ports: BTreeMap<String, Seen>,
+    goes_on: &'a dyn Fn() -> bool,
+}
+
+/// What was seen of a port.
+#[derive(Clone, Copy, Debug, Default)]
+struct Seen {
+    was_opened: bool,
+    is_open: bool,
+    spoken: u64,
+    spoke_at: Option<Instant>,
+    drained_at: Option<Instant>,
+}
+
+/// A run that goes on when its mission is over.
+pub(super) struct Endless(pub(super) Run);
+
+impl Paced for Endless {
+    fn rig(&mut self) -> &mut Rig {
+        &mut self.0.rig
+    }
+
+    fn run_until(&mut self, deadline: Instant) {
+        self.0.go_on_until(deadline);
+    }
+}
+
+impl<'a> Live<'a> {
+    /// Sets up `case` and starts the program. It has opened its ports when this returns, unless it
+    /// took too long or ended.
+    pub(super) fn begin(
+        stand: &Stand<'a>,
+        case: &Case,
+        recording: &Path,
+    ) -> Result<(Self, Result<(), Halt>), StandError> {
+        let link = case.told.raw.as_ref().map(|raw| raw.link.as_str());
+        let (mut run, ends, raw) = wire(stand, &case.scenario, link)?;
+        run.go_on_until(Instant::ZERO + WARM_UP);
+        record(&mut run, recording)?;
+        let (dir, ports) = stand.ports(&ends, &case.scenario)?;
+        let mut realtime = Realtime::new(Held::at(run.rig.now()));
+        for (end, port) in ports {
+            realtime.serve(end, port);
+        }
+        let process = match &stand.whose {
+            Whose::Command { command, dir } => Some(Process::start(command, dir)),
+            Whose::Ports(_) => None,
+        };
+        let mut live = Self {
+            run: Endless(run),
+            realtime,
+            dir,
+            process: process.transpose().map_err(StandError::NotStarted)?,
+            raw,
+            heard: Vec::new(),
+            said_at: Instant::ZERO,
+            ports: BTreeMap::new(),
+            goes_on: stand.goes_on,
+        };
+        let opened = live.wait_for_ports(stand, &case.told.known);
+        Ok((live, opened))
+    }
+
+    /// Waits until the program has opened what it opens, then lets time go.
+    fn wait_for_ports(&mut self, stand: &Stand<'_>, known: &Known) -> Result<(), Halt> {
+        if self.process.is_some() {
+            let (mut count, mut since) = (0, Duration::ZERO);
+            while self.realtime.clock().waited() < stand.start {
+                self.turn()?;
+                let waited = self.realtime.clock().waited();
+                let open = self.opened();
+                if open.len() != count {
+                    (count, since) = (open.len(), waited);
+                }
+                let is_all = match known.opens.is_empty() {
+                    true => count == self.ports.len() || waited - since > OPENED,
+                    false => known.opens.iter().all(|name| open.contains(&name.as_str())),
+                };
+                if count > 0 && is_all {
+                    break;
+                }
+            }
+        }
+        self.realtime.clock().let_go();
+        Ok(())
+    }
+
+    /// The ports that are open now.
+    pub(super) fn opened(&self) -> Vec<&str> {
+        let open = self.ports.iter().filter(|(_, port)| port.is_open);
+        open.map(|(name, _)| name.as_str()).collect()
+    }
+
+    /// The names of all ports.
+    pub(super) fn port_names(&self) -> Vec<&str> {
+        self.realtime.names().collect()
+    }
+
+    /// What the program said on its standard error so far.
+    pub(super) fn said_so_far(&self) -> String {
+        let said = self.process.as_ref().map(Process::said);
+        said.unwrap_or_default()
+    }
+
+    /// The time.
+    pub(super) fn now(&self) -> Instant {
+        self.realtime.clock().now()
+    }
+
+    /// How late the rig was at most.
+    pub(super) fn late(&self) -> Duration {
+        self.realtime.lateness().max()
+    }
+
+    /// Runs the rig on and looks at the program.
+    pub(super) fn turn(&mut self) -> Result<(), Halt> {
+        if !(self.goes_on)() {
+            return Err(Halt::Interrupted);
+        }
+        let turned = self.realtime.turn(&mut self.run);
+        turned.map_err(|error| Halt::Lost(error.to_string()))?;
+        if let Some(node) = self.raw {
+            self.heard.extend(self.run.rig().take_output(node));
+        }
+        let now = self.realtime.clock().now();
+        for sign in self.realtime.signs() {
+            let port = match self.ports.get_mut(sign.name) {
+                Some(port) => port,
+                None => self.ports.entry(sign.name.to_owned()).or_default(),
+            };
+            if sign.from_client != port.spoken {
+                (port.spoken, port.spoke_at) = (sign.from_client, Some(now));
+            }
+            if sign.is_drained {
+                port.drained_at = Some(now);
+            }
+            port.is_open = sign.is_open || self.process.is_none();
+            port.was_opened |= port.is_open;
+        }
+        match self.process.as_mut().and_then(Process::ended) {
+            Some(ended) => Err(Halt::Ended(ended)),
+            None => Ok(()),
+        }
+    }
+
+    /// Lets `time` pass.
+    pub(super) fn pass(&mut self, time: Duration) -> Result<(), Halt> {
+        let until = self.now() + time;
+        while self.now() < until {
+            self.turn()?;
+        }
+        Ok(())
+    }
+
+    /// Says `bytes` on the raw link, as fast as its line carries them.
+    pub(super) fn say(&mut self, bytes: &[u8]) -> Result<(), Halt> {
+        let Some(node) = self.raw else { return Ok(()) };
+        for piece in bytes.chunks(BACKLOG_MAX) {
+            while self.run.rig().backlog(node) + piece.len() > BACKLOG_MAX {
+                self.turn()?;
+            }
+            self.run.rig().inject(node, piece);
+            self.said_at = self.now();
+        }
+        Ok(())
+    }
+
+    /// Waits until all has been said.
+    fn flush(&mut self) -> Result<(), Halt> {
+        let Some(node) = self.raw else { return Ok(()) };
+        while self.run.rig().backlog(node) > 0 {
+            self.turn()?;
+            self.said_at = self.now();
+        }
+        Ok(())
+    }
+
+    /// Says nothing for a while once all has been said.
+    pub(super) fn pause(&mut self) -> Result<(), Halt> {
+        self.flush()?;
+        while self.now() < self.said_at + PAUSE {
+            self.turn()?;
+        }
+        Ok(())
+    }
+
+    /// Says `bytes` and returns what is said on the raw link within `window`, or until it is over.
+    pub(super) fn ask(&mut self, bytes: &[u8], window: Duration) -> Result<Vec<u8>, Halt> {
+        self.pause()?;
+        self.heard.clear();
+        self.say(bytes)?;
+        self.flush()?;
+        let until = self.now() + window;
+        let (mut len, mut since) = (self.heard.len(), self.now());
+        while self.now() < until && (len == 0 || self.now() - since < QUIET) {
+            self.turn()?;
+            if self.heard.len() != len {
+                (len, since) = (self.heard.len(), self.now());
+            }
+        }
+        Ok(core::mem::take(&mut self.heard))
+    }
+
+    /// What was said on the raw link since the last question.
+    pub(super) fn take_heard(&mut self) -> Vec<u8> {
+        core::mem::take(&mut self.heard)
+    }
+
+    /// Which ports the program opened, has read empty since `from`, and has spoken on since.
+    pub(super) fn known(&self, from: Instant) -> Known {
+        let those = |is: &dyn Fn(&Seen) -> bool| {
+            let ports = self.ports.iter().filter(|(_, port)| is(port));
+            ports.map(|(name, _)| name.clone()).collect()
+        };
+        Known {
+            opens: those(&|port| port.was_opened),
+            reads: those(&|port| port.is_open && port.drained_at >= Some(from)),
+            speaks: those(&|port| port.spoke_at >= Some(from)),
+        }
+    }
+
+    /// Ends the program; what it said on its standard error, and the run.
+    pub(super) fn end(mut self, stand: &Stand<'_>) -> (String, Run) {
+        let said = self.process.take().map(Process::end).unwrap_or_default();
+        let transports = self.realtime.into_transports();
+        if self.dir.is_none() {
+            stand.keep_open(transports);
+        }
+        // The capture is for people; what cannot be written of it is not worth the finding.
+        let _ = self.run.0.rig.finish_taps();
+        (said, self.run.0)
+    }
+}
+
+/// The rig of `scenario`, its open ends, and the end of `link` at which a device was.
+pub(super) fn wire(
+    stand: &Stand<'_>,
+    scenario: &Scenario,
+    link: Option<&str>,
+) -> Result<(Run, Vec<OpenEnd>, Option<usize>), StandError> {
+    let mission = &scenario.mission;
+    let is_scripted = !mission.waypoints_m.is_empty() || !mission.step.is_empty();
+    let wired = |pc| {
+        let world = scenario.world.build(scenario.seed, &stand.source)?;
+        robots::wire(scenario, &stand.source, world, Dut::External, pc)
+    };
+    let has =
+        |wired: &Wired| link.is_none_or(|link| wired.open_ends.iter().any(|end| end.link == link));
+    let wired = match wired(PcEnd::Scripted)? {
+        scripted if is_scripted && has(&scripted) => scripted,
+        _ => wired(PcEnd::External)?,
+    };
+    let (mut rig, ends) = (wired.rig, wired.open_ends);
+    let raw = link.and_then(|link| rig.replace_device(link));
+    if let (Some(node), Some(end)) = (raw, ends.iter().find(|end| Some(&*end.link) == link)) {
+        rig.set_line_config(node, end.line);
+    }
+    Ok((Run::with_rig(scenario.clone(), rig), ends, raw))
+}
+
+fn record(run: &mut Run, path: &Path) -> Result<(), StandError> {
+    let about = capture::about_live(run.scenario(), utc());
+    let limits = Limits {
+        file_bytes: CAPTURE_MAX,
+        files: 1,
+    };
+    let recording = Recording::create(path, &run.rig, about, limits);
+    let recording = recording.map_err(|source| StandError::File(path.to_owned(), source))?;
+    run.rig.add_tap(Box::new(recording));
+    Ok(())
+}
+
+/// An end of a link and the port that it is on.
+pub(super) type Placed = (OpenEnd, Box<dyn Transport>);
+
+/// A new pseudo-terminal in `dir` for each end.
+pub(super) fn terminals(
+    dir: &Path,
+    ends: &[OpenEnd],
+    scenario: &Scenario,
+) -> Result<(PortDir, Vec<Placed>), StandError> {
+    let mut dir = PortDir::open(dir)?;
+    let mut ports: Vec<Placed> = Vec::new();
+    for end in ends {
+        let port = Pty::open(&dir, &end.name, end.line)?;
+        ports.push((end.clone(), Box::new(port)));
+    }
+    dir.leave_note(Note::Scenario, &scenario.to_toml())?;
+    Ok((dir, ports))
+}
+
+/// The ports that are in `dir` already.
+pub(super) fn serials(dir: &Path, ends: &[OpenEnd]) -> Result<Vec<Placed>, StandError> {
+    let mut ports: Vec<Placed> = Vec::new();
+    for end in ends {
+        let path: PathBuf = dir.join(&end.name);
+        if path.exists() {
+            let port = Serial::open(&path, end.line)?;
+            ports.push((end.clone(), Box::new(port)));
+        }
+    }
+    Ok(ports)
+}

@@ -1,0 +1,262 @@
+//! The stand on which a program is put: what it is told, and what is seen of it.
+
+use core::cell::RefCell;
+use core::fmt;
+use core::time::Duration;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::case::{Case, Known};
+use super::cause::Cause;
+use super::live::{self, Halt, Live, Placed};
+use super::speech::Speech;
+use super::trial;
+use crate::realtime::transport::{PortDir, Transport, TransportError};
+use crate::robots::{self, OpenEnd};
+use crate::run::Run;
+use crate::run::check::Status;
+use crate::scenario::{Scenario, ScenarioError, Source};
+
+/// Whose program it is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Whose {
+    /// Started anew for each case, its ports being pseudo-terminals in a directory.
+    Command {
+        /// For the shell.
+        command: String,
+        /// Where its ports are.
+        dir: PathBuf,
+    },
+    /// At work already, behind the ports in this directory.
+    Ports(PathBuf),
+}
+
+/// Where programs are put on trial.
+pub struct Stand<'a> {
+    /// The program.
+    pub whose: Whose,
+    /// Where the scenario comes from, for messages.
+    pub source: Source,
+    /// Time within which it must show that it lives.
+    pub alive: Duration,
+    /// Time within which it must open a port.
+    pub start: Duration,
+    /// Whether rules about time are judged too.
+    pub is_strict: bool,
+    /// Whether to go on; asked a thousand times a second.
+    pub goes_on: &'a dyn Fn() -> bool,
+    /// Real ports stay open from case to case: to open one may reset the board behind it.
+    open: RefCell<Vec<Box<dyn Transport>>>,
+}
+
+/// Why nothing can be tried.
+#[derive(Debug)]
+pub enum StandError {
+    /// The scenario cannot be run.
+    Scenario(ScenarioError),
+    /// A port cannot be had.
+    Transport(TransportError),
+    /// There is no shell.
+    NotStarted(io::Error),
+    /// The program is of no use: what it does not do.
+    Useless(String),
+    /// A file cannot be written or read.
+    File(PathBuf, io::Error),
+    /// A file does not say what it should.
+    Content(PathBuf, String),
+    /// Somebody wants to stop.
+    Interrupted,
+}
+
+impl fmt::Display for StandError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Scenario(error) => error.fmt(f),
+            Self::Transport(error) => error.fmt(f),
+            Self::NotStarted(error) => write!(f, "sh: {error}; expected a shell that starts"),
+            Self::Useless(why) => f.write_str(why),
+            Self::File(path, error) => write!(f, "{}: {error}", path.display()),
+            Self::Content(path, error) => write!(f, "{}: {error}", path.display()),
+            Self::Interrupted => f.write_str("interrupted"),
+        }
+    }
+}
+
+impl core::error::Error for StandError {}
+
+impl From<ScenarioError> for StandError {
+    fn from(error: ScenarioError) -> Self {
+        Self::Scenario(error)
+    }
+}
+
+impl From<TransportError> for StandError {
+    fn from(error: TransportError) -> Self {
+        Self::Transport(error)
+    }
+}
+
+/// What came of a case.
+#[derive(Clone, Debug)]
+pub struct Seen {
+    /// What was wrong.
+    pub causes: Vec<Cause>,
+    /// What the program said on its standard error.
+    pub said: String,
+    /// The scenario as it ran, random faults as the bytes that they hit.
+    pub ran: Scenario,
+    /// What the program did in the last part of the case.
+    pub known: Known,
+    /// Whether the rig was too late to judge what may come of that.
+    pub was_late: bool,
+}
+
+/// A rig that is later than this may make a program break a rule about time, or drive into a wall.
+const LATE: Duration = Duration::from_millis(20);
+
+impl<'a> Stand<'a> {
+    /// A stand for that program.
+    pub fn new(
+        whose: Whose,
+        source: Source,
+        [alive, start]: [Duration; 2],
+        goes_on: &'a dyn Fn() -> bool,
+    ) -> Self {
+        Self {
+            whose,
+            source,
+            alive,
+            start,
+            is_strict: false,
+            goes_on,
+            open: RefCell::default(),
+        }
+    }
+
+    /// The ends of the scenario's links at which a program can be; with `link`, that one is among
+    /// them if it can be.
+    pub fn ends(
+        &self,
+        scenario: &Scenario,
+        link: Option<&str>,
+    ) -> Result<Vec<(OpenEnd, Speech)>, StandError> {
+        let (run, ends, _) = live::wire(self, scenario, link)?;
+        // As wired with its devices: which order the checksums have, the base says.
+        let (whole, ..) = live::wire(self, scenario, None)?;
+        drop(run);
+        let speech = |end: &OpenEnd| {
+            let own = scenario.device.get(&end.link).and_then(Speech::of_device);
+            let protocol = robots::protocol(scenario.robot, &whole.rig, &end.link);
+            own.unwrap_or(Speech::of_protocol(protocol))
+        };
+        Ok(ends
+            .into_iter()
+            .map(|end| {
+                let speech = speech(&end);
+                (end, speech)
+            })
+            .collect())
+    }
+
+    /// The ports for `ends`; the directory too, if it was made for them.
+    pub(super) fn ports(
+        &self,
+        ends: &[OpenEnd],
+        scenario: &Scenario,
+    ) -> Result<(Option<PortDir>, Vec<Placed>), StandError> {
+        let dir = match &self.whose {
+            Whose::Command { dir, .. } => {
+                let (dir, ports) = live::terminals(dir, ends, scenario)?;
+                return Ok((Some(dir), ports));
+            }
+            Whose::Ports(dir) => dir,
+        };
+        let mut open = self.open.borrow_mut();
+        if open.is_empty() {
+            let ports = live::serials(dir, ends)?;
+            open.extend(ports.into_iter().map(|(_, port)| port));
+        }
+        if open.is_empty() {
+            let names: Vec<&str> = ends.iter().map(|end| end.name.as_str()).collect();
+            return Err(StandError::Useless(format!(
+                "--dut-dir {}: no port there, expected one of {}",
+                dir.display(),
+                names.join(", ")
+            )));
+        }
+        let ports = core::mem::take(&mut *open).into_iter().filter_map(|port| {
+            let end = ends.iter().find(|end| dir.join(&end.name) == port.path())?;
+            Some((end.clone(), port))
+        });
+        Ok((None, ports.collect()))
+    }
+
+    /// Keeps real ports for the next case.
+    pub(super) fn keep_open(&self, ports: Vec<Box<dyn Transport>>) {
+        *self.open.borrow_mut() = ports;
+    }
+
+    /// Tries `case`, `speech` being that of its raw link; every byte is in `recording` then.
+    pub fn run(&self, case: &Case, speech: &Speech, recording: &Path) -> Result<Seen, StandError> {
+        let (mut live, opened) = Live::begin(self, case, recording)?;
+        let mut causes = Vec::new();
+        let acted =
+            opened.and_then(|()| trial::act(&mut live, case, speech, self.alive, &mut causes));
+        self.judge(live, acted, causes)
+    }
+
+    /// Ends the program and says what was wrong with it, besides `causes`.
+    pub(super) fn judge(
+        &self,
+        live: Live<'_>,
+        acted: Result<(), Halt>,
+        mut causes: Vec<Cause>,
+    ) -> Result<Seen, StandError> {
+        let known = live.known(live.now());
+        let was_late = live.late() > LATE;
+        let (said, run) = live.end(self);
+        match acted {
+            Ok(()) => {}
+            Err(Halt::Ended(ended)) => causes.push(Cause::of_end(ended, &said)),
+            Err(Halt::Lost(how)) => causes.push(Cause::PortLost(how)),
+            Err(Halt::Interrupted) => return Err(StandError::Interrupted),
+        }
+        let ran = run.case();
+        let counts = |cause: &Cause| {
+            (self.is_strict || !cause.is_about_time()) && !(was_late && cause.may_be_lateness())
+        };
+        causes.extend(broken(run).into_iter().filter(counts));
+        Ok(Seen {
+            causes,
+            said,
+            ran,
+            known,
+            was_late,
+        })
+    }
+}
+
+/// The rules that were broken, each once, and the checkers that failed.
+fn broken(run: Run) -> Vec<Cause> {
+    let mut causes: Vec<Cause> = Vec::new();
+    for logged in run.rig.events().iter().filter(|one| one.is_violation()) {
+        let cause = Cause::Rule {
+            device: logged.source.clone(),
+            rule: logged.event.rule.to_owned(),
+            detail: format!("{} s, {}", logged.event.at, logged.event.detail),
+        };
+        if causes.iter().all(|known| known.key() != cause.key()) {
+            causes.push(cause);
+        }
+    }
+    let checks = run.judge().checks.into_iter();
+    causes.extend(
+        checks
+            .filter(|check| check.status == Status::Fail)
+            .map(|check| Cause::Check {
+                name: check.name,
+                detail: check.detail,
+            }),
+    );
+    causes
+}

@@ -1,0 +1,151 @@
+//! What a program goes through in a case.
+
+use core::time::Duration;
+
+use super::case::{Answered, Case, Known, Pair, Raw};
+use super::cause::Cause;
+use super::live::{Halt, Live};
+use super::speech::{Shape, Speech};
+use crate::search::fuzz::wire::{Piece, Stream};
+
+/// Time for an answer to a frame.
+const WINDOW: Duration = Duration::from_millis(60);
+
+/// A link and what is said on it.
+pub(super) struct Talk<'a> {
+    speech: &'a Speech,
+    /// What the program says there unasked.
+    pub(super) chatter: Shape,
+}
+
+impl<'a> Talk<'a> {
+    /// Nothing is said unasked.
+    pub(super) const fn new(speech: &'a Speech) -> Self {
+        let chatter = Shape::new();
+        Self { speech, chatter }
+    }
+
+    fn of(raw: &Raw, speech: &'a Speech) -> Self {
+        let chatter = raw.chatter.iter().map(|hex| hex.0.clone()).collect();
+        Self { speech, chatter }
+    }
+
+    /// What kind of answer the program gives to `bytes`.
+    pub(super) fn ask(&self, live: &mut Live<'_>, bytes: &[u8]) -> Result<Shape, Halt> {
+        let heard = live.ask(bytes, WINDOW)?;
+        Ok(&self.speech.shape(&heard, bytes) - &self.chatter)
+    }
+
+    /// Whether the damaged frame is answered as the sound one is, and noise is not. Twice, and
+    /// after another frame was answered: what the program says by itself may tell of the last
+    /// frame that it took.
+    fn is_taken(&self, live: &mut Live<'_>, raw: &Raw, pair: &Pair) -> Result<bool, Halt> {
+        if self.ask(live, &pair.damaged.0)?.is_empty() {
+            return Ok(false);
+        }
+        let others = raw.answered.iter().map(|answered| &answered.frame);
+        let other = others.into_iter().find(|frame| **frame != pair.good);
+        for _ in 0..2 {
+            if let Some(other) = other {
+                self.ask(live, &other.0)?;
+            }
+            let to_noise = self.ask(live, &pair.noise.0)?;
+            let to_damaged = self.ask(live, &pair.damaged.0)?;
+            let to_good = self.ask(live, &pair.good.0)?;
+            if to_damaged.is_empty() || to_damaged == to_noise || to_damaged != to_good {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// Whether the program answers as it did.
+    fn is_answered(&self, live: &mut Live<'_>, asked: &Answered) -> Result<bool, Halt> {
+        let kinds = self.ask(live, &asked.frame.0)?;
+        Ok(asked.kinds.iter().any(|kind| kinds.contains(&kind.0)))
+    }
+}
+
+/// Does what `case` says, then sees whether the program lives. What was wrong is in `causes`, also
+/// if it ended after that.
+pub(super) fn act(
+    live: &mut Live<'_>,
+    case: &Case,
+    speech: &Speech,
+    alive: Duration,
+    causes: &mut Vec<Cause>,
+) -> Result<(), Halt> {
+    let Some(raw) = &case.told.raw else {
+        live.pass(case.told.lasting.0)?;
+        causes.extend(settle(live, &case.told.known, None, alive)?);
+        return Ok(());
+    };
+    let talk = Talk::of(raw, speech);
+    for pair in &raw.pair {
+        if talk.is_taken(live, raw, pair)? {
+            let (pair, link) = (pair.clone(), raw.link.clone());
+            causes.push(Cause::Accepts { pair, link });
+            break;
+        }
+    }
+    // Whoever reads a case made sure that it can be read.
+    let stream = Stream::parse(&raw.stream).unwrap_or_default();
+    for piece in stream.pieces() {
+        match piece {
+            Piece::Bytes(bytes) => live.say(bytes)?,
+            Piece::Idle => live.pause()?,
+        }
+    }
+    live.pause()?;
+    causes.extend(settle(live, &case.told.known, Some((&talk, raw)), alive)?);
+    Ok(())
+}
+
+/// Whether the program lives: it reads what it is given, speaks where it always spoke, and answers
+/// what it used to answer. It is asked again and again: one that waits for the rest of a cut frame
+/// gets it.
+pub(super) fn settle(
+    live: &mut Live<'_>,
+    known: &Known,
+    asked: Option<(&Talk<'_>, &Raw)>,
+    alive: Duration,
+) -> Result<Option<Cause>, Halt> {
+    let (from, mut count) = (live.now(), 0);
+    let mut answers = asked.is_none_or(|(_, raw)| raw.answered.is_empty());
+    loop {
+        let now = live.known(from);
+        let unread: Vec<_> = known.reads.difference(&now.reads).cloned().collect();
+        let silent: Vec<_> = known.speaks.difference(&now.speaks).cloned().collect();
+        if unread.is_empty() && silent.is_empty() && answers {
+            return Ok(None);
+        }
+        if live.now() - from >= alive {
+            return Ok(Some(Cause::Hang(in_words(
+                &unread, &silent, answers, alive,
+            ))));
+        }
+        match asked {
+            Some((talk, raw)) if !answers => {
+                let asked = &raw.answered[count % raw.answered.len()];
+                answers = talk.is_answered(live, asked)?;
+                count += 1;
+            }
+            _ => live.turn()?,
+        }
+    }
+}
+
+fn in_words(unread: &[String], silent: &[String], answers: bool, alive: Duration) -> String {
+    let mut words = Vec::new();
+    if !unread.is_empty() {
+        words.push(format!("it does not read {}", unread.join(", ")));
+    }
+    if !silent.is_empty() {
+        words.push(format!("it says nothing on {}", silent.join(", ")));
+    }
+    if !answers {
+        words.push("it answers nothing that it used to answer".to_owned());
+    }
+    let seconds = alive.as_secs_f64();
+    format!("for {seconds} s {}", words.join(", "))
+}

@@ -1,0 +1,8 @@
+//! What people look at: the page, the report, maps and pictures, the result folder.
+
+pub mod folder;
+pub mod render;
+pub mod report;
+#[cfg(feature = "ui")]
+pub mod ui;
+pub mod view;

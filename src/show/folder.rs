@@ -1,0 +1,263 @@
+//! The result folder: everything that a run leaves behind, for people, for CI and for other tools.
+
+use core::fmt::Write as _;
+use core::time::Duration;
+use std::collections::BTreeMap;
+use std::fmt;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use emulators::world::Pose;
+use image::RgbImage;
+use protocols::Instant;
+use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
+use serde::Serialize;
+
+use crate::TOOL;
+use crate::run::Outcome;
+use crate::run::check::{Check, Status};
+use crate::show::render;
+use crate::show::report;
+
+/// `result.json`.
+#[derive(Clone, Debug, Serialize)]
+pub struct ResultFile<'a> {
+    /// Name of the tool.
+    pub tool: &'a str,
+    /// Its version.
+    pub version: &'a str,
+    /// Name of the scenario.
+    pub scenario: &'a str,
+    /// Seed of the run.
+    pub seed: u64,
+    /// `pass` or `fail`.
+    pub verdict: Status,
+    /// All verdicts.
+    pub checks: &'a [Check],
+    /// Figures of the run.
+    pub metrics: Metrics,
+    /// The program's own counters.
+    pub counters: &'a BTreeMap<&'static str, u64>,
+    /// Fingerprint of all bytes on all lines.
+    pub trace_hash: &'a str,
+    /// Fingerprint of the program's map.
+    pub map_hash: Option<String>,
+}
+
+/// Figures of a run.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Metrics {
+    /// Virtual time, seconds.
+    pub sim_s: f64,
+    /// Time that it took, seconds.
+    pub wall_s: f64,
+    /// How many times faster than real time.
+    pub speedup: f64,
+    /// Root mean square of the position error, mm.
+    pub pose_rms_mm: Option<f64>,
+    /// Worst position error, mm.
+    pub pose_max_mm: Option<f64>,
+    /// Root mean square of the heading error, degrees.
+    pub heading_rms_deg: Option<f64>,
+    /// Share of walls found and of found walls right, the smaller one.
+    pub wall_overlap: Option<f64>,
+    /// Share of the walls seen that are in the map.
+    pub walls_found: Option<f64>,
+    /// Share of the walls in the map that are there.
+    pub walls_right: Option<f64>,
+    /// Waypoints visited in order.
+    pub waypoints_visited: usize,
+    /// Waypoints of the mission.
+    pub waypoints: usize,
+    /// Rules of devices that the program broke.
+    pub violations: u64,
+}
+
+impl Metrics {
+    /// The figures of `outcome`, which took `wall`.
+    pub fn of(outcome: &Outcome, wall: Duration) -> Self {
+        let (sim_s, wall_s) = (outcome.ran.as_secs_f64(), wall.as_secs_f64());
+        let rounded = |value: f64| (value * 1e4).round() / 1e4;
+        let (error, walls) = (outcome.pose_error, outcome.wall_overlap);
+        Self {
+            sim_s: rounded(sim_s),
+            wall_s: rounded(wall_s),
+            speedup: (sim_s / wall_s.max(1e-6)).round(),
+            pose_rms_mm: error.map(|error| rounded(error.rms_mm)),
+            pose_max_mm: error.map(|error| rounded(error.max_mm)),
+            heading_rms_deg: error.map(|error| rounded(error.rms_deg)),
+            wall_overlap: walls.map(|walls| rounded(walls.least())),
+            walls_found: walls.map(|walls| rounded(walls.found)),
+            walls_right: walls.map(|walls| rounded(walls.right)),
+            waypoints_visited: outcome.waypoints[0],
+            waypoints: outcome.waypoints[1],
+            violations: outcome.violations,
+        }
+    }
+}
+
+/// A file of the result folder could not be written.
+#[derive(Debug)]
+pub struct FolderError {
+    /// Which file.
+    pub path: PathBuf,
+    /// Why.
+    pub source: io::Error,
+}
+
+impl fmt::Display for FolderError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "cannot write {}: {}", self.path.display(), self.source)
+    }
+}
+
+impl core::error::Error for FolderError {}
+
+/// A folder that is being filled.
+#[derive(Debug)]
+pub(crate) struct Folder<'a>(&'a Path);
+
+impl<'a> Folder<'a> {
+    /// The folder at `path`, made if need be.
+    pub(crate) fn at(path: &'a Path) -> Result<Self, FolderError> {
+        std::fs::create_dir_all(path).map_err(failed(path))?;
+        Ok(Self(path))
+    }
+
+    /// Writes a file.
+    pub(crate) fn put(&self, name: &str, bytes: impl AsRef<[u8]>) -> Result<(), FolderError> {
+        let path = self.0.join(name);
+        std::fs::write(&path, bytes).map_err(failed(&path))
+    }
+
+    /// Writes a picture in the form that its name says.
+    pub(crate) fn picture(&self, name: &str, picture: &RgbImage) -> Result<(), FolderError> {
+        let path = self.0.join(name);
+        let saved = picture.save(&path).map_err(io::Error::other);
+        saved.map_err(failed(&path))
+    }
+}
+
+fn failed(path: &Path) -> impl FnOnce(io::Error) -> FolderError {
+    let path = path.to_owned();
+    move |source| FolderError { path, source }
+}
+
+/// Writes all files of `outcome`, a run that took `wall`, into `dir`, which is made if need be.
+pub fn write(dir: &Path, outcome: &Outcome, wall: Duration) -> Result<(), FolderError> {
+    let folder = Folder::at(dir)?;
+    folder.put("result.json", result_json(outcome, wall))?;
+    folder.put("case.toml", outcome.case.to_toml())?;
+    folder.put("report.html", report::html(outcome))?;
+    folder.put("events.txt", events(outcome))?;
+    folder.put("true.tum", tum(&outcome.truth))?;
+    let estimate: Vec<_> = outcome
+        .pairs
+        .iter()
+        .map(|pair| (pair.at, pair.estimate))
+        .collect();
+    folder.put("estimate.tum", tum(&estimate))?;
+    folder.put("junit.xml", junit([outcome.into()], wall))?;
+    if let Some(display) = &outcome.display {
+        folder.picture("display.png", display)?;
+    }
+    let Some(map) = outcome.map.as_deref() else {
+        return Ok(());
+    };
+    let robot = outcome.truth.last().map(|&(_, pose)| pose);
+    folder.put("map.txt", render::text(map, 5, robot))?;
+    folder.put("map.yaml", render::ros_yaml(map, "map.pgm"))?;
+    folder.put("map.pgm", render::pgm(&render::ros_image(map)))?;
+    let truth: Vec<Pose> = outcome.truth.iter().map(|&(_, pose)| pose).collect();
+    let believed: Vec<Pose> = estimate.iter().map(|&(_, pose)| pose).collect();
+    folder.picture("map.png", &render::picture(map, &truth, &believed))
+}
+
+fn result_json(outcome: &Outcome, wall: Duration) -> String {
+    let map = outcome.map.as_deref();
+    let file = ResultFile {
+        tool: TOOL,
+        version: env!("CARGO_PKG_VERSION"),
+        scenario: &outcome.case.name,
+        seed: outcome.seed,
+        verdict: if outcome.passed() {
+            Status::Pass
+        } else {
+            Status::Fail
+        },
+        checks: &outcome.checks,
+        metrics: Metrics::of(outcome, wall),
+        counters: &outcome.counters,
+        trace_hash: &outcome.trace_hash,
+        map_hash: map.map(|map| crate::rig::trace::fingerprint(map.rows().as_flattened())),
+    };
+    let mut text = serde_json::to_string_pretty(&file).expect("plain data with string keys");
+    text.push('\n');
+    text
+}
+
+fn events(outcome: &Outcome) -> String {
+    let lines = outcome.events.iter().map(|logged| format!("{logged}\n"));
+    lines.collect()
+}
+
+/// A trajectory in TUM form: seconds, position, orientation as a quaternion; eight columns.
+pub fn tum(way: &[(Instant, Pose)]) -> String {
+    let mut out = String::from("# timestamp tx ty tz qx qy qz qw\n");
+    for (at, pose) in way {
+        let half = pose.theta / 2.0;
+        let (qz, qw) = (libm::sin(half), libm::cos(half));
+        let line = format_args!("{at} {:.6} {:.6} 0 0 0 {qz:.9} {qw:.9}\n", pose.x, pose.y);
+        out.write_fmt(line).expect("a string takes everything");
+    }
+    out
+}
+
+/// Verdicts that belong together in a JUnit file.
+#[derive(Clone, Copy, Debug)]
+pub struct Suite<'a> {
+    /// What was run.
+    pub name: &'a str,
+    /// With which seed, if there was one.
+    pub seed: Option<u64>,
+    /// All verdicts.
+    pub checks: &'a [Check],
+}
+
+impl<'a> From<&'a Outcome> for Suite<'a> {
+    fn from(outcome: &'a Outcome) -> Self {
+        Self {
+            name: &outcome.case.name,
+            seed: Some(outcome.seed),
+            checks: &outcome.checks,
+        }
+    }
+}
+
+/// The verdicts of `suites` as JUnit: one suite a run, one case a check. `wall` is what all of
+/// them took.
+pub fn junit<'a>(suites: impl IntoIterator<Item = Suite<'a>>, wall: Duration) -> String {
+    let mut report = Report::new(TOOL);
+    report.set_time(wall);
+    for Suite { name, seed, checks } in suites {
+        let mut suite = TestSuite::new(match seed {
+            Some(seed) => format!("{name} seed {seed}"),
+            None => name.to_owned(),
+        });
+        for check in checks {
+            let status = match check.status {
+                Status::Pass => TestCaseStatus::success(),
+                Status::Fail => {
+                    let mut status = TestCaseStatus::non_success(NonSuccessKind::Failure);
+                    status.set_message(check.detail.clone());
+                    status
+                }
+            };
+            let mut case = TestCase::new(check.name.clone(), status);
+            case.set_classname(name.to_owned());
+            suite.add_test_case(case);
+        }
+        report.add_test_suite(suite);
+    }
+    report.to_string().expect("written to memory")
+}

@@ -1,0 +1,193 @@
+//! Maps as pictures and as text.
+
+use emulators::touch_panel::{self, TouchPanel};
+use emulators::world::{Pose, Shape};
+use firmware_core::grid::Grid;
+use image::{GrayImage, Luma, Rgb, RgbImage};
+
+use crate::run::score::{is_wall, outline};
+
+/// Gray of an unknown cell in a ROS map, as its own savers write it.
+const ROS_UNKNOWN: u8 = 205;
+
+/// Cells that differ less than this from unknown count as unknown.
+const UNKNOWN_BAND: u8 = 12;
+
+/// What a cell is to a reader of the map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cell {
+    /// Never or hardly seen.
+    Unknown,
+    /// Seen through.
+    Free,
+    /// A wall.
+    Wall,
+    /// The slope beside a wall: neither.
+    Between,
+}
+
+/// Judges a cell.
+pub fn cell(grid: &Grid, x: usize, y: usize) -> Cell {
+    let value = grid.get(x, y).unwrap_or(127);
+    if is_wall(grid, x, y) {
+        Cell::Wall
+    } else if value.abs_diff(127) < UNKNOWN_BAND {
+        Cell::Unknown
+    } else if value < 127 {
+        Cell::Free
+    } else {
+        Cell::Between
+    }
+}
+
+/// The map as text, one character per `block` x `block` cells, top row first: `#` wall, `.` free,
+/// space unknown, `+` neither, `@` the robot.
+pub fn text(grid: &Grid, block: usize, robot: Option<Pose>) -> String {
+    let cell_m = f64::from(grid.resolution_mm()) / 1000.0;
+    let robot = robot.map(|pose| {
+        let index = |metres: f64| (metres / cell_m / block as f64).floor();
+        (index(pose.x), index(pose.y))
+    });
+    let (columns, rows) = (grid.width().div_ceil(block), grid.height().div_ceil(block));
+    let mut out = String::with_capacity((columns + 1) * rows);
+    for row in (0..rows).rev() {
+        let line: String = (0..columns)
+            .map(|column| {
+                if robot == Some((column as f64, row as f64)) {
+                    return '@';
+                }
+                block_character(grid, column * block, row * block, block)
+            })
+            .collect();
+        out.push_str(line.trim_end());
+        out.push('\n');
+    }
+    out
+}
+
+fn block_character(grid: &Grid, x: usize, y: usize, block: usize) -> char {
+    let mut counts = [0_usize; 4];
+    for y in y..(y + block).min(grid.height()) {
+        for x in x..(x + block).min(grid.width()) {
+            counts[cell(grid, x, y) as usize] += 1;
+        }
+    }
+    let [unknown, free, wall, between] = counts;
+    // A wall is a line: it fills a block's length, not its area.
+    if wall * 2 >= block {
+        '#'
+    } else if free >= unknown && free >= between && free > 0 {
+        '.'
+    } else if unknown >= between {
+        ' '
+    } else {
+        '+'
+    }
+}
+
+/// The map in ROS gray values: 254 free, 0 occupied, 205 unknown; first row on top. Trinary: the
+/// slopes beside walls are unknown.
+pub fn ros_image(grid: &Grid) -> GrayImage {
+    let height = grid.height();
+    let (w, h) = (size(grid.width()), size(height));
+    GrayImage::from_fn(w, h, |x, y| {
+        Luma([match cell(grid, x as usize, height - 1 - y as usize) {
+            Cell::Wall => 0,
+            Cell::Free => 254,
+            Cell::Unknown | Cell::Between => ROS_UNKNOWN,
+        }])
+    })
+}
+
+/// A picture as a binary PGM. By that file name the library would write its newer form, `P7`, which
+/// ROS does not read.
+pub fn pgm(picture: &GrayImage) -> Vec<u8> {
+    let head = format!("P5\n{} {}\n255\n", picture.width(), picture.height());
+    [head.as_bytes(), picture.as_raw()].concat()
+}
+
+/// The text of the yaml file that belongs to [`ros_image`]. `free_thresh` is 0.196: with the 0.25
+/// that nav2 takes by default, an unknown cell of gray 205 would be read as free.
+pub fn ros_yaml(grid: &Grid, image: &str) -> String {
+    ros_yaml_at([0.0; 2], f64::from(grid.resolution_mm()) / 1000.0, image)
+}
+
+/// The same for a map whose lower left corner lies at `origin`, metres.
+pub fn ros_yaml_at([x, y]: [f64; 2], cell_m: f64, image: &str) -> String {
+    format!(
+        "image: {image}\nmode: trinary\nresolution: {cell_m}\norigin: [{x:?}, {y:?}, 0.0]\nnegate: 0\n\
+         occupied_thresh: 0.65\nfree_thresh: 0.196\n",
+    )
+}
+
+/// The map as the program holds it, dark where it believes a wall, with the true way (green) and
+/// the believed way (red).
+pub fn picture(grid: &Grid, truth: &[Pose], estimate: &[Pose]) -> RgbImage {
+    const SCALE: u32 = 3;
+    let height = grid.height();
+    let (w, h) = (size(grid.width()) * SCALE, size(height) * SCALE);
+    let mut image = RgbImage::from_fn(w, h, |x, y| {
+        let (x, y) = (x / SCALE, y / SCALE);
+        let value = 255 - grid.get(x as usize, height - 1 - y as usize).unwrap_or(127);
+        Rgb([value; 3])
+    });
+    let pixel_m = f64::from(grid.resolution_mm()) / 1000.0 / f64::from(SCALE);
+    for (way, colour) in [(truth, Rgb([0, 160, 60])), (estimate, Rgb([220, 40, 30]))] {
+        for pair in way.windows(2) {
+            let shape = Shape::Wall {
+                from: pair[0].point(),
+                to: pair[1].point(),
+            };
+            outline(&shape, pixel_m, |place| {
+                let (x, y) = (place.x / pixel_m, f64::from(h) - place.y / pixel_m);
+                dot(&mut image, x, y, colour);
+            });
+        }
+    }
+    image
+}
+
+/// What is on a display.
+pub fn display(panel: &TouchPanel) -> RgbImage {
+    let (width, height) = (size(touch_panel::WIDTH), size(touch_panel::HEIGHT));
+    RgbImage::from_fn(width, height, |x, y| {
+        let pixel = panel.pixels()[y as usize * touch_panel::WIDTH + x as usize];
+        let [high, low] = pixel.to_be_bytes();
+        // Five or six bits become eight so that the largest value stays the largest.
+        let five = |bits: u8| bits << 3 | bits >> 2;
+        let green = (high & 0x07) << 3 | low >> 5;
+        Rgb(if panel.is_on() {
+            [five(high >> 3), green << 2 | green >> 4, five(low & 0x1F)]
+        } else {
+            [0; 3]
+        })
+    })
+}
+
+/// Two by two pixels, as far as they lie inside.
+pub(crate) fn dot(image: &mut RgbImage, x: f64, y: f64, colour: Rgb<u8>) {
+    for (x, y) in [(x, y), (x + 1.0, y), (x, y + 1.0), (x + 1.0, y + 1.0)] {
+        let inside = x >= 0.0 && y >= 0.0;
+        if inside && x < f64::from(image.width()) && y < f64::from(image.height()) {
+            #[expect(clippy::cast_possible_truncation, reason = "inside the picture")]
+            #[expect(clippy::cast_sign_loss, reason = "inside the picture")]
+            image.put_pixel(x as u32, y as u32, colour);
+        }
+    }
+}
+
+fn size(cells: usize) -> u32 {
+    u32::try_from(cells).expect("a map has a few hundred cells a side")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The form's own definition: magic, width, height, largest gray, one white space, the rows.
+    #[test]
+    fn a_ros_picture_is_a_binary_pgm() {
+        let picture = GrayImage::from_fn(2, 1, |x, _| Luma([if x == 0 { 254 } else { 205 }]));
+        assert_eq!(pgm(&picture), b"P5\n2 1\n255\n\xFE\xCD");
+    }
+}

@@ -1,0 +1,244 @@
+//! report.html: a run to look at in any browser, without a network: what was demanded and what
+//! came of it, world, map and ways at any time, the wires, what happened.
+//!
+//! One file that holds everything. What is text stands in the page itself, so that it can be read,
+//! searched and printed without its script; the script draws the rest from JSON. Everything that
+//! came from a scenario or a wire is escaped, and a policy keeps all but our own script from
+//! running. The same case makes the same bytes.
+
+mod data;
+mod text;
+
+use core::time::Duration;
+
+use crate::TOOL;
+use crate::rig::Logged;
+use crate::rig::trace;
+use crate::run::Outcome;
+use crate::run::check::Status;
+use crate::scenario::FaultSpec;
+use crate::show::folder::Metrics;
+use crate::show::view;
+use text::{escape, with_jumps};
+
+const SCRIPT: &str = include_str!("report/report.js");
+const STYLE: &str = include_str!("report/report.css");
+const STAGE: &str = include_str!("report/stage.html");
+
+/// Most events that are listed; events.txt has all of them.
+const EVENTS_MAX: usize = 500;
+/// Most faults that are listed; case.toml has all of them.
+const FAULTS_MAX: usize = 200;
+
+/// The report of `outcome`.
+pub fn html(outcome: &Outcome) -> String {
+    let events = listed(&outcome.events);
+    // No "<" can end the element that holds the data.
+    let data = data::json(outcome, &events).replace('<', "\\u003c");
+    let nonce = trace::fingerprint(data.as_bytes());
+    let policy = format!(
+        "default-src 'none'; script-src 'nonce-{nonce}'; style-src 'nonce-{nonce}'; \
+         base-uri 'none'; form-action 'none'"
+    );
+    let name = escape(&outcome.case.name);
+    let title = format!("{name} seed {}", outcome.seed);
+    let body = [
+        header(outcome),
+        checks(outcome),
+        STAGE.to_owned(),
+        display(outcome),
+        event_list(outcome, &events),
+        faults(&outcome.case.fault),
+        figures(outcome),
+        counters(outcome),
+    ]
+    .concat();
+    let drawing = view::SCRIPT;
+    format!(
+        r#"<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta http-equiv="Content-Security-Policy" content="{policy}">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{title}</title>
+<style nonce="{nonce}">
+{STYLE}</style>
+</head>
+<body>
+{body}<script type="application/json" id="run">{data}</script>
+<script nonce="{nonce}">
+{drawing}</script>
+<script nonce="{nonce}">
+{SCRIPT}</script>
+</body>
+</html>
+"#
+    )
+}
+
+/// The events that are listed: broken rules before notes if there are too many.
+fn listed(events: &[Logged]) -> Vec<&Logged> {
+    let violations = events.iter().filter(|logged| logged.is_violation());
+    let notes = events.iter().filter(|logged| !logged.is_violation());
+    let mut listed: Vec<_> = violations.chain(notes).take(EVENTS_MAX).collect();
+    listed.sort_by_key(|logged| logged.event.at);
+    listed
+}
+
+fn header(outcome: &Outcome) -> String {
+    let (class, verdict) = if outcome.passed() {
+        ("pass", "PASS")
+    } else {
+        ("fail", "FAIL")
+    };
+    let case = &outcome.case;
+    let (name, about) = (escape(&case.name), escape(&case.description));
+    let (seed, hash, version) = (outcome.seed, &outcome.trace_hash, env!("CARGO_PKG_VERSION"));
+    let ran = outcome.ran.as_secs_f64();
+    format!(
+        "<header>\n<h1><span id=\"verdict\" class=\"{class}\">{verdict}</span> {name}</h1>\n\
+         <p>{about}</p>\n<p>seed {seed}, {ran:.1} s, bytes {hash}, {TOOL} {version}; \
+         again: <code>hilrig run case.toml</code></p>\n</header>\n"
+    )
+}
+
+fn section(id: &str, title: &str, content: &str) -> String {
+    format!(
+        "<section aria-labelledby=\"h-{id}\">\n<h2 id=\"h-{id}\">{title}</h2>\n\
+         {content}</section>\n"
+    )
+}
+
+fn table(id: &str, rows: impl Iterator<Item = String>) -> String {
+    let rows: String = rows.collect();
+    format!("<table id=\"{id}\"><tbody>\n{rows}</tbody></table>\n")
+}
+
+fn row(class: &str, cells: &[&str]) -> String {
+    let cells: String = cells
+        .iter()
+        .map(|cell| format!("<td>{cell}</td>"))
+        .collect();
+    format!("<tr class=\"{class}\">{cells}</tr>\n")
+}
+
+fn checks(outcome: &Outcome) -> String {
+    let rows = outcome.checks.iter().map(|check| {
+        let (class, word) = match check.status {
+            Status::Pass => ("pass", "ok"),
+            Status::Fail => ("fail", "FAIL"),
+        };
+        row(
+            class,
+            &[word, &escape(&check.name), &with_jumps(&check.detail)],
+        )
+    });
+    section("checks", "Verdicts", &table("checks", rows))
+}
+
+fn display(outcome: &Outcome) -> String {
+    if outcome.display.is_none() {
+        return String::new();
+    }
+    let canvas = "<canvas id=\"display\" role=\"img\" aria-label=\"The robot's display\">\
+                  </canvas>\n";
+    section("display", "The robot's display in the end", canvas)
+}
+
+fn event_list(outcome: &Outcome, events: &[&Logged]) -> String {
+    let items = events.iter().map(|logged| {
+        let class = if logged.is_violation() { "fail" } else { "" };
+        format!(
+            "<li class=\"{class}\">{}</li>\n",
+            with_jumps(&logged.to_string())
+        )
+    });
+    let items: String = items.collect();
+    let more = more(outcome.events.len(), events.len(), "events.txt");
+    let list = format!("<ol id=\"events\" tabindex=\"0\">\n{items}</ol>\n{more}");
+    section("events", "Events", &list)
+}
+
+/// Says that not everything is shown, if so.
+fn more(all: usize, shown: usize, file: &str) -> String {
+    if all == shown {
+        return String::new();
+    }
+    format!("<p>{shown} of {all}; {file} has all of them.</p>\n")
+}
+
+fn faults(faults: &[FaultSpec]) -> String {
+    if faults.is_empty() {
+        return String::new();
+    }
+    let rows = faults.iter().take(FAULTS_MAX).map(|fault| {
+        let byte = fault.byte.map(|byte| format!("byte {byte}"));
+        let rate = fault.rate.map(|rate| format!("rate {rate}"));
+        let seconds =
+            |span: crate::scenario::Span| with_jumps(&format!("{:.6} s", span.0.as_secs_f64()));
+        let from = fault.from.map(|span| format!("from {}", seconds(span)));
+        let until = fault.until.map(|span| format!("until {}", seconds(span)));
+        let when: Vec<String> = [byte, rate, from, until].into_iter().flatten().collect();
+        let way = match fault.direction.map(Into::into) {
+            Some(crate::rig::line::Direction::ToMaster) => "to the robot",
+            Some(crate::rig::line::Direction::ToDevice) => "to the device",
+            None => "",
+        };
+        let link = escape(&fault.place());
+        row("", &[fault.kind.name(), &link, way, &when.join(" ")])
+    });
+    let more = more(faults.len(), faults.len().min(FAULTS_MAX), "case.toml");
+    section("faults", "Faults", &(table("faults", rows) + &more))
+}
+
+fn figures(outcome: &Outcome) -> String {
+    // Wall time is no part of the run: it would make each report another one.
+    let metrics = Metrics::of(outcome, Duration::ZERO);
+    let share = |value: Option<f64>| value.map(|value| format!("{value:.3}"));
+    let figure = |value: Option<f64>, unit: &str| value.map(|value| format!("{value:.1} {unit}"));
+    let rows = [
+        ("position error, RMS", figure(metrics.pose_rms_mm, "mm")),
+        ("position error, worst", figure(metrics.pose_max_mm, "mm")),
+        ("heading error, RMS", figure(metrics.heading_rms_deg, "deg")),
+        ("walls found", share(metrics.walls_found)),
+        ("found walls right", share(metrics.walls_right)),
+        (
+            "waypoints visited",
+            Some(format!(
+                "{} of {}",
+                metrics.waypoints_visited, metrics.waypoints
+            )),
+        ),
+        ("broken rules", Some(metrics.violations.to_string())),
+    ];
+    let rows = rows
+        .into_iter()
+        .filter_map(|(name, value)| Some(row("", &[name, &value?])));
+    section("figures", "Figures", &table("figures", rows))
+}
+
+fn counters(outcome: &Outcome) -> String {
+    let counters = outcome.counters.iter().filter(|&(_, &value)| value > 0);
+    let rows = counters.map(|(name, value)| row("", &[&escape(name), &value.to_string()]));
+    section(
+        "counters",
+        "The program's counters",
+        &table("counters", rows),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is inlined must not end the element that it stands in.
+    #[test]
+    fn nothing_inlined_ends_its_element() {
+        for part in [SCRIPT, view::SCRIPT] {
+            assert!(!part.to_lowercase().contains("</script"));
+            assert!(!part.contains("<!--"));
+        }
+        assert!(!STYLE.to_lowercase().contains("</style"));
+    }
+}

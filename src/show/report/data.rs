@@ -1,0 +1,144 @@
+//! What the report's script draws, as JSON.
+//!
+//! ```text
+//! {end, radius_m, scene, waypoints,
+//!  truth, believed: {at: [s..], poses: [x, y, theta, ..]},
+//!  map: {width, height, resolution_m} | null, maps: [{at, shades} | {at, runs}],
+//!  scans: [{at, points}],
+//!  lanes: [{name, load, errors, faults}], marks: [{at, kind}],
+//!  display: {width, height, runs} | null}
+//! ```
+//!
+//! `runs` and `shades` are hexadecimal; the rest is as `view/view.js` takes it. The last map is
+//! whole, those before it have 16 shades: a map is noise while it forms, and this bounds it.
+
+use core::fmt::Write as _;
+
+use emulators::world::Pose;
+use firmware_core::grid::Grid;
+use protocols::Instant;
+use protocols::rle::{self, Dialect};
+use serde_json::{Value, json};
+
+use super::text::first_time;
+use crate::rig::Logged;
+use crate::run::Outcome;
+use crate::run::check::Status;
+use crate::run::history::Lane;
+use crate::show::view::{self, millimetres};
+
+/// Most points of a way.
+const WAY_MAX: usize = 1500;
+
+/// The data of `outcome`, `events` marked on the time line.
+pub(super) fn json(outcome: &Outcome, events: &[&Logged]) -> String {
+    let history = &outcome.history;
+    let end = outcome.ran.as_secs_f64();
+    let believed = outcome.pairs.iter().map(|pair| (pair.at, pair.estimate));
+    let maps = history.maps.samples.iter().map(|(at, map)| (*at, &**map));
+    let last = outcome.map.as_deref();
+    let last = last.map(|map| (Instant::ZERO + outcome.ran, map));
+    let maps = maps.map(|(at, map)| json!({"at": seconds(at), "shades": hex(&map_shades(map))}));
+    let last = last.map(|(at, map)| json!({"at": seconds(at), "runs": hex(&map_runs(map))}));
+    let scans = history.scans.samples.iter();
+    let scans = scans.map(|(at, points)| json!({"at": seconds(*at), "points": points}));
+    let data = json!({
+        "end": end,
+        "radius_m": outcome.radius_m,
+        "scene": outcome.scene,
+        "waypoints": outcome.case.mission.waypoints_m.as_flattened(),
+        "truth": way(outcome.truth.iter().copied(), outcome.truth.len()),
+        "believed": way(believed, outcome.pairs.len()),
+        "map": outcome.map.as_deref().map(map_head),
+        "maps": maps.chain(last).collect::<Vec<_>>(),
+        "scans": scans.collect::<Vec<_>>(),
+        "lanes": history.lanes.iter().map(lane).collect::<Vec<_>>(),
+        "marks": marks(outcome, events),
+        "display": outcome.display.as_ref().map(|picture| json!({
+            "width": picture.width(),
+            "height": picture.height(),
+            "runs": hex(&view::picture_runs(picture)),
+        })),
+    });
+    data.to_string()
+}
+
+fn seconds(at: Instant) -> f64 {
+    millimetres(at.as_secs_f64())
+}
+
+fn way(poses: impl Iterator<Item = (Instant, Pose)>, count: usize) -> Value {
+    let step = count.div_ceil(WAY_MAX).max(1);
+    let (mut at, mut flat) = (Vec::new(), Vec::new());
+    for (time, pose) in poses.step_by(step) {
+        at.push(seconds(time));
+        flat.extend([pose.x, pose.y, pose.theta].map(millimetres));
+    }
+    json!({"at": at, "poses": flat})
+}
+
+fn map_head(map: &Grid) -> Value {
+    let resolution_m = f64::from(map.resolution_mm()) / 1000.0;
+    json!({"width": map.width(), "height": map.height(), "resolution_m": resolution_m})
+}
+
+/// Counts and values of all rows, lowest first.
+fn map_runs(map: &Grid) -> Vec<u8> {
+    let cells = map.rows().as_flattened();
+    let mut runs = vec![0; 2 * cells.len()];
+    let len = rle::encode(cells, Dialect::Lossless, &mut runs).expect("two bytes a cell");
+    runs.truncate(len);
+    runs
+}
+
+/// The upper half of each cell with how often it comes in a row, up to 16 times, in one byte.
+fn map_shades(map: &Grid) -> Vec<u8> {
+    let cells = map.rows().as_flattened();
+    let runs = cells.chunk_by(|a, b| a >> 4 == b >> 4);
+    let parts = runs.flat_map(|run| run.chunks(16));
+    let byte = |part: &[u8]| u8::try_from(part.len() - 1).expect("at most 15") << 4 | part[0] >> 4;
+    parts.map(byte).collect()
+}
+
+fn hex(bytes: &[u8]) -> String {
+    let mut out = String::with_capacity(2 * bytes.len());
+    for byte in bytes {
+        write!(out, "{byte:02x}").expect("a string takes everything");
+    }
+    out
+}
+
+/// A lane; counts that are all zero are left out.
+fn lane(lane: &Lane) -> Value {
+    let counts = |counts: &[u64]| -> Vec<u64> {
+        let any = counts.iter().any(|&count| count > 0);
+        if any { counts.to_vec() } else { Vec::new() }
+    };
+    json!({
+        "name": lane.name,
+        "load": lane.load,
+        "errors": counts(&lane.errors),
+        "faults": counts(&lane.faults),
+    })
+}
+
+/// Events, times that failed verdicts name, and where faults begin.
+fn marks(outcome: &Outcome, events: &[&Logged]) -> Vec<Value> {
+    let events = events.iter().map(|logged| {
+        let kind = if logged.is_violation() {
+            "violation"
+        } else {
+            "event"
+        };
+        (logged.event.at.as_secs_f64(), kind)
+    });
+    let failed = outcome.checks.iter();
+    let failed = failed.filter(|check| check.status == Status::Fail);
+    let failed = failed.filter_map(|check| Some((first_time(&check.detail)?, "fail")));
+    let faults = outcome.case.fault.iter().take(super::FAULTS_MAX);
+    let faults = faults.filter_map(|fault| Some((fault.from?.0.as_secs_f64(), "fault")));
+    let marks = events.chain(faults).chain(failed);
+    marks
+        .map(|(at, kind)| json!({"at": at, "kind": kind}))
+        .collect()
+}

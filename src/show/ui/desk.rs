@@ -1,0 +1,477 @@
+//! Between a run and the pages: does what they ask, shows them what there is.
+
+use core::cell::RefCell;
+use core::time::Duration;
+use std::rc::Rc;
+use std::sync::{Arc, PoisonError};
+
+use emulators::pc::{Connection, Pc};
+use emulators::touch_panel::{self, TouchPanel};
+use emulators::world::Pose;
+use firmware_core::pose::{Pose as ProgramPose, WirePose};
+use protocols::Instant;
+use protocols::pcui::message::Mode;
+use serde_json::{Value, json};
+
+use super::books::Book;
+use super::command::{Answer, Command, Envelope};
+use super::hub::Hub;
+use super::moment::{Moment, Numbered};
+use super::pace::{Pace, SPEED_MAX};
+use super::story::{Sample, Story, short_pose};
+use super::wire::{Tally, Wire};
+use crate::rig::fault::FaultId;
+use crate::rig::line::Direction;
+use crate::robots;
+use crate::robots::rescue::pc_program::{self, Gesture, Hand};
+use crate::run::Run;
+use crate::scenario::Span;
+use crate::show::view;
+
+/// Wall time between two moments: what an eye takes for motion.
+pub(super) const SHOW_EVERY: Duration = Duration::from_millis(50);
+/// Wall time between two looks at what is large or changes slowly.
+const LOOK_EVERY: Duration = Duration::from_millis(200);
+/// Most commands that are done between two steps.
+const COMMANDS_AT_ONCE: usize = 64;
+
+/// What a command asks for that is not the desk's to do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Effect {
+    /// It is done.
+    Done,
+    /// Something about the clock.
+    Pause,
+    Play,
+    Step(u32),
+    Speed(f64),
+    Restart(Option<u64>),
+}
+
+/// What the pages have to know of the clock.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Tempo {
+    is_paused: bool,
+    speed: f64,
+    is_ours: bool,
+}
+
+/// One run on show.
+pub struct Desk {
+    hub: Arc<Hub>,
+    number: u64,
+    wire: Rc<RefCell<Wire>>,
+    stage: Arc<str>,
+    hand: Hand,
+    /// The robot's map, the PC's, and the robot's display.
+    books: [Book; 3],
+    slow: Numbered,
+    scan: Numbered,
+    scan_turn: u64,
+    shown: Option<(Instant, Shown)>,
+    looked: Option<(Instant, Instant)>,
+    tallies: Vec<[Tally; 2]>,
+    events: usize,
+    changes: u64,
+}
+
+/// What makes two moments the same.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Shown {
+    now: Instant,
+    clients: usize,
+    tempo: Tempo,
+}
+
+impl Desk {
+    /// Puts `run` on show; `number` tells it from those before it.
+    pub fn new(run: &mut Run, hub: Arc<Hub>, number: u64) -> Self {
+        let robot = run.scenario().robot;
+        let wire = Wire::listen(robot, &mut run.rig);
+        let mut story = hub.story.write().unwrap_or_else(PoisonError::into_inner);
+        *story = Story::new(story.generation + 1);
+        drop(story);
+        let tallies = wire.borrow().tallies();
+        Self {
+            hub,
+            number,
+            tallies,
+            wire,
+            stage: Arc::from(""),
+            hand: Hand::default(),
+            books: ["robot", "pc", "display"].map(Book::new),
+            slow: Numbered::new("{}"),
+            scan: Numbered::new("{}"),
+            scan_turn: 0,
+            shown: None,
+            looked: None,
+            events: 0,
+            changes: 0,
+        }
+    }
+
+    /// How often somebody at a page has changed the run so far.
+    pub const fn changes(&self) -> u64 {
+        self.changes
+    }
+
+    /// One turn of a run whose clock is somebody else's: does what pages ask, and shows the run.
+    /// `wall` is the time of the wall clock.
+    pub fn turn(&mut self, run: &mut Run, wall: Instant) {
+        self.obey_all(run, wall, |_, _| {
+            Err("this run follows the wall clock: its ports are open to others".to_owned())
+        });
+        self.show(run, wall, None);
+    }
+
+    /// Does what waits in the queue; `other` does what is not the desk's.
+    pub(super) fn obey_all(
+        &mut self,
+        run: &mut Run,
+        wall: Instant,
+        mut other: impl FnMut(&mut Run, Effect) -> Result<(), String>,
+    ) {
+        for _ in 0..COMMANDS_AT_ONCE {
+            let Some(envelope) = self.hub.next_command() else {
+                break;
+            };
+            let done = match self.obey(run, wall, &envelope) {
+                Ok(Effect::Done) => {
+                    self.changes += u64::from(envelope.command != Command::Save);
+                    Ok(())
+                }
+                Ok(effect) => other(run, effect),
+                Err(refusal) => Err(refusal),
+            };
+            self.shown = None;
+            if let Err(refusal) = done {
+                envelope.answer(Answer::Refused(refusal));
+            }
+        }
+        if let Some(gesture) = self.hand.tick(wall) {
+            // Whoever drove is gone; if the robot is gone as well, nothing is left to do.
+            drop(does(run, gesture));
+        }
+    }
+
+    fn obey(
+        &mut self,
+        run: &mut Run,
+        wall: Instant,
+        envelope: &Envelope,
+    ) -> Result<Effect, String> {
+        match &envelope.command {
+            Command::Pause => return Ok(Effect::Pause),
+            Command::Play => return Ok(Effect::Play),
+            Command::Step { ms } => return Ok(Effect::Step(*ms)),
+            Command::Speed { x } => return Ok(Effect::Speed(*x)),
+            Command::Restart { seed } => return Ok(Effect::Restart(*seed)),
+            Command::Save => envelope.answer(Answer::Case(run.case_so_far().to_toml())),
+            Command::Fault { fault, for_ms } => {
+                let mut fault = fault.clone();
+                let now = run.rig.now() - Instant::ZERO;
+                let until = for_ms.map(|ms| Span(now + Duration::from_millis(u64::from(ms))));
+                fault.until = until.or(fault.until);
+                run.inject(*fault).map_err(|flaw| flaw.to_string())?;
+            }
+            Command::EndFault { id } => {
+                run.withdraw(FaultId(*id))
+                    .map_err(|flaw| flaw.to_string())?;
+            }
+            Command::Tap { place } => run.tap(*place).map_err(|error| error.to_string())?,
+            Command::Drive { wheels } => {
+                if let Some(gesture) = self.hand.hold(wall, *wheels) {
+                    does(run, gesture).inspect_err(|_| self.hand.let_go())?;
+                }
+            }
+            command => {
+                let gesture = command.gesture().expect("the others are done above");
+                if matches!(gesture, Gesture::Mode(_) | Gesture::Disconnect) {
+                    self.hand.let_go();
+                }
+                does(run, gesture)?;
+            }
+        }
+        Ok(Effect::Done)
+    }
+
+    /// Shows the run as it is, if there is something new and somebody to see it. `pace` is the
+    /// clock, if it can be set.
+    pub(super) fn show(&mut self, run: &Run, wall: Instant, pace: Option<&Pace>) {
+        self.record(run);
+        let tempo = Tempo {
+            is_paused: pace.is_some_and(Pace::is_paused),
+            speed: pace.map_or(1.0, Pace::speed),
+            is_ours: pace.is_some(),
+        };
+        let shown = Shown {
+            now: run.rig.now(),
+            clients: self.hub.clients(),
+            tempo,
+        };
+        let is_news = self.shown.is_none_or(|(at, last)| {
+            let is_time = wall - at >= SHOW_EVERY;
+            is_time && last != shown && (shown.clients > 0 || last.tempo != tempo)
+        });
+        if !is_news {
+            return;
+        }
+        let forced = self
+            .shown
+            .is_none_or(|(_, last)| last.tempo != tempo || tempo.is_paused);
+        self.shown = Some((wall, shown));
+        if self.stage.is_empty() {
+            self.stage = Arc::from(stage(run, self.number, tempo).to_string());
+        }
+        if forced || self.looked.is_none_or(|(at, _)| wall - at >= LOOK_EVERY) {
+            self.look(run, wall);
+        }
+        self.hub.show(Moment {
+            run: self.number,
+            stage: Arc::clone(&self.stage),
+            fast: Arc::from(self.fast(run, tempo).to_string()),
+            slow: self.slow.clone(),
+            scan: self.scan.clone(),
+            layers: self.books.iter().map(Book::last).collect(),
+        });
+    }
+
+    /// Keeps the story up.
+    fn record(&mut self, run: &Run) {
+        let now = run.rig.now();
+        let hub = Arc::clone(&self.hub);
+        let mut story = hub.story.write().unwrap_or_else(PoisonError::into_inner);
+        for logged in run.rig.events().get(self.events..).unwrap_or_default() {
+            story.event(logged);
+        }
+        self.events = run.rig.events().len();
+        if story.wants_sample(now) {
+            story.sample(&Sample {
+                at: now,
+                truth: Some(short_pose(run.rig.world.pose())),
+                believed: believed(run).map(short_pose),
+                tallies: &self.wire.borrow().tallies(),
+            });
+        }
+        if story.wants_maps(now) {
+            self.look_at_maps(run);
+            story.maps(now, self.books.iter().map(Book::last).collect());
+        }
+    }
+
+    /// Looks at what is large or changes slowly.
+    fn look(&mut self, run: &Run, wall: Instant) {
+        self.look_at_maps(run);
+        let now = run.rig.now();
+        let since = self.looked.map_or(Instant::ZERO, |(_, at)| at);
+        let tallies = self.wire.borrow().tallies();
+        let slow = slow(run, &self.tallies, &tallies, now - since);
+        self.slow.renew(slow.to_string());
+        self.tallies = tallies;
+        self.looked = Some((wall, now));
+        let wire = self.wire.borrow();
+        let scan = wire.scan();
+        if scan.turn != self.scan_turn {
+            self.scan_turn = scan.turn;
+            let pose = believed(run).unwrap_or_else(|| run.rig.world.pose_at(scan.at));
+            let points = scan.points(pose);
+            let at = scan.at.as_nanos();
+            self.scan
+                .renew(json!({"type": "scan", "at_ns": at, "points": points}).to_string());
+        }
+    }
+
+    fn look_at_maps(&mut self, run: &Run) {
+        if let Some(map) = run.rig.program().and_then(|program| program.map()) {
+            let resolution_m = f64::from(map.resolution_mm()) / 1000.0;
+            let row = |y| map.row(y).map(|row| &row[..]);
+            self.books[0].look([map.width(), map.height()], resolution_m, row);
+        }
+        if let Some(pc) = robots::pc(run.scenario().robot, &run.rig) {
+            look_at_pc(&mut self.books[1], pc);
+        }
+        if let Some(panel) = robots::display(run.scenario().robot, &run.rig) {
+            look_at_display(&mut self.books[2], panel);
+        }
+    }
+
+    fn fast(&self, run: &Run, tempo: Tempo) -> Value {
+        let program = run.rig.program();
+        let pc = robots::pc(run.scenario().robot, &run.rig);
+        let heads: Vec<_> = self.books.iter().map(|book| book.last().head).collect();
+        let moving = !run.rig.world.scene().obstacles().is_empty();
+        json!({
+            "type": "now",
+            "run": self.number,
+            "at_ns": run.rig.now().as_nanos(),
+            "looked_ns": self.looked.map(|(_, at)| at.as_nanos()),
+            "paused": tempo.is_paused,
+            "speed": tempo.speed,
+            "truth": short_pose(run.rig.world.pose()),
+            "believed": believed(run).map(short_pose),
+            "mode": program.map(|program| program.mode()),
+            "pc": pc.map(|pc| pc_json(pc, run.rig.now())),
+            "maps": heads,
+            "scene": moving.then(|| view::scene(&run.rig.world)),
+        })
+    }
+}
+
+/// Lets the rig's PC do a gesture.
+fn does(run: &mut Run, gesture: Gesture) -> Result<(), String> {
+    let pc = robots::pc(run.scenario().robot, &run.rig);
+    let pc = pc.ok_or("the PC's end of the radio is a port: this page cannot use it")?;
+    let action = pc_program::answer(pc, gesture).map_err(|refusal| refusal.to_string())?;
+    run.command(action).map_err(|error| error.to_string())
+}
+
+/// The program's pose if it runs in this process and has found one, else what it tells the PC.
+fn believed(run: &Run) -> Option<Pose> {
+    match run.rig.program() {
+        Some(program) => program.estimate().map(|(_, pose)| in_metres(pose)),
+        None => robots::pc(run.scenario().robot, &run.rig).and_then(stated),
+    }
+}
+
+/// Where the robot says it is.
+pub(super) fn stated(pc: &Pc) -> Option<Pose> {
+    let (_, map) = pc.record().map_properties?;
+    let [x_mm, y_mm] = map.position_mm;
+    let psi_deg = map.psi_deg;
+    Some(in_metres(ProgramPose::from_wire(WirePose {
+        x_mm,
+        y_mm,
+        psi_deg,
+    })))
+}
+
+fn in_metres(pose: ProgramPose) -> Pose {
+    let [x, y, theta] = [pose.x_mm, pose.y_mm, pose.heading].map(f64::from);
+    Pose::new(x / 1000.0, y / 1000.0, theta)
+}
+
+/// The PC's map into its book.
+pub(super) fn look_at_pc(book: &mut Book, pc: &Pc) {
+    if let Some(map) = pc.map() {
+        let resolution_m = f64::from(map.resolution_mm) / 1000.0;
+        let row = |y: usize| map.pixels.get(y * map.width..(y + 1) * map.width);
+        book.look([map.width, map.height], resolution_m, row);
+    }
+}
+
+/// The robot's display into its book. A row is the upper bytes of its pixels, then the lower ones:
+/// both have longer runs than the pixels.
+fn look_at_display(book: &mut Book, panel: &TouchPanel) {
+    let rows = panel.pixels().chunks(touch_panel::WIDTH);
+    let bytes = rows.flat_map(|row| {
+        let byte = |index: usize| row.iter().map(move |pixel| pixel.to_be_bytes()[index]);
+        byte(0).chain(byte(1))
+    });
+    let bytes: Vec<u8> = bytes.collect();
+    let width = 2 * touch_panel::WIDTH;
+    let row = |y: usize| bytes.get(y * width..(y + 1) * width);
+    book.look([width, touch_panel::HEIGHT], 0.0, row);
+}
+
+/// What stays the same.
+fn stage(run: &Run, number: u64, tempo: Tempo) -> Value {
+    let scenario = run.scenario();
+    let links = run.rig.links().iter().map(|link| {
+        let line = link.line(Direction::ToMaster);
+        let [sender, _] = run.rig.line_configs(line);
+        json!({"name": link.name, "baud": sender.baud})
+    });
+    json!({
+        "type": "stage",
+        "run": number,
+        "kind": "rig",
+        "name": scenario.name,
+        "description": scenario.description,
+        "seed": scenario.seed,
+        "scene": view::scene(&run.rig.world),
+        "radius_m": run.rig.world.body().radius_m,
+        "links": links.collect::<Vec<_>>(),
+        "pace": tempo.is_ours,
+        "speed_max": SPEED_MAX,
+        "pc": robots::pc(scenario.robot, &run.rig).is_some(),
+    })
+}
+
+/// What changes slowly: wires, registers, counters, faults.
+fn slow(run: &Run, before: &[[Tally; 2]], after: &[[Tally; 2]], span: Duration) -> Value {
+    let lanes = run.rig.links().iter().zip(before.iter().zip(after));
+    let lanes = lanes.map(|(link, (before, after))| {
+        let lane = |direction: Direction| {
+            let index = direction as usize;
+            let [sender, _] = run.rig.line_configs(link.line(direction));
+            let bytes = after[index].bytes - before[index].bytes;
+            let busy = sender.bytes_time(bytes).as_secs_f64();
+            let load = busy / span.as_secs_f64().max(1e-9);
+            json!({"load": (load * 1000.0).round() / 1000.0, "tally": after[index]})
+        };
+        json!({
+            "name": link.name,
+            "to-master": lane(Direction::ToMaster),
+            "to-device": lane(Direction::ToDevice),
+        })
+    });
+    let mut counters = Vec::new();
+    if let Some(program) = run.rig.program() {
+        program.counters(&mut |name, value| counters.push((name, value)));
+    }
+    let (progress, robot) = (run.progress(), run.scenario().robot);
+    json!({
+        "type": "slow",
+        "lanes": lanes.collect::<Vec<_>>(),
+        "registers": robots::registers(robot, &run.rig),
+        "counters": counters,
+        "faults": run.faults().collect::<Vec<_>>(),
+        "visited": [progress.visits().len(), progress.waypoints()],
+        "violations": run.rig.violations(),
+        "trace": run.rig.trace_hash(),
+    })
+}
+
+const fn mode_name(mode: Mode) -> &'static str {
+    match mode {
+        Mode::Stop => "stop",
+        Mode::Exploration => "exploration",
+        Mode::Waypoint => "waypoint",
+        Mode::Manual => "manual",
+    }
+}
+
+/// What the PC knows.
+pub(super) fn pc_json(pc: &Pc, now: Instant) -> Value {
+    let record = pc.record();
+    let state = record.state.map(|(_, state)| {
+        json!({"mode": mode_name(state.mode), "speed": state.speed_mm_s, "to": state.set_point})
+    });
+    let properties = record.map_properties;
+    let pose = properties.map(|(_, map)| {
+        let [x, y] = map.position_mm;
+        [x, y, map.psi_deg]
+    });
+    let heard = properties
+        .map(|(at, _)| at)
+        .max(record.state.map(|(at, _)| at));
+    let connection = match pc.connection() {
+        Connection::Closed => "closed",
+        Connection::Opening => "opening",
+        Connection::Connected(_) => "connected",
+    };
+    let bad = record.counts.bad_frames + record.counts.bad_messages + record.counts.bad_rows;
+    json!({
+        "connection": connection,
+        "heard_ms": heard.map(|at| (now - at).as_millis()),
+        "state": state,
+        "pose": pose,
+        "size_mm": properties.map(|(_, map)| map.size_mm),
+        "waypoints": pc_program::waypoints(pc),
+        "confirmed": pc.unconfirmed_waypoints().is_none(),
+        "rows_missing": pc.map().map(emulators::pc::PcMap::rows_missing),
+        "order": pc.order().map(|order| json!([mode_name(order.mode), order.set_point])),
+        "bytes": record.counts.bytes,
+        "bad": bad,
+    })
+}

@@ -1,0 +1,224 @@
+//! The page's PC program on a port, against a robot that is not ours: no rig, no world, only what
+//! the robot tells.
+
+use core::time::Duration;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, PoisonError};
+
+use emulators::Device;
+use emulators::pc::{Pc, Script};
+use protocols::{Instant, LineConfig, LineEvent};
+use serde_json::{Value, json};
+
+use super::books::Book;
+use super::command::{Answer, Command};
+use super::desk::{SHOW_EVERY, look_at_pc, pc_json, stated};
+use super::hub::Hub;
+use super::moment::{Moment, Numbered};
+use super::story::{Sample, short_pose};
+use crate::realtime::transport::{Serial, Transport};
+use crate::robots::rescue::pc_action;
+use crate::robots::rescue::pc_program::{self, Gesture, Hand};
+
+/// Time after which a port that cannot be had is tried again.
+const RETRY: Duration = Duration::from_millis(500);
+/// Most commands and pieces that are done at once.
+const AT_ONCE: usize = 64;
+
+/// A PC on a port.
+pub struct Remote {
+    hub: Arc<Hub>,
+    path: PathBuf,
+    line: LineConfig,
+    pc: Pc,
+    wants_port: bool,
+    port: Option<Serial>,
+    retry_at: Instant,
+    trouble: Option<String>,
+    hand: Hand,
+    book: Book,
+    shown_at: Option<Instant>,
+}
+
+impl Remote {
+    /// A PC that opens the port at `path` as soon as it can, and again whenever it was lost.
+    pub fn new(path: &Path, line: LineConfig, hub: Arc<Hub>) -> Self {
+        let script = Script::new(Vec::new()).expect("no steps are within the limits");
+        let mut pc = Pc::new(script);
+        let open = pc_action(&crate::scenario::Action::Connect);
+        pc.perform(Instant::ZERO, open).expect("has no limits");
+        Self {
+            hub,
+            path: path.to_owned(),
+            line,
+            pc,
+            wants_port: false,
+            port: None,
+            retry_at: Instant::ZERO,
+            trouble: None,
+            hand: Hand::default(),
+            book: Book::new("pc"),
+            shown_at: None,
+        }
+    }
+
+    /// The PC.
+    pub const fn pc(&self) -> &Pc {
+        &self.pc
+    }
+
+    /// One turn at `now`: does what pages ask, talks to the robot, shows what it tells.
+    pub fn turn(&mut self, now: Instant) {
+        for _ in 0..AT_ONCE {
+            let Some(envelope) = self.hub.next_command() else {
+                break;
+            };
+            if let Err(refusal) = self.obey(now, &envelope.command) {
+                envelope.answer(Answer::Refused(refusal));
+            }
+        }
+        if let Some(gesture) = self.hand.tick(now) {
+            drop(self.does(now, gesture));
+        }
+        self.open(now);
+        self.carry(now);
+        self.show(now);
+    }
+
+    fn obey(&mut self, now: Instant, command: &Command) -> Result<(), String> {
+        if let Command::Drive { wheels } = command {
+            return match self.hand.hold(now, *wheels) {
+                Some(gesture) => self.does(now, gesture).inspect_err(|_| self.hand.let_go()),
+                None => Ok(()),
+            };
+        }
+        let gesture = command.gesture();
+        let gesture = gesture.ok_or("there is no rig behind this page, only a robot")?;
+        if matches!(gesture, Gesture::Mode(_) | Gesture::Disconnect) {
+            self.hand.let_go();
+        }
+        self.does(now, gesture)
+    }
+
+    fn does(&mut self, now: Instant, gesture: Gesture) -> Result<(), String> {
+        let action =
+            pc_program::answer(&self.pc, gesture).map_err(|refusal| refusal.to_string())?;
+        let done = self.pc.perform(now, pc_action(&action));
+        done.map_err(|error| error.to_string())
+    }
+
+    /// Opens and closes the port as the PC wants it.
+    fn open(&mut self, now: Instant) {
+        while let Some(change) = self.pc.line_change(Pc::AIR) {
+            self.wants_port = change == LineEvent::Opened;
+            if !self.wants_port {
+                self.port = None;
+            }
+        }
+        if !self.wants_port || self.port.is_some() || now < self.retry_at {
+            return;
+        }
+        self.retry_at = now + RETRY;
+        match Serial::open(&self.path, self.line) {
+            Ok(port) => {
+                self.port = Some(port);
+                self.trouble = None;
+            }
+            Err(error) => self.trouble = Some(error.to_string()),
+        }
+    }
+
+    /// Carries bytes both ways. The robot is connected once it is heard.
+    fn carry(&mut self, now: Instant) {
+        let mut buf = [0; 1024];
+        for _ in 0..AT_ONCE {
+            let Some(port) = &mut self.port else {
+                break;
+            };
+            match port.read(&mut buf) {
+                Ok(0) => break,
+                Ok(len) => self.pc.receive(Pc::AIR, now, &buf[..len]),
+                Err(error) => {
+                    self.trouble = Some(error.to_string());
+                    self.port = None;
+                    self.wants_port = false;
+                    self.pc.line_event(Pc::AIR, now, LineEvent::Closed);
+                }
+            }
+        }
+        self.pc.tick(now);
+        drop(self.pc.take_events());
+        if let Some(port) = &mut self.port {
+            while let len @ 1.. = self.pc.transmit(Pc::AIR, &mut buf) {
+                port.write(&buf[..len]);
+            }
+        }
+    }
+
+    fn show(&mut self, now: Instant) {
+        if self.shown_at.is_some_and(|at| now - at < SHOW_EVERY) {
+            return;
+        }
+        self.shown_at = Some(now);
+        look_at_pc(&mut self.book, &self.pc);
+        let believed = stated(&self.pc).map(short_pose);
+        let mut story = self
+            .hub
+            .story
+            .write()
+            .unwrap_or_else(PoisonError::into_inner);
+        if story.wants_sample(now) {
+            let sample = Sample {
+                at: now,
+                truth: None,
+                believed,
+                tallies: &[],
+            };
+            story.sample(&sample);
+        }
+        if story.wants_maps(now) {
+            story.maps(now, vec![self.book.last()]);
+        }
+        drop(story);
+        let fast = json!({
+            "type": "now",
+            "run": 1,
+            "at_ns": now.as_nanos(),
+            "looked_ns": now.as_nanos(),
+            "paused": false,
+            "speed": 1.0,
+            "truth": null,
+            "believed": believed,
+            "mode": null,
+            "pc": pc_json(&self.pc, now),
+            "trouble": self.trouble,
+            "maps": [self.book.last().head],
+            "scene": null,
+        });
+        self.hub.show(Moment {
+            run: 1,
+            stage: Arc::from(self.stage().to_string()),
+            fast: Arc::from(fast.to_string()),
+            slow: Numbered::new("{}"),
+            scan: Numbered::new("{}"),
+            layers: vec![self.book.last()],
+        });
+    }
+
+    fn stage(&self) -> Value {
+        json!({
+            "type": "stage",
+            "run": 1,
+            "kind": "pc",
+            "name": self.path.display().to_string(),
+            "description": "a robot on a port",
+            "seed": null,
+            "scene": null,
+            "radius_m": 0.16,
+            "links": [],
+            "pace": false,
+            "speed_max": 1,
+            "pc": true,
+        })
+    }
+}

@@ -1,0 +1,264 @@
+//! The HTTP server: four files, the maps of the past, the case, and a WebSocket per page.
+
+use core::future::{Future, poll_fn};
+use core::net::SocketAddr;
+use core::pin::pin;
+use core::task::Poll;
+use core::time::Duration;
+use std::io;
+use std::net::TcpListener as StdListener;
+use std::sync::{Arc, PoisonError};
+
+use axum::Router;
+use axum::extract::ws::{Message as Frame, WebSocket, WebSocketUpgrade};
+use axum::extract::{Request, State};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, Uri, header};
+use axum::middleware::{Next, from_fn_with_state};
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use protocols::Instant;
+use tokio::net::TcpListener;
+use tokio::runtime::{Builder, Runtime};
+use tokio::sync::{mpsc, watch};
+use tokio::time::timeout;
+
+use super::command::{Answer, COMMAND_MAX, Command};
+use super::delta::{Message, Seen};
+use super::guard;
+use super::hub::Hub;
+use super::moment::Moment;
+use crate::show::view;
+
+/// Most pages at once.
+pub const CLIENTS_MAX: usize = 50;
+/// Time for a page to take a message; one that takes longer is given up.
+const SEND_MAX: Duration = Duration::from_secs(20);
+/// Time for the run to answer a request.
+const ANSWER_MAX: Duration = Duration::from_secs(5);
+/// Refusals that wait for a page; further ones are lost.
+const ANSWERS_MAX: usize = 16;
+
+/// Scripts, styles and pictures from here only; nothing from elsewhere, nothing inline, and
+/// nobody may put the page into a frame.
+const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; \
+                      connect-src 'self'; img-src 'self' data: blob:; base-uri 'none'; \
+                      form-action 'none'; frame-ancestors 'none'";
+
+/// A server under way; it ends when it is dropped.
+#[derive(Debug)]
+pub struct Server {
+    runtime: Option<Runtime>,
+    address: SocketAddr,
+}
+
+impl Server {
+    /// Listens at `listen`, port 0 for any free one.
+    ///
+    /// # Errors
+    /// If the address cannot be had.
+    pub fn start(listen: SocketAddr, hub: Arc<Hub>) -> io::Result<Self> {
+        let runtime = Builder::new_multi_thread()
+            .worker_threads(1)
+            .thread_name("page")
+            .enable_all()
+            .build()?;
+        let listener = StdListener::bind(listen)?;
+        listener.set_nonblocking(true)?;
+        let address = listener.local_addr()?;
+        let app = router(hub, address);
+        let listener = {
+            let _context = runtime.enter();
+            TcpListener::from_std(listener)?
+        };
+        runtime.spawn(async move { axum::serve(listener, app).await });
+        Ok(Self {
+            runtime: Some(runtime),
+            address,
+        })
+    }
+
+    /// Where it listens.
+    pub const fn address(&self) -> SocketAddr {
+        self.address
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        if let Some(runtime) = self.runtime.take() {
+            runtime.shutdown_background();
+        }
+    }
+}
+
+fn router(hub: Arc<Hub>, address: SocketAddr) -> Router {
+    let file = |kind: &'static str, text: &'static str| {
+        get(move || async move { ([(header::CONTENT_TYPE, kind)], text) })
+    };
+    let (script, style) = ("text/javascript; charset=utf-8", "text/css; charset=utf-8");
+    Router::new()
+        .route(
+            "/",
+            file(
+                "text/html; charset=utf-8",
+                include_str!("assets/index.html"),
+            ),
+        )
+        .route("/style.css", file(style, include_str!("assets/style.css")))
+        .route("/view.js", file(script, view::SCRIPT))
+        .route("/page.js", file(script, include_str!("assets/page.js")))
+        .route("/map", get(map))
+        .route("/case.toml", get(case))
+        .route("/ws", get(page))
+        .with_state(hub)
+        .layer(from_fn_with_state(address, guarded))
+}
+
+/// Lets only our own page in, and says what the browser may do with the answer.
+async fn guarded(State(listen): State<SocketAddr>, request: Request, next: Next) -> Response {
+    if !is_admitted(listen, request.headers()) {
+        let expected = format!("expected a request for http://{listen}/ from its own page\n");
+        return (StatusCode::FORBIDDEN, expected).into_response();
+    }
+    let mut response = next.run(request).await;
+    let headers = response.headers_mut();
+    for (name, value) in [
+        (header::CONTENT_SECURITY_POLICY, POLICY),
+        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+        (header::REFERRER_POLICY, "no-referrer"),
+        (header::CACHE_CONTROL, "no-store"),
+    ] {
+        headers.insert(name, HeaderValue::from_static(value));
+    }
+    response
+}
+
+/// An origin that cannot be read is a foreign one.
+fn is_admitted(listen: SocketAddr, headers: &HeaderMap) -> bool {
+    let text = |name: HeaderName| headers.get(name).map(|value| value.to_str().unwrap_or("?"));
+    guard::admits(listen, text(header::HOST), text(header::ORIGIN))
+}
+
+/// The maps as they were at `/map?at_ms=..`, as a message of rows.
+async fn map(State(hub): State<Arc<Hub>>, uri: Uri) -> Response {
+    let millis = uri.query().and_then(|query| query.strip_prefix("at_ms="));
+    let Some(millis) = millis.and_then(|text| text.parse::<u32>().ok()) else {
+        return (StatusCode::BAD_REQUEST, "expected /map?at_ms=NUMBER\n").into_response();
+    };
+    let story = hub.story.read().unwrap_or_else(PoisonError::into_inner);
+    match story.maps_at(Instant::from_millis(u64::from(millis))) {
+        Some((_, rows)) => rows.into_response(),
+        None => (StatusCode::NOT_FOUND, "no map was recorded yet\n").into_response(),
+    }
+}
+
+/// The run so far as a scenario.
+async fn case(State(hub): State<Arc<Hub>>) -> Response {
+    let (reply, mut answers) = mpsc::channel(1);
+    hub.ask(Command::Save, &reply);
+    drop(reply);
+    match timeout(ANSWER_MAX, answers.recv()).await {
+        Ok(Some(Answer::Case(text))) => {
+            let name = "attachment; filename=\"case.toml\"";
+            let kind = (header::CONTENT_TYPE, "application/toml");
+            ([kind, (header::CONTENT_DISPOSITION, name)], text).into_response()
+        }
+        Ok(Some(Answer::Refused(why))) => (StatusCode::CONFLICT, why + "\n").into_response(),
+        Ok(None) | Err(_) => (StatusCode::SERVICE_UNAVAILABLE, "the run is gone\n").into_response(),
+    }
+}
+
+/// A page connects.
+async fn page(State(hub): State<Arc<Hub>>, upgrade: WebSocketUpgrade) -> Response {
+    if !hub.enter(CLIENTS_MAX) {
+        let full = format!("{CLIENTS_MAX} pages are connected already\n");
+        return (StatusCode::SERVICE_UNAVAILABLE, full).into_response();
+    }
+    let place = Place(hub);
+    upgrade
+        .max_message_size(COMMAND_MAX)
+        .max_frame_size(COMMAND_MAX)
+        .on_upgrade(move |socket| async move { serve(socket, place).await })
+}
+
+/// A page's place, given back when it is gone, however that comes about.
+struct Place(Arc<Hub>);
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        self.0.leave();
+    }
+}
+
+/// What wakes a page's task.
+enum Wake {
+    Heard(Option<Result<Frame, axum::Error>>),
+    Moment(Result<(), watch::error::RecvError>),
+    Answer(Option<Answer>),
+}
+
+async fn serve(mut socket: WebSocket, place: Place) {
+    let hub = &place.0;
+    let (reply, mut answers) = mpsc::channel(ANSWERS_MAX);
+    let mut moments = hub.moments();
+    moments.mark_changed();
+    let mut seen = Seen::default();
+    loop {
+        let frames = match wake(&mut socket, &mut moments, &mut answers).await {
+            Wake::Heard(Some(Ok(Frame::Text(text)))) => {
+                match Command::parse(&text) {
+                    Ok(command) => hub.ask(command, &reply),
+                    Err(why) => drop(reply.try_send(Answer::Refused(why))),
+                }
+                continue;
+            }
+            Wake::Heard(Some(Ok(Frame::Ping(_) | Frame::Pong(_)))) => continue,
+            Wake::Heard(_) | Wake::Moment(Err(_)) | Wake::Answer(None) => return,
+            Wake::Moment(Ok(())) => {
+                let moment = moments.borrow_and_update().clone();
+                moment.map_or_else(Vec::new, |moment| news(hub, &mut seen, &moment))
+            }
+            Wake::Answer(Some(Answer::Refused(why))) => {
+                let text = serde_json::json!({"type": "refused", "why": why}).to_string();
+                vec![Frame::Text(text.into())]
+            }
+            Wake::Answer(Some(Answer::Case(_))) => continue,
+        };
+        for frame in frames {
+            // A page that does not read holds up nobody but itself, and that not for ever.
+            if !matches!(timeout(SEND_MAX, socket.send(frame)).await, Ok(Ok(()))) {
+                return;
+            }
+        }
+    }
+}
+
+fn news(hub: &Hub, seen: &mut Seen, moment: &Moment) -> Vec<Frame> {
+    let story = hub.story.read().unwrap_or_else(PoisonError::into_inner);
+    let frame = |message| match message {
+        Message::Text(text) => Frame::Text(text.into()),
+        Message::Rows(rows) => Frame::Binary(rows.into()),
+    };
+    seen.news(moment, &story).into_iter().map(frame).collect()
+}
+
+/// Waits for whatever comes first. All three can be waited for again when another one came.
+async fn wake(
+    socket: &mut WebSocket,
+    moments: &mut watch::Receiver<Option<Arc<Moment>>>,
+    answers: &mut mpsc::Receiver<Answer>,
+) -> Wake {
+    let mut heard = pin!(socket.recv());
+    let mut moment = pin!(moments.changed());
+    let mut answer = pin!(answers.recv());
+    poll_fn(|context| {
+        if let Poll::Ready(heard) = heard.as_mut().poll(context) {
+            return Poll::Ready(Wake::Heard(heard));
+        }
+        if let Poll::Ready(answer) = answer.as_mut().poll(context) {
+            return Poll::Ready(Wake::Answer(answer));
+        }
+        moment.as_mut().poll(context).map(Wake::Moment)
+    })
+    .await
+}
