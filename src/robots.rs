@@ -1,47 +1,138 @@
 //! The robots: which devices, links and program each one consists of.
+//!
+//! A robot is a row of the registry: [`Robot`]. Scenarios name it; another crate adds its own with
+//! [`register`]. What an observer may ask of it travels with the rig as its [`Instruments`].
 
-use core::time::Duration;
+pub mod checker;
+pub mod instruments;
+mod kept_map;
+pub mod rescue;
+pub mod scan;
+pub mod station;
 
-use emulators::pc::{Pc, ScriptError};
 use emulators::registers::Registers;
 use emulators::text::Text;
-use emulators::touch_panel::TouchPanel;
 use emulators::world::World;
 use firmware_core::odometry::WheelGeometry;
 use firmware_core::pose::Pose;
 use firmware_core::scan::Mounting;
 use protocols::avr::ChecksumOrder;
 use protocols::{LineConfig, Port};
-use serde::Serialize;
 
-use crate::codec::Protocol;
+pub use checker::{Check, Checker, Look, Status};
+pub use instruments::{
+    Axis, Command, Console, Dialect, Display, Instruments, Panel, PanelRow, Silence,
+};
+pub use kept_map::KeptMap;
+pub use scan::{Beam, ScanDecoder};
+pub use station::{Gesture, Hand, RemoteStation, Station, StationView};
+
+pub use crate::registry::NameTaken;
+use crate::registry::Registry;
 use crate::rig::fault::FaultId;
 use crate::rig::line::End;
 use crate::rig::{Program, Rig};
-use crate::scenario::{DeviceSpec, Robot, Scenario, ScenarioError, Source, Step, TapSpec};
+use crate::scenario::{DeviceSpec, Scenario, ScenarioError, Source};
 
-pub mod rescue;
+/// A kind of robot: how a scenario of it becomes a rig.
+pub trait Robot: Sync {
+    /// Its name, as in a scenario.
+    fn name(&self) -> &'static str;
 
-/// What the base was told to do with the wheels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Actuators {
-    /// Set-points in force, left and right, in the base's own unit.
-    pub set_points: [i16; 2],
-    /// Largest sound value.
-    pub limit: i16,
+    /// What it is, in one sentence.
+    fn about(&self) -> &'static str;
+
+    /// Wires its devices and its program, or open ends in the place of the program, into `world`.
+    ///
+    /// # Errors
+    /// If the scenario sets it up in a way that it cannot be.
+    fn wire(&self, plan: Plan<'_>) -> Result<Wired, ScenarioError>;
+
+    /// Its program by itself, for a process of its own; `None` if it brings none.
+    ///
+    /// # Errors
+    /// If the scenario sets it up in a way that it cannot be.
+    fn program(
+        &self,
+        _scenario: &Scenario,
+        _source: &Source,
+    ) -> Result<Option<Alone>, ScenarioError> {
+        Ok(None)
+    }
+
+    /// The room for missions that are made by chance; `None`: only in the scenario's own world.
+    fn arena(&self) -> Option<Arena> {
+        None
+    }
+
+    /// Counters of the program that tell of situations which a campaign must bring about at least
+    /// once: otherwise nothing is known about how it copes with them.
+    fn situations(&self) -> &'static [&'static str] {
+        &[]
+    }
+
+    /// What a mapper needs to know to understand what passed the robot's links.
+    ///
+    /// # Errors
+    /// If the scenario sets it up in a way that it cannot be.
+    fn senses(
+        &self,
+        _scenario: &Scenario,
+        _source: &Source,
+    ) -> Result<Option<Senses>, ScenarioError> {
+        Ok(None)
+    }
+
+    /// The station that steers such a robot from afar, with the coding of its port.
+    fn remote(&self) -> Option<(Box<dyn RemoteStation>, LineConfig)> {
+        None
+    }
 }
 
-/// What a frame to the base commands: the set-points of the left and the right wheel, as the wheels
-/// can follow them.
-pub type Command = [Option<i16>; 2];
+static ROBOTS: Registry<dyn Robot> = Registry::new(&[&rescue::RescueRobot], |robot| robot.name());
 
-/// How a robot's base is commanded.
-#[derive(Clone, Copy, Debug)]
-pub struct Dialect {
-    /// The longest frame.
-    pub frame_max: usize,
-    /// The command in the sound frame with which these bytes end, if they do.
-    pub command: fn(&[u8]) -> Option<Command>,
+/// Makes a robot known to all scenarios of this process.
+///
+/// # Errors
+/// If there is a robot of that name.
+pub fn register(robot: &'static dyn Robot) -> Result<(), NameTaken> {
+    ROBOTS.add(robot)
+}
+
+/// All robots, the built-in ones first.
+pub fn all() -> Vec<&'static dyn Robot> {
+    ROBOTS.all()
+}
+
+/// The robot called `name`.
+pub fn find(name: &str) -> Option<&'static dyn Robot> {
+    ROBOTS.find(name)
+}
+
+/// The robot that a scenario names.
+///
+/// # Errors
+/// If nobody knows it.
+pub fn of(scenario: &Scenario, source: &Source) -> Result<&'static dyn Robot, ScenarioError> {
+    ROBOTS.find(&scenario.robot).ok_or_else(|| {
+        let known: Vec<&str> = all().iter().map(|robot| robot.name()).collect();
+        let message = format!("is \"{}\", expected {}", scenario.robot, known.join(", "));
+        source.invalid(source.find("robot"), "robot", message)
+    })
+}
+
+/// What a robot is wired from.
+pub struct Plan<'a> {
+    /// The scenario.
+    pub scenario: &'a Scenario,
+    /// Where it comes from, for messages.
+    pub source: &'a Source,
+    /// Ground truth, the robot's body in it.
+    pub world: World,
+    /// Who takes the part of the program.
+    pub dut: Dut,
+    /// Who takes the part of the PC.
+    pub pc: PcEnd,
 }
 
 /// Who takes the part of the robot's program.
@@ -83,10 +174,23 @@ pub struct Wired {
     pub rig: Rig,
     /// Ends to be served from outside.
     pub open_ends: Vec<OpenEnd>,
+    /// What may be asked of the robot.
+    pub instruments: Box<dyn Instruments>,
 }
 
 impl Wired {
-    fn open_end(&mut self, name: &str, line: LineConfig, connect: &'static str) -> End {
+    /// A rig without open ends so far.
+    pub fn new(rig: Rig, instruments: impl Instruments + 'static) -> Self {
+        Self {
+            rig,
+            open_ends: Vec::new(),
+            instruments: Box::new(instruments),
+        }
+    }
+
+    /// Adds an end that is served from outside, for the link `name`; `connect` says who is to be
+    /// there.
+    pub fn open_end(&mut self, name: &str, line: LineConfig, connect: &'static str) -> End {
         let node = self.rig.add_outside(name, line);
         let (name, link) = (name.to_owned(), name.to_owned());
         self.open_ends.push(OpenEnd {
@@ -123,15 +227,6 @@ fn plan_links(rig: &mut Rig, scenario: &Scenario, source: &Source) -> Result<(),
     Ok(())
 }
 
-/// What a robot's checkers need to know.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Watch {
-    /// Link on which wheel commands travel.
-    pub command_link: &'static str,
-    /// Silence after which the base must have stopped the motors.
-    pub silence_max: Duration,
-}
-
 /// A room that suits a robot, for missions that are made by chance. It looks different from each
 /// place and in each direction: a robot that was lost can find out where it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -147,39 +242,33 @@ pub struct Arena {
     pub obstacle_mm: [u64; 2],
 }
 
-/// The room for missions that are made by chance.
-pub const fn arena(robot: Robot) -> Arena {
-    match robot {
-        Robot::Rescue => rescue::ARENA,
-    }
-}
-
-/// Links that are levels rather than bytes, so that no fault of a serial line can befall them.
-pub const fn pins(robot: Robot) -> &'static [&'static str] {
-    match robot {
-        Robot::Rescue => &rescue::PINS,
-    }
-}
-
-/// Links on which a device may be told to do something else for good, and the device: nothing but
-/// its switch brings it back.
-pub const fn consoles(robot: Robot) -> &'static [(&'static str, &'static str)] {
-    match robot {
-        Robot::Rescue => &rescue::CONSOLES,
-    }
-}
-
-/// Wires the scenario's robot into `world`.
+/// Wires the scenario's robot into its world.
+///
+/// # Errors
+/// If the scenario cannot be.
 pub fn wire(
     scenario: &Scenario,
     source: &Source,
-    world: World,
     dut: Dut,
     pc: PcEnd,
 ) -> Result<Wired, ScenarioError> {
-    let mut wired = match scenario.robot {
-        Robot::Rescue => rescue::wire(scenario, source, world, dut, pc)?,
-    };
+    let world = scenario.world.build(scenario.seed, source)?;
+    wire_into(Plan {
+        scenario,
+        source,
+        world,
+        dut,
+        pc,
+    })
+}
+
+/// The same into a world that is not the scenario's own.
+///
+/// # Errors
+/// If the scenario cannot be.
+pub fn wire_into(plan: Plan<'_>) -> Result<Wired, ScenarioError> {
+    let (scenario, source) = (plan.scenario, plan.source);
+    let mut wired = of(scenario, source)?.wire(plan)?;
     add_own_devices(&mut wired, scenario, source)?;
     plan_links(&mut wired.rig, scenario, source)?;
     Ok(wired)
@@ -246,93 +335,6 @@ pub struct ProgramPort {
     pub is_optional: bool,
 }
 
-/// The program of the scenario's robot, for a process of its own.
-pub fn program(scenario: &Scenario, source: &Source) -> Result<Alone, ScenarioError> {
-    match scenario.robot {
-        Robot::Rescue => rescue::alone(scenario, source),
-    }
-}
-
-/// What the robot's checkers need to know.
-pub const fn watch(robot: Robot) -> Watch {
-    match robot {
-        Robot::Rescue => rescue::WATCH,
-    }
-}
-
-/// What the base was told to do, if the base is emulated.
-pub fn actuators(robot: Robot, rig: &Rig) -> Option<Actuators> {
-    match robot {
-        Robot::Rescue => rescue::actuators(rig),
-    }
-}
-
-/// How the base is commanded, if the base is emulated.
-pub fn dialect(robot: Robot, rig: &Rig) -> Option<Dialect> {
-    match robot {
-        Robot::Rescue => rescue::dialect(rig),
-    }
-}
-
-/// Whether the PC has received all of the map; `None` if it is not emulated.
-pub fn map_received(robot: Robot, rig: &Rig) -> Option<bool> {
-    match robot {
-        Robot::Rescue => rescue::map_received(rig),
-    }
-}
-
-/// Counters of the program that tell of situations which a campaign must bring about at least
-/// once: otherwise nothing is known about how it copes with them.
-pub const fn situations(robot: Robot) -> &'static [&'static str] {
-    match robot {
-        Robot::Rescue => &rescue::SITUATIONS,
-    }
-}
-
-/// The PC at the far end of the radio, if the rig has one.
-pub fn pc(robot: Robot, rig: &Rig) -> Option<&Pc> {
-    match robot {
-        Robot::Rescue => rescue::pc(rig),
-    }
-}
-
-/// Puts a step into the script of the rig's PC: at `index` among the `mission` steps that the
-/// scenario gave it. `None` if the rig has no PC.
-pub fn insert_pc_step(
-    robot: Robot,
-    rig: &mut Rig,
-    mission: usize,
-    index: usize,
-    step: &Step,
-) -> Option<Result<(), ScriptError>> {
-    match robot {
-        Robot::Rescue => rescue::insert_pc_step(rig, mission, index, step),
-    }
-}
-
-/// What a link speaks, if it is known.
-pub fn protocol(robot: Robot, rig: &Rig, link: &str) -> Option<Protocol> {
-    match robot {
-        Robot::Rescue => rescue::protocol(rig, link),
-    }
-}
-
-/// Where the page finds a scan.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ScanLink {
-    /// The link on which an XV-11 sends.
-    pub link: &'static str,
-    /// Bearing of its first reading, counter-clockwise from straight ahead.
-    pub first_bearing: f64,
-}
-
-/// Where the page finds the robot's scan.
-pub const fn scan_link(robot: Robot) -> ScanLink {
-    match robot {
-        Robot::Rescue => rescue::SCAN_LINK,
-    }
-}
-
 /// What a mapper needs to know of a robot to understand what passed its links.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Senses {
@@ -350,49 +352,4 @@ pub struct Senses {
     pub wheels: WheelGeometry,
     /// Where the robot believes to start.
     pub start: Pose,
-}
-
-/// What a mapper needs to know of the scenario's robot.
-///
-/// # Errors
-/// If the scenario sets the robot up in a way that it cannot be.
-pub fn senses(scenario: &Scenario, source: &Source) -> Result<Senses, ScenarioError> {
-    match scenario.robot {
-        Robot::Rescue => rescue::senses(scenario, source),
-    }
-}
-
-/// A value of a device, for people.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct Register {
-    /// Its address.
-    pub address: u8,
-    /// Its name.
-    pub name: &'static str,
-    /// What it holds.
-    pub value: i64,
-    /// Unit of the value, empty if it has none.
-    pub unit: &'static str,
-}
-
-/// The registers of the robot's base, if it is emulated.
-pub fn registers(robot: Robot, rig: &Rig) -> Vec<Register> {
-    match robot {
-        Robot::Rescue => rescue::registers(rig),
-    }
-}
-
-/// The robot's own display, if it has one.
-pub fn display(robot: Robot, rig: &Rig) -> Option<&TouchPanel> {
-    match robot {
-        Robot::Rescue => rescue::display::of(rig),
-    }
-}
-
-/// Lets somebody tap on the robot's display, and adds the tap to the scenario; whether there is a
-/// display.
-pub fn tap(scenario: &mut Scenario, rig: &mut Rig, tap: TapSpec) -> bool {
-    match scenario.robot {
-        Robot::Rescue => rescue::display::tap(scenario, rig, tap),
-    }
 }

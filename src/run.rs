@@ -12,13 +12,12 @@ use core::time::Duration;
 use std::collections::BTreeMap;
 
 use emulators::world::Pose;
-use firmware_core::grid::Grid;
 use image::RgbImage;
 use protocols::Instant;
 
 use crate::rig::fault::FaultId;
 use crate::rig::{Logged, Paced, Rig};
-use crate::robots::{self, Dut, PcEnd, Wired};
+use crate::robots::{self, Dut, Instruments, KeptMap, PcEnd, Wired};
 use crate::run::check::{Check, Checker, Look, Status};
 use crate::run::history::History;
 use crate::run::mission::Progress;
@@ -42,6 +41,7 @@ const WAY_EVERY: u32 = 5;
 pub struct Run {
     /// The rig.
     pub rig: Rig,
+    instruments: Box<dyn Instruments>,
     scenario: Scenario,
     seed: u64,
     checkers: Vec<Box<dyn Checker>>,
@@ -78,7 +78,7 @@ pub struct Outcome {
     /// Believed poses beside the true ones.
     pub pairs: Vec<PosePair>,
     /// The program's map.
-    pub map: Option<Box<Grid>>,
+    pub map: Option<KeptMap>,
     /// What is solid, obstacles where they were in the end.
     pub scene: view::Scene,
     /// Radius of the robot.
@@ -100,9 +100,10 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// Whether every check passed.
+    /// Whether something was judged and nothing failed.
     pub fn passed(&self) -> bool {
-        self.checks.iter().all(|check| check.status == Status::Pass)
+        let is = |status| self.checks.iter().any(|check| check.status == status);
+        is(Status::Pass) && !is(Status::Fail)
     }
 }
 
@@ -115,28 +116,24 @@ impl Run {
     ) -> Result<Self, ScenarioError> {
         let mut scenario = scenario;
         scenario.seed = seed.unwrap_or(scenario.seed);
-        let world = scenario.world.build(scenario.seed, source)?;
-        let Wired { rig, .. } =
-            robots::wire(&scenario, source, world, Dut::Internal, PcEnd::Scripted)?;
-        Ok(Self::with_rig(scenario, rig))
+        let wired = robots::wire(&scenario, source, Dut::Internal, PcEnd::Scripted)?;
+        let Wired {
+            rig, instruments, ..
+        } = wired;
+        Ok(Self::with_rig(scenario, rig, instruments))
     }
 
     /// A run of `scenario` in a rig that was wired for it.
-    pub fn with_rig(scenario: Scenario, mut rig: Rig) -> Self {
-        let watch = robots::watch(scenario.robot);
+    pub fn with_rig(scenario: Scenario, mut rig: Rig, instruments: Box<dyn Instruments>) -> Self {
         let mut pushes = scenario.world.push.clone();
         pushes.sort_by_key(|push| push.at);
-        let mut checkers = check::standard(watch.command_link, watch.silence_max);
-        if let Some(dialect) = robots::dialect(scenario.robot, &rig) {
-            let link = watch.command_link;
-            let checker = check::SetPointsAsAccepted::listening(&mut rig, link, dialect);
-            checkers.extend(checker.map(|checker| Box::new(checker) as Box<dyn Checker>));
-        }
+        let mut checkers = check::standard(&mut rig, &*instruments);
         if let Some(phases) = scenario.phases {
             checkers.push(Box::new(check::AtWorkAgain::new(phases.windows())));
         }
         let mut run = Self {
             rig,
+            instruments,
             seed: scenario.seed,
             checkers,
             progress: Progress::new(&scenario.mission, &scenario.expect),
@@ -165,6 +162,21 @@ impl Run {
         &self.progress
     }
 
+    /// What may be asked of the robot.
+    pub fn instruments(&self) -> &dyn Instruments {
+        &*self.instruments
+    }
+
+    /// Where the robot believes to be; see [`Instruments::estimate`].
+    pub fn estimate(&self) -> Option<(Instant, Pose)> {
+        self.instruments.estimate(&self.rig)
+    }
+
+    /// Whether the station has all of the map, if robots like this one send it.
+    fn map_received(&self) -> Option<bool> {
+        self.instruments.station(&self.rig)?.has_whole_map()
+    }
+
     /// Adds a checker of one's own.
     pub fn add_checker(&mut self, checker: Box<dyn Checker>) {
         self.checkers.push(checker);
@@ -185,7 +197,7 @@ impl Run {
         self.look();
         let now = self.rig.now();
         let received = match self.scenario.expect.map_received {
-            Some(true) => robots::map_received(self.scenario.robot, &self.rig).unwrap_or(true),
+            Some(true) => self.map_received().unwrap_or(true),
             _ => true,
         };
         let phases = self.scenario.phases;
@@ -229,17 +241,17 @@ impl Run {
         self.next_look = self.rig.now() + LOOK_EVERY;
         self.begin_what_waited();
         let contacts = self.rig.world.take_contacts();
-        let actuators = robots::actuators(self.scenario.robot, &self.rig);
+        let axes = self.instruments.axes(&self.rig);
         let look = Look {
             rig: &self.rig,
-            actuators,
+            axes: &axes,
             contacts: &contacts,
         };
         self.checkers
             .iter_mut()
             .for_each(|checker| checker.observe(&look));
 
-        self.history.observe(&self.rig);
+        self.history.observe(&self.rig, &*self.instruments);
         let (now, pose) = (self.rig.now(), self.rig.world.pose());
         self.progress.observe(now, pose, self.rig.world.is_moving());
         self.looks += 1;
@@ -250,11 +262,15 @@ impl Run {
         if (self.looks - 1).is_multiple_of(WAY_EVERY) {
             self.truth.push((now, pose));
         }
-        if let Some((at, estimate)) = self.rig.program().and_then(|program| program.estimate())
+        if let Some((at, estimate)) = self.instruments.estimate(&self.rig)
             && self.pairs.last().is_none_or(|pair| pair.at < at)
         {
             let truth = self.rig.world.pose_at(at);
-            self.pairs.push(PosePair::new(at, truth, estimate));
+            self.pairs.push(PosePair {
+                at,
+                truth,
+                estimate,
+            });
         }
     }
 
@@ -269,9 +285,7 @@ impl Run {
     /// Ends the run here and judges it.
     pub fn judge(self) -> Outcome {
         let program = self.rig.program();
-        let map = program
-            .and_then(|program| program.map())
-            .map(|map| Box::new(map.clone()));
+        let map = self.instruments.map(&self.rig).map(KeptMap::from);
         let mut counters = BTreeMap::new();
         if let Some(program) = program {
             program.counters(&mut |name, value| {
@@ -286,7 +300,7 @@ impl Run {
             .collect();
         let wall_overlap = map
             .as_ref()
-            .map(|map| score::wall_overlap(map, &self.rig.world, &way));
+            .map(|map| score::wall_overlap(map.view(), &self.rig.world, &way));
         let pose_error = score::pose_error(&self.pairs);
         let mut checks: Vec<Check> = self
             .checkers
@@ -304,7 +318,7 @@ impl Run {
             map,
             scene: view::scene(&self.rig.world),
             radius_m: self.rig.world.body().radius_m,
-            display: robots::display(self.scenario.robot, &self.rig).map(render::display),
+            display: self.instruments.display(&self.rig).map(render::display),
             counters,
             events: self.rig.events().to_vec(),
             violations: self.rig.violations(),
@@ -387,7 +401,7 @@ impl Run {
             checks.push(Check::new("violations", found <= max, detail));
         }
         if let Some(wanted) = expect.map_received {
-            let received = robots::map_received(self.scenario.robot, &self.rig);
+            let received = self.map_received();
             let pass = received == Some(wanted);
             let detail = if received == Some(true) {
                 "all rows"

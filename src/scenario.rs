@@ -46,8 +46,8 @@ pub struct Scenario {
     /// What it is about, for people.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub description: String,
-    /// Which robot.
-    pub robot: Robot,
+    /// Which robot, by its name.
+    pub robot: String,
     /// How long at most.
     pub duration: Span,
     /// Seed of all randomness; the command line may replace it.
@@ -82,14 +82,6 @@ pub struct Scenario {
     /// What goes wrong.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fault: Vec<FaultSpec>,
-}
-
-/// The robots that can be wired.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Robot {
-    /// XV-11 lidar, AVR base, HC-06 radio; tinySLAM.
-    Rescue,
 }
 
 /// Where a saved case comes from.

@@ -10,6 +10,7 @@
 //! report rounds to the nearest multiple of the resolution instead, which moves its whole map by
 //! half a cell and nothing else.) 300 x 300 is the seed report's size.
 
+use crate::map_view::MapView;
 use crate::pose::Point;
 
 /// Cells along an edge of the default map.
@@ -78,6 +79,11 @@ impl<const W: usize, const H: usize> Grid<W, H> {
     /// The cells of equal y, in order of x; `None` above the map.
     pub fn row(&self, iy: usize) -> Option<&[u8; W]> {
         self.cells.get(iy)
+    }
+
+    /// The grid as an observer sees it.
+    pub const fn view(&self) -> MapView<'_> {
+        MapView::new(W, self.resolution_mm, [0.0; 2], self.cells.as_flattened())
     }
 
     /// All rows, lowest y first.

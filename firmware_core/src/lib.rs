@@ -9,6 +9,7 @@ pub mod display;
 pub mod fifo;
 pub mod grid;
 pub mod lidar_motor;
+pub mod map_view;
 mod master;
 pub mod memory;
 pub mod navigation;

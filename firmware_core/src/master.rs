@@ -61,8 +61,8 @@ pub trait Inspect {
     /// last scan that was matched, not the moment of asking.
     fn estimate(&self) -> Option<(Instant, crate::pose::Pose)>;
 
-    /// The map as the program holds it.
-    fn map(&self) -> Option<&crate::grid::Grid>;
+    /// The map as the program holds it, if it makes one.
+    fn map(&self) -> Option<crate::map_view::MapView<'_>>;
 
     /// Where the beams of the newest scan that was matched ended, in the robot's frame at the time
     /// of the [`estimate`](Self::estimate).

@@ -14,11 +14,11 @@ use core::fmt;
 use std::path::{Path, PathBuf};
 
 use emulators::world::Pose;
-use firmware_core::grid::Grid;
 use protocols::Instant;
 
 use crate::capture::Capture;
 use crate::capture::replay::{Recorded, Replay, ReplayError, Voice};
+use crate::robots::KeptMap;
 use crate::run::LOOK_EVERY;
 use crate::scenario::{Scenario, Source};
 use crate::show::folder;
@@ -77,7 +77,7 @@ pub struct Belief {
     /// Its way; times begin with the capture.
     pub way: Vec<(Instant, Pose)>,
     /// Its map at the end.
-    pub map: Option<Box<Grid>>,
+    pub map: Option<KeptMap>,
 }
 
 impl Belief {
@@ -94,21 +94,15 @@ impl Belief {
         let mut way: Vec<(Instant, Pose)> = Vec::new();
         while !replay.is_over() {
             replay.run_for(LOOK_EVERY);
-            let estimate = replay
-                .rig()
-                .program()
-                .and_then(|program| program.estimate());
-            if let Some((at, pose)) = estimate
+            if let Some((at, pose)) = replay.instruments().estimate(replay.rig())
                 && way.last().is_none_or(|&(last, _)| last < at)
             {
-                let theta = f64::from(pose.heading);
-                let [x, y] = [pose.x_mm, pose.y_mm].map(|mm| f64::from(mm) / 1000.0);
-                way.push((at, Pose::new(x, y, theta)));
+                way.push((at, pose));
             }
         }
-        let map = replay.rig().program().and_then(|program| program.map());
+        let map = replay.instruments().map(replay.rig());
         Ok(Self {
-            map: map.map(|map| Box::new(map.clone())),
+            map: map.map(KeptMap::from),
             way,
         })
     }
@@ -188,7 +182,9 @@ impl Export<'_> {
     }
 
     fn map(&self, path: &Path) -> Result<(Vec<u8>, String), ExportError> {
-        let map = self.belief.and_then(|belief| belief.map.as_deref());
+        let map = self
+            .belief
+            .and_then(|belief| belief.map.as_ref().map(KeptMap::view));
         let map = map.ok_or(ExportError::Nothing("the program has no map"))?;
         let picture = path.with_extension("pgm");
         let name = picture.file_name().unwrap_or_default().to_string_lossy();

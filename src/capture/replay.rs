@@ -19,10 +19,10 @@ use crate::capture::{Capture, Kind, Record};
 use crate::rig::line::{Delivery, Direction};
 use crate::rig::trace::{Side, Tap};
 use crate::rig::{Logged, Program, Rig};
-use crate::robots::{self, Dut, PcEnd, Wired};
+use crate::robots::{self, Dut, Instruments, PcEnd, Wired};
 use crate::run::LOOK_EVERY;
 use crate::run::check::{self, Check, Checker, Look};
-use crate::scenario::{Robot, Scenario, ScenarioError, Source};
+use crate::scenario::{Scenario, ScenarioError, Source};
 
 pub use ports::{Pace, Playback, PlaybackError, Side as PlayedSide, Socket};
 
@@ -179,7 +179,7 @@ pub struct Replay {
     feed: Vec<Feed>,
     expected: Vec<(usize, Passage)>,
     sent: Rc<RefCell<Vec<Track>>>,
-    robot: Robot,
+    instruments: Box<dyn Instruments>,
     checkers: Vec<Box<dyn Checker>>,
     next_look: Instant,
     end: Instant,
@@ -262,9 +262,12 @@ impl Replay {
         source: &Source,
         voice: Voice,
     ) -> Result<Self, ReplayError> {
-        let world = scenario.world.build(scenario.seed, source)?;
-        let wired = robots::wire(scenario, source, world, Dut::Internal, PcEnd::Scripted)?;
-        let Wired { mut rig, .. } = wired;
+        let wired = robots::wire(scenario, source, Dut::Internal, PcEnd::Scripted)?;
+        let Wired {
+            mut rig,
+            instruments,
+            ..
+        } = wired;
         let (mut feed, mut expected) = (Vec::new(), Vec::new());
         for link in rig.program_links() {
             let name = &rig.links()[link].name;
@@ -300,14 +303,14 @@ impl Replay {
         }
         let sent = Rc::new(RefCell::new(vec![Track::default(); rig.links().len()]));
         rig.add_tap(Box::new(Listener(Rc::clone(&sent))));
-        let watch = robots::watch(scenario.robot);
+        let checkers = check::standard(&mut rig, &*instruments);
         Ok(Self {
             rig,
             feed,
             expected,
             sent,
-            robot: scenario.robot,
-            checkers: check::standard(watch.command_link, watch.silence_max),
+            instruments,
+            checkers,
             next_look: Instant::ZERO + LOOK_EVERY,
             end: recorded.end,
         })
@@ -321,6 +324,11 @@ impl Replay {
     /// The rig.
     pub const fn rig(&self) -> &Rig {
         &self.rig
+    }
+
+    /// What may be asked of the robot.
+    pub fn instruments(&self) -> &dyn Instruments {
+        &*self.instruments
     }
 
     /// Whether all of the capture was played.
@@ -351,9 +359,10 @@ impl Replay {
             self.rig.run_until(self.next_look);
             self.next_look += LOOK_EVERY;
             let contacts = self.rig.world.take_contacts();
+            let axes = self.instruments.axes(&self.rig);
             let look = Look {
                 rig: &self.rig,
-                actuators: robots::actuators(self.robot, &self.rig),
+                axes: &axes,
                 contacts: &contacts,
             };
             let checkers = self.checkers.iter_mut();

@@ -46,7 +46,12 @@ pub(super) fn run(args: DutArgs) -> Result<Verdict, CliError> {
         None => noted_scenario(&args.dir)?,
     };
     let (scenario, source) = Scenario::read(&scenario_path)?;
-    let Alone { program, ports } = robots::program(&scenario, &source)?;
+    let robot = robots::of(&scenario, &source)?;
+    let alone = robot.program(&scenario, &source)?.ok_or_else(|| {
+        let message = "brings no program of its own, expected a robot that does";
+        source.invalid(source.find("robot"), "robot", message)
+    })?;
+    let Alone { program, ports } = alone;
     let names: Vec<String> = ports.iter().map(|port| port.name.to_owned()).collect();
     place::check("--link", &args.link, &names)?;
 

@@ -13,7 +13,6 @@ use super::stop::Stop;
 use super::{CliError, Verdict};
 use crate::codec::Protocol;
 use crate::realtime::clock::{Clock, WallClock};
-use crate::robots;
 use crate::run::Run;
 use crate::scenario::{Scenario, Span};
 use crate::search::fuzz::wire::Target;
@@ -150,7 +149,7 @@ fn of_scenario(args: &FuzzArgs, path: &Path) -> Result<Box<dyn Subject>, CliErro
     let Some(link) = &args.link else {
         return Ok(Box::new(Missions::new(scenario, source, args.vary)));
     };
-    let target = match robots::protocol(scenario.robot, &run.rig, link) {
+    let target = match run.instruments().codec(&run.rig, link) {
         Some(Protocol::Xv11) => "xv11",
         Some(Protocol::Xv11Turn) => "xv11-turns",
         Some(Protocol::Bus) => "avr-low-first",

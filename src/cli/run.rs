@@ -10,7 +10,6 @@ use crate::capture::case::{Case, Judgement};
 use crate::capture::{self, Limits, Recording};
 use crate::realtime::Realtime;
 use crate::realtime::clock::{Clock, WallClock};
-use crate::run::check::Status;
 use crate::run::{Outcome, Run};
 use crate::scenario::{Scenario, ScenarioError, Source};
 use crate::show::folder::{self, FolderError, Metrics, Suite};
@@ -256,11 +255,7 @@ fn print_summary(outcome: &Outcome, wall: Duration, out: &Path) {
     let verdict = if outcome.passed() { "PASS" } else { "FAIL" };
     println!("{verdict} {} seed {}", outcome.case.name, outcome.seed);
     for check in &outcome.checks {
-        let mark = match check.status {
-            Status::Pass => "ok  ",
-            Status::Fail => "FAIL",
-        };
-        println!("  {mark} {:<25} {}", check.name, check.detail);
+        println!("  {check}");
     }
     let (sim_s, wall_s) = (metrics.sim_s, metrics.wall_s);
     println!(

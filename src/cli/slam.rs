@@ -8,7 +8,8 @@ use firmware_core::slam::Mode;
 use super::{CliError, Verdict};
 use crate::capture::replay::Recorded;
 use crate::realtime::clock::{Clock as _, WallClock};
-use crate::robots::senses;
+use crate::robots;
+use crate::scenario::{Scenario, Source};
 use crate::slam::survey::{CELL_MM, settings, survey};
 use crate::slam::{Log, carmen, folder, wire};
 
@@ -138,6 +139,16 @@ fn capture(path: &Path, scenario: Option<&Path>) -> Result<Log, CliError> {
     let recorded = Recorded::of(&capture, None);
     wire::read(&recorded, &senses(&scenario, &source)?)
         .map_err(|error| CliError::Other(format!("{}: {error}", path.display())))
+}
+
+/// What a mapper needs to know of the scenario's robot.
+fn senses(scenario: &Scenario, source: &Source) -> Result<robots::Senses, CliError> {
+    let senses = robots::of(scenario, source)?.senses(scenario, source)?;
+    senses.ok_or_else(|| {
+        let message = "is not known to the mapper, expected a robot whose lidar and wheels are";
+        let error = source.invalid(source.find("robot"), "robot", message);
+        error.into()
+    })
 }
 
 #[cfg(not(feature = "mcap"))]

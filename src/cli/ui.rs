@@ -8,6 +8,7 @@ use protocols::LineConfig;
 use super::stop::Stop;
 use super::{CliError, Verdict};
 use crate::realtime::clock::{Clock, WallClock};
+use crate::robots::{self, Robot};
 use crate::scenario::{Scenario, Span};
 use crate::show::ui::{Hub, Remote, SPEED_MAX, Server, Session};
 
@@ -126,14 +127,15 @@ fn run_rig(args: &Ui, stop: &Stop) -> Result<(), CliError> {
 
 fn run_remote(args: &Ui, stop: &Stop) -> Result<(), CliError> {
     let path = args.pc.as_ref().expect("was asked for");
-    let air = emulators::hc06::AIR_LINE;
+    let remote = robots::all().into_iter().find_map(Robot::remote);
+    let (station, air) = remote.expect("a built-in robot has a station");
     let line = LineConfig {
         baud: args.baud.map_or(air.baud, core::num::NonZeroU32::get),
         ..air
     };
     let hub = Hub::new();
     let clock = WallClock::start();
-    let mut remote = Remote::new(path, line, Arc::clone(&hub));
+    let mut remote = Remote::new(station, path, line, Arc::clone(&hub));
     let _server = args.place.serve("--port", hub)?;
     loop {
         let now = clock.now();
@@ -143,6 +145,6 @@ fn run_remote(args: &Ui, stop: &Stop) -> Result<(), CliError> {
         remote.turn(now);
         clock.sleep_until(now + core::time::Duration::from_millis(5));
     }
-    println!("{} B heard", remote.pc().record().counts.bytes);
+    println!("{} B heard", remote.view(clock.now()).bytes);
     Ok(())
 }

@@ -15,7 +15,7 @@ use crate::realtime::control::Control;
 use crate::realtime::transport::{Note, PortDir, Pty, Serial, Transport};
 use crate::rig::Paced;
 use crate::rig::Rig;
-use crate::robots::{self, Dut, OpenEnd, PcEnd, Wired};
+use crate::robots::{self, Dut, Instruments, OpenEnd, PcEnd, Wired};
 use crate::run::Run;
 use crate::scenario::{Scenario, Span};
 use crate::show::folder::FolderError;
@@ -76,14 +76,8 @@ pub(super) struct Up {
 pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
     let (mut scenario, source) = Scenario::read(&args.scenario)?;
     scenario.seed = args.seed.unwrap_or(scenario.seed);
-    let world = scenario.world.build(scenario.seed, &source)?;
-    let wired = robots::wire(
-        &scenario,
-        &source,
-        world,
-        Dut::External,
-        pc_end(&args, &scenario),
-    )?;
+    let pc = pc_end(&args, &scenario);
+    let wired = robots::wire(&scenario, &source, Dut::External, pc)?;
     let dir = args
         .dir
         .clone()
@@ -92,7 +86,7 @@ pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
 
     let mut dir = PortDir::open(&dir)?;
     let mut control = Control::open(&dir)?;
-    let (rig, ports) = place_ends(wired, &args, &dir)?;
+    let (rig, instruments, ports) = place_ends(wired, &args, &dir)?;
     dir.leave_note(Note::Scenario, &scenario.to_toml())?;
     print_table(&ports);
     eprintln!(
@@ -102,7 +96,7 @@ pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
         args.duration
             .map_or("SIGINT or SIGTERM".to_owned(), |time| time.to_string())
     );
-    let mut run = Endless(Run::with_rig(scenario, rig));
+    let mut run = Endless(Run::with_rig(scenario, rig, instruments));
     record(&args, &mut run.0)?;
     let mut show = args.show.start()?;
     show.begin(&mut run.0);
@@ -208,8 +202,16 @@ impl Paced for Endless {
 type Placed = (OpenEnd, Box<dyn Transport>);
 
 /// Opens or makes a port for each open end.
-fn place_ends(wired: Wired, args: &Up, dir: &PortDir) -> Result<(Rig, Vec<Placed>), CliError> {
-    let Wired { mut rig, open_ends } = wired;
+fn place_ends(
+    wired: Wired,
+    args: &Up,
+    dir: &PortDir,
+) -> Result<(Rig, Box<dyn Instruments>, Vec<Placed>), CliError> {
+    let Wired {
+        mut rig,
+        open_ends,
+        instruments,
+    } = wired;
     let names: Vec<String> = open_ends.iter().map(|end| end.name.clone()).collect();
     place::check("--dut-at", &args.dut_at, &names)?;
     place::check("--device-at", &args.device_at, &names)?;
@@ -236,7 +238,7 @@ fn place_ends(wired: Wired, args: &Up, dir: &PortDir) -> Result<(Rig, Vec<Placed
         }
         ports.push((end, port));
     }
-    Ok((rig, ports))
+    Ok((rig, instruments, ports))
 }
 
 /// The ports as data: one a line.

@@ -11,8 +11,10 @@
 
 mod arena;
 mod command;
-pub(super) mod display;
+mod display;
+mod instruments;
 pub mod pc_program;
+mod station;
 mod view;
 
 use core::time::Duration;
@@ -20,7 +22,6 @@ use core::time::Duration;
 use emulators::avr_base::{self, AvrBase, AvrBaseConfig};
 use emulators::hc06::{self, Hc06};
 use emulators::pc::{self, Pc};
-use emulators::world::World;
 use emulators::xv11::{self, Xv11};
 use firmware_core::pose::Pose;
 use firmware_core::robots::rescue::{Config, Rescue};
@@ -30,7 +31,10 @@ use protocols::hc06::Family;
 use protocols::pcui::message::{Mode, Order};
 use protocols::{LineConfig, Port};
 
-use super::{Actuators, Alone, Dut, PcEnd, ProgramPort, Watch, Wired};
+use super::{
+    Alone, Arena, Console, Dut, PcEnd, Plan, ProgramPort, RemoteStation, Robot, Senses, Silence,
+    Wired,
+};
 use crate::rig::Rig;
 use crate::rig::cpu::CpuModel;
 use crate::rig::line::End;
@@ -39,25 +43,21 @@ use crate::scenario::{
     Step, TurnSpec,
 };
 
-pub(super) use arena::ARENA;
-pub(super) use command::dialect;
-pub(super) use view::{SCAN_LINK, protocol, registers, senses};
+use arena::ARENA;
+use instruments::RescueInstruments;
 
-/// What the checkers watch: the base stops the motors within 1.006 s of silence (field firmware,
-/// measured), plus a regulator's period of 40 ms and a look of the checker.
-pub const WATCH: Watch = Watch {
-    command_link: "base",
+/// The base stops the motors within 1.006 s of silence (field firmware, measured), plus a
+/// regulator's period of 40 ms and a look of the checker.
+const SILENCE: Silence = Silence {
+    link: "base",
     silence_max: Duration::from_millis(1060),
 };
 
 /// A break, or three ESC, open the lidar's console and end its stream.
-pub const CONSOLES: [(&str, &str); 1] = [("lidar", "lidar")];
-
-/// The duty of the lidar's motor is a level.
-pub const PINS: [&str; 1] = ["motor"];
+const CONSOLES: [Console; 1] = [("lidar", "lidar")];
 
 /// Situations that a campaign must bring about: what each link can do to the program.
-pub const SITUATIONS: [&str; 14] = [
+const SITUATIONS: [&str; 14] = [
     "lidar packets lost",
     "lidar packets bad",
     "lidar turns skipped",
@@ -82,13 +82,60 @@ const LINKS: [&str; 6] = ["lidar", "motor", "base", "radio", "pc", display::NAME
 /// The duty of the lidar's motor is a level, not a message: it gets through at once.
 const PIN: LineConfig = LineConfig::new_8n1(10_000_000);
 
-pub(super) fn wire(
-    scenario: &Scenario,
-    source: &Source,
-    world: World,
-    dut: Dut,
-    pc: PcEnd,
-) -> Result<Wired, ScenarioError> {
+/// Blumenkamp's robot of 2015.
+#[derive(Clone, Copy, Debug)]
+pub struct RescueRobot;
+
+impl Robot for RescueRobot {
+    fn name(&self) -> &'static str {
+        "rescue"
+    }
+
+    fn about(&self) -> &'static str {
+        "XV-11 lidar, AVR base, HC-06 radio; maps and drives to waypoints"
+    }
+
+    fn wire(&self, plan: Plan<'_>) -> Result<Wired, ScenarioError> {
+        wire(plan)
+    }
+
+    fn program(
+        &self,
+        scenario: &Scenario,
+        source: &Source,
+    ) -> Result<Option<Alone>, ScenarioError> {
+        alone(scenario, source).map(Some)
+    }
+
+    fn arena(&self) -> Option<Arena> {
+        Some(ARENA)
+    }
+
+    fn situations(&self) -> &'static [&'static str] {
+        &SITUATIONS
+    }
+
+    fn senses(
+        &self,
+        scenario: &Scenario,
+        source: &Source,
+    ) -> Result<Option<Senses>, ScenarioError> {
+        view::senses(scenario, source).map(Some)
+    }
+
+    fn remote(&self) -> Option<(Box<dyn RemoteStation>, LineConfig)> {
+        Some((Box::new(station::alone()), hc06::AIR_LINE))
+    }
+}
+
+fn wire(plan: Plan<'_>) -> Result<Wired, ScenarioError> {
+    let Plan {
+        scenario,
+        source,
+        world,
+        dut,
+        pc,
+    } = plan;
     check_names(scenario, source)?;
     let seed = scenario.seed;
     let mut rig = Rig::new(world);
@@ -102,10 +149,7 @@ pub(super) fn wire(
     let base_node = rig.add_device("base", AvrBase::new(base, seed));
     let radio_node = rig.add_device("radio", Hc06::new(radio(scenario, source)?, seed));
 
-    let mut wired = Wired {
-        rig,
-        open_ends: Vec::new(),
-    };
+    let mut wired = Wired::new(rig, RescueInstruments);
     let program = match dut {
         Dut::Internal => {
             let program = Box::new(Rescue::new(program(scenario, order, source)?));
@@ -182,7 +226,7 @@ pub(super) fn wire(
 }
 
 /// The program by itself. The motor's drive is no UART on a real board.
-pub(super) fn alone(scenario: &Scenario, source: &Source) -> Result<Alone, ScenarioError> {
+fn alone(scenario: &Scenario, source: &Source) -> Result<Alone, ScenarioError> {
     check_names(scenario, source)?;
     let order = order_of(base(scenario, source)?.profile);
     let port = |name, port, is_optional| ProgramPort {
@@ -450,33 +494,4 @@ pub(crate) fn pc_action(action: &Action) -> pc::Action {
             set_point: *set_point,
         }),
     }
-}
-
-pub(super) fn pc(rig: &Rig) -> Option<&Pc> {
-    rig.device("pc")
-}
-
-/// `mission` is how many steps of the PC's script are the mission's own, `index` where among them
-/// the new one belongs.
-pub(super) fn insert_pc_step(
-    rig: &mut Rig,
-    mission: usize,
-    index: usize,
-    step: &Step,
-) -> Option<Result<(), pc::ScriptError>> {
-    let pc = rig.device_mut::<Pc>("pc")?;
-    let others = pc.steps().saturating_sub(mission);
-    Some(pc.insert(others + index, pc_step(step)))
-}
-
-pub(super) fn actuators(rig: &Rig) -> Option<Actuators> {
-    let base = rig.device::<AvrBase>("base")?;
-    Some(Actuators {
-        set_points: base.set_points(),
-        limit: SET_POINT_MAX,
-    })
-}
-
-pub(super) fn map_received(rig: &Rig) -> Option<bool> {
-    Some(rig.device::<Pc>("pc")?.map_complete_at().is_some())
 }

@@ -3,14 +3,12 @@
 
 use core::time::Duration;
 
-use emulators::world::Contact;
 use firmware_core::memory::StrayWrites;
 use protocols::Instant;
-use serde::Serialize;
 
 use crate::rig::Rig;
 use crate::rig::line::Direction;
-use crate::robots::Actuators;
+use crate::robots::{Axis, Instruments, Silence};
 
 mod accepted;
 mod at_work;
@@ -18,131 +16,85 @@ mod at_work;
 pub use accepted::SetPointsAsAccepted;
 pub use at_work::AtWorkAgain;
 
-/// How a check ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Status {
-    /// What was demanded held.
-    Pass,
-    /// It did not.
-    Fail,
-}
+pub use crate::robots::checker::{Check, Checker, Look, Status};
 
-/// One verdict.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Check {
-    /// Stable name in kebab case.
-    pub name: String,
-    /// How it ended.
-    pub status: Status,
-    /// A sentence with the figures.
-    pub detail: String,
-}
-
-impl Check {
-    /// A verdict: `pass` or not.
-    pub fn new(name: &str, pass: bool, detail: impl Into<String>) -> Self {
-        let status = if pass { Status::Pass } else { Status::Fail };
-        Self {
-            name: name.to_owned(),
-            status,
-            detail: detail.into(),
-        }
+/// The checkers of every run, chosen by what `instruments` can tell. Some listen to `rig`.
+pub fn standard(rig: &mut Rig, instruments: &dyn Instruments) -> Vec<Box<dyn Checker>> {
+    let mut checkers: Vec<Box<dyn Checker>> = vec![Box::new(SetPointsInRange::default())];
+    if let Some(silence) = instruments.silence() {
+        checkers.push(Box::new(MotorsStopAfterSilence::new(silence)));
     }
+    checkers.push(Box::new(NoCollisionAtSpeed::default()));
+    checkers.push(Box::new(BytesConserved::default()));
+    checkers.push(Box::new(MemoryIntact::default()));
+    checkers.push(Box::new(ProgramAlive::default()));
+    if let Some(dialect) = instruments.dialect(rig) {
+        let accepted = SetPointsAsAccepted::listening(rig, dialect);
+        checkers.extend(accepted.map(|checker| Box::new(checker) as Box<dyn Checker>));
+    }
+    checkers.extend(instruments.checkers(rig));
+    checkers
 }
 
-/// What a checker sees at one moment.
-#[derive(Clone, Copy)]
-pub struct Look<'a> {
-    /// The rig.
-    pub rig: &'a Rig,
-    /// What the base was told to do, if it is emulated.
-    pub actuators: Option<Actuators>,
-    /// Contacts since the last look.
-    pub contacts: &'a [Contact],
+/// The set-points of some axes, for people.
+fn set_points(axes: &[Axis]) -> String {
+    let points: Vec<String> = axes.iter().map(|axis| axis.set_point.to_string()).collect();
+    points.join(", ")
 }
 
-/// An invariant that is watched during the run.
-pub trait Checker {
-    /// Looks at the rig; called every few milliseconds of virtual time.
-    fn observe(&mut self, look: &Look<'_>);
-
-    /// The verdict so far.
-    fn verdict(&self) -> Check;
-}
-
-/// The checkers of every run.
-pub fn standard(command_link: &str, silence_max: Duration) -> Vec<Box<dyn Checker>> {
-    vec![
-        Box::new(SetPointsInRange::default()),
-        Box::new(MotorsStopAfterSilence::new(command_link, silence_max)),
-        Box::new(NoCollisionAtSpeed::default()),
-        Box::new(BytesConserved::default()),
-        Box::new(MemoryIntact::default()),
-        Box::new(ProgramAlive::default()),
-    ]
-}
-
-/// No set-point that the base acts on is ever beyond what the wheels can do.
+/// No set-point that the robot acts on is ever beyond what its axes can do.
 #[derive(Clone, Debug, Default)]
 pub struct SetPointsInRange {
     looks: u64,
-    worst: Option<(Instant, Actuators)>,
+    worst: Option<(Instant, Vec<Axis>)>,
 }
 
 impl Checker for SetPointsInRange {
     fn observe(&mut self, look: &Look<'_>) {
-        let Some(actuators) = look.actuators else {
+        let limited = |axis: &&Axis| axis.limit.is_some();
+        if !look.axes.iter().any(|axis| limited(&axis)) {
             return;
-        };
+        }
         self.looks += 1;
-        let beyond = actuators
-            .set_points
-            .iter()
-            .any(|point| point.abs() > actuators.limit);
-        if beyond && self.worst.is_none() {
-            self.worst = Some((look.rig.now(), actuators));
+        let beyond = |axis: &Axis| axis.limit.is_some_and(|limit| axis.set_point.abs() > limit);
+        if self.worst.is_none() && look.axes.iter().any(beyond) {
+            self.worst = Some((look.rig.now(), look.axes.to_vec()));
         }
     }
 
     fn verdict(&self) -> Check {
-        let detail = match self.worst {
+        let detail = match &self.worst {
+            None if self.looks == 0 => "no axis with a limit to watch".to_owned(),
             None => format!("in range at all of {} looks", self.looks),
-            Some((
-                at,
-                Actuators {
-                    set_points: [left, right],
-                    limit,
-                    ..
-                },
-            )) => {
-                format!("{left}, {right} at {at} s, limit +-{limit}")
+            Some((at, axes)) => {
+                let limits = axes.iter().filter_map(|axis| axis.limit);
+                let limit = limits.fold(0.0, f64::max);
+                format!("{} at {at} s, limit +-{limit}", set_points(axes))
             }
         };
-        Check::new("set-points-in-range", self.worst.is_none(), detail)
+        Check::new("set-points-in-range", self.worst.is_none(), detail).if_observed(self.looks > 0)
     }
 }
 
 /// The motors come to rest when nothing reaches the base any more.
 #[derive(Clone, Debug)]
 pub struct MotorsStopAfterSilence {
-    link: String,
-    silence_max: Duration,
+    silence: Silence,
     delivered: u64,
     heard_at: Instant,
+    drives: u64,
     longest_drive: Duration,
     broken: Option<(Instant, Duration)>,
 }
 
 impl MotorsStopAfterSilence {
-    /// Watches the line towards the base of `link`; set-points must be zero once it was silent for
-    /// longer than `silence_max`.
-    pub fn new(link: &str, silence_max: Duration) -> Self {
+    /// Watches the line towards the device that `silence` names.
+    pub const fn new(silence: Silence) -> Self {
         Self {
-            link: link.to_owned(),
-            silence_max,
+            silence,
             delivered: 0,
             heard_at: Instant::ZERO,
+            drives: 0,
             longest_drive: Duration::ZERO,
             broken: None,
         }
@@ -152,7 +104,7 @@ impl MotorsStopAfterSilence {
 impl Checker for MotorsStopAfterSilence {
     fn observe(&mut self, look: &Look<'_>) {
         let rig = look.rig;
-        let Some(link) = rig.link(&self.link) else {
+        let Some(link) = rig.link(self.silence.link) else {
             return;
         };
         let delivered = link.line(Direction::ToDevice).traffic().delivered;
@@ -161,19 +113,17 @@ impl Checker for MotorsStopAfterSilence {
             self.heard_at = rig.now();
         }
         let silence = rig.now() - self.heard_at;
-        let driving = look
-            .actuators
-            .is_some_and(|actuators| actuators.set_points != [0, 0]);
-        if driving {
+        if look.axes.iter().any(|axis| axis.set_point != 0.0) {
+            self.drives += 1;
             self.longest_drive = self.longest_drive.max(silence);
-            if silence > self.silence_max && self.broken.is_none() {
+            if silence > self.silence.silence_max && self.broken.is_none() {
                 self.broken = Some((rig.now(), silence));
             }
         }
     }
 
     fn verdict(&self) -> Check {
-        let limit = self.silence_max.as_millis();
+        let limit = self.silence.silence_max.as_millis();
         let detail = match self.broken {
             None => format!(
                 "longest silence with set-points on {} ms, limit {limit} ms",
@@ -184,13 +134,15 @@ impl Checker for MotorsStopAfterSilence {
                 silence.as_millis()
             ),
         };
-        Check::new("motors-stop-after-silence", self.broken.is_none(), detail)
+        let check = Check::new("motors-stop-after-silence", self.broken.is_none(), detail);
+        check.if_observed(self.drives > 0)
     }
 }
 
 /// The robot does not run into anything.
 #[derive(Clone, Debug, Default)]
 pub struct NoCollisionAtSpeed {
+    has_moved: bool,
     contacts: u64,
     first: Option<Instant>,
     worst_m_s: f64,
@@ -201,6 +153,7 @@ const HARMLESS_M_S: f64 = 0.05;
 
 impl Checker for NoCollisionAtSpeed {
     fn observe(&mut self, look: &Look<'_>) {
+        self.has_moved |= look.rig.world.is_moving();
         for contact in look.contacts {
             self.contacts += 1;
             self.worst_m_s = self.worst_m_s.max(contact.speed_m_s);
@@ -219,7 +172,8 @@ impl Checker for NoCollisionAtSpeed {
                 self.worst_m_s
             ),
         };
-        Check::new("no-collision-at-speed", self.first.is_none(), detail)
+        let check = Check::new("no-collision-at-speed", self.first.is_none(), detail);
+        check.if_observed(self.has_moved || self.contacts > 0)
     }
 }
 
@@ -251,13 +205,18 @@ impl Checker for BytesConserved {
             None => format!("{} bytes accounted for", self.sent),
             Some((at, line)) => format!("at {at} s on {line}"),
         };
-        Check::new("bytes-conserved", self.broken.is_none(), detail)
+        let check = Check::new("bytes-conserved", self.broken.is_none(), detail);
+        check.if_observed(self.sent > 0)
     }
 }
+
+/// What checkers of the program say without one.
+const NO_PROGRAM: &str = "no program in this process to watch";
 
 /// The program never writes beside its buffers.
 #[derive(Clone, Debug, Default)]
 pub struct MemoryIntact {
+    has_program: bool,
     broken: Option<(Instant, &'static str, StrayWrites)>,
 }
 
@@ -266,6 +225,7 @@ impl Checker for MemoryIntact {
         let Some(program) = look.rig.program() else {
             return;
         };
+        self.has_program = true;
         let now = look.rig.now();
         program.stray_writes(&mut |buffer, stray| {
             let at = self.broken.map_or(now, |(at, ..)| at);
@@ -275,25 +235,32 @@ impl Checker for MemoryIntact {
 
     fn verdict(&self) -> Check {
         let detail = match self.broken {
+            None if !self.has_program => NO_PROGRAM.to_owned(),
             None => "no write beside a buffer".to_owned(),
             Some((at, buffer, stray)) => format!(
                 "{} writes beside the {buffer}, the first at {at} s to element {}, the last to {}",
                 stray.count, stray.first, stray.last
             ),
         };
-        Check::new("memory-intact", self.broken.is_none(), detail)
+        let check = Check::new("memory-intact", self.broken.is_none(), detail);
+        check.if_observed(self.has_program)
     }
 }
 
 /// The program does not end.
 #[derive(Clone, Debug, Default)]
 pub struct ProgramAlive {
+    has_program: bool,
     ended: Option<Instant>,
 }
 
 impl Checker for ProgramAlive {
     fn observe(&mut self, look: &Look<'_>) {
-        let is_dead = look.rig.program().is_some_and(|program| program.is_dead());
+        let Some(program) = look.rig.program() else {
+            return;
+        };
+        self.has_program = true;
+        let is_dead = program.is_dead();
         if is_dead && self.ended.is_none() {
             self.ended = Some(look.rig.now());
         }
@@ -301,9 +268,11 @@ impl Checker for ProgramAlive {
 
     fn verdict(&self) -> Check {
         let detail = match self.ended {
+            None if !self.has_program => NO_PROGRAM.to_owned(),
             None => "to the end".to_owned(),
             Some(at) => format!("ended at {at} s"),
         };
-        Check::new("program-alive", self.ended.is_none(), detail)
+        let check = Check::new("program-alive", self.ended.is_none(), detail);
+        check.if_observed(self.has_program)
     }
 }

@@ -3,12 +3,9 @@
 
 use core::fmt;
 
-use emulators::pc::ScriptError;
-use emulators::touch_panel;
 use protocols::Instant;
 
 use super::Run;
-use crate::robots;
 use crate::scenario::{Action, Scenario, Span, Step, TapSpec};
 
 impl Run {
@@ -26,10 +23,10 @@ impl Run {
         let steps = &mut self.scenario.mission.step;
         steps.sort_by_key(|step| step.at);
         let index = steps.partition_point(|other| other.at <= step.at);
-        let robot = self.scenario.robot;
-        robots::insert_pc_step(robot, &mut self.rig, steps.len(), index, &step)
-            .ok_or(CommandError::NoPc)?
-            .map_err(CommandError::Script)?;
+        let station = self.instruments.station_mut(&mut self.rig);
+        let station = station.ok_or(CommandError::NoStation)?;
+        let inserted = station.insert_step(steps.len(), index, &step);
+        inserted.map_err(CommandError::Script)?;
         steps.insert(index, step);
         self.go_on_until(Instant::from_millis(millis));
         Ok(())
@@ -41,14 +38,26 @@ impl Run {
     /// # Errors
     /// If the robot has no display, or the place is beside it.
     pub fn tap(&mut self, place: [u16; 2]) -> Result<(), CommandError> {
-        let [x, y] = place.map(usize::from);
-        if x >= touch_panel::WIDTH || y >= touch_panel::HEIGHT {
-            return Err(CommandError::BesideDisplay(place));
+        let display = self.instruments.display(&self.rig);
+        let display = display.ok_or(CommandError::NoDisplay)?;
+        let size = [display.width, display.height()];
+        if place
+            .map(usize::from)
+            .iter()
+            .zip(size)
+            .any(|(&at, size)| at >= size)
+        {
+            return Err(CommandError::BesideDisplay { place, size });
         }
         let at = Span::from_millis(self.rig.now().as_millis() + 1);
-        if !robots::tap(&mut self.scenario, &mut self.rig, TapSpec { at, place }) {
+        if !self.instruments.tap(&mut self.rig, at.instant(), place) {
             return Err(CommandError::NoDisplay);
         }
+        let tap = TapSpec { at, place };
+        self.scenario
+            .device
+            .values_mut()
+            .for_each(|spec| spec.tap(tap));
         self.go_on_until(at.instant());
         Ok(())
     }
@@ -65,24 +74,31 @@ impl Run {
 /// Why the PC cannot do what it was told.
 #[derive(Debug)]
 pub enum CommandError {
-    /// The rig has no PC of its own.
-    NoPc,
+    /// The rig has no station of its own.
+    NoStation,
     /// The protocol does not allow it.
-    Script(ScriptError),
+    Script(String),
     /// The robot has no display.
     NoDisplay,
     /// There is nothing to tap.
-    BesideDisplay([u16; 2]),
+    BesideDisplay {
+        /// Column and row.
+        place: [u16; 2],
+        /// Columns and rows of the display.
+        size: [usize; 2],
+    },
 }
 
 impl fmt::Display for CommandError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NoPc => f.write_str("the rig has no PC of its own: the PC's end is a port"),
+            Self::NoStation => f.write_str("the rig has no PC of its own: the PC's end is a port"),
             Self::Script(error) => error.fmt(f),
             Self::NoDisplay => f.write_str("the robot has no display"),
-            Self::BesideDisplay([x, y]) => {
-                let (width, height) = (touch_panel::WIDTH, touch_panel::HEIGHT);
+            Self::BesideDisplay {
+                place: [x, y],
+                size: [width, height],
+            } => {
                 write!(
                     f,
                     "{x}, {y} is not on the display of {width} x {height} pixels"
@@ -164,7 +180,9 @@ mod tests {
         assert_eq!(outcome.trace_hash, run.rig.trace_hash());
         assert_eq!(
             outcome.display,
-            robots::display(run.scenario.robot, &run.rig).map(crate::show::render::display)
+            run.instruments
+                .display(&run.rig)
+                .map(crate::show::render::display)
         );
     }
 

@@ -3,11 +3,11 @@
 
 use core::time::Duration;
 
-use firmware_core::grid::Grid;
 use protocols::Instant;
 
 use crate::rig::line::{Direction, Traffic};
 use crate::rig::{Link, Rig};
+use crate::robots::{Instruments, KeptMap};
 
 /// Most samples of the wires.
 const BINS_MAX: u32 = 500;
@@ -87,7 +87,7 @@ pub struct History {
     /// Scans.
     pub scans: Thinned<Points>,
     /// Maps.
-    pub maps: Thinned<Box<Grid>>,
+    pub maps: Thinned<KeptMap>,
     next_bin: Instant,
     end: Instant,
 }
@@ -108,7 +108,7 @@ impl History {
     }
 
     /// Looks at the rig; called every few milliseconds of virtual time.
-    pub fn observe(&mut self, rig: &Rig) {
+    pub fn observe(&mut self, rig: &Rig, instruments: &dyn Instruments) {
         let now = rig.now();
         if now > self.end {
             return;
@@ -117,18 +117,14 @@ impl History {
             self.next_bin = now + self.bin;
             self.count(rig);
         }
-        let Some(program) = rig.program() else { return };
         self.scans.offer(now, || {
-            let (_, pose) = program.estimate()?;
-            let points = program.scan().iter().step_by(POINTS_OF);
-            let places = points.map(|point| pose.to_world(*point));
-            let metres = |mm: f32| f64::from(mm.round()) / 1000.0;
-            let points = places.flat_map(|place| [metres(place.x_mm), metres(place.y_mm)]);
-            Some(points.collect())
+            instruments.estimate(rig)?;
+            let points = instruments.scan(rig).into_iter().step_by(POINTS_OF);
+            Some(points.flatten().collect())
         });
         self.maps.offer(now, || {
-            program.estimate()?;
-            program.map().map(|map| Box::new(map.clone()))
+            instruments.estimate(rig)?;
+            instruments.map(rig).map(KeptMap::from)
         });
     }
 

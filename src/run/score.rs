@@ -1,8 +1,7 @@
 //! How well the program knew where it was and what the world looks like, measured against truth.
 
 use emulators::world::{Point, Pose as TruePose, Shape, World};
-use firmware_core::grid::Grid;
-use firmware_core::pose::Pose;
+use firmware_core::map_view::MapView;
 use protocols::Instant;
 
 /// The program's pose beside the true one, at one moment.
@@ -17,16 +16,6 @@ pub struct PosePair {
 }
 
 impl PosePair {
-    /// Pairs a program's pose (mm) with the truth (m); both in the world's frame.
-    pub fn new(at: Instant, truth: TruePose, estimate: Pose) -> Self {
-        let [x, y, heading] = [estimate.x_mm, estimate.y_mm, estimate.heading].map(f64::from);
-        Self {
-            at,
-            truth,
-            estimate: TruePose::new(x / 1000.0, y / 1000.0, heading),
-        }
-    }
-
     /// Distance between the two, in mm.
     pub fn error_mm(&self) -> f64 {
         self.truth.point().distance(self.estimate.point()) * 1000.0
@@ -79,10 +68,10 @@ pub const OCCUPIED: u8 = 190;
 
 /// Whether a cell is part of a wall as a person would see it: dark, and a ridge across the map
 /// along x or y. tinySLAM draws walls as broad slopes, whose flanks are no walls.
-pub fn is_wall(grid: &Grid, x: usize, y: usize) -> bool {
+pub fn is_wall(map: MapView<'_>, x: usize, y: usize) -> bool {
     let at = |dx: isize, dy: isize| {
         let cell = x.checked_add_signed(dx).zip(y.checked_add_signed(dy));
-        cell.and_then(|(x, y)| grid.get(x, y)).unwrap_or(127)
+        cell.and_then(|(x, y)| map.get(x, y)).unwrap_or(127)
     };
     let here = at(0, 0);
     let ridge = |dx: isize, dy: isize| {
@@ -118,21 +107,26 @@ const REACH_M: f64 = 6.0;
 struct Cells {
     width: usize,
     height: usize,
+    cell_m: f64,
+    origin_m: [f64; 2],
     bits: Vec<bool>,
 }
 
 impl Cells {
-    fn like(grid: &Grid) -> Self {
-        let (width, height) = (grid.width(), grid.height());
+    fn like(map: MapView<'_>) -> Self {
+        let (width, height) = (map.width(), map.height());
         Self {
             width,
             height,
+            cell_m: f64::from(map.cell_mm()) / 1000.0,
+            origin_m: map.origin_mm().map(|mm| f64::from(mm) / 1000.0),
             bits: vec![false; width * height],
         }
     }
 
-    fn mark(&mut self, place: Point, cell_m: f64) {
-        let (x, y) = (place.x / cell_m, place.y / cell_m);
+    fn mark(&mut self, place: Point) {
+        let [x0, y0] = self.origin_m;
+        let (x, y) = ((place.x - x0) / self.cell_m, (place.y - y0) / self.cell_m);
         let inside = x >= 0.0 && y >= 0.0 && x < self.width as f64 && y < self.height as f64;
         if inside {
             #[expect(clippy::cast_possible_truncation, reason = "inside the grid")]
@@ -156,16 +150,15 @@ impl Cells {
     }
 }
 
-/// Compares the walls of `grid` with those of the scene, as seen from `way`.
-pub fn wall_overlap(grid: &Grid, world: &World, way: &[TruePose]) -> WallOverlap {
-    let cell_m = f64::from(grid.resolution_mm()) / 1000.0;
-    let mut drawn = Cells::like(grid);
-    for y in 0..grid.height() {
-        for x in 0..grid.width() {
-            drawn.bits[y * drawn.width + x] = is_wall(grid, x, y);
+/// Compares the walls of `map` with those of the scene, as seen from `way`.
+pub fn wall_overlap(map: MapView<'_>, world: &World, way: &[TruePose]) -> WallOverlap {
+    let mut drawn = Cells::like(map);
+    for y in 0..map.height() {
+        for x in 0..map.width() {
+            drawn.bits[y * drawn.width + x] = is_wall(map, x, y);
         }
     }
-    let mut seen = Cells::like(grid);
+    let mut seen = Cells::like(map);
     for pose in way {
         for degree in 0..360_u16 {
             let angle = f64::from(degree).to_radians();
@@ -175,15 +168,14 @@ pub fn wall_overlap(grid: &Grid, world: &World, way: &[TruePose]) -> WallOverlap
             {
                 let (sin, cos) = (libm::sin(angle), libm::cos(angle));
                 let place = Point::new(pose.x + hit.distance * cos, pose.y + hit.distance * sin);
-                seen.mark(place, cell_m);
+                seen.mark(place);
             }
         }
     }
-    let mut solid = Cells::like(grid);
+    let mut solid = Cells::like(map);
     for fixture in world.scene().fixtures() {
-        outline(&fixture.shape, cell_m / 4.0, |place| {
-            solid.mark(place, cell_m)
-        });
+        let step = solid.cell_m / 4.0;
+        outline(&fixture.shape, step, |place| solid.mark(place));
     }
     WallOverlap {
         found: share(&seen, &drawn),

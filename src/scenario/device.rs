@@ -35,6 +35,13 @@ impl DeviceSpec {
         }
     }
 
+    /// Adds a touch, if it is a display.
+    pub fn tap(&mut self, tap: TapSpec) {
+        if let Self::TouchPanel(spec) = self {
+            spec.tap.push(tap);
+        }
+    }
+
     /// Whether the scenario describes all of it, so that no robot has to know it.
     pub const fn is_own(&self) -> bool {
         matches!(self, Self::Registers(_) | Self::Text(_))

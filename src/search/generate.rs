@@ -14,7 +14,7 @@ mod world;
 
 use core::str::FromStr;
 
-use crate::robots;
+use crate::robots::{self, Robot};
 use crate::scenario::{LinkSpec, Scenario, Span};
 pub use dice::Dice;
 use faults::Adversity;
@@ -97,16 +97,18 @@ const RECOVERY_MS: u64 = 120_000;
 /// The scenario that `dice` make of `base`.
 pub fn scenario(base: &Scenario, vary: Vary, dice: &mut Dice) -> Scenario {
     let mut made = base.clone();
-    let room = Room::draw(robots::arena(base.robot), &mut dice.world);
+    let arena = robots::find(&base.robot).and_then(Robot::arena);
+    let room = arena.map(|arena| Room::draw(arena, &mut dice.world));
+    let room = room.filter(|_| vary.world);
     let surface = Surface::of(base);
-    if vary.world {
+    if let Some(room) = &room {
         made.world = room.world();
     }
     if vary.world || vary.mission {
-        let places = match vary.world {
-            true => room.free,
+        let places = match room {
+            Some(room) => room.free,
             // Where the scenario's own room has places to go to, only the scenario knows.
-            false => base.mission.waypoints_m.clone(),
+            None => base.mission.waypoints_m.clone(),
         };
         let waypoints = mission::waypoints(places, &mut dice.mission);
         made.mission.step = mission::steps(&waypoints, &mut dice.mission);
@@ -118,9 +120,10 @@ pub fn scenario(base: &Scenario, vary: Vary, dice: &mut Dice) -> Scenario {
     }
     if vary.timing {
         made.mission.connect = Span::from_millis(dice.timing.between(100, 1500));
-        // Who commands the motors waits for less.
-        let hasty = robots::watch(base.robot).command_link;
-        for name in surface.links().filter(|&name| name != hasty) {
+        for name in surface
+            .links()
+            .filter(|&name| Some(name) != surface.hasty())
+        {
             let latency = Span::from_millis(dice.timing.between(0, 12));
             made.link.insert(name.to_owned(), LinkSpec { latency });
         }

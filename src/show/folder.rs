@@ -14,6 +14,7 @@ use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 use serde::Serialize;
 
 use crate::TOOL;
+use crate::robots::KeptMap;
 use crate::run::Outcome;
 use crate::run::check::{Check, Status};
 use crate::show::render;
@@ -161,7 +162,7 @@ pub fn write(dir: &Path, outcome: &Outcome, wall: Duration) -> Result<(), Folder
     if let Some(display) = &outcome.display {
         folder.picture("display.png", display)?;
     }
-    let Some(map) = outcome.map.as_deref() else {
+    let Some(map) = outcome.map.as_ref().map(KeptMap::view) else {
         return Ok(());
     };
     let robot = outcome.truth.last().map(|&(_, pose)| pose);
@@ -174,7 +175,7 @@ pub fn write(dir: &Path, outcome: &Outcome, wall: Duration) -> Result<(), Folder
 }
 
 fn result_json(outcome: &Outcome, wall: Duration) -> String {
-    let map = outcome.map.as_deref();
+    let map = outcome.map.as_ref().map(KeptMap::view);
     let file = ResultFile {
         tool: TOOL,
         version: env!("CARGO_PKG_VERSION"),
@@ -189,7 +190,7 @@ fn result_json(outcome: &Outcome, wall: Duration) -> String {
         metrics: Metrics::of(outcome, wall),
         counters: &outcome.counters,
         trace_hash: &outcome.trace_hash,
-        map_hash: map.map(|map| crate::rig::trace::fingerprint(map.rows().as_flattened())),
+        map_hash: map.map(|map| crate::rig::trace::fingerprint(map.cells())),
     };
     let mut text = serde_json::to_string_pretty(&file).expect("plain data with string keys");
     text.push('\n');
@@ -247,6 +248,11 @@ pub fn junit<'a>(suites: impl IntoIterator<Item = Suite<'a>>, wall: Duration) ->
         for check in checks {
             let status = match check.status {
                 Status::Pass => TestCaseStatus::success(),
+                Status::NotObserved => {
+                    let mut status = TestCaseStatus::skipped();
+                    status.set_message(format!("not observed: {}", check.detail));
+                    status
+                }
                 Status::Fail => {
                     let mut status = TestCaseStatus::non_success(NonSuccessKind::Failure);
                     status.set_message(check.detail.clone());

@@ -1,10 +1,10 @@
 //! Maps as pictures and as text.
 
-use emulators::touch_panel::{self, TouchPanel};
 use emulators::world::{Pose, Shape};
-use firmware_core::grid::Grid;
+use firmware_core::map_view::MapView;
 use image::{GrayImage, Luma, Rgb, RgbImage};
 
+use crate::robots::Display;
 use crate::run::score::{is_wall, outline};
 
 /// Gray of an unknown cell in a ROS map, as its own savers write it.
@@ -27,7 +27,7 @@ pub enum Cell {
 }
 
 /// Judges a cell.
-pub fn cell(grid: &Grid, x: usize, y: usize) -> Cell {
+pub fn cell(grid: MapView<'_>, x: usize, y: usize) -> Cell {
     let value = grid.get(x, y).unwrap_or(127);
     if is_wall(grid, x, y) {
         Cell::Wall
@@ -42,11 +42,12 @@ pub fn cell(grid: &Grid, x: usize, y: usize) -> Cell {
 
 /// The map as text, one character per `block` x `block` cells, top row first: `#` wall, `.` free,
 /// space unknown, `+` neither, `@` the robot.
-pub fn text(grid: &Grid, block: usize, robot: Option<Pose>) -> String {
-    let cell_m = f64::from(grid.resolution_mm()) / 1000.0;
+pub fn text(grid: MapView<'_>, block: usize, robot: Option<Pose>) -> String {
+    let cell_m = f64::from(grid.cell_mm()) / 1000.0;
+    let [x0, y0] = origin_m(grid);
     let robot = robot.map(|pose| {
         let index = |metres: f64| (metres / cell_m / block as f64).floor();
-        (index(pose.x), index(pose.y))
+        (index(pose.x - x0), index(pose.y - y0))
     });
     let (columns, rows) = (grid.width().div_ceil(block), grid.height().div_ceil(block));
     let mut out = String::with_capacity((columns + 1) * rows);
@@ -65,7 +66,7 @@ pub fn text(grid: &Grid, block: usize, robot: Option<Pose>) -> String {
     out
 }
 
-fn block_character(grid: &Grid, x: usize, y: usize, block: usize) -> char {
+fn block_character(grid: MapView<'_>, x: usize, y: usize, block: usize) -> char {
     let mut counts = [0_usize; 4];
     for y in y..(y + block).min(grid.height()) {
         for x in x..(x + block).min(grid.width()) {
@@ -87,7 +88,7 @@ fn block_character(grid: &Grid, x: usize, y: usize, block: usize) -> char {
 
 /// The map in ROS gray values: 254 free, 0 occupied, 205 unknown; first row on top. Trinary: the
 /// slopes beside walls are unknown.
-pub fn ros_image(grid: &Grid) -> GrayImage {
+pub fn ros_image(grid: MapView<'_>) -> GrayImage {
     let height = grid.height();
     let (w, h) = (size(grid.width()), size(height));
     GrayImage::from_fn(w, h, |x, y| {
@@ -106,10 +107,15 @@ pub fn pgm(picture: &GrayImage) -> Vec<u8> {
     [head.as_bytes(), picture.as_raw()].concat()
 }
 
+/// Corner of least x and y, metres.
+fn origin_m(map: MapView<'_>) -> [f64; 2] {
+    map.origin_mm().map(|mm| f64::from(mm) / 1000.0)
+}
+
 /// The text of the yaml file that belongs to [`ros_image`]. `free_thresh` is 0.196: with the 0.25
 /// that nav2 takes by default, an unknown cell of gray 205 would be read as free.
-pub fn ros_yaml(grid: &Grid, image: &str) -> String {
-    ros_yaml_at([0.0; 2], f64::from(grid.resolution_mm()) / 1000.0, image)
+pub fn ros_yaml(grid: MapView<'_>, image: &str) -> String {
+    ros_yaml_at(origin_m(grid), f64::from(grid.cell_mm()) / 1000.0, image)
 }
 
 /// The same for a map whose lower left corner lies at `origin`, metres.
@@ -122,7 +128,7 @@ pub fn ros_yaml_at([x, y]: [f64; 2], cell_m: f64, image: &str) -> String {
 
 /// The map as the program holds it, dark where it believes a wall, with the true way (green) and
 /// the believed way (red).
-pub fn picture(grid: &Grid, truth: &[Pose], estimate: &[Pose]) -> RgbImage {
+pub fn picture(grid: MapView<'_>, truth: &[Pose], estimate: &[Pose]) -> RgbImage {
     const SCALE: u32 = 3;
     let height = grid.height();
     let (w, h) = (size(grid.width()) * SCALE, size(height) * SCALE);
@@ -131,7 +137,7 @@ pub fn picture(grid: &Grid, truth: &[Pose], estimate: &[Pose]) -> RgbImage {
         let value = 255 - grid.get(x as usize, height - 1 - y as usize).unwrap_or(127);
         Rgb([value; 3])
     });
-    let pixel_m = f64::from(grid.resolution_mm()) / 1000.0 / f64::from(SCALE);
+    let pixel_m = f64::from(grid.cell_mm()) / 1000.0 / f64::from(SCALE);
     for (way, colour) in [(truth, Rgb([0, 160, 60])), (estimate, Rgb([220, 40, 30]))] {
         for pair in way.windows(2) {
             let shape = Shape::Wall {
@@ -139,7 +145,11 @@ pub fn picture(grid: &Grid, truth: &[Pose], estimate: &[Pose]) -> RgbImage {
                 to: pair[1].point(),
             };
             outline(&shape, pixel_m, |place| {
-                let (x, y) = (place.x / pixel_m, f64::from(h) - place.y / pixel_m);
+                let [x0, y0] = origin_m(grid);
+                let (x, y) = (
+                    (place.x - x0) / pixel_m,
+                    f64::from(h) - (place.y - y0) / pixel_m,
+                );
                 dot(&mut image, x, y, colour);
             });
         }
@@ -148,15 +158,15 @@ pub fn picture(grid: &Grid, truth: &[Pose], estimate: &[Pose]) -> RgbImage {
 }
 
 /// What is on a display.
-pub fn display(panel: &TouchPanel) -> RgbImage {
-    let (width, height) = (size(touch_panel::WIDTH), size(touch_panel::HEIGHT));
+pub fn display(display: Display<'_>) -> RgbImage {
+    let (width, height) = (size(display.width), size(display.height()));
     RgbImage::from_fn(width, height, |x, y| {
-        let pixel = panel.pixels()[y as usize * touch_panel::WIDTH + x as usize];
+        let pixel = display.pixels[y as usize * display.width + x as usize];
         let [high, low] = pixel.to_be_bytes();
         // Five or six bits become eight so that the largest value stays the largest.
         let five = |bits: u8| bits << 3 | bits >> 2;
         let green = (high & 0x07) << 3 | low >> 5;
-        Rgb(if panel.is_on() {
+        Rgb(if display.is_on {
             [five(high >> 3), green << 2 | green >> 4, five(low & 0x1F)]
         } else {
             [0; 3]

@@ -128,6 +128,7 @@ fn checks(outcome: &Outcome) -> String {
         let (class, word) = match check.status {
             Status::Pass => ("pass", "ok"),
             Status::Fail => ("fail", "FAIL"),
+            Status::NotObserved => ("unseen", "not observed"),
         };
         row(
             class,

@@ -1,6 +1,5 @@
 //! The robot's display on the page: what it shows, and what a click on it does.
 
-use hilrig::robots;
 use hilrig::show::render;
 use serde_json::json;
 
@@ -41,7 +40,7 @@ fn a_click_on_the_robots_display_touches_it() {
     let at_ns = browser.pause();
     let run = again(&server.case(), at_ns);
     assert_eq!(browser.value("hilrig.slow.trace"), run.rig.trace_hash());
-    let panel = robots::display(run.scenario().robot, &run.rig).expect("it has one");
+    let panel = run.instruments().display(&run.rig).expect("it has one");
     let held = render::display(panel);
     assert!(
         browser.value(PIXELS) == json!(held.as_raw()),

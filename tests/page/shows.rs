@@ -1,7 +1,6 @@
 //! What the page shows is what there is: compared with the same run done again from its case.
 
 use firmware_core::robots::rescue::Rescue;
-use hilrig::robots;
 use hilrig::robots::rescue::pc_program;
 use hilrig::show::view::millimetres;
 use serde_json::{Value, json};
@@ -56,9 +55,9 @@ fn maps_poses_and_waypoints_are_those_of_the_core_at_that_time() {
     assert_eq!(browser.value("hilrig.slow.trace"), run.rig.trace_hash());
     let program = run.rig.program().expect("in this process");
     let map = program.map().expect("it has a map");
-    let held: Vec<u8> = (0..300).flat_map(|y| *map.row(y).expect("a row")).collect();
+    let held: Vec<u8> = map.cells().to_vec();
     assert!(cells(&browser, "robot") == held, "the robot's map differs");
-    let pc = robots::pc(run.scenario().robot, &run.rig).expect("emulated");
+    let pc = run.rig.device::<emulators::pc::Pc>("pc").expect("emulated");
     let received = &pc.map().expect("received").pixels;
     assert!(&cells(&browser, "pc") == received, "the PC's map differs");
 

@@ -1,7 +1,6 @@
 //! What somebody does at the page reaches the robot, and the saved session does it again.
 
 use fantoccini::actions::KeyAction;
-use hilrig::robots;
 use hilrig::robots::rescue::pc_program;
 use serde_json::json;
 
@@ -58,7 +57,7 @@ fn waypoints_are_added_dragged_and_deleted_by_mouse() {
     let list = browser.value("hilrig.now.pc.waypoints");
     let run = again(&server.case(), at_ns);
     assert_eq!(browser.value("hilrig.slow.trace"), run.rig.trace_hash());
-    let pc = robots::pc(run.scenario().robot, &run.rig).expect("emulated");
+    let pc = run.rig.device::<emulators::pc::Pc>("pc").expect("emulated");
     assert_eq!(json!(pc_program::waypoints(pc)), list);
 }
 

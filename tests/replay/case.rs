@@ -4,7 +4,7 @@
 use std::fs;
 use std::path::Path;
 
-use firmware_core::grid::Grid;
+use firmware_core::map_view::MapView;
 use firmware_core::pose::Pose;
 use firmware_core::robots::rescue::Rescue;
 use firmware_core::{Inspect, Master, Work};
@@ -97,7 +97,7 @@ impl Inspect for Broken {
         self.inner.estimate()
     }
 
-    fn map(&self) -> Option<&Grid> {
+    fn map(&self) -> Option<MapView<'_>> {
         self.inner.map()
     }
 

@@ -1,7 +1,7 @@
 //! Whole-run checkers, each with a mutant that it catches. What stops the motors is in `silence`,
 //! what demands a recovery in `faults::schedule`.
 
-use hilrig::robots::Actuators;
+use hilrig::robots::{Axis, instruments::Unknown};
 use hilrig::run::Outcome;
 use hilrig::run::check::{self, Look, Status};
 
@@ -62,15 +62,21 @@ fn a_program_that_ends_is_caught() {
 /// The wheels follow 35 ticks per 40 ms at most (seed report: the register's range).
 #[test]
 fn a_set_point_beyond_what_the_wheels_can_do_is_caught() {
-    let run = start(in_a_room("1s", ""));
-    let after = |set_points| {
-        let mut checkers = check::standard("base", core::time::Duration::from_secs(1));
-        let limit = 35;
-        let actuators = Some(Actuators { set_points, limit });
+    let mut run = start(in_a_room("1s", ""));
+    let mut after = |set_points: [i16; 2]| {
+        let mut checkers = check::standard(&mut run.rig, &Unknown);
+        let axis = |set_point: i16| Axis {
+            name: "wheel".into(),
+            unit: "",
+            set_point: set_point.into(),
+            limit: Some(35.0),
+            actual: None,
+        };
+        let axes = set_points.map(axis);
         for checker in &mut checkers {
             checker.observe(&Look {
                 rig: &run.rig,
-                actuators,
+                axes: &axes,
                 contacts: &[],
             });
         }

@@ -14,7 +14,7 @@ fn identity(outcome: &Outcome) -> (String, String, String) {
         .map
         .as_ref()
         .expect("the program is in this process");
-    let map = hilrig::rig::trace::fingerprint(map.rows().as_flattened());
+    let map = hilrig::rig::trace::fingerprint(map.view().cells());
     (outcome.trace_hash.clone(), map, outcome.case.to_toml())
 }
 

@@ -25,7 +25,7 @@ fn a_fault_from_the_start_is_seen_by_the_program() {
     assert!(counters["lidar packets"] > 2_000, "{counters:?}");
     let map = program.map().expect("it has one");
     assert!(
-        map.rows().as_flattened().iter().all(|cell| *cell == 127),
+        map.cells().iter().all(|cell| *cell == 127),
         "nothing may be drawn"
     );
 }

@@ -6,10 +6,10 @@
 use core::time::Duration;
 use std::path::Path;
 
+use emulators::touch_panel::TouchPanel;
 use firmware_core::Inspect;
 use firmware_core::robots::rescue::Rescue;
 use hilrig::rig::line::Direction;
-use hilrig::robots;
 use hilrig::run::Run;
 use hilrig::show::render;
 use image::RgbImage;
@@ -41,7 +41,7 @@ fn program(run: &Run) -> &Rescue {
 }
 
 fn picture(run: &Run) -> RgbImage {
-    let panel = robots::display(run.scenario().robot, &run.rig);
+    let panel = run.instruments().display(&run.rig);
     render::display(panel.expect("it has one"))
 }
 
@@ -192,11 +192,7 @@ fn a_reset_takes_two_taps() {
     pass(&mut run, 4);
     let known = |run: &Run| {
         let map = program(run).map().expect("it has one");
-        map.rows()
-            .as_flattened()
-            .iter()
-            .filter(|&&cell| cell != 127)
-            .count()
+        map.cells().iter().filter(|&&cell| cell != 127).count()
     };
     tap(&mut run, SETTINGS);
     tap(&mut run, RESET);
@@ -227,7 +223,10 @@ fn a_picture_that_a_bad_line_damaged_mends() {
     let mut clean = start(in_a_room("99s", BLIND));
     pass(&mut damaged, 9);
     pass(&mut clean, 9);
-    let panel = robots::display(damaged.scenario().robot, &damaged.rig).expect("it has one");
+    let panel = damaged
+        .rig
+        .device::<TouchPanel>("display")
+        .expect("it has one");
     assert!(panel.frames()[1] > 10, "{:?}", panel.frames());
     assert!(picture(&damaged) != picture(&clean));
     pass(&mut damaged, 40);

@@ -3,6 +3,7 @@
 
 use core::time::Duration;
 
+use emulators::pc::Pc;
 use emulators::rng::Rng;
 use firmware_core::Inspect;
 use firmware_core::robots::rescue::Rescue;
@@ -10,6 +11,7 @@ use hilrig::rig::Rig;
 use hilrig::rig::cpu::CpuModel;
 use hilrig::rig::fault::{DamageKind, FaultId, Window};
 use hilrig::rig::line::{Direction, End};
+use hilrig::robots::instruments::in_metres;
 use protocols::rle::Dialect;
 use protocols::xv11::{self, Reading};
 use protocols::{Decode, Instant, LineConfig, Port, pcui};
@@ -179,7 +181,7 @@ fn error_after_push(mapper: &str, seed: u64, searches: u32) -> f64 {
                 (truth.y - 1.6).abs() < 0.01,
                 "the push moves the robot: {truth:?}"
             );
-            return hilrig::run::score::PosePair::new(at, truth, estimate).error_mm();
+            return in_metres(estimate).point().distance(truth.point()) * 1000.0;
         }
     }
 }
@@ -250,14 +252,14 @@ fn s7_run_length_rows_bring_the_map_across_sooner() {
     let there =
         run.rig
             .run_until_condition(Duration::from_millis(10), Instant::from_secs(30), |rig| {
-                hilrig::robots::map_received(hilrig::scenario::Robot::Rescue, rig) == Some(true)
+                let pc = rig.device::<Pc>("pc").expect("emulated");
+                pc.map_complete_at().is_some()
             });
     assert!(there, "the map never arrived");
     let program = run.rig.program_as::<Rescue>().expect("the rescue robot");
     let map = program.map().expect("it has one");
     let bytes: usize = map
         .rows()
-        .iter()
         .map(|row| {
             let mut frame = [0; pcui::FRAME_MAX];
             pcui::message::encode_row(0, 0, row, Dialect::Lossless, &mut frame).expect("fits")

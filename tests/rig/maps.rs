@@ -22,7 +22,7 @@ fn story(name: &str) -> String {
         error.rms_deg,
         walls.found,
         walls.right,
-        render::text(&map, 6, robot)
+        render::text(map.view(), 6, robot)
     )
 }
 
@@ -64,7 +64,7 @@ fn two_seeds_draw_the_same_rooms() {
         let (scenario, source) = shipped("l-shape");
         let run = crate::Run::new(scenario, &source, Some(seed)).expect("can be wired");
         let grid = run.finish().map.expect("the program is in this process");
-        RosMap::of_grid(&grid)
+        RosMap::of_grid(grid.view())
     };
     let as_they_lie = Reach {
         shift_m: 0.0,

@@ -10,8 +10,7 @@ use hilrig::scenario::{Scenario, ScenarioError, Source};
 use super::{in_a_room, run_to_end, shipped};
 
 fn wire((scenario, source): (Scenario, Source)) -> Result<Wired, ScenarioError> {
-    let world = scenario.world.build(scenario.seed, &source)?;
-    robots::wire(&scenario, &source, world, Dut::External, PcEnd::External)
+    robots::wire(&scenario, &source, Dut::External, PcEnd::External)
 }
 
 /// What comes back on an open end within 20 ms.

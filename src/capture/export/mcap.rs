@@ -14,6 +14,7 @@ use super::{Belief, Export};
 use crate::TOOL;
 use crate::capture::Kind;
 use crate::rig::line::Direction;
+use crate::robots::KeptMap;
 use crate::show::render::{self, Cell};
 
 struct Out {
@@ -152,7 +153,7 @@ impl Out {
             });
             self.message(channel, at, text.to_string().as_bytes())?;
         }
-        let Some(map) = belief.map.as_deref() else {
+        let Some(map) = belief.map.as_ref().map(KeptMap::view) else {
             return Ok(());
         };
         let fields = [
@@ -167,7 +168,7 @@ impl Out {
             "data",
         ];
         let channel = self.known("/map", "foxglove.Grid", &fields)?;
-        let cell = f64::from(map.resolution_mm()) / 1000.0;
+        let cell = f64::from(map.cell_mm()) / 1000.0;
         let rows = (0..map.height()).flat_map(|y| (0..map.width()).map(move |x| (x, y)));
         // As ROS has it: 100 a wall, 0 free, -1 unknown.
         let data: Vec<u8> = rows

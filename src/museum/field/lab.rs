@@ -16,6 +16,7 @@ use firmware_core::slam::{Mapper, Outcome, Settings};
 use protocols::Instant;
 
 use crate::rig::cpu::CpuModel;
+use crate::robots::instruments::in_metres;
 use crate::run::score::PosePair;
 use crate::scenario::Scenario;
 
@@ -104,7 +105,7 @@ impl<const W: usize, const H: usize> Lab<W, H> {
 
     /// How far the robot is from a pose, in millimetres.
     pub(super) fn off_mm(&self, believed: Believed) -> f64 {
-        PosePair::new(self.world.now(), self.world.pose(), believed).error_mm()
+        pair(self.world.now(), self.world.pose(), believed).error_mm()
     }
 
     /// A turn of the lidar.
@@ -161,7 +162,7 @@ impl<const W: usize, const H: usize> Lab<W, H> {
             points: outcome.points,
         }));
         let (now, truth) = (self.world.now(), self.world.pose());
-        self.pairs.push(PosePair::new(now, truth, outcome.pose));
+        self.pairs.push(pair(now, truth, outcome.pose));
         outcome
     }
 
@@ -238,4 +239,13 @@ pub(super) fn believed(pose: Pose) -> Believed {
     #[expect(clippy::cast_possible_truncation, reason = "metres of a room")]
     let [x, y, heading] = [pose.x * 1000.0, pose.y * 1000.0, pose.theta].map(|v| v as f32);
     Believed::new(x, y, heading)
+}
+
+/// A program's pose beside the true one.
+fn pair(at: Instant, truth: Pose, believed: Believed) -> PosePair {
+    PosePair {
+        at,
+        truth,
+        estimate: in_metres(believed),
+    }
 }

@@ -3,7 +3,7 @@
 use crate::robots::Arena;
 
 /// A room of 2.4 m in the map of 3 m, without one corner.
-pub(in super::super) const ARENA: Arena = Arena {
+pub(super) const ARENA: Arena = Arena {
     side_m: 3.0,
     wall_m: &[
         [0.3, 0.3],

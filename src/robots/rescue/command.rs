@@ -9,13 +9,14 @@ use super::{SET_POINT_MAX, order_of};
 use crate::rig::Rig;
 use crate::robots::{Command, Dialect};
 
-pub(in super::super) fn dialect(rig: &Rig) -> Option<Dialect> {
+pub(super) fn dialect(rig: &Rig) -> Option<Dialect> {
     let base = rig.device::<AvrBase>("base")?;
     let command = match order_of(base.profile()) {
         ChecksumOrder::LowFirst => |bytes: &[u8]| command(bytes, ChecksumOrder::LowFirst),
         ChecksumOrder::HighFirst => |bytes: &[u8]| command(bytes, ChecksumOrder::HighFirst),
     };
     Some(Dialect {
+        link: "base",
         frame_max: avr::FRAME_MAX,
         command,
     })
@@ -31,8 +32,10 @@ fn command(bytes: &[u8], order: ChecksumOrder) -> Option<Command> {
     let told = |address: u8| {
         let offset = address.checked_sub(frame.register())?;
         let value = frame.data().get(usize::from(offset))?.cast_signed();
-        Some(i16::from(value).clamp(-SET_POINT_MAX, SET_POINT_MAX))
+        Some(f64::from(
+            i16::from(value).clamp(-SET_POINT_MAX, SET_POINT_MAX),
+        ))
     };
     let command = [SPEED_LEFT_TO, SPEED_RIGHT_TO].map(told);
-    (command != [None; 2]).then_some(command)
+    (command != [None; 2]).then(|| command.to_vec())
 }

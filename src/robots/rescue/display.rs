@@ -4,7 +4,6 @@ use emulators::touch_panel::{self, Tap, TouchPanel};
 use firmware_core::robots::rescue::{Display, Rescue};
 
 use super::line_of;
-use crate::rig::Rig;
 use crate::rig::line::End;
 use crate::robots::Wired;
 use crate::scenario::{DeviceSpec, Scenario, ScenarioError, Source, TapSpec};
@@ -62,22 +61,4 @@ pub(super) fn connect(
     };
     wired.rig.connect(NAME, device, master, 64);
     Ok(())
-}
-
-/// The display in a wired rig.
-pub(in super::super) fn of(rig: &Rig) -> Option<&TouchPanel> {
-    rig.device(NAME)
-}
-
-/// Taps on it, and notes that in the scenario; whether there is one.
-pub(in super::super) fn tap(scenario: &mut Scenario, rig: &mut Rig, tap: TapSpec) -> bool {
-    let spec = scenario.device.get_mut(NAME);
-    let (Some(panel), Some(DeviceSpec::TouchPanel(spec))) =
-        (rig.device_mut::<TouchPanel>(NAME), spec)
-    else {
-        return false;
-    };
-    panel.tap(tap.at.instant(), tap.place);
-    spec.tap.push(tap);
-    true
 }

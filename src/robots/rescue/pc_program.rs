@@ -13,53 +13,12 @@
 pub mod fielded;
 
 use core::fmt;
-use core::time::Duration;
 
 use emulators::pc::{Connection, Pc};
-use protocols::Instant;
 use protocols::pcui::message::WAYPOINTS_MAX;
 
-use crate::scenario::{Action, ModeSpec};
-
-/// Silence of whoever drives by hand after which the robot is stopped: a page that hangs or was
-/// closed must not go on driving.
-pub const HAND_OFF: Duration = Duration::from_millis(1000);
-
-/// What somebody wants. Places are in millimetres of the robot's map.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Gesture {
-    /// Another waypoint at the end of the list.
-    Add {
-        /// Where.
-        at: [i32; 2],
-    },
-    /// A waypoint goes elsewhere.
-    Move {
-        /// Its place in the list, from 0.
-        index: usize,
-        /// Where it is, as whoever moves it sees it.
-        from: [i32; 2],
-        /// Where it goes.
-        to: [i32; 2],
-    },
-    /// A waypoint is taken out of the list.
-    Delete {
-        /// Its place in the list, from 0.
-        index: usize,
-        /// Where it is, as whoever deletes it sees it.
-        at: [i32; 2],
-    },
-    /// All waypoints are taken out.
-    Clear,
-    /// What the robot shall do.
-    Mode(ModeSpec),
-    /// The wheels' set-points by hand.
-    Drive([i8; 2]),
-    /// Opens the port.
-    Connect,
-    /// Closes it.
-    Disconnect,
-}
+pub use crate::robots::station::{Gesture, HAND_OFF, Hand};
+use crate::scenario::Action;
 
 /// Why a gesture leads to nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -177,37 +136,6 @@ fn on_map(pc: &Pc, at: [i32; 2]) -> Result<[i16; 2], Refusal> {
     match (x, y) {
         (Some(x), Some(y)) => Ok([x, y]),
         _ => Err(Refusal::Outside { size_mm }),
-    }
-}
-
-/// Somebody's hand on the wheels. Says what to order when the hand moves, and lets go by itself.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Hand {
-    held: Option<([i8; 2], Instant)>,
-}
-
-impl Hand {
-    /// The hand asks for `set_point` at `now`, of a clock that also runs while the run is paused;
-    /// what to order, if it is news.
-    pub fn hold(&mut self, now: Instant, set_point: [i8; 2]) -> Option<Gesture> {
-        let before = self.held.map(|(before, _)| before);
-        self.held = Some((set_point, now));
-        (before != Some(set_point)).then_some(Gesture::Drive(set_point))
-    }
-
-    /// Somebody ordered something else.
-    pub fn let_go(&mut self) {
-        self.held = None;
-    }
-
-    /// What to order because the hand has not been felt for [`HAND_OFF`].
-    pub fn tick(&mut self, now: Instant) -> Option<Gesture> {
-        let (set_point, since) = self.held?;
-        if now - since < HAND_OFF {
-            return None;
-        }
-        self.held = None;
-        (set_point != [0, 0]).then_some(Gesture::Drive([0, 0]))
     }
 }
 

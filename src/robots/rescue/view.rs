@@ -7,23 +7,19 @@ use protocols::avr::registers::{self, Width};
 use super::{base, display, order_of, program};
 use crate::codec::Protocol;
 use crate::rig::Rig;
-use crate::robots::{Register, ScanLink, Senses};
+use crate::robots::{Panel, PanelRow, Senses};
 use crate::scenario::{Scenario, ScenarioError, Source};
 
-/// Sensor angle 90 looks ahead.
-pub(in super::super) const SCAN_LINK: ScanLink = ScanLink {
-    link: "lidar",
-    first_bearing: -core::f64::consts::FRAC_PI_2,
-};
+/// Link on which the lidar sends.
+pub(super) const SCAN_LINK: &str = "lidar";
+/// Bearing of the lidar's first reading: sensor angle 90 looks ahead.
+pub(super) const FIRST_BEARING: f64 = -core::f64::consts::FRAC_PI_2;
 
-pub(in super::super) fn senses(
-    scenario: &Scenario,
-    source: &Source,
-) -> Result<Senses, ScenarioError> {
+pub(super) fn senses(scenario: &Scenario, source: &Source) -> Result<Senses, ScenarioError> {
     let checksum_order = order_of(base(scenario, source)?.profile);
     let config = program(scenario, checksum_order, source)?;
     Ok(Senses {
-        lidar: SCAN_LINK.link,
+        lidar: SCAN_LINK,
         mounting: config.mounting,
         base: "base",
         checksum_order,
@@ -33,7 +29,7 @@ pub(in super::super) fn senses(
     })
 }
 
-pub(in super::super) fn protocol(rig: &Rig, link: &str) -> Option<Protocol> {
+pub(super) fn protocol(rig: &Rig, link: &str) -> Option<Protocol> {
     match link {
         "lidar" => Some(Protocol::Xv11),
         "base" => {
@@ -49,10 +45,9 @@ pub(in super::super) fn protocol(rig: &Rig, link: &str) -> Option<Protocol> {
     }
 }
 
-pub(in super::super) fn registers(rig: &Rig) -> Vec<Register> {
-    let Some(base) = rig.device::<AvrBase>("base") else {
-        return Vec::new();
-    };
+/// The registers of the base, if it is emulated.
+pub(super) fn registers(rig: &Rig) -> Option<Panel> {
+    let base = rig.device::<AvrBase>("base")?;
     let value = |register: &registers::Register| {
         let byte = |offset: u8| base.register(register.address + offset);
         match register.width {
@@ -62,11 +57,14 @@ pub(in super::super) fn registers(rig: &Rig) -> Vec<Register> {
             Width::I32 => i64::from(i32::from_le_bytes([byte(0), byte(1), byte(2), byte(3)])),
         }
     };
-    let shown = |register: &registers::Register| Register {
-        address: register.address,
-        name: register.name,
-        value: value(register),
-        unit: register.unit,
+    let shown = |register: &registers::Register| PanelRow {
+        name: register.name.into(),
+        address: Some(register.address.into()),
+        value: value(register).to_string(),
+        unit: register.unit.into(),
     };
-    registers::TABLE.iter().map(shown).collect()
+    Some(Panel {
+        name: "base registers".to_owned(),
+        rows: registers::TABLE.iter().map(shown).collect(),
+    })
 }

@@ -20,14 +20,12 @@ const REMEMBERED: Duration = Duration::from_secs(2);
 
 /// Every set-point in force was told by a sound frame that reached the base, or is 0. Whatever the
 /// line did: a frame whose checksum does not hold commands nothing.
-#[derive(Debug)]
 pub struct SetPointsAsAccepted {
     heard: Rc<RefCell<Heard>>,
-    broken: Option<(Instant, [i16; 2])>,
+    broken: Option<(Instant, String)>,
 }
 
 /// The memory of accepted frames.
-#[derive(Debug)]
 struct Heard {
     link: usize,
     dialect: Dialect,
@@ -38,9 +36,12 @@ struct Heard {
 }
 
 impl SetPointsAsAccepted {
-    /// Listens to what `rig` delivers on `link`; nothing if there is no such link.
-    pub fn listening(rig: &mut Rig, link: &str, dialect: Dialect) -> Option<Self> {
-        let link = rig.links().iter().position(|found| found.name == link)?;
+    /// Listens to what `rig` delivers on the link of `dialect`; nothing if there is no such link.
+    pub fn listening(rig: &mut Rig, dialect: Dialect) -> Option<Self> {
+        let link = rig
+            .links()
+            .iter()
+            .position(|found| found.name == dialect.link)?;
         let heard = Rc::new(RefCell::new(Heard {
             link,
             dialect,
@@ -76,9 +77,10 @@ impl Heard {
         }
     }
 
-    fn told(&self, wheel: usize, set_point: i16) -> bool {
-        let mut told = self.commands.iter().map(|(_, command)| command[wheel]);
-        set_point == 0 || told.any(|told| told == Some(set_point))
+    fn told(&self, axis: usize, set_point: f64) -> bool {
+        let commands = self.commands.iter();
+        let mut told = commands.map(|(_, command)| command.get(axis).copied().flatten());
+        set_point == 0.0 || told.any(|told| told == Some(set_point))
     }
 }
 
@@ -97,23 +99,23 @@ impl Tap for Ear {
 
 impl Checker for SetPointsAsAccepted {
     fn observe(&mut self, look: &Look<'_>) {
-        let Some(actuators) = look.actuators.filter(|_| self.broken.is_none()) else {
+        if self.broken.is_some() {
             return;
-        };
+        }
         let heard = self.heard.borrow();
-        let [left, right] = actuators.set_points;
-        if !(heard.told(0, left) && heard.told(1, right)) {
-            self.broken = Some((look.rig.now(), actuators.set_points));
+        let mut axes = look.axes.iter().enumerate();
+        if axes.any(|(index, axis)| !heard.told(index, axis.set_point)) {
+            self.broken = Some((look.rig.now(), super::set_points(look.axes)));
         }
     }
 
     fn verdict(&self) -> Check {
-        let detail = match self.broken {
-            None => format!("as told by {} sound frames", self.heard.borrow().accepted),
-            Some((at, [left, right])) => {
-                format!("{left}, {right} at {at} s, which no sound frame told")
-            }
+        let accepted = self.heard.borrow().accepted;
+        let detail = match &self.broken {
+            None => format!("as told by {accepted} sound frames"),
+            Some((at, points)) => format!("{points} at {at} s, which no sound frame told"),
         };
-        Check::new("set-points-as-accepted", self.broken.is_none(), detail)
+        let check = Check::new("set-points-as-accepted", self.broken.is_none(), detail);
+        check.if_observed(accepted > 0)
     }
 }

@@ -26,7 +26,7 @@ pub struct Record {
     pub ran_ms: u64,
     /// Fingerprint of all bytes.
     pub trace: String,
-    /// Situations that came up, see [`robots::situations`].
+    /// Situations that came up, see [`robots::Robot::situations`].
     pub reached: BTreeSet<String>,
 }
 
@@ -116,8 +116,13 @@ pub(crate) fn without_figures(text: &str) -> String {
     out
 }
 
+/// The situations that the scenario's robot should come into.
+pub(super) fn situations_of(scenario: &Scenario) -> &'static [&'static str] {
+    robots::find(&scenario.robot).map_or(&[], |robot| robot.situations())
+}
+
 fn situations(scenario: &Scenario, outcome: &Outcome) -> BTreeSet<String> {
-    let wanted = robots::situations(scenario.robot);
+    let wanted = situations_of(scenario);
     let reached = wanted.iter().filter(|name| {
         let count = outcome.counters.get(*name).copied();
         count.unwrap_or(0) > 0

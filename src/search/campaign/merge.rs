@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use super::judge::situations_of;
 use super::store::{failed, read_plan};
 use super::{CampaignError, Plan, Record, Store, page, run};
-use crate::robots;
 use crate::scenario::Scenario;
 use crate::search::shrink::{self, Effort};
 
@@ -125,11 +125,11 @@ fn count(plan: Plan, records: &BTreeMap<(&str, u64), &Record>) -> Merged {
     }
     let mut groups: Vec<Group> = groups.into_values().collect();
     groups.sort_by(|a, b| b.runs.cmp(&a.runs).then_with(|| a.cause.cmp(&b.cause)));
-    let robots = plan.scenarios.values().filter_map(|text| {
+    let wanted = plan.scenarios.values().filter_map(|text| {
         let parsed = Scenario::parse(Path::new("<campaign>"), text.clone());
-        parsed.ok().map(|(scenario, _)| scenario.robot)
+        parsed.ok().map(|(scenario, _)| situations_of(&scenario))
     });
-    let mut names: Vec<&str> = robots.flat_map(robots::situations).copied().collect();
+    let mut names: Vec<&str> = wanted.flatten().copied().collect();
     names.dedup();
     let situations = names.into_iter().map(|name| SituationCount {
         situation: name.to_owned(),

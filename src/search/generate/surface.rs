@@ -1,7 +1,7 @@
 use std::path::PathBuf;
 
 use crate::rig::Rig;
-use crate::robots::{self, Dut, PcEnd};
+use crate::robots::{self, Console, Dut, PcEnd, Plan};
 use crate::scenario::{DirectionSpec, FaultKind, Place, Scenario, Source, WorldSpec};
 
 /// All of a robot that something can go wrong with, as its links and devices are wired.
@@ -9,7 +9,8 @@ use crate::scenario::{DirectionSpec, FaultKind, Place, Scenario, Source, WorldSp
 pub(super) struct Surface {
     links: Vec<String>,
     devices: Vec<Device>,
-    consoles: &'static [(&'static str, &'static str)],
+    consoles: &'static [Console],
+    hasty: Option<&'static str>,
 }
 
 #[derive(Clone, Debug)]
@@ -48,22 +49,31 @@ impl Surface {
             .expect("the wall is not at the start");
         let mut sound = scenario.clone();
         sound.fault.clear();
-        match robots::wire(&sound, &source, nowhere, Dut::Internal, PcEnd::Scripted) {
+        let plan = Plan {
+            scenario: &sound,
+            source: &source,
+            world: nowhere,
+            dut: Dut::Internal,
+            pc: PcEnd::Scripted,
+        };
+        match robots::wire_into(plan) {
             Ok(wired) => {
                 // Nobody is at the other end of what a scenario describes itself.
                 let open = wired.open_ends.iter().map(|end| end.link.as_str());
                 let open: Vec<&str> = open.collect();
                 Self {
-                    consoles: robots::consoles(scenario.robot),
-                    ..Self::wired(&wired.rig, &open, robots::pins(scenario.robot))
+                    consoles: wired.instruments.consoles(),
+                    hasty: wired.instruments.silence().map(|silence| silence.link),
+                    ..Self::wired(&wired.rig, &open)
                 }
             }
             Err(_) => Self::default(),
         }
     }
 
-    fn wired(rig: &Rig, open: &[&str], pins: &[&str]) -> Self {
+    fn wired(rig: &Rig, open: &[&str]) -> Self {
         let names = rig.links().iter().map(|link| link.name.as_str());
+        let pins = ["motor"];
         let links = names.filter(|name| !open.contains(name) && !pins.contains(name));
         let devices = rig.devices().filter(|(name, _)| !open.contains(name));
         let device = |(name, faults): (&str, _)| Device {
@@ -75,6 +85,7 @@ impl Surface {
             links: links.map(str::to_owned).collect(),
             devices: devices.map(device).collect(),
             consoles: &[],
+            hasty: None,
         }
     }
 
@@ -83,9 +94,14 @@ impl Surface {
         self.links.iter().map(String::as_str)
     }
 
-    /// Links that reach a console, and whose it is; see [`robots::consoles`].
+    /// Links that reach a console, and whose it is; see [`Instruments::consoles`](robots::Instruments::consoles).
     pub(super) fn consoles(&self) -> impl Iterator<Item = (&'static str, &'static str)> + use<> {
         self.consoles.iter().copied()
+    }
+
+    /// The link on which axes are commanded: who commands them waits for less.
+    pub(super) const fn hasty(&self) -> Option<&'static str> {
+        self.hasty
     }
 
     /// Every direction of every link.

@@ -15,13 +15,14 @@
 use core::fmt::Write as _;
 
 use emulators::world::Pose;
-use firmware_core::grid::Grid;
+use firmware_core::map_view::MapView;
 use protocols::Instant;
 use protocols::rle::{self, Dialect};
 use serde_json::{Value, json};
 
 use super::text::first_time;
 use crate::rig::Logged;
+use crate::robots::KeptMap;
 use crate::run::Outcome;
 use crate::run::check::Status;
 use crate::run::history::Lane;
@@ -35,8 +36,12 @@ pub(super) fn json(outcome: &Outcome, events: &[&Logged]) -> String {
     let history = &outcome.history;
     let end = outcome.ran.as_secs_f64();
     let believed = outcome.pairs.iter().map(|pair| (pair.at, pair.estimate));
-    let maps = history.maps.samples.iter().map(|(at, map)| (*at, &**map));
-    let last = outcome.map.as_deref();
+    let maps = history
+        .maps
+        .samples
+        .iter()
+        .map(|(at, map)| (*at, map.view()));
+    let last = outcome.map.as_ref().map(KeptMap::view);
     let last = last.map(|map| (Instant::ZERO + outcome.ran, map));
     let maps = maps.map(|(at, map)| json!({"at": seconds(at), "shades": hex(&map_shades(map))}));
     let last = last.map(|(at, map)| json!({"at": seconds(at), "runs": hex(&map_runs(map))}));
@@ -49,7 +54,7 @@ pub(super) fn json(outcome: &Outcome, events: &[&Logged]) -> String {
         "waypoints": outcome.case.mission.waypoints_m.as_flattened(),
         "truth": way(outcome.truth.iter().copied(), outcome.truth.len()),
         "believed": way(believed, outcome.pairs.len()),
-        "map": outcome.map.as_deref().map(map_head),
+        "map": outcome.map.as_ref().map(KeptMap::view).map(map_head),
         "maps": maps.chain(last).collect::<Vec<_>>(),
         "scans": scans.collect::<Vec<_>>(),
         "lanes": history.lanes.iter().map(lane).collect::<Vec<_>>(),
@@ -77,14 +82,19 @@ fn way(poses: impl Iterator<Item = (Instant, Pose)>, count: usize) -> Value {
     json!({"at": at, "poses": flat})
 }
 
-fn map_head(map: &Grid) -> Value {
-    let resolution_m = f64::from(map.resolution_mm()) / 1000.0;
-    json!({"width": map.width(), "height": map.height(), "resolution_m": resolution_m})
+fn map_head(map: MapView<'_>) -> Value {
+    let resolution_m = f64::from(map.cell_mm()) / 1000.0;
+    let origin_m = map.origin_mm().map(|mm| f64::from(mm) / 1000.0);
+    let (width, height) = (map.width(), map.height());
+    json!({
+        "width": width, "height": height,
+        "resolution_m": resolution_m, "origin_m": origin_m,
+    })
 }
 
 /// Counts and values of all rows, lowest first.
-fn map_runs(map: &Grid) -> Vec<u8> {
-    let cells = map.rows().as_flattened();
+fn map_runs(map: MapView<'_>) -> Vec<u8> {
+    let cells = map.cells();
     let mut runs = vec![0; 2 * cells.len()];
     let len = rle::encode(cells, Dialect::Lossless, &mut runs).expect("two bytes a cell");
     runs.truncate(len);
@@ -92,8 +102,8 @@ fn map_runs(map: &Grid) -> Vec<u8> {
 }
 
 /// The upper half of each cell with how often it comes in a row, up to 16 times, in one byte.
-fn map_shades(map: &Grid) -> Vec<u8> {
-    let cells = map.rows().as_flattened();
+fn map_shades(map: MapView<'_>) -> Vec<u8> {
+    let cells = map.cells();
     let runs = cells.chunk_by(|a, b| a >> 4 == b >> 4);
     let parts = runs.flat_map(|run| run.chunks(16));
     let byte = |part: &[u8]| u8::try_from(part.len() - 1).expect("at most 15") << 4 | part[0] >> 4;

@@ -44,9 +44,10 @@
   function bounds() {
     const [x0, y0, x1, y1] = run.scene.bounds;
     if (!run.map) return run.scene.bounds;
-    const wide = run.map.width * run.map.resolution_m;
-    const high = run.map.height * run.map.resolution_m;
-    return [Math.min(x0, 0), Math.min(y0, 0), Math.max(x1, wide), Math.max(y1, high)];
+    const [left, low] = run.map.origin_m;
+    const wide = left + run.map.width * run.map.resolution_m;
+    const high = low + run.map.height * run.map.resolution_m;
+    return [Math.min(x0, left), Math.min(y0, low), Math.max(x1, wide), Math.max(y1, high)];
   }
 
   function drawWay(context, frame, way, colour, now) {

@@ -30,6 +30,8 @@ pub(super) struct Head {
     pub(super) height: usize,
     /// Edge of a cell.
     pub(super) resolution_m: f64,
+    /// Corner of least x and y.
+    pub(super) origin_m: [f64; 2],
 }
 
 /// First byte of a message of rows.
@@ -86,6 +88,7 @@ impl Book {
             width: 0,
             height: 0,
             resolution_m: 0.0,
+            origin_m: [0.0; 2],
         };
         let rows = Vec::new();
         Self {
@@ -93,6 +96,11 @@ impl Book {
             version: 0,
             last: Arc::new(Layer { head, rows }),
         }
+    }
+
+    /// Whose map it is.
+    pub(super) fn name(&self) -> &'static str {
+        self.last.head.name
     }
 
     /// The map as it was seen last.
@@ -105,6 +113,7 @@ impl Book {
         &mut self,
         [width, height]: [usize; 2],
         resolution_m: f64,
+        origin_m: [f64; 2],
         row: impl Fn(usize) -> Option<&'a [u8]>,
     ) {
         let mut layer = Layer::clone(&self.last);
@@ -112,6 +121,7 @@ impl Book {
             width,
             height,
             resolution_m,
+            origin_m,
             ..layer.head
         };
         let is_new = layer.head != head;
@@ -151,19 +161,19 @@ mod tests {
         let mut book = Book::new("map");
         let mut cells = vec![[127_u8; 300]; 2];
         let size = [300, 2];
-        book.look(size, 0.01, |y| Some(&cells[y]));
+        book.look(size, 0.01, [0.0; 2], |y| Some(&cells[y]));
         let mut out = Vec::new();
         let seen = book.last().write_since(0, 3, &mut out);
         let row = |y| [3, y, 0, 4, 0, 255, 127, 45, 127];
         assert_eq!(out, [&[ROWS][..], &row(0), &row(1)].concat());
 
         cells[1][299] = 9;
-        book.look(size, 0.01, |y| Some(&cells[y]));
+        book.look(size, 0.01, [0.0; 2], |y| Some(&cells[y]));
         out.clear();
         let seen = book.last().write_since(seen, 3, &mut out);
         assert_eq!(out, [ROWS, 3, 1, 0, 6, 0, 255, 127, 44, 127, 1, 9]);
         out.clear();
-        book.look(size, 0.01, |y| Some(&cells[y]));
+        book.look(size, 0.01, [0.0; 2], |y| Some(&cells[y]));
         assert_eq!(book.last().write_since(seen, 3, &mut out), seen);
         assert!(out.is_empty(), "{out:?}");
     }

@@ -3,7 +3,7 @@
 use serde::Deserialize;
 use tokio::sync::mpsc;
 
-use crate::robots::rescue::pc_program::Gesture;
+use crate::robots::Gesture;
 use crate::scenario::{FaultSpec, ModeSpec};
 
 /// Longest command, bytes.

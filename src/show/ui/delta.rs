@@ -118,12 +118,12 @@ mod tests {
     fn a_page_gets_what_it_has_not_seen() {
         let (mut seen, story) = (Seen::default(), Story::default());
         let mut book = Book::new("map");
-        book.look([2, 1], 0.01, |_| Some(&[1, 2]));
+        book.look([2, 1], 0.01, [0.0; 2], |_| Some(&[1, 2]));
         let news = seen.news(&moment(1, 1, &book), &story);
         assert_eq!(kinds(&news), ["stage", "scan", "rows", "fast"]);
         let news = seen.news(&moment(1, 1, &book), &story);
         assert_eq!(kinds(&news), ["fast"]);
-        book.look([2, 1], 0.01, |_| Some(&[1, 3]));
+        book.look([2, 1], 0.01, [0.0; 2], |_| Some(&[1, 3]));
         let news = seen.news(&moment(1, 7, &book), &story);
         assert_eq!(kinds(&news), ["scan", "rows", "fast"]);
         let news = seen.news(&moment(2, 0, &book), &story);

@@ -5,12 +5,9 @@ use core::time::Duration;
 use std::rc::Rc;
 use std::sync::{Arc, PoisonError};
 
-use emulators::pc::{Connection, Pc};
-use emulators::touch_panel::{self, TouchPanel};
 use emulators::world::Pose;
-use firmware_core::pose::{Pose as ProgramPose, WirePose};
+use firmware_core::map_view::MapView;
 use protocols::Instant;
-use protocols::pcui::message::Mode;
 use serde_json::{Value, json};
 
 use super::books::Book;
@@ -22,8 +19,7 @@ use super::story::{Sample, Story, short_pose};
 use super::wire::{Tally, Wire};
 use crate::rig::fault::FaultId;
 use crate::rig::line::Direction;
-use crate::robots;
-use crate::robots::rescue::pc_program::{self, Gesture, Hand};
+use crate::robots::{Display, Gesture, Hand};
 use crate::run::Run;
 use crate::scenario::Span;
 use crate::show::view;
@@ -63,8 +59,8 @@ pub struct Desk {
     wire: Rc<RefCell<Wire>>,
     stage: Arc<str>,
     hand: Hand,
-    /// The robot's map, the PC's, and the robot's display.
-    books: [Book; 3],
+    /// The robot's map and display, and what else it has of maps.
+    books: Vec<Book>,
     slow: Numbered,
     scan: Numbered,
     scan_turn: u64,
@@ -86,8 +82,7 @@ struct Shown {
 impl Desk {
     /// Puts `run` on show; `number` tells it from those before it.
     pub fn new(run: &mut Run, hub: Arc<Hub>, number: u64) -> Self {
-        let robot = run.scenario().robot;
-        let wire = Wire::listen(robot, &mut run.rig);
+        let wire = Wire::listen(run);
         let mut story = hub.story.write().unwrap_or_else(PoisonError::into_inner);
         *story = Story::new(story.generation + 1);
         drop(story);
@@ -99,7 +94,7 @@ impl Desk {
             wire,
             stage: Arc::from(""),
             hand: Hand::default(),
-            books: ["robot", "pc", "display"].map(Book::new),
+            books: Vec::new(),
             slow: Numbered::new("{}"),
             scan: Numbered::new("{}"),
             scan_turn: 0,
@@ -282,22 +277,29 @@ impl Desk {
     }
 
     fn look_at_maps(&mut self, run: &Run) {
-        if let Some(map) = run.rig.program().and_then(|program| program.map()) {
-            let resolution_m = f64::from(map.resolution_mm()) / 1000.0;
-            let row = |y| map.row(y).map(|row| &row[..]);
-            self.books[0].look([map.width(), map.height()], resolution_m, row);
+        let instruments = run.instruments();
+        let map = instruments.map(&run.rig).map(|map| ("robot", map));
+        for (name, map) in map.into_iter().chain(instruments.layers(&run.rig)) {
+            look_at_map(self.book(name), map);
         }
-        if let Some(pc) = robots::pc(run.scenario().robot, &run.rig) {
-            look_at_pc(&mut self.books[1], pc);
-        }
-        if let Some(panel) = robots::display(run.scenario().robot, &run.rig) {
-            look_at_display(&mut self.books[2], panel);
+        if let Some(display) = instruments.display(&run.rig) {
+            look_at_display(self.book("display"), display);
         }
     }
 
+    /// The book called `name`, a new one if there is none.
+    fn book(&mut self, name: &'static str) -> &mut Book {
+        let known = self.books.iter().position(|book| book.name() == name);
+        let index = known.unwrap_or_else(|| {
+            self.books.push(Book::new(name));
+            self.books.len() - 1
+        });
+        &mut self.books[index]
+    }
+
     fn fast(&self, run: &Run, tempo: Tempo) -> Value {
-        let program = run.rig.program();
-        let pc = robots::pc(run.scenario().robot, &run.rig);
+        let instruments = run.instruments();
+        let station = instruments.station(&run.rig);
         let heads: Vec<_> = self.books.iter().map(|book| book.last().head).collect();
         let moving = !run.rig.world.scene().obstacles().is_empty();
         json!({
@@ -309,68 +311,47 @@ impl Desk {
             "speed": tempo.speed,
             "truth": short_pose(run.rig.world.pose()),
             "believed": believed(run).map(short_pose),
-            "mode": program.map(|program| program.mode()),
-            "pc": pc.map(|pc| pc_json(pc, run.rig.now())),
+            "mode": instruments.mode(&run.rig),
+            "pc": station.map(|station| station.view(run.rig.now())),
             "maps": heads,
             "scene": moving.then(|| view::scene(&run.rig.world)),
         })
     }
 }
 
-/// Lets the rig's PC do a gesture.
+/// Lets the robot's station do a gesture.
 fn does(run: &mut Run, gesture: Gesture) -> Result<(), String> {
-    let pc = robots::pc(run.scenario().robot, &run.rig);
-    let pc = pc.ok_or("the PC's end of the radio is a port: this page cannot use it")?;
-    let action = pc_program::answer(pc, gesture).map_err(|refusal| refusal.to_string())?;
+    let station = run.instruments().station(&run.rig);
+    let station = station.ok_or("the PC's end of the radio is a port: this page cannot use it")?;
+    let action = station.answer(gesture)?;
     run.command(action).map_err(|error| error.to_string())
 }
 
-/// The program's pose if it runs in this process and has found one, else what it tells the PC.
+/// Where the robot believes to be.
 fn believed(run: &Run) -> Option<Pose> {
-    match run.rig.program() {
-        Some(program) => program.estimate().map(|(_, pose)| in_metres(pose)),
-        None => robots::pc(run.scenario().robot, &run.rig).and_then(stated),
-    }
+    run.estimate().map(|(_, pose)| pose)
 }
 
-/// Where the robot says it is.
-pub(super) fn stated(pc: &Pc) -> Option<Pose> {
-    let (_, map) = pc.record().map_properties?;
-    let [x_mm, y_mm] = map.position_mm;
-    let psi_deg = map.psi_deg;
-    Some(in_metres(ProgramPose::from_wire(WirePose {
-        x_mm,
-        y_mm,
-        psi_deg,
-    })))
-}
-
-fn in_metres(pose: ProgramPose) -> Pose {
-    let [x, y, theta] = [pose.x_mm, pose.y_mm, pose.heading].map(f64::from);
-    Pose::new(x / 1000.0, y / 1000.0, theta)
-}
-
-/// The PC's map into its book.
-pub(super) fn look_at_pc(book: &mut Book, pc: &Pc) {
-    if let Some(map) = pc.map() {
-        let resolution_m = f64::from(map.resolution_mm) / 1000.0;
-        let row = |y: usize| map.pixels.get(y * map.width..(y + 1) * map.width);
-        book.look([map.width, map.height], resolution_m, row);
-    }
+/// A map into its book.
+pub(super) fn look_at_map(book: &mut Book, map: MapView<'_>) {
+    let resolution_m = f64::from(map.cell_mm()) / 1000.0;
+    let origin_m = map.origin_mm().map(|mm| f64::from(mm) / 1000.0);
+    let size = [map.width(), map.height()];
+    book.look(size, resolution_m, origin_m, |y| map.row(y));
 }
 
 /// The robot's display into its book. A row is the upper bytes of its pixels, then the lower ones:
 /// both have longer runs than the pixels.
-fn look_at_display(book: &mut Book, panel: &TouchPanel) {
-    let rows = panel.pixels().chunks(touch_panel::WIDTH);
+fn look_at_display(book: &mut Book, display: Display<'_>) {
+    let rows = display.pixels.chunks(display.width);
     let bytes = rows.flat_map(|row| {
         let byte = |index: usize| row.iter().map(move |pixel| pixel.to_be_bytes()[index]);
         byte(0).chain(byte(1))
     });
     let bytes: Vec<u8> = bytes.collect();
-    let width = 2 * touch_panel::WIDTH;
+    let width = 2 * display.width;
     let row = |y: usize| bytes.get(y * width..(y + 1) * width);
-    book.look([width, touch_panel::HEIGHT], 0.0, row);
+    book.look([width, display.height()], 0.0, [0.0; 2], row);
 }
 
 /// What stays the same.
@@ -389,11 +370,12 @@ fn stage(run: &Run, number: u64, tempo: Tempo) -> Value {
         "description": scenario.description,
         "seed": scenario.seed,
         "scene": view::scene(&run.rig.world),
+        "robot": scenario.robot,
         "radius_m": run.rig.world.body().radius_m,
         "links": links.collect::<Vec<_>>(),
         "pace": tempo.is_ours,
         "speed_max": SPEED_MAX,
-        "pc": robots::pc(scenario.robot, &run.rig).is_some(),
+        "pc": run.instruments().station(&run.rig).is_some(),
     })
 }
 
@@ -419,59 +401,16 @@ fn slow(run: &Run, before: &[[Tally; 2]], after: &[[Tally; 2]], span: Duration) 
     if let Some(program) = run.rig.program() {
         program.counters(&mut |name, value| counters.push((name, value)));
     }
-    let (progress, robot) = (run.progress(), run.scenario().robot);
+    let progress = run.progress();
     json!({
         "type": "slow",
         "lanes": lanes.collect::<Vec<_>>(),
-        "registers": robots::registers(robot, &run.rig),
+        "axes": run.instruments().axes(&run.rig),
+        "panels": run.instruments().panels(&run.rig),
         "counters": counters,
         "faults": run.faults().collect::<Vec<_>>(),
         "visited": [progress.visits().len(), progress.waypoints()],
         "violations": run.rig.violations(),
         "trace": run.rig.trace_hash(),
-    })
-}
-
-const fn mode_name(mode: Mode) -> &'static str {
-    match mode {
-        Mode::Stop => "stop",
-        Mode::Exploration => "exploration",
-        Mode::Waypoint => "waypoint",
-        Mode::Manual => "manual",
-    }
-}
-
-/// What the PC knows.
-pub(super) fn pc_json(pc: &Pc, now: Instant) -> Value {
-    let record = pc.record();
-    let state = record.state.map(|(_, state)| {
-        json!({"mode": mode_name(state.mode), "speed": state.speed_mm_s, "to": state.set_point})
-    });
-    let properties = record.map_properties;
-    let pose = properties.map(|(_, map)| {
-        let [x, y] = map.position_mm;
-        [x, y, map.psi_deg]
-    });
-    let heard = properties
-        .map(|(at, _)| at)
-        .max(record.state.map(|(at, _)| at));
-    let connection = match pc.connection() {
-        Connection::Closed => "closed",
-        Connection::Opening => "opening",
-        Connection::Connected(_) => "connected",
-    };
-    let bad = record.counts.bad_frames + record.counts.bad_messages + record.counts.bad_rows;
-    json!({
-        "connection": connection,
-        "heard_ms": heard.map(|at| (now - at).as_millis()),
-        "state": state,
-        "pose": pose,
-        "size_mm": properties.map(|(_, map)| map.size_mm),
-        "waypoints": pc_program::waypoints(pc),
-        "confirmed": pc.unconfirmed_waypoints().is_none(),
-        "rows_missing": pc.map().map(emulators::pc::PcMap::rows_missing),
-        "order": pc.order().map(|order| json!([mode_name(order.mode), order.set_point])),
-        "bytes": record.counts.bytes,
-        "bad": bad,
     })
 }

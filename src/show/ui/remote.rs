@@ -5,20 +5,17 @@ use core::time::Duration;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, PoisonError};
 
-use emulators::Device;
-use emulators::pc::{Pc, Script};
 use protocols::{Instant, LineConfig, LineEvent};
 use serde_json::{Value, json};
 
 use super::books::Book;
 use super::command::{Answer, Command};
-use super::desk::{SHOW_EVERY, look_at_pc, pc_json, stated};
+use super::desk::{SHOW_EVERY, look_at_map};
 use super::hub::Hub;
 use super::moment::{Moment, Numbered};
 use super::story::{Sample, short_pose};
 use crate::realtime::transport::{Serial, Transport};
-use crate::robots::rescue::pc_action;
-use crate::robots::rescue::pc_program::{self, Gesture, Hand};
+use crate::robots::{Gesture, Hand, RemoteStation, StationView};
 
 /// Time after which a port that cannot be had is tried again.
 const RETRY: Duration = Duration::from_millis(500);
@@ -30,7 +27,7 @@ pub struct Remote {
     hub: Arc<Hub>,
     path: PathBuf,
     line: LineConfig,
-    pc: Pc,
+    station: Box<dyn RemoteStation>,
     wants_port: bool,
     port: Option<Serial>,
     retry_at: Instant,
@@ -42,16 +39,17 @@ pub struct Remote {
 
 impl Remote {
     /// A PC that opens the port at `path` as soon as it can, and again whenever it was lost.
-    pub fn new(path: &Path, line: LineConfig, hub: Arc<Hub>) -> Self {
-        let script = Script::new(Vec::new()).expect("no steps are within the limits");
-        let mut pc = Pc::new(script);
-        let open = pc_action(&crate::scenario::Action::Connect);
-        pc.perform(Instant::ZERO, open).expect("has no limits");
+    pub fn new(
+        station: Box<dyn RemoteStation>,
+        path: &Path,
+        line: LineConfig,
+        hub: Arc<Hub>,
+    ) -> Self {
         Self {
             hub,
             path: path.to_owned(),
             line,
-            pc,
+            station,
             wants_port: false,
             port: None,
             retry_at: Instant::ZERO,
@@ -62,9 +60,9 @@ impl Remote {
         }
     }
 
-    /// The PC.
-    pub const fn pc(&self) -> &Pc {
-        &self.pc
+    /// What the station knows at `now`.
+    pub fn view(&self, now: Instant) -> StationView {
+        self.station.view(now)
     }
 
     /// One turn at `now`: does what pages ask, talks to the robot, shows what it tells.
@@ -101,15 +99,13 @@ impl Remote {
     }
 
     fn does(&mut self, now: Instant, gesture: Gesture) -> Result<(), String> {
-        let action =
-            pc_program::answer(&self.pc, gesture).map_err(|refusal| refusal.to_string())?;
-        let done = self.pc.perform(now, pc_action(&action));
-        done.map_err(|error| error.to_string())
+        let action = self.station.answer(gesture)?;
+        self.station.perform(now, &action)
     }
 
     /// Opens and closes the port as the PC wants it.
     fn open(&mut self, now: Instant) {
-        while let Some(change) = self.pc.line_change(Pc::AIR) {
+        while let Some(change) = self.station.line_change(self.station.port()) {
             self.wants_port = change == LineEvent::Opened;
             if !self.wants_port {
                 self.port = None;
@@ -131,25 +127,26 @@ impl Remote {
     /// Carries bytes both ways. The robot is connected once it is heard.
     fn carry(&mut self, now: Instant) {
         let mut buf = [0; 1024];
+        let end = self.station.port();
         for _ in 0..AT_ONCE {
             let Some(port) = &mut self.port else {
                 break;
             };
             match port.read(&mut buf) {
                 Ok(0) => break,
-                Ok(len) => self.pc.receive(Pc::AIR, now, &buf[..len]),
+                Ok(len) => self.station.receive(end, now, &buf[..len]),
                 Err(error) => {
                     self.trouble = Some(error.to_string());
                     self.port = None;
                     self.wants_port = false;
-                    self.pc.line_event(Pc::AIR, now, LineEvent::Closed);
+                    self.station.line_event(end, now, LineEvent::Closed);
                 }
             }
         }
-        self.pc.tick(now);
-        drop(self.pc.take_events());
+        self.station.tick(now);
+        drop(self.station.take_events());
         if let Some(port) = &mut self.port {
-            while let len @ 1.. = self.pc.transmit(Pc::AIR, &mut buf) {
+            while let len @ 1.. = self.station.transmit(end, &mut buf) {
                 port.write(&buf[..len]);
             }
         }
@@ -160,8 +157,10 @@ impl Remote {
             return;
         }
         self.shown_at = Some(now);
-        look_at_pc(&mut self.book, &self.pc);
-        let believed = stated(&self.pc).map(short_pose);
+        if let Some(map) = self.station.map() {
+            look_at_map(&mut self.book, map);
+        }
+        let believed = self.station.stated_pose().map(short_pose);
         let mut story = self
             .hub
             .story
@@ -190,7 +189,7 @@ impl Remote {
             "truth": null,
             "believed": believed,
             "mode": null,
-            "pc": pc_json(&self.pc, now),
+            "pc": self.station.view(now),
             "trouble": self.trouble,
             "maps": [self.book.last().head],
             "scene": null,
@@ -214,7 +213,7 @@ impl Remote {
             "description": "a robot on a port",
             "seed": null,
             "scene": null,
-            "radius_m": 0.16,
+            "radius_m": self.station.radius_m(),
             "links": [],
             "pace": false,
             "speed_max": 1,

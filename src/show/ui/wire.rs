@@ -1,7 +1,6 @@
 //! What passes the wires, counted while the run goes on, and the last scan among it.
 
 use core::cell::RefCell;
-use core::f64::consts::TAU;
 use core::time::Duration;
 use std::rc::Rc;
 
@@ -11,11 +10,11 @@ use protocols::{Decode, Instant, panel, pcui, xv11};
 use serde::Serialize;
 
 use crate::codec::Protocol;
-use crate::rig::Rig;
+use crate::rig::Link;
 use crate::rig::line::{Delivery, Direction};
 use crate::rig::trace::{Side, Tap};
-use crate::robots::{self, ScanLink};
-use crate::scenario::Robot;
+use crate::robots::{Beam, ScanDecoder};
+use crate::run::Run;
 use crate::show::view::millimetres;
 
 /// What came out of one direction of a link so far.
@@ -84,96 +83,70 @@ pub(super) struct Scan {
     pub(super) turn: u64,
     /// When its last packet came.
     pub(super) at: Instant,
-    /// Bearings and distances of the beams that came back, radians and metres.
-    beams: Vec<[f64; 2]>,
+    beams: Vec<Beam>,
 }
 
 impl Scan {
     /// Where the beams ended, x and y in turn, if they were cast at `pose`.
     pub(super) fn points(&self, pose: Pose) -> Vec<f64> {
-        let point = |&[bearing, distance]: &[f64; 2]| {
-            let angle = pose.theta + bearing;
+        let point = |beam: &Beam| {
+            let angle = pose.theta + beam.bearing;
             [
-                millimetres(pose.x + distance * libm::cos(angle)),
-                millimetres(pose.y + distance * libm::sin(angle)),
+                millimetres(pose.x + beam.distance_m * libm::cos(angle)),
+                millimetres(pose.y + beam.distance_m * libm::sin(angle)),
             ]
         };
         self.beams.iter().flat_map(point).collect()
     }
 }
 
-/// Gathers a turn from packets.
-struct ScanEar {
-    link: ScanLink,
-    decoder: xv11::Decoder,
-    ranges_mm: [u16; 360],
-    last: Scan,
-}
-
-impl ScanEar {
-    fn hear(&mut self, at: Instant, bytes: &[u8]) {
-        for frame in self.decoder.push(bytes).flatten() {
-            let first = usize::from(frame.index()) * xv11::READINGS_PER_FRAME;
-            for (slot, reading) in self.ranges_mm[first..].iter_mut().zip(frame.readings()) {
-                *slot = match reading {
-                    xv11::Reading::Range { distance_mm, .. } => distance_mm,
-                    xv11::Reading::Invalid { .. } => 0,
-                };
-            }
-            if usize::from(frame.index()) == xv11::FRAMES_PER_TURN - 1 {
-                let bearing =
-                    |degree: u16| self.link.first_bearing + f64::from(degree) / 360.0 * TAU;
-                let beams = (0..).zip(self.ranges_mm).filter(|&(_, mm)| mm > 0);
-                let beams = beams.map(|(degree, mm)| [bearing(degree), f64::from(mm) / 1000.0]);
-                self.last = Scan {
-                    turn: self.last.turn + 1,
-                    at,
-                    beams: beams.collect(),
-                };
-                self.ranges_mm = [0; 360];
-            }
-        }
-    }
-}
-
 /// All lanes of a rig.
 pub(super) struct Wire {
     lanes: Vec<[Lane; 2]>,
-    scan_index: Option<usize>,
-    scan: ScanEar,
+    scanner: Option<(usize, Box<dyn ScanDecoder>)>,
+    scan: Scan,
 }
 
 /// What puts the wire's bytes where the desk finds them.
 struct Ear(Rc<RefCell<Wire>>);
 
 impl Wire {
-    /// Listens to all links of `rig` from now on.
-    pub(super) fn listen(robot: Robot, rig: &mut Rig) -> Rc<RefCell<Self>> {
-        let link = robots::scan_link(robot);
-        let lane = |name: &str| {
-            let protocol = robots::protocol(robot, rig, name);
+    /// Listens to all links of `run` from now on.
+    pub(super) fn listen(run: &mut Run) -> Rc<RefCell<Self>> {
+        let (instruments, rig) = (run.instruments(), &run.rig);
+        let lane = |link: &Link| {
+            let protocol = instruments.codec(rig, &link.name);
             core::array::from_fn(|_| Lane {
                 decoder: protocol.map(counter),
                 ..Lane::default()
             })
         };
+        let scanner = instruments.scanner(rig).and_then(|(link, decoder)| {
+            let index = rig.links().iter().position(|one| one.name == link)?;
+            Some((index, decoder))
+        });
         let wire = Rc::new(RefCell::new(Self {
-            lanes: rig.links().iter().map(|link| lane(&link.name)).collect(),
-            scan_index: rig.links().iter().position(|one| one.name == link.link),
-            scan: ScanEar {
-                link,
-                decoder: xv11::Decoder::default(),
-                ranges_mm: [0; 360],
-                last: Scan::default(),
-            },
+            lanes: rig.links().iter().map(lane).collect(),
+            scanner,
+            scan: Scan::default(),
         }));
-        rig.add_tap(Box::new(Ear(Rc::clone(&wire))));
+        run.rig.add_tap(Box::new(Ear(Rc::clone(&wire))));
         wire
     }
 
     /// The last whole turn.
     pub(super) const fn scan(&self) -> &Scan {
-        &self.scan.last
+        &self.scan
+    }
+
+    fn scan_from(&mut self, link: usize, at: Instant, bytes: &[u8]) {
+        if let Some((index, decoder)) = &mut self.scanner
+            && *index == link
+            && let Some(beams) = decoder.push(bytes)
+        {
+            let turn = self.scan.turn + 1;
+            self.scan = Scan { turn, at, beams };
+        }
     }
 
     /// Each link's two directions, to the master first.
@@ -205,8 +178,8 @@ impl Tap for Ear {
             decoder.count(bytes, tally);
         }
         *heard = at;
-        if wire.scan_index == Some(link) && direction == Direction::ToMaster {
-            wire.scan.hear(at, bytes);
+        if direction == Direction::ToMaster {
+            wire.scan_from(link, at, bytes);
         }
     }
 

@@ -5,7 +5,8 @@
 //   frame      {x, y, scale, height}       what `fit` makes; pass it to everything else
 //   scene      {bounds: [x0, y0, x1, y1], shapes: [SHAPE..]}
 //   SHAPE      {wall: [x0, y0, x1, y1]} | {polygon: [x0, y0, x1, y1, ..]} | {circle: [x, y, r]}
-//   map        {width, height, resolution_m, cells}   cells: bytes, lowest row first, 255 = wall
+//   map        {width, height, resolution_m, origin_m, cells}   cells: bytes, lowest row first,
+//              255 = wall; origin_m: corner of least x and y, 0, 0 if left out
 //   layer      "raw" | "walls" | "known"
 //   path       [x0, y0, x1, y1, ..]
 //   pose       [x, y, theta]
@@ -110,7 +111,8 @@ const hilrigView = (() => {
 
   // `image`: of `mapImage`. The map's lower left corner is the world's origin.
   function drawMap(context, frame, map, image) {
-    const [x, y] = toPixel(frame, 0, map.height * map.resolution_m);
+    const [left, low] = map.origin_m ?? [0, 0];
+    const [x, y] = toPixel(frame, left, low + map.height * map.resolution_m);
     context.imageSmoothingEnabled = false;
     context.drawImage(image, x, y, map.width * map.resolution_m * frame.scale,
                       map.height * map.resolution_m * frame.scale);

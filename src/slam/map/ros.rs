@@ -3,7 +3,7 @@
 use core::fmt;
 use std::path::{Path, PathBuf};
 
-use firmware_core::grid::Grid;
+use firmware_core::map_view::MapView;
 use image::GrayImage;
 
 /// What a cell is known to be.
@@ -65,12 +65,13 @@ impl RosMap {
     }
 
     /// The robot's map as [`crate::show::render::ros_image`] shows it.
-    pub fn of_grid(grid: &Grid) -> Self {
-        let cell_m = f64::from(grid.resolution_mm()) / 1000.0;
+    pub fn of_grid(grid: MapView<'_>) -> Self {
+        let cell_m = f64::from(grid.cell_mm()) / 1000.0;
         Self::from_image(
             &crate::show::render::ros_image(grid),
             &Header {
                 cell_m,
+                origin: grid.origin_mm().map(|mm| f64::from(mm) / 1000.0),
                 ..Header::default()
             },
         )

@@ -98,9 +98,8 @@ impl Tap for Pen {
 
 /// The rig for 10 s with a fault from the fourth second to the sixth.
 fn observe(scenario: Scenario) -> Seen {
-    let (room, source) = in_a_room("10s", "");
-    let world = room.world.build(room.seed, &source).expect("sound");
-    let wired = robots::wire(&scenario, &source, world, Dut::External, PcEnd::External);
+    let (_, source) = in_a_room("10s", "");
+    let wired = robots::wire(&scenario, &source, Dut::External, PcEnd::External);
     let mut wired = wired.expect("sound");
     let seen = Rc::default();
     wired.rig.add_tap(Box::new(Pen(Rc::clone(&seen))));
@@ -110,7 +109,7 @@ fn observe(scenario: Scenario) -> Seen {
     };
     let (base, radio) = (node("base"), node("radio"));
 
-    let mut run = Run::with_rig(scenario, wired.rig);
+    let mut run = Run::with_rig(scenario, wired.rig, wired.instruments);
     let read = |register, count| avr::Frame::read(register, count, ChecksumOrder::HighFirst);
     let go = avr::Frame::write(
         registers::SPEED_LEFT_TO,

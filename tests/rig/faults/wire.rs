@@ -9,6 +9,7 @@ use hilrig::rig::Rig;
 use hilrig::rig::fault::FaultId;
 use hilrig::rig::line::{Delivery, Direction, End};
 use hilrig::rig::trace::{Side, Tap};
+use hilrig::robots::instruments::Unknown;
 use hilrig::run::Run;
 use hilrig::scenario::{FaultSpec, Scenario};
 use protocols::{Instant, LineConfig, LineEvent, Port};
@@ -125,7 +126,7 @@ pub(super) fn run_each(scenario: Scenario, sent: [Vec<u8>; 4], piece: usize) -> 
     let lines = Rc::new(RefCell::default());
     rig.add_tap(Box::new(Pen(Rc::clone(&lines))));
 
-    let mut run = Run::with_rig(scenario, rig);
+    let mut run = Run::with_rig(scenario, rig, Box::new(Unknown));
     run.go_on_until(Instant::from_millis(10));
     for (node, bytes) in nodes.into_iter().zip(&sent) {
         run.rig.inject(node, bytes);

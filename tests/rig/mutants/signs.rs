@@ -2,6 +2,7 @@
 
 use emulators::pc::Pc;
 use firmware_core::Inspect;
+use hilrig::robots::instruments::in_metres;
 use hilrig::run::Run;
 use protocols::pcui::message::Mode;
 
@@ -61,8 +62,8 @@ pub(super) fn no_scan(run: &Run) -> bool {
 /// Cells near the edge of the map are known, 200 mm behind the walls.
 pub(super) fn draws_beyond_the_walls(run: &Run) -> bool {
     let map = program(run).map().expect("it has one");
-    let cell = |at: usize| map.rows()[at % 300][if at < 300 { 5 } else { 294 }];
-    (0..600).any(|at| cell(at) != 127)
+    let cell = |at: usize| map.get(if at < 300 { 5 } else { 294 }, at % 300);
+    (0..600).any(|at| cell(at) != Some(127))
 }
 
 /// A packet of four is lost, and where packet 0 ends a turn, one turn of four: of 36 in 8 s.
@@ -90,7 +91,7 @@ pub(super) fn scan_takes_long(run: &Run) -> bool {
 
 fn cells_above(run: &Run, value: u8) -> usize {
     let map = program(run).map().expect("it has one");
-    let cells = map.rows().as_flattened();
+    let cells = map.cells();
     cells.iter().filter(|&&cell| cell > value).count()
 }
 
@@ -110,7 +111,10 @@ pub(super) fn no_black_in_the_map(run: &Run) -> bool {
 
 fn error_mm(run: &Run) -> f64 {
     let (now, truth) = (run.rig.now(), run.rig.world.pose());
-    hilrig::run::score::PosePair::new(now, truth, program(run).pose_at(now)).error_mm()
+    in_metres(program(run).pose_at(now))
+        .point()
+        .distance(truth.point())
+        * 1000.0
 }
 
 pub(super) fn believes_wrong(run: &Run) -> bool {

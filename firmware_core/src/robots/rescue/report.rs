@@ -3,7 +3,7 @@ use protocols::pcui::message::Mode;
 
 use super::Rescue;
 use crate::Inspect;
-use crate::grid::Grid;
+use crate::map_view::MapView;
 use crate::memory::StrayWrites;
 use crate::pose::{Point, Pose};
 
@@ -12,8 +12,8 @@ impl Inspect for Rescue {
         self.matched.map(|(at, _)| (at, self.mapper.pose()))
     }
 
-    fn map(&self) -> Option<&Grid> {
-        Some(self.mapper.grid())
+    fn map(&self) -> Option<MapView<'_>> {
+        Some(self.mapper.grid().view())
     }
 
     fn scan(&self) -> &[Point] {

@@ -10,7 +10,10 @@ use emulators::Device;
 use emulators::pc::Script;
 
 use super::*;
+use protocols::Instant;
+
 use crate::robots::rescue::pc_action;
+use crate::scenario::ModeSpec;
 
 const AIR: Port = Pc::AIR;
 

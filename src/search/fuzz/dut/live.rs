@@ -294,22 +294,24 @@ pub(super) fn wire(
 ) -> Result<(Run, Vec<OpenEnd>, Option<usize>), StandError> {
     let mission = &scenario.mission;
     let is_scripted = !mission.waypoints_m.is_empty() || !mission.step.is_empty();
-    let wired = |pc| {
-        let world = scenario.world.build(scenario.seed, &stand.source)?;
-        robots::wire(scenario, &stand.source, world, Dut::External, pc)
-    };
+    let wired = |pc| robots::wire(scenario, &stand.source, Dut::External, pc);
     let has =
         |wired: &Wired| link.is_none_or(|link| wired.open_ends.iter().any(|end| end.link == link));
     let wired = match wired(PcEnd::Scripted)? {
         scripted if is_scripted && has(&scripted) => scripted,
         _ => wired(PcEnd::External)?,
     };
-    let (mut rig, ends) = (wired.rig, wired.open_ends);
+    let Wired {
+        mut rig,
+        open_ends: ends,
+        instruments,
+    } = wired;
     let raw = link.and_then(|link| rig.replace_device(link));
     if let (Some(node), Some(end)) = (raw, ends.iter().find(|end| Some(&*end.link) == link)) {
         rig.set_line_config(node, end.line);
     }
-    Ok((Run::with_rig(scenario.clone(), rig), ends, raw))
+    let run = Run::with_rig(scenario.clone(), rig, instruments);
+    Ok((run, ends, raw))
 }
 
 fn record(run: &mut Run, path: &Path) -> Result<(), StandError> {

@@ -12,7 +12,7 @@ use super::live::{self, Halt, Live, Placed};
 use super::speech::Speech;
 use super::trial;
 use crate::realtime::transport::{PortDir, Transport, TransportError};
-use crate::robots::{self, OpenEnd};
+use crate::robots::OpenEnd;
 use crate::run::Run;
 use crate::run::check::Status;
 use crate::scenario::{Scenario, ScenarioError, Source};
@@ -146,7 +146,7 @@ impl<'a> Stand<'a> {
         drop(run);
         let speech = |end: &OpenEnd| {
             let own = scenario.device.get(&end.link).and_then(Speech::of_device);
-            let protocol = robots::protocol(scenario.robot, &whole.rig, &end.link);
+            let protocol = whole.instruments().codec(&whole.rig, &end.link);
             own.unwrap_or(Speech::of_protocol(protocol))
         };
         Ok(ends

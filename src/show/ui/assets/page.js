@@ -4,7 +4,7 @@
 const hilrig = window.hilrig = {
   connected: false, stage: null, now: null, slow: null, scan: null, maps: {},
   samples: [], events: [], refused: "", messages: 0, bytes: 0, past: null,
-  errors: [],
+  errors: [], folded: new Set(),
 };
 window.addEventListener("error", (event) => hilrig.errors.push(event.message));
 const $ = (id) => document.getElementById(id);
@@ -111,6 +111,7 @@ function unpack(maps, heads) {
       map = maps[head.name] = { ...head, cells };
     }
     map.resolution_m = head.resolution_m;
+    map.origin_m = head.origin_m;
     if (got.rows.size) dirty[head.name] = true;
     for (const [y, code] of got.rows) {
       let x = y * map.width;
@@ -147,10 +148,12 @@ const metres = (list) => list.flatMap(([x, y]) => [x / 1000, y / 1000]);
 
 function bounds(map) {
   const scene = hilrig.stage.scene;
-  const size = map ? [0, 0, map.width * map.resolution_m, map.height * map.resolution_m] : null;
+  const [x, y] = map?.origin_m ?? [0, 0];
+  const size = map
+    ? [x, y, x + map.width * map.resolution_m, y + map.height * map.resolution_m] : null;
   if (!scene) return size ?? [0, 0, 3, 3];
   const [a, b, c, d] = scene.bounds;
-  return size ? [Math.min(a, 0), Math.min(b, 0), Math.max(c, size[2]), Math.max(d, size[3])]
+  return size ? [Math.min(a, size[0]), Math.min(b, size[1]), Math.max(c, size[2]), Math.max(d, size[3])]
     : scene.bounds;
 }
 
@@ -350,10 +353,30 @@ function waypointItem(place, index) {
 function showSlow() {
   const slow = hilrig.slow;
   once("wires", slow.lanes, () => slow.lanes.flatMap(wireRows));
-  once("registers", slow.registers, () => slow.registers.map((register) =>
-    row([`${register.address} ${register.name}`, `${register.value} ${register.unit}`])));
+  once("axes", slow.axes, () => (slow.axes ?? []).map(axisRow));
+  once("panels", slow.panels, () => (slow.panels ?? []).map(panelItem));
   once("counters", slow.counters, () => slow.counters.map(([name, value]) => row([name, value])));
   once("faults", slow.faults, () => slow.faults.slice(-30).map(faultItem));
+}
+
+// What an axis is told, what it does, and its limit.
+function axisRow({ name, unit, set_point, limit, actual }) {
+  const told = actual === null ? `${set_point}` : `${set_point}, is ${actual}`;
+  return row([name, `${told} ${unit}${limit === null ? "" : ` (at most ${limit})`}`]);
+}
+
+// A panel of the robot's: values that belong together, folded by a click.
+function panelItem({ name, rows }) {
+  const item = document.createElement("details"), head = document.createElement("summary");
+  const table = document.createElement("table"), body = document.createElement("tbody");
+  item.open = !hilrig.folded.has(name);
+  item.addEventListener("toggle", () => hilrig.folded[item.open ? "delete" : "add"](name));
+  head.textContent = name;
+  fill(body, rows.map(({ name, address, value, unit }) =>
+    row([address === null ? name : `${address} ${name}`, `${value} ${unit}`])));
+  table.append(body);
+  item.append(head, table);
+  return item;
 }
 
 function wireRows(lane) {

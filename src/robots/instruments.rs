@@ -1,0 +1,213 @@
+//! What an observer may ask of a robot in a rig: page, report, history, score and checkers use
+//! nothing else.
+
+use core::time::Duration;
+use std::borrow::Cow;
+
+use emulators::world::Pose;
+use firmware_core::map_view::MapView;
+use protocols::Instant;
+use serde::Serialize;
+
+use super::checker::Checker;
+use super::scan::ScanDecoder;
+use super::station::Station;
+use crate::codec::Protocol;
+use crate::rig::Rig;
+
+/// Something that the robot is told to do and does: a wheel, a steering, a gripper.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Axis {
+    /// Its name.
+    pub name: Cow<'static, str>,
+    /// Unit of the figures, empty if they have none.
+    pub unit: &'static str,
+    /// What it was told to do, as the device that moves it took it.
+    pub set_point: f64,
+    /// Largest sound set-point, either way.
+    pub limit: Option<f64>,
+    /// What it does, if that can be told.
+    pub actual: Option<f64>,
+}
+
+/// How the axes are commanded.
+#[derive(Clone, Copy)]
+pub struct Dialect {
+    /// Link on which commands travel.
+    pub link: &'static str,
+    /// The longest frame, bytes.
+    pub frame_max: usize,
+    /// What the sound frame with which these bytes end commands, if they end with one that
+    /// commands: for each axis the set-point as the axis can follow it.
+    pub command: fn(&[u8]) -> Option<Command>,
+}
+
+/// What a frame commands: a set-point for each axis that it names, in the order of the axes.
+pub type Command = Vec<Option<f64>>;
+
+/// When a device must have stopped its axes by itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Silence {
+    /// Link on which commands travel.
+    pub link: &'static str,
+    /// Silence of the master after which set-points must be zero.
+    pub silence_max: Duration,
+}
+
+/// Values that belong together, for page and report.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Panel {
+    /// What they are of, e.g. `base registers`.
+    pub name: String,
+    /// The values.
+    pub rows: Vec<PanelRow>,
+}
+
+/// A value of a panel.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PanelRow {
+    /// Its name.
+    pub name: Cow<'static, str>,
+    /// Where it lies in its device, if it has an address.
+    pub address: Option<u32>,
+    /// What it is now, as text.
+    pub value: String,
+    /// Unit of the value, empty if it has none.
+    pub unit: Cow<'static, str>,
+}
+
+/// The robot's own display.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Display<'a> {
+    /// Pixels in a row.
+    pub width: usize,
+    /// All pixels, top row first: five bits red, six green, five blue.
+    pub pixels: &'a [u16],
+    /// Whether it is lit.
+    pub is_on: bool,
+}
+
+impl Display<'_> {
+    /// Rows of pixels.
+    pub const fn height(&self) -> usize {
+        self.pixels.len() / self.width
+    }
+}
+
+/// A link on which a device can be told to do something else for good, and the device: nothing but
+/// its switch brings it back.
+pub type Console = (&'static str, &'static str);
+
+/// What may be asked of a robot in its rig. Everything is optional; what is not answered is not
+/// shown and not judged. Looking changes nothing.
+pub trait Instruments {
+    /// What the robot is told to do, as the devices took it: always the same axes.
+    fn axes(&self, _rig: &Rig) -> Vec<Axis> {
+        Vec::new()
+    }
+
+    /// How the axes are commanded on the wire.
+    fn dialect(&self, _rig: &Rig) -> Option<Dialect> {
+        None
+    }
+
+    /// When the axes must have been stopped.
+    fn silence(&self) -> Option<Silence> {
+        None
+    }
+
+    /// Where the robot believes to be, in the frame of the world, metres and radians, and when that
+    /// was: from the program in this process if nothing else is said.
+    fn estimate(&self, rig: &Rig) -> Option<(Instant, Pose)> {
+        let (at, pose) = rig.program()?.estimate()?;
+        Some((at, in_metres(pose)))
+    }
+
+    /// The robot's map.
+    fn map<'a>(&'a self, rig: &'a Rig) -> Option<MapView<'a>> {
+        rig.program()?.map()
+    }
+
+    /// Maps besides [`map`](Self::map) by name: heat, plans, what a station received.
+    fn layers<'a>(&'a self, _rig: &'a Rig) -> Vec<(&'static str, MapView<'a>)> {
+        Vec::new()
+    }
+
+    /// Where the beams of the newest scan ended that the robot used, in the frame of the world,
+    /// metres.
+    fn scan(&self, rig: &Rig) -> Vec<[f64; 2]> {
+        let Some((program, (_, pose))) = rig
+            .program()
+            .and_then(|program| Some((program, program.estimate()?)))
+        else {
+            return Vec::new();
+        };
+        let places = program.scan().iter().map(|point| pose.to_world(*point));
+        let metres = |mm: f32| f64::from(mm.round()) / 1000.0;
+        places
+            .map(|place| [metres(place.x_mm), metres(place.y_mm)])
+            .collect()
+    }
+
+    /// The link on which a lidar sends, and what reads its turns.
+    fn scanner(&self, _rig: &Rig) -> Option<(&'static str, Box<dyn ScanDecoder>)> {
+        None
+    }
+
+    /// What the robot is doing, in one or two words.
+    fn mode(&self, rig: &Rig) -> Option<&'static str> {
+        Some(rig.program()?.mode())
+    }
+
+    /// Values to be shown, always the same panels.
+    fn panels(&self, _rig: &Rig) -> Vec<Panel> {
+        Vec::new()
+    }
+
+    /// The robot's own display.
+    fn display<'a>(&'a self, _rig: &'a Rig) -> Option<Display<'a>> {
+        None
+    }
+
+    /// A finger touches the display at `place`, column and row, at `at`; whether there is one.
+    fn tap(&self, _rig: &mut Rig, _at: Instant, _place: [u16; 2]) -> bool {
+        false
+    }
+
+    /// The far end of the robot's radio or telemetry link, if it is emulated.
+    fn station<'a>(&'a self, _rig: &'a Rig) -> Option<&'a dyn Station> {
+        None
+    }
+
+    /// The same, to let it do something.
+    fn station_mut<'a>(&'a self, _rig: &'a mut Rig) -> Option<&'a mut dyn Station> {
+        None
+    }
+
+    /// What a link speaks, if it is known.
+    fn codec(&self, _rig: &Rig, _link: &str) -> Option<Protocol> {
+        None
+    }
+
+    /// Checkers that only this robot needs. They may listen to the rig.
+    fn checkers(&self, _rig: &mut Rig) -> Vec<Box<dyn Checker>> {
+        Vec::new()
+    }
+
+    /// Links that reach a console, for faults that are made by chance.
+    fn consoles(&self) -> &'static [Console] {
+        &[]
+    }
+}
+
+/// A robot of which nothing is known but its rig.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Unknown;
+
+impl Instruments for Unknown {}
+
+/// A program's pose in the world's units: map and world share their frame.
+pub fn in_metres(pose: firmware_core::pose::Pose) -> Pose {
+    let [x, y, theta] = [pose.x_mm, pose.y_mm, pose.heading].map(f64::from);
+    Pose::new(x / 1000.0, y / 1000.0, theta)
+}

@@ -1,0 +1,109 @@
+//! What may be asked of the rescue robot.
+
+use emulators::avr_base::AvrBase;
+use emulators::pc::Pc;
+use emulators::touch_panel::{self, TouchPanel};
+use emulators::world::Pose;
+use firmware_core::map_view::MapView;
+use protocols::Instant;
+
+use super::{CONSOLES, SET_POINT_MAX, SILENCE, command, display, view};
+use crate::codec::Protocol;
+use crate::rig::Rig;
+use crate::robots::instruments::in_metres;
+use crate::robots::scan::Xv11Scans;
+use crate::robots::{
+    Axis, Console, Dialect, Display, Instruments, Panel, ScanDecoder, Silence, Station,
+};
+
+/// The robot's instruments: all that it shows lies in its rig.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RescueInstruments;
+
+fn pc(rig: &Rig) -> Option<&Pc> {
+    rig.device("pc")
+}
+
+impl Instruments for RescueInstruments {
+    fn axes(&self, rig: &Rig) -> Vec<Axis> {
+        let Some(base) = rig.device::<AvrBase>("base") else {
+            return Vec::new();
+        };
+        let axis = |(name, set_point): (&'static str, i16)| Axis {
+            name: name.into(),
+            unit: "ticks per 40 ms",
+            set_point: set_point.into(),
+            limit: Some(SET_POINT_MAX.into()),
+            actual: None,
+        };
+        let [left, right] = base.set_points();
+        [("left wheel", left), ("right wheel", right)]
+            .map(axis)
+            .to_vec()
+    }
+
+    fn dialect(&self, rig: &Rig) -> Option<Dialect> {
+        command::dialect(rig)
+    }
+
+    fn silence(&self) -> Option<Silence> {
+        Some(SILENCE)
+    }
+
+    /// The program's pose if it runs in this process and has found one, else what it tells the PC.
+    fn estimate(&self, rig: &Rig) -> Option<(Instant, Pose)> {
+        match rig.program() {
+            Some(program) => program.estimate().map(|(at, pose)| (at, in_metres(pose))),
+            None => {
+                let pc = pc(rig)?;
+                let (at, _) = pc.record().map_properties?;
+                Some((at, pc.stated_pose()?))
+            }
+        }
+    }
+
+    fn layers<'a>(&'a self, rig: &'a Rig) -> Vec<(&'static str, MapView<'a>)> {
+        let received = pc(rig).and_then(Station::map);
+        received.map(|map| ("pc", map)).into_iter().collect()
+    }
+
+    fn scanner(&self, _: &Rig) -> Option<(&'static str, Box<dyn ScanDecoder>)> {
+        let scans = Xv11Scans::new(view::FIRST_BEARING);
+        Some((view::SCAN_LINK, Box::new(scans)))
+    }
+
+    fn panels(&self, rig: &Rig) -> Vec<Panel> {
+        view::registers(rig).into_iter().collect()
+    }
+
+    fn display<'a>(&'a self, rig: &'a Rig) -> Option<Display<'a>> {
+        let panel = rig.device::<TouchPanel>(display::NAME)?;
+        Some(Display {
+            width: touch_panel::WIDTH,
+            pixels: panel.pixels(),
+            is_on: panel.is_on(),
+        })
+    }
+
+    fn tap(&self, rig: &mut Rig, at: Instant, place: [u16; 2]) -> bool {
+        let panel = rig.device_mut::<TouchPanel>(display::NAME);
+        panel.map(|panel| panel.tap(at, place)).is_some()
+    }
+
+    fn station<'a>(&'a self, rig: &'a Rig) -> Option<&'a dyn Station> {
+        pc(rig).map(|pc| pc as &dyn Station)
+    }
+
+    fn station_mut<'a>(&'a self, rig: &'a mut Rig) -> Option<&'a mut dyn Station> {
+        let pc = rig.device_mut::<Pc>("pc")?;
+        Some(pc)
+    }
+
+    fn codec(&self, rig: &Rig, link: &str) -> Option<Protocol> {
+        view::protocol(rig, link)
+    }
+
+    fn consoles(&self) -> &'static [Console] {
+        &CONSOLES
+    }
+}
