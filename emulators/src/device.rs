@@ -122,7 +122,7 @@ mod tests {
     #[test]
     fn every_device_is_clone() {
         const fn clone<T: Device + Clone>() {}
-        const fn clone_world<T: Clone + Send>() {}
+        const fn clone_world<T: Clone + Send + Sync>() {}
         const _: () = {
             clone::<crate::avr_base::AvrBase>();
             clone::<crate::hc06::Hc06>();

@@ -1,5 +1,10 @@
 //! Cars, bodies with corners, and drive trains that this crate does not know.
 
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "whole powers and counts are wanted"
+)]
+
 use core::f64::consts::{PI, TAU};
 use core::time::Duration;
 

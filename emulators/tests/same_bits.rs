@@ -1,5 +1,7 @@
 //! The round body with two wheels, to the bit: what it did before there was another.
 
+#![expect(clippy::cast_possible_truncation, reason = "whole powers are wanted")]
+
 use core::time::Duration;
 
 use emulators::rng::Rng;
