@@ -140,8 +140,8 @@ fn a_car_stops_with_its_bumper_at_the_wall() {
 }
 
 /// A box of 0.4 m x 0.2 m turns on the spot, 0.22 m from a wall ahead. Its right front corner,
-/// sqrt(0.05) m away and 0.46365 rad to the right, meets the wall where x is 0.22 and y -0.04, after
-/// 0.46365 - acos(0.22 / sqrt(0.05)) = 0.28379 rad, and comes at 0.04 m times 2.6923 rad/s.
+/// sqrt(0.05) m away and 0.46365 rad to the right, meets the wall where x is 0.22 and y -0.04,
+/// after 0.46365 - acos(0.22 / sqrt(0.05)) = 0.28379 rad, and comes at 0.04 m times 2.6923 rad/s.
 #[test]
 fn a_box_that_turns_meets_the_wall_with_its_corner() {
     let scene = Scene::new([wall(0.22, -1.0, 0.22, 1.0)], vec![]).unwrap();
@@ -481,7 +481,8 @@ proptest! {
         push in prop::array::uniform3(-1.0..1.0_f64),
     ) {
         let chassis = cornered(is_car, seed);
-        let mut world = World::with_chassis(crowded(), chassis, Pose::new(0.0, 0.0, theta)).unwrap();
+        let start = Pose::new(0.0, 0.0, theta);
+        let mut world = World::with_chassis(crowded(), chassis, start).unwrap();
         let mut now = 0;
         for (index, (set, millis)) in acts.into_iter().enumerate() {
             act(&mut world, is_car, set);
@@ -506,7 +507,8 @@ proptest! {
         cuts in prop::collection::vec(0..3_000_000_000_u64, 0..40),
     ) {
         let run = |cuts: &[u64]| {
-            let mut world = World::with_chassis(crowded(), cornered(true, seed), Pose::default()).unwrap();
+            let (car, start) = (cornered(true, seed), Pose::default());
+            let mut world = World::with_chassis(crowded(), car, start).unwrap();
             let mut cuts = cuts.to_vec();
             cuts.sort_unstable();
             for (index, set) in (0..).zip(&acts) {

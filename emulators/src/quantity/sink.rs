@@ -3,8 +3,8 @@
 use crate::world::{Chassis, Command};
 
 /// What a variable does to the world: its value times `scale` goes to an actuator whenever the
-/// value changes, because a master wrote it or was silent for too long. As the run begins a value of
-/// 0 changes nothing, so that brakes stay on; any other is passed on at the device's first poll.
+/// value changes, because a master wrote it or was silent for too long. As the run begins a value
+/// of 0 changes nothing, so that brakes stay on; any other is passed on at the device's first poll.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sink {
     /// Name of the actuator.

@@ -95,8 +95,8 @@ fn variables_that_cannot_be_are_refused() {
     assert!(Variables::new(vec![variable("a", ValueSource::Counter { period })]).is_err());
 }
 
-/// Wheels of 350 mm/s against each other, 260 mm apart, turn at 2692 mrad/s; a push of 0.6 m in 2 s beside
-/// it is the speed over the floor. The wall ahead is 2 m off, so 5 s of 350 mm/s meet it.
+/// Wheels of 350 mm/s against each other, 260 mm apart, turn at 2692 mrad/s; a push of 0.6 m in 2 s
+/// beside it is the speed over the floor. The wall ahead is 2 m off, so 5 s of 350 mm/s meet it.
 #[test]
 fn motion_and_contact_are_shown() {
     let sources = [

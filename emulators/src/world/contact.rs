@@ -1,9 +1,9 @@
 //! What stops the body: walls and obstacles. And what moves it besides its wheels: hands.
 //!
-//! A motion that would bring the body into a surface is cut short where they meet: by [`disc`] for a
-//! round body, by [`outline`] for one with corners; any way out stays free. An obstacle that walks
-//! into the body shoves it along, but through no wall. Tests are skipped for as long as the free
-//! distance measured last cannot have been used up.
+//! A motion that would bring the body into a surface is cut short where they meet: by [`disc`] for
+//! a round body, by [`outline`] for one with corners; any way out stays free. An obstacle that
+//! walks into the body shoves it along, but through no wall. Tests are skipped for as long as the
+//! free distance measured last cannot have been used up.
 
 mod disc;
 mod outline;

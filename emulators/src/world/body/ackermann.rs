@@ -20,9 +20,9 @@ use crate::rng::Rng;
 
 /// Everything about a car that differs from one to the other.
 ///
-/// The defaults are a Tamiya TT-01 as TU Darmstadt used it: wheelbase 0.258 m, track 0.155 m (ucboard
-/// documentation), covered floor 0.46 m x 0.33 m (its costmap; taken to be centred between the
-/// axles), an encoder of 60 counts a turn on wheels of 32 mm, at most 25 degrees of steering.
+/// The defaults are a Tamiya TT-01 as TU Darmstadt used it: wheelbase 0.258 m, track 0.155 m
+/// (ucboard documentation), covered floor 0.46 m x 0.33 m (its costmap; taken to be centred between
+/// the axles), an encoder of 60 counts a turn on wheels of 32 mm, at most 25 degrees of steering.
 /// Full speed, dead zone, lags, servo, slip and noise are guesses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AckermannConfig {

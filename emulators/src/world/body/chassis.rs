@@ -18,8 +18,8 @@ use super::{BodyConfig, Drive};
 ///
 /// Equal chassis behave alike for ever, and a clone goes on as its original does: no clock, no
 /// chance but [named streams](crate::rng) of the chassis's own, drawn by the step and not by
-/// what the robot does. It need not know walls: the world keeps the body out of them, and its wheels
-/// slip meanwhile.
+/// what the robot does. It need not know walls: the world keeps the body out of them, and its
+/// wheels slip meanwhile.
 pub trait Chassis: fmt::Debug + Send + Sync {
     /// What collides, around the reference point: the point whose way `begin_step` tells.
     fn footprint(&self) -> &Footprint;

@@ -1,15 +1,15 @@
 //! How a body with corners collides: by the gap between its outline and each surface.
 //!
 //! The whole motion of a step is tried first. If a surface is in the way, the body turns as wanted
-//! and goes as far as it can; if the turn itself is blocked, it makes the part of the motion that is
-//! free, or goes without turning. Motions are tried in pieces of at most 2 mm and the last piece is
-//! halved until the body stands a micrometre off.
+//! and goes as far as it can; if the turn itself is blocked, it makes the part of the motion that
+//! is free, or goes without turning. Motions are tried in pieces of at most 2 mm and the last piece
+//! is halved until the body stands a micrometre off.
 //!
 //! Simplified: a part of the outline thinner than 2 mm may pass a surface as thin; a blocked body
 //! does not slide along a wall that it meets at an angle, nor does the wall turn it; an obstacle
 //! that walks into the body takes it along by its own way, without turning it. A body that was put
-//! into a surface, or is caught between an obstacle and a wall, is free to go where its middle comes
-//! no closer to that surface.
+//! into a surface, or is caught between an obstacle and a wall, is free to go where its middle
+//! comes no closer to that surface.
 
 mod gap;
 
@@ -183,8 +183,8 @@ impl<'a> Step<'a> {
         free
     }
 
-    /// Tries `cut(wanted, part)` for growing parts: the last one that is free and what is in the way
-    /// of the next; `None` if all are free.
+    /// Tries `cut(wanted, part)` for growing parts: the last one that is free and what is in the
+    /// way of the next; `None` if all are free.
     fn blocked(
         &mut self,
         wanted: Motion,
