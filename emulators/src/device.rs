@@ -113,3 +113,25 @@ pub fn next_multiple(now: Instant, period: Duration) -> Instant {
     let period = u64::try_from(period.as_nanos()).unwrap_or(u64::MAX).max(1);
     Instant::from_nanos((now.as_nanos() / period + 1).saturating_mul(period))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Compiles only if all devices, and the world, can be copied: a checkpoint is such a copy.
+    #[test]
+    fn every_device_is_clone() {
+        const fn clone<T: Device + Clone>() {}
+        const fn clone_world<T: Clone + Send + Sync>() {}
+        const _: () = {
+            clone::<crate::avr_base::AvrBase>();
+            clone::<crate::hc06::Hc06>();
+            clone::<crate::pc::Pc>();
+            clone::<crate::registers::Registers>();
+            clone::<crate::text::Text>();
+            clone::<crate::touch_panel::TouchPanel>();
+            clone::<crate::xv11::Xv11>();
+            clone_world::<World>();
+        };
+    }
+}

@@ -1,11 +1,15 @@
 //! Values of devices that are described by data: where they come from, what they may be.
 
+mod sink;
+
 use core::time::Duration;
 
 use protocols::Instant;
 
+use crate::device::EventKind;
 use crate::event_log::EventLog;
-use crate::world::{Wheel, World};
+use crate::world::{Chassis, Wheel, World};
+pub use sink::{Sink, SinkKind, Wanted};
 
 /// A named whole number of a device.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,12 +23,14 @@ pub struct Variable {
     /// Taken on when the master has been silent for the device's watchdog time.
     pub safe: Option<i64>,
     /// Where it comes from.
-    pub source: Source,
+    pub source: ValueSource,
+    /// What it sets in the world when it changes.
+    pub drives: Option<Sink>,
 }
 
 /// Where a value comes from. All but [`Stored`](Self::Stored) are read-only.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum Source {
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum ValueSource {
     /// What was written last.
     #[default]
     Stored,
@@ -44,12 +50,23 @@ pub enum Source {
     },
     /// Encoder counts of a wheel since the start of the run.
     Encoder(Wheel),
+    /// Encoder counts since the start of the run, of the chassis's encoder of this name; 0 if it
+    /// has none, see [`Wanted`].
+    EncoderNamed(String),
     /// Where the robot is in the world, millimetres along x.
     XMm,
     /// Where the robot is in the world, millimetres along y.
     YMm,
     /// Where the robot looks in the world, milliradians, counter-clockwise from x.
     HeadingMrad,
+    /// Speed over the floor, millimetres per second, whichever way it goes.
+    SpeedMmS,
+    /// Turn rate, milliradians per second, counter-clockwise.
+    TurnRateMradS,
+    /// 1 while the body touches a surface that it has met, otherwise 0.
+    Touching,
+    /// Collisions since the start of the run.
+    Contacts,
     /// Distance from the middle of the robot to what is there, millimetres, an ideal beam.
     RangeMm {
         /// Where the beam goes, radians counter-clockwise from ahead.
@@ -73,6 +90,10 @@ pub struct VariableError {
 pub(crate) struct Variables {
     known: Vec<Variable>,
     values: Vec<i64>,
+    /// What the actuators were told last; nothing is 0.
+    told: Vec<i64>,
+    /// Since when an actuator is to be told something else.
+    changed_at: Option<Instant>,
 }
 
 impl Variables {
@@ -83,8 +104,69 @@ impl Variables {
                 return Err(VariableError { index, message });
             }
         }
-        let values = known.iter().map(|variable| variable.initial).collect();
-        Ok(Self { known, values })
+        let mut variables = Self {
+            values: known.iter().map(|variable| variable.initial).collect(),
+            told: vec![0; known.len()],
+            changed_at: None,
+            known,
+        };
+        variables.note_change(Instant::ZERO);
+        Ok(variables)
+    }
+
+    /// Encoders and actuators that the variables are about, each with the variable's place.
+    pub(crate) fn wanted(&self) -> impl Iterator<Item = (usize, Wanted<'_>)> {
+        self.known.iter().enumerate().flat_map(|(index, variable)| {
+            let encoder = match &variable.source {
+                ValueSource::Encoder(wheel) => Some(wheel.name()),
+                ValueSource::EncoderNamed(name) => Some(name.as_str()),
+                _ => None,
+            };
+            let sink = variable.drives.as_ref().map(Wanted::Actuator);
+            let wanted = encoder.map(Wanted::Encoder).into_iter().chain(sink);
+            wanted.map(move |wanted| (index, wanted))
+        })
+    }
+
+    /// Names the first variable that `chassis` has nothing for.
+    pub(crate) fn check_chassis(&self, chassis: &dyn Chassis) -> Result<(), VariableError> {
+        for (index, wanted) in self.wanted() {
+            if let Some(message) = wanted.missing(chassis) {
+                return Err(VariableError { index, message });
+            }
+        }
+        Ok(())
+    }
+
+    /// Tells actuators what has changed.
+    pub(crate) fn drive(&mut self, now: Instant, world: &mut World, log: &mut EventLog) {
+        if self.changed_at.take().is_none() {
+            return;
+        }
+        let values = self.values.iter().zip(&mut self.told);
+        for (variable, (&value, told)) in self.known.iter().zip(values) {
+            let Some(sink) = variable.drives.as_ref().filter(|_| *told != value) else {
+                continue;
+            };
+            *told = value;
+            if let Err(error) = world.actuate(&sink.actuator, sink.command(value)) {
+                let detail = || format!("{}: {error}", variable.name);
+                log.repeated(now, EventKind::Note, "not-driven", detail);
+            }
+        }
+    }
+
+    /// Since when [`drive`](Self::drive) has had something to do.
+    pub(crate) fn changed_at(&self) -> Option<Instant> {
+        self.changed_at
+    }
+
+    fn note_change(&mut self, at: Instant) {
+        let known = self.known.iter().zip(self.values.iter().zip(&self.told));
+        let mut changed = known.filter(|(variable, _)| variable.drives.is_some());
+        if changed.any(|(_, (value, told))| value != told) {
+            self.changed_at.get_or_insert(at);
+        }
     }
 
     pub(crate) fn find(&self, name: &str) -> Option<usize> {
@@ -98,45 +180,52 @@ impl Variables {
     /// What a master reads at `now`.
     pub(crate) fn read(&self, index: usize, now: Instant, world: &World) -> i64 {
         let elapsed = (now - Instant::ZERO).as_nanos();
-        match self.known[index].source {
-            Source::Stored => self.values[index],
-            Source::Counter { period } => {
+        match &self.known[index].source {
+            ValueSource::Stored => self.values[index],
+            ValueSource::Counter { period } => {
                 let counts = elapsed / period.as_nanos().max(1);
                 self.values[index].saturating_add(i64::try_from(counts).unwrap_or(i64::MAX))
             }
-            Source::Ramp { from, to, period } => {
+            ValueSource::Ramp { from, to, period } => {
                 let nanos = period.as_nanos().max(1);
                 let share = i128::try_from(elapsed % nanos).unwrap_or(0);
-                let rise = i128::from(to - from) * share / i128::try_from(nanos).unwrap_or(1);
-                from + i64::try_from(rise).unwrap_or(0)
+                let rise = i128::from(*to - *from) * share / i128::try_from(nanos).unwrap_or(1);
+                *from + i64::try_from(rise).unwrap_or(0)
             }
-            Source::Encoder(wheel) => world.encoder_ticks(wheel),
-            Source::XMm => whole(world.pose().x * 1000.0),
-            Source::YMm => whole(world.pose().y * 1000.0),
-            Source::HeadingMrad => whole(world.pose().theta * 1000.0),
-            Source::RangeMm { angle, max_mm } => {
+            ValueSource::Encoder(wheel) => world.encoder_ticks(*wheel),
+            ValueSource::EncoderNamed(name) => world.encoder(name).unwrap_or(0),
+            ValueSource::SpeedMmS => whole(world.speed() * 1000.0),
+            ValueSource::TurnRateMradS => whole(world.turn_rate() * 1000.0),
+            ValueSource::Touching => i64::from(world.is_touching()),
+            ValueSource::Contacts => i64::try_from(world.contact_count()).unwrap_or(i64::MAX),
+            ValueSource::XMm => whole(world.pose().x * 1000.0),
+            ValueSource::YMm => whole(world.pose().y * 1000.0),
+            ValueSource::HeadingMrad => whole(world.pose().theta * 1000.0),
+            ValueSource::RangeMm { angle, max_mm } => {
                 let pose = world.pose();
                 #[expect(clippy::cast_precision_loss, reason = "a range is below 2^53 mm")]
-                let max_m = max_mm as f64 / 1000.0;
+                let max_m = *max_mm as f64 / 1000.0;
                 let hit = world.cast_ray(pose.point(), pose.theta + angle, max_m);
-                hit.map_or(max_mm, |hit| whole(hit.distance * 1000.0))
+                hit.map_or(*max_mm, |hit| whole(hit.distance * 1000.0))
             }
         }
     }
 
     /// Takes `value`, or the nearest that is allowed; whether it was allowed.
-    pub(crate) fn write(&mut self, index: usize, value: i64) -> bool {
+    pub(crate) fn write(&mut self, at: Instant, index: usize, value: i64) -> bool {
         let [least, greatest] = self.known[index].limits;
         self.values[index] = value.clamp(least, greatest);
+        self.note_change(at);
         self.values[index] == value
     }
 
     /// The master is silent: whether any value changed by it.
-    pub(crate) fn make_safe(&mut self) -> bool {
+    pub(crate) fn make_safe(&mut self, at: Instant) -> bool {
         let before = self.values.clone();
         for (value, variable) in self.values.iter_mut().zip(&self.known) {
             *value = variable.safe.unwrap_or(*value);
         }
+        self.note_change(at);
         before != self.values
     }
 }
@@ -167,7 +256,7 @@ impl Watchdog {
 
     /// Makes `variables` safe if the master is silent by `now`.
     pub(crate) fn poll(&mut self, now: Instant, variables: &mut Variables, log: &mut EventLog) {
-        if self.silent_at.take_if(|at| *at <= now).is_some() && variables.make_safe() {
+        if self.silent_at.take_if(|at| *at <= now).is_some() && variables.make_safe(now) {
             let detail = "the master is silent: values are safe now".to_owned();
             log.note(now, "made-safe", detail);
         }
@@ -180,8 +269,8 @@ impl Variable {
         let Self { name, initial, .. } = self;
         let [least, greatest] = self.limits;
         let within = |value: i64| (least..=greatest).contains(&value);
-        let periods = match self.source {
-            Source::Counter { period } | Source::Ramp { period, .. } => Some(period),
+        let periods = match &self.source {
+            ValueSource::Counter { period } | ValueSource::Ramp { period, .. } => Some(*period),
             _ => None,
         };
         if name.is_empty()
@@ -207,13 +296,32 @@ impl Variable {
         } else if periods.is_some_and(|period| period.is_zero()) {
             Some("its period is 0, expected a time".to_owned())
         } else {
+            self.drives.as_ref().and_then(|sink| self.sink_fault(sink))
+        }
+    }
+
+    fn sink_fault(&self, sink: &Sink) -> Option<String> {
+        let Sink {
+            actuator, scale, ..
+        } = sink;
+        if !self.is_stored() {
+            Some(format!(
+                "it drives {actuator} and has a source, expected one of them"
+            ))
+        } else if actuator.is_empty() {
+            Some("it drives an actuator without a name".to_owned())
+        } else if !scale.is_finite() || *scale == 0.0 {
+            Some(format!(
+                "its scale is {scale}, expected a figure other than 0"
+            ))
+        } else {
             None
         }
     }
 
     /// Whether a master can change it.
     pub(crate) fn is_stored(&self) -> bool {
-        self.source == Source::Stored
+        self.source == ValueSource::Stored
     }
 }
 
@@ -226,81 +334,4 @@ fn whole(value: f64) -> i64 {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
-    use super::*;
-    use crate::world::{BodyConfig, Fixture, Point, Pose, Scene, Shape};
-
-    /// A robot at (1, 0.5) that looks along x at a wall 2 m ahead.
-    pub(crate) fn world() -> World {
-        let wall = Fixture {
-            shape: Shape::Wall {
-                from: Point::new(3.0, -1.0),
-                to: Point::new(3.0, 2.0),
-            },
-            reflectivity: 1.0,
-        };
-        let scene = Scene::new([wall], vec![]).expect("a wall");
-        let pose = Pose::new(1.0, 0.5, 0.0);
-        World::new(scene, BodyConfig::default(), pose, 1).expect("free")
-    }
-
-    pub(crate) fn variable(name: &str, source: Source) -> Variable {
-        Variable {
-            name: name.to_owned(),
-            initial: 0,
-            limits: [-100, 100],
-            safe: None,
-            source,
-        }
-    }
-
-    #[test]
-    fn each_source_shows_what_can_be_worked_out_by_hand() {
-        let ms = Duration::from_millis;
-        let range = |angle| Source::RangeMm {
-            angle,
-            max_mm: 2500,
-        };
-        let ramp = Source::Ramp {
-            from: 10,
-            to: -10,
-            period: ms(100),
-        };
-        let sources = [
-            Source::Counter { period: ms(20) },
-            ramp,
-            Source::XMm,
-            Source::YMm,
-            Source::HeadingMrad,
-            Source::Encoder(Wheel::Left),
-            range(0.0),
-            range(core::f64::consts::PI),
-        ];
-        let names = ["a", "b", "c", "d", "e", "f", "g", "h"];
-        let known = names.iter().zip(sources).map(|(name, s)| variable(name, s));
-        let variables = Variables::new(known.collect()).expect("sound");
-        let read = |index| variables.read(index, Instant::from_millis(125), &world());
-        // 125 ms are 6 counts of 20 ms, and a quarter of the second ramp.
-        assert_eq!([0, 1, 2, 3, 4, 5].map(read), [6, 5, 1000, 500, 0, 0]);
-        assert_eq!([6, 7].map(read), [2000, 2500]);
-    }
-
-    #[test]
-    fn variables_that_cannot_be_are_refused() {
-        let fault = |change: fn(&mut Variable)| {
-            let mut second = variable("b", Source::Stored);
-            change(&mut second);
-            let error = Variables::new(vec![variable("a", Source::Stored), second]);
-            let error = error.expect_err("unsound");
-            assert_eq!(error.index, 1);
-            error.message
-        };
-        assert!(fault(|v| v.name = "a".into()).contains("is taken"));
-        assert!(fault(|v| v.name = "a b".into()).contains("expected letters"));
-        assert!(fault(|v| v.initial = 101).contains("initial is 101"));
-        assert!(fault(|v| v.safe = Some(-101)).contains("safe is -101"));
-        assert!(fault(|v| v.limits = [1, 0]).contains("least and greatest"));
-        let period = Duration::ZERO;
-        assert!(Variables::new(vec![variable("a", Source::Counter { period })]).is_err());
-    }
-}
+pub(crate) mod tests;

@@ -19,8 +19,8 @@ use protocols::{Decode, FrameError, Instant, LineConfig, Port};
 
 use crate::device::{Device, Event, EventKind, byte_end, earliest, take};
 use crate::event_log::EventLog;
-use crate::quantity::{Variable, VariableError, Variables, Watchdog};
-use crate::world::World;
+use crate::quantity::{Variable, VariableError, Variables, Wanted, Watchdog};
+use crate::world::{Chassis, World};
 
 /// How a value lies in the registers: low byte first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -157,6 +157,20 @@ impl Registers {
         })
     }
 
+    /// Encoders and actuators that its values are about; it works without, but reads 0 and drives
+    /// nothing.
+    pub fn wanted(&self) -> impl Iterator<Item = Wanted<'_>> {
+        self.variables.wanted().map(|(_, wanted)| wanted)
+    }
+
+    /// Whether `chassis` has all that is [wanted](Self::wanted).
+    ///
+    /// # Errors
+    /// The first register for which something is missing, and what there is instead.
+    pub fn check_chassis(&self, chassis: &dyn Chassis) -> Result<(), VariableError> {
+        self.variables.check_chassis(chassis)
+    }
+
     fn tell(&mut self, at: Instant, rule: &'static str, detail: impl FnOnce() -> String) {
         self.log.repeated(at, EventKind::Violation, rule, detail);
     }
@@ -257,7 +271,7 @@ impl Registers {
                 }
                 (_, Access::Write) => {
                     let (name, value) = (name(), width.value(bytes));
-                    if !self.variables.write(index, value) {
+                    if !self.variables.write(now, index, value) {
                         let [least, greatest] = self.variables.get(index).limits;
                         self.tell(now, "out-of-range", || {
                             format!("{name} = {value}, expected {least} to {greatest}")
@@ -300,6 +314,9 @@ impl Register {
                 "limits are {from} and {to}, its width holds {least} to {greatest}"
             ));
         }
+        if self.access == Access::Read && self.variable.drives.is_some() {
+            return Some("it drives an actuator, so a master must be able to write it".to_owned());
+        }
         if self.access == Access::Write && !self.variable.is_stored() {
             return Some("it has a source, so that writing it would have no effect".to_owned());
         }
@@ -333,6 +350,7 @@ impl Device for Registers {
             self.answer(now, request.as_ref(), world);
         }
         self.watchdog.poll(now, &mut self.variables, &mut self.log);
+        self.variables.drive(now, world, &mut self.log);
     }
 
     fn transmit(&mut self, _: Port, buf: &mut [u8]) -> usize {
@@ -345,6 +363,7 @@ impl Device for Registers {
             due,
             self.quiet_at,
             self.watchdog.silent_at(),
+            self.variables.changed_at(),
             self.log.poll_at(),
         ])
     }

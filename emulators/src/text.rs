@@ -17,8 +17,8 @@ use protocols::{Instant, LineConfig, Port};
 
 use crate::device::{Device, Event, EventKind, earliest, take};
 use crate::event_log::EventLog;
-use crate::quantity::{Variable, VariableError, Variables, Watchdog};
-use crate::world::World;
+use crate::quantity::{Variable, VariableError, Variables, Wanted, Watchdog};
+use crate::world::{Chassis, World};
 
 /// How a text slave is set up.
 #[derive(Clone, Debug, PartialEq)]
@@ -160,6 +160,20 @@ impl Text {
         })
     }
 
+    /// Encoders and actuators that its values are about; it works without, but reads 0 and drives
+    /// nothing.
+    pub fn wanted(&self) -> impl Iterator<Item = Wanted<'_>> {
+        self.variables.wanted().map(|(_, wanted)| wanted)
+    }
+
+    /// Whether `chassis` has all that is [wanted](Self::wanted).
+    ///
+    /// # Errors
+    /// The first variable for which something is missing, and what there is instead.
+    pub fn check_chassis(&self, chassis: &dyn Chassis) -> Result<(), VariableError> {
+        self.variables.check_chassis(chassis)
+    }
+
     fn tell(&mut self, at: Instant, rule: &'static str, detail: impl FnOnce() -> String) {
         self.log.repeated(at, EventKind::Violation, rule, detail);
     }
@@ -211,7 +225,7 @@ impl Text {
             }
         }
         for &(index, value) in fields {
-            self.variables.write(index, value);
+            self.variables.write(at, index, value);
         }
         true
     }
@@ -334,6 +348,7 @@ impl Device for Text {
             self.next_period = Some((at + period).max(now));
         }
         self.watchdog.poll(now, &mut self.variables, &mut self.log);
+        self.variables.drive(now, world, &mut self.log);
     }
 
     fn transmit(&mut self, _: Port, buf: &mut [u8]) -> usize {
@@ -346,6 +361,7 @@ impl Device for Text {
             due,
             self.next_period,
             self.watchdog.silent_at(),
+            self.variables.changed_at(),
             self.log.poll_at(),
         ])
     }

@@ -11,26 +11,31 @@
 //! | [`scene`] | walls, furniture, obstacles; the ray cast |
 //! | [`path`] | how obstacles move |
 //! | [`occupancy`] | floor plans from occupancy images |
-//! | [`body`] | motors, wheels, slip |
+//! | [`body`] | drive trains: motors, wheels, steering, slip; what of a body collides |
 
 pub mod body;
 mod bundle;
 mod contact;
+mod error;
 pub mod geometry;
 mod grid;
 pub mod occupancy;
 pub mod path;
 pub mod scene;
 
-use core::fmt;
 use core::time::Duration;
 
 use protocols::Instant;
 
-pub use body::{BodyConfig, BodyError, Drive, Wheel};
-use body::{Chassis, Motion, STEP_NANOS, STEP_S};
+pub use body::{
+    Ackermann, AckermannConfig, Actuator, ActuatorKind, BodyConfig, BodyError, Chassis, Command,
+    CommandError, Differential, Drive, Encoder, Footprint, FootprintError, Outline, Select,
+    Velocity, Wheel,
+};
+use body::{Motion, STEP_NANOS, STEP_S};
 pub use contact::Contact;
 use contact::{Bumper, Push};
+pub use error::WorldError;
 pub use geometry::{Bounds, Point, Pose, wrap_angle};
 pub use occupancy::OccupancyImage;
 pub use path::{Path, Repeat, Waypoint};
@@ -44,7 +49,12 @@ const TRAIL_STEPS: usize = 256;
 #[derive(Clone, Debug)]
 pub struct World {
     scene: Scene,
-    chassis: Chassis,
+    chassis: Box<dyn Chassis>,
+    /// See [`World::body`].
+    stand_in: BodyConfig,
+    /// Places of the motors and of the encoders named `left` and `right`.
+    motors: [Option<usize>; 2],
+    wheels: [Option<usize>; 2],
     bumper: Bumper,
     push: Push,
     now: Instant,
@@ -55,29 +65,58 @@ pub struct World {
 }
 
 impl World {
-    /// A body at rest at `start`, brakes on. The noise of the floor follows from `seed`.
+    /// A round body with two driven wheels at rest at `start`, brakes on. The noise of the floor
+    /// follows from `seed`.
+    ///
+    /// # Errors
+    /// If a figure of the body is out of range, the start is not finite or in a wall.
     pub fn new(
         scene: Scene,
         config: BodyConfig,
         start: Pose,
         seed: u64,
     ) -> Result<Self, WorldError> {
-        config.check().map_err(WorldError::Body)?;
+        let chassis = Differential::new(config, seed).map_err(WorldError::Body)?;
+        Self::with_chassis(scene, Box::new(chassis), start)
+    }
+
+    /// A body of any kind, none of whose steps has begun; `start` is where its reference point is.
+    ///
+    /// # Errors
+    /// If the start is not finite or in a wall.
+    pub fn with_chassis(
+        scene: Scene,
+        chassis: Box<dyn Chassis>,
+        start: Pose,
+    ) -> Result<Self, WorldError> {
         if !start.is_finite() {
             return Err(WorldError::StartNotFinite);
         }
-        let bumper = Bumper::new(&scene, config.radius_m);
-        let clearance_m = bumper.clearance(&scene, Instant::ZERO, start.point());
+        let bumper = Bumper::new(&scene, chassis.footprint().clone());
+        let clearance_m = bumper.clearance(&scene, Instant::ZERO, start);
         if clearance_m < 0.0 {
             return Err(WorldError::StartBlocked {
                 start,
                 overlap_m: -clearance_m,
             });
         }
+        let motor = |wheel: Wheel| {
+            let is_it = |actuator: &Actuator| {
+                actuator.kind == ActuatorKind::Motor && actuator.name == wheel.name()
+            };
+            chassis.actuators().iter().position(is_it)
+        };
+        let encoder = |wheel: Wheel| Select::Name(wheel.name()).find(names(chassis.encoders()));
         Ok(Self {
             scene,
-            chassis: Chassis::new(config, seed),
+            stand_in: BodyConfig {
+                radius_m: chassis.footprint().reach_m(),
+                ..BodyConfig::default()
+            },
+            motors: Wheel::ALL.map(motor),
+            wheels: Wheel::ALL.map(encoder),
             bumper,
+            chassis,
             push: Push::default(),
             now: Instant::ZERO,
             next_step: 0,
@@ -106,9 +145,21 @@ impl World {
         &self.scene
     }
 
-    /// The figures of the body.
+    /// The drive train.
+    pub fn chassis(&self) -> &dyn Chassis {
+        &*self.chassis
+    }
+
+    /// What of the body collides.
+    pub fn footprint(&self) -> &Footprint {
+        self.chassis.footprint()
+    }
+
+    /// The figures of a differential drive. For every other chassis a stand-in: the default figures
+    /// with the radius of the circle around the footprint. Here until its callers ask
+    /// [`footprint`](Self::footprint) and [`actuators`](Self::actuators) instead.
     pub fn body(&self) -> &BodyConfig {
-        &self.chassis.config
+        self.chassis.body().unwrap_or(&self.stand_in)
     }
 
     /// Where the body is now.
@@ -142,31 +193,84 @@ impl World {
         self.scene.cast_ray(at, from, angle, max_range)
     }
 
-    /// Sets what the motor driver does to one wheel from now on.
+    /// What of the body can be set.
+    pub fn actuators(&self) -> &[Actuator] {
+        self.chassis.actuators()
+    }
+
+    /// Sets an actuator, by name or by its place in [`actuators`](Self::actuators), from the next
+    /// step on. What is beyond its range counts as the end of the range.
+    ///
+    /// # Errors
+    /// If there is no such actuator, it cannot do that, or the figure is not finite; nothing
+    /// changes then.
+    pub fn actuate<'a>(
+        &mut self,
+        actuator: impl Into<Select<'a>>,
+        command: Command,
+    ) -> Result<(), CommandError> {
+        let wanted = actuator.into();
+        let known = self.chassis.actuators();
+        let Some(index) = wanted.find(known.iter().map(|known| known.name.as_str())) else {
+            return Err(CommandError::UnknownActuator {
+                wanted: wanted.to_string(),
+                known: known.iter().map(|known| known.name.clone()).collect(),
+            });
+        };
+        let command = known[index].admit(command)?;
+        self.chassis.actuate(index, command);
+        Ok(())
+    }
+
+    /// What can be counted.
+    pub fn encoders(&self) -> &[Encoder] {
+        self.chassis.encoders()
+    }
+
+    /// Counts of an encoder, by name or by its place in [`encoders`](Self::encoders), since the
+    /// start of the run; `None` if there is no such.
+    pub fn encoder<'a>(&self, encoder: impl Into<Select<'a>>) -> Option<i64> {
+        let index = encoder.into().find(names(self.chassis.encoders()))?;
+        Some(self.chassis.count(index, self.elapsed_s()))
+    }
+
+    /// Speed now of the axis that an encoder sits on, metres of rim per second; `None` if there is
+    /// no such encoder.
+    pub fn axis_speed<'a>(&self, encoder: impl Into<Select<'a>>) -> Option<f64> {
+        let index = encoder.into().find(names(self.chassis.encoders()))?;
+        Some(self.chassis.axis_speed(index))
+    }
+
+    /// Sets what the motor driver does to one wheel from now on: to the motor named `left` or
+    /// `right`. A chassis without such a motor ignores it.
     pub fn set_drive(&mut self, wheel: Wheel, drive: Drive) {
-        self.chassis.set_drive(wheel, drive);
+        if let Some(motor) = self.motors[wheel as usize] {
+            self.chassis.actuate(motor, drive.into());
+        }
     }
 
-    /// What the motor driver does to one wheel.
+    /// What the motor driver does to one wheel. Of a motor whose speed is regulated: the drive that
+    /// is the same part of full drive. Without such a motor: brake.
     pub fn drive(&self, wheel: Wheel) -> Drive {
-        self.chassis.drive(wheel)
+        let Some(motor) = self.motors[wheel as usize] else {
+            return Drive::Brake;
+        };
+        let [_, full] = self.chassis.actuators()[motor].range;
+        self.chassis.command(motor).as_drive(full)
     }
 
-    /// Encoder counts of one wheel since the start of the run; forward counts up.
+    /// Encoder counts of one wheel since the start of the run; forward counts up. 0 if the chassis
+    /// has no encoder named `left` or `right`.
     pub fn encoder_ticks(&self, wheel: Wheel) -> i64 {
-        let motor = &self.chassis.motors[wheel as usize];
-        let travel = motor.travel + motor.speed * self.elapsed_s();
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "a robot lives less than 2^63 ticks"
-        )]
-        let ticks = (travel / self.chassis.config.tick_m()).floor() as i64;
-        ticks
+        let encoder = self.wheels[wheel as usize];
+        encoder.map_or(0, |encoder| self.chassis.count(encoder, self.elapsed_s()))
     }
 
-    /// Speed of one wheel's rim now, m/s; forward is positive.
+    /// Speed of one wheel's rim now, m/s; forward is positive. 0 if the chassis has no encoder
+    /// named `left` or `right`.
     pub fn wheel_speed(&self, wheel: Wheel) -> f64 {
-        self.chassis.motors[wheel as usize].speed
+        let encoder = self.wheels[wheel as usize];
+        encoder.map_or(0.0, |encoder| self.chassis.axis_speed(encoder))
     }
 
     /// Speed of the body over the floor now, m/s, whatever moves it.
@@ -188,8 +292,7 @@ impl World {
     /// Free distance between the body and the nearest surface now, metres, capped at 1 m; negative
     /// when they overlap.
     pub fn clearance(&self) -> f64 {
-        self.bumper
-            .clearance(&self.scene, self.now, self.pose().point())
+        self.bumper.clearance(&self.scene, self.now, self.pose())
     }
 
     /// Somebody pushes the robot: the body moves by (`dx`, `dy`) metres in world axes and turns by
@@ -227,6 +330,11 @@ impl World {
         self.bumper.take_contacts()
     }
 
+    /// Whether the body touches a surface that it has met and has not left since.
+    pub fn is_touching(&self) -> bool {
+        self.bumper.is_touching()
+    }
+
     /// Collisions since the start of the run, including any not kept.
     pub fn contact_count(&self) -> u64 {
         self.bumper.count()
@@ -240,7 +348,14 @@ impl World {
             None => self.motion(0).start,
         };
         start.theta = wrap_angle(start.theta);
-        let (speed, turn) = self.chassis.step(step);
+        let Velocity {
+            speed_m_s: speed,
+            turn_rad_s: turn,
+        } = self.chassis.begin_step(step);
+        assert!(
+            speed.is_finite() && turn.is_finite(),
+            "the speed and turn rate of a chassis must be finite"
+        );
         let (drift, twist) = self.push.step();
         let wanted = Motion {
             start,
@@ -266,42 +381,13 @@ impl World {
     }
 }
 
+fn names(encoders: &[Encoder]) -> impl ExactSizeIterator<Item = &str> {
+    encoders.iter().map(|encoder| encoder.name.as_str())
+}
+
 fn index(step: u64) -> usize {
     usize::try_from(step % TRAIL_STEPS as u64).expect("below TRAIL_STEPS")
 }
-
-/// Why a world cannot begin.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub enum WorldError {
-    /// A figure of the body is out of range.
-    Body(BodyError),
-    /// The start pose is NaN or infinite.
-    StartNotFinite,
-    /// At the start the body would stand in a wall.
-    StartBlocked {
-        /// As given.
-        start: Pose,
-        /// How deep it stands in the wall.
-        overlap_m: f64,
-    },
-}
-
-impl fmt::Display for WorldError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Body(error) => error.fmt(f),
-            Self::StartNotFinite => write!(f, "the start pose is not a finite number"),
-            Self::StartBlocked { start, overlap_m } => write!(
-                f,
-                "at its start ({}, {}) m the robot stands {overlap_m:.3} m deep in a surface",
-                start.x, start.y
-            ),
-        }
-    }
-}
-
-impl core::error::Error for WorldError {}
 
 #[cfg(test)]
 mod tests;

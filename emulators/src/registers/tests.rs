@@ -1,13 +1,14 @@
 //! A small table against frames written out by hand: the sums are those of the bytes before them.
 
 use super::*;
-use crate::quantity::Source;
-use crate::quantity::tests::{variable, world};
+use crate::quantity::tests::{sink, variable, world};
+use crate::quantity::{SinkKind, ValueSource};
+use crate::world::{Drive, Wheel};
 
 const LATENCY: Duration = Duration::from_micros(200);
 const WATCHDOG: Duration = Duration::from_millis(500);
 
-fn register(address: u8, width: Width, access: Access, source: Source) -> Register {
+fn register(address: u8, width: Width, access: Access, source: ValueSource) -> Register {
     let mut variable = variable(&format!("at-{address}"), source);
     variable.limits = width.limits();
     Register {
@@ -20,13 +21,13 @@ fn register(address: u8, width: Width, access: Access, source: Source) -> Regist
 
 /// Register 1: a signed byte for writing, -50 to 50, safe at 0; 2 and 3: millimetres along x.
 fn table() -> Vec<Register> {
-    let mut speed = register(1, Width::I8, Access::Write, Source::Stored);
+    let mut speed = register(1, Width::I8, Access::Write, ValueSource::Stored);
     speed.variable.limits = [-50, 50];
     speed.variable.safe = Some(0);
     vec![
         speed,
-        register(2, Width::I16, Access::Read, Source::XMm),
-        register(8, Width::U16, Access::Write, Source::Stored),
+        register(2, Width::I16, Access::Read, ValueSource::XMm),
+        register(8, Width::U16, Access::Write, ValueSource::Stored),
     ]
 }
 
@@ -151,14 +152,63 @@ fn tables_that_contradict_themselves_are_refused() {
         assert_eq!(error.index, 3);
         error.message
     };
-    let stored = Source::Stored;
-    let lies = fault(register(3, Width::U8, Access::Read, stored));
+    let stored = || ValueSource::Stored;
+    let lies = fault(register(3, Width::U8, Access::Read, stored()));
     assert_eq!(lies, "address 3 lies in \"at-2\"");
-    assert!(fault(register(254, Width::U16, Access::Read, stored)).contains("ends at 256"));
-    assert!(fault(register(20, Width::U8, Access::Write, Source::XMm)).contains("no effect"));
-    let mut wide = register(20, Width::U8, Access::Read, stored);
+    assert!(fault(register(254, Width::U16, Access::Read, stored())).contains("ends at 256"));
+    assert!(fault(register(20, Width::U8, Access::Write, ValueSource::XMm)).contains("no effect"));
+    let mut wide = register(20, Width::U8, Access::Read, stored());
     wide.variable.limits = [0, 256];
     assert!(fault(wide).contains("holds 0 to 255"));
+}
+
+/// A power of 5 a count: -20 are -100 of 255. The answer comes 200 us after the frame, and with it
+/// the drive; 500 ms after the frame the value is safe and the wheel gets nothing more.
+#[test]
+fn a_written_register_drives_its_actuator_until_the_watchdog_bites() {
+    let mut registers = table();
+    registers[0].variable.drives = Some(sink("left", 5.0, SinkKind::Power));
+    let mut slave = slave_with(registers).expect("sound");
+    let mut world = world();
+    let at = Instant::from_millis(1);
+    slave.poll(at, &mut world);
+    assert_eq!(world.drive(Wheel::Left), Drive::Brake, "0 at the start");
+    slave.receive(Registers::BUS, at, &[0xAB, 1, 0x81, 0xEC, 0x19, 0x02]);
+    slave.poll(at, &mut world);
+    assert_eq!(world.drive(Wheel::Left), Drive::Brake, "not answered yet");
+    slave.poll(at + LATENCY, &mut world);
+    assert_eq!(world.drive(Wheel::Left), Drive::Power(-100));
+    world.set_drive(Wheel::Left, Drive::Coast);
+    slave.poll(Instant::from_millis(500), &mut world);
+    assert_eq!(world.drive(Wheel::Left), Drive::Coast, "nothing changed");
+    assert_eq!(slave.clone().poll_at(), Some(Instant::from_millis(501)));
+    slave.poll(Instant::from_millis(501), &mut world);
+    assert_eq!(world.drive(Wheel::Left), Drive::Power(0));
+    assert_eq!(rules(&mut slave), ["made-safe"]);
+}
+
+#[test]
+fn a_register_that_only_the_device_changes_drives_nothing() {
+    let mut register = register(20, Width::U8, Access::Read, ValueSource::Stored);
+    register.variable.drives = Some(sink("left", 1.0, SinkKind::Power));
+    let error = slave_with(vec![register]).expect_err("unsound");
+    assert!(error.message.contains("a master must be able to write it"));
+}
+
+#[test]
+fn a_table_for_another_chassis_is_found_out() {
+    let mut registers = table();
+    registers[2].variable.drives = Some(sink("steering", 0.01, SinkKind::Angle));
+    let slave = slave_with(registers).expect("sound");
+    assert_eq!(slave.wanted().count(), 1);
+    let error = slave.check_chassis(world().chassis()).expect_err("no car");
+    assert_eq!(
+        (error.index, error.message.as_str()),
+        (
+            2,
+            "there is no actuator \"steering\", expected one of: left, right"
+        )
+    );
 }
 
 /// Whatever a master sends, the slave lives and its memory stays small.

@@ -1,6 +1,7 @@
 use super::*;
-use crate::quantity::Source;
-use crate::quantity::tests::{variable, world};
+use crate::quantity::tests::{car, sink, variable, world};
+use crate::quantity::{SinkKind, ValueSource};
+use crate::world::Command as Order;
 
 fn command(request: &str, reply: &str) -> Command {
     Command {
@@ -10,14 +11,14 @@ fn command(request: &str, reply: &str) -> Command {
 }
 
 fn config() -> TextConfig {
-    let mut speed = variable("speed", Source::Stored);
+    let mut speed = variable("speed", ValueSource::Stored);
     speed.safe = Some(0);
     TextConfig {
         line: LineConfig::new_8n1(9600),
         terminator: b"\r\n".to_vec(),
         latency: Duration::from_millis(2),
         watchdog: Some(Duration::from_millis(500)),
-        variables: vec![speed, variable("x", Source::XMm)],
+        variables: vec![speed, variable("x", ValueSource::XMm)],
         commands: vec![
             command("SPEED {speed}", "OK {speed}"),
             command("WHERE?", "X {x}"),
@@ -134,4 +135,32 @@ fn descriptions_that_contradict_themselves_are_refused() {
     );
     assert!(fault("{speed}{speed}", "").is_some());
     assert!(fault("", "").is_some());
+}
+
+/// 10 mm/s a count: 42 are 0.42 m/s. The car hears it in the poll after the line; after 500 ms of
+/// silence it is told to stand.
+#[test]
+fn a_variable_that_is_set_drives_its_actuator() {
+    let mut config = config();
+    config.variables[0].drives = Some(sink("drive", 0.01, SinkKind::Speed));
+    let mut slave = Text::new(config).expect("sound");
+    let mut world = car();
+    assert_eq!(slave.check_chassis(world.chassis()), Ok(()));
+    let at = Instant::from_millis(1);
+    slave.receive(Text::UART, at, b"SPEED 42\r\n");
+    assert_eq!(slave.poll_at(), Some(at));
+    slave.poll(at, &mut world);
+    assert_eq!(world.chassis().command(0), Order::Speed(0.42));
+    slave.poll(Instant::from_millis(501), &mut world);
+    assert_eq!(world.chassis().command(0), Order::Speed(0.0));
+}
+
+/// A builder who did not ask [`Text::check_chassis`] finds it in the log.
+#[test]
+fn an_actuator_that_is_not_there_is_noted_and_harms_nothing() {
+    let mut config = config();
+    config.variables[0].drives = Some(sink("drive", 0.01, SinkKind::Speed));
+    let mut slave = Text::new(config).expect("sound");
+    assert_eq!(after(&mut slave, 1, "SPEED 42\r\n"), "OK 42\r\n");
+    assert_eq!(rules(&mut slave), ["not-driven"]);
 }

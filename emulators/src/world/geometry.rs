@@ -259,6 +259,10 @@ impl Segment {
         self.at(0.5 * self.length)
     }
 
+    pub(super) fn ends(&self) -> [Point; 2] {
+        [self.from, self.at(self.length)]
+    }
+
     fn at(&self, distance: f64) -> Point {
         Point::new(
             self.from.x + self.along.x * distance,

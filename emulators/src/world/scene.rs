@@ -224,6 +224,32 @@ impl Scene {
         }
     }
 
+    /// Calls `visit` with number and shape of each fixture surface that may be within `reach` of
+    /// `point`; possibly repeatedly.
+    pub(super) fn each_fixed_shape(
+        &self,
+        point: Point,
+        reach: f64,
+        mut visit: impl FnMut(usize, Primitive),
+    ) {
+        let inner = &*self.inner;
+        inner.grid.each_near(point, reach, |index| {
+            visit(index, inner.fixed.primitives[index]);
+        });
+    }
+
+    /// Calls `visit` with number, shape and path of each obstacle surface. The shape is seen from
+    /// the place on the path; numbers go on behind those of the fixtures.
+    pub(super) fn each_moving_shape(&self, mut visit: impl FnMut(usize, Primitive, &Path)) {
+        let mut index = self.inner.fixed.primitives.len();
+        for (obstacle, moving) in self.inner.obstacles.iter().zip(&self.inner.moving) {
+            for &primitive in &moving.body.primitives {
+                visit(index, primitive, &obstacle.path);
+                index += 1;
+            }
+        }
+    }
+
     /// No obstacle is ever faster than this, m/s.
     pub(super) fn obstacle_speed_m_s(&self) -> f64 {
         self.inner

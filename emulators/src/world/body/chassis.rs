@@ -1,0 +1,302 @@
+//! What the world asks of a drive train, whatever its wheels are.
+
+use core::fmt;
+
+use super::footprint::Footprint;
+use super::{BodyConfig, Drive};
+
+/// A drive train as physics sees it: actuators in, motion over the floor and encoder counts out.
+///
+/// The world owns the time. It calls [`begin_step`](Self::begin_step) once for each step of 1 ms,
+/// for 0, 1, 2 and so on, in order; what that returns holds for the whole step. Between two such
+/// calls anything else may be called any number of times, in any order. Only
+/// [`actuate`](Self::actuate) changes what comes, and only from the next step on; the last call
+/// before it counts, and the same command twice is the same as once.
+///
+/// Footprint, actuators and encoders are the same lists in the same order for the whole life of the
+/// chassis; indices are places in them. No index beyond its list is ever passed.
+///
+/// Equal chassis behave alike for ever, and a clone goes on as its original does: no clock, no
+/// chance but [named streams](crate::rng) of the chassis's own, drawn by the step and not by
+/// what the robot does. It need not know walls: the world keeps the body out of them, and its
+/// wheels slip meanwhile.
+pub trait Chassis: fmt::Debug + Send + Sync {
+    /// What collides, around the reference point: the point whose way `begin_step` tells.
+    fn footprint(&self) -> &Footprint;
+
+    /// What can be set. Names differ. A world's [`set_drive`](crate::world::World::set_drive) means
+    /// the motors named `left` and `right`.
+    fn actuators(&self) -> &[Actuator];
+
+    /// Sets an actuator from the next step on. The world passes only what
+    /// [`Actuator::admit`] has let through; ignore the rest.
+    fn actuate(&mut self, actuator: usize, command: Command);
+
+    /// What an actuator was set to last, or does since the start.
+    fn command(&self, actuator: usize) -> Command;
+
+    /// What an actuator really does in this step, in the unit of its kind.
+    fn actual(&self, actuator: usize) -> f64;
+
+    /// Begins step `number`. Both figures must be finite; a speed of more than 5 m/s or a turn rate
+    /// of more than 20 rad/s may carry the body through thin things.
+    fn begin_step(&mut self, number: u64) -> Velocity;
+
+    /// What can be counted. Names differ.
+    fn encoders(&self) -> &[Encoder];
+
+    /// Counts of an encoder since the start of the run, `after_s` seconds (0 to 0.001) into the
+    /// step begun last; forward counts up.
+    fn count(&self, encoder: usize, after_s: f64) -> i64;
+
+    /// Speed in this step of the axis that an encoder sits on, as metres of rim per second.
+    fn axis_speed(&self, encoder: usize) -> f64;
+
+    /// The same chassis once more.
+    fn clone_box(&self) -> Box<dyn Chassis>;
+
+    /// The figures of a differential drive; `None` for everything else, whose
+    /// [`World::body`](crate::world::World::body) is then a stand-in. Goes when that goes.
+    fn body(&self) -> Option<&BodyConfig> {
+        None
+    }
+}
+
+impl Clone for Box<dyn Chassis> {
+    fn clone(&self) -> Self {
+        (**self).clone_box()
+    }
+}
+
+/// Motion of the reference point over the floor, in body axes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Velocity {
+    /// Forward, m/s.
+    pub speed_m_s: f64,
+    /// Counter-clockwise, rad/s.
+    pub turn_rad_s: f64,
+}
+
+/// Something that can be set.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Actuator {
+    /// Stable name in snake case, unique in its chassis.
+    pub name: String,
+    /// What it is.
+    pub kind: ActuatorKind,
+    /// Least and greatest value in the unit of its kind; what is beyond counts as the nearest.
+    pub range: [f64; 2],
+}
+
+/// What an actuator is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum ActuatorKind {
+    /// Turns a wheel behind a driver that can brake and coast; m/s of rim.
+    Motor,
+    /// Turns the steered wheels; rad, counter-clockwise from straight ahead.
+    Steering,
+}
+
+impl ActuatorKind {
+    /// Unit of range and actual value.
+    pub const fn unit(self) -> &'static str {
+        match self {
+            Self::Motor => "m/s",
+            Self::Steering => "rad",
+        }
+    }
+
+    /// Whether such an actuator can do such a thing.
+    pub const fn takes(self, command: Command) -> bool {
+        match command {
+            Command::Power(_) | Command::Brake | Command::Coast | Command::Speed(_) => {
+                matches!(self, Self::Motor)
+            }
+            Command::Angle(_) => matches!(self, Self::Steering),
+        }
+    }
+}
+
+impl fmt::Display for ActuatorKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Motor => "motor",
+            Self::Steering => "steering",
+        })
+    }
+}
+
+impl Actuator {
+    /// `command`, brought into range; an error if it is not for such an actuator.
+    ///
+    /// # Errors
+    /// [`CommandError::Unfit`] and [`CommandError::NotFinite`].
+    pub fn admit(&self, command: Command) -> Result<Command, CommandError> {
+        let (actuator, kind) = (self.name.clone(), self.kind);
+        if !kind.takes(command) {
+            return Err(CommandError::Unfit {
+                actuator,
+                kind,
+                command,
+            });
+        }
+        let [least, greatest] = self.range;
+        let within = |value: f64| value.max(least).min(greatest);
+        match command {
+            Command::Speed(value) | Command::Angle(value) if !value.is_finite() => {
+                Err(CommandError::NotFinite { actuator })
+            }
+            Command::Speed(value) => Ok(Command::Speed(within(value))),
+            Command::Angle(value) => Ok(Command::Angle(within(value))),
+            Command::Power(_) | Command::Brake | Command::Coast => Ok(command),
+        }
+    }
+}
+
+/// What an actuator is told to do.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub enum Command {
+    /// As [`Drive::Power`].
+    Power(i16),
+    /// As [`Drive::Brake`].
+    #[default]
+    Brake,
+    /// As [`Drive::Coast`].
+    Coast,
+    /// An ideal regulator holds this speed of the rim, m/s; it is reached with the lag of a driven
+    /// wheel, and no speed beyond full drive is.
+    Speed(f64),
+    /// The servo goes to this angle, rad, counter-clockwise from straight ahead.
+    Angle(f64),
+}
+
+impl Command {
+    /// The drive that does the same, or the same part of full drive.
+    pub(in crate::world) fn as_drive(self, full_speed_m_s: f64) -> Drive {
+        match self {
+            Self::Power(power) => Drive::Power(power),
+            Self::Speed(speed) if full_speed_m_s > 0.0 => {
+                #[expect(clippy::cast_possible_truncation, reason = "at most 255")]
+                let power = (255.0 * (speed / full_speed_m_s).clamp(-1.0, 1.0)).round() as i16;
+                Drive::Power(power)
+            }
+            Self::Coast => Drive::Coast,
+            Self::Brake | Self::Speed(_) | Self::Angle(_) => Drive::Brake,
+        }
+    }
+}
+
+impl From<Drive> for Command {
+    fn from(drive: Drive) -> Self {
+        match drive {
+            Drive::Power(power) => Self::Power(power),
+            Drive::Brake => Self::Brake,
+            Drive::Coast => Self::Coast,
+        }
+    }
+}
+
+/// Something that counts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Encoder {
+    /// Stable name in snake case, unique in its chassis.
+    pub name: String,
+    /// Of rim.
+    pub counts_per_m: f64,
+}
+
+/// One of a list of actuators or encoders: by name, or by its place in the list.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Select<'a> {
+    /// Its place, from 0.
+    Index(usize),
+    /// Its name.
+    Name(&'a str),
+}
+
+impl Select<'_> {
+    /// Place in a list of things with these names, if it is there.
+    pub fn find<'n>(self, mut names: impl ExactSizeIterator<Item = &'n str>) -> Option<usize> {
+        match self {
+            Self::Index(index) => (index < names.len()).then_some(index),
+            Self::Name(wanted) => names.position(|name| name == wanted),
+        }
+    }
+}
+
+impl From<usize> for Select<'_> {
+    fn from(index: usize) -> Self {
+        Self::Index(index)
+    }
+}
+
+impl<'a> From<&'a str> for Select<'a> {
+    fn from(name: &'a str) -> Self {
+        Self::Name(name)
+    }
+}
+
+impl<'a> From<&'a String> for Select<'a> {
+    fn from(name: &'a String) -> Self {
+        Self::Name(name)
+    }
+}
+
+impl fmt::Display for Select<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Index(index) => write!(f, "number {index}"),
+            Self::Name(name) => write!(f, "\"{name}\""),
+        }
+    }
+}
+
+/// Why a command has no effect.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum CommandError {
+    /// The chassis has no such actuator.
+    UnknownActuator {
+        /// What was asked for.
+        wanted: String,
+        /// What there is.
+        known: Vec<String>,
+    },
+    /// The actuator cannot do that.
+    Unfit {
+        /// Its name.
+        actuator: String,
+        /// What it is.
+        kind: ActuatorKind,
+        /// What it was to do.
+        command: Command,
+    },
+    /// The figure is NaN or infinite.
+    NotFinite {
+        /// Name of the actuator.
+        actuator: String,
+    },
+}
+
+impl fmt::Display for CommandError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::UnknownActuator { wanted, known } => {
+                let known = known.join(", ");
+                write!(f, "there is no actuator {wanted}; expected one of: {known}")
+            }
+            Self::Unfit {
+                actuator,
+                kind,
+                command,
+            } => write!(f, "{actuator} is a {kind} and cannot do {command:?}"),
+            Self::NotFinite { actuator } => {
+                write!(f, "{actuator} was given a figure that is not finite")
+            }
+        }
+    }
+}
+
+impl core::error::Error for CommandError {}

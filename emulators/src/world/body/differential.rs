@@ -1,0 +1,311 @@
+//! Two driven wheels on one axle. The reference point is the middle between them.
+
+use core::f64::consts::TAU;
+use core::fmt;
+
+use super::NOISE_STEPS;
+use super::chassis::{Actuator, ActuatorKind, Chassis, Command, Encoder, Velocity};
+use super::footprint::Footprint;
+use super::motor::{Drive, Motor, MotorFigures, noise_root};
+use crate::rng::Rng;
+
+/// One of the two driven wheels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Wheel {
+    /// On the y side.
+    Left,
+    /// On the other side.
+    Right,
+}
+
+impl Wheel {
+    /// Left, then right.
+    pub const ALL: [Self; 2] = [Self::Left, Self::Right];
+
+    /// Name of its motor and its encoder.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Left => "left",
+            Self::Right => "right",
+        }
+    }
+}
+
+/// Everything about the body that differs from robot to robot.
+///
+/// The defaults are the seed report's base: 26 mm wheels 260 mm apart, 360 encoder ticks a turn,
+/// 350 mm/s at full drive (31 ticks in 40.16 ms), motion from pulse width 40 of 255. Lags, slip and
+/// noise are not in the report; they are guesses for a small gear motor on a hard floor.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BodyConfig {
+    /// Of the disc that collides.
+    pub radius_m: f64,
+    /// Of the wheels.
+    pub wheel_radius_m: f64,
+    /// Between the wheels.
+    pub axle_m: f64,
+    /// Encoder counts per turn of a wheel.
+    pub ticks_per_turn: u32,
+    /// Of a wheel at drive 255 in the long run.
+    pub full_speed_m_s: f64,
+    /// Greatest drive at which a wheel does not turn yet; below 255.
+    pub dead_zone_drive: u8,
+    /// Time constant of a driven wheel.
+    pub lag_s: f64,
+    /// Time constant of a braked wheel.
+    pub brake_lag_s: f64,
+    /// Time constant of a wheel that runs out.
+    pub coast_lag_s: f64,
+    /// Part of the wheel's travel that is lost on the floor, left and right.
+    pub slip: [f64; 2],
+    /// Noise of the travel of each wheel: standard deviation in metres after one metre. Grows with
+    /// the square root of the way.
+    pub slip_noise_m: f64,
+    /// Noise of the heading: standard deviation in radians after one metre of wheel travel.
+    pub heading_noise_rad: f64,
+    /// Standard deviation of a relative error of each wheel's radius, drawn once for the run.
+    pub scale_noise: f64,
+}
+
+impl Default for BodyConfig {
+    fn default() -> Self {
+        Self {
+            radius_m: 0.16,
+            wheel_radius_m: 0.026,
+            axle_m: 0.260,
+            ticks_per_turn: 360,
+            full_speed_m_s: 0.350,
+            dead_zone_drive: 40,
+            lag_s: 0.060,
+            brake_lag_s: 0.020,
+            coast_lag_s: 0.150,
+            slip: [0.005, 0.005],
+            slip_noise_m: 0.002,
+            heading_noise_rad: 0.004,
+            scale_noise: 0.001,
+        }
+    }
+}
+
+impl BodyConfig {
+    /// The same body on a perfect floor: no slip, no noise. For tests whose figures are to be
+    /// derived by hand.
+    #[must_use]
+    pub fn ideal(self) -> Self {
+        Self {
+            slip: [0.0; 2],
+            slip_noise_m: 0.0,
+            heading_noise_rad: 0.0,
+            scale_noise: 0.0,
+            ..self
+        }
+    }
+
+    /// Wheel travel per encoder tick; 0.45379 mm with the default figures.
+    pub fn tick_m(&self) -> f64 {
+        TAU * self.wheel_radius_m / f64::from(self.ticks_per_turn)
+    }
+
+    /// Speed of a wheel that is driven for long, m/s.
+    pub fn steady_speed_m_s(&self, drive: Drive) -> f64 {
+        self.motor().steady_speed_m_s(drive)
+    }
+
+    fn motor(&self) -> MotorFigures {
+        MotorFigures {
+            full_speed_m_s: self.full_speed_m_s,
+            dead_zone_drive: self.dead_zone_drive,
+            lag_s: self.lag_s,
+            brake_lag_s: self.brake_lag_s,
+            coast_lag_s: self.coast_lag_s,
+            slip_noise_m: self.slip_noise_m,
+        }
+    }
+
+    /// Names the first field that is out of range.
+    pub fn check(&self) -> Result<(), BodyError> {
+        let fields = [
+            ("radius_m", self.radius_m, 0.02, 2.0),
+            ("wheel_radius_m", self.wheel_radius_m, 0.001, 1.0),
+            ("axle_m", self.axle_m, 0.01, 4.0),
+            ("ticks_per_turn", f64::from(self.ticks_per_turn), 1.0, 1e6),
+            ("full_speed_m_s", self.full_speed_m_s, 0.0, 5.0),
+            (
+                "dead_zone_drive",
+                f64::from(self.dead_zone_drive),
+                0.0,
+                254.0,
+            ),
+            ("lag_s", self.lag_s, 0.0, 10.0),
+            ("brake_lag_s", self.brake_lag_s, 0.0, 10.0),
+            ("coast_lag_s", self.coast_lag_s, 0.0, 10.0),
+            ("slip[0]", self.slip[0], -0.5, 0.9),
+            ("slip[1]", self.slip[1], -0.5, 0.9),
+            ("slip_noise_m", self.slip_noise_m, 0.0, 0.1),
+            ("heading_noise_rad", self.heading_noise_rad, 0.0, 0.5),
+            ("scale_noise", self.scale_noise, 0.0, 0.1),
+        ];
+        check_ranges(&fields)
+    }
+}
+
+/// Names the first of some fields, each with its value, least and greatest, that is out of range.
+pub(super) fn check_ranges(fields: &[(&'static str, f64, f64, f64)]) -> Result<(), BodyError> {
+    for &(field, found, min, max) in fields {
+        if !(min..=max).contains(&found) {
+            return Err(BodyError {
+                field,
+                found,
+                min,
+                max,
+            });
+        }
+    }
+    Ok(())
+}
+
+/// A figure of a body that physics cannot work with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BodyError {
+    /// Which.
+    pub field: &'static str,
+    /// As given.
+    pub found: f64,
+    /// Least allowed.
+    pub min: f64,
+    /// Greatest allowed.
+    pub max: f64,
+}
+
+impl fmt::Display for BodyError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            field,
+            found,
+            min,
+            max,
+        } = self;
+        write!(f, "body.{field} is {found}; expected {min} to {max}")
+    }
+}
+
+impl core::error::Error for BodyError {}
+
+/// Both wheels, and what they do to the body: actuators and encoders `left` and `right`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Differential {
+    config: BodyConfig,
+    footprint: Footprint,
+    actuators: [Actuator; 2],
+    encoders: [Encoder; 2],
+    motors: [Motor; 2],
+    heading_noise: Rng,
+    heading_noise_now: f64,
+}
+
+impl Differential {
+    /// A round body at rest, brakes on. The noise of the floor follows from `seed`.
+    ///
+    /// # Errors
+    /// If a figure is out of range.
+    pub fn new(config: BodyConfig, seed: u64) -> Result<Self, BodyError> {
+        config.check()?;
+        let footprint = Footprint::circle(config.radius_m).expect("the check allows these radii");
+        let full = config.full_speed_m_s;
+        let counts_per_m = 1.0 / config.tick_m();
+        let motor = |wheel: Wheel| {
+            let slip = config.slip[wheel as usize];
+            Motor::new(
+                config.motor(),
+                (slip, config.scale_noise),
+                seed,
+                wheel.name(),
+            )
+        };
+        Ok(Self {
+            footprint,
+            actuators: Wheel::ALL.map(|wheel| Actuator {
+                name: wheel.name().to_owned(),
+                kind: ActuatorKind::Motor,
+                range: [-full, full],
+            }),
+            encoders: Wheel::ALL.map(|wheel| Encoder {
+                name: wheel.name().to_owned(),
+                counts_per_m,
+            }),
+            motors: Wheel::ALL.map(motor),
+            heading_noise: Rng::stream(seed, "world.heading"),
+            heading_noise_now: 0.0,
+            config,
+        })
+    }
+
+    /// The same wheels under a body of another shape; its `radius_m` says nothing then.
+    #[must_use]
+    pub fn with_footprint(self, footprint: Footprint) -> Self {
+        Self { footprint, ..self }
+    }
+}
+
+impl Chassis for Differential {
+    fn footprint(&self) -> &Footprint {
+        &self.footprint
+    }
+
+    fn actuators(&self) -> &[Actuator] {
+        &self.actuators
+    }
+
+    fn actuate(&mut self, actuator: usize, command: Command) {
+        self.motors[actuator].set(command);
+    }
+
+    fn command(&self, actuator: usize) -> Command {
+        self.motors[actuator].command()
+    }
+
+    fn actual(&self, actuator: usize) -> f64 {
+        self.motors[actuator].speed
+    }
+
+    fn begin_step(&mut self, number: u64) -> Velocity {
+        if number.is_multiple_of(NOISE_STEPS) {
+            for motor in &mut self.motors {
+                motor.draw_noise();
+            }
+            self.heading_noise_now =
+                self.config.heading_noise_rad / noise_root() * self.heading_noise.gauss();
+        }
+        for motor in &mut self.motors {
+            motor.step();
+        }
+        let [left, right] = &self.motors;
+        let (left_m_s, right_m_s) = (left.floor_speed(), right.floor_speed());
+        let rolling = ((left.speed.abs() + right.speed.abs()) * 0.5).sqrt();
+        let turn = (right_m_s - left_m_s) / self.config.axle_m;
+        Velocity {
+            speed_m_s: (left_m_s + right_m_s) * 0.5,
+            turn_rad_s: turn + self.heading_noise_now * rolling,
+        }
+    }
+
+    fn encoders(&self) -> &[Encoder] {
+        &self.encoders
+    }
+
+    fn count(&self, encoder: usize, after_s: f64) -> i64 {
+        self.motors[encoder].ticks(after_s, self.config.tick_m())
+    }
+
+    fn axis_speed(&self, encoder: usize) -> f64 {
+        self.motors[encoder].speed
+    }
+
+    fn clone_box(&self) -> Box<dyn Chassis> {
+        Box::new(self.clone())
+    }
+
+    fn body(&self) -> Option<&BodyConfig> {
+        Some(&self.config)
+    }
+}

@@ -1,0 +1,166 @@
+//! A motor behind its driver, and the wheel it turns.
+
+use super::chassis::Command;
+use super::{NOISE_STEPS, STEP_S};
+use crate::rng::Rng;
+
+/// A wheel that nothing drives and that is slower than this is held by friction.
+const STICTION_M_S: f64 = 1e-3;
+
+/// What the motor driver does to one motor.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Drive {
+    /// Pulse width as in an 8-bit compare register, -255..=255; positive drives forward. Larger
+    /// values count as 255. Up to [`BodyConfig::dead_zone_drive`](super::BodyConfig) the wheel does
+    /// not turn.
+    Power(i16),
+    /// Both ends of the winding shorted: stops quickly. The state after power-up.
+    #[default]
+    Brake,
+    /// The winding left open: runs out.
+    Coast,
+}
+
+/// The figures of a motor; those of a [`BodyConfig`](super::BodyConfig) of the same names.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct MotorFigures {
+    pub(super) full_speed_m_s: f64,
+    pub(super) dead_zone_drive: u8,
+    pub(super) lag_s: f64,
+    pub(super) brake_lag_s: f64,
+    pub(super) coast_lag_s: f64,
+    pub(super) slip_noise_m: f64,
+}
+
+impl MotorFigures {
+    /// Speed of a wheel that is driven for long, m/s.
+    pub(super) fn steady_speed_m_s(&self, drive: Drive) -> f64 {
+        let Drive::Power(power) = drive else {
+            return 0.0;
+        };
+        let power = f64::from(power.clamp(-255, 255));
+        let dead = f64::from(self.dead_zone_drive);
+        let part = (power.abs() - dead).max(0.0) / (255.0 - dead);
+        if power < 0.0 {
+            -part * self.full_speed_m_s
+        } else {
+            part * self.full_speed_m_s
+        }
+    }
+}
+
+/// One wheel with its motor.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Motor {
+    figures: MotorFigures,
+    command: Command,
+    /// Speed that the drive leads to, and the part of the way there made in one step.
+    target: f64,
+    approach: f64,
+    /// Of the rim, m/s; holds for the current step.
+    pub(super) speed: f64,
+    /// Of the rim at the beginning of the current step, metres.
+    travel: f64,
+    /// Metres on the floor per metre of rim, noise left out.
+    grip: f64,
+    noise: Rng,
+    /// Floor speed gained per square root of rim speed; see
+    /// [`BodyConfig::slip_noise_m`](super::BodyConfig).
+    noise_now: f64,
+}
+
+impl Motor {
+    /// At rest, brakes on. Its noise is that of the streams of `seed` that end in `name`.
+    pub(super) fn new(
+        figures: MotorFigures,
+        (slip, scale_noise): (f64, f64),
+        seed: u64,
+        name: &str,
+    ) -> Self {
+        let scale = Rng::stream(seed, &format!("world.scale.{name}")).gauss();
+        Self {
+            command: Command::Brake,
+            target: 0.0,
+            approach: part_per_step(figures.brake_lag_s),
+            speed: 0.0,
+            travel: 0.0,
+            grip: (1.0 - slip) * (1.0 + scale_noise * scale),
+            noise: Rng::stream(seed, &format!("world.slip.{name}")),
+            noise_now: 0.0,
+            figures,
+        }
+    }
+
+    /// Takes effect at the next step. Angles are not for motors and change nothing.
+    pub(super) fn set(&mut self, command: Command) {
+        if self.command == command {
+            return;
+        }
+        let figures = &self.figures;
+        let full = figures.full_speed_m_s;
+        let (target, lag_s) = match command {
+            Command::Power(power) => {
+                let target = figures.steady_speed_m_s(Drive::Power(power));
+                (target, figures.lag_s)
+            }
+            Command::Speed(speed) => (speed.clamp(-full, full), figures.lag_s),
+            Command::Brake => (0.0, figures.brake_lag_s),
+            Command::Coast => (0.0, figures.coast_lag_s),
+            Command::Angle(_) => return,
+        };
+        (self.command, self.target) = (command, target);
+        self.approach = part_per_step(lag_s);
+    }
+
+    pub(super) fn command(&self) -> Command {
+        self.command
+    }
+
+    pub(super) fn step(&mut self) {
+        self.travel += self.speed * STEP_S;
+        self.speed += (self.target - self.speed) * self.approach;
+        if self.target == 0.0 && self.speed.abs() < STICTION_M_S {
+            self.speed = 0.0;
+        }
+    }
+
+    pub(super) fn floor_speed(&self) -> f64 {
+        if self.speed == 0.0 {
+            return 0.0;
+        }
+        self.speed * self.grip + self.noise_now * self.speed.abs().sqrt()
+    }
+
+    /// Whole encoder counts `after_s` into the current step, each worth `tick_m` of rim.
+    pub(super) fn ticks(&self, after_s: f64, tick_m: f64) -> i64 {
+        let travel = self.travel + self.speed * after_s;
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "a robot lives less than 2^63 ticks"
+        )]
+        let ticks = (travel / tick_m).floor() as i64;
+        ticks
+    }
+
+    pub(super) fn draw_noise(&mut self) {
+        self.noise_now = self.figures.slip_noise_m / noise_root() * self.noise.gauss();
+    }
+}
+
+/// A random walk over the way: drawn for a time T, the deviation per square root of speed is
+/// `noise / sqrt(T)`. Drawn by the clock, moving or not, so that what the robot does never shifts
+/// the noise.
+pub(super) fn noise_root() -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "a small constant")]
+    let steps = NOISE_STEPS as f64;
+    (steps * STEP_S).sqrt()
+}
+
+/// Part of the way to its final value that a first-order lag makes in one step.
+pub(super) fn part_per_step(lag_s: f64) -> f64 {
+    if lag_s > 0.0 {
+        1.0 - libm::exp(-STEP_S / lag_s)
+    } else {
+        1.0
+    }
+}

@@ -1,0 +1,139 @@
+//! How a disc collides: by the distance of its middle from each surface.
+//!
+//! A surface that the next step would bring into the disc blocks the step's translation where they
+//! meet; turning on the spot stays free, and so does any way out.
+
+use core::time::Duration;
+
+use protocols::Instant;
+
+use super::{Bumper, LEFT_M};
+use crate::world::body::{Motion, STEP_NANOS, STEP_S};
+use crate::world::geometry::Point;
+use crate::world::scene::{Near, Scene};
+
+impl Bumper {
+    /// The slow way: each surface near by is measured at the beginning and the end of the step.
+    pub(super) fn collide_disc(
+        &mut self,
+        scene: &Scene,
+        (began, wanted): (Instant, Motion),
+        radius: f64,
+        used: f64,
+    ) -> Motion {
+        let ended = began + Duration::from_nanos(STEP_NANOS);
+        let start = wanted.start.point();
+        let end = wanted.pose(STEP_S).point();
+        let mut test = Test {
+            radius,
+            part: 1.0,
+            met: Vec::new(),
+        };
+        test.fixtures(scene, start, end, used + LEFT_M);
+        if self.obstacle_speed > 0.0 {
+            test.obstacles(scene, (began, start), (ended, end));
+        }
+        let mut motion = wanted.slowed(test.part);
+        if self.obstacle_speed > 0.0 {
+            let shove = self.shove_disc(scene, radius, (began, ended), motion.pose(STEP_S).point());
+            motion.drift.x += shove.x / STEP_S;
+            motion.drift.y += shove.y / STEP_S;
+        }
+        self.record(began, test.met);
+        motion
+    }
+
+    /// How far an obstacle that stands in the body at the end of the step moves it: out of its own
+    /// way, but into no wall. A body between the two stays where it is, and a surface that has
+    /// passed its middle leaves it behind.
+    fn shove_disc(
+        &self,
+        scene: &Scene,
+        radius: f64,
+        (began, ended): (Instant, Instant),
+        place: Point,
+    ) -> Point {
+        let mut before = Vec::new();
+        scene.each_moving(began, place, |near| before.push(near));
+        let mut before = before.into_iter();
+        let mut deepest: Option<Near> = None;
+        scene.each_moving(ended, place, |near| {
+            let comes = before.next().is_some_and(|before| {
+                near.distance < before.distance && same_side(place, before.at, near.at)
+            });
+            if comes && near.distance < deepest.map_or(radius, |deepest| deepest.distance) {
+                deepest = Some(near);
+            }
+        });
+        let Some(near) = deepest.filter(|near| near.distance > 0.0) else {
+            return Point::default();
+        };
+        let way = (radius - near.distance).min(self.obstacle_speed * STEP_S);
+        let scale = way / near.distance;
+        let by = Point::new((place.x - near.at.x) * scale, (place.y - near.at.y) * scale);
+        let to = Point::new(place.x + by.x, place.y + by.y);
+        let mut test = Test {
+            radius,
+            part: 1.0,
+            met: Vec::new(),
+        };
+        test.fixtures(scene, place, to, way);
+        Point::new(by.x * test.part, by.y * test.part)
+    }
+}
+
+/// What the surfaces near by leave of one step.
+struct Test {
+    radius: f64,
+    /// Part of the translation that is free.
+    part: f64,
+    /// Surfaces in touch, and how much nearer they came; 0 if they only stay near.
+    met: Vec<(Near, f64)>,
+}
+
+impl Test {
+    /// Fixtures near the way from `start` to `end`, which is at most `way` long.
+    fn fixtures(&mut self, scene: &Scene, start: Point, end: Point, way: f64) {
+        scene.each_fixed_near(start, self.radius + way, |stay| {
+            self.surface(stay, stay, scene.fixed(stay.index, end));
+        });
+    }
+
+    /// Obstacles, which move meanwhile.
+    fn obstacles(
+        &mut self,
+        scene: &Scene,
+        (began, start): (Instant, Point),
+        (ended, end): (Instant, Point),
+    ) {
+        let near = |at: Instant, place: Point| {
+            let mut found = Vec::new();
+            scene.each_moving(at, place, |near| found.push(near));
+            found
+        };
+        let stays = near(ended, start).into_iter().zip(near(ended, end));
+        for (before, (stay, go)) in near(began, start).into_iter().zip(stays) {
+            self.surface(before, stay, go);
+        }
+    }
+
+    /// `before`: at the beginning; `stay` and `go`: at the end, if the body stays or goes.
+    fn surface(&mut self, before: Near, stay: Near, go: Near) {
+        let enters = go.distance < self.radius && go.distance < before.distance;
+        if enters {
+            self.met.push((go, before.distance - go.distance));
+        } else if go.distance < self.radius + LEFT_M {
+            self.met.push((go, 0.0));
+        }
+        let own_way = stay.distance - go.distance;
+        if enters && own_way > 0.0 {
+            let free = (stay.distance - self.radius).max(0.0);
+            self.part = self.part.min(free / own_way);
+        }
+    }
+}
+
+/// Whether `one` and `other` lie in the same half of the floor as seen from `place`.
+fn same_side(place: Point, one: Point, other: Point) -> bool {
+    (one.x - place.x) * (other.x - place.x) + (one.y - place.y) * (other.y - place.y) > 0.0
+}

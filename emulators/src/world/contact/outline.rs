@@ -1,0 +1,378 @@
+//! How a body with corners collides: by the gap between its outline and each surface.
+//!
+//! The whole motion of a step is tried first. If a surface is in the way, the body turns as wanted
+//! and goes as far as it can; if the turn itself is blocked, it makes the part of the motion that
+//! is free, or goes without turning. Motions are tried in pieces of at most 2 mm and the last piece
+//! is halved until the body stands a micrometre off.
+//!
+//! Simplified: a part of the outline thinner than 2 mm may pass a surface as thin; a blocked body
+//! does not slide along a wall that it meets at an angle, nor does the wall turn it; an obstacle
+//! that walks into the body takes it along by its own way, without turning it. A body that was put
+//! into a surface, or is caught between an obstacle and a wall, is free to go where its middle
+//! comes no closer to that surface.
+
+mod gap;
+
+use core::time::Duration;
+
+use protocols::Instant;
+
+use super::{Bumper, LEFT_M, REACH_M};
+use crate::world::body::{Footprint, Motion, STEP_NANOS, STEP_S};
+use crate::world::geometry::{Point, Pose, Primitive};
+use crate::world::scene::{Near, Scene};
+use gap::{Gap, distance, gap};
+
+/// Gap at which body and surface touch: far above rounding, far below anything measured.
+const TOUCH_M: f64 = 1e-6;
+/// Nothing is skipped that comes closer than this.
+pub(super) const MARGIN_M: f64 = 2.0 * TOUCH_M;
+/// Closer by this much in one step is rounding, unless half of [`TOUCH_M`] is used up.
+const CREEP_M: f64 = 1e-12;
+/// Way of any corner between two looks, metres.
+const PIECE_M: f64 = 2e-3;
+/// Looks at one motion at most: a corner at 40 m/s.
+const PIECES_MAX: u32 = 20;
+/// Halvings of the last piece: 2 nm are left of it.
+const HALVINGS: u32 = 20;
+/// Least part of a step that is worth making.
+const PART_MIN: f64 = 1e-6;
+
+/// A surface that the body may meet in one step.
+#[derive(Clone, Debug)]
+struct Solid {
+    index: usize,
+    primitive: Primitive,
+    /// Where its origin is at the beginning and at the end of the step.
+    places: [Point; 2],
+    /// Seen from the body's place at the beginning: where it was then, and where it is in the end.
+    began: Gap,
+    stay: Gap,
+    /// Of the body's middle from it in the end, if the body stays.
+    middle_m: f64,
+}
+
+/// Free distance around a body at `pose`, at most [`REACH_M`]. In a surface: how deep the point of
+/// the surface lies that is nearest to the body's middle.
+pub(super) fn clearance(footprint: &Footprint, scene: &Scene, at: Instant, pose: Pose) -> f64 {
+    let mut corners = Vec::new();
+    footprint.place(pose, &mut corners);
+    let middle = middle(footprint, pose);
+    let mut least = REACH_M;
+    let reach = footprint.reach_m() + REACH_M;
+    scene.each_fixed_shape(pose.point(), reach, |_, primitive| {
+        if primitive.nearest(pose.point()).1 - footprint.reach_m() < least {
+            least = least.min(gap(&corners, middle, &primitive, Point::default()).gap);
+        }
+    });
+    scene.each_moving_shape(|_, primitive, path| {
+        least = least.min(gap(&corners, middle, &primitive, path.position(at)).gap);
+    });
+    least
+}
+
+impl Bumper {
+    /// The slow way: each surface near by is measured along the motion.
+    pub(super) fn collide_outline(
+        &mut self,
+        scene: &Scene,
+        (began, wanted): (Instant, Motion),
+        used: f64,
+    ) -> Motion {
+        let ended = began + Duration::from_nanos(STEP_NANOS);
+        let mut step = Step::new(&self.footprint, wanted.start);
+        step.find(scene, [began, ended], used);
+        let mut motion = step.free(wanted);
+        if self.obstacle_speed > 0.0 {
+            let by = step.shove(motion.pose(STEP_S));
+            motion.drift.x += by.x / STEP_S;
+            motion.drift.y += by.y / STEP_S;
+        }
+        step.rest(wanted, motion);
+        let met = step.met;
+        self.record(began, met);
+        motion
+    }
+}
+
+/// One step of the body among the surfaces near by.
+struct Step<'a> {
+    footprint: &'a Footprint,
+    start: Pose,
+    solids: Vec<Solid>,
+    /// Surfaces in touch, and how much nearer they came; 0 if they only stay near.
+    met: Vec<(Near, f64)>,
+    /// Of the body where it is being tried.
+    corners: Vec<Point>,
+}
+
+impl<'a> Step<'a> {
+    fn new(footprint: &'a Footprint, start: Pose) -> Self {
+        Self {
+            footprint,
+            start,
+            solids: Vec::new(),
+            met: Vec::new(),
+            corners: Vec::new(),
+        }
+    }
+
+    fn find(&mut self, scene: &Scene, times: [Instant; 2], used: f64) {
+        let reach = self.footprint.reach_m() + used + LEFT_M;
+        let here = self.start.point();
+        let mut found = Vec::new();
+        scene.each_fixed_shape(here, reach, |index, primitive| {
+            if primitive.nearest(here).1 <= reach {
+                found.push((index, primitive, [Point::default(); 2]));
+            }
+        });
+        found.sort_by_key(|(index, ..)| *index);
+        found.dedup_by_key(|(index, ..)| *index);
+        scene.each_moving_shape(|index, primitive, path| {
+            let places = times.map(|at| path.position(at));
+            let near = |place: &Point| {
+                let seen = Point::new(here.x - place.x, here.y - place.y);
+                primitive.nearest(seen).1 <= reach
+            };
+            if places.iter().any(near) {
+                found.push((index, primitive, places));
+            }
+        });
+        self.footprint.place(self.start, &mut self.corners);
+        let middle = middle(self.footprint, self.start);
+        let solid = |(index, primitive, places): (usize, Primitive, [Point; 2])| Solid {
+            index,
+            primitive,
+            places,
+            began: gap(&self.corners, middle, &primitive, places[0]),
+            stay: gap(&self.corners, middle, &primitive, places[1]),
+            middle_m: distance(middle, &primitive, places[1]),
+        };
+        self.solids = found.into_iter().map(solid).collect();
+    }
+
+    /// The part of `wanted` that no surface is in the way of.
+    fn free(&mut self, wanted: Motion) -> Motion {
+        let whole = self.cut(wanted, wanted, Motion::shortened);
+        if whole == wanted {
+            return wanted;
+        }
+        if self
+            .blocked(wanted.slowed(0.0), Motion::shortened)
+            .is_none()
+        {
+            return self.cut(wanted, wanted, Motion::slowed);
+        }
+        if whole != wanted.shortened(0.0) {
+            return whole;
+        }
+        let straight = Motion {
+            turn: 0.0,
+            ..wanted
+        };
+        self.cut(wanted, straight, Motion::slowed)
+    }
+
+    /// `motion` as far as it is free; what it meets is noted as met by the motion `wanted`.
+    fn cut(&mut self, wanted: Motion, motion: Motion, cut: fn(Motion, f64) -> Motion) -> Motion {
+        let Some((part, blockers)) = self.blocked(motion, cut) else {
+            return motion;
+        };
+        let free = cut(motion, part);
+        self.note(&blockers, wanted, free);
+        free
+    }
+
+    /// Tries `cut(wanted, part)` for growing parts: the last one that is free and what is in the
+    /// way of the next; `None` if all are free.
+    fn blocked(
+        &mut self,
+        wanted: Motion,
+        cut: fn(Motion, f64) -> Motion,
+    ) -> Option<(f64, Vec<usize>)> {
+        let corner = wanted.turn.abs() * self.footprint.reach_m();
+        let speed = wanted.speed.abs() + wanted.drift.x.abs() + wanted.drift.y.abs() + corner;
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "saturates"
+        )]
+        let pieces = ((speed * STEP_S / PIECE_M).ceil() as u32).clamp(1, PIECES_MAX);
+        let mut free = 0.0;
+        for piece in 1..=pieces {
+            let mut part = f64::from(piece) / f64::from(pieces);
+            let mut blockers = self.blockers(cut(wanted, part).pose(STEP_S));
+            if blockers.is_empty() {
+                free = part;
+                continue;
+            }
+            for _ in 0..HALVINGS {
+                let half = 0.5 * (free + part);
+                let found = self.blockers(cut(wanted, half).pose(STEP_S));
+                if found.is_empty() {
+                    free = half;
+                } else {
+                    (part, blockers) = (half, found);
+                }
+            }
+            return Some((if free < PART_MIN { 0.0 } else { free }, blockers));
+        }
+        None
+    }
+
+    /// Which surfaces keep the body from standing at `pose`.
+    fn blockers(&mut self, pose: Pose) -> Vec<usize> {
+        self.footprint.place(pose, &mut self.corners);
+        let middle = middle(self.footprint, pose);
+        let solids = self.solids.iter().enumerate();
+        let blocks = |(_, solid): &(usize, &Solid)| {
+            let now = gap(&self.corners, middle, &solid.primitive, solid.places[1]).gap;
+            if now >= TOUCH_M {
+                return false;
+            }
+            let before = solid.stay.gap;
+            if before < 0.0 {
+                let middle_m = distance(middle, &solid.primitive, solid.places[1]);
+                return middle_m < solid.middle_m - CREEP_M;
+            }
+            now < before - CREEP_M || (now < 0.5 * TOUCH_M && now < before)
+        };
+        solids.filter(blocks).map(|(place, _)| place).collect()
+    }
+
+    /// The body meets `blockers` when it has made `part` of the motion `wanted`.
+    fn note(&mut self, blockers: &[usize], wanted: Motion, part: Motion) {
+        let pose = part.pose(STEP_S);
+        self.footprint.place(pose, &mut self.corners);
+        let middle = middle(self.footprint, pose);
+        for &place in blockers {
+            let solid = &self.solids[place];
+            let there = gap(&self.corners, middle, &solid.primitive, solid.places[1]);
+            let approach = solid.approach(there, wanted, pose);
+            self.met.push((solid.near(there), approach));
+        }
+    }
+
+    /// How far obstacles that have come to the body, which has gone to `pose`, take it along: by
+    /// their own way, but into no wall.
+    fn shove(&mut self, pose: Pose) -> Point {
+        self.footprint.place(pose, &mut self.corners);
+        let body_middle = middle(self.footprint, pose);
+        let mut deepest = TOUCH_M;
+        let mut found = None;
+        for solid in &self.solids {
+            let [from, to] = solid.places;
+            let now = gap(&self.corners, body_middle, &solid.primitive, to).gap;
+            let before = gap(&self.corners, body_middle, &solid.primitive, from).gap;
+            if from != to && now < deepest && now < before && before > -TOUCH_M {
+                deepest = now;
+                found = Some(solid);
+            }
+        }
+        let Some(solid) = found else {
+            return Point::default();
+        };
+        let by = self.needed(solid, pose);
+        let walls = self.solids.iter();
+        let walls = walls.filter(|solid| solid.places[0] == solid.places[1]);
+        let mut alone = Step::new(self.footprint, pose);
+        alone.solids = walls
+            .map(|solid| {
+                let stay = gap(
+                    &self.corners,
+                    body_middle,
+                    &solid.primitive,
+                    solid.places[1],
+                );
+                Solid {
+                    stay,
+                    middle_m: distance(body_middle, &solid.primitive, solid.places[1]),
+                    ..solid.clone()
+                }
+            })
+            .collect();
+        let shoved = Motion {
+            start: pose,
+            drift: Point::new(by.x / STEP_S, by.y / STEP_S),
+            ..Motion::default()
+        };
+        let part = alone.blocked(shoved, Motion::slowed);
+        let part = part.map_or(1.0, |(part, _)| part);
+        Point::new(by.x * part, by.y * part)
+    }
+
+    /// The least part of an obstacle's own way that takes a body at `pose` out of its way.
+    fn needed(&self, solid: &Solid, pose: Pose) -> Point {
+        let [from, to] = solid.places;
+        let by = |part: f64| Point::new((to.x - from.x) * part, (to.y - from.y) * part);
+        let mut corners = Vec::new();
+        let (mut least, mut enough) = (0.0, 1.0);
+        for _ in 0..HALVINGS {
+            let half = 0.5 * (least + enough);
+            let Point { x, y } = by(half);
+            let moved = Pose::new(pose.x + x, pose.y + y, pose.theta);
+            self.footprint.place(moved, &mut corners);
+            let middle = middle(self.footprint, moved);
+            if gap(&corners, middle, &solid.primitive, to).gap < TOUCH_M {
+                least = half;
+            } else {
+                enough = half;
+            }
+        }
+        by(enough)
+    }
+
+    /// Notes obstacles that came to the body by themselves, and surfaces that are still near.
+    fn rest(&mut self, wanted: Motion, motion: Motion) {
+        let pose = motion.pose(STEP_S);
+        self.footprint.place(pose, &mut self.corners);
+        let middle = middle(self.footprint, pose);
+        for solid in &self.solids {
+            let moves = solid.places[0] != solid.places[1];
+            let came = moves && solid.stay.gap < TOUCH_M && solid.stay.gap < solid.began.gap;
+            let now = gap(&self.corners, middle, &solid.primitive, solid.places[1]);
+            if came {
+                let approach = solid.approach(solid.began, wanted, self.start);
+                self.met.push((solid.near(solid.began), approach));
+            } else if now.gap < LEFT_M {
+                self.met.push((solid.near(now), 0.0));
+            }
+        }
+    }
+}
+
+impl Solid {
+    fn near(&self, gap: Gap) -> Near {
+        Near {
+            index: self.index,
+            at: gap.surface,
+            distance: gap.gap,
+        }
+    }
+
+    /// How much closer body and surface come in a step where they are closest.
+    fn approach(&self, there: Gap, wanted: Motion, pose: Pose) -> f64 {
+        let (sin, cos) = libm::sincos(pose.theta);
+        let (ax, ay) = (there.body.x - pose.x, there.body.y - pose.y);
+        let body_x = wanted.speed * cos + wanted.drift.x - wanted.turn * ay;
+        let body_y = wanted.speed * sin + wanted.drift.y + wanted.turn * ax;
+        let [from, to] = self.places;
+        let way_x = body_x * STEP_S - (to.x - from.x);
+        let way_y = body_y * STEP_S - (to.y - from.y);
+        let (nx, ny) = (
+            there.surface.x - there.body.x,
+            there.surface.y - there.body.y,
+        );
+        let length = there.body.distance(there.surface);
+        if length == 0.0 {
+            return Point::default().distance(Point::new(way_x, way_y));
+        }
+        // Within each other the shortest way leads out.
+        let sign = if there.gap < 0.0 { -1.0 } else { 1.0 };
+        (sign * (way_x * nx + way_y * ny) / length).max(0.0)
+    }
+}
+
+fn middle(footprint: &Footprint, pose: Pose) -> Point {
+    pose.offset(footprint.middle().x, footprint.middle().y)
+}
