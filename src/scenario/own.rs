@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use emulators::quantity::{Source as From, Variable};
+use emulators::quantity::{ValueSource, Variable};
 use emulators::registers::{Access, Register, Registers, RegistersConfig, Width};
 use emulators::text::{Command, Periodic, Text, TextConfig, TextError};
 use emulators::world::Wheel;
@@ -221,7 +221,7 @@ fn default_terminator() -> String {
     "\r\n".to_owned()
 }
 
-impl core::convert::From<SourceSpec> for From {
+impl From<SourceSpec> for ValueSource {
     fn from(spec: SourceSpec) -> Self {
         match spec {
             SourceSpec::Stored => Self::Stored,
@@ -299,6 +299,7 @@ impl RegisterSpec {
                 limits: self.limits.unwrap_or(width.limits()),
                 safe: self.safe,
                 source: self.source.into(),
+                drives: None,
             },
         }
     }
@@ -351,6 +352,7 @@ impl VariableSpec {
             limits: self.limits.unwrap_or([i32::MIN.into(), i32::MAX.into()]),
             safe: self.safe,
             source: self.source.into(),
+            drives: None,
         }
     }
 }
