@@ -24,6 +24,7 @@
 pub mod capture;
 pub mod cli;
 pub mod codec;
+mod hex;
 pub mod museum;
 pub mod realtime;
 pub mod rig;

@@ -3,6 +3,9 @@
 
 pub use fuzz::wire;
 
+#[path = "../../src/hex.rs"]
+mod hex;
+
 #[path = "../../src/search/fuzz"]
 mod fuzz {
     pub mod wire;

@@ -6,6 +6,7 @@ use core::time::Duration;
 use protocols::Instant;
 
 use crate::codec::{Found, Protocol, Stream, What};
+use crate::hex::digits;
 use crate::rig::line::Direction;
 
 /// The bytes of one direction of a link, with the time of each piece.
@@ -149,9 +150,12 @@ fn words(protocol: Option<Protocol>, bytes: &[u8], byte: usize) -> String {
 /// Some bytes around `byte`, that one in brackets.
 fn hex(bytes: &[u8], byte: usize) -> String {
     let range = byte.saturating_sub(8)..bytes.len().min(byte + 9);
-    let shown = range.map(|index| match index == byte {
-        true => format!("[{:02X}]", bytes[index]),
-        false => format!("{:02X}", bytes[index]),
+    let shown = range.map(|index| {
+        let digits = digits(&bytes[index..=index]);
+        match index == byte {
+            true => format!("[{digits}]"),
+            false => digits,
+        }
     });
     shown.collect::<Vec<_>>().join(" ")
 }

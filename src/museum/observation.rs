@@ -1,6 +1,7 @@
 use core::fmt::Display;
 
 use crate::codec::{Protocol, Stream, What};
+use crate::hex::pairs;
 
 /// Bytes that passed on a wire.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -101,16 +102,12 @@ const SHOWN_MAX: usize = 40;
 
 /// Bytes in hexadecimal, long ones shortened in the middle.
 pub(super) fn hex(bytes: &[u8]) -> String {
-    let row = |bytes: &[u8]| {
-        let hex = bytes.iter().map(|byte| format!("{byte:02X}"));
-        hex.collect::<Vec<_>>().join(" ")
-    };
     if bytes.len() <= SHOWN_MAX {
-        return row(bytes);
+        return pairs(bytes);
     }
     let (head, tail) = (&bytes[..SHOWN_MAX / 2], &bytes[bytes.len() - 6..]);
     let between = bytes.len() - head.len() - tail.len();
-    format!("{} .. {between} more .. {}", row(head), row(tail))
+    format!("{} .. {between} more .. {}", pairs(head), pairs(tail))
 }
 
 /// What `bytes` say, frame by frame; what is no frame is told as such.
