@@ -25,6 +25,7 @@ pub mod capture;
 pub mod cli;
 pub mod codec;
 mod hex;
+mod html;
 pub mod museum;
 pub mod realtime;
 pub mod rig;
