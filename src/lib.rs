@@ -28,6 +28,7 @@ mod hex;
 mod html;
 pub mod museum;
 pub mod realtime;
+mod registry;
 pub mod rig;
 pub mod robots;
 pub mod run;
@@ -35,6 +36,8 @@ pub mod scenario;
 pub mod search;
 pub mod show;
 pub mod slam;
+
+pub use registry::NameTaken;
 
 /// Name of the tool as written into results.
 pub const TOOL: &str = "hilrig";

@@ -14,7 +14,7 @@ use protocols::avr::ChecksumOrder;
 use protocols::{LineConfig, Port};
 use serde::Serialize;
 
-use crate::codec::Protocol;
+use crate::codec::Codec;
 use crate::rig::fault::FaultId;
 use crate::rig::line::End;
 use crate::rig::{Program, Rig};
@@ -311,7 +311,7 @@ pub fn insert_pc_step(
 }
 
 /// What a link speaks, if it is known.
-pub fn protocol(robot: Robot, rig: &Rig, link: &str) -> Option<Protocol> {
+pub fn protocol(robot: Robot, rig: &Rig, link: &str) -> Option<&'static Codec> {
     match robot {
         Robot::Rescue => rescue::protocol(rig, link),
     }

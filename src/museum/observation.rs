@@ -1,6 +1,6 @@
 use core::fmt::Display;
 
-use crate::codec::{Protocol, Stream, What};
+use crate::codec::{Codec, What};
 use crate::hex::pairs;
 
 /// Bytes that passed on a wire.
@@ -54,8 +54,8 @@ pub struct Observation {
 
 impl Observation {
     /// Notes bytes on the wire.
-    pub(super) fn bytes(&mut self, from: &'static str, protocol: Protocol, bytes: &[u8]) {
-        let words = words(protocol, bytes);
+    pub(super) fn bytes(&mut self, from: &'static str, codec: &'static Codec, bytes: &[u8]) {
+        let words = words(codec, bytes);
         let bytes = bytes.to_vec();
         self.wire.push(Exchange { from, bytes, words });
     }
@@ -111,10 +111,8 @@ pub(super) fn hex(bytes: &[u8]) -> String {
 }
 
 /// What `bytes` say, frame by frame; what is no frame is told as such.
-fn words(protocol: Protocol, bytes: &[u8]) -> String {
-    let mut stream = Stream::new(protocol);
-    let mut found = stream.push(bytes);
-    found.extend(stream.idle());
+fn words(codec: &'static Codec, bytes: &[u8]) -> String {
+    let found = codec.found(bytes);
     let told = found.iter().map(|one| match &one.what {
         What::Frame(words) => words.clone(),
         What::Bad(errors) => {

@@ -228,7 +228,7 @@ impl Stream {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Xv11;
+    use super::super::super::Xv11;
     use super::*;
 
     #[test]
