@@ -1,5 +1,5 @@
 mod follow;
-mod source;
+pub(super) mod source;
 
 use std::io::{self, Write};
 use std::path::PathBuf;
