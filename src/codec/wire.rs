@@ -1,9 +1,9 @@
-//! Fuzzing of the wire formats: any bytes at all become a stream, and every decoder has to keep its
-//! laws on it.
+//! A wire format as the table needs it, and its trial: any bytes at all become a stream, and every
+//! decoder has to keep its laws on it.
 //!
 //! The same functions serve `hilrig fuzz`, the coverage-guided targets of the folder `fuzz`, the
-//! bench, and the replay of the corpus in the tests. They know nothing but the wire formats, so
-//! that an instrumented build of them is small.
+//! bench, and the replay of the corpus in the tests. With the table they know nothing but the wire
+//! formats, so that an instrumented build of them is small.
 
 mod choices;
 mod laws;
