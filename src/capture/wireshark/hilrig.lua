@@ -41,9 +41,9 @@ end
 
 -- Formats ----------------------------------------------------------------------------------------
 --
--- judge(s) says how long the frame at the start of s is; 0 for none, nil for "more". tell(s) returns
--- a title and a list of { field, value }. Each row: name, judge, tell, seconds of silence after which
--- half a frame is given up.
+-- judge(s) says how long the frame at the start of s is; 0 for none, nil for "more". tell(s)
+-- returns a title and a list of { field, value }. Each row: name, judge, tell, seconds of silence
+-- after which half a frame is given up.
 
 --@SOURCES
 local FORMATS = {
