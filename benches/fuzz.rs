@@ -10,9 +10,10 @@ use core::time::Duration;
 use std::path::Path;
 use std::process::ExitCode;
 
+use hilrig::codec::wire::{Stream, Target, Wire};
+use hilrig::codec::{self, Avr, LowFirst, Pcui, Xv11};
 use hilrig::run::Run;
 use hilrig::scenario::{Scenario, Span};
-use hilrig::search::fuzz::wire::{Avr, LowFirst, Pcui, Stream, Target, Wire, Xv11};
 use hilrig::search::fuzz::{Behaviour, programs};
 use rustix::time::{ClockId, clock_gettime};
 
@@ -28,7 +29,7 @@ fn numbers(seed: u64, count: usize) -> Vec<u8> {
 }
 
 fn target(name: &str) -> &'static Target {
-    Target::named(name).expect("listed")
+    codec::target(name).expect("listed")
 }
 
 fn cpu_time() -> Duration {

@@ -24,6 +24,8 @@
 pub mod capture;
 pub mod cli;
 pub mod codec;
+mod hex;
+mod html;
 pub mod museum;
 pub mod realtime;
 mod registry;
@@ -34,6 +36,8 @@ pub mod scenario;
 pub mod search;
 pub mod show;
 pub mod slam;
+
+pub use registry::NameTaken;
 
 /// Name of the tool as written into results.
 pub const TOOL: &str = "hilrig";

@@ -1,80 +1,115 @@
-//! Things known by name, ours and those of other crates: robots, kinds of devices, codecs.
+//! Lists of things with names that come with the tool and that others may add to.
+//!
+//! A list only grows, and what is in it stays for as long as the process lives: so a handle is a
+//! plain `&'static T` that is copied, compared and kept without anybody owning it. The order is
+//! always the same: what is built in first, then what was added, as it was added.
 
 use core::fmt;
-use std::sync::{PoisonError, RwLock};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Values by name, in a fixed order: the built-in ones, then others as they were added. Nothing is
-/// ever taken out, so that a name goes on meaning the same.
-pub(crate) struct Registry<T: ?Sized + Sync + 'static> {
-    built_in: &'static [&'static T],
-    name: fn(&T) -> &'static str,
-    added: RwLock<Vec<&'static T>>,
+/// What a [`Registry`] can hold.
+pub(crate) trait Named {
+    /// As on the command line and in files.
+    fn name(&self) -> &str;
 }
 
-/// There is one of this name already.
+/// A list of things with names, process-wide if it is a `static`.
+pub(crate) struct Registry<T: ?Sized + 'static> {
+    built_in: &'static [&'static T],
+    added: Mutex<Vec<&'static T>>,
+}
+
+impl<T: ?Sized + Named> Registry<T> {
+    /// A list of what is built in, whose names differ.
+    pub(crate) const fn new(built_in: &'static [&'static T]) -> Self {
+        let added = Mutex::new(Vec::new());
+        Self { built_in, added }
+    }
+
+    /// All, in their order.
+    pub(crate) fn all(&self) -> Vec<&'static T> {
+        [self.built_in, &self.added()[..]].concat()
+    }
+
+    /// The one called `name`.
+    pub(crate) fn find(&self, name: &str) -> Option<&'static T> {
+        self.all().into_iter().find(|one| one.name() == name)
+    }
+
+    /// All names in the order of the alphabet, as a message lists them.
+    pub(crate) fn names(&self) -> Vec<&'static str> {
+        let mut names: Vec<_> = self.all().into_iter().map(Named::name).collect();
+        names.sort_unstable();
+        names
+    }
+
+    /// Adds `one` behind the others.
+    ///
+    /// # Errors
+    /// If there is one of its name.
+    pub(crate) fn register(&self, one: Box<T>) -> Result<&'static T, NameTaken> {
+        let mut added = self.added();
+        let mut others = self.built_in.iter().chain(added.iter());
+        if others.any(|other| other.name() == one.name()) {
+            return Err(NameTaken::new(one.name()));
+        }
+        let one: &'static T = Box::leak(one);
+        added.push(one);
+        Ok(one)
+    }
+
+    /// A panic elsewhere cannot have left the list half changed.
+    fn added(&self) -> MutexGuard<'_, Vec<&'static T>> {
+        self.added.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Something with this name is there already.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NameTaken {
     /// The name.
-    pub name: &'static str,
+    pub name: String,
+}
+
+impl NameTaken {
+    pub(crate) fn new(name: &str) -> Self {
+        let name = name.to_owned();
+        Self { name }
+    }
 }
 
 impl fmt::Display for NameTaken {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "\"{}\" is taken, expected another name", self.name)
+        write!(f, "there is something called \"{}\" already", self.name)
     }
 }
 
 impl core::error::Error for NameTaken {}
 
-impl<T: ?Sized + Sync + 'static> Registry<T> {
-    /// The built-in values; `name` tells how each is called.
-    pub(crate) const fn new(built_in: &'static [&'static T], name: fn(&T) -> &'static str) -> Self {
-        Self {
-            built_in,
-            name,
-            added: RwLock::new(Vec::new()),
-        }
-    }
-
-    /// All of them.
-    pub(crate) fn all(&self) -> Vec<&'static T> {
-        let added = self.added.read().unwrap_or_else(PoisonError::into_inner);
-        self.built_in.iter().chain(added.iter()).copied().collect()
-    }
-
-    /// The one called `name`.
-    pub(crate) fn find(&self, name: &str) -> Option<&'static T> {
-        self.all().into_iter().find(|one| (self.name)(one) == name)
-    }
-
-    /// Adds one for the rest of the process.
-    ///
-    /// # Errors
-    /// If there is one of that name already, even the same.
-    pub(crate) fn add(&self, one: &'static T) -> Result<(), NameTaken> {
-        let name = (self.name)(one);
-        let mut added = self.added.write().unwrap_or_else(PoisonError::into_inner);
-        let mut known = self.built_in.iter().chain(added.iter());
-        if known.any(|other| (self.name)(other) == name) {
-            return Err(NameTaken { name });
-        }
-        added.push(one);
-        Ok(())
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    struct Thing(&'static str);
+
+    impl Named for Thing {
+        fn name(&self) -> &str {
+            self.0
+        }
+    }
+
     #[test]
-    fn what_was_added_comes_last_and_no_name_twice() {
-        static NAMES: Registry<str> = Registry::new(&["b"], |_| "b");
-        assert_eq!(NAMES.find("b"), Some("b"));
-        assert_eq!(NAMES.add("b"), Err(NameTaken { name: "b" }));
-        let numbers: Registry<(&'static str, u8)> = Registry::new(&[&("z", 1)], |one| one.0);
-        assert_eq!(numbers.add(&("a", 2)), Ok(()));
-        assert!(numbers.add(&("a", 3)).is_err());
-        assert_eq!(numbers.all(), [&("z", 1), &("a", 2)]);
+    fn what_is_added_comes_behind_what_is_built_in_and_names_are_unique() {
+        let list = Registry::new(&[&Thing("m"), &Thing("b")]);
+        let added = list.register(Box::new(Thing("k"))).expect("a new name");
+        assert!(core::ptr::eq(added, list.find("k").expect("added")));
+        for taken in ["k", "b"] {
+            let refused = list.register(Box::new(Thing(taken)));
+            assert_eq!(refused.err(), Some(NameTaken::new(taken)));
+        }
+        let order: Vec<_> = list.all().iter().map(|thing| thing.0).collect();
+        assert_eq!(order, ["m", "b", "k"]);
+        assert_eq!(list.names(), ["b", "k", "m"]);
+        assert!(list.find("x").is_none());
     }
 }

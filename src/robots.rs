@@ -28,7 +28,7 @@ pub use scan::{Beam, ScanDecoder};
 pub use station::{Gesture, Hand, RemoteStation, Station, StationView};
 
 pub use crate::registry::NameTaken;
-use crate::registry::Registry;
+use crate::registry::{Named, Registry};
 use crate::rig::fault::FaultId;
 use crate::rig::line::End;
 use crate::rig::{Program, Rig};
@@ -89,14 +89,20 @@ pub trait Robot: Sync {
     }
 }
 
-static ROBOTS: Registry<dyn Robot> = Registry::new(&[&rescue::RescueRobot], |robot| robot.name());
+impl Named for dyn Robot {
+    fn name(&self) -> &str {
+        Robot::name(self)
+    }
+}
+
+static ROBOTS: Registry<dyn Robot> = Registry::new(&[&rescue::RescueRobot]);
 
 /// Makes a robot known to all scenarios of this process.
 ///
 /// # Errors
 /// If there is a robot of that name.
-pub fn register(robot: &'static dyn Robot) -> Result<(), NameTaken> {
-    ROBOTS.add(robot)
+pub fn register(robot: impl Robot + 'static) -> Result<(), NameTaken> {
+    ROBOTS.register(Box::new(robot)).map(drop)
 }
 
 /// All robots, the built-in ones first.
@@ -115,8 +121,8 @@ pub fn find(name: &str) -> Option<&'static dyn Robot> {
 /// If nobody knows it.
 pub fn of(scenario: &Scenario, source: &Source) -> Result<&'static dyn Robot, ScenarioError> {
     ROBOTS.find(&scenario.robot).ok_or_else(|| {
-        let known: Vec<&str> = all().iter().map(|robot| robot.name()).collect();
-        let message = format!("is \"{}\", expected {}", scenario.robot, known.join(", "));
+        let known = ROBOTS.names().join(", ");
+        let message = format!("is \"{}\", expected one of {known}", scenario.robot);
         source.invalid(source.find("robot"), "robot", message)
     })
 }

@@ -1,7 +1,7 @@
 #![no_main]
-//! See `Target` in src/search/fuzz/wire.rs.
+//! See `Target` in src/codec/wire.rs.
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| {
-    let target = hilrig_fuzz::wire::Target::named("avr-high-first").expect("listed");
+    let target = hilrig_fuzz::codec::target("avr-high-first").expect("listed");
     target.fuzz(data);
 });

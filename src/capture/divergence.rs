@@ -5,7 +5,8 @@ use core::time::Duration;
 
 use protocols::Instant;
 
-use crate::codec::{Found, Protocol, Stream, What};
+use crate::codec::{self, Codec, Found, What};
+use crate::hex::digits;
 use crate::rig::line::Direction;
 
 /// The bytes of one direction of a link, with the time of each piece.
@@ -88,8 +89,8 @@ pub fn compare(
     let pairs = expected.bytes.iter().zip(&got.bytes);
     let same = pairs.take_while(|(expected, got)| expected == got).count();
     let at = expected.time_of(same).or_else(|| got.time_of(same))?;
-    let protocol = Protocol::guess(&expected.bytes).or_else(|| Protocol::guess(&got.bytes));
-    let frame = |track: &Track| words(protocol, &track.bytes, same);
+    let codec = codec::guess(&expected.bytes).or_else(|| codec::guess(&got.bytes));
+    let frame = |track: &Track| words(codec, &track.bytes, same);
     Some(Divergence {
         link: link.to_owned(),
         direction,
@@ -109,21 +110,20 @@ const AROUND: usize = 4096;
 const WORDS_MAX: usize = 200;
 
 /// What `byte` of `bytes` is part of.
-fn words(protocol: Option<Protocol>, bytes: &[u8], byte: usize) -> String {
+fn words(codec: Option<&'static Codec>, bytes: &[u8], byte: usize) -> String {
     if byte >= bytes.len() {
         return "nothing more".to_owned();
     }
     let start = byte.saturating_sub(AROUND);
     let part = &bytes[start..bytes.len().min(byte + AROUND)];
-    let Some(protocol) = protocol else {
+    let Some(codec) = codec else {
         return format!("no known protocol: {}", hex(part, byte - start));
     };
-    let mut stream = Stream::new(protocol);
-    let mut found = stream.push(part);
-    found.extend(stream.idle());
     let place = (byte - start) as u64;
-    let Some(Found { bytes: range, what }) =
-        found.into_iter().find(|found| found.bytes.contains(&place))
+    let Some(Found { bytes: range, what }) = codec
+        .found(part)
+        .into_iter()
+        .find(|found| found.bytes.contains(&place))
     else {
         return format!("no frame: {}", hex(part, byte - start));
     };
@@ -134,10 +134,10 @@ fn words(protocol: Option<Protocol>, bytes: &[u8], byte: usize) -> String {
         What::Frame(words) => {
             let short: String = words.chars().take(WORDS_MAX).collect();
             let more = if short.len() < words.len() { ".." } else { "" };
-            format!("{short}{more} ({} frame, {place})", protocol.name())
+            format!("{short}{more} ({} frame, {place})", codec.name())
         }
         What::Bad(errors) => {
-            let mut text = format!("no {} frame ({place})", protocol.name());
+            let mut text = format!("no {} frame ({place})", codec.name());
             for error in errors {
                 text += &format!("; {error}");
             }
@@ -149,9 +149,12 @@ fn words(protocol: Option<Protocol>, bytes: &[u8], byte: usize) -> String {
 /// Some bytes around `byte`, that one in brackets.
 fn hex(bytes: &[u8], byte: usize) -> String {
     let range = byte.saturating_sub(8)..bytes.len().min(byte + 9);
-    let shown = range.map(|index| match index == byte {
-        true => format!("[{:02X}]", bytes[index]),
-        false => format!("{:02X}", bytes[index]),
+    let shown = range.map(|index| {
+        let digits = digits(&bytes[index..=index]);
+        match index == byte {
+            true => format!("[{digits}]"),
+            false => digits,
+        }
     });
     shown.collect::<Vec<_>>().join(" ")
 }

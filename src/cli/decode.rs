@@ -1,17 +1,17 @@
 mod follow;
-mod source;
+pub(super) mod source;
 
 use std::io::{self, Write};
 use std::path::PathBuf;
 
 use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use protocols::Instant;
 
 use super::{CliError, Verdict};
 use crate::capture::decode::diagnose::{Line, diagnose};
-use crate::capture::decode::summary::Lidar;
 use crate::capture::decode::transcript::{Entry, Sum, Transcript};
-use crate::codec::Protocol;
+use crate::codec::{self, Codec};
 use crate::scenario::Span;
 use source::{Lane, Source, lanes};
 
@@ -33,8 +33,8 @@ pub(super) struct DecodeArgs {
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// Protocol of the bytes [default: the one with the most sound frames, for each line]
-    #[arg(long)]
-    protocol: Option<Protocol>,
+    #[arg(long, value_parser = codec_parser())]
+    protocol: Option<&'static Codec>,
     /// Only this link of a capture
     #[arg(long, value_name = "NAME")]
     link: Option<String>,
@@ -51,6 +51,14 @@ pub(super) struct DecodeArgs {
     /// End a --follow by itself after this time, e.g. 60s or 5min
     #[arg(long, value_name = "TIME", requires = "follow")]
     duration: Option<Span>,
+}
+
+/// One of the table, by its name; the help lists them all.
+fn codec_parser() -> impl TypedValueParser<Value = &'static Codec> {
+    let rows = codec::all().into_iter();
+    let values = rows.map(|row| PossibleValue::new(row.name()).help(row.about()));
+    PossibleValuesParser::new(values)
+        .map(|name| codec::find(&name).expect("rows are never taken out of the table"))
 }
 
 pub(super) fn run(args: DecodeArgs) -> Result<Verdict, CliError> {
@@ -111,7 +119,7 @@ fn tell(args: &DecodeArgs, out: &mut dyn Write) -> Result<(), Failure> {
     if source.start.is_none() && protocol.is_none() {
         // Of a dump all is known, so all of it says what it is.
         let dump = source.capture.records.first();
-        protocol = dump.and_then(|dump| Protocol::guess(&dump.bytes));
+        protocol = dump.and_then(|dump| codec::guess(&dump.bytes));
     }
     let mut transcript = Transcript::new(protocol);
     for record in &source.capture.records {
@@ -131,8 +139,8 @@ fn tell(args: &DecodeArgs, out: &mut dyn Write) -> Result<(), Failure> {
         say_sum(&sum, names[sum.link]);
     }
     for lane in lanes(&source.capture, wanted) {
-        let protocol = args.protocol.or_else(|| Protocol::guess(&lane.bytes));
-        if let Some(figures) = figures(protocol, &lane.bytes) {
+        let codec = args.protocol.or_else(|| codec::guess(&lane.bytes));
+        if let Some(figures) = codec.and_then(|codec| codec.figures(&lane.bytes)) {
             eprintln!("{figures}");
         }
     }
@@ -156,38 +164,30 @@ fn tell_entry(
 
 fn say_sum(sum: &Sum, name: &str) {
     let (direction, bytes, framed) = (sum.direction.name(), sum.bytes, sum.framed);
-    match sum.protocol {
-        Some(protocol) => eprintln!(
+    match sum.codec {
+        Some(codec) => eprintln!(
             "{name} {direction}: {bytes} bytes of {}, {framed} of them in sound frames",
-            protocol.name()
+            codec.name()
         ),
         None => eprintln!("{name} {direction}: {bytes} bytes, no frame of any known protocol"),
-    }
-}
-
-fn figures(protocol: Option<Protocol>, bytes: &[u8]) -> Option<Lidar> {
-    match protocol? {
-        Protocol::Xv11 => Some(Lidar::of_packets(bytes)),
-        Protocol::Xv11Turn => Some(Lidar::of_turns(bytes)),
-        _ => None,
     }
 }
 
 fn tell_sums(args: &DecodeArgs, lanes: &[Lane], out: &mut dyn Write) -> Result<(), Failure> {
     for lane in lanes {
         let (name, len) = (&lane.name, lane.bytes.len());
-        let protocol = args.protocol.or_else(|| Protocol::guess(&lane.bytes));
-        let Some(protocol) = protocol else {
+        let codec = args.protocol.or_else(|| codec::guess(&lane.bytes));
+        let Some(codec) = codec else {
             writeln!(out, "{name}: {len} bytes, no frame of any known protocol")?;
             continue;
         };
-        let framed = protocol.framed(&lane.bytes);
-        let of = protocol.name();
+        let framed = codec.framed(&lane.bytes);
+        let of = codec.name();
         writeln!(
             out,
             "{name}: {len} bytes of {of}, {framed} of them in sound frames"
         )?;
-        if let Some(figures) = figures(Some(protocol), &lane.bytes) {
+        if let Some(figures) = codec.figures(&lane.bytes) {
             writeln!(out, "{figures}")?;
         }
     }
@@ -200,7 +200,7 @@ fn tell_damages(args: &DecodeArgs, lanes: &[Lane], out: &mut dyn Write) -> Resul
         let damages = diagnose(&Line {
             bytes: &lane.bytes,
             opposite: opposite.map_or(&[], |other| &other.bytes),
-            protocol: args.protocol,
+            codec: args.protocol,
             framing_errors: lane.framing_errors,
         });
         let name = &lane.name;

@@ -4,7 +4,9 @@ use clap::{Args, Subcommand};
 use emulators::xv11::Profile;
 use emulators::xv11::fidelity::{Column, Comparison, Limit, compare, hand_in_box};
 
+use super::decode::source::{Lane, Source, lanes};
 use super::{CliError, Verdict};
+use crate::codec::{XV11, XV11_TURN};
 
 /// Lay an emulated device beside the real one, figure by figure.
 #[derive(Debug, Args)]
@@ -31,7 +33,7 @@ enum Device {
 /// happened before it.
 #[derive(Debug, Args)]
 struct Xv11 {
-    /// Bytes as a real sensor sent them [default: the published figures of the capture above]
+    /// Bytes as a real sensor sent them, or a pcapng capture with them [default: the published figures of the capture above]
     #[arg(long, value_name = "FILE")]
     capture: Option<PathBuf>,
     /// What is held against it: `emulated`, another capture, or `none`
@@ -92,11 +94,20 @@ pub(super) fn run(args: Fidelity) -> Result<Verdict, CliError> {
     })
 }
 
+/// What the lidar sent: all of a file of bytes; of a capture the line with the most of it.
+fn lidar_bytes(path: &Path) -> Result<Vec<u8>, CliError> {
+    let source = Source::read(path)?;
+    let lanes = lanes(&source.capture, |_| true);
+    let framed = |lane: &Lane| [&XV11, &XV11_TURN].map(|row| row.framed(&lane.bytes));
+    let best = lanes
+        .into_iter()
+        .max_by_key(|lane| framed(lane).into_iter().max());
+    Ok(best.map(|lane| lane.bytes).unwrap_or_default())
+}
+
 /// The figures of the capture in `path`. A file without a single packet or turn is none.
 fn read(path: &Path) -> Result<Column, CliError> {
-    let bytes = std::fs::read(path).map_err(|error| {
-        CliError::Other(format!("cannot read capture {}: {error}", path.display()))
-    })?;
+    let bytes = lidar_bytes(path)?;
     let column = Column::of(&bytes);
     let counts = ["packets", "turns of 1446 bytes"];
     let frames = column

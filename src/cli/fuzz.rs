@@ -11,11 +11,9 @@ use protocols::Instant;
 
 use super::stop::Stop;
 use super::{CliError, Verdict};
-use crate::codec::Protocol;
 use crate::realtime::clock::{Clock, WallClock};
 use crate::run::Run;
 use crate::scenario::{Scenario, Span};
-use crate::search::fuzz::wire::Target;
 use crate::search::fuzz::{
     self, Folder, FolderError, Found, Fuzzer, Missions, Plan, Round, Subject, Wires,
 };
@@ -149,25 +147,16 @@ fn of_scenario(args: &FuzzArgs, path: &Path) -> Result<Box<dyn Subject>, CliErro
     let Some(link) = &args.link else {
         return Ok(Box::new(Missions::new(scenario, source, args.vary)));
     };
-    let target = match run.instruments().codec(&run.rig, link) {
-        Some(Protocol::Xv11) => "xv11",
-        Some(Protocol::Xv11Turn) => "xv11-turns",
-        Some(Protocol::Bus) => "avr-low-first",
-        Some(Protocol::BusHighFirst) => "avr-high-first",
-        Some(Protocol::Pcui) => "pcui",
-        Some(Protocol::Panel) => "panel",
-        None => {
-            let links: Vec<&str> = run.rig.links().iter().map(|link| &*link.name).collect();
-            let text = format!(
-                "--link {link}: no wire format that can be fuzzed, the links of {} are {}",
-                path.display(),
-                links.join(", ")
-            );
-            return Err(CliError::Other(text));
-        }
-    };
-    let target = Target::named(target).expect("a name of the list");
-    Ok(Box::new(Wires(target)))
+    if let Some(codec) = run.instruments().codec(&run.rig, link) {
+        return Ok(Box::new(Wires(codec.target())));
+    }
+    let links: Vec<&str> = run.rig.links().iter().map(|link| &*link.name).collect();
+    let text = format!(
+        "--link {link}: no wire format that can be fuzzed, the links of {} are {}",
+        path.display(),
+        links.join(", ")
+    );
+    Err(CliError::Other(text))
 }
 
 /// Runs the case in `file`.

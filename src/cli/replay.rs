@@ -16,6 +16,7 @@ use crate::capture::divergence::Divergence;
 use crate::capture::replay::{
     Pace, Playback, PlayedSide, Recorded, Replay, Replayed, Socket, Voice, scenario_of,
 };
+use crate::hex::pairs;
 use crate::realtime::clock::{Clock, WallClock};
 use crate::scenario::{Scenario, Source, Span};
 
@@ -285,7 +286,7 @@ fn step(playback: &mut Playback<WallClock>, lines: &Receiver<()>) -> bool {
     match lines.try_recv() {
         Ok(()) => match playback.step() {
             Some((at, link, bytes)) => {
-                println!("{at} {link} {}", hex(&bytes));
+                println!("{at} {link} {}", pairs(&bytes));
                 true
             }
             None => false,
@@ -304,9 +305,4 @@ fn lines_of_stdin() -> Receiver<()> {
             .for_each(|_| {});
     });
     lines
-}
-
-fn hex(bytes: &[u8]) -> String {
-    let bytes: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
-    bytes.join(" ")
 }

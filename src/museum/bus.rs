@@ -10,7 +10,7 @@ use protocols::{Decode, pcui};
 
 use super::robot::{MS, Robot, config};
 use super::{Bug, Observation, Variant};
-use crate::codec::Protocol;
+use crate::codec::{BUS_HIGH_FIRST, PCUI};
 
 const MASTER: &str = "robot's program, bus";
 
@@ -114,15 +114,14 @@ impl Line {
         let mut buf = [0; 64];
         let len = self.link.transmit(&mut buf);
         if len > 0 {
-            self.seen
-                .bytes("master", Protocol::BusHighFirst, &buf[..len]);
+            self.seen.bytes("master", &BUS_HIGH_FIRST, &buf[..len]);
             self.requests += 1;
         }
     }
 
     fn reply(&mut self, bytes: &[u8]) {
         self.now += Duration::from_micros(250);
-        self.seen.bytes("base", Protocol::BusHighFirst, bytes);
+        self.seen.bytes("base", &BUS_HIGH_FIRST, bytes);
         self.link.receive(self.now, bytes);
         self.transmit();
     }
@@ -265,7 +264,7 @@ fn ma_10(variant: Variant) -> Observation {
     let mut states = frames.iter().filter(|frame| frame.id() == *b"STA");
     let mut speed = 0;
     if let Some(frame) = states.next_back() {
-        robot.seen.bytes("robot", Protocol::Pcui, frame.as_bytes());
+        robot.seen.bytes("robot", &PCUI, frame.as_bytes());
         if let Ok(Message::State(state)) = frame.message() {
             speed = state.speed_mm_s[0];
         }

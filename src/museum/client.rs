@@ -10,7 +10,7 @@ use protocols::pcui::{FRAME_MAX, message::Waypoint};
 use protocols::{Instant, LineEvent};
 
 use super::{Bug, Observation, Variant};
-use crate::codec::Protocol;
+use crate::codec::PCUI;
 use crate::robots::rescue::pc_action;
 use crate::robots::rescue::pc_program::fielded::Client;
 use crate::robots::rescue::pc_program::{self, Gesture};
@@ -122,7 +122,7 @@ impl Desk {
 
     /// Hears bytes of the robot.
     fn hear(&mut self, bytes: &[u8]) {
-        self.seen.bytes("robot", Protocol::Pcui, bytes);
+        self.seen.bytes("robot", &PCUI, bytes);
         self.take(bytes);
     }
 
@@ -180,7 +180,7 @@ impl Desk {
     /// Notes what was sent, or why nothing was.
     fn note_sent(&mut self, sent: &Result<Vec<u8>, String>) {
         match sent {
-            Ok(bytes) => self.seen.bytes("PC", Protocol::Pcui, bytes),
+            Ok(bytes) => self.seen.bytes("PC", &PCUI, bytes),
             Err(why) => self.seen.figure("the person is told", why),
         }
     }

@@ -12,7 +12,7 @@ use protocols::{Decode, FrameError, Instant, pcui, xv11};
 
 use super::robot::{MS, Robot, config, packet, packet_at, range};
 use super::{Bug, Observation, Variant};
-use crate::codec::Protocol;
+use crate::codec::{PCUI, XV11};
 
 const LIDAR: &str = "robot's program, lidar";
 
@@ -118,7 +118,7 @@ fn read(variant: Variant, id: &str, bytes: &[u8]) -> Read {
 fn xv_01(variant: Variant) -> Observation {
     let mut seen = Observation::default();
     let bytes = [0, 1].map(|index| *packet(index, range(1000)).as_bytes());
-    seen.bytes("lidar", Protocol::Xv11, bytes.as_flattened());
+    seen.bytes("lidar", &XV11, bytes.as_flattened());
     let read = read(variant, "XV-01", bytes.as_flattened());
     seen.figure("packets that pass", read.packets.len());
     let computed = match read.errors.first() {
@@ -134,7 +134,7 @@ fn xv_02(variant: Variant) -> Observation {
     let mut seen = Observation::default();
     let mut bytes = *packet(0, range(1000)).as_bytes();
     bytes[5] ^= 0x20;
-    seen.bytes("lidar", Protocol::Xv11, &bytes);
+    seen.bytes("lidar", &XV11, &bytes);
     let read = read(variant, "XV-02", &bytes);
     let readings = read.packets.first().map(xv11::Frame::readings);
     let distance = match readings {
@@ -156,7 +156,7 @@ fn xv_03(variant: Variant) -> Observation {
     for index in [0xFA, 0xFF, 0x00, 0x9F] {
         let mut bytes = *packet(0, range(1000)).as_bytes();
         bytes[1] = index;
-        seen.bytes("lidar", Protocol::Xv11, &bytes);
+        seen.bytes("lidar", &XV11, &bytes);
         let stray = read(variant, "XV-03", &bytes).intake.stray_writes();
         places.extend((stray.count > 0).then(|| stray.first.to_string()));
     }
@@ -176,7 +176,7 @@ fn xv_04(variant: Variant) -> Observation {
         .collect();
     let stream = turn.repeat(21);
     let joined = &stream[5..];
-    seen.bytes("lidar", Protocol::Xv11, &joined[..60]);
+    seen.bytes("lidar", &XV11, &joined[..60]);
     let read = read(variant, "XV-04", joined);
     let stray = read.intake.stray_writes();
     seen.figure("packets of 21 turns taken", read.packets.len());
@@ -254,7 +254,7 @@ fn xv_06(variant: Variant) -> Observation {
     let mut seen = Observation::default();
     let mut bytes = *packet(0, range(1000)).as_bytes();
     bytes[20] ^= 1;
-    seen.bytes("lidar", Protocol::Xv11, &bytes);
+    seen.bytes("lidar", &XV11, &bytes);
     seen.figure("of 5 turns without packet 0 used", turns);
     seen.judged(turns == 0)
 }
@@ -313,7 +313,7 @@ fn xv_09(variant: Variant) -> Observation {
     let damaged = send(&mut robot, 1);
     robot.run(60 * MS);
     let after = robot.duty;
-    robot.seen.bytes("lidar", Protocol::Xv11, &damaged);
+    robot.seen.bytes("lidar", &XV11, &damaged);
     robot
         .seen
         .figure("duty before, of 255", before.unwrap_or(0));
@@ -333,7 +333,7 @@ fn xv_10(variant: Variant) -> Observation {
     feed(&mut assembler, 0, weak, &[]);
     let distance = assembler.turn().distances_mm[0];
     let mut seen = Observation::default();
-    seen.bytes("lidar", Protocol::Xv11, packet(0, weak).as_bytes());
+    seen.bytes("lidar", &XV11, packet(0, weak).as_bytes());
     seen.figure("distance believed (0: none), mm", distance);
     seen.judged(distance == 0)
 }
@@ -348,7 +348,7 @@ fn xv_11(variant: Variant) -> Observation {
     robot.run(Duration::from_secs(2));
     robot
         .seen
-        .bytes("lidar", Protocol::Xv11, packet(0, nothing).as_bytes());
+        .bytes("lidar", &XV11, packet(0, nothing).as_bytes());
     let set_points = robot.note_set_points("set-points with every beam invalid");
     robot.judged(set_points == [20, 20])
 }
@@ -370,7 +370,7 @@ fn xv_12(variant: Variant) -> Observation {
         .take(60)
         .copied()
         .collect::<Vec<_>>();
-    robot.seen.bytes("robot", Protocol::Pcui, &shown);
+    robot.seen.bytes("robot", &PCUI, &shown);
     robot.seen.figure("frames", frames);
     robot.seen.figure("bytes that are no frame", strays);
     robot.judged(strays > 1000)

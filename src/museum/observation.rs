@@ -1,6 +1,7 @@
 use core::fmt::Display;
 
-use crate::codec::{Protocol, Stream, What};
+use crate::codec::{Codec, What};
+use crate::hex::pairs;
 
 /// Bytes that passed on a wire.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -53,8 +54,8 @@ pub struct Observation {
 
 impl Observation {
     /// Notes bytes on the wire.
-    pub(super) fn bytes(&mut self, from: &'static str, protocol: Protocol, bytes: &[u8]) {
-        let words = words(protocol, bytes);
+    pub(super) fn bytes(&mut self, from: &'static str, codec: &'static Codec, bytes: &[u8]) {
+        let words = words(codec, bytes);
         let bytes = bytes.to_vec();
         self.wire.push(Exchange { from, bytes, words });
     }
@@ -101,23 +102,17 @@ const SHOWN_MAX: usize = 40;
 
 /// Bytes in hexadecimal, long ones shortened in the middle.
 pub(super) fn hex(bytes: &[u8]) -> String {
-    let row = |bytes: &[u8]| {
-        let hex = bytes.iter().map(|byte| format!("{byte:02X}"));
-        hex.collect::<Vec<_>>().join(" ")
-    };
     if bytes.len() <= SHOWN_MAX {
-        return row(bytes);
+        return pairs(bytes);
     }
     let (head, tail) = (&bytes[..SHOWN_MAX / 2], &bytes[bytes.len() - 6..]);
     let between = bytes.len() - head.len() - tail.len();
-    format!("{} .. {between} more .. {}", row(head), row(tail))
+    format!("{} .. {between} more .. {}", pairs(head), pairs(tail))
 }
 
 /// What `bytes` say, frame by frame; what is no frame is told as such.
-fn words(protocol: Protocol, bytes: &[u8]) -> String {
-    let mut stream = Stream::new(protocol);
-    let mut found = stream.push(bytes);
-    found.extend(stream.idle());
+fn words(codec: &'static Codec, bytes: &[u8]) -> String {
+    let found = codec.found(bytes);
     let told = found.iter().map(|one| match &one.what {
         What::Frame(words) => words.clone(),
         What::Bad(errors) => {

@@ -11,7 +11,7 @@ use protocols::xv11::{self, RawReading, Reading, SpeedWord};
 use protocols::{Decode, Instant};
 
 use super::{Observation, Variant};
-use crate::codec::Protocol;
+use crate::codec::PCUI;
 
 pub(super) const MS: Duration = Duration::from_millis(1);
 
@@ -161,7 +161,7 @@ impl Robot {
 
     /// The PC sends `bytes`.
     pub(super) fn tell(&mut self, bytes: &[u8]) {
-        self.seen.bytes("PC", Protocol::Pcui, bytes);
+        self.seen.bytes("PC", &PCUI, bytes);
         self.program.receive(Rescue::RADIO, self.now, bytes);
     }
 

@@ -12,7 +12,7 @@ use serde::Serialize;
 use super::checker::Checker;
 use super::scan::ScanDecoder;
 use super::station::Station;
-use crate::codec::Protocol;
+use crate::codec::Codec;
 use crate::rig::Rig;
 
 /// Something that the robot is told to do and does: a wheel, a steering, a gripper.
@@ -185,7 +185,7 @@ pub trait Instruments {
     }
 
     /// What a link speaks, if it is known.
-    fn codec(&self, _rig: &Rig, _link: &str) -> Option<Protocol> {
+    fn codec(&self, _rig: &Rig, _link: &str) -> Option<&'static Codec> {
         None
     }
 

@@ -20,7 +20,6 @@ mod havoc;
 mod missions;
 mod session;
 mod subject;
-pub mod wire;
 mod wires;
 
 pub use engine::{Found, Fuzzer, Round, silence_panics};

@@ -12,6 +12,7 @@ mod text;
 use core::time::Duration;
 
 use crate::TOOL;
+use crate::html::escape;
 use crate::rig::Logged;
 use crate::rig::trace;
 use crate::run::Outcome;
@@ -19,7 +20,7 @@ use crate::run::check::Status;
 use crate::scenario::FaultSpec;
 use crate::show::folder::Metrics;
 use crate::show::view;
-use text::{escape, with_jumps};
+use text::with_jumps;
 
 const SCRIPT: &str = include_str!("report/report.js");
 const STYLE: &str = include_str!("report/report.css");

@@ -236,7 +236,7 @@ fn the_real_captures_have_the_figures_of_an_independent_count() {
                        117 x 0x22, 12 x 0x50, 1996 x 0x52";
     let hand_in_box = [
         "252146 bytes of xv11",
-        "11451 good frames, 1 bad-checksum candidates, 203 bytes outside frames",
+        "11451 good frames, 1 bad-checksum candidates, 224 bytes outside frames",
         "rpm min 49.80 median 296.92 mean",
         "max 351.12",
         "index steps: 10938 x 1, 258 x 46, 240 x 45, ",

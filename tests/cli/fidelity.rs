@@ -1,5 +1,9 @@
 //! `hilrig fidelity`: both columns, and an exit code that a script can trust.
 
+use hilrig::capture::{Interface, Kind, Record, Section};
+use hilrig::rig::line::Direction;
+use protocols::Instant;
+
 use super::captures::capture;
 use super::{Session, text};
 
@@ -91,6 +95,49 @@ fn a_file_that_is_no_capture_is_refused() {
     assert_eq!(output.status.code(), Some(2));
     assert_eq!(
         text(&output.stderr),
-        "error: cannot read capture nowhere.bin: No such file or directory (os error 2)\n"
+        "error: cannot read nowhere.bin: No such file or directory (os error 2)\n"
     );
+}
+
+/// Blocks of the file between the packets would cut one in every record, and what was sent to the
+/// lidar or on another line is not the lidar's.
+#[test]
+fn of_a_capture_only_what_the_lidar_sent_is_read() {
+    // First packet of the capture "hand in box", fw 2.4.
+    let packet =
+        b"\xFA\xA0\x4E\x4A\x27\x01\x05\x04\x27\x01\xD7\x03\x26\x01\x29\x04\x26\x01\xF0\x03\
+        \x3C\x5C";
+    let mut capture = Vec::new();
+    Section::default().write(&mut capture);
+    Interface::new("base", 1_000_000).write(&mut capture);
+    Interface::new("lidar", 115_200).write(&mut capture);
+    let mut add = |link, direction, bytes: &[u8]| {
+        let record = Record {
+            link: 0,
+            sequence: None,
+            at: Instant::from_millis(1),
+            direction,
+            kind: Kind::Data,
+            bytes: bytes.to_vec(),
+            sent: None,
+            pieces: Vec::new(),
+            comment: String::new(),
+        };
+        record.write(link, &mut capture);
+    };
+    for chunk in packet.repeat(50).chunks(15) {
+        add(1, Direction::ToMaster, chunk);
+        add(1, Direction::ToDevice, b"\xFA");
+        add(0, Direction::ToMaster, b"\xAB\x24\x0A\xD9\x00");
+    }
+    let session = Session::new("fidelity-pcapng");
+    std::fs::write(session.folder.join("c.pcapng"), &capture).expect("writable");
+    std::fs::write(session.folder.join("raw.bin"), packet.repeat(50)).expect("writable");
+    let table = |file: &str| {
+        let arguments = ["fidelity", "xv11", "--capture", file, "--against", "none"];
+        let output = session.hilrig(&arguments);
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        text(&output.stdout).to_owned()
+    };
+    assert_eq!(table("c.pcapng"), table("raw.bin"));
 }

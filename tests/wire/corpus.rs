@@ -5,15 +5,14 @@ use core::panic::AssertUnwindSafe;
 use std::panic::catch_unwind;
 use std::path::{Path, PathBuf};
 
+use hilrig::codec::wire::{Broken, Choices, Stream, Wire, keeps_the_laws};
+use hilrig::codec::{self, Avr, HighFirst};
 use hilrig::search::fuzz::programs;
-use hilrig::search::fuzz::wire::{
-    Broken, Choices, HighFirst, Stream, Target, Wire, keeps_the_laws,
-};
 use protocols::avr::Frame;
 
 use crate::mutants::{Fault, Mutant};
 
-type Sound = hilrig::search::fuzz::wire::Avr<HighFirst>;
+type Sound = Avr<HighFirst>;
 
 fn files(target: &str) -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -30,7 +29,7 @@ fn files(target: &str) -> Vec<PathBuf> {
 /// Every stream that once taught something, in every change. A target without a corpus fails.
 #[test]
 fn every_stream_of_the_corpus_keeps_the_laws() {
-    for target in &Target::ALL {
+    for target in codec::targets() {
         let files = files(target.name);
         assert!(!files.is_empty(), "{} has no corpus", target.name);
         for path in files {
@@ -85,7 +84,7 @@ fn data(seed: u64) -> Vec<u8> {
 
 #[test]
 fn two_thousand_sessions_of_each_format_keep_the_laws() {
-    for target in &Target::ALL {
+    for target in codec::targets() {
         for seed in 0..2000 {
             target.fuzz(&data(seed));
         }

@@ -1,8 +1,7 @@
 //! Real captures as `hilrig decode` counts and judges them.
 
 use hilrig::capture::decode::diagnose::{Damage, Line, diagnose};
-use hilrig::capture::decode::summary::Lidar;
-use hilrig::codec::Protocol;
+use hilrig::codec::{self, Lidar, XV11, XV11_TURN};
 
 use super::captures::capture;
 
@@ -20,8 +19,8 @@ fn the_hand_in_box_has_11451_packets() {
         return;
     };
     let lidar = Lidar::of_packets(&bytes);
-    assert_eq!(Protocol::guess(&bytes), Some(Protocol::Xv11));
-    assert_eq!((lidar.frames, lidar.bad, lidar.outside), (11_451, 1, 203));
+    assert_eq!(codec::guess(&bytes), Some(&XV11));
+    assert_eq!((lidar.frames, lidar.bad, lidar.outside), (11_451, 1, 224));
     assert_eq!((lidar.ok.count, lidar.weak.count), (42_875, 130));
     assert_eq!(lidar.invalid.values().sum::<u64>(), 2799);
     assert_eq!(lidar.invalid[&0x52], 1996);
@@ -43,7 +42,7 @@ fn the_old_firmware_has_22_turns_in_two_captures() {
     ] {
         let Some(bytes) = capture(name) else { return };
         let lidar = Lidar::of_turns(&bytes);
-        assert_eq!(Protocol::guess(&bytes), Some(Protocol::Xv11Turn));
+        assert_eq!(codec::guess(&bytes), Some(&XV11_TURN));
         assert_eq!((lidar.frames, lidar.outside), (turns, 0));
         assert_eq!((lidar.ok.count, lidar.weak.count), (ok, weak));
         assert_eq!(lidar.invalid.values().sum::<u64>(), invalid);

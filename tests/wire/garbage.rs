@@ -3,10 +3,9 @@
 use core::time::Duration;
 
 use hilrig::capture::decode::diagnose::{Line, diagnose};
-use hilrig::capture::decode::summary::Lidar;
 use hilrig::capture::decode::transcript::{Said, Transcript};
 use hilrig::capture::{Capture, Interface, Kind, Record, Section, Sent};
-use hilrig::codec::Protocol;
+use hilrig::codec::{self, Codec, Lidar};
 use hilrig::rig::line::Direction;
 use proptest::prelude::*;
 use protocols::{Instant, LineConfig, LineEvent};
@@ -96,11 +95,11 @@ fn judge(capture: &Capture) {
 
 /// All that is done with bytes of a line.
 fn judge_dump(bytes: &[u8], opposite: &[u8]) {
-    for protocol in [None].into_iter().chain(Protocol::ALL.map(Some)) {
+    for codec in [None].into_iter().chain(codec::all().into_iter().map(Some)) {
         diagnose(&Line {
             bytes,
             opposite,
-            protocol,
+            codec,
             framing_errors: 0,
         });
     }
@@ -110,7 +109,7 @@ fn judge_dump(bytes: &[u8], opposite: &[u8]) {
 }
 
 /// What is told of `bytes` that come in pieces of `size`, times left out.
-fn told(bytes: &[u8], size: usize, protocol: Option<Protocol>) -> Vec<(u64, Said)> {
+fn told(bytes: &[u8], size: usize, protocol: Option<&'static Codec>) -> Vec<(u64, Said)> {
     let mut transcript = Transcript::new(protocol);
     let link = Interface::new("raw", 0);
     for piece in bytes.chunks(size) {
@@ -173,7 +172,7 @@ proptest! {
         let mut bytes: Vec<u8> = order.iter().flat_map(|&one| FRAMES[one]).copied().collect();
         damages.into_iter().for_each(|damage| damage.apply(&mut bytes));
         judge_dump(&bytes, &bytes);
-        for protocol in [None].into_iter().chain(Protocol::ALL.map(Some)) {
+        for protocol in [None].into_iter().chain(codec::all().into_iter().map(Some)) {
             let whole = told(&bytes, bytes.len().max(1), protocol);
             prop_assert_eq!(told(&bytes, size, protocol), whole);
         }
@@ -199,7 +198,7 @@ proptest! {
         let mut bytes = bytes[start..bytes.len().min(start + 6000)].to_vec();
         damages.into_iter().for_each(|damage| damage.apply(&mut bytes));
         judge_dump(&bytes, &[]);
-        for protocol in [None, Protocol::guess(&bytes)] {
+        for protocol in [None, codec::guess(&bytes)] {
             let whole = told(&bytes, bytes.len().max(1), protocol);
             prop_assert_eq!(told(&bytes, 1, protocol), whole);
         }

@@ -9,7 +9,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use hilrig_fuzz::wire::{Stream, Target};
+use hilrig_fuzz::codec;
+use hilrig_fuzz::codec::wire::Stream;
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -40,7 +41,7 @@ fn read(path: &Path) -> Stream {
 
 fn replay(dir: &Path) -> usize {
     let mut count = 0;
-    for target in &Target::ALL {
+    for target in codec::targets() {
         for path in files(&dir.join(target.name)) {
             let held = (target.check)(&read(&path));
             held.unwrap_or_else(|broken| panic!("{}: {broken}", path.display()));
@@ -51,22 +52,19 @@ fn replay(dir: &Path) -> usize {
 }
 
 fn pack(dir: &Path, out: &Path) {
-    for target in &Target::ALL {
+    for target in codec::targets() {
         let to = out.join(target.name);
         fs::create_dir_all(&to).expect("can be made");
         for path in files(&dir.join(target.name)) {
             let stream = read(&path);
-            let data = match target.name {
-                "rle" | "hc06" => stream.bytes().to_vec(),
-                _ => stream.to_data(),
-            };
+            let data = target.data_of(&stream);
             fs::write(to.join(path.file_stem().expect("a name")), data).expect("can be written");
         }
     }
 }
 
 fn unpack(target: &str, dir: &Path, out: &Path) {
-    let target = Target::named(target).expect("a target");
+    let target = codec::target(target).expect("a target");
     fs::create_dir_all(out).expect("can be made");
     for path in files(dir) {
         let stream = (target.stream)(&fs::read(&path).expect("readable"));

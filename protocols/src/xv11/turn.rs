@@ -12,7 +12,8 @@ use crate::{Candidate, Format};
 /// Bytes in a frame.
 pub const FRAME_LEN: usize = 1446;
 
-const HEADER: [u8; 4] = [0x5A, 0xA5, 0x00, 0xC0];
+/// What a frame begins with.
+pub const HEADER: [u8; 4] = [0x5A, 0xA5, 0x00, 0xC0];
 const READINGS_AT: usize = 6;
 
 /// One turn. There is no checksum: only the header was verified.

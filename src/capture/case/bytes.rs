@@ -5,6 +5,7 @@ use core::fmt::Write as _;
 use protocols::{Instant, LineConfig};
 
 use crate::capture::replay::Arrival;
+use crate::hex;
 
 /// Most chunks in a line.
 const CHUNKS_MAX: usize = 16;
@@ -34,9 +35,7 @@ pub(super) fn write(arrivals: &[Arrival], line: LineConfig) -> String {
             if arrival.bytes.is_empty() {
                 out.push('!');
             }
-            for byte in &arrival.bytes {
-                write!(out, "{byte:02X}").expect("a string takes everything");
-            }
+            hex::push_digits(&mut out, &arrival.bytes);
         }
         out.push('\n');
         rest = behind;
@@ -59,7 +58,7 @@ pub(super) fn read(text: &str, line: LineConfig) -> Result<Vec<Arrival>, String>
             let bytes = if word == "!" {
                 Some(Vec::new())
             } else {
-                hex(word)
+                hex::bytes(word)
             };
             let expected = "expected bytes of two hex digits, e.g. AB240A, or !";
             together.push(bytes.ok_or_else(|| wrong(expected))?);
@@ -82,15 +81,6 @@ pub(super) fn read(text: &str, line: LineConfig) -> Result<Vec<Arrival>, String>
         arrivals.extend(timed.into_iter().rev());
     }
     Ok(arrivals)
-}
-
-/// Pairs of hex digits; at least one.
-fn hex(word: &str) -> Option<Vec<u8>> {
-    let (pairs, rest) = word.as_bytes().as_chunks::<2>();
-    let digit = |byte: u8| char::from(byte).to_digit(16);
-    let pair = |&[high, low]: &[u8; 2]| u8::try_from(digit(high)? * 16 + digit(low)?).ok();
-    let bytes: Option<Vec<u8>> = pairs.iter().map(pair).collect();
-    bytes.filter(|bytes| rest.is_empty() && !bytes.is_empty())
 }
 
 #[cfg(test)]

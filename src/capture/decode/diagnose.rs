@@ -6,7 +6,7 @@
 
 mod evidence;
 
-use crate::codec::Protocol;
+use crate::codec::{self, Codec};
 use evidence::{Counts, doubled, echoed, other_order, slow_sender, swapped};
 
 /// One direction of a link, as a whole.
@@ -17,7 +17,7 @@ pub struct Line<'a> {
     /// All bytes that went the other way, if known.
     pub opposite: &'a [u8],
     /// What the line should carry, if known.
-    pub protocol: Option<Protocol>,
+    pub codec: Option<&'static Codec>,
     /// Characters without a stop bit, if the capture tells.
     pub framing_errors: u64,
 }
@@ -172,15 +172,15 @@ pub fn diagnose(line: &Line<'_>) -> Vec<Damage> {
         damages.push(Damage::FramingErrors { errors, bytes });
         return damages;
     }
-    let protocol = line.protocol.or_else(|| Protocol::guess(bytes));
-    let framed = protocol.map_or(0, |protocol| protocol.framed(bytes));
+    let codec = line.codec.or_else(|| codec::guess(bytes));
+    let framed = codec.map_or(0, |codec| codec.framed(bytes));
     if len < BYTES_MIN || framed * 100 >= len * 98 {
         return damages;
     }
     // These change every byte or frame; what else seems missing follows from them.
     let whole = doubled(sample)
         .or_else(|| swapped(sample, framed * (sample.len() as u64) / len))
-        .or_else(|| other_order(sample, line.protocol))
+        .or_else(|| other_order(sample, line.codec))
         .or_else(|| slow_sender(sample));
     if let Some(damage) = whole {
         damages.push(damage);

@@ -10,11 +10,9 @@ use std::collections::VecDeque;
 use protocols::{FrameError, Instant, LineConfig};
 
 use crate::capture::{Interface, Kind, Record};
-use crate::codec::{Found, Protocol, Stream, What, words};
+use crate::codec::{self, Codec, Found, IDLE, PCUI, Stream, What, words};
 use crate::rig::line::Direction;
 
-/// Silence after which a frame that was begun is given up.
-const QUIET: Duration = Duration::from_millis(50);
 /// How long a line waits at least for earlier ones: a record tells of bytes that came before it. On
 /// slower lines than 57600 baud a few may come late.
 const PATIENCE: Duration = Duration::from_millis(100);
@@ -79,7 +77,7 @@ struct Lane {
     rate: LineConfig,
     /// None until the bytes have shown it.
     stream: Option<Stream>,
-    protocol: Option<Protocol>,
+    codec: Option<&'static Codec>,
     /// Without a stream: how many untold bytes are looked at next.
     look_at: usize,
     /// Bytes that were not told yet, and where they begin in the stream.
@@ -95,7 +93,7 @@ struct Lane {
 pub struct Transcript {
     lanes: Vec<Lane>,
     waiting: VecDeque<Entry>,
-    protocol: Option<Protocol>,
+    codec: Option<&'static Codec>,
 }
 
 /// Sums of one lane.
@@ -106,7 +104,7 @@ pub struct Sum {
     /// Which way.
     pub direction: Direction,
     /// What it carried, if any frame was found.
-    pub protocol: Option<Protocol>,
+    pub codec: Option<&'static Codec>,
     /// Bytes in all.
     pub bytes: u64,
     /// Bytes in sound frames.
@@ -114,10 +112,10 @@ pub struct Sum {
 }
 
 impl Transcript {
-    /// All lanes carry `protocol`; if none is given, each what its first bytes show.
-    pub fn new(protocol: Option<Protocol>) -> Self {
+    /// All lanes carry `codec`; if none is given, each what its first bytes show.
+    pub fn new(codec: Option<&'static Codec>) -> Self {
         Self {
-            protocol,
+            codec,
             ..Self::default()
         }
     }
@@ -127,7 +125,7 @@ impl Transcript {
         let now = record.at;
         for index in 0..self.lanes.len() {
             let last = self.lanes[index].times.back();
-            if last.is_some_and(|&(_, last)| now - last > QUIET) {
+            if last.is_some_and(|&(_, last)| now - last > self.lanes[index].idle()) {
                 self.settle(index);
             }
         }
@@ -173,7 +171,7 @@ impl Transcript {
         self.lanes.iter().map(|lane| Sum {
             link: lane.link,
             direction: lane.direction,
-            protocol: lane.protocol,
+            codec: lane.codec,
             bytes: lane.end(),
             framed: lane.framed,
         })
@@ -189,8 +187,8 @@ impl Transcript {
             link: link_index,
             direction,
             rate: LineConfig::new_8n1(link.baud.max(1)),
-            stream: self.protocol.map(Stream::new),
-            protocol: self.protocol,
+            stream: self.codec.map(Stream::new),
+            codec: self.codec,
             look_at: GUESS_FIRST,
             untold: VecDeque::new(),
             told: 0,
@@ -221,10 +219,10 @@ impl Transcript {
             if lane.stream.is_some() || lane.untold.len() < len {
                 return;
             }
-            let best = Protocol::best(&lane.untold.make_contiguous()[..len]);
+            let best = codec::best(&lane.untold.make_contiguous()[..len]);
             let fewest = if len < GUESS_MAX { GUESS_MIN } else { 1 };
             if best.is_some_and(|(_, framed)| framed >= fewest) {
-                lane.protocol = best.map(|(protocol, _)| protocol);
+                lane.codec = best.map(|(codec, _)| codec);
                 let all = lane.untold.len();
                 self.decide(index, all);
             } else if len < GUESS_MAX {
@@ -239,15 +237,17 @@ impl Transcript {
     /// or bad, which says nothing of what comes later.
     fn decide(&mut self, index: usize, len: usize) {
         let lane = &mut self.lanes[index];
+        let idle = lane.idle();
         let held = &lane.untold.make_contiguous()[..len];
-        let mut stream = Stream::new(lane.protocol.unwrap_or(Protocol::Pcui));
+        // Of what is no format at all, PCUI complains least: nothing has its eight bytes by chance.
+        let mut stream = Stream::new(lane.codec.unwrap_or(&PCUI));
         let mut found = Vec::new();
         let (mut start, mut last) = (0, None);
         for &(end, at) in &lane.times {
             if start == len {
                 break;
             }
-            if last.is_some_and(|last| at - last > QUIET) {
+            if last.is_some_and(|last| at - last > idle) {
                 found.extend(stream.idle());
             }
             last = Some(at);
@@ -255,7 +255,7 @@ impl Transcript {
             found.extend(stream.push(&held[start..until.min(len)]));
             start = until.min(len);
         }
-        if lane.protocol.is_some() {
+        if lane.codec.is_some() {
             lane.stream = Some(stream);
         } else {
             found.extend(stream.idle());
@@ -271,7 +271,7 @@ impl Transcript {
             return;
         }
         if lane.stream.is_none() {
-            lane.protocol = Protocol::guess(lane.untold.make_contiguous());
+            lane.codec = codec::guess(lane.untold.make_contiguous());
             let all = lane.untold.len();
             self.decide(index, all);
         }
@@ -355,6 +355,11 @@ impl Transcript {
 }
 
 impl Lane {
+    /// Silence after which a frame that was begun is given up.
+    fn idle(&self) -> Duration {
+        self.codec.map_or(IDLE, Codec::idle)
+    }
+
     /// Bytes so far.
     fn end(&self) -> u64 {
         self.told + self.untold.len() as u64

@@ -4,6 +4,7 @@ use core::fmt::Write as _;
 
 use super::Export;
 use crate::capture::Kind;
+use crate::hex;
 
 pub(super) fn write(export: &Export<'_>) -> String {
     let mut out = String::from("time_s,link,direction,event,bytes,comment\r\n");
@@ -20,9 +21,7 @@ pub(super) fn write(export: &Export<'_>) -> String {
         let (direction, comment) = (record.direction.name(), quoted(&record.comment));
         write!(out, "{seconds}.{rest:09},{link},{direction},{event},")
             .expect("a string takes everything");
-        for byte in &record.bytes {
-            write!(out, "{byte:02X}").expect("a string takes everything");
-        }
+        hex::push_digits(&mut out, &record.bytes);
         write!(out, ",{comment}\r\n").expect("a string takes everything");
     }
     out

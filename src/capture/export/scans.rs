@@ -5,7 +5,7 @@ use protocols::xv11::{self, Reading};
 use protocols::{Decode as _, Instant};
 
 use crate::capture::replay::{Passage, Recorded};
-use crate::codec::Protocol;
+use crate::codec::{self, XV11};
 
 /// Readings of a turn, one a degree.
 pub(super) const READINGS: usize = 360;
@@ -38,7 +38,7 @@ pub fn scans(recorded: &Recorded) -> Vec<Scan> {
 fn is_lidar(passage: &Passage) -> bool {
     let first = passage.arrivals.iter().flat_map(|one| &one.bytes).copied();
     let first: Vec<u8> = first.take(1 << 16).collect();
-    Protocol::guess(&first) == Some(Protocol::Xv11)
+    codec::guess(&first) == Some(&XV11)
 }
 
 struct Turn {

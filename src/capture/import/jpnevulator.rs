@@ -8,9 +8,10 @@
 //! Behind the colon stands an alias of the port, if one was given; the counter and the text are
 //! options of the tool. The last line has no end.
 
-use super::text::{Line, decimal_nanos, hex, lines, moment, utf8};
+use super::text::{Line, decimal_nanos, lines, moment, utf8};
 use super::{ImportError, Imported, LOCAL, Options};
 use crate::capture::Kind;
+use crate::hex;
 
 /// Whether a line begins a block.
 pub(super) fn is_head(text: &[u8]) -> bool {
@@ -69,7 +70,7 @@ fn dumped(line: Line<'_>) -> Result<Vec<u8>, ImportError> {
     let is_counter = |column: &&[u8]| column.len() == 8 && !column.contains(&b' ');
     columns.next_if(is_counter);
     let field = columns.next().unwrap_or_default().trim_ascii_end();
-    let bytes: Option<Vec<u8>> = field.split(|&byte| byte == b' ').map(hex).collect();
+    let bytes: Option<Vec<u8>> = field.split(|&byte| byte == b' ').map(hex::byte).collect();
     bytes
         .filter(|bytes| bytes.len() <= 16)
         .ok_or_else(|| line.wrong("expected up to 16 bytes of two hex digits with a space between"))

@@ -10,9 +10,10 @@
 //! Form known from the analyzer's source and from files of others, not from a run. The value must
 //! be in hex: in other radices the two cannot be told apart.
 
-use super::text::{Line, decimal_nanos, hex, lines, moment, utf8};
+use super::text::{Line, decimal_nanos, lines, moment, utf8};
 use super::{ImportError, Imported, Options};
 use crate::capture::Kind;
+use crate::hex;
 use protocols::LineEvent;
 
 const FRAMING: Kind = Kind::Line(LineEvent::FramingError);
@@ -146,7 +147,7 @@ fn time(text: &str) -> Option<(u64, bool)> {
 
 fn value(line: Line<'_>, text: &str) -> Result<u8, ImportError> {
     let digits = text.strip_prefix("0x").or_else(|| text.strip_prefix("0X"));
-    let byte = digits.and_then(|digits| hex(format!("{digits:0>2}").as_bytes()));
+    let byte = digits.and_then(|digits| hex::byte(format!("{digits:0>2}").as_bytes()));
     byte.ok_or_else(|| {
         let found = text.escape_default();
         line.wrong(format!(

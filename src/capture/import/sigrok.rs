@@ -7,9 +7,10 @@
 //! The range is in samples and covers the data bits; without it the bytes are taken as back to
 //! back.
 
-use super::text::{Line, hex, lines, number, utf8};
+use super::text::{Line, lines, number, utf8};
 use super::{ImportError, Imported, Options};
 use crate::capture::Kind;
+use crate::hex;
 use protocols::LineEvent;
 
 struct Annotation<'a> {
@@ -36,7 +37,7 @@ fn annotation(text: &[u8]) -> Option<Annotation<'_>> {
 
 /// Whether a line is a byte.
 pub(super) fn is_data(text: &[u8]) -> bool {
-    annotation(text).is_some_and(|one| hex(one.what.as_bytes()).is_some())
+    annotation(text).is_some_and(|one| hex::byte(one.what.as_bytes()).is_some())
 }
 
 pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Result<(), ImportError> {
@@ -47,7 +48,7 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
         let expected = "expected \"FROM-TO uart-1: XX\" or \"uart-1: XX\"";
         let one = annotation(line.text).ok_or_else(|| line.wrong(expected))?;
         let nanos = time(line, &one, options, count)?;
-        let (kind, byte) = match (one.what, hex(one.what.as_bytes())) {
+        let (kind, byte) = match (one.what, hex::byte(one.what.as_bytes())) {
             (_, Some(byte)) => (Kind::Data, Some(byte)),
             ("Frame error", None) => {
                 // Said of the byte above, if that ends where this begins.

@@ -11,9 +11,10 @@
 //! The fraction of version 1.7 is microseconds filled up to nine digits (.000761120 is 0.761120 s,
 //! found by known gaps); a file in which one is larger has nanoseconds.
 
-use super::text::{Line, hex, lines, moment, number, utf8};
+use super::text::{Line, lines, moment, number, utf8};
 use super::{ImportError, Imported, LOCAL, Options, opposite};
 use crate::capture::Kind;
+use crate::hex;
 use crate::rig::line::Direction;
 
 struct Head {
@@ -112,7 +113,7 @@ fn dumped(line: Line<'_>, most: usize) -> Result<Vec<u8>, ImportError> {
     let field = &line.text[..line.text.len().min(48)];
     let cells = field.chunks(3);
     let cells = cells.take_while(|cell| cell.iter().any(|&byte| byte != b' '));
-    let byte = |cell: &[u8]| cell.strip_prefix(b" ").and_then(hex);
+    let byte = |cell: &[u8]| cell.strip_prefix(b" ").and_then(hex::byte);
     let bytes: Option<Vec<u8>> = cells.map(byte).collect();
     let bytes = bytes.filter(|bytes| !bytes.is_empty() && bytes.len() <= most);
     bytes.ok_or_else(|| {

@@ -49,13 +49,6 @@ pub(super) fn number(text: &str) -> Option<u64> {
     text.parse().ok().filter(|_| is_digits)
 }
 
-/// Two hex digits.
-pub(super) fn hex(pair: &[u8]) -> Option<u8> {
-    let &[high, low] = pair else { return None };
-    let digit = |byte: u8| char::from(byte).to_digit(16);
-    u8::try_from(digit(high)? * 16 + digit(low)?).ok()
-}
-
 /// `12:34:56` as seconds of the day.
 fn seconds(text: &str) -> Option<u64> {
     let mut parts = text.splitn(3, ':').map(number);

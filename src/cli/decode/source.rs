@@ -10,17 +10,17 @@ use crate::capture::{Capture, Interface, Kind, Record};
 use crate::rig::line::Direction;
 
 /// How a capture begins.
-pub(super) const PCAPNG: [u8; 4] = [0x0A, 0x0D, 0x0D, 0x0A];
+pub(in crate::cli) const PCAPNG: [u8; 4] = [0x0A, 0x0D, 0x0D, 0x0A];
 
 /// A file, read as far as it could be.
-pub(super) struct Source {
-    pub(super) capture: Capture,
+pub(in crate::cli) struct Source {
+    pub(in crate::cli) capture: Capture,
     /// When its times begin; none if it has no times.
-    pub(super) start: Option<Instant>,
+    pub(in crate::cli) start: Option<Instant>,
 }
 
 impl Source {
-    pub(super) fn read(path: &Path) -> Result<Self, CliError> {
+    pub(in crate::cli) fn read(path: &Path) -> Result<Self, CliError> {
         let name = path.display();
         let bytes = fs::read(path)
             .map_err(|error| CliError::Other(format!("cannot read {name}: {error}")))?;
@@ -52,7 +52,11 @@ impl Source {
     }
 
     /// An error if there is no link of that name.
-    pub(super) fn check_link(&self, wanted: Option<&str>, path: &Path) -> Result<(), CliError> {
+    pub(in crate::cli) fn check_link(
+        &self,
+        wanted: Option<&str>,
+        path: &Path,
+    ) -> Result<(), CliError> {
         let Some(wanted) = wanted else { return Ok(()) };
         let names: Vec<&str> = self.capture.links.iter().map(|link| &*link.name).collect();
         if names.contains(&wanted) {
@@ -65,11 +69,11 @@ impl Source {
     }
 }
 
-pub(super) fn raw_link() -> Interface {
+pub(in crate::cli) fn raw_link() -> Interface {
     Interface::new("raw", 0)
 }
 
-pub(super) fn raw_record(bytes: Vec<u8>) -> Record {
+pub(in crate::cli) fn raw_record(bytes: Vec<u8>) -> Record {
     Record {
         link: 0,
         sequence: None,
@@ -84,22 +88,22 @@ pub(super) fn raw_record(bytes: Vec<u8>) -> Record {
 }
 
 /// One direction of a link, as a whole.
-pub(super) struct Lane {
+pub(in crate::cli) struct Lane {
     link: usize,
     direction: Direction,
-    pub(super) name: String,
-    pub(super) bytes: Vec<u8>,
-    pub(super) framing_errors: u64,
+    pub(in crate::cli) name: String,
+    pub(in crate::cli) bytes: Vec<u8>,
+    pub(in crate::cli) framing_errors: u64,
 }
 
 impl Lane {
-    pub(super) fn is_opposite(&self, other: &Self) -> bool {
+    pub(in crate::cli) fn is_opposite(&self, other: &Self) -> bool {
         self.link == other.link && self.direction != other.direction
     }
 }
 
 /// All lanes that carried anything, of links whose name is `wanted`.
-pub(super) fn lanes(capture: &Capture, wanted: impl Fn(&str) -> bool) -> Vec<Lane> {
+pub(in crate::cli) fn lanes(capture: &Capture, wanted: impl Fn(&str) -> bool) -> Vec<Lane> {
     let mut lanes: Vec<Lane> = Vec::new();
     for (link, interface) in capture.links.iter().enumerate() {
         if !wanted(&interface.name) {

@@ -7,7 +7,7 @@ use emulators::world::{BodyConfig, Pose, Scene, Shape, World};
 use protocols::Instant;
 use protocols::avr::{BAUD, ChecksumOrder, Frame};
 
-use crate::codec::Protocol;
+use crate::codec::BUS_HIGH_FIRST;
 use crate::museum::{Observation, Variant};
 
 pub(super) const MS: Duration = Duration::from_millis(1);
@@ -101,7 +101,7 @@ impl Bench {
 
     /// Puts `bytes` on the wire, one every 10 us.
     pub(super) fn send(&mut self, bytes: &[u8]) {
-        self.seen.bytes("master", Protocol::BusHighFirst, bytes);
+        self.seen.bytes("master", &BUS_HIGH_FIRST, bytes);
         let byte_time = Duration::from_nanos(10_000_000_000 / u64::from(BAUD));
         for &byte in bytes {
             self.run(byte_time);
@@ -114,7 +114,7 @@ impl Bench {
     /// What the base has sent since the last call.
     pub(super) fn take(&mut self) -> Vec<u8> {
         let received = core::mem::take(&mut self.received);
-        self.seen.bytes("base", Protocol::BusHighFirst, &received);
+        self.seen.bytes("base", &BUS_HIGH_FIRST, &received);
         received
     }
 

@@ -87,7 +87,7 @@ pub(super) fn sl_13(variant: Variant) -> Observation {
             if let Ok(Message::Map(properties)) = frame.message() {
                 told = properties.psi_deg;
                 if step == 92 * 8 - 1 {
-                    seen.bytes("robot", crate::codec::Protocol::Pcui, frame.as_bytes());
+                    seen.bytes("robot", &crate::codec::PCUI, frame.as_bytes());
                 }
             }
         }

@@ -5,7 +5,7 @@ use core::time::Duration;
 use protocols::pcui::message::{self, NO_WAYPOINT, Waypoint};
 
 use super::{chain, list, list_frame, note_end, order, waypoints};
-use crate::codec::Protocol;
+use crate::codec::PCUI;
 use crate::museum::robot::{MS, Robot, range};
 use crate::museum::{Observation, Variant};
 
@@ -29,7 +29,7 @@ pub(super) fn pu_07(variant: Variant) -> Observation {
 pub(super) fn pu_09(variant: Variant) -> Observation {
     let mut seen = Observation::default();
     let sent = list(&[[0, NO_WAYPOINT], [1, 0], [2, 0]]);
-    seen.bytes("PC", Protocol::Pcui, &list_frame(&sent));
+    seen.bytes("PC", &PCUI, &list_frame(&sent));
     let mut list = waypoints(variant, "PU-09");
     list.replace(sent.into_iter());
     seen.figure("waypoints that the list reaches", list.all().len());
@@ -45,7 +45,7 @@ pub(super) fn pu_10(variant: Variant) -> Observation {
     list.advance();
     let mut shorter = chain(1);
     shorter[0].position_mm = [500, 0];
-    seen.bytes("PC", Protocol::Pcui, &list_frame(&shorter));
+    seen.bytes("PC", &PCUI, &list_frame(&shorter));
     list.replace(shorter.into_iter());
     let target = list.target().map(|target| target.position_mm);
     seen.figure("target, mm", format!("{:?}", target.unwrap_or_default()));

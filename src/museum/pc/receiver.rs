@@ -8,7 +8,7 @@ use protocols::Instant;
 use protocols::pcui::{self, HEADER_LEN};
 
 use super::{chain, frame, list_frame, note_end};
-use crate::codec::Protocol;
+use crate::codec::PCUI;
 use crate::museum::robot::{MS, Robot};
 use crate::museum::{Observation, Variant};
 
@@ -49,7 +49,7 @@ pub(super) fn pu_03(variant: Variant) -> Observation {
         robot.program.receive(Rescue::RADIO, robot.now, &request());
         robot.run(5 * MS);
     }
-    robot.seen.bytes("PC", Protocol::Pcui, &request());
+    robot.seen.bytes("PC", &PCUI, &request());
     let received = note_received(&mut robot, "of 200 good frames received");
     robot.judged(received == 0)
 }
@@ -107,7 +107,7 @@ pub(super) fn pu_14(variant: Variant) -> Observation {
 
 pub(super) fn pu_16(variant: Variant) -> Observation {
     let mut robot = Robot::new(variant, "PU-16");
-    robot.seen.bytes("PC", Protocol::Pcui, b"P");
+    robot.seen.bytes("PC", &PCUI, b"P");
     robot
         .program
         .receive(Rescue::RADIO, Instant::from_micros(500), b"P");

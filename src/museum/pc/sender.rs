@@ -6,7 +6,7 @@ use firmware_core::Master;
 use protocols::pcui::{self, FRAME_MAX, HEADER_LEN, message};
 use protocols::{Decode, Instant};
 
-use crate::codec::Protocol;
+use crate::codec::PCUI;
 use crate::museum::robot::{MS, Robot, config};
 use crate::museum::{Observation, Variant};
 
@@ -47,7 +47,7 @@ pub(super) fn pu_06(variant: Variant) -> Observation {
             .take(40)
             .copied()
             .collect::<Vec<_>>();
-        robot.seen.bytes("robot", Protocol::Pcui, &bytes);
+        robot.seen.bytes("robot", &PCUI, &bytes);
     }
     let (_, strays) = rows(&mut robot);
     robot.judged(strays > 0)
@@ -62,7 +62,7 @@ pub(super) fn pu_17(variant: Variant) -> Observation {
     }
     robot.run(200 * MS);
     let bytes = robot.radio.clone();
-    robot.seen.bytes("robot", Protocol::Pcui, &bytes[..40]);
+    robot.seen.bytes("robot", &PCUI, &bytes[..40]);
     let frames = pcui::Decoder::default().push(&bytes).flatten().count();
     robot.seen.figure("frames in the next 200 ms", frames);
     robot.judged(frames == 0)
@@ -80,9 +80,7 @@ pub(super) fn pu_18(variant: Variant) -> Observation {
             .iter()
             .take(40)
             .copied();
-        robot
-            .seen
-            .bytes("robot", Protocol::Pcui, &bytes.collect::<Vec<_>>());
+        robot.seen.bytes("robot", &PCUI, &bytes.collect::<Vec<_>>());
     }
     let (_, strays) = rows(&mut robot);
     robot.judged(text.is_some() && strays > 0)
@@ -96,7 +94,7 @@ pub(super) fn pu_19(variant: Variant) -> Observation {
     let mut bytes = [0; FRAME_MAX];
     let dialect = config(variant, "PU-19").pc_link.dialect;
     let len = message::encode_row(0, 0, &pixels, dialect, &mut bytes).unwrap_or(0);
-    seen.bytes("robot", Protocol::Pcui, &bytes[..len]);
+    seen.bytes("robot", &PCUI, &bytes[..len]);
     let mut row = [127; 300];
     let decoded = protocols::rle::decode(&bytes[HEADER_LEN + 3..len], &mut row);
     seen.figure("pixels sent of 300", decoded.unwrap_or(0));

@@ -8,7 +8,7 @@ use firmware_core::robots::rescue::Rescue;
 use protocols::Instant;
 
 use super::{chain, list_frame};
-use crate::codec::Protocol;
+use crate::codec::PCUI;
 use crate::museum::{Observation, Variant};
 use crate::run::Run;
 use crate::scenario::Scenario;
@@ -47,7 +47,7 @@ pub(super) fn pu_15(variant: Variant) -> Observation {
     for one in &mut list {
         one.position_mm = [1500, 2200];
     }
-    seen.bytes("PC", Protocol::Pcui, &list_frame(&list));
+    seen.bytes("PC", &PCUI, &list_frame(&list));
     seen.figure("torn frames after it is switched on", torn);
     seen.judged(torn > 0)
 }

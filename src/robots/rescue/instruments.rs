@@ -8,7 +8,7 @@ use firmware_core::map_view::MapView;
 use protocols::Instant;
 
 use super::{CONSOLES, SET_POINT_MAX, SILENCE, command, display, view};
-use crate::codec::Protocol;
+use crate::codec::Codec;
 use crate::rig::Rig;
 use crate::robots::instruments::in_metres;
 use crate::robots::scan::Xv11Scans;
@@ -99,7 +99,7 @@ impl Instruments for RescueInstruments {
         Some(pc)
     }
 
-    fn codec(&self, rig: &Rig, link: &str) -> Option<Protocol> {
+    fn codec(&self, rig: &Rig, link: &str) -> Option<&'static Codec> {
         view::protocol(rig, link)
     }
 

@@ -5,7 +5,7 @@ use protocols::avr::ChecksumOrder;
 use protocols::avr::registers::{self, Width};
 
 use super::{base, display, order_of, program};
-use crate::codec::Protocol;
+use crate::codec::{self, Codec, PANEL, PCUI, XV11};
 use crate::rig::Rig;
 use crate::robots::{Panel, PanelRow, Senses};
 use crate::scenario::{Scenario, ScenarioError, Source};
@@ -29,18 +29,17 @@ pub(super) fn senses(scenario: &Scenario, source: &Source) -> Result<Senses, Sce
     })
 }
 
-pub(super) fn protocol(rig: &Rig, link: &str) -> Option<Protocol> {
+pub(super) fn protocol(rig: &Rig, link: &str) -> Option<&'static Codec> {
     match link {
-        "lidar" => Some(Protocol::Xv11),
+        "lidar" => Some(&XV11),
         "base" => {
             let profile = rig.device::<AvrBase>("base").map(AvrBase::profile);
-            Some(match profile.map_or(ChecksumOrder::LowFirst, order_of) {
-                ChecksumOrder::LowFirst => Protocol::Bus,
-                ChecksumOrder::HighFirst => Protocol::BusHighFirst,
-            })
+            Some(codec::bus(
+                profile.map_or(ChecksumOrder::LowFirst, order_of),
+            ))
         }
-        "radio" | "pc" => Some(Protocol::Pcui),
-        display::NAME => Some(Protocol::Panel),
+        "radio" | "pc" => Some(&PCUI),
+        display::NAME => Some(&PANEL),
         _ => None,
     }
 }

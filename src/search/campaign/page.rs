@@ -3,22 +3,7 @@
 use core::fmt::{self, Write as _};
 
 use super::Merged;
-
-/// Text that cannot be taken for markup.
-struct Escaped<'a>(&'a str);
-
-impl fmt::Display for Escaped<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.chars().try_for_each(|c| match c {
-            '&' => f.write_str("&amp;"),
-            '<' => f.write_str("&lt;"),
-            '>' => f.write_str("&gt;"),
-            '"' => f.write_str("&quot;"),
-            '\'' => f.write_str("&#39;"),
-            c => f.write_char(c),
-        })
-    }
-}
+use crate::html::Escaped;
 
 const HEAD: &str = "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\">\
     <title>hilrig campaign</title><style>\
@@ -88,15 +73,4 @@ fn write_page(merged: &Merged, out: &mut String) -> fmt::Result {
         write!(out, "<tr><td>{name}<td class=\"{class}\">{}", count.runs)?;
     }
     out.write_str("</table></html>\n")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn text_of_a_run_is_never_markup() {
-        let text = Escaped("<script>'&\"").to_string();
-        assert_eq!(text, "&lt;script&gt;&#39;&amp;&quot;");
-    }
 }

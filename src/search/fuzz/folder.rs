@@ -6,7 +6,7 @@
 //! findings/LAW-1A2B3C4D/        a finding: the small case, cause.txt, repeat.txt
 //! ```
 
-use core::fmt::{self, Write as _};
+use core::fmt;
 use std::collections::BTreeMap;
 use std::fs;
 use std::io;
@@ -15,6 +15,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::subject::{Kept, Subject, law};
+use crate::hex;
 
 /// What is fuzzed: only the same is gone on with.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -179,9 +180,7 @@ impl Folder {
         let dir = self.corpus_of(subject);
         fs::create_dir_all(&dir).map_err(failed(&dir))?;
         let mut text = CHOICES.to_owned();
-        for byte in choices {
-            write!(text, "{byte:02X}").expect("a string takes everything");
-        }
+        hex::push_digits(&mut text, choices);
         text += "\n";
         text += &subject.in_words(choices);
         put(&dir.join(format!("{number:06}.txt")), text.as_bytes())
@@ -240,7 +239,7 @@ pub(crate) fn read_corpus(dir: &Path, subject: &dyn Subject) -> Result<Vec<Vec<u
             .next()
             .and_then(|line| line.strip_prefix(CHOICES));
         let choices = match first {
-            Some(hex) => unhex(hex).map(Some).ok_or_else(|| {
+            Some(digits) => hex::bytes(digits.trim_end()).map(Some).ok_or_else(|| {
                 format!("line 1: expected pairs of hexadecimal digits behind \"{CHOICES}\"")
             }),
             None => subject.choices_of(&text),
@@ -251,27 +250,9 @@ pub(crate) fn read_corpus(dir: &Path, subject: &dyn Subject) -> Result<Vec<Vec<u
     Ok(corpus)
 }
 
-fn unhex(text: &str) -> Option<Vec<u8>> {
-    let text = text.trim_end().as_bytes();
-    let digit = |byte: u8| char::from(byte).to_digit(16);
-    let pairs = text.chunks(2).map(|pair| match *pair {
-        [high, low] => u8::try_from(digit(high)? * 16 + digit(low)?).ok(),
-        _ => None,
-    });
-    pairs.collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn hexadecimal_is_read_or_refused() {
-        assert_eq!(unhex("00FFa5"), Some(vec![0x00, 0xFF, 0xA5]));
-        assert_eq!(unhex(""), Some(Vec::new()));
-        assert_eq!(unhex("0"), None);
-        assert_eq!(unhex("+1"), None);
-    }
 
     #[test]
     fn a_law_becomes_a_name_that_every_file_system_takes() {

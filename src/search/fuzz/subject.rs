@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::wire::Broken;
+use crate::codec::wire::Broken;
 use crate::search::shrink::Effort;
 
 /// A law that was broken.

@@ -2,10 +2,11 @@ use std::path::Path;
 
 use super::engine::caught;
 use super::subject::{Behaviour, Fault, Kept, Subject};
-use super::wire::{Piece, Stream, Target};
+use crate::codec;
+use crate::codec::wire::{Holds, Piece, Stream, Target};
 use crate::search::shrink::{Effort, fewest};
 
-/// A wire format: streams into its decoder, judged by the laws of [`wire`](super::wire).
+/// A wire format: streams into its decoder, judged by the laws of [`wire`](codec::wire).
 #[derive(Clone, Copy, Debug)]
 pub struct Wires(pub &'static Target);
 
@@ -15,7 +16,7 @@ const STREAM: &str = "stream.txt";
 impl Wires {
     /// All wire formats.
     pub fn all() -> impl Iterator<Item = Self> {
-        Target::ALL.iter().map(Self)
+        codec::targets().into_iter().map(Self)
     }
 
     fn judged(&self, stream: &Stream) -> Result<(), Fault> {
@@ -98,10 +99,7 @@ impl Subject for Wires {
     }
 
     fn round(&self) -> u64 {
-        match self.0.name {
-            "xv11-turns" => 256,
-            _ => 4096,
-        }
+        self.0.round
     }
 
     fn tries(&self) -> u32 {
@@ -116,7 +114,7 @@ impl Subject for Wires {
 
     /// A frame of zeros, and three with something in them; the rest is found from there.
     fn seeds(&self) -> Vec<Vec<u8>> {
-        if !self.0.has_sessions() {
+        if self.0.holds == Holds::Bytes {
             return vec![
                 Vec::new(),
                 b"AT+NAMEhilrig".to_vec(),
@@ -163,8 +161,8 @@ impl Subject for Wires {
 #[cfg(test)]
 mod tests {
     use super::super::engine::Fuzzer;
-    use super::super::wire::Broken;
     use super::*;
+    use crate::codec::wire::Broken;
     use std::collections::BTreeMap;
 
     #[test]
@@ -184,7 +182,7 @@ mod tests {
                 false => Ok(()),
             }
         },
-        ..Target::ALL[2]
+        ..*codec::BUS.target()
     };
 
     #[test]

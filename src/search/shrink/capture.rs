@@ -1,13 +1,11 @@
-use core::time::Duration;
 use std::collections::BTreeMap;
 
 use protocols::FrameError;
 
 use super::{Effort, fewest};
 use crate::capture::{Capture, Kind, Record};
-use crate::codec::{Protocol, Stream, What};
+use crate::codec::{self, Codec, Stream, What};
 use crate::rig::line::Direction;
-use crate::search::fuzz::wire::{Avr, HighFirst, LowFirst, Panel, Pcui, Wire, Xv11, Xv11Turns};
 
 /// A frame, or a stretch of bytes that are none, or a line event: what is kept or left out whole.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -15,7 +13,7 @@ pub struct Unit {
     /// As it stands in the capture.
     pub record: Record,
     /// The format in which it is a sound frame, if it is one.
-    pub frame: Option<Protocol>,
+    pub frame: Option<&'static Codec>,
 }
 
 impl Unit {
@@ -25,9 +23,6 @@ impl Unit {
         (record.link, record.direction == Direction::ToDevice)
     }
 }
-
-/// Pause on a line that ends whatever was being sent on it.
-const QUIET: Duration = Duration::from_millis(100);
 
 /// The units of `capture` in the order in which they ended. Bytes of an unknown format stay as
 /// they were recorded.
@@ -46,7 +41,7 @@ pub fn units(capture: &Capture) -> Vec<Unit> {
 }
 
 /// The format of a lane, told from its first bytes.
-fn protocol_of(lane: &[&Record]) -> Option<Protocol> {
+fn codec_of(lane: &[&Record]) -> Option<&'static Codec> {
     let mut bytes = Vec::new();
     for record in lane {
         bytes.extend_from_slice(&record.bytes);
@@ -54,7 +49,7 @@ fn protocol_of(lane: &[&Record]) -> Option<Protocol> {
             break;
         }
     }
-    Protocol::guess(&bytes)
+    codec::guess(&bytes)
 }
 
 fn cut(lane: &[&Record]) -> Vec<Unit> {
@@ -62,14 +57,14 @@ fn cut(lane: &[&Record]) -> Vec<Unit> {
         record: record.clone(),
         frame: None,
     };
-    let Some(protocol) = protocol_of(lane) else {
+    let Some(codec) = codec_of(lane) else {
         return lane.iter().map(|record| whole(record)).collect();
     };
     let mut units = Vec::new();
     let mut bytes = Vec::new();
     // Where each record's bytes end in all bytes of the lane, to find the record of a unit's end.
     let mut ends: Vec<(usize, &Record)> = Vec::new();
-    let mut stream = Stream::new(protocol);
+    let mut stream = Stream::new(codec);
     let mut found = Vec::new();
     let mut last = None;
     for &record in lane {
@@ -77,7 +72,7 @@ fn cut(lane: &[&Record]) -> Vec<Unit> {
             units.push(whole(record));
             continue;
         }
-        if last.is_some_and(|last| record.at > last && record.at - last > QUIET) {
+        if last.is_some_and(|last| record.at > last && record.at - last > codec.idle()) {
             found.extend(stream.idle());
         }
         last = Some(record.at);
@@ -101,7 +96,7 @@ fn cut(lane: &[&Record]) -> Vec<Unit> {
                 comment: String::new(),
                 ..record.clone()
             },
-            frame: matches!(one.what, What::Frame(_)).then_some(protocol),
+            frame: matches!(one.what, What::Frame(_)).then_some(codec),
         });
     }
     units
@@ -135,17 +130,17 @@ const OUTSIDE: &str = "bytes outside of frames";
 /// The first unit that is a broken frame, or else no frame though its lane has frames, and what is
 /// wrong with it. Of a lane without any, whose format is unknown, nothing can be said.
 fn first_bad(units: &[Unit]) -> Option<(usize, &'static str)> {
-    let mut formats: BTreeMap<(usize, bool), Protocol> = BTreeMap::new();
+    let mut formats: BTreeMap<(usize, bool), &'static Codec> = BTreeMap::new();
     for unit in units {
-        if let Some(protocol) = unit.frame {
-            formats.entry(unit.lane()).or_insert(protocol);
+        if let Some(codec) = unit.frame {
+            formats.entry(unit.lane()).or_insert(codec);
         }
     }
     let mut bad = units.iter().enumerate().filter_map(|(index, unit)| {
         let is_data = unit.record.kind == Kind::Data && !unit.record.bytes.is_empty();
         let is_bad = is_data && unit.frame.is_none();
-        let protocol = formats.get(&unit.lane()).filter(|_| is_bad)?;
-        Some((index, error_of(&unit.record.bytes, *protocol)))
+        let codec = formats.get(&unit.lane()).filter(|_| is_bad)?;
+        Some((index, error_of(&unit.record.bytes, codec)))
     });
     let first = bad.next()?;
     if first.1 != OUTSIDE {
@@ -154,14 +149,14 @@ fn first_bad(units: &[Unit]) -> Option<(usize, &'static str)> {
     bad.find(|(_, kind)| *kind != OUTSIDE).or(Some(first))
 }
 
-fn error_of(bytes: &[u8], protocol: Protocol) -> &'static str {
-    let mut stream = Stream::new(protocol);
-    let mut found = stream.push(bytes);
-    found.extend(stream.idle());
-    let error = found.into_iter().find_map(|one| match one.what {
-        What::Bad(errors) => errors.first().copied(),
-        What::Frame(_) => None,
-    });
+fn error_of(bytes: &[u8], codec: &'static Codec) -> &'static str {
+    let error = codec
+        .found(bytes)
+        .into_iter()
+        .find_map(|one| match one.what {
+            What::Bad(errors) => errors.first().copied(),
+            What::Frame(_) => None,
+        });
     match error {
         Some(FrameError::Checksum { .. }) => "a checksum that does not fit",
         Some(FrameError::Length { .. }) => "a length that is not allowed",
@@ -237,15 +232,8 @@ pub enum Repair {
 }
 
 fn repair(unit: &mut Unit) {
-    let bytes = &mut unit.record.bytes;
-    match unit.frame {
-        Some(Protocol::Xv11) => Xv11::repair(bytes),
-        Some(Protocol::Xv11Turn) => Xv11Turns::repair(bytes),
-        Some(Protocol::Bus) => Avr::<LowFirst>::repair(bytes),
-        Some(Protocol::BusHighFirst) => Avr::<HighFirst>::repair(bytes),
-        Some(Protocol::Pcui) => Pcui::repair(bytes),
-        Some(Protocol::Panel) => Panel::repair(bytes),
-        None => {}
+    if let Some(codec) = unit.frame {
+        codec.repair(&mut unit.record.bytes);
     }
 }
 

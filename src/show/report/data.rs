@@ -12,8 +12,6 @@
 //! `runs` and `shades` are hexadecimal; the rest is as `view/view.js` takes it. The last map is
 //! whole, those before it have 16 shades: a map is noise while it forms, and this bounds it.
 
-use core::fmt::Write as _;
-
 use emulators::world::Pose;
 use firmware_core::map_view::MapView;
 use protocols::Instant;
@@ -21,6 +19,7 @@ use protocols::rle::{self, Dialect};
 use serde_json::{Value, json};
 
 use super::text::first_time;
+use crate::hex::digits;
 use crate::rig::Logged;
 use crate::robots::KeptMap;
 use crate::run::Outcome;
@@ -43,8 +42,8 @@ pub(super) fn json(outcome: &Outcome, events: &[&Logged]) -> String {
         .map(|(at, map)| (*at, map.view()));
     let last = outcome.map.as_ref().map(KeptMap::view);
     let last = last.map(|map| (Instant::ZERO + outcome.ran, map));
-    let maps = maps.map(|(at, map)| json!({"at": seconds(at), "shades": hex(&map_shades(map))}));
-    let last = last.map(|(at, map)| json!({"at": seconds(at), "runs": hex(&map_runs(map))}));
+    let maps = maps.map(|(at, map)| json!({"at": seconds(at), "shades": digits(&map_shades(map))}));
+    let last = last.map(|(at, map)| json!({"at": seconds(at), "runs": digits(&map_runs(map))}));
     let scans = history.scans.samples.iter();
     let scans = scans.map(|(at, points)| json!({"at": seconds(*at), "points": points}));
     let data = json!({
@@ -62,7 +61,7 @@ pub(super) fn json(outcome: &Outcome, events: &[&Logged]) -> String {
         "display": outcome.display.as_ref().map(|picture| json!({
             "width": picture.width(),
             "height": picture.height(),
-            "runs": hex(&view::picture_runs(picture)),
+            "runs": digits(&view::picture_runs(picture)),
         })),
     });
     data.to_string()
@@ -108,14 +107,6 @@ fn map_shades(map: MapView<'_>) -> Vec<u8> {
     let parts = runs.flat_map(|run| run.chunks(16));
     let byte = |part: &[u8]| u8::try_from(part.len() - 1).expect("at most 15") << 4 | part[0] >> 4;
     parts.map(byte).collect()
-}
-
-fn hex(bytes: &[u8]) -> String {
-    let mut out = String::with_capacity(2 * bytes.len());
-    for byte in bytes {
-        write!(out, "{byte:02x}").expect("a string takes everything");
-    }
-    out
 }
 
 /// A lane; counts that are all zero are left out.

@@ -1,15 +1,13 @@
 //! What passes the wires, counted while the run goes on, and the last scan among it.
 
 use core::cell::RefCell;
-use core::time::Duration;
 use std::rc::Rc;
 
 use emulators::world::Pose;
-use protocols::avr::{self, ChecksumOrder};
-use protocols::{Decode, Instant, panel, pcui, xv11};
+use protocols::Instant;
 use serde::Serialize;
 
-use crate::codec::Protocol;
+use crate::codec::{Codec, Count, Counter};
 use crate::rig::Link;
 use crate::rig::line::{Delivery, Direction};
 use crate::rig::trace::{Side, Tap};
@@ -30,50 +28,19 @@ pub(super) struct Tally {
     pub(super) faults: u64,
 }
 
-/// Silence after which half a frame is given up: longer than any gap of the devices.
-const IDLE: Duration = Duration::from_millis(100);
+impl Tally {
+    fn add(&mut self, count: Count) {
+        self.frames += count.frames;
+        self.errors += count.errors;
+    }
+}
 
 /// One direction of a link.
 #[derive(Default)]
 struct Lane {
     tally: Tally,
-    decoder: Option<Box<dyn Count>>,
+    decoder: Option<(&'static Codec, Counter)>,
     heard: Instant,
-}
-
-/// A decoder of any protocol that only counts.
-trait Count {
-    fn count(&mut self, bytes: &[u8], tally: &mut Tally);
-    fn idle(&mut self, tally: &mut Tally);
-}
-
-struct Counting<D>(D);
-
-impl<D: Decode> Count for Counting<D> {
-    fn count(&mut self, bytes: &[u8], tally: &mut Tally) {
-        for outcome in self.0.push(bytes) {
-            match outcome {
-                Ok(_) => tally.frames += 1,
-                Err(_) => tally.errors += 1,
-            }
-        }
-    }
-
-    fn idle(&mut self, tally: &mut Tally) {
-        self.0.idle();
-        self.count(&[], tally);
-    }
-}
-
-fn counter(protocol: Protocol) -> Box<dyn Count> {
-    match protocol {
-        Protocol::Xv11 => Box::new(Counting(xv11::Decoder::default())),
-        Protocol::Xv11Turn => Box::new(Counting(xv11::turn::Decoder::default())),
-        Protocol::Bus => Box::new(Counting(avr::Decoder::new(ChecksumOrder::LowFirst))),
-        Protocol::BusHighFirst => Box::new(Counting(avr::Decoder::new(ChecksumOrder::HighFirst))),
-        Protocol::Pcui => Box::new(Counting(pcui::Decoder::default())),
-        Protocol::Panel => Box::new(Counting(panel::Decoder::default())),
-    }
 }
 
 /// A turn of the lidar.
@@ -115,9 +82,9 @@ impl Wire {
     pub(super) fn listen(run: &mut Run) -> Rc<RefCell<Self>> {
         let (instruments, rig) = (run.instruments(), &run.rig);
         let lane = |link: &Link| {
-            let protocol = instruments.codec(rig, &link.name);
+            let codec = instruments.codec(rig, &link.name);
             core::array::from_fn(|_| Lane {
-                decoder: protocol.map(counter),
+                decoder: codec.map(|codec| (codec, Counter::new(codec))),
                 ..Lane::default()
             })
         };
@@ -171,11 +138,11 @@ impl Tap for Ear {
             heard,
         } = &mut lanes[direction as usize];
         tally.bytes += bytes.len() as u64;
-        if let Some(decoder) = decoder {
-            if at - *heard >= IDLE {
-                decoder.idle(tally);
+        if let Some((codec, counter)) = decoder {
+            if at - *heard > codec.idle() {
+                tally.add(counter.idle());
             }
-            decoder.count(bytes, tally);
+            tally.add(counter.push(bytes));
         }
         *heard = at;
         if direction == Direction::ToMaster {

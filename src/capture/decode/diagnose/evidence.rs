@@ -2,11 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use protocols::avr::ChecksumOrder;
-use protocols::{pcui, xv11};
-
 use super::Damage;
-use crate::codec::Protocol;
+use crate::codec::{self, Codec, OtherOrder};
 
 /// How often each value occurs.
 pub(super) struct Counts([u64; 256]);
@@ -73,7 +70,7 @@ pub(super) fn swapped(bytes: &[u8], framed: u64) -> Option<Damage> {
         let mut right = bytes.to_vec();
         let (pairs, _) = right.get_mut(start..)?.as_chunks_mut::<2>();
         pairs.iter_mut().for_each(|pair| pair.swap(0, 1));
-        let (_, better) = Protocol::best(&right)?;
+        let (_, better) = codec::best(&right)?;
         let is = better * 10 >= len * 8 && framed * 10 <= len * 2;
         is.then_some(Damage::Swapped {
             framed: better,
@@ -82,57 +79,22 @@ pub(super) fn swapped(bytes: &[u8], framed: u64) -> Option<Damage> {
     })
 }
 
-/// Whether frames hold when the two bytes of their checksum (of the PC's messages: all four)
-/// change places.
-pub(super) fn other_order(bytes: &[u8], protocol: Option<Protocol>) -> Option<Damage> {
-    let bus = |order: ChecksumOrder| match order {
-        ChecksumOrder::LowFirst => Protocol::Bus.frames(bytes).len() as u64,
-        ChecksumOrder::HighFirst => Protocol::BusHighFirst.frames(bytes).len() as u64,
+/// Whether frames hold when the bytes of their checksum change places. What has both orders is
+/// accused only if one of them is expected.
+pub(super) fn other_order(bytes: &[u8], expected: Option<&Codec>) -> Option<Damage> {
+    let candidate = |codec: &Codec| match codec.other_order()? {
+        OtherOrder::Wrong(count) => Some(count(bytes)),
+        OtherOrder::Row(other) if expected == Some(codec) => {
+            Some([other, codec].map(|row| row.frames(bytes).len() as u64))
+        }
+        OtherOrder::Row(_) => None,
     };
-    let [low, high] = [ChecksumOrder::LowFirst, ChecksumOrder::HighFirst].map(bus);
-    let candidates = match protocol {
-        Some(Protocol::Bus) => vec![(high, low)],
-        Some(Protocol::BusHighFirst) => vec![(low, high)],
-        _ => vec![lidar_frames(bytes), pc_frames(bytes)],
-    };
-    let (other, expected) = candidates.into_iter().max()?;
+    let [other, expected] = match expected {
+        Some(codec) => candidate(codec),
+        None => codec::all().into_iter().filter_map(candidate).max(),
+    }?;
     let is = other >= 8 && other > expected * 10;
     is.then_some(Damage::ChecksumOrder { other, expected })
-}
-
-/// Packets whose checksum holds the other way round, and as it stands.
-fn lidar_frames(bytes: &[u8]) -> (u64, u64) {
-    let (mut other, mut expected) = (0, 0);
-    for window in bytes.windows(xv11::FRAME_LEN) {
-        let frame: &[u8; xv11::FRAME_LEN] = window.try_into().expect("as long as that");
-        if frame[0] != xv11::START || !(xv11::FIRST_INDEX..=xv11::LAST_INDEX).contains(&frame[1]) {
-            continue;
-        }
-        let sum = xv11::checksum(frame);
-        let sent = [frame[20], frame[21]];
-        expected += u64::from(u16::from_le_bytes(sent) == sum);
-        other += u64::from(u16::from_be_bytes(sent) == sum);
-    }
-    (other, expected)
-}
-
-/// Messages whose checksum holds the other way round, and as it stands.
-fn pc_frames(bytes: &[u8]) -> (u64, u64) {
-    let (mut other, mut expected) = (0, 0);
-    for (at, window) in bytes.windows(pcui::HEADER_LEN).enumerate() {
-        if window[..8] != pcui::MAGIC {
-            continue;
-        }
-        let len = usize::from(u16::from_le_bytes([window[8], window[9]]));
-        let Some(payload) = bytes[at + pcui::HEADER_LEN..].get(..len) else {
-            continue;
-        };
-        let sum = pcui::checksum(payload);
-        let sent = [window[10], window[11], window[12], window[13]];
-        expected += u64::from(u32::from_le_bytes(sent) == sum);
-        other += u64::from(u32::from_be_bytes(sent) == sum && sum > 0);
-    }
-    (other, expected)
 }
 
 /// Whether the frames that were sent are also among those that arrived, in the same order. A
@@ -140,10 +102,10 @@ fn pc_frames(bytes: &[u8]) -> (u64, u64) {
 /// few.
 pub(super) fn echoed(bytes: &[u8], opposite: &[u8]) -> Option<Damage> {
     let opposite = &opposite[..opposite.len().min(bytes.len())];
-    let protocol = Protocol::guess(opposite)?;
+    let codec = codec::guess(opposite)?;
     let frames = |bytes: &[u8]| -> Vec<Vec<u8>> {
         let place = |at: u64| usize::try_from(at).expect("within a slice");
-        let frames = protocol.frames(bytes).into_iter();
+        let frames = codec.frames(bytes).into_iter();
         frames
             .map(|one| bytes[place(one.start)..place(one.end)].to_vec())
             .collect()

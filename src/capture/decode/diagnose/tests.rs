@@ -6,6 +6,7 @@ use protocols::avr::{self, ChecksumOrder};
 use protocols::xv11::{self, RawReading, Reading, SpeedWord};
 
 use super::*;
+use crate::codec::{BUS, BUS_HIGH_FIRST};
 
 /// Thousands of packets of a lidar, with all distances a room has.
 fn lidar() -> Vec<u8> {
@@ -181,14 +182,11 @@ fn a_checksum_the_other_way_round_is_named() {
         .for_each(|frame| frame.swap(20, 21));
     assert!(matches!(of(&bytes)[..], [Damage::ChecksumOrder { .. }]));
 
-    for (order, protocol) in [
-        (LowFirst, Protocol::BusHighFirst),
-        (HighFirst, Protocol::Bus),
-    ] {
+    for (order, codec) in [(LowFirst, &BUS_HIGH_FIRST), (HighFirst, &BUS)] {
         let [requests, _] = base(order);
         let line = Line {
             bytes: &requests,
-            protocol: Some(protocol),
+            codec: Some(codec),
             ..Line::default()
         };
         // All of them; a sum whose bytes are equal holds both ways.
@@ -200,7 +198,7 @@ fn a_checksum_the_other_way_round_is_named() {
             },
         ] = found[..]
         else {
-            panic!("{}: {found:?}", protocol.name())
+            panic!("{}: {found:?}", codec.name())
         };
         assert!(expected < 8, "{expected} sums of two equal bytes");
     }

@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 
 use super::meet::Met;
 use super::speech::Speech;
+use crate::codec::wire::Stream;
 use crate::scenario::{DirectionSpec, Expect, FaultKind, FaultSpec, Scenario, Span};
-use crate::search::fuzz::wire::Stream;
 
 /// How long the devices are at work, in virtual time, before the program comes: a lidar turns by
 /// then.

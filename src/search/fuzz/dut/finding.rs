@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 
 use super::case::{Case, Told};
 use super::stand::StandError;
+use crate::codec::wire::Stream;
 use crate::scenario::{Scenario, Source};
-use crate::search::fuzz::wire::Stream;
 
 /// Where a search stands: `dut.json`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -13,8 +13,8 @@ use super::live::{Halt, Live};
 use super::speech::{Shape, Speech, is_echo};
 use super::stand::{Seen, Stand, StandError, Whose};
 use super::trial::{Talk, settle};
+use crate::codec::wire::Stream;
 use crate::scenario::{Scenario, Span};
-use crate::search::fuzz::wire::Stream;
 
 /// Time in which it is only listened to.
 const LISTEN: Duration = Duration::from_millis(400);

@@ -4,35 +4,19 @@ use std::collections::BTreeSet;
 
 use emulators::rng::Rng;
 
-use crate::codec::Protocol;
+use crate::codec::wire::{Choices, Piece, Stream};
+use crate::codec::{self, Codec};
 use crate::scenario::{DeviceSpec, OrderSpec, TextSpec};
-use crate::search::fuzz::wire::{
-    Avr, Choices, HighFirst, LowFirst, Panel, Pcui, Piece, Stream, Wire,
-};
-use crate::search::fuzz::wire::{Xv11, Xv11Turns};
 
 /// What is spoken on a link.
 #[derive(Clone, Debug)]
 pub enum Speech {
     /// Frames.
-    Frames(Frames),
+    Frames(&'static Codec),
     /// Lines of text.
     Text(Text),
     /// Nobody knows: bytes.
     Bytes,
-}
-
-/// A format of frames.
-#[derive(Clone, Copy, Debug)]
-pub struct Frames {
-    protocol: Protocol,
-    session: fn(&[u8]) -> Stream,
-    build: fn(&mut Choices<'_>, &mut Vec<u8>),
-    frame_at: fn(&[u8]) -> Option<usize>,
-    /// Where in a frame stands what kind of frame it is.
-    kind: fn(&[u8]) -> &[u8],
-    /// Bytes before what a frame carries.
-    head: usize,
 }
 
 /// Lines of text.
@@ -50,76 +34,45 @@ pub type Shape = BTreeSet<Vec<u8>>;
 const ECHO: usize = 4;
 /// Behind the kind of an answer that carries what the question carried.
 const ECHOED: u8 = b'=';
-/// Register in whose name a bad checksum is answered on the bus.
-const REFUSAL: u8 = 0xFF;
 /// Bytes of chance for a session; most of its 64 items take fewer than 16.
 const CHANCE_MAX: u64 = 1500;
 
-impl Frames {
-    const fn of<W: Wire>(protocol: Protocol, kind: fn(&[u8]) -> &[u8], head: usize) -> Self {
-        Self {
-            protocol,
-            session: Stream::session::<W>,
-            build: W::build,
-            frame_at: W::frame_at,
-            kind,
-            head,
-        }
-    }
+/// The kind of `frame`; with a mark behind it if it carries what `question` carried.
+fn told_kind(codec: &Codec, frame: &[u8], question: &[u8]) -> Vec<u8> {
+    let answers = codec.answers();
+    let mut kind = (answers.kind)(frame).to_vec();
+    let [carried, asked] = [frame, question].map(|bytes| bytes.get(answers.head..));
+    let mut asked = asked.unwrap_or_default().windows(ECHO);
+    let echoes = |window: &[u8]| {
+        let is_plain = window.iter().all(|byte| *byte == window[0]);
+        let mut carried = carried.unwrap_or_default().windows(ECHO);
+        !is_plain && carried.any(|found| found == window)
+    };
+    kind.extend(asked.any(echoes).then_some(ECHOED));
+    kind
+}
 
-    /// The kind of `frame`; with a mark behind it if it carries what `question` carried.
-    fn told_kind(&self, frame: &[u8], question: &[u8]) -> Vec<u8> {
-        let mut kind = (self.kind)(frame).to_vec();
-        let [carried, asked] = [frame, question].map(|bytes| bytes.get(self.head..));
-        let mut asked = asked.unwrap_or_default().windows(ECHO);
-        let echoes = |window: &[u8]| {
-            let is_plain = window.iter().all(|byte| *byte == window[0]);
-            let mut carried = carried.unwrap_or_default().windows(ECHO);
-            !is_plain && carried.any(|found| found == window)
-        };
-        kind.extend(asked.any(echoes).then_some(ECHOED));
-        kind
-    }
-
-    const fn is_bus(&self) -> bool {
-        matches!(self.protocol, Protocol::Bus | Protocol::BusHighFirst)
-    }
-
-    /// Whether a frame says that another one was bad.
-    fn is_refusal(&self, frame: &[u8]) -> bool {
-        self.is_bus() && frame[1] == REFUSAL
-    }
-
-    /// Whether a frame is in `bytes`, at any place, by the slow reading of the format.
-    fn is_in(&self, bytes: &[u8]) -> bool {
-        (0..bytes.len()).any(|start| (self.frame_at)(&bytes[start..]).is_some())
-    }
+/// Whether a frame is in `bytes`, at any place, by the slow reading of the format.
+fn is_in(codec: &Codec, bytes: &[u8]) -> bool {
+    (0..bytes.len()).any(|start| codec.frame_at(&bytes[start..]).is_some())
 }
 
 impl Speech {
-    /// What is spoken by `protocol`.
-    pub const fn of_protocol(protocol: Option<Protocol>) -> Self {
-        let frames = match protocol {
-            Some(Protocol::Xv11) => Frames::of::<Xv11>(Protocol::Xv11, first, 4),
-            Some(Protocol::Xv11Turn) => Frames::of::<Xv11Turns>(Protocol::Xv11Turn, first, 6),
-            Some(Protocol::Bus) => Frames::of::<Avr<LowFirst>>(Protocol::Bus, register, 3),
-            Some(Protocol::BusHighFirst) => {
-                Frames::of::<Avr<HighFirst>>(Protocol::BusHighFirst, register, 3)
-            }
-            Some(Protocol::Pcui) => Frames::of::<Pcui>(Protocol::Pcui, message, 17),
-            Some(Protocol::Panel) => Frames::of::<Panel>(Protocol::Panel, command, 4),
-            None => return Self::Bytes,
-        };
-        Self::Frames(frames)
+    /// What is spoken in frames of `codec`, or by nobody knows whom.
+    pub const fn of_codec(codec: Option<&'static Codec>) -> Self {
+        match codec {
+            Some(codec) => Self::Frames(codec),
+            None => Self::Bytes,
+        }
     }
 
     /// What a device of one's own speaks.
     pub fn of_device(device: &DeviceSpec) -> Option<Self> {
         match device {
-            DeviceSpec::Registers(spec) => Some(Self::of_protocol(Some(match spec.checksum {
-                OrderSpec::LowFirst => Protocol::Bus,
-                OrderSpec::HighFirst => Protocol::BusHighFirst,
-            }))),
+            DeviceSpec::Registers(spec) => Some(Self::Frames(match spec.checksum {
+                OrderSpec::LowFirst => &codec::BUS,
+                OrderSpec::HighFirst => &codec::BUS_HIGH_FIRST,
+            })),
             DeviceSpec::Text(spec) => Some(Self::Text(Text::of(spec))),
             _ => None,
         }
@@ -128,10 +81,10 @@ impl Speech {
     /// A stretch of traffic: what is valid, what is damaged, checksums repaired or not, pauses.
     pub fn session(&self, rng: &mut Rng) -> Stream {
         match self {
-            Self::Frames(frames) => {
+            Self::Frames(codec) => {
                 let len = 200 + rng.below(CHANCE_MAX);
                 let chance: Vec<u8> = (0..len).map(|_| byte(rng)).collect();
-                self.split(&(frames.session)(&chance))
+                self.split(&(codec.target().stream)(&chance))
             }
             Self::Text(text) => text.session(rng),
             Self::Bytes => {
@@ -143,7 +96,7 @@ impl Speech {
 
     /// The same bytes, a frame a piece: so frames can be left out one by one.
     fn split(&self, stream: &Stream) -> Stream {
-        let Self::Frames(frames) = self else {
+        let Self::Frames(codec) = self else {
             return stream.clone();
         };
         let mut text = String::new();
@@ -153,7 +106,7 @@ impl Speech {
                 continue;
             };
             let mut start = 0;
-            for frame in frames.protocol.frames(bytes) {
+            for frame in codec.frames(bytes) {
                 let [from, to] = [frame.start, frame.end]
                     .map(|at| usize::try_from(at).expect("a place in a slice"));
                 text += &Stream::raw(&bytes[start..from]).to_text();
@@ -167,24 +120,25 @@ impl Speech {
 
     /// A valid frame; nothing if the format has none that could be told from a damaged one.
     pub fn frame(&self, rng: &mut Rng) -> Option<Vec<u8>> {
-        let Self::Frames(frames) = self else {
+        let Self::Frames(codec) = self else {
             return None;
         };
         let mut chance: Vec<u8> = (0..600).map(|_| byte(rng)).collect();
-        if frames.is_bus() && rng.below(2) == 0 {
-            // Few of 256 registers are there, mostly the first ones; a short read does no harm.
-            let (register, count) = (rng.below(32), 1 + rng.below(4));
-            chance[0] = u8::try_from(register).expect("below 32");
-            chance[1] = u8::try_from(count).expect("at most 4");
+        let likely = codec.answers().likely;
+        if !likely.is_empty() && rng.below(2) == 0 {
+            for (choice, &(least, count)) in chance.iter_mut().zip(likely) {
+                let more = u8::try_from(rng.below(u64::from(count))).expect("below a byte");
+                *choice = least.saturating_add(more);
+            }
         }
         let mut bytes = Vec::new();
-        (frames.build)(&mut Choices::new(&chance), &mut bytes);
+        codec.build(&mut Choices::new(&chance), &mut bytes);
         Some(bytes)
     }
 
     /// `good` with so little damage that only its checksum tells: no part of it is a frame.
     pub fn damaged(&self, good: &[u8], rng: &mut Rng) -> Option<Vec<u8>> {
-        let Self::Frames(frames) = self else {
+        let Self::Frames(codec) = self else {
             return None;
         };
         (0..TRIES).find_map(|_| {
@@ -196,7 +150,7 @@ impl Speech {
                 _ => rng.below(len),
             };
             bytes[usize::try_from(at).ok()?] ^= 1 << rng.below(8);
-            (!frames.is_in(&bytes)).then_some(bytes)
+            (!is_in(codec, &bytes)).then_some(bytes)
         })
     }
 
@@ -205,7 +159,7 @@ impl Speech {
         loop {
             let bytes: Vec<u8> = good.iter().map(|_| byte(rng)).collect();
             match self {
-                Self::Frames(frames) if frames.is_in(&bytes) => {}
+                Self::Frames(codec) if is_in(codec, &bytes) => {}
                 _ => return bytes,
             }
         }
@@ -216,15 +170,15 @@ impl Speech {
     /// than any that may have come by itself.
     pub fn shape(&self, bytes: &[u8], question: &[u8]) -> Shape {
         match self {
-            Self::Frames(frames) => {
-                let found = frames.protocol.frames(bytes);
+            Self::Frames(codec) => {
+                let found = codec.frames(bytes);
                 let frame = found.iter().filter_map(|frame| {
                     let [from, to] = [frame.start, frame.end].map(usize::try_from);
                     bytes.get(from.ok()?..to.ok()?)
                 });
-                let frame = frame.filter(|frame| !frames.is_refusal(frame));
+                let frame = frame.filter(|frame| !(codec.answers().is_refusal)(frame));
                 let kinds: Shape = frame
-                    .map(|frame| frames.told_kind(frame, question))
+                    .map(|frame| told_kind(codec, frame, question))
                     .collect();
                 let echoes: Shape = kinds.iter().filter(|kind| is_echo(kind)).cloned().collect();
                 if echoes.is_empty() { kinds } else { echoes }
@@ -251,26 +205,6 @@ const TRIES: usize = 32;
 
 fn byte(rng: &mut Rng) -> u8 {
     u8::try_from(rng.below(256)).expect("below 256")
-}
-
-/// All frames are of one kind.
-fn first(frame: &[u8]) -> &[u8] {
-    &frame[..1]
-}
-
-/// Register and whether it is a write, with the count: what a reply on the bus echoes.
-fn register(frame: &[u8]) -> &[u8] {
-    &frame[1..3]
-}
-
-/// The number of a command or report.
-fn command(frame: &[u8]) -> &[u8] {
-    &frame[1..2]
-}
-
-/// The three letters of a message.
-fn message(frame: &[u8]) -> &[u8] {
-    &frame[14..17]
 }
 
 /// A line whose numbers are `#`.
@@ -361,7 +295,7 @@ fn number(rng: &mut Rng) -> String {
 mod tests {
     use super::*;
 
-    const BUS: Speech = Speech::of_protocol(Some(Protocol::Bus));
+    const BUS: Speech = Speech::of_codec(Some(&codec::BUS));
 
     /// The sum of AB 04 02 is B1; swapping two bytes does not change a sum, a bit does.
     #[test]
@@ -380,7 +314,7 @@ mod tests {
         let make = |seed| BUS.session(&mut Rng::stream(seed, "test"));
         assert_eq!(make(1), make(1));
         assert_ne!(make(1), make(2));
-        let framed = Protocol::Bus.framed(make(1).bytes());
+        let framed = codec::BUS.framed(make(1).bytes());
         assert!(
             (1..make(1).bytes().len() as u64).contains(&framed),
             "{framed}"
@@ -409,7 +343,7 @@ mod tests {
     /// A list of one waypoint, told back; the sum of 1, 0, 2 to 10 is 55, 37 hexadecimal.
     #[test]
     fn an_answer_that_carries_the_question_is_told_from_one_that_does_not() {
-        let pcui = Speech::of_protocol(Some(Protocol::Pcui));
+        let pcui = Speech::of_codec(Some(&codec::PCUI));
         let mut list = b"PCUI_MSG\x0B\x00\x37\x00\x00\x00LWP\x01\x00".to_vec();
         list.extend(2..=10);
         let echo = Shape::from([b"LWP=".to_vec()]);

@@ -146,8 +146,8 @@ impl<'a> Stand<'a> {
         drop(run);
         let speech = |end: &OpenEnd| {
             let own = scenario.device.get(&end.link).and_then(Speech::of_device);
-            let protocol = whole.instruments().codec(&whole.rig, &end.link);
-            own.unwrap_or(Speech::of_protocol(protocol))
+            let codec = whole.instruments().codec(&whole.rig, &end.link);
+            own.unwrap_or(Speech::of_codec(codec))
         };
         Ok(ends
             .into_iter()

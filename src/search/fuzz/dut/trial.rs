@@ -6,7 +6,7 @@ use super::case::{Answered, Case, Known, Pair, Raw};
 use super::cause::Cause;
 use super::live::{Halt, Live};
 use super::speech::{Shape, Speech};
-use crate::search::fuzz::wire::{Piece, Stream};
+use crate::codec::wire::{Piece, Stream};
 
 /// Time for an answer to a frame.
 const WINDOW: Duration = Duration::from_millis(60);

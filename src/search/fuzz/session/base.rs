@@ -11,8 +11,8 @@ use protocols::avr::{self, ChecksumOrder, Frame};
 
 use super::step::Step;
 use super::tape::Tape;
+use crate::codec::wire::Choices;
 use crate::search::fuzz::subject::{Behaviour, Fault};
-use crate::search::fuzz::wire::Choices;
 use bench::Master;
 
 /// The emulated base with some of the fielded firmware's defects.

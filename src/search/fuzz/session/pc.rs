@@ -12,10 +12,11 @@ use protocols::{Instant, LineEvent, rle};
 
 use super::step::Step;
 use super::tape::Tape;
+use crate::codec;
+use crate::codec::wire::{Choices, Wire};
 use crate::rig::line::Direction;
 use crate::robots::rescue::pc_program::fielded;
 use crate::search::fuzz::subject::{Behaviour, Fault, size};
-use crate::search::fuzz::wire::{self, Choices, Wire};
 
 /// The PC program, or the fielded one.
 pub(super) struct Client {
@@ -104,7 +105,7 @@ impl super::Bench for Client {
                 2 | 3 => properties([choices.word(), choices.word()].map(u16::cast_signed)),
                 4 => {
                     let mut waypoints = Vec::new();
-                    wire::Pcui::build(&mut choices, &mut waypoints);
+                    codec::Pcui::build(&mut choices, &mut waypoints);
                     waypoints
                 }
                 _ => row(&mut choices),
@@ -173,8 +174,8 @@ impl super::Bench for Client {
             let mut other = bytes.clone();
             let cells = other.iter_mut().skip(HEADER_LEN + 3);
             cells.for_each(|cell| *cell = value);
-            if wire::Pcui::frame_at(bytes).is_some() {
-                wire::Pcui::repair(&mut other);
+            if codec::Pcui::frame_at(bytes).is_some() {
+                codec::Pcui::repair(&mut other);
             }
             plainer.push(Step::Send(*port, other));
         }
@@ -285,7 +286,7 @@ impl Expected {
         let heard = core::mem::take(&mut self.heard);
         let mut at = 0;
         while at < heard.len() {
-            match wire::Pcui::frame_at(&heard[at..]) {
+            match codec::Pcui::frame_at(&heard[at..]) {
                 Some(len) => {
                     self.read(&heard[at..at + len]);
                     at += len;

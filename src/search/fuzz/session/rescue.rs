@@ -9,8 +9,9 @@ use protocols::{avr, pcui, xv11};
 
 use super::step::{Spoil, Step};
 use super::tape::Tape;
+use crate::codec;
+use crate::codec::wire::{Choices, Wire};
 use crate::search::fuzz::subject::{Behaviour, Fault};
-use crate::search::fuzz::wire::{self, Choices, Wire};
 use bench::Around;
 
 /// The program with some of the fielded one's defects.
@@ -107,9 +108,9 @@ impl super::Bench for Robot {
         let mut steps = Vec::new();
         while !choices.is_empty() && steps.len() < STEPS_MAX {
             steps.push(match choices.byte() % 16 {
-                0..4 => Step::Send(RADIO, frame::<wire::Pcui>(&mut choices)),
-                4..8 => Step::Send(LIDAR, frame::<wire::Xv11>(&mut choices)),
-                8 => Step::Send(BASE, frame::<wire::Avr<wire::LowFirst>>(&mut choices)),
+                0..4 => Step::Send(RADIO, frame::<codec::Pcui>(&mut choices)),
+                4..8 => Step::Send(LIDAR, frame::<codec::Xv11>(&mut choices)),
+                8 => Step::Send(BASE, frame::<codec::Avr<codec::LowFirst>>(&mut choices)),
                 9..12 => Step::Reply(spoil(&mut choices)),
                 _ => Step::Wait(PAUSES[choices.below(PAUSES.len())]),
             });
@@ -134,13 +135,13 @@ impl super::Bench for Robot {
             Step::Wait(ms) if *ms > PAUSES[0] => vec![Step::Wait(PAUSES[0])],
             Step::Send(port, bytes) => {
                 let plainer = match *port {
-                    LIDAR => plainer::<wire::Xv11>(bytes),
+                    LIDAR => plainer::<codec::Xv11>(bytes),
                     RADIO => {
                         let mut all = fewer_waypoints(bytes);
-                        all.extend(plainer::<wire::Pcui>(bytes));
+                        all.extend(plainer::<codec::Pcui>(bytes));
                         all
                     }
-                    _ => plainer::<wire::Avr<wire::LowFirst>>(bytes),
+                    _ => plainer::<codec::Avr<codec::LowFirst>>(bytes),
                 };
                 plainer
                     .into_iter()
@@ -166,7 +167,7 @@ fn fewer_waypoints(bytes: &[u8]) -> Vec<Vec<u8>> {
     let without = |index: usize| {
         let mut fewer = [head, &list[..9 * index], &list[9 * index + 9..]].concat();
         fewer[17] -= 1;
-        wire::Pcui::repair(&mut fewer);
+        codec::Pcui::repair(&mut fewer);
         fewer
     };
     (0..count).map(without).collect()

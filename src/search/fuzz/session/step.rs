@@ -1,5 +1,7 @@
 use core::fmt::Write as _;
 
+use crate::hex;
+
 /// One thing that happens to a program on a bench.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Step {
@@ -51,7 +53,7 @@ impl Spoil {
     }
 
     fn parse(words: &[&str]) -> Option<Self> {
-        let figures: Option<Vec<u8>> = words.iter().skip(1).map(|word| byte(word)).collect();
+        let figures: Option<Vec<u8>> = words.iter().skip(1).map(byte).collect();
         Some(match (*words.first()?, &figures?[..]) {
             ("nothing", []) => Self::Nothing,
             ("acknowledged", []) => Self::Acknowledged,
@@ -67,9 +69,8 @@ impl Spoil {
     }
 }
 
-fn byte(word: &str) -> Option<u8> {
-    let is_pair = word.len() == 2 && word.bytes().all(|byte| byte.is_ascii_hexdigit());
-    u8::from_str_radix(word, 16).ok().filter(|_| is_pair)
+fn byte(word: &&str) -> Option<u8> {
+    hex::byte(word.as_bytes())
 }
 
 /// Steps as text, one a line; ports are called `ports`.
@@ -79,9 +80,10 @@ pub(super) fn to_text(steps: &[Step], ports: &[&str]) -> String {
         match step {
             Step::Send(port, bytes) => {
                 text += ports[*port];
-                for byte in bytes {
-                    write!(text, " {byte:02X}").expect("a string takes everything");
+                if !bytes.is_empty() {
+                    text.push(' ');
                 }
+                text += &hex::pairs(bytes);
             }
             Step::Wait(ms) => {
                 write!(text, "wait {ms} ms").expect("a string takes everything");
@@ -111,7 +113,7 @@ pub(super) fn parse(text: &str, ports: &[&str]) -> Result<Vec<Step>, String> {
         let port = ports.iter().position(|port| *port == first);
         let step = match (port, first, rest) {
             (Some(port), ..) => {
-                let bytes: Option<Vec<u8>> = rest.iter().map(|word| byte(word)).collect();
+                let bytes: Option<Vec<u8>> = rest.iter().map(byte).collect();
                 bytes.map(|bytes| Step::Send(port, bytes))
             }
             (None, "wait", &[ms, "ms"]) => ms.parse().ok().map(Step::Wait),

@@ -7,10 +7,11 @@ use protocols::Instant;
 use protocols::avr::{Frame, registers};
 
 use super::ORDER;
+use crate::codec::wire::Wire;
+use crate::codec::{Avr, LowFirst};
 use crate::rig::line::Direction;
 use crate::search::fuzz::session::tape::Tape;
 use crate::search::fuzz::subject::{Behaviour, Fault};
-use crate::search::fuzz::wire::{Avr, LowFirst, Wire};
 
 /// On a line that is quiet for so long, every request is answered and forgotten: the slowest task
 /// of the fielded base comes every 25.1 ms.

@@ -6,12 +6,12 @@ use protocols::avr::{self, ChecksumOrder, Frame};
 use protocols::{Decode, Instant, Port};
 
 use super::{BASE, LIDAR, RADIO};
-use crate::codec::{Protocol, Stream, What};
+use crate::codec::wire::Wire;
+use crate::codec::{self, BUS, PCUI, What, XV11};
 use crate::rig::line::Direction;
 use crate::search::fuzz::session::step::{Spoil, Step};
 use crate::search::fuzz::session::tape::Tape;
 use crate::search::fuzz::subject::{Behaviour, Fault, size};
-use crate::search::fuzz::wire::{self, Wire};
 
 const MS: Duration = Duration::from_millis(1);
 const ORDER: ChecksumOrder = ChecksumOrder::LowFirst;
@@ -231,7 +231,7 @@ impl<'a> Around<'a> {
             0x80 | asked.count()
         };
         let fits = |frame: &[u8]| {
-            wire::Avr::<wire::LowFirst>::frame_at(frame).is_some()
+            codec::Avr::<codec::LowFirst>::frame_at(frame).is_some()
                 && [frame[1], frame[2]] == [asked.register(), count]
         };
         let mut starts = 0..self.answers.len();
@@ -255,8 +255,8 @@ impl<'a> Around<'a> {
 
     /// Every frame that stood on a line was heard, and no other.
     fn judge_frames(&mut self) -> Result<(), Fault> {
-        self.frames[RADIO] += frames::<wire::Pcui>(&self.heard[RADIO]);
-        self.frames[LIDAR] += frames::<wire::Xv11>(&self.heard[LIDAR]);
+        self.frames[RADIO] += frames::<codec::Pcui>(&self.heard[RADIO]);
+        self.frames[LIDAR] += frames::<codec::Xv11>(&self.heard[LIDAR]);
         self.heard = [const { Vec::new() }; 3];
         let radio = self.counter("radio frames");
         if radio != self.frames[RADIO] {
@@ -332,7 +332,7 @@ fn spoilt(bytes: &mut Vec<u8>, spoil: Spoil) {
         }
         Spoil::Register(register) => {
             bytes[1] = register;
-            wire::Avr::<wire::LowFirst>::repair(bytes);
+            codec::Avr::<codec::LowFirst>::repair(bytes);
         }
         Spoil::Flip(byte, bit) => {
             let at = usize::from(byte) % bytes.len();
@@ -351,14 +351,14 @@ const WORDS_MAX: usize = 100;
 
 /// What was said last, for people.
 fn words_of(port: usize, bytes: &[u8]) -> String {
-    let protocol = [Protocol::Xv11, Protocol::Bus, Protocol::Pcui][port];
-    let mut stream = Stream::new(protocol);
-    let mut found = stream.push(bytes);
-    found.extend(stream.idle());
-    let words = found.into_iter().map(|found| match found.what {
-        What::Frame(words) => words,
-        What::Bad(_) => "bytes of no frame".to_owned(),
-    });
+    let codec = [&XV11, &BUS, &PCUI][port];
+    let words = codec
+        .found(bytes)
+        .into_iter()
+        .map(|found| match found.what {
+            What::Frame(words) => words,
+            What::Bad(_) => "bytes of no frame".to_owned(),
+        });
     let words = words.collect::<Vec<_>>().join("; ");
     let shown: String = words.chars().take(WORDS_MAX).collect();
     let more = if shown.len() < words.len() { ".." } else { "" };

@@ -42,8 +42,10 @@ pub struct Lidar {
     pub frames: u64,
     /// Candidates whose checksum was wrong; turns have none.
     pub bad: u64,
-    /// Bytes in no frame, without those at the end that are too few for one.
+    /// Bytes in no frame.
     pub outside: u64,
+    /// Those of them at the end that begin a frame, whose rest is missing.
+    pub cut: u64,
     /// Readings with a distance.
     pub ok: Ranges,
     /// Readings with the strength warning.
@@ -77,7 +79,7 @@ impl Lidar {
             }
         });
         counts.speeds.sort_unstable();
-        counts.boot = boot_text(bytes);
+        counts.boot = boot_text(bytes, &[xv11::START]);
         counts
     }
 
@@ -98,7 +100,7 @@ impl Lidar {
                 }
             },
         );
-        counts.boot = boot_text(bytes);
+        counts.boot = boot_text(bytes, &turn::HEADER);
         counts
     }
 
@@ -120,20 +122,21 @@ impl Lidar {
         frame_len: usize,
         mut add: impl FnMut(&mut Self, &D::Frame, usize),
     ) {
-        let (mut rest, mut last_end) = (bytes, 0);
+        let mut rest = bytes;
         while let Some(outcome) = decoder.step(&mut rest) {
             match outcome {
                 Ok(frame) => {
-                    last_end = bytes.len() - rest.len() - decoder.pending();
+                    let end = bytes.len() - rest.len() - decoder.pending();
                     self.frames += 1;
-                    add(self, &frame, last_end);
+                    add(self, &frame, end);
                 }
                 Err(FrameError::Checksum { .. }) => self.bad += 1,
                 Err(_) => {}
             }
         }
-        let judged = last_end.max((bytes.len() + 1).saturating_sub(frame_len));
-        self.outside = judged as u64 - self.frames * frame_len as u64;
+        // Less than a frame: what it begins with began one, or it would have been given up.
+        self.cut = decoder.pending() as u64;
+        self.outside = bytes.len() as u64 - self.frames * frame_len as u64;
     }
 
     fn reading(&mut self, reading: Reading) {
@@ -156,8 +159,9 @@ const BANNER: &[u8] = b"\n\rPiccolo";
 /// Most of a text that is shown.
 const TEXT_MAX: usize = 400;
 
-/// Where the banner begins, and the text from there on.
-fn boot_text(bytes: &[u8]) -> Option<(usize, String)> {
+/// Where the banner begins, and the text from there on, up to a frame's `header`: that of the old
+/// firmware begins with a letter.
+fn boot_text(bytes: &[u8], header: &[u8]) -> Option<(usize, String)> {
     let at = bytes
         .windows(BANNER.len())
         .position(|part| part == BANNER)?;
@@ -166,7 +170,13 @@ fn boot_text(bytes: &[u8]) -> Option<(usize, String)> {
         .any(|hello| bytes[..at].ends_with(hello));
     let start = if greeted { at - 2 } else { at };
     let is_text = |byte: &&u8| matches!(byte, b' '..=b'~' | b'\r' | b'\n' | b'\t');
-    let len = bytes[start..].iter().take_while(is_text).count();
+    let mut len = bytes[start..].iter().take_while(is_text).count();
+    let is_header = |&at: &usize| {
+        let next = &bytes[start + at..];
+        // One byte of it at the end of all bytes may be a letter as well.
+        next.len() >= 2 && next.iter().zip(header).all(|(a, b)| a == b)
+    };
+    len = (0..len).find(is_header).unwrap_or(len);
     let text = &bytes[start..start + len.min(TEXT_MAX)];
     Some((start, text.escape_ascii().to_string()))
 }
@@ -179,6 +189,9 @@ impl core::fmt::Display for Lidar {
             f,
             "{frames} good frames, {bad} bad-checksum candidates, {outside} bytes outside frames"
         )?;
+        if self.cut > 0 {
+            write!(f, ", {} of them begin a frame that was cut off", self.cut)?;
+        }
         if let Some([min, median, mean, max]) = self.rpm() {
             write!(
                 f,
@@ -219,5 +232,37 @@ impl core::fmt::Display for Lidar {
             Some((at, text)) => write!(f, "\nboot text at byte {at}: \"{text}\""),
             None => Ok(()),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// First packet of the capture "hand in box", fw 2.4.
+    const PACKET: &[u8; xv11::FRAME_LEN] =
+        b"\xFA\xA0\x4E\x4A\x27\x01\x05\x04\x27\x01\xD7\x03\x26\x01\x29\x04\x26\x01\xF0\x03\x3C\x5C";
+
+    /// Eight independent clients counted more bytes than the summary told.
+    #[test]
+    fn every_byte_is_in_a_frame_or_outside_also_at_the_end() {
+        let noise = Lidar::of_packets(&[&PACKET[..], b"some text"].concat());
+        assert_eq!((noise.frames, noise.outside, noise.cut), (1, 9, 0));
+        let cut = Lidar::of_packets(&[&PACKET[..], &PACKET[..21]].concat());
+        assert_eq!((cut.frames, cut.bad, cut.outside, cut.cut), (1, 0, 21, 21));
+        let said = cut.to_string();
+        let tail = "21 bytes outside frames, 21 of them begin a frame that was cut off\n";
+        assert!(said.contains(tail), "{said}");
+    }
+
+    /// The old firmware's header begins with 5A, the letter Z; a Z of the text is no header.
+    #[test]
+    fn the_boot_text_ends_where_a_turn_begins() {
+        let mut bytes = b":)\n\rPiccolo Z\n\r# abort".to_vec();
+        bytes.extend(turn::HEADER);
+        bytes.resize(bytes.len() + turn::FRAME_LEN - turn::HEADER.len(), 0);
+        let lidar = Lidar::of_turns(&bytes);
+        let text = ":)\\n\\rPiccolo Z\\n\\r# abort".to_owned();
+        assert_eq!((lidar.frames, lidar.boot), (1, Some((0, text))));
     }
 }

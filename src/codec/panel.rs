@@ -1,10 +1,38 @@
-//! The touch panel's frames as a fuzzer sees them.
+//! `panel`: drawing commands to a touch panel and its pen's reports.
 
 use protocols::Decode;
-use protocols::panel::{self, Command, HEADER_LEN, Window};
+use protocols::panel::{self, Command, Contact, HEADER_LEN, Window};
 
-use super::formats::made_again;
-use super::{Broken, Choices, Wire};
+use super::lua::{Lua, LuaField, field};
+use super::row::{Answers, Codec};
+use super::wire::{Broken, Choices, Wire, made_again};
+
+/// Frames to and from a touch panel.
+pub static PANEL: Codec = Codec::of::<Panel>("Touch panel: drawing commands and pen reports")
+    .with_answers(Answers {
+        // The number of a command or report.
+        kind: |frame| &frame[1..2],
+        head: HEADER_LEN,
+        ..Answers::PLAIN
+    })
+    .with_lua(Lua {
+        source: include_str!("lua/panel.lua"),
+        judge: "judge_panel",
+        tell: "tell_panel",
+        fields: &FIELDS,
+    });
+
+const FIELDS: [LuaField; 6] = [
+    field("op", "uint8", "hilrig.panel.op", "Number").shown_as(
+        "base.HEX, { [0x28] = \"display off\", [0x29] = \"display on\", \
+         [0x2C] = \"write memory\", [0xE0] = \"write runs\", [0x54] = \"pen\" }",
+    ),
+    field("window", "string", "hilrig.panel.window", "Window"),
+    field("drawn", "uint32", "hilrig.panel.pixels", "Pixels"),
+    field("pen_down", "bool", "hilrig.panel.pen_down", "Pen down"),
+    field("pen_x", "uint16", "hilrig.panel.pen_x", "Pen reading x"),
+    field("pen_y", "uint16", "hilrig.panel.pen_y", "Pen reading y"),
+];
 
 /// The touch panel.
 #[derive(Clone, Copy, Debug)]
@@ -34,6 +62,10 @@ impl Wire for Panel {
 
     fn bytes(frame: &panel::Frame) -> &[u8] {
         frame.as_bytes()
+    }
+
+    fn words(frame: &panel::Frame) -> String {
+        words(frame)
     }
 
     fn build(choices: &mut Choices<'_>, out: &mut Vec<u8>) {
@@ -158,4 +190,58 @@ fn spread<'a>(
         len = end;
     }
     Some(len)
+}
+
+/// A frame to or from a touch panel.
+fn words(frame: &panel::Frame) -> String {
+    let window = |window: Window| {
+        let ([x0, x1], [y0, y1]) = (window.columns, window.rows);
+        format!("window {x0},{y0} to {x1},{y1}")
+    };
+    if let Some(pen) = frame.pen() {
+        let [x, y] = pen.reading;
+        let contact = match pen.contact {
+            Contact::Down => "down",
+            Contact::Up => "up",
+        };
+        return format!("pen {contact} at {x},{y}");
+    }
+    match frame.command() {
+        Some(Command::On) => "display on".to_owned(),
+        Some(Command::Off) => "display off".to_owned(),
+        Some(Command::Write(place, pixels)) => {
+            format!("{}: {} pixels", window(place), pixels.len() / 2)
+        }
+        Some(Command::Runs(place, runs)) => {
+            let pixels: u32 = runs.iter().step_by(3).map(|&count| u32::from(count)).sum();
+            format!(
+                "{}: {pixels} pixels in {} runs",
+                window(place),
+                runs.len() / 3
+            )
+        }
+        None => format!("number {:02X}, {} bytes", frame.op(), frame.payload().len()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Checksums by an independent CRC-16/XMODEM.
+    #[test]
+    fn frames_of_the_panel_are_told_by_their_place_and_pixels() {
+        let told = |bytes: &[u8]| {
+            let mut decoder = panel::Decoder::default();
+            words(&decoder.push(bytes).find_map(Result::ok).expect("sound"))
+        };
+        assert_eq!(told(b"\x7E\x29\x00\x00\x18\x57"), "display on");
+        let pen = b"\x7E\x54\x00\x05\x01\x01\x23\x0A\xBC\x0D\xE7";
+        assert_eq!(told(pen), "pen down at 291,2748");
+        let runs = b"\x7E\xE0\x00\x0E\x00\x00\x00\x02\x00\x03\x00\x02\
+            \x03\xF8\x00\x01\x07\xE0\x08\x26";
+        assert_eq!(told(runs), "window 0,2 to 3,2: 4 pixels in 2 runs");
+        let pixels = b"\x7E\x2C\x00\x0C\x00\x00\x00\x02\x00\x01\x00\x02\xF8\x00\x07\xE0\x6B\xA6";
+        assert_eq!(told(pixels), "window 0,2 to 1,2: 2 pixels");
+    }
 }

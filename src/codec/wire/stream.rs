@@ -1,6 +1,5 @@
-use core::fmt::Write as _;
-
 use super::{Choices, Wire};
+use crate::hex;
 
 /// Most frames, pieces and damages of a session.
 const ITEMS_MAX: usize = 64;
@@ -170,12 +169,7 @@ impl Stream {
             match piece {
                 Piece::Bytes([]) => continue,
                 Piece::Idle => text.push_str("idle"),
-                Piece::Bytes(bytes) => {
-                    for (at, byte) in bytes.iter().enumerate() {
-                        let space = if at == 0 { "" } else { " " };
-                        write!(text, "{space}{byte:02X}").expect("a string takes everything");
-                    }
-                }
+                Piece::Bytes(bytes) => text += &hex::pairs(bytes),
             }
             text.push('\n');
         }
@@ -205,13 +199,8 @@ impl Stream {
                 stream.marks.push((stream.bytes.len(), false));
             }
             for pair in said.trim_end_matches('\\').split_whitespace() {
-                let is_pair = pair.len() == 2 && pair.bytes().all(|b| b.is_ascii_hexdigit());
-                let byte = u8::from_str_radix(pair, 16).map_err(|_| wrong(pair))?;
-                stream.bytes.push(if is_pair {
-                    byte
-                } else {
-                    return Err(wrong(pair));
-                });
+                let byte = hex::byte(pair.as_bytes());
+                stream.bytes.push(byte.ok_or_else(|| wrong(pair))?);
             }
         }
         Ok(stream)
@@ -239,7 +228,7 @@ impl Stream {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Xv11;
+    use super::super::super::Xv11;
     use super::*;
 
     #[test]

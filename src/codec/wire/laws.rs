@@ -3,8 +3,7 @@
 
 use protocols::Decode;
 
-use super::formats::kind_of;
-use super::{Broken, Piece, Stream, Wire};
+use super::{Broken, Piece, Stream, Wire, kind_of};
 
 /// A decoder at work, with everything that it said.
 struct Listener<W: Wire> {

@@ -5,8 +5,7 @@ use protocols::Decode;
 use protocols::hc06::{Command, LineCommand};
 use protocols::rle;
 
-use super::formats::kind_of;
-use super::{Piece, Stream, Wire};
+use super::{Piece, Stream, Wire, kind_of};
 
 /// Where marks go.
 pub type Mark<'a> = &'a mut dyn FnMut(&[u64]);

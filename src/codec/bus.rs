@@ -1,0 +1,249 @@
+//! `bus` and `bus-high-first`: the register bus with either order of its checksum.
+
+use core::fmt::Write as _;
+use core::marker::PhantomData;
+
+use protocols::avr::{self, ChecksumOrder, ERROR_REGISTER, registers};
+
+use super::lua::{Lua, LuaField, field};
+use super::row::{Answers, Codec, OtherOrder};
+use super::wire::{Broken, Choices, Wire, made_again};
+
+/// The register bus as documented.
+pub static BUS: Codec = Codec::of::<Avr<LowFirst>>("Register bus, checksum low byte first")
+    .fuzzed_as("avr-low-first")
+    .with_answers(ANSWERS)
+    .with_other_order(OtherOrder::Row(&BUS_HIGH_FIRST))
+    .with_lua(lua("judge_bus_low_first", "tell_bus_low_first"));
+
+/// The register bus as fielded.
+pub static BUS_HIGH_FIRST: Codec =
+    Codec::of::<Avr<HighFirst>>("Register bus, checksum high byte first")
+        .fuzzed_as("avr-high-first")
+        .with_answers(ANSWERS)
+        .with_other_order(OtherOrder::Row(&BUS))
+        .with_lua(lua("judge_bus_high_first", "tell_bus_high_first"));
+
+/// The row of the bus with that order.
+pub const fn bus(order: ChecksumOrder) -> &'static Codec {
+    match order {
+        ChecksumOrder::LowFirst => &BUS,
+        ChecksumOrder::HighFirst => &BUS_HIGH_FIRST,
+    }
+}
+
+const ANSWERS: Answers = Answers {
+    // Register and whether it is a write, with the count: what a reply echoes.
+    kind: |frame| &frame[1..3],
+    head: 3,
+    // In its name a bad checksum is answered.
+    is_refusal: |frame| frame[1] == ERROR_REGISTER,
+    // Few of 256 registers are there, mostly the first ones; a short read does no harm.
+    likely: &[(0, 32), (1, 4)],
+};
+
+const fn lua(judge: &'static str, tell: &'static str) -> Lua {
+    Lua {
+        source: include_str!("lua/bus.lua"),
+        judge,
+        tell,
+        fields: &FIELDS,
+    }
+}
+
+const FIELDS: [LuaField; 6] = [
+    field("register", "uint8", "hilrig.bus.register", "Register"),
+    field("count", "uint8", "hilrig.bus.count", "Count"),
+    field("write", "bool", "hilrig.bus.write", "Carries data"),
+    field("order", "string", "hilrig.bus.order", "Checksum order"),
+    field("name", "string", "hilrig.bus.name", "Name"),
+    field("value", "int32", "hilrig.bus.value", "Value"),
+];
+
+/// An order of the register bus's checksum.
+pub trait Order {
+    /// Which.
+    const ORDER: ChecksumOrder;
+    /// Name of the row.
+    const NAME: &'static str;
+}
+
+/// As documented.
+#[derive(Clone, Copy, Debug)]
+pub struct LowFirst;
+
+impl Order for LowFirst {
+    const ORDER: ChecksumOrder = ChecksumOrder::LowFirst;
+    const NAME: &'static str = "bus";
+}
+
+/// As fielded.
+#[derive(Clone, Copy, Debug)]
+pub struct HighFirst;
+
+impl Order for HighFirst {
+    const ORDER: ChecksumOrder = ChecksumOrder::HighFirst;
+    const NAME: &'static str = "bus-high-first";
+}
+
+/// The register bus.
+#[derive(Clone, Copy, Debug)]
+pub struct Avr<O>(PhantomData<O>);
+
+impl<O: Order> Wire for Avr<O> {
+    type Decoder = avr::Decoder;
+    const NAME: &'static str = O::NAME;
+
+    fn decoder() -> avr::Decoder {
+        avr::Decoder::new(O::ORDER)
+    }
+
+    fn bytes(frame: &avr::Frame) -> &[u8] {
+        frame.as_bytes()
+    }
+
+    fn words(frame: &avr::Frame) -> String {
+        words(frame)
+    }
+
+    fn build(choices: &mut Choices<'_>, out: &mut Vec<u8>) {
+        let (register, control) = (choices.byte(), choices.byte());
+        let frame = if control & 0x80 == 0 {
+            avr::Frame::read(register, control, O::ORDER)
+        } else {
+            let data = choices.take(usize::from(control & 0x7F));
+            avr::Frame::write(register, data, O::ORDER)
+        };
+        out.extend(frame.as_bytes());
+    }
+
+    fn repair(frame: &mut [u8]) {
+        let Some(end) = frame.len().checked_sub(2).filter(|end| *end >= 3) else {
+            return;
+        };
+        if frame[2] & 0x80 != 0 && end - 3 <= avr::DATA_MAX {
+            frame[2] = 0x80 | u8::try_from(end - 3).expect("at most 127");
+        }
+        let sum = avr::checksum(&frame[..end]);
+        let sum = match O::ORDER {
+            ChecksumOrder::LowFirst => sum.to_le_bytes(),
+            ChecksumOrder::HighFirst => sum.to_be_bytes(),
+        };
+        frame[end..].copy_from_slice(&sum);
+    }
+
+    fn frame_at(bytes: &[u8]) -> Option<usize> {
+        let control = usize::from(*bytes.get(2)?);
+        let end = 3 + control.saturating_sub(128);
+        let sum: usize = bytes
+            .get(..end)?
+            .iter()
+            .map(|&byte| usize::from(byte))
+            .sum();
+        let (first, second) = (*bytes.get(end)?, *bytes.get(end + 1)?);
+        let (low, high) = match O::ORDER {
+            ChecksumOrder::LowFirst => (first, second),
+            ChecksumOrder::HighFirst => (second, first),
+        };
+        let holds = sum % 65_536 == usize::from(low) + 256 * usize::from(high);
+        (bytes[0] == 0xAB && holds).then_some(end + 2)
+    }
+
+    fn kind(frame: &avr::Frame) -> u64 {
+        let size = u64::from(u8::BITS - frame.count().leading_zeros());
+        u64::from(frame.is_write()) << 16 | u64::from(frame.register() / 8) << 8 | size
+    }
+
+    fn means_itself(frame: &avr::Frame) -> Result<(), Broken> {
+        let made = if frame.is_write() {
+            avr::Frame::write(frame.register(), frame.data(), O::ORDER)
+        } else {
+            avr::Frame::read(frame.register(), frame.count(), O::ORDER)
+        };
+        made_again(frame.as_bytes(), made.as_bytes())
+    }
+}
+
+/// A frame of the register bus, by the names of its registers.
+fn words(frame: &avr::Frame) -> String {
+    let (register, count) = (frame.register(), frame.count());
+    if frame.is_write() {
+        return format!("{register}:{}", values(register, frame.data()));
+    }
+    if count == 0 && register == ERROR_REGISTER {
+        return "error".to_owned();
+    }
+    if count == 0 {
+        return format!("acknowledge {register}{}", names(register, 1));
+    }
+    format!("read {count} from {register}:{}", names(register, count))
+}
+
+/// Names of the values that begin or end among `count` registers from `first` on.
+fn names(first: u8, count: u8) -> String {
+    let last = u16::from(first) + u16::from(count);
+    let (mut out, mut at) = (String::new(), u16::from(first));
+    while at < last {
+        let Some(register) = u8::try_from(at).ok().and_then(registers::at) else {
+            return out;
+        };
+        write!(out, " {}", register.name).expect(TAKES_ALL);
+        at = u16::from(register.address) + u16::from(register.width.bytes());
+    }
+    out
+}
+
+/// `data` as the values of the registers from `first` on; what is no whole value as bytes.
+fn values(first: u8, mut data: &[u8]) -> String {
+    use registers::Width;
+    let (mut out, mut at) = (String::new(), first);
+    while let [byte, rest @ ..] = data {
+        let known = registers::at(at).filter(|register| register.address == at);
+        let len = known.map_or(1, |register| usize::from(register.width.bytes()));
+        let (Some(register), true) = (known, len <= data.len()) else {
+            write!(out, " {byte:02X}").expect(TAKES_ALL);
+            (data, at) = (rest, at.wrapping_add(1));
+            continue;
+        };
+        let value = match register.width {
+            Width::U8 => i64::from(*byte),
+            Width::I8 => i64::from(byte.cast_signed()),
+            Width::I16 => i64::from(i16::from_le_bytes([data[0], data[1]])),
+            Width::I32 => i64::from(i32::from_le_bytes([data[0], data[1], data[2], data[3]])),
+        };
+        let gap = if register.unit.is_empty() { "" } else { " " };
+        write!(out, " {}={value}{gap}{}", register.name, register.unit).expect(TAKES_ALL);
+        data = &data[len..];
+        at = at.wrapping_add(register.width.bytes());
+    }
+    out
+}
+
+const TAKES_ALL: &str = "a string takes everything";
+
+#[cfg(test)]
+mod tests {
+    use protocols::Decode as _;
+
+    use super::*;
+
+    fn of_bus(bytes: &[u8]) -> String {
+        let mut decoder = avr::Decoder::new(ChecksumOrder::HighFirst);
+        let frame = decoder.push(bytes).find_map(Result::ok);
+        words(&frame.expect("sound"))
+    }
+
+    /// Vectors of the fielded firmware, register names of its map.
+    #[test]
+    fn the_bus_is_told_by_the_names_of_its_registers() {
+        let read = of_bus(&[0xAB, 0x24, 0x0A, 0x00, 0xD9]);
+        let names = "encoder_left encoder_right speed_left_is speed_right_is";
+        assert_eq!(read, format!("read 10 from 36: {names}"));
+        let write = of_bus(&[0xAB, 0x2E, 0x83, 0x14, 0xEC, 0x00, 0x02, 0x5C]);
+        let values = "speed_left_to=20 ticks/40 ms speed_right_to=-20 ticks/40 ms motor_standby=0";
+        assert_eq!(write, format!("46: {values}"));
+        let ack = of_bus(&[0xAB, 0x2E, 0x00, 0x00, 0xD9]);
+        assert_eq!(ack, "acknowledge 46 speed_left_to");
+        assert_eq!(of_bus(&[0xAB, 0xFF, 0x00, 0x01, 0xAA]), "error");
+    }
+}

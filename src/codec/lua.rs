@@ -1,0 +1,56 @@
+/// A row's part of the dissector for Wireshark.
+///
+/// The template has helpers for it: `u8`, `i8`, `u16`, `i16`, `u32`, `i32` and `be16` read a number
+/// of a string at a place from 0 on, `sum(s, first, last)` adds bytes up, `f` holds the fields.
+#[derive(Clone, Copy, Debug)]
+pub struct Lua {
+    /// Local functions; rows with the same text share them.
+    pub source: &'static str,
+    /// A function that says how long the frame at the start of a string is: 0 for none, nil if that
+    /// takes more bytes.
+    pub judge: &'static str,
+    /// A function that returns a frame's title and a list of fields and values.
+    pub tell: &'static str,
+    /// What it shows; rows may share some.
+    pub fields: &'static [LuaField],
+}
+
+/// Something that can be filtered for in Wireshark.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LuaField {
+    /// Its name in `f`.
+    pub key: &'static str,
+    /// What makes it, e.g. `uint8`.
+    pub kind: &'static str,
+    /// Its name in filters.
+    pub filter: &'static str,
+    /// What it is called in the tree.
+    pub label: &'static str,
+    /// More arguments, e.g. the base of a number; empty for none.
+    pub shown_as: &'static str,
+}
+
+/// A field that is shown as it is.
+pub const fn field(
+    key: &'static str,
+    kind: &'static str,
+    filter: &'static str,
+    label: &'static str,
+) -> LuaField {
+    LuaField {
+        key,
+        kind,
+        filter,
+        label,
+        shown_as: "",
+    }
+}
+
+impl LuaField {
+    /// The field with more arguments of its `ProtoField`, in Lua.
+    #[must_use]
+    pub const fn shown_as(mut self, arguments: &'static str) -> Self {
+        self.shown_as = arguments;
+        self
+    }
+}

@@ -1,0 +1,294 @@
+use core::fmt;
+use core::ops::Range;
+use core::time::Duration;
+
+use protocols::{Decode, FrameError};
+
+use super::lua::Lua;
+use super::stream::{Found, Stream};
+use super::wire::{Choices, Target, Wire};
+use crate::registry::Named;
+
+/// A wire format that can be told from its bytes: a row of the table.
+///
+/// Made of a [`Wire`] by [`of`](Self::of), which is enough for `decode`, `shrink` and `fuzz`; the
+/// `with_` functions add what cannot be told from the format itself.
+#[derive(Clone, Copy)]
+pub struct Codec {
+    name: &'static str,
+    about: &'static str,
+    decoder: fn() -> Box<dyn AnyDecoder>,
+    repair: fn(&mut [u8]),
+    build: fn(&mut Choices<'_>, &mut Vec<u8>),
+    frame_at: fn(&[u8]) -> Option<usize>,
+    target: Target,
+    idle: Duration,
+    answers: Answers,
+    other_order: Option<OtherOrder>,
+    figures: Option<fn(&[u8]) -> String>,
+    lua: Option<Lua>,
+}
+
+/// Silence after which half a frame is given up, unless a row says otherwise: longer than any gap
+/// that a device leaves inside of a frame.
+pub const IDLE: Duration = Duration::from_millis(50);
+
+/// How whoever talks to a program in frames tells its answers apart, and what is worth asking.
+#[derive(Clone, Copy, Debug)]
+pub struct Answers {
+    /// The bytes of a frame that say what kind of frame it is.
+    pub kind: fn(&[u8]) -> &[u8],
+    /// Bytes before what a frame carries.
+    pub head: usize,
+    /// Whether a frame says that another one was bad.
+    pub is_refusal: fn(&[u8]) -> bool,
+    /// Least value, and how many from there on, of the first [`Choices`] of frames that are likely
+    /// to be answered: half of those that are asked are made so.
+    pub likely: &'static [(u8, u8)],
+}
+
+impl Answers {
+    /// All frames are of one kind, none is a refusal.
+    pub const PLAIN: Self = Self {
+        kind: |frame| frame.get(..1).unwrap_or(frame),
+        head: 1,
+        is_refusal: |_| false,
+        likely: &[],
+    };
+}
+
+/// The same format with the bytes of its checksum the other way round.
+#[derive(Clone, Copy, Debug)]
+pub enum OtherOrder {
+    /// Devices with either order exist: which one is wrong, only who expects the other can tell.
+    Row(&'static Codec),
+    /// No device sends it so: how many frames have a checksum that holds the other way round, and
+    /// how many one that holds as it stands.
+    Wrong(fn(&[u8]) -> [u64; 2]),
+}
+
+impl Codec {
+    /// The row of `W`; `about` is said of it in the help of commands.
+    pub const fn of<W: Wire + 'static>(about: &'static str) -> Self {
+        Self {
+            name: W::NAME,
+            about,
+            decoder: || Box::new(Erased::<W>::new()),
+            repair: W::repair,
+            build: W::build,
+            frame_at: W::frame_at,
+            target: Target::of::<W>(),
+            idle: IDLE,
+            answers: Answers::PLAIN,
+            other_order: None,
+            figures: None,
+            lua: None,
+        }
+    }
+
+    /// The row under another name in `hilrig fuzz` and of its corpus.
+    #[must_use]
+    pub const fn fuzzed_as(mut self, name: &'static str) -> Self {
+        self.target.name = name;
+        self
+    }
+
+    /// The row with so many cases that a fuzzer tries in one go.
+    #[must_use]
+    pub const fn with_round(mut self, cases: u64) -> Self {
+        self.target.round = cases;
+        self
+    }
+
+    /// The row with another silence that ends half a frame.
+    #[must_use]
+    pub const fn with_idle(mut self, idle: Duration) -> Self {
+        self.idle = idle;
+        self
+    }
+
+    /// The row with what is known of answers.
+    #[must_use]
+    pub const fn with_answers(mut self, answers: Answers) -> Self {
+        self.answers = answers;
+        self
+    }
+
+    /// The row with what `decode --diagnose` holds against a swapped checksum.
+    #[must_use]
+    pub const fn with_other_order(mut self, other: OtherOrder) -> Self {
+        self.other_order = Some(other);
+        self
+    }
+
+    /// The row with figures of a whole stream, for `decode --summary`: lines without an end.
+    #[must_use]
+    pub const fn with_figures(mut self, figures: fn(&[u8]) -> String) -> Self {
+        self.figures = Some(figures);
+        self
+    }
+
+    /// The row with its part of the dissector.
+    #[must_use]
+    pub const fn with_lua(mut self, lua: Lua) -> Self {
+        self.lua = Some(lua);
+        self
+    }
+
+    /// Name as on the command line.
+    pub const fn name(&self) -> &'static str {
+        self.name
+    }
+
+    /// What it is, in a line.
+    pub const fn about(&self) -> &'static str {
+        self.about
+    }
+
+    /// What `hilrig fuzz` does with it.
+    pub const fn target(&self) -> &Target {
+        &self.target
+    }
+
+    /// Silence after which half a frame is given up.
+    pub const fn idle(&self) -> Duration {
+        self.idle
+    }
+
+    /// How answers are told apart.
+    pub const fn answers(&self) -> &Answers {
+        &self.answers
+    }
+
+    /// The other order of its checksum, if that is told apart.
+    pub const fn other_order(&self) -> Option<OtherOrder> {
+        self.other_order
+    }
+
+    /// Its part of the dissector, if it has one.
+    pub const fn lua(&self) -> Option<&Lua> {
+        self.lua.as_ref()
+    }
+
+    /// Makes lengths and checksum fit the damaged or cut `frame` again, if it still has room for
+    /// them.
+    pub fn repair(&self, frame: &mut [u8]) {
+        (self.repair)(frame);
+    }
+
+    /// Appends a valid frame, made of `choices`, to `out`.
+    pub fn build(&self, choices: &mut Choices<'_>, out: &mut Vec<u8>) {
+        (self.build)(choices, out);
+    }
+
+    /// The length of the frame that `bytes` begins with, by the slow reading of the format.
+    pub fn frame_at(&self, bytes: &[u8]) -> Option<usize> {
+        (self.frame_at)(bytes)
+    }
+
+    /// Figures of a whole stream, lines without an end, if there are any for this format.
+    pub fn figures(&self, bytes: &[u8]) -> Option<String> {
+        self.figures.map(|figures| figures(bytes))
+    }
+
+    /// Bytes of `bytes` that are in sound frames.
+    pub fn framed(&self, bytes: &[u8]) -> u64 {
+        let frames = self.frames(bytes);
+        frames.iter().map(|one| one.end - one.start).sum()
+    }
+
+    /// Places of the sound frames in `bytes`.
+    pub fn frames(&self, bytes: &[u8]) -> Vec<Range<u64>> {
+        let mut decoder = self.decoder();
+        let (mut frames, mut rest) = (Vec::new(), bytes);
+        for is_over in [false, true] {
+            if is_over {
+                decoder.idle();
+            }
+            while let Some(outcome) = decoder.step(&mut rest) {
+                if let Ok(len) = outcome {
+                    let end = (bytes.len() - rest.len() - decoder.pending()) as u64;
+                    frames.push(end - len as u64..end);
+                }
+            }
+        }
+        frames
+    }
+
+    /// All that `bytes` are, a pause behind them.
+    pub fn found(&'static self, bytes: &[u8]) -> Vec<Found> {
+        let mut stream = Stream::new(self);
+        let mut found = stream.push(bytes);
+        found.extend(stream.idle());
+        found
+    }
+
+    pub(super) fn decoder(&self) -> Box<dyn AnyDecoder> {
+        (self.decoder)()
+    }
+}
+
+impl Named for Codec {
+    fn name(&self) -> &str {
+        self.name
+    }
+}
+
+/// Names are unique, so they tell rows apart.
+impl PartialEq for Codec {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
+    }
+}
+
+impl Eq for Codec {}
+
+impl fmt::Debug for Codec {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Codec({})", self.name)
+    }
+}
+
+/// A decoder whatever its frames are: they are told by their length, and in words if asked.
+pub(super) trait AnyDecoder {
+    /// As [`Decode::step`], with the frame's length.
+    fn step(&mut self, input: &mut &[u8]) -> Option<Result<usize, FrameError>>;
+    /// The frame that the last step found, in words.
+    fn words(&self) -> String;
+    /// As [`Decode::idle`].
+    fn idle(&mut self);
+    /// As [`Decode::pending`].
+    fn pending(&self) -> usize;
+}
+
+struct Erased<W: Wire> {
+    decoder: W::Decoder,
+    last: Option<<W::Decoder as Decode>::Frame>,
+}
+
+impl<W: Wire> Erased<W> {
+    fn new() -> Self {
+        let decoder = W::decoder();
+        let last = None;
+        Self { decoder, last }
+    }
+}
+
+impl<W: Wire> AnyDecoder for Erased<W> {
+    fn step(&mut self, input: &mut &[u8]) -> Option<Result<usize, FrameError>> {
+        let outcome = self.decoder.step(input)?;
+        Some(outcome.map(|frame| W::bytes(self.last.insert(frame)).len()))
+    }
+
+    fn words(&self) -> String {
+        self.last.as_ref().map(W::words).unwrap_or_default()
+    }
+
+    fn idle(&mut self) {
+        self.decoder.idle();
+    }
+
+    fn pending(&self) -> usize {
+        self.decoder.pending()
+    }
+}

@@ -1,0 +1,190 @@
+//! One direction of a link, cut into frames and what is none.
+
+use core::ops::Range;
+
+use protocols::FrameError;
+
+use super::row::{AnyDecoder, Codec};
+
+/// What some bytes of a stream are.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Found {
+    /// Which bytes, counted from the start of the stream.
+    pub bytes: Range<u64>,
+    /// What they are.
+    pub what: What,
+}
+
+/// What bytes are.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum What {
+    /// A sound frame, in words.
+    Frame(String),
+    /// No part of a frame; why the candidates among them, if any, were none.
+    Bad(Vec<FrameError>),
+}
+
+impl Found {
+    /// Whether it is a frame.
+    pub const fn is_frame(&self) -> bool {
+        matches!(self.what, What::Frame(_))
+    }
+}
+
+/// The decoder of one direction of a link that keeps count of where it is.
+pub struct Stream {
+    decoder: Box<dyn AnyDecoder>,
+    place: Place,
+}
+
+#[derive(Default)]
+struct Place {
+    fed: u64,
+    /// Up to here everything has been told.
+    told: u64,
+    /// Why candidates were none, with the place of the byte that it cost.
+    errors: Vec<(u64, FrameError)>,
+}
+
+/// Most bad bytes that are told as one stretch.
+pub const BAD_MAX: u64 = 256;
+/// Errors kept of one stretch of bad bytes.
+const ERRORS_MAX: usize = 8;
+
+impl Stream {
+    /// Nothing fed yet.
+    pub fn new(codec: &Codec) -> Self {
+        let (decoder, place) = (codec.decoder(), Place::default());
+        Self { decoder, place }
+    }
+
+    /// Takes more bytes; what can be told by now.
+    pub fn push(&mut self, bytes: &[u8]) -> Vec<Found> {
+        self.place.fed += bytes.len() as u64;
+        self.settle(bytes)
+    }
+
+    /// The line went quiet: what is pending will not be finished.
+    pub fn idle(&mut self) -> Vec<Found> {
+        self.decoder.idle();
+        let mut found = self.settle(&[]);
+        self.place.tell_bad(self.place.fed, &mut found);
+        found
+    }
+
+    fn settle(&mut self, mut bytes: &[u8]) -> Vec<Found> {
+        let Self { decoder, place } = self;
+        let mut found = Vec::new();
+        while let Some(outcome) = decoder.step(&mut bytes) {
+            let end = place.fed - (bytes.len() + decoder.pending()) as u64;
+            match outcome {
+                Ok(len) => {
+                    let start = end - len as u64;
+                    place.tell_bad(start, &mut found);
+                    place.told = end;
+                    let (bytes, what) = (start..end, What::Frame(decoder.words()));
+                    found.push(Found { bytes, what });
+                }
+                Err(error) => {
+                    place.errors.push((end - 1, error));
+                    place.tell_whole(end, &mut found);
+                }
+            }
+        }
+        let settled = place.fed - decoder.pending() as u64;
+        place.tell_whole(settled, &mut found);
+        found
+    }
+}
+
+impl Place {
+    /// What lies before `until` and was not told is bad; in stretches that do not depend on how the
+    /// bytes came.
+    fn tell_bad(&mut self, until: u64, found: &mut Vec<Found>) {
+        while self.told < until {
+            let end = until.min(self.told + BAD_MAX);
+            let own = self.errors.partition_point(|&(at, _)| at < end);
+            let errors = self.errors.drain(..own).map(|(_, error)| error);
+            let what = What::Bad(errors.take(ERRORS_MAX).collect());
+            let bytes = self.told..end;
+            self.told = end;
+            found.push(Found { bytes, what });
+        }
+    }
+
+    /// Tells whole stretches of bad bytes before `until`.
+    fn tell_whole(&mut self, until: u64, found: &mut Vec<Found>) {
+        let whole = (until - self.told) / BAD_MAX * BAD_MAX;
+        self.tell_bad(self.told + whole, found);
+    }
+}
+
+/// What passed one direction of a link, counted only: nothing is put in words.
+pub struct Counter {
+    decoder: Box<dyn AnyDecoder>,
+}
+
+/// What a [`Counter`] saw.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Count {
+    /// Sound frames.
+    pub frames: u64,
+    /// Candidates for a frame that were none.
+    pub errors: u64,
+}
+
+impl Counter {
+    /// Nothing fed yet.
+    pub fn new(codec: &Codec) -> Self {
+        let decoder = codec.decoder();
+        Self { decoder }
+    }
+
+    /// Takes more bytes; what they came to.
+    pub fn push(&mut self, mut bytes: &[u8]) -> Count {
+        let mut count = Count::default();
+        while let Some(outcome) = self.decoder.step(&mut bytes) {
+            match outcome {
+                Ok(_) => count.frames += 1,
+                Err(_) => count.errors += 1,
+            }
+        }
+        count
+    }
+
+    /// The line went quiet: what is pending will not be finished.
+    pub fn idle(&mut self) -> Count {
+        self.decoder.idle();
+        self.push(&[])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use protocols::avr::{self, ChecksumOrder};
+
+    use super::super::BUS;
+    use super::*;
+
+    /// The register read of the seed's bus chapter and noise around it.
+    #[test]
+    fn frames_and_bad_bytes_cover_the_stream() {
+        let frame = avr::Frame::read(36, 10, ChecksumOrder::LowFirst);
+        let bytes = [b"AT", frame.as_bytes(), frame.as_bytes(), &[0xAB, 1]].concat();
+        for size in 1..bytes.len() {
+            let mut stream = Stream::new(&BUS);
+            let mut found: Vec<Found> = bytes.chunks(size).flat_map(|b| stream.push(b)).collect();
+            found.extend(stream.idle());
+            let places: Vec<_> = found
+                .iter()
+                .map(|f| (f.bytes.clone(), f.is_frame()))
+                .collect();
+            let expected = [(0..2, false), (2..7, true), (7..12, true), (12..14, false)];
+            assert_eq!(places, expected);
+            let What::Bad(errors) = &found[3].what else {
+                panic!("{found:?}")
+            };
+            assert_eq!(errors, &[FrameError::Truncated { found: 2 }]);
+        }
+    }
+}

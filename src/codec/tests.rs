@@ -1,0 +1,146 @@
+//! What every row must do, on frames of real devices or of independent implementations.
+
+use protocols::FrameError;
+
+use super::*;
+
+/// A frame, what it says, and a byte behind which its checksum or header must be repaired.
+struct Golden {
+    codec: &'static Codec,
+    frame: Vec<u8>,
+    words: &'static str,
+    flip: usize,
+}
+
+/// First packet of the capture "hand in box"; a turn with one distance; vectors of the fielded
+/// base, in both orders; the fielded robot's row of unknown cells; a pen with an independent CRC.
+fn golden() -> [Golden; 6] {
+    let write = "46: speed_left_to=20 ticks/40 ms speed_right_to=-20 ticks/40 ms motor_standby=0";
+    let mut turn = b"\x5A\xA5\x00\xC0\x94\xD1".to_vec();
+    turn.extend(b"\x35\x80\x00\x00".repeat(360));
+    turn[34..38].copy_from_slice(&[0xE8, 0x03, 133, 0]);
+    let row = |codec, frame: &[u8], words, flip| Golden {
+        codec,
+        frame: frame.to_vec(),
+        words,
+        flip,
+    };
+    [
+        row(
+            &XV11,
+            b"\xFA\xA0\x4E\x4A\x27\x01\x05\x04\x27\x01\xD7\x03\x26\x01\x29\x04\x26\x01\xF0\x03\x3C\x5C",
+            "297.22 rpm, from 0 deg: 295 295 294 294 mm",
+            5,
+        ),
+        row(
+            &XV11_TURN,
+            &turn,
+            "turn, period word 0xd194, 1 ok, 0 weak, 359 invalid",
+            2,
+        ),
+        row(&BUS, b"\xAB\x2E\x83\x14\xEC\x00\x5C\x02", write, 3),
+        row(&BUS_HIGH_FIRST, b"\xAB\x2E\x83\x14\xEC\x00\x02\x5C", write, 3),
+        row(
+            &PCUI,
+            b"PCUI_MSG\x07\x00\x29\x02\x00\x00MAR\x00\x00\x00\xFF\x7F\x2C\x7F",
+            "MAR layer 0 row 0, 299 pixels in 4 bytes",
+            18,
+        ),
+        row(
+            &PANEL,
+            b"\x7E\x54\x00\x05\x01\x01\x23\x0A\xBC\x0D\xE7",
+            "pen down at 291,2748",
+            6,
+        ),
+    ]
+}
+
+#[test]
+fn every_row_has_its_golden_frame() {
+    let golden = golden().map(|one| one.codec.name());
+    let rows: Vec<_> = all().into_iter().map(Codec::name).collect();
+    assert_eq!(rows, golden);
+}
+
+#[test]
+fn a_golden_frame_is_guessed_and_put_in_words() {
+    for Golden {
+        codec,
+        frame,
+        words,
+        ..
+    } in golden()
+    {
+        assert_eq!(guess(&frame), Some(codec));
+        let all = 0..frame.len() as u64;
+        let what = What::Frame(words.to_owned());
+        assert_eq!(codec.found(&frame), [Found { bytes: all, what }]);
+        assert_eq!(codec.frame_at(&frame), Some(frame.len()), "{codec:?}");
+    }
+    assert_eq!(guess(b"nothing of ours"), None);
+}
+
+#[test]
+fn a_damaged_frame_is_none_until_it_is_repaired() {
+    for Golden {
+        codec,
+        mut frame,
+        flip,
+        ..
+    } in golden()
+    {
+        frame[flip] ^= 0x01;
+        assert_eq!(codec.framed(&frame), 0, "{codec:?}");
+        codec.repair(&mut frame);
+        assert_eq!(codec.framed(&frame), frame.len() as u64, "{codec:?}");
+    }
+}
+
+/// Half a frame is waited for; after a pause it is given up, and the next whole one is found.
+#[test]
+fn a_pause_ends_half_a_frame() {
+    for Golden { codec, frame, .. } in golden() {
+        assert!(!codec.idle().is_zero());
+        let half = &frame[..frame.len() / 2];
+        let mut stream = Stream::new(codec);
+        assert_eq!(stream.push(half), [], "{codec:?}");
+        let found = stream.idle();
+        let What::Bad(errors) = &found[0].what else {
+            panic!("{codec:?}: {found:?}")
+        };
+        let cut = u32::try_from(half.len()).expect("short");
+        assert_eq!(errors[0], FrameError::Truncated { found: cut });
+        assert!(stream.push(&frame).iter().any(Found::is_frame), "{codec:?}");
+    }
+}
+
+/// A counter says of frames and errors what the stream says.
+#[test]
+fn counting_comes_to_the_same_as_telling() {
+    for Golden { codec, frame, .. } in golden() {
+        let mut counter = Counter::new(codec);
+        let mut count = counter.push(&frame.repeat(3));
+        assert_eq!(
+            count,
+            Count {
+                frames: 3,
+                errors: 0
+            }
+        );
+        counter.push(&frame[..3]);
+        count = counter.idle();
+        assert!(count.frames == 0 && count.errors > 0, "{codec:?}");
+    }
+}
+
+#[test]
+fn names_of_rows_and_targets_are_unique() {
+    assert_eq!(register(PCUI), Err(NameTaken::new("pcui")));
+    let as_rle = Codec::of::<Pcui>("another").fuzzed_as("rle");
+    assert_eq!(register(as_rle), Err(NameTaken::new("rle")));
+    let mut targets: Vec<_> = targets().iter().map(|target| target.name).collect();
+    targets.sort_unstable();
+    targets.dedup();
+    assert_eq!(targets.len(), all().len() + 2);
+    assert_eq!(names()[..2], ["bus", "bus-high-first"]);
+}

@@ -1,0 +1,193 @@
+//! A wire format as the table needs it, and its trial: any bytes at all become a stream, and every
+//! decoder has to keep its laws on it.
+//!
+//! The same functions serve `hilrig fuzz`, the coverage-guided targets of the folder `fuzz`, the
+//! bench, and the replay of the corpus in the tests. With the table they know nothing but the wire
+//! formats, so that an instrumented build of them is small.
+
+mod choices;
+mod laws;
+mod marks;
+mod stream;
+mod texts;
+
+pub use choices::Choices;
+pub use laws::keeps_the_laws;
+pub use marks::Mark;
+pub use stream::{Piece, Stream, StreamError};
+
+use core::fmt;
+
+use protocols::{Decode, FrameError};
+
+use crate::hex;
+
+/// A wire format.
+pub trait Wire {
+    /// Its decoder.
+    type Decoder: Decode;
+
+    /// Name of the format, as on the command line.
+    const NAME: &'static str;
+
+    /// A fresh decoder.
+    fn decoder() -> Self::Decoder;
+
+    /// A frame's bytes.
+    fn bytes(frame: &<Self::Decoder as Decode>::Frame) -> &[u8];
+
+    /// What a frame means, on one line.
+    fn words(frame: &<Self::Decoder as Decode>::Frame) -> String {
+        hex::pairs(Self::bytes(frame))
+    }
+
+    /// Appends a valid frame to `out`.
+    fn build(choices: &mut Choices<'_>, out: &mut Vec<u8>);
+
+    /// Makes lengths and checksum fit the damaged `frame` again, if it still has room for them.
+    fn repair(frame: &mut [u8]);
+
+    /// The length of the frame that `bytes` begins with: the format read slowly and obviously,
+    /// without the code on trial.
+    fn frame_at(bytes: &[u8]) -> Option<usize>;
+
+    /// Whether a frame means what its parts say: made again of them, it is the same.
+    ///
+    /// # Errors
+    /// The law that is broken if it is not.
+    fn means_itself(frame: &<Self::Decoder as Decode>::Frame) -> Result<(), Broken> {
+        let _ = frame;
+        Ok(())
+    }
+
+    /// Which kind of frame it is, below 2^32: frames of a kind are alike to a fuzzer.
+    fn kind(frame: &<Self::Decoder as Decode>::Frame) -> u64 {
+        Self::bytes(frame).len() as u64
+    }
+}
+
+/// A law that was broken.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Broken {
+    /// Name of the law in kebab case; the same cause has the same name.
+    pub law: &'static str,
+    /// A sentence with the figures.
+    pub detail: String,
+}
+
+impl Broken {
+    /// The law called `law` was broken.
+    pub fn new(law: &'static str, detail: impl Into<String>) -> Self {
+        let detail = detail.into();
+        Self { law, detail }
+    }
+}
+
+impl fmt::Display for Broken {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.law, self.detail)
+    }
+}
+
+impl core::error::Error for Broken {}
+
+/// Something that takes any bytes.
+#[derive(Clone, Copy, Debug)]
+pub struct Target {
+    /// Its name, as on the command line and of its folder in the corpus.
+    pub name: &'static str,
+    /// Makes a stream of what a fuzzer gives.
+    pub stream: fn(&[u8]) -> Stream,
+    /// Whether the laws hold on a stream.
+    pub check: fn(&Stream) -> Result<(), Broken>,
+    /// What the decoder does with it, as numbers.
+    pub marks: fn(&Stream, Mark<'_>),
+    /// What its streams are made of.
+    pub holds: Holds,
+    /// Cases that a fuzzer tries in one go: fewer of long ones.
+    pub round: u64,
+}
+
+/// Cases in one go, if nothing speaks against it.
+const ROUND: u64 = 4096;
+
+/// What the streams of a target are made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Holds {
+    /// Sessions of frames, damage and pauses.
+    Frames,
+    /// Bytes as they are.
+    Bytes,
+}
+
+impl Target {
+    /// Rows of a map in their code, and the radio's commands: what is no frame.
+    pub const TEXTS: [Self; 2] = [
+        Self {
+            name: "rle",
+            stream: Stream::raw,
+            check: texts::rows_survive_their_code,
+            marks: marks::of_row,
+            holds: Holds::Bytes,
+            round: ROUND,
+        },
+        Self {
+            name: "hc06",
+            stream: Stream::raw,
+            check: texts::commands_are_said_as_heard,
+            marks: marks::of_command,
+            holds: Holds::Bytes,
+            round: ROUND,
+        },
+    ];
+
+    /// The decoder of `W`.
+    pub const fn of<W: Wire>() -> Self {
+        Self {
+            name: W::NAME,
+            stream: Stream::session::<W>,
+            check: keeps_the_laws::<W>,
+            marks: marks::of_session::<W>,
+            holds: Holds::Frames,
+            round: ROUND,
+        }
+    }
+
+    /// Data that [`stream`](Self::stream) makes `stream` of.
+    pub fn data_of(&self, stream: &Stream) -> Vec<u8> {
+        match self.holds {
+            Holds::Frames => stream.to_data(),
+            Holds::Bytes => stream.bytes().to_vec(),
+        }
+    }
+
+    /// What a coverage-guided fuzzer calls with any bytes.
+    ///
+    /// # Panics
+    /// If a law is broken: that is how such a fuzzer is told.
+    pub fn fuzz(&self, data: &[u8]) {
+        let stream = (self.stream)(data);
+        if let Err(broken) = (self.check)(&stream) {
+            panic!("{broken}\n{}", stream.to_text());
+        }
+    }
+}
+
+/// The law that a frame made again of its parts is the same.
+pub(super) fn made_again(found: &[u8], made: &[u8]) -> Result<(), Broken> {
+    if found == made {
+        return Ok(());
+    }
+    let detail = format!("{found:02X?} made again of its parts is {made:02X?}");
+    Err(Broken::new("frame-means-itself", detail))
+}
+
+/// How an error is told from another without its figures.
+const fn kind_of(error: FrameError) -> u8 {
+    match error {
+        FrameError::Checksum { .. } => 1,
+        FrameError::Length { .. } => 2,
+        FrameError::Truncated { .. } => 3,
+        _ => 4,
+    }
+}
