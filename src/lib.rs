@@ -26,6 +26,7 @@ pub mod cli;
 pub mod codec;
 pub mod museum;
 pub mod realtime;
+mod registry;
 pub mod rig;
 pub mod robots;
 pub mod run;

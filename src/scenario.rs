@@ -1,7 +1,7 @@
 //! A run as data: world, robot, devices, faults, mission, expectations. One TOML file with a
 //! closed schema: a key that nobody reads is an error, not a silent wish.
 
-mod device;
+pub mod device;
 mod fault;
 mod mission;
 mod own;
@@ -17,7 +17,8 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 pub use device::{
-    AvrBaseSpec, DeviceSpec, Hc06Spec, SupplySpec, TapSpec, TouchPanelSpec, TurnSpec, Xv11Spec,
+    AvrBaseSpec, DeviceSpec, Hc06Spec, MountSpec, SupplySpec, TapSpec, TouchPanelSpec, TurnSpec,
+    Xv11Spec,
 };
 pub use fault::{Condition, DirectionSpec, FaultKind, FaultSpec, Flaw, LinkSpec, Place, WhenSpec};
 pub use mission::{Action, Expect, Mission, ModeSpec, Step};
@@ -185,9 +186,10 @@ impl Scenario {
 
     /// Reads a scenario from `text`; `path` is for messages and relative files.
     pub fn parse(path: &Path, text: String) -> Result<(Self, Source), ScenarioError> {
-        let mut scenario: Self = toml::from_str(&text).map_err(|source| ScenarioError::Parse {
-            path: path.to_owned(),
-            source: Box::new(source),
+        let mut scenario = Self::from_text(&text).map_err(|mut source| {
+            source.set_input(Some(&text));
+            let (path, source) = (path.to_owned(), Box::new(source));
+            ScenarioError::Parse { path, source }
         })?;
         let source = Source {
             path: path.to_owned(),
@@ -202,6 +204,18 @@ impl Scenario {
             faults.for_each(|fault| phases.confine(fault));
         }
         Ok((scenario, source))
+    }
+
+    /// Devices are read apart from the rest, because their settings have a type of their own and
+    /// are to remember their places in the file.
+    fn from_text(text: &str) -> Result<Self, toml::de::Error> {
+        let mut document = toml::de::DeTable::parse(text)?;
+        let device = device::read_devices(document.get_mut());
+        let scenario = Self::deserialize(toml::de::Deserializer::from(document))?;
+        Ok(Self {
+            device: device?,
+            ..scenario
+        })
     }
 
     /// The scenario as a file.

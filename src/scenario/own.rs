@@ -2,12 +2,13 @@
 
 use core::time::Duration;
 
-use emulators::quantity::{Source as From, Variable};
+use emulators::quantity::{Source as ValueSource, Variable};
 use emulators::registers::{Access, Register, Registers, RegistersConfig, Width};
 use emulators::text::{Command, Periodic, Text, TextConfig, TextError};
 use emulators::world::Wheel;
 use protocols::LineConfig;
 use protocols::avr::ChecksumOrder;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
@@ -17,10 +18,11 @@ use super::{ScenarioError, Source, Span};
 const BAUD: core::ops::RangeInclusive<u32> = 300..=4_000_000;
 
 /// A slave with a table of registers behind the frames of the AVR base's bus.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RegistersSpec {
     /// Rate of its line, 8N1.
+    #[schemars(with = "u32")]
     pub baud: Spanned<u32>,
     /// Byte order of the checksum.
     #[serde(default)]
@@ -35,11 +37,12 @@ pub struct RegistersSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub watchdog: Option<Span>,
     /// The table.
+    #[schemars(with = "Vec<RegisterSpec>")]
     pub register: Vec<Spanned<RegisterSpec>>,
 }
 
 /// Byte orders of a checksum.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum OrderSpec {
     /// As the seed document has it.
@@ -50,7 +53,7 @@ pub enum OrderSpec {
 }
 
 /// A value of the table.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RegisterSpec {
     /// Address of its first, lowest byte.
@@ -77,7 +80,7 @@ pub struct RegisterSpec {
 }
 
 /// Widths as in a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 #[expect(missing_docs, reason = "each is what it says")]
 pub enum WidthSpec {
@@ -90,7 +93,7 @@ pub enum WidthSpec {
 }
 
 /// Access as in a file.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum AccessSpec {
     /// Only the device changes it.
@@ -101,7 +104,7 @@ pub enum AccessSpec {
 }
 
 /// Where a value comes from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum SourceSpec {
     /// What was written last, or the initial value.
@@ -138,10 +141,11 @@ pub enum SourceSpec {
 }
 
 /// A slave with a text protocol, line by line.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TextSpec {
     /// Rate of its line, 8N1.
+    #[schemars(with = "u32")]
     pub baud: Spanned<u32>,
     /// Ends each line, both ways.
     #[serde(default = "default_terminator")]
@@ -163,13 +167,15 @@ pub struct TextSpec {
     pub periodic: Option<PeriodicSpec>,
     /// Its values.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(with = "Vec<VariableSpec>")]
     pub variable: Vec<Spanned<VariableSpec>>,
     /// What it understands, the first that fits.
+    #[schemars(with = "Vec<CommandSpec>")]
     pub command: Vec<Spanned<CommandSpec>>,
 }
 
 /// A value of a text slave.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct VariableSpec {
     /// Name, as in requests and replies.
@@ -189,7 +195,7 @@ pub struct VariableSpec {
 }
 
 /// A request and its reply.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CommandSpec {
     /// What the master says; `{name}` is a number that sets a variable.
@@ -200,7 +206,7 @@ pub struct CommandSpec {
 }
 
 /// A line that comes by itself.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PeriodicSpec {
     /// The line; `{name}` shows a variable.
@@ -221,7 +227,7 @@ fn default_terminator() -> String {
     "\r\n".to_owned()
 }
 
-impl core::convert::From<SourceSpec> for From {
+impl From<SourceSpec> for ValueSource {
     fn from(spec: SourceSpec) -> Self {
         match spec {
             SourceSpec::Stored => Self::Stored,

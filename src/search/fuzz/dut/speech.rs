@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use emulators::rng::Rng;
 
 use crate::codec::Protocol;
-use crate::scenario::{DeviceSpec, OrderSpec, TextSpec};
+use crate::scenario::{DeviceSpec, OrderSpec, RegistersSpec, TextSpec};
 use crate::search::fuzz::wire::{
     Avr, Choices, HighFirst, LowFirst, Panel, Pcui, Piece, Stream, Wire,
 };
@@ -115,14 +115,14 @@ impl Speech {
 
     /// What a device of one's own speaks.
     pub fn of_device(device: &DeviceSpec) -> Option<Self> {
-        match device {
-            DeviceSpec::Registers(spec) => Some(Self::of_protocol(Some(match spec.checksum {
+        if let Some(spec) = device.settings::<RegistersSpec>() {
+            return Some(Self::of_protocol(Some(match spec.checksum {
                 OrderSpec::LowFirst => Protocol::Bus,
                 OrderSpec::HighFirst => Protocol::BusHighFirst,
-            }))),
-            DeviceSpec::Text(spec) => Some(Self::Text(Text::of(spec))),
-            _ => None,
+            })));
         }
+        let text = device.settings()?;
+        Some(Self::Text(Text::of(text)))
     }
 
     /// A stretch of traffic: what is valid, what is damaged, checksums repaired or not, pauses.
