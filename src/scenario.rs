@@ -3,10 +3,12 @@
 
 pub mod device;
 mod fault;
+mod limits;
 mod mission;
 mod own;
 mod phases;
 pub mod plan;
+pub mod schema;
 mod source;
 mod span;
 pub mod world;
@@ -14,6 +16,7 @@ pub mod world;
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use device::{
@@ -34,27 +37,28 @@ pub use world::WorldSpec;
 /// The only schema so far. Later versions go on reading it.
 pub const SCHEMA: u32 = 1;
 
-/// A run as data.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// A run as data: a TOML file with these keys and tables, and no others.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Scenario {
-    /// Version of the format, 1.
+    /// Version of the format: 1.
     #[serde(deserialize_with = "known_schema")]
     pub schema: u32,
-    /// Short name, used for files and reports.
+    /// Short name for files and reports: letters, digits, `-`, `_` and `.`.
     #[serde(deserialize_with = "file_name")]
     pub name: String,
     /// What it is about, for people.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub description: String,
-    /// Which robot.
+    /// Which robot is run.
     pub robot: Robot,
-    /// How long at most.
+    /// How long the run takes at most; it ends sooner when the mission is done.
     pub duration: Span,
-    /// Seed of all randomness; the command line may replace it.
+    /// Seed of all randomness, 0 to 9223372036854775807; `--seed` replaces it.
     #[serde(default = "default_seed", deserialize_with = "seed")]
+    #[schemars(range(min = 0, max = 9_223_372_036_854_775_807_u64))]
     pub seed: u64,
-    /// Where a saved case comes from.
+    /// Where a saved case comes from; written by the rig.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub origin: Option<Origin>,
     /// What the robot has to do.
@@ -68,6 +72,7 @@ pub struct Scenario {
     pub program: ProgramSpec,
     /// Settings of devices, by the names that the robot gives them, and devices of one's own.
     #[serde(default)]
+    #[schemars(schema_with = "schema::devices")]
     pub device: BTreeMap<String, DeviceSpec>,
     /// Settings of links, by the names that the robot gives them.
     #[serde(default)]
@@ -86,28 +91,28 @@ pub struct Scenario {
 }
 
 /// The robots that can be wired.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Robot {
-    /// XV-11 lidar, AVR base, HC-06 radio; tinySLAM.
+    /// Lidar `lidar`, base `base`, radio `radio`, a `display` if asked for; tinySLAM.
     Rescue,
 }
 
 /// Where a saved case comes from.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Origin {
-    /// Tool and version that wrote it.
+    /// Tool and version that wrote the case.
     pub tool: String,
     /// Fingerprint of all bytes of the run that it was saved from.
     pub trace_hash: String,
 }
 
 /// Settings of the robot's program.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ProgramSpec {
-    /// What it does before it is told anything.
+    /// Mode in which the program starts; `stop` if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub start_mode: Option<ModeSpec>,
     /// Which algorithm maps.
@@ -116,13 +121,15 @@ pub struct ProgramSpec {
     /// Which processor runs it.
     #[serde(default)]
     pub cpu: CpuSpec,
-    /// Defects of the fielded program that it has, by the numbers that `hilrig bugs` lists.
+    /// Defects of the fielded program that it has, by the numbers that `hilrig bugs` lists; none
+    /// if not given.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(with = "Vec<String>")]
     pub defects: Vec<toml::Spanned<String>>,
 }
 
 /// Mapping algorithms.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum MapperSpec {
     /// The best that the program has.
@@ -133,7 +140,7 @@ pub enum MapperSpec {
 }
 
 /// Processors whose speed is modelled.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum CpuSpec {
     /// 168 MHz Cortex-M4, prices from the seed document.
@@ -195,6 +202,7 @@ impl Scenario {
             path: path.to_owned(),
             text,
         };
+        limits::check(&scenario, &source)?;
         if let Some(phases) = scenario.phases {
             if phases.length() > scenario.duration.0 {
                 let message = "is shorter than the phases together, expected at least their sum";

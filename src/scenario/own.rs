@@ -21,8 +21,8 @@ const BAUD: core::ops::RangeInclusive<u32> = 300..=4_000_000;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RegistersSpec {
-    /// Rate of its line, 8N1.
-    #[schemars(with = "u32")]
+    /// Rate of its line, 8N1, bit/s, 300 to 4000000.
+    #[schemars(with = "u32", range(min = 300, max = 4_000_000))]
     pub baud: Spanned<u32>,
     /// Byte order of the checksum.
     #[serde(default)]
@@ -36,7 +36,7 @@ pub struct RegistersSpec {
     /// Silence of the master after which values become safe; never if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub watchdog: Option<Span>,
-    /// The table.
+    /// Its values.
     #[schemars(with = "Vec<RegisterSpec>")]
     pub register: Vec<Spanned<RegisterSpec>>,
 }
@@ -56,7 +56,7 @@ pub enum OrderSpec {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RegisterSpec {
-    /// Address of its first, lowest byte.
+    /// Address of its first, lowest byte, 0 to 255.
     pub address: u8,
     /// Name, for reports.
     pub name: String,
@@ -65,13 +65,13 @@ pub struct RegisterSpec {
     /// Whether a master may write it.
     #[serde(default)]
     pub access: AccessSpec,
-    /// At the start.
+    /// Value at the start.
     #[serde(default)]
     pub initial: i64,
     /// Least and greatest value; what the width holds if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limits: Option<[i64; 2]>,
-    /// Taken on after the watchdog time.
+    /// Value after the watchdog time; stays if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub safe: Option<i64>,
     /// Where it comes from.
@@ -131,11 +131,11 @@ pub enum SourceSpec {
     YMm,
     /// True heading of the robot, milliradians.
     HeadingMrad,
-    /// Distance from the middle of the robot to what is there.
+    /// Distance from the middle of the robot to what is there, millimetres.
     Range {
-        /// Counter-clockwise from ahead.
+        /// Degrees counter-clockwise from ahead.
         angle_deg: f64,
-        /// Shown when nothing is nearer.
+        /// Millimetres shown when nothing is nearer.
         max_mm: u32,
     },
 }
@@ -144,8 +144,8 @@ pub enum SourceSpec {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TextSpec {
-    /// Rate of its line, 8N1.
-    #[schemars(with = "u32")]
+    /// Rate of its line, 8N1, bit/s, 300 to 4000000.
+    #[schemars(with = "u32", range(min = 300, max = 4_000_000))]
     pub baud: Spanned<u32>,
     /// Ends each line, both ways.
     #[serde(default = "default_terminator")]
@@ -156,16 +156,16 @@ pub struct TextSpec {
     /// Silence of the master after which values become safe; never if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub watchdog: Option<Span>,
-    /// Reply to what fits no request.
+    /// Reply to what fits no request; nothing if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unknown: Option<String>,
-    /// Reply to a value out of range.
+    /// Reply to a value out of range; nothing if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refused: Option<String>,
     /// A line that comes by itself.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub periodic: Option<PeriodicSpec>,
-    /// Its values.
+    /// Values that requests and replies can name.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(with = "Vec<VariableSpec>")]
     pub variable: Vec<Spanned<VariableSpec>>,
@@ -180,13 +180,13 @@ pub struct TextSpec {
 pub struct VariableSpec {
     /// Name, as in requests and replies.
     pub name: String,
-    /// At the start.
+    /// Value at the start.
     #[serde(default)]
     pub initial: i64,
     /// Least and greatest value; 32 bits with sign if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limits: Option<[i64; 2]>,
-    /// Taken on after the watchdog time.
+    /// Value after the watchdog time; stays if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub safe: Option<i64>,
     /// Where it comes from.
@@ -211,7 +211,7 @@ pub struct CommandSpec {
 pub struct PeriodicSpec {
     /// The line; `{name}` shows a variable.
     pub line: String,
-    /// Time between two.
+    /// Time between two such lines.
     pub period: Span,
 }
 

@@ -42,6 +42,11 @@ impl AvrBaseSpec {
     }
 }
 
+const EXAMPLE: &str = r#"[device.base.avr-base]
+profile = "rcj2015-2015"
+phase = "10ms"
+"#;
+
 /// The kind `avr-base`.
 pub const AVR_BASE: &dyn DeviceKind = &AvrBaseKind;
 
@@ -54,6 +59,10 @@ impl DeviceKind for AvrBaseKind {
 
     fn about(&self) -> &'static str {
         "Base with motors and sensors behind a register bus"
+    }
+
+    fn example(&self) -> &'static str {
+        EXAMPLE
     }
 
     fn schema(&self, generator: &mut SchemaGenerator) -> Schema {

@@ -38,6 +38,11 @@ pub struct Hc06Spec {
     pub connect_delay: Option<Span>,
 }
 
+const EXAMPLE: &str = r#"[device.radio.hc06]
+fifo_bytes = 64
+connect_delay = "2s"
+"#;
+
 /// The kind `hc06`.
 pub const HC06: &dyn DeviceKind = &Hc06Kind;
 
@@ -50,6 +55,10 @@ impl DeviceKind for Hc06Kind {
 
     fn about(&self) -> &'static str {
         "HC-06 Bluetooth radio"
+    }
+
+    fn example(&self) -> &'static str {
+        EXAMPLE
     }
 
     fn schema(&self, generator: &mut SchemaGenerator) -> Schema {

@@ -25,7 +25,7 @@ pub trait DeviceKind: Send + Sync {
     /// JSON Schema of its settings, most often [`schema_of`].
     fn schema(&self, generator: &mut SchemaGenerator) -> Schema;
 
-    /// A whole scenario that has such a device and runs, for the reference.
+    /// Its tables in a scenario, for the reference: with a robot and a world around them they run.
     fn example(&self) -> &'static str {
         ""
     }

@@ -8,6 +8,25 @@ use toml::de::ValueDeserializer;
 use super::{BuildContext, Built, DeviceKind, PortInfo, Settings, read_settings, schema_of};
 use crate::scenario::{RegistersSpec, ScenarioError};
 
+const EXAMPLE: &str = r#"[device.gripper.registers]
+baud = 115200
+watchdog = "500ms"
+
+[[device.gripper.registers.register]]
+address = 4
+name = "wall-ahead-mm"
+width = "u16"
+source = { range = { angle_deg = 0, max_mm = 4000 } }
+
+[[device.gripper.registers.register]]
+address = 8
+name = "closing-speed"
+width = "i8"
+access = "write"
+limits = [-50, 50]
+safe = 0
+"#;
+
 /// The kind `registers`.
 pub(super) const REGISTERS: &dyn DeviceKind = &RegistersKind;
 
@@ -20,6 +39,10 @@ impl DeviceKind for RegistersKind {
 
     fn about(&self) -> &'static str {
         "Register slave described by data"
+    }
+
+    fn example(&self) -> &'static str {
+        EXAMPLE
     }
 
     fn schema(&self, generator: &mut SchemaGenerator) -> Schema {

@@ -8,6 +8,21 @@ use toml::de::ValueDeserializer;
 use super::{BuildContext, Built, DeviceKind, PortInfo, Settings, read_settings, schema_of};
 use crate::scenario::{ScenarioError, TextSpec};
 
+const EXAMPLE: &str = r#"[device.sonar.text]
+baud = 9600
+unknown = "?"
+refused = "range"
+periodic = { line = "mm={distance}", period = "1s" }
+
+[[device.sonar.text.variable]]
+name = "distance"
+source = { range = { angle_deg = 90, max_mm = 3000 } }
+
+[[device.sonar.text.command]]
+request = "ping"
+reply = "mm={distance}"
+"#;
+
 /// The kind `text`.
 pub(super) const TEXT: &dyn DeviceKind = &TextKind;
 
@@ -20,6 +35,10 @@ impl DeviceKind for TextKind {
 
     fn about(&self) -> &'static str {
         "Text slave described by data"
+    }
+
+    fn example(&self) -> &'static str {
+        EXAMPLE
     }
 
     fn schema(&self, generator: &mut SchemaGenerator) -> Schema {

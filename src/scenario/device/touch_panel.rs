@@ -28,6 +28,13 @@ pub struct TapSpec {
     pub place: [u16; 2],
 }
 
+const EXAMPLE: &str = r#"[device.display.touch-panel]
+
+[[device.display.touch-panel.tap]]
+at = "2s"
+place = [100, 50]
+"#;
+
 /// The kind `touch-panel`.
 pub const TOUCH_PANEL: &dyn DeviceKind = &TouchPanelKind;
 
@@ -40,6 +47,10 @@ impl DeviceKind for TouchPanelKind {
 
     fn about(&self) -> &'static str {
         "Display that can be touched"
+    }
+
+    fn example(&self) -> &'static str {
+        EXAMPLE
     }
 
     fn schema(&self, generator: &mut SchemaGenerator) -> Schema {

@@ -103,6 +103,13 @@ impl From<MountSpec> for Mount {
 /// The duty of the motor is a level, not a message: it gets through at once.
 const PIN: LineConfig = LineConfig::new_8n1(10_000_000);
 
+const EXAMPLE: &str = r#"[device.lidar.xv11]
+profile = "fw2.1"
+supply = { fixed-v = 3.3 }
+mount = { x_m = 0.05, heading_deg = 30 }
+faults = ["dust"]
+"#;
+
 /// The kind `xv11`.
 pub const XV11: &dyn DeviceKind = &Xv11Kind;
 
@@ -115,6 +122,10 @@ impl DeviceKind for Xv11Kind {
 
     fn about(&self) -> &'static str {
         "Neato XV-11 lidar"
+    }
+
+    fn example(&self) -> &'static str {
+        EXAMPLE
     }
 
     fn schema(&self, generator: &mut SchemaGenerator) -> Schema {
@@ -184,7 +195,7 @@ impl Xv11Spec {
             Some(found) if !range.contains(&found) => {
                 let (least, most) = (*range.start(), *range.end());
                 let message = format!("is {found}, expected {least} to {most}");
-                let name = key.rsplit('.').next().unwrap_or(key);
+                let name = key.split('.').next().unwrap_or(key);
                 Err(source.invalid(source.find(name), format!("{at}.{key}"), message))
             }
             _ => Ok(()),
