@@ -17,6 +17,7 @@ mod ports;
 mod record;
 mod replay;
 mod run;
+mod schema;
 mod show;
 mod shrink;
 mod slam;
@@ -72,6 +73,7 @@ enum Command {
     Fidelity(fidelity::Fidelity),
     Slam(slam::SlamArgs),
     Map(map::MapArgs),
+    Schema(schema::SchemaArgs),
     Wireshark(wireshark::Wireshark),
 }
 
@@ -152,6 +154,7 @@ pub fn main() -> ExitCode {
         Command::Fidelity(args) => fidelity::run(args),
         Command::Slam(args) => slam::run(args),
         Command::Map(args) => map::run(args),
+        Command::Schema(args) => schema::run(&args),
         Command::Wireshark(args) => wireshark::run(args),
     };
     match result {

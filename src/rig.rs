@@ -5,6 +5,7 @@ pub mod cpu;
 mod disturb;
 pub mod fault;
 pub mod line;
+mod link_kind;
 mod node;
 mod paced;
 pub mod resample;
@@ -23,15 +24,18 @@ use crate::rig::fault::Budget;
 use crate::rig::line::{Direction, End, Line};
 use crate::rig::trace::{Side, Tap, Trace};
 pub use disturb::Disturbance;
+pub use link_kind::LinkKind;
 pub use node::{AnyDevice, Program};
 use node::{Body, Node, Outside};
 pub use paced::Paced;
 
-/// A UART connection between two nodes, or a node and the outside.
+/// A connection between two nodes, or a node and the outside.
 #[derive(Debug)]
 pub struct Link {
     /// Name as in the scenario.
     pub name: String,
+    /// What it is made of.
+    pub kind: LinkKind,
     /// From device to master, then from master to device.
     pub lines: [Line; 2],
 }
@@ -118,7 +122,12 @@ impl Rig {
 
     /// Adds a device; the number of its node.
     pub fn add_device(&mut self, name: &str, device: impl AnyDevice) -> usize {
-        self.add_node(name, Body::Device(Box::new(device)))
+        self.add_boxed_device(name, Box::new(device))
+    }
+
+    /// Adds a device whose type is not known here; the number of its node.
+    pub fn add_boxed_device(&mut self, name: &str, device: Box<dyn AnyDevice>) -> usize {
+        self.add_node(name, Body::Device(device))
     }
 
     /// Adds the program under test; the number of its node.
@@ -150,12 +159,33 @@ impl Rig {
         self.nodes.len() - 1
     }
 
-    /// Connects two ports; the number of the link. `piece`: see [`Line::piece`].
+    /// Connects two ports by a UART link; the number of the link. `piece`: see [`Line::piece`].
     pub fn connect(&mut self, name: &str, device: End, master: End, piece: usize) -> usize {
+        self.connect_by(LinkKind::Uart, name, device, master, piece)
+    }
+
+    /// Connects two ports by a link of `kind`; the number of the link. `piece`: see
+    /// [`Line::piece`], which means nothing to a link that carries messages.
+    pub fn connect_by(
+        &mut self,
+        kind: LinkKind,
+        name: &str,
+        device: End,
+        master: End,
+        piece: usize,
+    ) -> usize {
         let mut lines = [Line::new(device, master), Line::new(master, device)];
         lines.iter_mut().for_each(|line| line.piece = piece);
+        for End { node, .. } in [device, master] {
+            if let Body::Outside(outside) = &mut self.nodes[node].body
+                && kind.carries_messages()
+            {
+                outside.carry_messages();
+            }
+        }
         self.links.push(Link {
             name: name.to_owned(),
+            kind,
             lines,
         });
         self.links.len() - 1
@@ -330,10 +360,11 @@ impl Rig {
             .min()
     }
 
-    /// Gives bytes to an outside end, as if its owner had written them now.
+    /// Gives bytes to an outside end, as if its owner had written them now: one message, at most
+    /// [`line::MESSAGE_MAX`] long, if the link carries messages.
     pub fn inject(&mut self, node: usize, bytes: &[u8]) {
         if let Body::Outside(outside) = &mut self.nodes[node].body {
-            outside.to_rig.extend(bytes);
+            outside.put(bytes);
             self.nodes[node].stir();
         }
     }
@@ -350,6 +381,15 @@ impl Rig {
     pub fn take_output(&mut self, node: usize) -> Vec<u8> {
         match &mut self.nodes[node].body {
             Body::Outside(outside) => outside.from_rig.drain(..).collect(),
+            _ => Vec::new(),
+        }
+    }
+
+    /// Takes the messages that arrived at an outside end of a link that carries messages, since the
+    /// last call.
+    pub fn take_messages(&mut self, node: usize) -> Vec<Vec<u8>> {
+        match &mut self.nodes[node].body {
+            Body::Outside(outside) => outside.take_messages(),
             _ => Vec::new(),
         }
     }
@@ -450,6 +490,7 @@ impl Rig {
 
     fn take(&mut self) {
         for (index, link) in self.links.iter_mut().enumerate() {
+            let kind = link.kind;
             for direction in [Direction::ToMaster, Direction::ToDevice] {
                 let line = &mut link.lines[direction as usize];
                 let epoch = self.nodes[line.from.node].epoch;
@@ -472,9 +513,12 @@ impl Rig {
                 let sender = node.line_config(line.from.port);
                 let port = line.from.port;
                 let budget = &mut self.budget;
-                let taken = line.take(self.now, sender, receiver, budget, |buf| {
-                    node.transmit(port, buf)
-                });
+                let transmit = |buf: &mut [u8]| node.transmit(port, buf);
+                let taken = if kind.carries_messages() {
+                    line.take_message(kind, self.now, sender, budget, transmit)
+                } else {
+                    line.take(self.now, sender, receiver, budget, transmit)
+                };
                 line.silent_since = taken.is_none().then_some(epoch);
                 if let Some((at, bytes)) = line.take_echo() {
                     link.lines[1 - direction as usize].hear(at, bytes);

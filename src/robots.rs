@@ -10,8 +10,6 @@ pub mod rescue;
 pub mod scan;
 pub mod station;
 
-use emulators::registers::Registers;
-use emulators::text::Text;
 use emulators::world::World;
 use firmware_core::odometry::WheelGeometry;
 use firmware_core::pose::Pose;
@@ -32,7 +30,7 @@ use crate::registry::{Named, Registry};
 use crate::rig::fault::FaultId;
 use crate::rig::line::End;
 use crate::rig::{Program, Rig};
-use crate::scenario::{DeviceSpec, Scenario, ScenarioError, Source};
+use crate::scenario::{Scenario, ScenarioError, Source};
 
 /// A kind of robot: how a scenario of it becomes a rig.
 pub trait Robot: Sync {
@@ -297,25 +295,25 @@ fn add_own_devices(
         if spec.is_own() && !name.chars().all(fits) {
             return invalid("expected a name of letters, digits, '-' and '_'");
         }
-        let (node, port, baud) = match spec {
-            DeviceSpec::Registers(spec) => {
-                let device = spec.device(&format!("{key}.registers"), source)?;
-                let node = wired.rig.add_device(name, device);
-                (node, Registers::BUS, *spec.baud.get_ref())
-            }
-            DeviceSpec::Text(spec) => {
-                let device = spec.device(&format!("{key}.text"), source)?;
-                let node = wired.rig.add_device(name, device);
-                (node, Text::UART, *spec.baud.get_ref())
-            }
-            DeviceSpec::Xv11(_)
-            | DeviceSpec::AvrBase(_)
-            | DeviceSpec::Hc06(_)
-            | DeviceSpec::TouchPanel(_) => continue,
-        };
-        let line = LineConfig::new_8n1(baud);
-        let master = wired.open_end(name, line, "your own program");
-        wired.rig.connect(name, End { node, port }, master, 1);
+        if !spec.is_own() {
+            continue;
+        }
+        let built = spec.build(name, scenario.seed, source)?;
+        let node = wired.rig.add_boxed_device(name, built.device);
+        for (index, info) in built.ports.into_iter().enumerate() {
+            // The first port is the one that counts; further ones are told apart by their names.
+            let link = match index {
+                0 => name.clone(),
+                _ => format!("{name}-{}", info.name),
+            };
+            let master = wired.open_end(&link, info.line, info.connect);
+            let device = End {
+                node,
+                port: info.port,
+            };
+            let rig = &mut wired.rig;
+            rig.connect_by(info.kind, &link, device, master, info.piece);
+        }
     }
     Ok(())
 }

@@ -1,12 +1,14 @@
 //! A run as data: world, robot, devices, faults, mission, expectations. One TOML file with a
 //! closed schema: a key that nobody reads is an error, not a silent wish.
 
-mod device;
+pub mod device;
 mod fault;
+mod limits;
 mod mission;
 mod own;
 mod phases;
 pub mod plan;
+pub mod schema;
 mod source;
 mod span;
 pub mod world;
@@ -14,10 +16,12 @@ pub mod world;
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use device::{
-    AvrBaseSpec, DeviceSpec, Hc06Spec, SupplySpec, TapSpec, TouchPanelSpec, TurnSpec, Xv11Spec,
+    AvrBaseSpec, DeviceSpec, Hc06Spec, MountSpec, SupplySpec, TapSpec, TouchPanelSpec, TurnSpec,
+    Xv11Spec,
 };
 pub use fault::{Condition, DirectionSpec, FaultKind, FaultSpec, Flaw, LinkSpec, Place, WhenSpec};
 pub use mission::{Action, Expect, Mission, ModeSpec, Step};
@@ -33,27 +37,28 @@ pub use world::WorldSpec;
 /// The only schema so far. Later versions go on reading it.
 pub const SCHEMA: u32 = 1;
 
-/// A run as data.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// A run as data: a TOML file with these keys and tables, and no others.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Scenario {
-    /// Version of the format, 1.
+    /// Version of the format: 1.
     #[serde(deserialize_with = "known_schema")]
     pub schema: u32,
-    /// Short name, used for files and reports.
+    /// Short name for files and reports: letters, digits, `-`, `_` and `.`.
     #[serde(deserialize_with = "file_name")]
     pub name: String,
     /// What it is about, for people.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub description: String,
-    /// Which robot, by its name.
+    /// Which robot is run, by its name.
     pub robot: String,
-    /// How long at most.
+    /// How long the run takes at most; it ends sooner when the mission is done.
     pub duration: Span,
-    /// Seed of all randomness; the command line may replace it.
+    /// Seed of all randomness, 0 to 9223372036854775807; `--seed` replaces it.
     #[serde(default = "default_seed", deserialize_with = "seed")]
+    #[schemars(range(min = 0, max = 9_223_372_036_854_775_807_u64))]
     pub seed: u64,
-    /// Where a saved case comes from.
+    /// Where a saved case comes from; written by the rig.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub origin: Option<Origin>,
     /// What the robot has to do.
@@ -67,6 +72,7 @@ pub struct Scenario {
     pub program: ProgramSpec,
     /// Settings of devices, by the names that the robot gives them, and devices of one's own.
     #[serde(default)]
+    #[schemars(schema_with = "schema::devices")]
     pub device: BTreeMap<String, DeviceSpec>,
     /// Settings of links, by the names that the robot gives them.
     #[serde(default)]
@@ -85,20 +91,20 @@ pub struct Scenario {
 }
 
 /// Where a saved case comes from.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Origin {
-    /// Tool and version that wrote it.
+    /// Tool and version that wrote the case.
     pub tool: String,
     /// Fingerprint of all bytes of the run that it was saved from.
     pub trace_hash: String,
 }
 
 /// Settings of the robot's program.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ProgramSpec {
-    /// What it does before it is told anything.
+    /// Mode in which the program starts; `stop` if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub start_mode: Option<ModeSpec>,
     /// Which algorithm maps.
@@ -107,13 +113,15 @@ pub struct ProgramSpec {
     /// Which processor runs it.
     #[serde(default)]
     pub cpu: CpuSpec,
-    /// Defects of the fielded program that it has, by the numbers that `hilrig bugs` lists.
+    /// Defects of the fielded program that it has, by the numbers that `hilrig bugs` lists; none
+    /// if not given.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(with = "Vec<String>")]
     pub defects: Vec<toml::Spanned<String>>,
 }
 
 /// Mapping algorithms.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum MapperSpec {
     /// The best that the program has.
@@ -124,7 +132,7 @@ pub enum MapperSpec {
 }
 
 /// Processors whose speed is modelled.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum CpuSpec {
     /// 168 MHz Cortex-M4, prices from the seed document.
@@ -177,14 +185,16 @@ impl Scenario {
 
     /// Reads a scenario from `text`; `path` is for messages and relative files.
     pub fn parse(path: &Path, text: String) -> Result<(Self, Source), ScenarioError> {
-        let mut scenario: Self = toml::from_str(&text).map_err(|source| ScenarioError::Parse {
-            path: path.to_owned(),
-            source: Box::new(source),
+        let mut scenario = Self::from_text(&text).map_err(|mut source| {
+            source.set_input(Some(&text));
+            let (path, source) = (path.to_owned(), Box::new(source));
+            ScenarioError::Parse { path, source }
         })?;
         let source = Source {
             path: path.to_owned(),
             text,
         };
+        limits::check(&scenario, &source)?;
         if let Some(phases) = scenario.phases {
             if phases.length() > scenario.duration.0 {
                 let message = "is shorter than the phases together, expected at least their sum";
@@ -194,6 +204,18 @@ impl Scenario {
             faults.for_each(|fault| phases.confine(fault));
         }
         Ok((scenario, source))
+    }
+
+    /// Devices are read apart from the rest, because their settings have a type of their own and
+    /// are to remember their places in the file.
+    fn from_text(text: &str) -> Result<Self, toml::de::Error> {
+        let mut document = toml::de::DeTable::parse(text)?;
+        let device = device::read_devices(document.get_mut());
+        let scenario = Self::deserialize(toml::de::Deserializer::from(document))?;
+        Ok(Self {
+            device: device?,
+            ..scenario
+        })
     }
 
     /// The scenario as a file.

@@ -1,6 +1,7 @@
 //! One direction of a link: bytes leave one node, take their time, meet faults, and arrive at
 //! another node.
 
+mod message;
 mod passage;
 
 use std::collections::VecDeque;
@@ -11,8 +12,9 @@ use protocols::{Instant, LineConfig, LineEvent, Port};
 
 use crate::rig::fault::{Budget, LineFaults, Passed};
 use crate::rig::resample::Resampler;
-use passage::PIECE_MAX;
-pub use passage::{Delivery, Original, SentBytes};
+use message::Message;
+pub use message::{MESSAGE_MAX, message_time};
+pub use passage::{Delivery, Original, PIECE_MAX, SentBytes};
 
 /// A port of a node of the rig.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -103,6 +105,9 @@ pub struct Line {
     overrun: (Instant, usize),
     resampler: Resampler,
     spare: Vec<Vec<u8>>,
+    /// Whole messages sent so far, and the one that waits for the next one.
+    messages: u64,
+    waiting: Option<Message>,
 }
 
 /// Most chunks on their way at once; a sender is asked for more only below it.
@@ -133,6 +138,8 @@ impl Line {
             overrun: (Instant::ZERO, 0),
             resampler: Resampler::default(),
             spare: Vec::new(),
+            messages: 0,
+            waiting: None,
         }
     }
 
@@ -232,7 +239,7 @@ impl Line {
             self.free_at = ends;
             self.traffic.sent += len as u64;
             self.traffic.lost += len as u64;
-            return Some((ends, SentBytes { buf, len }));
+            return Some((ends, SentBytes::Piece { buf, len }));
         }
         let is_clean = self.faults.is_clean();
         let mut passed = Passed {
@@ -276,7 +283,7 @@ impl Line {
             original = Some(Box::new(self.original(ends, &passed, sent, struck)));
         }
         self.send_off(start, ends, sender, passed, framing_errors, original);
-        Some((ends, SentBytes { buf, len }))
+        Some((ends, SentBytes::Piece { buf, len }))
     }
 
     /// Counts what became of `given` bytes, those held back before included: `passed`, and what is

@@ -11,6 +11,7 @@ use firmware_core::{Inspect, Master};
 use protocols::{Instant, LineConfig, LineEvent, Port};
 
 use crate::rig::cpu::CpuModel;
+use crate::rig::line::MESSAGE_MAX;
 
 /// An emulated device in a rig: any [`Device`] that owns its data.
 pub trait AnyDevice: Device + Any {}
@@ -29,6 +30,8 @@ pub(super) struct Outside {
     events_from_rig: VecDeque<LineEvent>,
     pub(super) change: Option<LineEvent>,
     overrun: u64,
+    /// Lengths of the messages in `to_rig` and `from_rig`, if its link carries messages.
+    messages: Option<[VecDeque<usize>; 2]>,
 }
 
 /// Bytes that wait for an outside reader before further ones are lost, as in a UART's driver.
@@ -43,7 +46,58 @@ impl Outside {
             events_from_rig: VecDeque::new(),
             change: None,
             overrun: 0,
+            messages: None,
         }
+    }
+
+    /// From now on whole messages are put in and taken out.
+    pub(super) fn carry_messages(&mut self) {
+        self.messages.get_or_insert_default();
+    }
+
+    /// What its owner writes now. A message that is too long is lost.
+    pub(super) fn put(&mut self, bytes: &[u8]) {
+        if let Some([to_rig, _]) = &mut self.messages {
+            if bytes.is_empty() || bytes.len() > MESSAGE_MAX {
+                self.overrun += bytes.len() as u64;
+                return;
+            }
+            to_rig.push_back(bytes.len());
+        }
+        self.to_rig.extend(bytes);
+    }
+
+    /// What arrives from the rig; a message for which there is no room is lost as a whole.
+    fn receive(&mut self, bytes: &[u8]) {
+        let mut room = OUTSIDE_MAX - self.from_rig.len();
+        if let Some([_, from_rig]) = &mut self.messages {
+            if bytes.len() > room {
+                room = 0;
+            } else {
+                from_rig.push_back(bytes.len());
+            }
+        }
+        self.overrun += bytes.len().saturating_sub(room) as u64;
+        self.from_rig.extend(&bytes[..bytes.len().min(room)]);
+    }
+
+    /// Moves what the rig can have now into `buf`; how many bytes that were.
+    fn transmit(&mut self, buf: &mut [u8]) -> usize {
+        let len = match &mut self.messages {
+            Some([to_rig, _]) => to_rig.pop_front().unwrap_or(0).min(buf.len()),
+            None => buf.len(),
+        };
+        emulators::device::take(&mut self.to_rig, &mut buf[..len])
+    }
+
+    /// Takes the messages that arrived.
+    pub(super) fn take_messages(&mut self) -> Vec<Vec<u8>> {
+        let Some([_, from_rig]) = &mut self.messages else {
+            return Vec::new();
+        };
+        let lens = from_rig.drain(..);
+        lens.map(|len| self.from_rig.drain(..len).collect())
+            .collect()
     }
 }
 
@@ -90,11 +144,7 @@ impl Node {
         match &mut self.body {
             Body::Device(device) => device.receive(port, now, bytes),
             Body::Program { program, .. } => program.receive(port, now, bytes),
-            Body::Outside(outside) => {
-                let room = OUTSIDE_MAX - outside.from_rig.len();
-                outside.overrun += bytes.len().saturating_sub(room) as u64;
-                outside.from_rig.extend(&bytes[..bytes.len().min(room)]);
-            }
+            Body::Outside(outside) => outside.receive(bytes),
         }
     }
 
@@ -119,7 +169,7 @@ impl Node {
         match &mut self.body {
             Body::Device(device) => device.transmit(port, buf),
             Body::Program { program, .. } => program.transmit(port, buf),
-            Body::Outside(outside) => emulators::device::take(&mut outside.to_rig, buf),
+            Body::Outside(outside) => outside.transmit(buf),
         }
     }
 

@@ -19,15 +19,13 @@ mod view;
 
 use core::time::Duration;
 
-use emulators::avr_base::{self, AvrBase, AvrBaseConfig};
+use emulators::avr_base::{self, AvrBaseConfig};
 use emulators::hc06::{self, Hc06};
 use emulators::pc::{self, Pc};
-use emulators::xv11::{self, Xv11};
 use firmware_core::pose::Pose;
 use firmware_core::robots::rescue::{Config, Rescue};
 use firmware_core::slam;
 use protocols::avr::ChecksumOrder;
-use protocols::hc06::Family;
 use protocols::pcui::message::{Mode, Order};
 use protocols::{LineConfig, Port};
 
@@ -38,9 +36,10 @@ use super::{
 use crate::rig::Rig;
 use crate::rig::cpu::CpuModel;
 use crate::rig::line::End;
+use crate::scenario::device::{AVR_BASE, HC06, XV11};
 use crate::scenario::{
-    Action, CpuSpec, DeviceSpec, Hc06Spec, MapperSpec, ModeSpec, Scenario, ScenarioError, Source,
-    Step, TurnSpec,
+    Action, AvrBaseSpec, CpuSpec, DeviceSpec, MapperSpec, ModeSpec, Scenario, ScenarioError,
+    Source, Step,
 };
 
 use arena::ARENA;
@@ -137,17 +136,25 @@ fn wire(plan: Plan<'_>) -> Result<Wired, ScenarioError> {
         pc,
     } = plan;
     check_names(scenario, source)?;
-    let seed = scenario.seed;
     let mut rig = Rig::new(world);
     rig.cpu = match scenario.program.cpu {
         CpuSpec::Stm32f4 => CpuModel::STM32F4,
         CpuSpec::Ideal => CpuModel::IDEAL,
     };
-    let base = base(scenario, source)?;
-    let order = order_of(base.profile);
-    let lidar_node = rig.add_device("lidar", Xv11::new("lidar", seed, lidar(scenario, source)?));
-    let base_node = rig.add_device("base", AvrBase::new(base, seed));
-    let radio_node = rig.add_device("radio", Hc06::new(radio(scenario, source)?, seed));
+    let order = order_of(base(scenario, source)?.profile);
+    let lidar = scenario.build_device("lidar", XV11, source)?;
+    let base = scenario.build_device("base", AVR_BASE, source)?;
+    let radio = scenario.build_device("radio", HC06, source)?;
+    let ports = [
+        ("lidar", lidar.ports[0], Rescue::LIDAR),
+        ("motor", lidar.ports[1], Rescue::MOTOR),
+        ("base", base.ports[0], Rescue::BASE),
+        ("radio", radio.ports[0], Rescue::RADIO),
+    ];
+    let lidar_node = rig.add_boxed_device("lidar", lidar.device);
+    let base_node = rig.add_boxed_device("base", base.device);
+    let radio_node = rig.add_boxed_device("radio", radio.device);
+    let nodes = [lidar_node, lidar_node, base_node, radio_node];
 
     let mut wired = Wired::new(rig, RescueInstruments);
     let program = match dut {
@@ -157,52 +164,17 @@ fn wire(plan: Plan<'_>) -> Result<Wired, ScenarioError> {
         }
         Dut::External => None,
     };
-    // Pieces: the lidar sends packets of 22 bytes; on the base's bus every byte counts by itself,
-    // because the slave is deaf between a request and its answer.
-    let to_program = [
-        (
-            "lidar",
-            lidar_node,
-            Xv11::UART,
-            Rescue::LIDAR,
-            22,
-            "the robot's lidar input",
-        ),
-        (
-            "motor",
-            lidar_node,
-            Xv11::MOTOR,
-            Rescue::MOTOR,
-            1,
-            "the lidar's motor drive, optional",
-        ),
-        (
-            "base",
-            base_node,
-            AvrBase::BUS,
-            Rescue::BASE,
-            1,
-            "the robot's register bus",
-        ),
-        (
-            "radio",
-            radio_node,
-            Hc06::UART,
-            Rescue::RADIO,
-            16,
-            "the robot's radio UART",
-        ),
-    ];
-    for (name, node, device_port, port, piece, connect) in to_program {
+    for ((name, info, port), node) in ports.into_iter().zip(nodes) {
         let device = End {
             node,
-            port: device_port,
+            port: info.port,
         };
         let master = match program {
             Some(node) => End { node, port },
-            None => wired.open_end(name, line_of(port), connect),
+            None => wired.open_end(name, line_of(port), info.connect),
         };
-        wired.rig.connect(name, device, master, piece);
+        let rig = &mut wired.rig;
+        rig.connect_by(info.kind, name, device, master, info.piece);
     }
     let air = End {
         node: radio_node,
@@ -299,105 +271,13 @@ fn check_names(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError
     Ok(())
 }
 
-fn unknown(
-    source: &Source,
-    key: &str,
-    found: &toml::Spanned<String>,
-    known: &[&str],
-) -> ScenarioError {
-    let message = format!(
-        "is \"{}\", expected one of {}",
-        found.get_ref(),
-        known.join(", ")
-    );
-    source.invalid(Some(found.span()), key, message)
-}
-
-fn lidar(scenario: &Scenario, source: &Source) -> Result<xv11::Config, ScenarioError> {
-    let mut config = xv11::Config::default();
-    let Some(DeviceSpec::Xv11(spec)) = scenario.device.get("lidar") else {
-        return Ok(config);
-    };
-    let within = |key: &str, value: Option<f64>, range: core::ops::RangeInclusive<f64>| {
-        let (least, most) = (*range.start(), *range.end());
-        match value {
-            Some(found) if !range.contains(&found) => {
-                let message = format!("is {found}, expected {least} to {most}");
-                Err(source.invalid(
-                    source.find(key),
-                    format!("device.lidar.xv11.{key}"),
-                    message,
-                ))
-            }
-            _ => Ok(()),
-        }
-    };
-    within("index0_deg", spec.index0_deg, -360.0..=360.0)?;
-    within("beam_offset_mm", spec.beam_offset_mm, 0.0..=100.0)?;
-    let optics = &mut config.optics;
-    optics.index0_deg = spec.index0_deg.unwrap_or(optics.index0_deg);
-    optics.beam_offset_mm = spec.beam_offset_mm.unwrap_or(optics.beam_offset_mm);
-    optics.direction = match spec.direction {
-        Some(TurnSpec::Clockwise) => xv11::Direction::Clockwise,
-        Some(TurnSpec::CounterClockwise) | None => xv11::Direction::CounterClockwise,
-    };
-    for name in &spec.faults {
-        let known = xv11::Fault::ALL.map(xv11::Fault::name);
-        let fault = xv11::Fault::from_name(name.get_ref())
-            .ok_or_else(|| unknown(source, "device.lidar.xv11.faults", name, &known))?;
-        config.faults.push(fault);
-    }
-    if let Some(name) = &spec.profile {
-        let known = xv11::Profile::ALL.map(xv11::Profile::name);
-        config.profile = xv11::Profile::from_name(name.get_ref())
-            .ok_or_else(|| unknown(source, "device.lidar.xv11.profile", name, &known))?;
-    }
-    if let Some(supply) = spec.supply {
-        config.supply = supply.into();
-    }
-    Ok(config)
-}
-
+/// How the base is set up.
 fn base(scenario: &Scenario, source: &Source) -> Result<AvrBaseConfig, ScenarioError> {
-    let mut config = AvrBaseConfig::default();
-    let Some(DeviceSpec::AvrBase(spec)) = scenario.device.get("base") else {
-        return Ok(config);
-    };
-    config.phase = spec.phase.map(|phase| phase.0);
-    if let Some(name) = &spec.profile {
-        let known = avr_base::Profile::ALL.map(avr_base::Profile::name);
-        config.profile = avr_base::Profile::from_name(name.get_ref())
-            .ok_or_else(|| unknown(source, "device.base.avr-base.profile", name, &known))?;
+    let spec = scenario.device.get("base");
+    match spec.and_then(DeviceSpec::settings::<AvrBaseSpec>) {
+        Some(spec) => spec.config("base", source),
+        None => Ok(AvrBaseConfig::default()),
     }
-    Ok(config)
-}
-
-fn radio(scenario: &Scenario, source: &Source) -> Result<hc06::Profile, ScenarioError> {
-    let spec = match scenario.device.get("radio") {
-        Some(DeviceSpec::Hc06(spec)) => spec.clone(),
-        _ => Hc06Spec::default(),
-    };
-    let family = match &spec.family {
-        None => Family::default(),
-        Some(name) => {
-            let families = [Family::Linvor18, Family::Hc01V20, Family::V30];
-            let known = families.map(Family::name);
-            let found = families
-                .into_iter()
-                .find(|family| family.name() == name.get_ref());
-            found.ok_or_else(|| unknown(source, "device.radio.hc06.family", name, &known))?
-        }
-    };
-    let mut profile = hc06::Profile::of(family).at_baud(spec.baud.unwrap_or(protocols::pcui::BAUD));
-    if let Some(delay) = spec.connect_delay {
-        profile.connect_delay = delay.0;
-    }
-    profile.fifo_len = spec.fifo_bytes.map_or(profile.fifo_len, usize::from);
-    profile.rate_bytes_s = spec
-        .rate_bytes_s
-        .map_or(profile.rate_bytes_s, core::num::NonZeroU32::get);
-    profile.supervision = spec.supervision.map_or(profile.supervision, |span| span.0);
-    Ok(profile)
 }
 
 fn program(
@@ -426,7 +306,7 @@ fn program(
     for id in &scenario.program.defects {
         config = config.with_defect(id.get_ref()).ok_or_else(|| {
             let known: Vec<&str> = Config::defects().collect();
-            unknown(source, "program.defects", id, &known)
+            source.unknown("program.defects", id, &known)
         })?;
     }
     Ok(config)

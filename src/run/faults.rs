@@ -139,7 +139,11 @@ impl Run {
         let (now, next) = (self.rig.now(), self.next_instant());
         let count = self.scenario.fault.len();
         let Some(fault) = self.scenario.fault.get(id.0).cloned() else {
-            let message = format!("is {id}, expected a number below {count}");
+            let message = match count {
+                0 => format!("is {id}, but there are no faults yet"),
+                1 => format!("is {id}, expected 0, the only fault there is"),
+                _ => format!("is {id}, expected one of the faults 0 to {}", count - 1),
+            };
             return Err(Flaw::new("id", message));
         };
         if self.state_of(id, &fault, now) == FaultState::Over {

@@ -1,160 +1,190 @@
-//! Settings of devices, by kind.
+//! Devices of a scenario: each has a kind, found by name, and the settings of that kind.
 
-use serde::{Deserialize, Serialize};
+mod avr_base;
+mod hc06;
+mod kind;
+mod read;
+mod registers;
+mod text;
+mod touch_panel;
+mod xv11;
 
-use super::{RegistersSpec, Span, TextSpec};
+use core::any::Any;
+use core::fmt;
 
-/// Settings of a device, named by its kind.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub enum DeviceSpec {
-    /// Neato XV-11 lidar.
-    Xv11(Xv11Spec),
-    /// AVR base with its register bus.
-    AvrBase(AvrBaseSpec),
-    /// HC-06 radio.
-    Hc06(Hc06Spec),
-    /// Touch display.
-    TouchPanel(TouchPanelSpec),
-    /// A register slave of one's own.
-    Registers(RegistersSpec),
-    /// A text slave of one's own.
-    Text(TextSpec),
+use serde::ser::{Serialize, SerializeMap, Serializer};
+use toml::Spanned;
+use toml::de::{DeTable, DeValue, ValueDeserializer};
+
+use super::{Scenario, ScenarioError, Source};
+use crate::registry::{Named, Registry};
+
+pub use crate::registry::NameTaken;
+pub use avr_base::{AVR_BASE, AvrBaseSpec};
+pub use hc06::{HC06, Hc06Spec};
+pub use kind::{BuildContext, Built, DeviceKind, PortInfo, Settings, read_settings, schema_of};
+pub(super) use read::read_devices;
+pub use touch_panel::{TOUCH_PANEL, TapSpec, TouchPanelSpec};
+pub use xv11::{MountSpec, SupplySpec, TurnSpec, XV11, Xv11Spec};
+
+impl Named for dyn DeviceKind {
+    fn name(&self) -> &str {
+        DeviceKind::name(self)
+    }
+}
+
+static KINDS: Registry<dyn DeviceKind> = Registry::new(&[
+    XV11,
+    AVR_BASE,
+    HC06,
+    TOUCH_PANEL,
+    registers::REGISTERS,
+    text::TEXT,
+]);
+
+/// Adds a kind of device. Scenarios that are read from then on may name it.
+///
+/// # Errors
+/// If there is a kind of its name.
+pub fn register(kind: impl DeviceKind + 'static) -> Result<(), NameTaken> {
+    KINDS.register(Box::new(kind)).map(drop)
+}
+
+/// The kind called `name`.
+pub fn kind(name: &str) -> Option<&'static dyn DeviceKind> {
+    KINDS.find(name)
+}
+
+/// All kinds, built-in ones first.
+pub fn kinds() -> Vec<&'static dyn DeviceKind> {
+    KINDS.all()
+}
+
+/// A device as a scenario has it: its kind and the settings of that kind.
+pub struct DeviceSpec {
+    kind: &'static dyn DeviceKind,
+    settings: Box<dyn Settings>,
 }
 
 impl DeviceSpec {
+    /// A device of `kind` with `settings`, which must be of the type that the kind reads.
+    pub fn new(kind: &'static dyn DeviceKind, settings: impl Settings) -> Self {
+        let settings = Box::new(settings);
+        Self { kind, settings }
+    }
+
+    /// A device of `kind` of which nothing is set.
+    ///
+    /// # Errors
+    /// If the kind cannot do without some key.
+    pub fn plain(kind: &'static dyn DeviceKind) -> Result<Self, toml::de::Error> {
+        let nothing = Spanned::new(0..0, DeValue::Table(DeTable::new()));
+        let settings = kind.parse(ValueDeserializer::from(nothing))?;
+        Ok(Self { kind, settings })
+    }
+
     /// Name of the kind, as in a file.
-    pub const fn kind(&self) -> &'static str {
-        match self {
-            Self::Xv11(_) => "xv11",
-            Self::AvrBase(_) => "avr-base",
-            Self::Hc06(_) => "hc06",
-            Self::TouchPanel(_) => "touch-panel",
-            Self::Registers(_) => "registers",
-            Self::Text(_) => "text",
-        }
+    pub fn kind(&self) -> &'static str {
+        self.kind.name()
     }
 
     /// Adds a touch, if it is a display.
     pub fn tap(&mut self, tap: TapSpec) {
-        if let Self::TouchPanel(spec) = self {
+        if let Some(spec) = self.settings_mut::<TouchPanelSpec>() {
             spec.tap.push(tap);
         }
     }
 
     /// Whether the scenario describes all of it, so that no robot has to know it.
-    pub const fn is_own(&self) -> bool {
-        matches!(self, Self::Registers(_) | Self::Text(_))
+    pub fn is_own(&self) -> bool {
+        self.kind.is_own()
+    }
+
+    /// The settings, if they are a `T`.
+    pub fn settings<T: Settings>(&self) -> Option<&T> {
+        let settings: &dyn Any = self.settings.as_ref();
+        settings.downcast_ref()
+    }
+
+    /// The settings, if they are a `T`, to change them.
+    pub fn settings_mut<T: Settings>(&mut self) -> Option<&mut T> {
+        let settings: &mut dyn Any = self.settings.as_mut();
+        settings.downcast_mut()
+    }
+
+    /// Makes the device; `name` and `seed` choose its dice.
+    ///
+    /// # Errors
+    /// If a setting is out of range.
+    pub fn build(&self, name: &str, seed: u64, source: &Source) -> Result<Built, ScenarioError> {
+        self.kind.build(&BuildContext {
+            name,
+            seed,
+            settings: self.settings.as_ref(),
+            kind: self.kind(),
+            source,
+        })
     }
 }
 
-/// Settings of an XV-11.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Xv11Spec {
-    /// Firmware: `fw2.1`, `fw2.4.13386`, `fw2.6.15295`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub profile: Option<toml::Spanned<String>>,
-    /// What turns the head; 300 rpm held by the rig if not given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub supply: Option<SupplySpec>,
-    /// Angle of the first reading to the axis of the housing; sources say -10 or 0.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub index0_deg: Option<f64>,
-    /// Distance between laser beam and axis; sources say 0 to 25.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub beam_offset_mm: Option<f64>,
-    /// Which way the head turns, seen from above.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub direction: Option<TurnSpec>,
-    /// What is wrong with the sensor from the start, by the names of its faults, e.g. `dust`.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub faults: Vec<toml::Spanned<String>>,
+impl Scenario {
+    /// Makes the device called `name`, or one of `kind` of which nothing is set if the scenario
+    /// does not mention it.
+    ///
+    /// # Errors
+    /// If a setting is out of range, or one is needed.
+    pub fn build_device(
+        &self,
+        name: &str,
+        kind: &'static dyn DeviceKind,
+        source: &Source,
+    ) -> Result<Built, ScenarioError> {
+        if let Some(spec) = self.device.get(name) {
+            return spec.build(name, self.seed, source);
+        }
+        let plain = DeviceSpec::plain(kind).map_err(|error| {
+            let key = format!("device.{name}.{}", kind.name());
+            source.invalid(None, key, error.message())
+        })?;
+        plain.build(name, self.seed, source)
+    }
 }
 
-/// Senses of rotation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum TurnSpec {
-    /// As every report but one says.
-    CounterClockwise,
-    /// As that one says.
-    Clockwise,
-}
-
-/// What turns the head of a lidar.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub enum SupplySpec {
-    /// The rig holds this speed, turns per minute.
-    RegulatedRpm(f64),
-    /// A fixed voltage.
-    FixedV(f64),
-    /// The host's drive, this voltage at full duty.
-    HostV(f64),
-}
-
-impl From<SupplySpec> for emulators::xv11::MotorSupply {
-    fn from(spec: SupplySpec) -> Self {
-        match spec {
-            SupplySpec::RegulatedRpm(rpm) => Self::Regulated { rpm },
-            SupplySpec::FixedV(volts) => Self::Fixed { volts },
-            SupplySpec::HostV(volts) => Self::Host { volts },
+impl Clone for DeviceSpec {
+    fn clone(&self) -> Self {
+        Self {
+            kind: self.kind,
+            settings: self.settings.boxed_clone(),
         }
     }
 }
 
-/// Settings of an AVR base.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct AvrBaseSpec {
-    /// Firmware: `document`, `rcj2015-2015`, `rcj2015-2014`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub profile: Option<toml::Spanned<String>>,
-    /// How long before the run its tasks ran together, up to 200.8 ms; drawn if not given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub phase: Option<Span>,
+impl PartialEq for DeviceSpec {
+    fn eq(&self, other: &Self) -> bool {
+        self.kind() == other.kind() && self.settings.equals(other.settings.as_ref())
+    }
 }
 
-/// Settings of an HC-06.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Hc06Spec {
-    /// Bytes between UART and radio, 700 if not given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub fifo_bytes: Option<u16>,
-    /// Bytes a second that it moves in one direction, 20500 if not given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub rate_bytes_s: Option<core::num::NonZeroU32>,
-    /// Radio silence after which the connection is given up, 20 s if not given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub supervision: Option<Span>,
-    /// Firmware: `linvor-1.8`, `hc01-2.0`, `3.0-20170609`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub family: Option<toml::Spanned<String>>,
-    /// Rate of the wire to the microcontroller; the robot's own rate if not given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub baud: Option<u32>,
-    /// Time from the PC opening its port to the first byte passing.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub connect_delay: Option<Span>,
+impl fmt::Debug for DeviceSpec {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("DeviceSpec")
+            .field("kind", &self.kind())
+            .field("settings", &self.settings)
+            .finish()
+    }
 }
 
-/// Settings of a touch display.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct TouchPanelSpec {
-    /// When it is touched, and where: column and row, 0, 0 at the upper left.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub tap: Vec<TapSpec>,
-}
-
-/// A touch of a tenth of a second.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct TapSpec {
-    /// When.
-    pub at: Span,
-    /// Column and row.
-    pub place: [u16; 2],
+impl Serialize for DeviceSpec {
+    /// As an enum with the settings in a variant called like the kind.
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        struct Erased<'a>(&'a dyn Settings);
+        impl Serialize for Erased<'_> {
+            fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+                erased_serde::serialize(self.0, serializer)
+            }
+        }
+        let mut map = serializer.serialize_map(Some(1))?;
+        map.serialize_entry(self.kind(), &Erased(self.settings.as_ref()))?;
+        map.end()
+    }
 }

@@ -8,35 +8,39 @@ mod when;
 use core::fmt;
 
 use protocols::Instant;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Span;
 use crate::rig::fault::{Damage, Strike, Window};
 use crate::rig::line::Direction;
 
+pub(super) use kind::TIME_KEYS;
 pub use kind::{FaultKind, Place};
 pub use when::{Condition, WhenSpec};
 
 /// Settings of a link.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LinkSpec {
-    /// Time between the last bit on the wire and the receiver seeing the byte, both ways.
+    /// Time between the last bit on the wire and the receiver seeing it, both ways.
     #[serde(default)]
     pub latency: Span,
 }
 
 /// Declares the keys of a fault: each is optional, and which are given can be listed.
 macro_rules! fault_spec {
-    ($($(#[doc = $doc:literal])+ $key:ident: $type:ty,)+) => {
+    ($($(#[doc = $doc:literal])+ $key:ident: $type:ty $(, $least:literal to $most:literal)?;)+) => {
         /// Something that goes wrong. Which keys belong together depends on the kind.
-        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
         #[serde(deny_unknown_fields)]
+        #[schemars(transform = super::schema::tell_keys_of_faults)]
         pub struct FaultSpec {
             /// What happens.
             pub kind: FaultKind,
             $(
                 $(#[doc = $doc])+
+                $(#[schemars(range(min = $least, max = $most))])?
                 #[serde(default, skip_serializing_if = "Option::is_none")]
                 pub $key: Option<$type>,
             )+
@@ -58,58 +62,59 @@ macro_rules! fault_spec {
 }
 
 fault_spec! {
-    /// Which link.
-    link: String,
+    /// Which link, by its name.
+    link: String;
     /// Which way.
-    direction: DirectionSpec,
-    /// Which device.
-    device: String,
-    /// Which devices.
-    devices: Vec<String>,
-    /// Chance per byte, 0 to 1.
-    rate: f64,
-    /// Number of the one byte that is hit, counted from 0 as sent.
-    byte: u64,
+    direction: DirectionSpec;
+    /// Which device, by its name.
+    device: String;
+    /// Which devices, by their names.
+    devices: Vec<String>;
+    /// Chance per byte, or per message of an I2C or datagram link, 0 to 1.
+    rate: f64, 0.0 to 1.0;
+    /// Number of the one byte, or message, that is hit, counted from 0 as sent.
+    byte: u64;
     /// For `flip`: which bit, 0 to 7.
-    bit: u8,
-    /// For `insert`: which value; for `burst`: the bits inverted.
-    value: u8,
-    /// How many bytes.
-    len: u16,
-    /// For how many bytes the receiver has room.
-    fifo: u16,
-    /// By how much time.
-    by: Span,
-    /// Rate of the sender.
-    baud: u32,
-    /// Millionths by which the sender is too fast.
-    ppm: f64,
-    /// Millionths by which it gets faster each second.
-    ppm_per_s: f64,
-    /// The other link.
-    with: String,
+    bit: u8, 0 to 7;
+    /// For `insert`: which value; for `burst`: the bits inverted; 0 to 255.
+    value: u8;
+    /// How many bytes, 1 to 65535; 4 for `burst`, 4096 for `truncate`, 1 for `short-read` if not
+    /// given.
+    len: u16, 1 to 65_535;
+    /// For how many bytes the receiver has room, 0 to 65535; 2 if not given.
+    fifo: u16;
+    /// By how much time, at most an hour.
+    by: Span;
+    /// Rate of the sender, bit/s, 50 to 50000000.
+    baud: u32, 50 to 50_000_000;
+    /// Millionths by which the sender is too fast, -1000000 to 1000000.
+    ppm: f64, -1_000_000.0 to 1_000_000.0;
+    /// Millionths by which it gets faster each second, -1000000 to 1000000.
+    ppm_per_s: f64, -1_000_000.0 to 1_000_000.0;
+    /// The other link, by its name.
+    with: String;
     /// Name of what this device can have.
-    fault: String,
-    /// By which factor, or how much.
-    factor: f64,
+    fault: String;
+    /// By which factor, or how much, -1000000 to 1000000.
+    factor: f64, -1_000_000.0 to 1_000_000.0;
     /// Begins here instead of at the start of the run.
-    from: Span,
+    from: Span;
     /// Ends here instead of at the end of the run.
-    until: Span,
+    until: Span;
     /// Ends after this time; with `every`, each spell does.
-    lasting: Span,
-    /// Comes again after this time.
-    every: Span,
+    lasting: Span;
+    /// Comes again after this time, at least 100us.
+    every: Span;
     /// Is over after so many strikes or spells.
-    count: u32,
+    count: u32;
     /// Begins with this byte of its line, counted from 0 as sent.
-    at_byte: u64,
+    at_byte: u64;
     /// Begins with this frame of its line, counted from 0.
-    at_frame: u64,
+    at_frame: u64;
     /// Begins when this holds.
-    when: WhenSpec,
+    when: WhenSpec;
     /// Name of the dice; by default the place in the list decides.
-    stream: String,
+    stream: String;
 }
 
 impl FaultSpec {
@@ -208,7 +213,7 @@ impl fmt::Display for Flaw {
 impl core::error::Error for Flaw {}
 
 /// Directions as in a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum DirectionSpec {
     /// From the device to the robot's program.

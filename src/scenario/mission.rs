@@ -1,18 +1,19 @@
 //! What the robot has to do, and what must have come true.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Span;
 
 /// What the robot has to do.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Mission {
-    /// Places to visit in this order, metres in the world's frame; the last is where the robot has
-    /// to be in the end. Sent by the PC once it is connected.
+    /// Places to visit in this order, metres in the world's frame, -10000 to 10000; the last is
+    /// where the robot has to be in the end. Sent by the PC 200 ms after it is connected.
     #[serde(default)]
     pub waypoints_m: Vec<[f64; 2]>,
-    /// When the PC connects to the radio.
+    /// When the PC connects to the radio, counted from the start of the run.
     #[serde(default = "default_connect")]
     pub connect: Span,
     /// What else the PC does, at given times.
@@ -24,25 +25,25 @@ pub struct Mission {
 }
 
 /// Something that the PC does.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Step {
-    /// When.
+    /// When, counted from the start of the run.
     pub at: Span,
-    /// What.
+    /// What the PC does then.
     #[serde(rename = "do")]
     pub action: Action,
 }
 
 /// What the PC can do.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Action {
     /// Connects to the radio.
     Connect,
     /// Disconnects.
     Disconnect,
-    /// Replaces the robot's list of waypoints, metres in the world's frame.
+    /// Replaces the robot's list of waypoints, metres in the world's frame, -10000 to 10000.
     WaypointsM(Vec<[f64; 2]>),
     /// Orders a mode.
     Mode(ModeSpec),
@@ -51,7 +52,7 @@ pub enum Action {
 }
 
 /// Modes that can be ordered.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ModeSpec {
     /// Motors off.
@@ -63,31 +64,37 @@ pub enum ModeSpec {
 }
 
 /// What must have come true in the end; what is not given is not demanded.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Expect {
-    /// Each waypoint is visited in order, at most this far off.
+    /// Each waypoint is visited in order, at most this far off, millimetres.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0))]
     pub visit_within_mm: Option<f64>,
-    /// In the end the robot rests at the last waypoint, at most this far off.
+    /// In the end the robot rests at the last waypoint, at most this far off, millimetres.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0))]
     pub return_within_mm: Option<f64>,
     /// Having visited its waypoints, the robot rests for this long, and nothing goes wrong then.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub settle: Option<Span>,
-    /// Root mean square of the error of the believed position.
+    /// Root mean square of the error of the believed position, millimetres, at most.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0))]
     pub pose_rms_mm_max: Option<f64>,
-    /// Root mean square of the error of the believed heading.
+    /// Root mean square of the error of the believed heading, degrees, at most.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0))]
     pub heading_rms_deg_max: Option<f64>,
-    /// Share of walls found, and of found walls that are there, within one cell; the smaller one.
+    /// Share of walls found, and of found walls that are there, within one cell: the smaller one,
+    /// 0 to 1, at least.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub wall_overlap_min: Option<f64>,
-    /// Rules of devices that the program broke.
+    /// How often the program broke a rule of a device, at most.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub violations_max: Option<u64>,
-    /// The PC has received every row of the map.
+    /// Whether the PC must have received every row of the map.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub map_received: Option<bool>,
 }

@@ -8,6 +8,7 @@ use emulators::text::{Command, Periodic, Text, TextConfig, TextError};
 use emulators::world::Wheel;
 use protocols::LineConfig;
 use protocols::avr::ChecksumOrder;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
@@ -17,10 +18,11 @@ use super::{ScenarioError, Source, Span};
 const BAUD: core::ops::RangeInclusive<u32> = 300..=4_000_000;
 
 /// A slave with a table of registers behind the frames of the AVR base's bus.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RegistersSpec {
-    /// Rate of its line, 8N1.
+    /// Rate of its line, 8N1, bit/s, 300 to 4000000.
+    #[schemars(with = "u32", range(min = 300, max = 4_000_000))]
     pub baud: Spanned<u32>,
     /// Byte order of the checksum.
     #[serde(default)]
@@ -34,12 +36,13 @@ pub struct RegistersSpec {
     /// Silence of the master after which values become safe; never if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub watchdog: Option<Span>,
-    /// The table.
+    /// Its values.
+    #[schemars(with = "Vec<RegisterSpec>")]
     pub register: Vec<Spanned<RegisterSpec>>,
 }
 
 /// Byte orders of a checksum.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum OrderSpec {
     /// As the seed document has it.
@@ -50,10 +53,10 @@ pub enum OrderSpec {
 }
 
 /// A value of the table.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RegisterSpec {
-    /// Address of its first, lowest byte.
+    /// Address of its first, lowest byte, 0 to 255.
     pub address: u8,
     /// Name, for reports.
     pub name: String,
@@ -62,13 +65,13 @@ pub struct RegisterSpec {
     /// Whether a master may write it.
     #[serde(default)]
     pub access: AccessSpec,
-    /// At the start.
+    /// Value at the start.
     #[serde(default)]
     pub initial: i64,
     /// Least and greatest value; what the width holds if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limits: Option<[i64; 2]>,
-    /// Taken on after the watchdog time.
+    /// Value after the watchdog time; stays if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub safe: Option<i64>,
     /// Where it comes from.
@@ -77,7 +80,7 @@ pub struct RegisterSpec {
 }
 
 /// Widths as in a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 #[expect(missing_docs, reason = "each is what it says")]
 pub enum WidthSpec {
@@ -90,7 +93,7 @@ pub enum WidthSpec {
 }
 
 /// Access as in a file.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum AccessSpec {
     /// Only the device changes it.
@@ -101,7 +104,7 @@ pub enum AccessSpec {
 }
 
 /// Where a value comes from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum SourceSpec {
     /// What was written last, or the initial value.
@@ -128,20 +131,21 @@ pub enum SourceSpec {
     YMm,
     /// True heading of the robot, milliradians.
     HeadingMrad,
-    /// Distance from the middle of the robot to what is there.
+    /// Distance from the middle of the robot to what is there, millimetres.
     Range {
-        /// Counter-clockwise from ahead.
+        /// Degrees counter-clockwise from ahead.
         angle_deg: f64,
-        /// Shown when nothing is nearer.
+        /// Millimetres shown when nothing is nearer.
         max_mm: u32,
     },
 }
 
 /// A slave with a text protocol, line by line.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TextSpec {
-    /// Rate of its line, 8N1.
+    /// Rate of its line, 8N1, bit/s, 300 to 4000000.
+    #[schemars(with = "u32", range(min = 300, max = 4_000_000))]
     pub baud: Spanned<u32>,
     /// Ends each line, both ways.
     #[serde(default = "default_terminator")]
@@ -152,35 +156,37 @@ pub struct TextSpec {
     /// Silence of the master after which values become safe; never if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub watchdog: Option<Span>,
-    /// Reply to what fits no request.
+    /// Reply to what fits no request; nothing if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unknown: Option<String>,
-    /// Reply to a value out of range.
+    /// Reply to a value out of range; nothing if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refused: Option<String>,
     /// A line that comes by itself.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub periodic: Option<PeriodicSpec>,
-    /// Its values.
+    /// Values that requests and replies can name.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(with = "Vec<VariableSpec>")]
     pub variable: Vec<Spanned<VariableSpec>>,
     /// What it understands, the first that fits.
+    #[schemars(with = "Vec<CommandSpec>")]
     pub command: Vec<Spanned<CommandSpec>>,
 }
 
 /// A value of a text slave.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct VariableSpec {
     /// Name, as in requests and replies.
     pub name: String,
-    /// At the start.
+    /// Value at the start.
     #[serde(default)]
     pub initial: i64,
     /// Least and greatest value; 32 bits with sign if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limits: Option<[i64; 2]>,
-    /// Taken on after the watchdog time.
+    /// Value after the watchdog time; stays if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub safe: Option<i64>,
     /// Where it comes from.
@@ -189,7 +195,7 @@ pub struct VariableSpec {
 }
 
 /// A request and its reply.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CommandSpec {
     /// What the master says; `{name}` is a number that sets a variable.
@@ -200,12 +206,12 @@ pub struct CommandSpec {
 }
 
 /// A line that comes by itself.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PeriodicSpec {
     /// The line; `{name}` shows a variable.
     pub line: String,
-    /// Time between two.
+    /// Time between two such lines.
     pub period: Span,
 }
 

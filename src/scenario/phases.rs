@@ -3,6 +3,7 @@
 use core::time::Duration;
 
 use protocols::Instant;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{FaultSpec, Span};
@@ -10,16 +11,16 @@ use crate::rig::fault::{Budget, Window};
 
 /// Lengths of the parts of a run, one after the other. Faults at random, and those that name no
 /// time, happen in the adversity only; in the judgement the robot must be at work again.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PhasesSpec {
-    /// Nothing goes wrong yet.
+    /// Length of the time in which nothing goes wrong yet.
     pub warm_up: Span,
-    /// Faults happen.
+    /// Length of the time in which faults happen.
     pub adversity: Span,
-    /// Faults are over; the robot may take this time to recover.
+    /// Faults are over; the robot may take this long to recover.
     pub recovery: Span,
-    /// The robot must be at work.
+    /// Length of the time in which the robot must be at work.
     pub judgement: Span,
 }
 
@@ -66,13 +67,13 @@ impl PhasesSpec {
 }
 
 /// How much may go wrong at random, on all lines together.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BudgetSpec {
-    /// Most strikes of the run.
+    /// Most strikes of the run; no limit if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub total: Option<u64>,
-    /// Most strikes within 100 ms.
+    /// Most strikes within 100 ms; no limit if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at_once: Option<u32>,
 }

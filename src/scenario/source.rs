@@ -113,6 +113,18 @@ impl Source {
         table
     }
 
+    /// The error that the value `found` of `key` is none of those `known`.
+    pub fn unknown(
+        &self,
+        key: &str,
+        found: &toml::Spanned<String>,
+        known: &[&str],
+    ) -> ScenarioError {
+        let known = known.join(", ");
+        let message = format!("is \"{}\", expected one of {known}", found.get_ref());
+        self.invalid(Some(found.span()), key, message)
+    }
+
     /// The error that `key`, whose value lies at `span` of the text, is wrong.
     pub fn invalid(
         &self,

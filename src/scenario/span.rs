@@ -1,7 +1,9 @@
 use core::fmt;
 use core::time::Duration;
+use std::borrow::Cow;
 
 use protocols::Instant;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -94,6 +96,22 @@ impl fmt::Display for Span {
 impl Serialize for Span {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(self)
+    }
+}
+
+impl JsonSchema for Span {
+    fn schema_name() -> Cow<'static, str> {
+        "Span".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "type": "string",
+            "description": "A length of time, at most a week: a number and its unit, one of `ns`, \
+                `us`, `ms`, `s`, `min`, `h`.",
+            "pattern": "^ *[0-9.]+ *(ns|us|ms|s|min|h) *$",
+            "examples": ["90s", "200ms"],
+        })
     }
 }
 

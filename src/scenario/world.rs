@@ -6,6 +6,7 @@ use emulators::world::{
     BodyConfig, Bounds, Fixture, Obstacle, OccupancyImage, Part, Path, Point, Pose, Repeat, Scene,
     Shape, Waypoint, World,
 };
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
@@ -13,31 +14,37 @@ use super::{ScenarioError, Source, Span};
 use crate::scenario::plan;
 
 /// Ground truth as data.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WorldSpec {
     /// Where the robot starts; it is told.
+    #[schemars(with = "StartSpec")]
     pub start: Spanned<StartSpec>,
-    /// Nothing may lie outside.
+    /// Nothing may lie outside this rectangle; anything within 1 km may if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bounds: Option<BoundsSpec>,
     /// A floor plan from a map picture.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<PlanSpec>")]
     pub plan: Option<Spanned<PlanSpec>>,
     /// The robot's body.
     #[serde(default)]
     pub body: BodySpec,
     /// Walls along a line of points.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(with = "Vec<WallSpec>")]
     pub wall: Vec<Spanned<WallSpec>>,
     /// Closed outlines.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(with = "Vec<PolygonSpec>")]
     pub polygon: Vec<Spanned<PolygonSpec>>,
     /// Round pillars and the thin legs of furniture.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(with = "Vec<PillarSpec>")]
     pub pillar: Vec<Spanned<PillarSpec>>,
     /// Round obstacles that move.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(with = "Vec<MovingSpec>")]
     pub moving: Vec<Spanned<MovingSpec>>,
     /// Somebody pushes the robot.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -45,19 +52,22 @@ pub struct WorldSpec {
 }
 
 /// Where the robot starts.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StartSpec {
-    /// Metres.
+    /// Metres, -10000 to 10000.
+    #[schemars(range(min = -10_000.0, max = 10_000.0))]
     pub x_m: f64,
-    /// Metres.
+    /// Metres, -10000 to 10000.
+    #[schemars(range(min = -10_000.0, max = 10_000.0))]
     pub y_m: f64,
-    /// Counter-clockwise from +x.
+    /// Degrees counter-clockwise from +x, -3600 to 3600.
+    #[schemars(range(min = -3_600.0, max = 3_600.0))]
     pub heading_deg: f64,
 }
 
 /// A rectangle.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BoundsSpec {
     /// Lower left corner, metres.
@@ -67,7 +77,7 @@ pub struct BoundsSpec {
 }
 
 /// A ROS map: the yaml file, relative to the scenario.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PlanSpec {
     /// Path of the yaml file.
@@ -75,51 +85,57 @@ pub struct PlanSpec {
 }
 
 /// Walls along a line of points.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WallSpec {
-    /// At least two points, metres.
+    /// At least two points, metres, -1000 to 1000.
     pub path_m: Vec<[f64; 2]>,
-    /// Light returned, compared with a white wall.
+    /// Light returned, compared with a white wall: 0 to 100; 1 is white, 0.4 a dark sofa.
+    #[schemars(range(min = 0.0, max = 100.0))]
     #[serde(default = "white")]
     pub reflectivity: f64,
 }
 
 /// A closed outline.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PolygonSpec {
-    /// At least three corners, metres.
+    /// At least three corners, metres, -1000 to 1000.
     pub corners_m: Vec<[f64; 2]>,
-    /// Light returned, compared with a white wall.
+    /// Light returned, compared with a white wall: 0 to 100; 1 is white, 0.4 a dark sofa.
+    #[schemars(range(min = 0.0, max = 100.0))]
     #[serde(default = "white")]
     pub reflectivity: f64,
 }
 
 /// Round pillars of one size.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PillarSpec {
-    /// Where they stand, metres.
+    /// Where they stand, metres, -1000 to 1000.
     pub at_m: Vec<[f64; 2]>,
-    /// Metres.
+    /// Radius, metres, at least 0.000001.
+    #[schemars(range(min = 0.000_001))]
     pub radius_m: f64,
-    /// Light returned, compared with a white wall.
+    /// Light returned, compared with a white wall: 0 to 100; 1 is white, 0.4 a dark sofa.
+    #[schemars(range(min = 0.0, max = 100.0))]
     #[serde(default = "white")]
     pub reflectivity: f64,
 }
 
 /// A round obstacle that moves along a line of points at constant speed.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MovingSpec {
-    /// At least one point, metres.
+    /// At least one point, metres, -1000 to 1000.
     pub path_m: Vec<[f64; 2]>,
-    /// Metres per second.
+    /// Metres per second, more than 0, at most 20.
+    #[schemars(range(min = 0.0, max = 20.0))]
     pub speed_m_s: f64,
-    /// Metres.
+    /// Radius, metres, at least 0.000001.
+    #[schemars(range(min = 0.000_001))]
     pub radius_m: f64,
-    /// When it sets off.
+    /// When it sets off, counted from the start of the run.
     #[serde(default)]
     pub from: Span,
     /// What it does at the end of the path.
@@ -128,7 +144,7 @@ pub struct MovingSpec {
 }
 
 /// What a moving obstacle does at the end of its path.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum RepeatSpec {
     /// It stays there.
@@ -141,43 +157,52 @@ pub enum RepeatSpec {
 }
 
 /// Somebody pushes the robot: the body moves, the wheels do not turn.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PushSpec {
-    /// When it begins.
+    /// When it begins, counted from the start of the run.
     pub at: Span,
     /// Which way, metres in the world's frame.
     pub by_m: [f64; 2],
-    /// How far the robot is turned, counter-clockwise.
+    /// How far the robot is turned, degrees counter-clockwise.
     #[serde(default)]
     pub turn_deg: f64,
-    /// How long it takes.
+    /// How long it takes; a push faster than 5 m/s or 20 rad/s takes longer.
     pub over: Span,
 }
 
 /// The robot's body; what is not given is the rescue robot's.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct BodySpec {
-    /// Radius of the disc that collides.
+    /// Radius of the disc that collides, metres, 0.02 to 2.
+    #[schemars(range(min = 0.02, max = 2.0))]
     pub radius_m: f64,
-    /// Radius of the wheels.
+    /// Radius of the wheels, metres, 0.001 to 1.
+    #[schemars(range(min = 0.001, max = 1.0))]
     pub wheel_radius_m: f64,
-    /// Distance between the wheels.
+    /// Distance between the wheels, metres, 0.01 to 4.
+    #[schemars(range(min = 0.01, max = 4.0))]
     pub axle_m: f64,
-    /// Encoder ticks per turn of a wheel.
+    /// Encoder ticks per turn of a wheel, 1 to 1000000.
+    #[schemars(range(min = 1, max = 1_000_000))]
     pub ticks_per_turn: u32,
-    /// Speed of a wheel at full drive.
+    /// Speed of a wheel at full drive, metres per second, 0 to 5.
+    #[schemars(range(min = 0.0, max = 5.0))]
     pub full_speed_m_s: f64,
-    /// Time constant of a driven wheel.
+    /// Time constant of a driven wheel, seconds, 0 to 10.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub lag_s: f64,
-    /// Share of the wheels' travel that is lost on the floor, left and right.
+    /// Share of the wheels' travel that is lost on the floor, left and right, -0.5 to 0.9.
     pub slip: [f64; 2],
-    /// Noise of each wheel's travel after one metre.
+    /// Noise of each wheel's travel after one metre: standard deviation, metres, 0 to 0.1.
+    #[schemars(range(min = 0.0, max = 0.1))]
     pub slip_noise_m: f64,
-    /// Noise of the heading after one metre.
+    /// Noise of the heading after one metre: standard deviation, radians, 0 to 0.5.
+    #[schemars(range(min = 0.0, max = 0.5))]
     pub heading_noise_rad: f64,
-    /// Relative error of each wheel's radius, drawn once a run.
+    /// Relative error of each wheel's radius, drawn once a run: standard deviation, 0 to 0.1.
+    #[schemars(range(min = 0.0, max = 0.1))]
     pub scale_noise: f64,
 }
 

@@ -9,6 +9,7 @@ mod fidelity;
 mod fuzz;
 mod mutated;
 mod results;
+mod schema;
 mod shrink;
 mod wireshark;
 

@@ -103,3 +103,162 @@ fn a_bad_table_is_told_with_its_line_and_key() {
         @r#"<test>:7: device.own.text.command[0].request: "a {b}": there is no variable "b""#
     );
 }
+
+/// A kind that another crate brings: it sends its settings over a datagram link.
+mod beacon {
+    use emulators::world::World;
+    use emulators::{Device, Event};
+    use hilrig::rig::LinkKind;
+    use hilrig::scenario::device::{
+        BuildContext, Built, DeviceKind, PortInfo, Settings, read_settings, schema_of,
+    };
+    use hilrig::scenario::{ScenarioError, Span};
+    use protocols::{Instant, LineConfig, Port};
+    use schemars::{JsonSchema, Schema, SchemaGenerator};
+    use serde::{Deserialize, Serialize};
+    use toml::Spanned;
+    use toml::de::ValueDeserializer;
+
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub(super) struct BeaconSpec {
+        /// Time between two packets.
+        pub(super) period: Span,
+        /// What is sent; sorts behind `period`, stands behind it all the same.
+        #[schemars(with = "String")]
+        pub(super) called: Spanned<String>,
+    }
+
+    pub(super) struct BeaconKind;
+
+    impl DeviceKind for BeaconKind {
+        fn name(&self) -> &'static str {
+            "beacon"
+        }
+
+        fn about(&self) -> &'static str {
+            "Sends its name"
+        }
+
+        fn schema(&self, generator: &mut SchemaGenerator) -> Schema {
+            schema_of::<BeaconSpec>(generator)
+        }
+
+        fn parse(
+            &self,
+            settings: ValueDeserializer<'_>,
+        ) -> Result<Box<dyn Settings>, toml::de::Error> {
+            read_settings::<BeaconSpec>(settings)
+        }
+
+        fn build(&self, context: &BuildContext<'_>) -> Result<Built, ScenarioError> {
+            let spec: &BeaconSpec = context.settings()?;
+            if spec.called.get_ref().is_empty() {
+                let key = format!("{}.called", context.key());
+                return Err(context.source.invalid(
+                    Some(spec.called.span()),
+                    key,
+                    "is empty, expected a name",
+                ));
+            }
+            let line = LineConfig::new_8n1(1_000_000);
+            let air = PortInfo::uart("air", Port(0), line, "a listener").on(LinkKind::Datagram);
+            Ok(Built {
+                device: Box::new(Beacon {
+                    spec: spec.clone(),
+                    next: Instant::ZERO + spec.period.0,
+                    packets: 0,
+                }),
+                ports: vec![air],
+            })
+        }
+    }
+
+    struct Beacon {
+        spec: BeaconSpec,
+        next: Instant,
+        packets: usize,
+    }
+
+    impl Device for Beacon {
+        fn receive(&mut self, _: Port, _: Instant, _: &[u8]) {}
+
+        fn poll(&mut self, now: Instant, _: &mut World) {
+            while self.next <= now {
+                self.next += self.spec.period.0;
+                self.packets += 1;
+            }
+        }
+
+        fn transmit(&mut self, _: Port, buf: &mut [u8]) -> usize {
+            let name = self.spec.called.get_ref().as_bytes();
+            if self.packets == 0 {
+                return 0;
+            }
+            self.packets -= 1;
+            buf[..name.len()].copy_from_slice(name);
+            name.len()
+        }
+
+        fn poll_at(&self) -> Option<Instant> {
+            Some(self.next)
+        }
+
+        fn line_config(&self, _: Port) -> LineConfig {
+            LineConfig::new_8n1(1_000_000)
+        }
+
+        fn take_events(&mut self) -> Vec<Event> {
+            Vec::new()
+        }
+    }
+}
+
+const BEACON: &str = "[device.lamp.beacon]\nperiod = \"10ms\"\ncalled = \"abc\"\n";
+
+fn register_beacon() {
+    // Each test of this process may be the first.
+    let _ = hilrig::scenario::device::register(beacon::BeaconKind);
+}
+
+/// At stake: that a kind need not be one of ours. Its settings are read, written back as they were,
+/// and its device is wired on the kind of link that it asks for.
+#[test]
+fn a_kind_of_another_crate_is_one_like_ours() {
+    register_beacon();
+    let again = hilrig::scenario::device::register(beacon::BeaconKind);
+    let taken = again.expect_err("its name is taken").to_string();
+    assert_eq!(taken, "\"beacon\" is registered already");
+
+    let (scenario, source) = in_a_room("1s", BEACON);
+    let text = scenario.to_toml();
+    assert!(text.contains(BEACON.trim_end()), "{text}");
+    let saved = Scenario::parse(Path::new("<saved>"), text)
+        .expect("sound")
+        .0;
+    assert_eq!(saved, scenario);
+    let spec: &beacon::BeaconSpec = scenario.device["lamp"].settings().expect("its settings");
+    assert_eq!(spec.period.to_string(), "10ms");
+
+    let mut wired = wire((scenario, source)).expect("sound");
+    let lamp = end(&wired, "lamp");
+    wired.rig.run_for(Duration::from_millis(25));
+    assert_eq!(wired.rig.take_messages(lamp), [b"abc", b"abc"]);
+}
+
+#[test]
+fn the_settings_of_such_a_kind_are_told_with_their_place() {
+    register_beacon();
+    insta::assert_snapshot!(
+        refusal(&BEACON.replace("abc", "")),
+        @r#"<test>:7: device.lamp.beacon.called: is empty, expected a name"#
+    );
+    let fault =
+        "[[fault]]\nkind = \"flip\"\nlink = \"lamp\"\ndirection = \"to-master\"\nrate = 1.0\n";
+    insta::assert_snapshot!(
+        refusal(&format!("{BEACON}{fault}")),
+        @r#""#
+    );
+    let reorder = fault.replace("flip", "reorder");
+    assert!(wire(in_a_room("1s", &format!("{BEACON}{reorder}"))).is_ok());
+}

@@ -13,14 +13,18 @@ pub struct Mount {
     pub yaw_deg: f64,
 }
 
+impl Mount {
+    /// At this place, turned by this angle counter-clockwise from where angle 90 looks ahead.
+    pub const fn turned(x_m: f64, y_m: f64, heading_deg: f64) -> Self {
+        let yaw_deg = heading_deg - 90.0;
+        Self { x_m, y_m, yaw_deg }
+    }
+}
+
 impl Default for Mount {
     /// In the middle, angle 90 ahead: the bearing of angle k is k - 90 degrees.
     fn default() -> Self {
-        Self {
-            x_m: 0.0,
-            y_m: 0.0,
-            yaw_deg: -90.0,
-        }
+        Self::turned(0.0, 0.0, 0.0)
     }
 }
 

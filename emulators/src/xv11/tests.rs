@@ -763,3 +763,51 @@ fn mischief(lidar: &mut Xv11, rng: &mut Rng, now: Instant) {
         _ => lidar.receive(Xv11::UART, now, b"GetVersion\x1B\x1B"),
     }
 }
+
+/// Median of what each degree sees of a wall across the robot's way, `ahead_m` ahead of it, with
+/// the sensor mounted so; millimetres.
+fn seen_of_a_wall(mount: Mount, ahead_m: f64) -> Vec<Option<u16>> {
+    let wall = Shape::Wall {
+        from: Point::new(ahead_m, -3.0),
+        to: Point::new(ahead_m, 3.0),
+    };
+    let scene = Scene::new([wall], Vec::new()).expect("a wall");
+    let world = World::new(scene, BodyConfig::default().ideal(), Pose::default(), 1);
+    let config = Config {
+        mount,
+        ..Config::default()
+    };
+    let mut bench = Bench::new(1, config, world.expect("free"));
+    bench.skip_to(millis(2_000)).run_to(millis(4_000));
+    let mut seen = vec![Vec::new(); 360];
+    for (degree, reading) in bench.readings() {
+        if let Reading::Range { distance_mm, .. } = reading {
+            seen[degree].push(distance_mm);
+        }
+    }
+    let median = |mut seen: Vec<u16>| {
+        seen.sort_unstable();
+        seen.get(seen.len() / 2).copied()
+    };
+    seen.into_iter().map(median).collect()
+}
+
+/// A wall 1 m ahead of the middle of the robot: 950 mm for a sensor 5 cm ahead of it, 1 m for one
+/// 5 cm to the left. Turned by 30 degrees to the left, the sensor's angle 90 looks 30 degrees to
+/// the left of ahead, so what is straight ahead is seen at 60; at 90 the wall is 1 / cos 30 = 1.155 m
+/// away.
+#[test]
+fn a_mount_shifts_and_turns_what_the_sensor_sees() {
+    let at = |seen: &[Option<u16>], degree: usize, mm: u16| {
+        let found = seen[degree].expect("a wall");
+        assert!(found.abs_diff(mm) <= 3, "{degree}: {found}, not {mm}");
+    };
+    let ahead = seen_of_a_wall(Mount::turned(0.05, 0.0, 0.0), 1.0);
+    at(&ahead, 90, 950);
+    let aside = seen_of_a_wall(Mount::turned(0.0, 0.05, 0.0), 1.0);
+    at(&aside, 90, 1000);
+    let turned = seen_of_a_wall(Mount::turned(0.0, 0.0, 30.0), 1.0);
+    at(&turned, 60, 1000);
+    at(&turned, 90, 1155);
+    assert_eq!(Mount::turned(0.0, 0.0, 0.0), Mount::default());
+}

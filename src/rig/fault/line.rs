@@ -1,5 +1,7 @@
 //! All that goes wrong on one direction of a link.
 
+mod message;
+
 use core::time::Duration;
 use std::collections::{BTreeMap, VecDeque};
 
@@ -238,11 +240,15 @@ impl LineFaults {
             self.wire.truncated = 0;
             self.wire.frames += 1;
         }
-        let frame = self.wire.frames - 1;
+        self.fire(first + len, self.wire.frames - 1, start);
+    }
+
+    /// Starts what waited for one of the bytes up to `bytes`, or for this frame.
+    fn fire(&mut self, bytes: u64, frame: u64, start: Instant) {
         for entry in &mut self.entries {
             let has_come = match entry.activity.trigger {
                 None => false,
-                Some(Trigger::Byte(byte)) => byte < first + len,
+                Some(Trigger::Byte(byte)) => byte < bytes,
                 Some(Trigger::Frame(wanted)) => wanted <= frame,
             };
             if has_come {

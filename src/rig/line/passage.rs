@@ -5,20 +5,30 @@ use protocols::{Instant, LineEvent};
 use crate::rig::fault::Strike;
 
 /// Largest piece.
-pub(super) const PIECE_MAX: usize = 64;
+pub const PIECE_MAX: usize = 64;
 
 /// What a sender gave in one go.
-#[derive(Clone, Copy, Debug)]
-pub struct SentBytes {
-    pub(super) buf: [u8; PIECE_MAX],
-    pub(super) len: usize,
+#[derive(Clone, Debug)]
+pub enum SentBytes {
+    /// A piece of a stream of bytes.
+    Piece {
+        /// The bytes, and room behind them.
+        buf: [u8; PIECE_MAX],
+        /// How many they are.
+        len: usize,
+    },
+    /// A whole message.
+    Message(Vec<u8>),
 }
 
 impl core::ops::Deref for SentBytes {
     type Target = [u8];
 
     fn deref(&self) -> &[u8] {
-        &self.buf[..self.len]
+        match self {
+            Self::Piece { buf, len } => &buf[..*len],
+            Self::Message(bytes) => bytes,
+        }
     }
 }
 

@@ -1,14 +1,28 @@
 //! The kinds of faults, and which keys each of them has.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+use crate::rig::LinkKind;
+
+/// Links on which single bytes travel.
+const SERIAL: &[LinkKind] = &[LinkKind::Uart, LinkKind::Pin];
+/// And those whose messages find their way one by one.
+const PACKETS: &[LinkKind] = &[LinkKind::Uart, LinkKind::Pin, LinkKind::Datagram];
+const EVERY: &[LinkKind] = &LinkKind::ALL;
+const NONE: &[LinkKind] = &[];
 
 /// Declares the kinds with their names in a file, so that none can be without.
 macro_rules! kinds {
-    ($($(#[doc = $doc:literal])+ $kind:ident $name:literal $place:ident [$($key:literal),*],)+) => {
+    ($(
+        $(#[doc = $doc:literal])+
+        $kind:ident $name:literal $(| $alias:literal)? $place:ident $links:ident
+        [$($key:literal),*],
+    )+) => {
         /// Kinds of faults as in a file.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
         pub enum FaultKind {
-            $($(#[doc = $doc])+ #[serde(rename = $name)] $kind,)+
+            $($(#[doc = $doc])+ #[serde(rename = $name $(, alias = $alias)?)] $kind,)+
         }
 
         impl FaultKind {
@@ -25,6 +39,16 @@ macro_rules! kinds {
                 match self { $(Self::$kind => Place::$place,)+ }
             }
 
+            /// What its link may be made of; empty if it does not act on one link.
+            pub const fn links(self) -> &'static [LinkKind] {
+                match self { $(Self::$kind => $links,)+ }
+            }
+
+            /// What it does, in a sentence.
+            pub const fn about(self) -> &'static str {
+                match self { $(Self::$kind => concat!($($doc),+).trim_ascii_start(),)+ }
+            }
+
             /// Its keys besides those of place and time.
             pub const fn own_keys(self) -> &'static [&'static str] {
                 match self { $(Self::$kind => &[$($key),*],)+ }
@@ -35,75 +59,75 @@ macro_rules! kinds {
 
 kinds! {
     /// A bit is inverted.
-    Flip "flip" Line ["rate", "byte", "bit"],
-    /// A byte is lost.
-    Drop "drop" Line ["rate", "byte"],
+    Flip "flip" Line SERIAL ["rate", "byte", "bit"],
+    /// A byte, packet or transaction is lost.
+    Drop "drop" Line EVERY ["rate", "byte"],
     /// A byte is inserted before another.
-    Insert "insert" Line ["rate", "byte", "value"],
-    /// A byte comes twice.
-    Duplicate "duplicate" Line ["rate", "byte"],
+    Insert "insert" Line SERIAL ["rate", "byte", "value"],
+    /// A byte or packet comes twice.
+    Duplicate "duplicate" Line PACKETS ["rate", "byte"],
     /// Some bytes in a row are garbled.
-    Burst "burst" Line ["rate", "byte", "len", "value"],
+    Burst "burst" Line SERIAL ["rate", "byte", "len", "value"],
     /// The rest of what is sent in one go is lost.
-    Truncate "truncate" Line ["rate", "byte", "len"],
-    /// Two neighbours change places.
-    Swap "swap" Line ["rate", "byte"],
+    Truncate "truncate" Line SERIAL ["rate", "byte", "len"],
+    /// Two neighbouring bytes or packets change places.
+    Swap "swap" | "reorder" Line PACKETS ["rate", "byte"],
     /// A byte comes with wrong parity.
-    ParityError "parity-error" Line ["rate", "byte"],
+    ParityError "parity-error" Line SERIAL ["rate", "byte"],
     /// The sender pauses in the middle.
-    Idle "idle" Line ["rate", "byte", "by"],
+    Idle "idle" Line SERIAL ["rate", "byte", "by"],
     /// NUL is taken out.
-    StripNul "strip-nul" Line [],
+    StripNul "strip-nul" Line SERIAL [],
     /// CR becomes LF.
-    CrToLf "cr-to-lf" Line [],
+    CrToLf "cr-to-lf" Line SERIAL [],
     /// XON and XOFF are taken out.
-    EatXonXoff "eat-xon-xoff" Line [],
+    EatXonXoff "eat-xon-xoff" Line SERIAL [],
     /// The highest bit is cleared.
-    ClearBit7 "clear-bit7" Line [],
+    ClearBit7 "clear-bit7" Line SERIAL [],
     /// The sender hears itself.
-    Echo "echo" Line [],
+    Echo "echo" Line SERIAL [],
     /// Bytes are held back, then come all at once.
-    Stall "stall" Line [],
+    Stall "stall" Line EVERY [],
     /// The line is clogged now and then, by chance; each time a stall.
-    Clog "clog" Line ["stream"],
+    Clog "clog" Line EVERY ["stream"],
     /// The receiver does not look; its FIFO runs over.
-    Overrun "overrun" Line ["fifo"],
+    Overrun "overrun" Line SERIAL ["fifo"],
     /// Bytes are handed over in small pieces.
-    ShortRead "short-read" Line ["len"],
+    ShortRead "short-read" Line SERIAL ["len"],
     /// Bytes come later.
-    Latency "latency" Line ["by"],
+    Latency "latency" Line PACKETS ["by"],
     /// Bytes come later by chance, and what was delayed comes in a burst.
-    Jitter "jitter" Line ["by", "stream"],
+    Jitter "jitter" Line PACKETS ["by", "stream"],
     /// Nothing gets through, and nobody is told: a half-open line.
-    Cut "cut" Line [],
+    Cut "cut" Line EVERY [],
     /// The plug is out: nothing gets through, and the receiver is told.
-    Unplugged "unplugged" Line [],
+    Unplugged "unplugged" Line PACKETS [],
     /// The line is held low.
-    Break "break" Line [],
+    Break "break" Line SERIAL [],
     /// The sender runs at another rate.
-    WrongBaud "wrong-baud" Line ["baud", "ppm", "ppm_per_s"],
+    WrongBaud "wrong-baud" Line SERIAL ["baud", "ppm", "ppm_per_s"],
     /// The receivers of two links get each other's bytes.
-    Swizzle "swizzle" Line ["with"],
+    Swizzle "swizzle" Line SERIAL ["with"],
     /// Several devices lose their supply at once.
-    PowerDip "power-dip" Devices [],
+    PowerDip "power-dip" Devices NONE [],
     /// The device has no supply.
-    Off "off" Device [],
+    Off "off" Device NONE [],
     /// The device has no supply now and then.
-    Intermittent "intermittent" Device [],
+    Intermittent "intermittent" Device NONE [],
     /// The device starts again.
-    Restart "restart" Device [],
+    Restart "restart" Device NONE [],
     /// What it measures does not change any more, or its moving part does not move.
-    Stuck "stuck" Device [],
+    Stuck "stuck" Device NONE [],
     /// It sends nonsense.
-    Garbage "garbage" Device [],
+    Garbage "garbage" Device NONE [],
     /// It measures wrongly.
-    Wrong "wrong" Device ["factor"],
+    Wrong "wrong" Device NONE ["factor"],
     /// It works too slowly.
-    Slow "slow" Device [],
+    Slow "slow" Device NONE [],
     /// All it sends comes late.
-    Delayed "delayed" Device ["by"],
+    Delayed "delayed" Device NONE ["by"],
     /// What only this device can have.
-    Device "device" Device ["fault", "factor"],
+    Device "device" Device NONE ["fault", "factor"],
 }
 
 /// What a kind of fault acts on.
@@ -129,7 +153,7 @@ impl Place {
 }
 
 /// Keys that say when, of all kinds.
-pub(super) const TIME_KEYS: [&str; 8] = [
+pub(in super::super) const TIME_KEYS: [&str; 8] = [
     "from", "until", "lasting", "every", "count", "at_byte", "at_frame", "when",
 ];
 
@@ -137,6 +161,11 @@ impl FaultKind {
     /// Whether it damages single bytes, at random or by number.
     pub fn is_strike(self) -> bool {
         self.own_keys().contains(&"byte")
+    }
+
+    /// Whether it can happen to a link of this kind.
+    pub fn fits(self, link: LinkKind) -> bool {
+        self.links().contains(&link)
     }
 
     /// Whether `key` is one of its keys.

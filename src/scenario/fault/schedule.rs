@@ -46,6 +46,7 @@ impl Rig {
         match (&fault.link, &fault.device, fault.direction) {
             (Some(link), _, Some(direction)) => {
                 let link = self.index_of("link", link)?;
+                self.check_link("kind", fault.kind, link)?;
                 Ok(vec![(link, direction.into())])
             }
             // All that a device sends.
@@ -71,6 +72,22 @@ impl Rig {
             let message = format!("is \"{name}\", expected one of {}", names.join(", "));
             Flaw::new(key, message)
         })
+    }
+
+    /// Whether a fault of `kind` can happen to the link with this number.
+    fn check_link(&self, key: &'static str, kind: FaultKind, link: usize) -> Result<(), Flaw> {
+        let Link {
+            name, kind: found, ..
+        } = &self.links()[link];
+        if kind.fits(*found) {
+            return Ok(());
+        }
+        let fitting: Vec<&str> = kind.links().iter().map(|kind| kind.name()).collect();
+        let (kind, fitting) = (kind.name(), fitting.join(", "));
+        let message = format!(
+            "{kind} means nothing to \"{name}\", a link of kind {found}, expected one of kind {fitting}"
+        );
+        Err(Flaw::new(key, message))
     }
 
     /// What there is to do when `fault` begins and ends, besides what happens to bytes.
@@ -129,9 +146,11 @@ impl Rig {
         direction: Direction,
     ) -> Result<Disturbance, Flaw> {
         let with = fault.with.as_deref().unwrap_or_default();
-        if self.index_of("with", with)? == self.index_of("link", link)? {
+        let other = self.index_of("with", with)?;
+        if other == self.index_of("link", link)? {
             return Err(Flaw::new("with", "is the same link, expected another one"));
         }
+        self.check_link("with", fault.kind, other)?;
         Ok(Disturbance::Cross {
             links: [link, with].map(str::to_owned),
             direction,

@@ -1,30 +1,31 @@
 //! What a fault waits for.
 
 use emulators::world::Pose;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Flaw;
 
 /// A condition that begins a fault: a register's value, or where the robot truly is.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WhenSpec {
-    /// Whose register.
+    /// Whose register: name of a device.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
-    /// Which register.
+    /// Which register, 0 to 255.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub register: Option<u8>,
-    /// The register has this value.
+    /// The register has this value, 0 to 255.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub equals: Option<u8>,
-    /// The register has this value or a greater one.
+    /// The register has this value or a greater one, 0 to 255.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at_least: Option<u8>,
-    /// The robot is near this place, m.
+    /// The robot is near this place, metres.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub near_m: Option<[f64; 2]>,
-    /// How near, m.
+    /// How near, metres, more than 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub within_m: Option<f64>,
 }

@@ -1,6 +1,6 @@
 use std::path::PathBuf;
 
-use crate::rig::Rig;
+use crate::rig::{LinkKind, Rig};
 use crate::robots::{self, Console, Dut, PcEnd, Plan};
 use crate::scenario::{DirectionSpec, FaultKind, Place, Scenario, Source, WorldSpec};
 
@@ -8,6 +8,8 @@ use crate::scenario::{DirectionSpec, FaultKind, Place, Scenario, Source, WorldSp
 #[derive(Clone, Debug, Default)]
 pub(super) struct Surface {
     links: Vec<String>,
+    /// What they are made of.
+    link_kinds: Vec<LinkKind>,
     devices: Vec<Device>,
     consoles: &'static [Console],
     hasty: Option<&'static str>,
@@ -71,10 +73,12 @@ impl Surface {
         }
     }
 
+    /// A level is no message: what goes wrong with bytes says nothing about it.
     fn wired(rig: &Rig, open: &[&str]) -> Self {
-        let names = rig.links().iter().map(|link| link.name.as_str());
-        let pins = ["motor"];
-        let links = names.filter(|name| !open.contains(name) && !pins.contains(name));
+        let links = rig.links().iter();
+        let links = links.filter(|link| link.kind != LinkKind::Pin);
+        let links = links.filter(|link| !open.contains(&link.name.as_str()));
+        let (links, link_kinds) = links.map(|link| (link.name.clone(), link.kind)).unzip();
         let devices = rig.devices().filter(|(name, _)| !open.contains(name));
         let device = |(name, faults): (&str, _)| Device {
             name: name.to_owned(),
@@ -82,7 +86,8 @@ impl Surface {
             has_registers: rig.register(name, 0).is_some(),
         };
         Self {
-            links: links.map(str::to_owned).collect(),
+            links,
+            link_kinds,
             devices: devices.map(device).collect(),
             consoles: &[],
             hasty: None,
@@ -128,9 +133,10 @@ impl Surface {
         devices.filter(|device| device.has_registers).collect()
     }
 
-    /// The kinds of faults that something here can have.
+    /// The kinds of faults that something here can have, those of links on whichever link.
     pub(super) fn kinds(&self) -> impl Iterator<Item = FaultKind> {
         let can = |kind: &FaultKind| match (kind.place(), kind) {
+            (Place::Line, _) if !self.link_kinds.iter().all(|link| kind.fits(*link)) => false,
             (Place::Line, FaultKind::Swizzle) => self.links.len() > 1,
             (Place::Line, _) => !self.links.is_empty(),
             (Place::Device, _) => !self.devices(*kind).is_empty(),

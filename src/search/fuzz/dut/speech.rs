@@ -6,7 +6,7 @@ use emulators::rng::Rng;
 
 use crate::codec::wire::{Choices, Piece, Stream};
 use crate::codec::{self, Codec};
-use crate::scenario::{DeviceSpec, OrderSpec, TextSpec};
+use crate::scenario::{DeviceSpec, OrderSpec, RegistersSpec, TextSpec};
 
 /// What is spoken on a link.
 #[derive(Clone, Debug)]
@@ -68,14 +68,14 @@ impl Speech {
 
     /// What a device of one's own speaks.
     pub fn of_device(device: &DeviceSpec) -> Option<Self> {
-        match device {
-            DeviceSpec::Registers(spec) => Some(Self::Frames(match spec.checksum {
+        if let Some(spec) = device.settings::<RegistersSpec>() {
+            return Some(Self::Frames(match spec.checksum {
                 OrderSpec::LowFirst => &codec::BUS,
                 OrderSpec::HighFirst => &codec::BUS_HIGH_FIRST,
-            })),
-            DeviceSpec::Text(spec) => Some(Self::Text(Text::of(spec))),
-            _ => None,
+            }));
         }
+        let text = device.settings()?;
+        Some(Self::Text(Text::of(text)))
     }
 
     /// A stretch of traffic: what is valid, what is damaged, checksums repaired or not, pauses.

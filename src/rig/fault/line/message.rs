@@ -1,0 +1,67 @@
+//! What goes wrong with whole messages.
+
+use core::time::Duration;
+
+use protocols::Instant;
+
+use super::{COPIES_MAX, LineFaults};
+use crate::rig::fault::{Budget, Damage, Effect};
+
+/// What becomes of a message.
+#[derive(Debug)]
+pub(crate) struct PassedMessage {
+    /// How often it arrives.
+    pub(crate) copies: usize,
+    /// Whether the next message arrives before it.
+    pub(crate) is_overtaken: bool,
+    /// By how much it is late.
+    pub(crate) late: Duration,
+    /// What was at work.
+    pub(crate) effects: Vec<&'static str>,
+}
+
+impl LineFaults {
+    /// What becomes of the message `number`, sent at `start`. What only bytes can have does nothing.
+    pub(crate) fn pass_message(
+        &mut self,
+        number: u64,
+        start: Instant,
+        budget: &mut Budget,
+    ) -> PassedMessage {
+        self.fire(number + 1, number, start);
+        let mut passed = PassedMessage {
+            copies: 1,
+            is_overtaken: false,
+            late: Duration::ZERO,
+            effects: Vec::new(),
+        };
+        let mut is_cut = false;
+        for entry in &mut self.entries {
+            if !entry.activity.is_active(start) {
+                continue;
+            }
+            match &mut entry.effect {
+                Effect::Cut => is_cut = true,
+                Effect::Latency { by } => passed.late += *by,
+                Effect::Jitter { by, rng } => {
+                    let most = u64::try_from(by.as_nanos()).unwrap_or(u64::MAX - 1);
+                    passed.late += Duration::from_nanos(rng.below(most + 1));
+                }
+                _ => continue,
+            }
+            passed.effects.push(entry.effect.words());
+        }
+        for damage in self.damages(number, start, budget) {
+            match damage {
+                Damage::Drop => passed.copies = 0,
+                Damage::Duplicate => passed.copies = (passed.copies * 2).min(COPIES_MAX),
+                Damage::Swap => passed.is_overtaken = true,
+                _ => {}
+            }
+        }
+        if is_cut {
+            passed.copies = 0;
+        }
+        passed
+    }
+}

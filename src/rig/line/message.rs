@@ -1,0 +1,258 @@
+//! Links that carry whole messages instead of a stream of bytes: the transactions of an I2C bus, the
+//! packets of a datagram network.
+//!
+//! What a node transmits in one call is one message, and so is what it receives in one. Faults count
+//! messages where those of a serial line count bytes.
+//!
+//! ```text
+//! I2C:       start | byte 8 + ack 1 | .. | stop          9 n + 2 bit times
+//! datagram:  IP and UDP headers, 28 bytes | n bytes      8 (n + 28) bit times
+//! ```
+//!
+//! The bit rate is the `baud` of the sender's line coding.
+
+use core::time::Duration;
+
+use protocols::{Instant, LineConfig};
+
+use super::{Chunk, Line, Original, SentBytes};
+use crate::rig::LinkKind;
+use crate::rig::fault::Budget;
+
+/// Longest message: what a UDP packet carries in one Ethernet frame.
+pub const MESSAGE_MAX: usize = 1472;
+/// Bytes before the payload of a packet: 20 of IP, 8 of UDP.
+const HEADERS_LEN: usize = 28;
+
+/// A message that waits until another one has overtaken it.
+#[derive(Clone, Debug)]
+pub(super) struct Message {
+    bytes: Vec<u8>,
+    copies: usize,
+    original: Option<Box<Original>>,
+}
+
+/// How long a message of `len` bytes takes on a link of `kind` whose sender has this `line`.
+pub fn message_time(kind: LinkKind, line: LineConfig, len: usize) -> Duration {
+    let len = len as u64;
+    let bits = match kind {
+        LinkKind::I2c => 9 * len + 2,
+        LinkKind::Datagram => 8 * (len + HEADERS_LEN as u64),
+        LinkKind::Uart | LinkKind::Pin => return line.bytes_time(len),
+    };
+    Duration::from_nanos(bits * 1_000_000_000 / u64::from(line.baud.max(1)))
+}
+
+impl Line {
+    /// Takes the message that the sender has ready, `transmit(buf) -> len`, and puts it on its way.
+    /// Returns the message as sent and when it ends, or `None` if there was none.
+    pub(crate) fn take_message(
+        &mut self,
+        kind: LinkKind,
+        now: Instant,
+        sender: LineConfig,
+        budget: &mut Budget,
+        transmit: impl FnOnce(&mut [u8]) -> usize,
+    ) -> Option<(Instant, SentBytes)> {
+        let mut bytes = vec![0; MESSAGE_MAX];
+        let len = transmit(&mut bytes);
+        if len == 0 {
+            return None;
+        }
+        bytes.truncate(len);
+        let ends = now + message_time(kind, sender, len);
+        self.free_at = ends;
+        self.traffic.sent += len as u64;
+        let number = self.messages;
+        self.messages += 1;
+        if self.is_played {
+            self.traffic.lost += len as u64;
+        } else {
+            self.send_message(number, now, ends, bytes.clone(), budget);
+        }
+        Some((ends, SentBytes::Message(bytes)))
+    }
+
+    fn send_message(
+        &mut self,
+        number: u64,
+        start: Instant,
+        ends: Instant,
+        bytes: Vec<u8>,
+        budget: &mut Budget,
+    ) {
+        let struck = self.faults.struck_len();
+        let passed = self.faults.pass_message(number, start, budget);
+        let late = self.latency + passed.late;
+        let is_changed = self.faults.struck_len() > struck || !passed.effects.is_empty();
+        let original = (is_changed || late > Duration::ZERO).then(|| {
+            Box::new(Original {
+                at: ends,
+                bytes: bytes.clone(),
+                strikes: self.faults.struck().skip(struck).copied().collect(),
+                effects: passed.effects,
+                bauds: None,
+            })
+        });
+        let (len, copies) = (bytes.len() as u64, passed.copies);
+        self.traffic.lost += if copies == 0 { len } else { 0 };
+        self.traffic.added += copies.saturating_sub(1) as u64 * len;
+        self.in_flight += copies as u64 * len;
+        let message = Message {
+            bytes,
+            copies,
+            original,
+        };
+        let overtaken = if passed.is_overtaken {
+            self.waiting.replace(message)
+        } else {
+            self.arrive(ends + late, message);
+            self.waiting.take()
+        };
+        if let Some(message) = overtaken {
+            self.arrive(ends + late, message);
+        }
+    }
+
+    /// Lets `message` arrive at `at`, behind what arrives no later.
+    fn arrive(&mut self, at: Instant, message: Message) {
+        let Message {
+            bytes,
+            copies,
+            mut original,
+        } = message;
+        for _ in 0..copies {
+            let place = self.chunks.partition_point(|chunk| chunk.arrives <= at);
+            let chunk = Chunk {
+                arrives: at,
+                bytes: bytes.clone(),
+                framing_errors: 0,
+                parity_errors: 0,
+                original: original.take(),
+            };
+            self.chunks.insert(place, chunk);
+        }
+        self.note_due();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use emulators::world::{BodyConfig, Pose, Scene, World};
+    use protocols::Port;
+
+    use super::*;
+    use crate::rig::Rig;
+    use crate::rig::fault::{Activity, Damage, Effect, FaultId, Strike, Window};
+    use crate::rig::line::{Direction, End};
+
+    const LEFT: usize = 0;
+    const RIGHT: usize = 1;
+
+    /// Two outside ends, joined by a link of `kind` with this bit rate.
+    fn joined(kind: LinkKind, rate: u32) -> Rig {
+        let scene = Scene::new(Vec::<emulators::world::Shape>::new(), Vec::new());
+        let body = BodyConfig::default().ideal();
+        let world = World::new(scene.expect("empty"), body, Pose::default(), 1);
+        let mut rig = Rig::new(world.expect("free"));
+        let ends = ["left", "right"].map(|name| End {
+            node: rig.add_outside(name, LineConfig::new_8n1(rate)),
+            port: Port(0),
+        });
+        rig.connect_by(kind, "link", ends[LEFT], ends[RIGHT], 1);
+        rig
+    }
+
+    fn line(rig: &mut Rig) -> &mut Line {
+        rig.line_mut(0, Direction::ToMaster)
+    }
+
+    fn strike(rig: &mut Rig, message: u64, damage: Damage) {
+        let byte = message;
+        line(rig).faults.add_strike(Strike { byte, damage });
+    }
+
+    /// Sends `messages` at once and returns when each arrives, microseconds, with its first byte.
+    fn sent(rig: &mut Rig, messages: &[&[u8]]) -> Vec<(u64, u8)> {
+        messages.iter().for_each(|bytes| rig.inject(LEFT, bytes));
+        let mut seen = Vec::new();
+        for micros in 0..20_000 {
+            rig.run_until(Instant::ZERO + Duration::from_micros(micros));
+            let arrived = rig.take_messages(RIGHT);
+            seen.extend(arrived.iter().map(|bytes| (micros, bytes[0])));
+        }
+        assert!(line(rig).conserves_bytes());
+        seen
+    }
+
+    /// Address, register and two bytes are 4 x 9 + 2 = 38 bit times: 380 us at 100 kHz, 95 us at
+    /// 400 kHz.
+    #[test]
+    fn a_transaction_takes_nine_bit_times_a_byte_and_start_and_stop() {
+        let mut slow = joined(LinkKind::I2c, 100_000);
+        let write: &[u8] = &[0x40, 3, 1, 2];
+        assert_eq!(sent(&mut slow, &[write, write]), [(380, 0x40), (760, 0x40)]);
+        let mut fast = joined(LinkKind::I2c, 400_000);
+        assert_eq!(sent(&mut fast, &[write]), [(95, 0x40)]);
+    }
+
+    /// A transaction that nobody acknowledges is lost as a whole; a slave that stretches the clock
+    /// until 2 ms holds back the one that ended at 1140 us, and that alone.
+    #[test]
+    fn a_transaction_is_not_acknowledged_or_stretched() {
+        let mut rig = joined(LinkKind::I2c, 100_000);
+        strike(&mut rig, 1, Damage::Drop);
+        let window = Window {
+            from: Instant::ZERO + Duration::from_micros(1000),
+            until: Instant::ZERO + Duration::from_micros(2000),
+        };
+        let faults = &mut line(&mut rig).faults;
+        faults.add(FaultId(0), Activity::from(window), Effect::Stall);
+        let writes: [&[u8]; 3] = [&[1, 0, 0, 0], &[2, 0, 0, 0], &[3, 0, 0, 0]];
+        assert_eq!(sent(&mut rig, &writes), [(380, 1), (2000, 3)]);
+    }
+
+    /// 100 bytes and 28 of headers are 1024 bits: 1024 us at 1 Mbit/s, then 3 ms of latency. Both
+    /// arrive whole: 1400 bytes are 11424 bits.
+    #[test]
+    fn a_packet_arrives_whole_after_its_time_and_the_latency() {
+        let mut rig = joined(LinkKind::Datagram, 1_000_000);
+        line(&mut rig).latency = Duration::from_millis(3);
+        let (short, long) = ([1; 100], [2; 1400]);
+        let seen = sent(&mut rig, &[&short, &long]);
+        assert_eq!(seen, [(4024, 1), (1024 + 11_424 + 3000, 2)]);
+        let traffic = line(&mut rig).traffic();
+        assert_eq!((traffic.sent, traffic.delivered), (1500, 1500));
+    }
+
+    /// Packets of 72 bytes take 800 us each. The second is lost, the third comes twice, the fourth
+    /// is overtaken by the fifth.
+    #[test]
+    fn packets_are_lost_doubled_and_overtaken() {
+        let mut rig = joined(LinkKind::Datagram, 1_000_000);
+        strike(&mut rig, 1, Damage::Drop);
+        strike(&mut rig, 2, Damage::Duplicate);
+        strike(&mut rig, 3, Damage::Swap);
+        let packets = [[1_u8; 72], [2; 72], [3; 72], [4; 72], [5; 72]];
+        let packets: Vec<&[u8]> = packets.iter().map(<[u8; 72]>::as_slice).collect();
+        let expected = [(800, 1), (2400, 3), (2400, 3), (4000, 5), (4000, 4)];
+        assert_eq!(sent(&mut rig, &packets), expected);
+        let traffic = line(&mut rig).traffic();
+        assert_eq!((traffic.lost, traffic.added), (72, 72));
+    }
+
+    /// Until 500 us packets take 5 ms longer: the first arrives behind the second.
+    #[test]
+    fn a_late_packet_is_overtaken() {
+        let mut rig = joined(LinkKind::Datagram, 1_000_000);
+        let window = Window {
+            from: Instant::ZERO,
+            until: Instant::ZERO + Duration::from_micros(500),
+        };
+        let by = Duration::from_millis(5);
+        let faults = &mut line(&mut rig).faults;
+        faults.add(FaultId(0), Activity::from(window), Effect::Latency { by });
+        let seen = sent(&mut rig, &[&[1; 72], &[2; 72]]);
+        assert_eq!(seen, [(1600, 2), (5800, 1)]);
+    }
+}

@@ -1,0 +1,43 @@
+//! What a link is made of, which decides what can go wrong with it.
+
+use core::fmt;
+
+/// What a link is made of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum LinkKind {
+    /// Asynchronous serial: bytes with start and stop bits.
+    #[default]
+    Uart,
+    /// A level, not a message: each byte is its value from then on.
+    Pin,
+    /// A bus with clock and acknowledge; what a node transmits in one call is one transaction.
+    I2c,
+    /// Packets as of UDP: what a node transmits in one call arrives whole, or not at all.
+    Datagram,
+}
+
+impl LinkKind {
+    /// All kinds.
+    pub const ALL: [Self; 4] = [Self::Uart, Self::Pin, Self::I2c, Self::Datagram];
+
+    /// Name as in messages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Uart => "uart",
+            Self::Pin => "pin",
+            Self::I2c => "i2c",
+            Self::Datagram => "datagram",
+        }
+    }
+
+    /// Whether whole messages travel rather than a stream of bytes.
+    pub const fn carries_messages(self) -> bool {
+        matches!(self, Self::I2c | Self::Datagram)
+    }
+}
+
+impl fmt::Display for LinkKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}

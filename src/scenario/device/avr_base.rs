@@ -1,0 +1,91 @@
+//! `avr-base`: the base with motors and sensors behind a register bus.
+
+use emulators::avr_base::{AvrBase, AvrBaseConfig, Profile};
+use protocols::LineConfig;
+use schemars::{JsonSchema, Schema, SchemaGenerator};
+use serde::{Deserialize, Serialize};
+use toml::de::ValueDeserializer;
+
+use super::{BuildContext, Built, DeviceKind, PortInfo, Settings, read_settings, schema_of};
+use crate::scenario::{ScenarioError, Source, Span};
+
+/// Settings of an AVR base.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AvrBaseSpec {
+    /// Firmware: `document`, `rcj2015-2015`, `rcj2015-2014`; `document` if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<String>")]
+    pub profile: Option<toml::Spanned<String>>,
+    /// How long before the run its tasks ran together, up to 200.8 ms; drawn if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub phase: Option<Span>,
+}
+
+impl AvrBaseSpec {
+    /// What the base called `name` is made from.
+    ///
+    /// # Errors
+    /// If there is no such profile.
+    pub fn config(&self, name: &str, source: &Source) -> Result<AvrBaseConfig, ScenarioError> {
+        let mut config = AvrBaseConfig {
+            phase: self.phase.map(|phase| phase.0),
+            ..AvrBaseConfig::default()
+        };
+        if let Some(found) = &self.profile {
+            let known = Profile::ALL.map(Profile::name);
+            let key = format!("device.{name}.avr-base.profile");
+            config.profile = Profile::from_name(found.get_ref())
+                .ok_or_else(|| source.unknown(&key, found, &known))?;
+        }
+        Ok(config)
+    }
+}
+
+const EXAMPLE: &str = r#"[device.base.avr-base]
+profile = "rcj2015-2015"
+phase = "10ms"
+"#;
+
+/// The kind `avr-base`.
+pub const AVR_BASE: &dyn DeviceKind = &AvrBaseKind;
+
+struct AvrBaseKind;
+
+impl DeviceKind for AvrBaseKind {
+    fn name(&self) -> &'static str {
+        "avr-base"
+    }
+
+    fn about(&self) -> &'static str {
+        "Base with motors and sensors behind a register bus"
+    }
+
+    fn example(&self) -> &'static str {
+        EXAMPLE
+    }
+
+    fn schema(&self, generator: &mut SchemaGenerator) -> Schema {
+        schema_of::<AvrBaseSpec>(generator)
+    }
+
+    fn parse(&self, settings: ValueDeserializer<'_>) -> Result<Box<dyn Settings>, toml::de::Error> {
+        read_settings::<AvrBaseSpec>(settings)
+    }
+
+    fn is_own(&self) -> bool {
+        false
+    }
+
+    fn build(&self, context: &BuildContext<'_>) -> Result<Built, ScenarioError> {
+        let spec: &AvrBaseSpec = context.settings()?;
+        let config = spec.config(context.name, context.source)?;
+        let line = LineConfig::new_8n1(protocols::avr::BAUD);
+        // Every byte counts by itself: the slave is deaf between a request and its answer.
+        let bus = PortInfo::uart("bus", AvrBase::BUS, line, "the robot's register bus");
+        Ok(Built {
+            device: Box::new(AvrBase::new(config, context.seed)),
+            ports: vec![bus],
+        })
+    }
+}

@@ -1,0 +1,193 @@
+//! What the scenario knows of a kind of device.
+
+use core::any::Any;
+use core::fmt::Debug;
+
+use protocols::{LineConfig, Port};
+use schemars::{JsonSchema, Schema, SchemaGenerator};
+use serde::de::DeserializeOwned;
+use toml::de::ValueDeserializer;
+
+use crate::rig::{AnyDevice, LinkKind};
+use crate::scenario::{ScenarioError, Source};
+
+/// A kind of device that a scenario can name, as in `[device.NAME.KIND]`.
+///
+/// Kinds are found by name; [`register`](super::register) adds one from another crate. The scenario
+/// reads, keeps and writes settings without knowing their type.
+pub trait DeviceKind: Send + Sync {
+    /// Name in scenarios, in kebab case, for ever the same.
+    fn name(&self) -> &'static str;
+
+    /// What it is, in one line without a full stop, e.g. `Neato XV-11 lidar`.
+    fn about(&self) -> &'static str;
+
+    /// JSON Schema of its settings, most often [`schema_of`].
+    fn schema(&self, generator: &mut SchemaGenerator) -> Schema;
+
+    /// Its tables in a scenario, for the reference: with a robot and a world around them they run.
+    fn example(&self) -> &'static str {
+        ""
+    }
+
+    /// Reads its settings, most often with [`read_settings`]. An empty table is what a robot gives
+    /// that has such a device and finds no settings.
+    ///
+    /// # Errors
+    /// If a key is unknown or missing, or its value of another type; the error knows the place.
+    fn parse(&self, settings: ValueDeserializer<'_>) -> Result<Box<dyn Settings>, toml::de::Error>;
+
+    /// Whether the scenario describes all of it, so that it can be added to any robot on links of
+    /// its own. Otherwise a robot must have a place for it.
+    fn is_own(&self) -> bool {
+        true
+    }
+
+    /// Makes the device.
+    ///
+    /// # Errors
+    /// If a setting is out of range.
+    fn build(&self, context: &BuildContext<'_>) -> Result<Built, ScenarioError>;
+}
+
+/// Settings of a device, whatever their type: any plain value that can be written to a file.
+pub trait Settings: Any + Debug + Send + Sync + erased_serde::Serialize {
+    /// The same settings once more.
+    fn boxed_clone(&self) -> Box<dyn Settings>;
+
+    /// Whether `other` is of the same type and equal.
+    fn equals(&self, other: &dyn Settings) -> bool;
+}
+
+impl<T: Any + Debug + Send + Sync + Clone + PartialEq + serde::Serialize> Settings for T {
+    fn boxed_clone(&self) -> Box<dyn Settings> {
+        Box::new(self.clone())
+    }
+
+    fn equals(&self, other: &dyn Settings) -> bool {
+        let other: &dyn Any = other;
+        other.downcast_ref() == Some(self)
+    }
+}
+
+/// Reads settings of the type `T`.
+///
+/// # Errors
+/// As `T` says.
+pub fn read_settings<T: Settings + DeserializeOwned>(
+    settings: ValueDeserializer<'_>,
+) -> Result<Box<dyn Settings>, toml::de::Error> {
+    T::deserialize(settings).map(|settings| Box::new(settings) as Box<dyn Settings>)
+}
+
+/// JSON Schema of settings of the type `T`.
+pub fn schema_of<T: JsonSchema>(generator: &mut SchemaGenerator) -> Schema {
+    generator.subschema_for::<T>()
+}
+
+/// What a device is made from.
+#[derive(Clone, Copy, Debug)]
+pub struct BuildContext<'a> {
+    /// Name of the device, which chooses its dice.
+    pub name: &'a str,
+    /// Seed of the run.
+    pub seed: u64,
+    /// Its settings, as its kind read them.
+    pub settings: &'a dyn Settings,
+    /// Name of its kind.
+    pub kind: &'static str,
+    /// The scenario's file, for messages.
+    pub source: &'a Source,
+}
+
+impl BuildContext<'_> {
+    /// The settings as what they are.
+    ///
+    /// # Errors
+    /// If they are those of another kind.
+    pub fn settings<T: Settings>(&self) -> Result<&T, ScenarioError> {
+        let settings: &dyn Any = self.settings;
+        settings.downcast_ref().ok_or_else(|| {
+            let message = format!("expected the settings of {}", self.kind);
+            self.source
+                .invalid(self.source.find(self.name), self.key(), message)
+        })
+    }
+
+    /// Its place in the scenario, e.g. `device.lidar.xv11`.
+    pub fn key(&self) -> String {
+        format!("device.{}.{}", self.name, self.kind)
+    }
+}
+
+/// A device, and how it is connected.
+pub struct Built {
+    /// The device.
+    pub device: Box<dyn AnyDevice>,
+    /// Its ports; the first one is the one that counts.
+    pub ports: Vec<PortInfo>,
+}
+
+impl Built {
+    /// The port called `name`.
+    pub fn port(&self, name: &str) -> Option<PortInfo> {
+        self.ports.iter().copied().find(|port| port.name == name)
+    }
+}
+
+/// A port of a device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PortInfo {
+    /// Its name, e.g. `uart`.
+    pub name: &'static str,
+    /// The device's number for it.
+    pub port: Port,
+    /// Coding that a client at the far end should set.
+    pub line: LineConfig,
+    /// Bytes that are delivered at once, see [`Line::piece`](crate::rig::line::Line::piece).
+    pub piece: usize,
+    /// Who is to connect, for people.
+    pub connect: &'static str,
+    /// Whether the far end can do without.
+    pub is_optional: bool,
+    /// What its link is made of.
+    pub kind: LinkKind,
+}
+
+impl PortInfo {
+    /// A serial port that is needed, whose bytes are delivered one by one.
+    pub const fn uart(
+        name: &'static str,
+        port: Port,
+        line: LineConfig,
+        connect: &'static str,
+    ) -> Self {
+        Self {
+            name,
+            port,
+            line,
+            piece: 1,
+            connect,
+            is_optional: false,
+            kind: LinkKind::Uart,
+        }
+    }
+
+    /// The same with up to `piece` bytes delivered at once.
+    pub const fn in_pieces(self, piece: usize) -> Self {
+        Self { piece, ..self }
+    }
+
+    /// The same, but the far end can do without.
+    pub const fn optional(self) -> Self {
+        Self {
+            is_optional: true,
+            ..self
+        }
+    }
+
+    /// The same on a link of `kind`.
+    pub const fn on(self, kind: LinkKind) -> Self {
+        Self { kind, ..self }
+    }
+}

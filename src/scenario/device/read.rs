@@ -1,0 +1,171 @@
+//! From a file to the settings of a device, whose type only its kind knows.
+
+use core::fmt;
+use core::marker::PhantomData;
+use std::collections::BTreeMap;
+
+use serde::de::{
+    Deserialize, DeserializeSeed, Deserializer, EnumAccess, Error, IgnoredAny, VariantAccess,
+    Visitor,
+};
+use toml::Spanned;
+use toml::de::{DeTable, DeValue, ValueDeserializer};
+
+use super::{DeviceKind, DeviceSpec, kind, kinds};
+
+/// Takes the devices out of a file, in which each keeps its place for messages.
+pub(in super::super) fn read_devices(
+    document: &mut DeTable<'_>,
+) -> Result<BTreeMap<String, DeviceSpec>, toml::de::Error> {
+    let Some(devices) = document.remove("device") else {
+        return Ok(BTreeMap::new());
+    };
+    // Whatever is no table is refused by what reads a map.
+    if !matches!(devices.get_ref(), DeValue::Table(_)) {
+        return BTreeMap::deserialize(ValueDeserializer::from(devices));
+    }
+    let DeValue::Table(devices) = devices.into_inner() else {
+        return Ok(BTreeMap::new());
+    };
+    let read = |(name, device): (Spanned<_>, Spanned<DeValue<'_>>)| {
+        let name: std::borrow::Cow<'_, str> = name.into_inner();
+        Ok((name.into_owned(), read_device(device)?))
+    };
+    devices.into_iter().map(read).collect()
+}
+
+fn read_device(device: Spanned<DeValue<'_>>) -> Result<DeviceSpec, toml::de::Error> {
+    let found = ValueDeserializer::from(device.clone());
+    let Found { kind, .. } = Found::<IgnoredAny>::deserialize(found)?;
+    let settings = match device.into_inner() {
+        DeValue::Table(mut table) => table.remove(kind.name()),
+        _ => None,
+    };
+    let nothing = || Spanned::new(0..0, DeValue::Table(DeTable::new()));
+    let settings = kind.parse(ValueDeserializer::from(settings.unwrap_or_else(nothing)))?;
+    Ok(DeviceSpec { kind, settings })
+}
+
+impl<'de> Deserialize<'de> for DeviceSpec {
+    /// Settings that remember their place in the file remember a wrong one; only
+    /// [`Scenario::parse`](crate::scenario::Scenario::parse) knows the right one.
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let Found { kind, settings } = Found::<toml::Table>::deserialize(deserializer)?;
+        let text = toml::to_string(&settings).map_err(D::Error::custom)?;
+        let table = DeTable::parse(&text).map_err(|error| D::Error::custom(error.message()))?;
+        let (span, table) = (table.span(), table.into_inner());
+        let settings = Spanned::new(span, DeValue::Table(table));
+        let settings = kind
+            .parse(ValueDeserializer::from(settings))
+            .map_err(|error| D::Error::custom(error.message()))?;
+        Ok(Self { kind, settings })
+    }
+}
+
+/// A kind and its settings, not looked at yet.
+struct Found<T> {
+    kind: &'static dyn DeviceKind,
+    settings: T,
+}
+
+impl<'de, T: Deserialize<'de>> Deserialize<'de> for Found<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_enum("DeviceSpec", &[], FoundVisitor(PhantomData))
+    }
+}
+
+struct FoundVisitor<T>(PhantomData<T>);
+
+impl<'de, T: Deserialize<'de>> Visitor<'de> for FoundVisitor<T> {
+    type Value = Found<T>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("enum DeviceSpec")
+    }
+
+    fn visit_enum<A: EnumAccess<'de>>(self, data: A) -> Result<Found<T>, A::Error> {
+        let (kind, variant) = data.variant_seed(KindSeed)?;
+        let settings = variant.newtype_variant()?;
+        Ok(Found { kind, settings })
+    }
+}
+
+/// Finds the kind of a name.
+struct KindSeed;
+
+impl<'de> DeserializeSeed<'de> for KindSeed {
+    type Value = &'static dyn DeviceKind;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Self::Value, D::Error> {
+        deserializer.deserialize_identifier(self)
+    }
+}
+
+impl Visitor<'_> for KindSeed {
+    type Value = &'static dyn DeviceKind;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("variant identifier")
+    }
+
+    fn visit_str<E: Error>(self, name: &str) -> Result<Self::Value, E> {
+        kind(name).ok_or_else(|| {
+            let known: Vec<String> = kinds()
+                .iter()
+                .map(|kind| format!("`{}`", kind.name()))
+                .collect();
+            let known = known.join(", ");
+            E::custom(format!("unknown variant `{name}`, expected one of {known}"))
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use crate::scenario::{Scenario, Xv11Spec};
+
+    fn parse(device: &str) -> Result<Scenario, String> {
+        let text = format!(
+            "schema = 1\nname = \"t\"\nrobot = \"rescue\"\nduration = \"1s\"\n{device}\n\
+            [world]\nstart = {{ x_m = 1, y_m = 1, heading_deg = 0 }}\n"
+        );
+        let parsed = Scenario::parse(Path::new("t.toml"), text);
+        parsed
+            .map(|(scenario, _)| scenario)
+            .map_err(|error| error.to_string())
+    }
+
+    /// The texts are those that an enum of all kinds would give, derived.
+    #[test]
+    fn what_is_wrong_with_a_device_is_shown_in_its_line() {
+        let wrong = |device| parse(device).expect_err("wrong");
+        insta::assert_snapshot!(wrong("[device.lidar.xv12]"), @r"");
+        insta::assert_snapshot!(wrong("[device.lidar.xv11]\nprofil = \"a\""), @r"");
+        insta::assert_snapshot!(wrong("[device.lidar.xv11]\nindex0_deg = \"a\""), @r"");
+        insta::assert_snapshot!(wrong("[device.lidar]"), @r"");
+        insta::assert_snapshot!(wrong("[device]\nlidar = 3"), @r"");
+        insta::assert_snapshot!(wrong("[device.lidar]\nxv11 = 3"), @r"");
+        insta::assert_snapshot!(wrong("device = 3"), @r"");
+    }
+
+    /// A number keeps its place in the list of keys, and a place in the file is no part of it.
+    #[test]
+    fn settings_are_written_as_they_were_read() {
+        let keys = "[device.lidar.xv11]\nprofile = \"fw2.1\"\nindex0_deg = -10.0\n\
+            faults = [\"dust\"]\n\n[device.lidar.xv11.mount]\nx_m = 0.05\ny_m = 0.0\n\
+            heading_deg = 30.0\n";
+        let scenario = parse(keys).expect("sound");
+        let text = scenario.to_toml();
+        assert!(text.contains(keys.trim_end()), "{text}");
+        let again = Scenario::parse(Path::new("again.toml"), text)
+            .expect("sound")
+            .0;
+        assert_eq!(again, scenario);
+        let spec: &Xv11Spec = again.device["lidar"].settings().expect("an XV-11");
+        assert_eq!(spec.mount.map(|mount| mount.heading_deg), Some(30.0));
+        let plain: Scenario = toml::from_str(&scenario.to_toml()).expect("sound");
+        assert_eq!(plain, scenario);
+    }
+}

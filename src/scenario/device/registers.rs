@@ -1,0 +1,66 @@
+//! `registers`: a slave with a table of registers, described by the scenario.
+
+use emulators::registers::Registers;
+use protocols::LineConfig;
+use schemars::{Schema, SchemaGenerator};
+use toml::de::ValueDeserializer;
+
+use super::{BuildContext, Built, DeviceKind, PortInfo, Settings, read_settings, schema_of};
+use crate::scenario::{RegistersSpec, ScenarioError};
+
+const EXAMPLE: &str = r#"[device.gripper.registers]
+baud = 115200
+watchdog = "500ms"
+
+[[device.gripper.registers.register]]
+address = 4
+name = "wall-ahead-mm"
+width = "u16"
+source = { range = { angle_deg = 0, max_mm = 4000 } }
+
+[[device.gripper.registers.register]]
+address = 8
+name = "closing-speed"
+width = "i8"
+access = "write"
+limits = [-50, 50]
+safe = 0
+"#;
+
+/// The kind `registers`.
+pub(super) const REGISTERS: &dyn DeviceKind = &RegistersKind;
+
+struct RegistersKind;
+
+impl DeviceKind for RegistersKind {
+    fn name(&self) -> &'static str {
+        "registers"
+    }
+
+    fn about(&self) -> &'static str {
+        "Register slave described by data"
+    }
+
+    fn example(&self) -> &'static str {
+        EXAMPLE
+    }
+
+    fn schema(&self, generator: &mut SchemaGenerator) -> Schema {
+        schema_of::<RegistersSpec>(generator)
+    }
+
+    fn parse(&self, settings: ValueDeserializer<'_>) -> Result<Box<dyn Settings>, toml::de::Error> {
+        read_settings::<RegistersSpec>(settings)
+    }
+
+    fn build(&self, context: &BuildContext<'_>) -> Result<Built, ScenarioError> {
+        let spec: &RegistersSpec = context.settings()?;
+        let device = spec.device(&context.key(), context.source)?;
+        let line = LineConfig::new_8n1(*spec.baud.get_ref());
+        let port = PortInfo::uart("bus", Registers::BUS, line, "your own program");
+        Ok(Built {
+            device: Box::new(device),
+            ports: vec![port],
+        })
+    }
+}

@@ -1,0 +1,62 @@
+//! `text`: a slave with a text protocol, described by the scenario.
+
+use emulators::text::Text;
+use protocols::LineConfig;
+use schemars::{Schema, SchemaGenerator};
+use toml::de::ValueDeserializer;
+
+use super::{BuildContext, Built, DeviceKind, PortInfo, Settings, read_settings, schema_of};
+use crate::scenario::{ScenarioError, TextSpec};
+
+const EXAMPLE: &str = r#"[device.sonar.text]
+baud = 9600
+unknown = "?"
+refused = "range"
+periodic = { line = "mm={distance}", period = "1s" }
+
+[[device.sonar.text.variable]]
+name = "distance"
+source = { range = { angle_deg = 90, max_mm = 3000 } }
+
+[[device.sonar.text.command]]
+request = "ping"
+reply = "mm={distance}"
+"#;
+
+/// The kind `text`.
+pub(super) const TEXT: &dyn DeviceKind = &TextKind;
+
+struct TextKind;
+
+impl DeviceKind for TextKind {
+    fn name(&self) -> &'static str {
+        "text"
+    }
+
+    fn about(&self) -> &'static str {
+        "Text slave described by data"
+    }
+
+    fn example(&self) -> &'static str {
+        EXAMPLE
+    }
+
+    fn schema(&self, generator: &mut SchemaGenerator) -> Schema {
+        schema_of::<TextSpec>(generator)
+    }
+
+    fn parse(&self, settings: ValueDeserializer<'_>) -> Result<Box<dyn Settings>, toml::de::Error> {
+        read_settings::<TextSpec>(settings)
+    }
+
+    fn build(&self, context: &BuildContext<'_>) -> Result<Built, ScenarioError> {
+        let spec: &TextSpec = context.settings()?;
+        let device = spec.device(&context.key(), context.source)?;
+        let line = LineConfig::new_8n1(*spec.baud.get_ref());
+        let port = PortInfo::uart("uart", Text::UART, line, "your own program");
+        Ok(Built {
+            device: Box::new(device),
+            ports: vec![port],
+        })
+    }
+}

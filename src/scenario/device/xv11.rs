@@ -1,0 +1,210 @@
+//! `xv11`: the Neato XV-11 lidar.
+
+use core::ops::RangeInclusive;
+
+use emulators::xv11::{Config, Direction, Fault, Mount, Profile, Xv11};
+use protocols::LineConfig;
+use schemars::{JsonSchema, Schema, SchemaGenerator};
+use serde::{Deserialize, Serialize};
+use toml::de::ValueDeserializer;
+
+use super::{BuildContext, Built, DeviceKind, PortInfo, Settings, read_settings, schema_of};
+use crate::rig::LinkKind;
+use crate::scenario::ScenarioError;
+
+/// Settings of an XV-11.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Xv11Spec {
+    /// Firmware: `fw2.1`, `fw2.4.13386`, `fw2.6.15295`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<String>")]
+    pub profile: Option<toml::Spanned<String>>,
+    /// What turns the head; 300 rpm held by the rig if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub supply: Option<SupplySpec>,
+    /// Where it sits on the robot; in the middle and looking ahead if not given. The robot's
+    /// program is not told.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mount: Option<MountSpec>,
+    /// Angle of the first reading to the axis of the housing, degrees, -360 to 360; sources say -10
+    /// or 0, which it is if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = -360.0, max = 360.0))]
+    pub index0_deg: Option<f64>,
+    /// Distance between laser beam and axis, millimetres, 0 to 100; sources say 0 to 25; 0 if not
+    /// given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 100.0))]
+    pub beam_offset_mm: Option<f64>,
+    /// Which way the head turns, seen from above; counter-clockwise if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub direction: Option<TurnSpec>,
+    /// What is wrong with the sensor from the start, by the names of its faults, e.g. `dust`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(with = "Vec<String>")]
+    pub faults: Vec<toml::Spanned<String>>,
+}
+
+/// Senses of rotation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum TurnSpec {
+    /// As every report but one says.
+    CounterClockwise,
+    /// As that one says.
+    Clockwise,
+}
+
+/// What turns the head of a lidar: one of these keys.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub enum SupplySpec {
+    /// The rig holds this speed, turns per minute.
+    RegulatedRpm(f64),
+    /// A fixed voltage at the motor, volts.
+    FixedV(f64),
+    /// The host's drive, this voltage at full duty, volts.
+    HostV(f64),
+}
+
+/// Where a sensor sits on the robot, in the robot's own axes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct MountSpec {
+    /// Ahead of the middle of the robot, metres, -10 to 10; behind it if negative.
+    #[schemars(range(min = -10.0, max = 10.0))]
+    pub x_m: f64,
+    /// To the left of the middle of the robot, metres, -10 to 10; to the right if negative.
+    #[schemars(range(min = -10.0, max = 10.0))]
+    pub y_m: f64,
+    /// How far it is turned, degrees counter-clockwise seen from above, -360 to 360.
+    #[schemars(range(min = -360.0, max = 360.0))]
+    pub heading_deg: f64,
+}
+
+impl From<SupplySpec> for emulators::xv11::MotorSupply {
+    fn from(spec: SupplySpec) -> Self {
+        match spec {
+            SupplySpec::RegulatedRpm(rpm) => Self::Regulated { rpm },
+            SupplySpec::FixedV(volts) => Self::Fixed { volts },
+            SupplySpec::HostV(volts) => Self::Host { volts },
+        }
+    }
+}
+
+impl From<MountSpec> for Mount {
+    /// The sensor's own angle 90 looks ahead if it is not turned.
+    fn from(spec: MountSpec) -> Self {
+        Self::turned(spec.x_m, spec.y_m, spec.heading_deg)
+    }
+}
+
+/// The duty of the motor is a level, not a message: it gets through at once.
+const PIN: LineConfig = LineConfig::new_8n1(10_000_000);
+
+const EXAMPLE: &str = r#"[device.lidar.xv11]
+profile = "fw2.1"
+supply = { fixed-v = 3.3 }
+mount = { x_m = 0.05, heading_deg = 30 }
+faults = ["dust"]
+"#;
+
+/// The kind `xv11`.
+pub const XV11: &dyn DeviceKind = &Xv11Kind;
+
+struct Xv11Kind;
+
+impl DeviceKind for Xv11Kind {
+    fn name(&self) -> &'static str {
+        "xv11"
+    }
+
+    fn about(&self) -> &'static str {
+        "Neato XV-11 lidar"
+    }
+
+    fn example(&self) -> &'static str {
+        EXAMPLE
+    }
+
+    fn schema(&self, generator: &mut SchemaGenerator) -> Schema {
+        schema_of::<Xv11Spec>(generator)
+    }
+
+    fn parse(&self, settings: ValueDeserializer<'_>) -> Result<Box<dyn Settings>, toml::de::Error> {
+        read_settings::<Xv11Spec>(settings)
+    }
+
+    fn is_own(&self) -> bool {
+        false
+    }
+
+    fn build(&self, context: &BuildContext<'_>) -> Result<Built, ScenarioError> {
+        let spec: &Xv11Spec = context.settings()?;
+        let device = Xv11::new(context.name, context.seed, spec.config(context)?);
+        let uart = LineConfig::new_8n1(protocols::xv11::BAUD);
+        let drive = "the lidar's motor drive, optional";
+        Ok(Built {
+            device: Box::new(device),
+            // It sends packets of 22 bytes.
+            ports: vec![
+                PortInfo::uart("uart", Xv11::UART, uart, "the robot's lidar input").in_pieces(22),
+                PortInfo::uart("motor", Xv11::MOTOR, PIN, drive)
+                    .optional()
+                    .on(LinkKind::Pin),
+            ],
+        })
+    }
+}
+
+impl Xv11Spec {
+    fn config(&self, context: &BuildContext<'_>) -> Result<Config, ScenarioError> {
+        let mut config = Config::default();
+        let (source, at) = (context.source, context.key());
+        self.check(context)?;
+        let optics = &mut config.optics;
+        optics.index0_deg = self.index0_deg.unwrap_or(optics.index0_deg);
+        optics.beam_offset_mm = self.beam_offset_mm.unwrap_or(optics.beam_offset_mm);
+        optics.direction = match self.direction {
+            Some(TurnSpec::Clockwise) => Direction::Clockwise,
+            Some(TurnSpec::CounterClockwise) | None => Direction::CounterClockwise,
+        };
+        config.mount = self.mount.map_or(config.mount, Mount::from);
+        for name in &self.faults {
+            let known = Fault::ALL.map(Fault::name);
+            let fault = Fault::from_name(name.get_ref())
+                .ok_or_else(|| source.unknown(&format!("{at}.faults"), name, &known))?;
+            config.faults.push(fault);
+        }
+        if let Some(name) = &self.profile {
+            let known = Profile::ALL.map(Profile::name);
+            config.profile = Profile::from_name(name.get_ref())
+                .ok_or_else(|| source.unknown(&format!("{at}.profile"), name, &known))?;
+        }
+        if let Some(supply) = self.supply {
+            config.supply = supply.into();
+        }
+        Ok(config)
+    }
+
+    /// Whether all figures are in their ranges.
+    fn check(&self, context: &BuildContext<'_>) -> Result<(), ScenarioError> {
+        let (source, at) = (context.source, context.key());
+        let within = |key: &str, value: Option<f64>, range: RangeInclusive<f64>| match value {
+            Some(found) if !range.contains(&found) => {
+                let (least, most) = (*range.start(), *range.end());
+                let message = format!("is {found}, expected {least} to {most}");
+                let name = key.split('.').next().unwrap_or(key);
+                Err(source.invalid(source.find(name), format!("{at}.{key}"), message))
+            }
+            _ => Ok(()),
+        };
+        within("index0_deg", self.index0_deg, -360.0..=360.0)?;
+        within("beam_offset_mm", self.beam_offset_mm, 0.0..=100.0)?;
+        let mount = self.mount.unwrap_or_default();
+        within("mount.x_m", Some(mount.x_m), -10.0..=10.0)?;
+        within("mount.y_m", Some(mount.y_m), -10.0..=10.0)?;
+        within("mount.heading_deg", Some(mount.heading_deg), -360.0..=360.0)
+    }
+}

@@ -1,0 +1,95 @@
+//! Figures of a scenario that nothing else would refuse.
+
+use super::{Action, Scenario, ScenarioError, Source};
+
+/// Farther from the origin nothing is, metres.
+const FAR_M: f64 = 10_000.0;
+/// More turns than ten are a mistake, degrees.
+const TURN_DEG: f64 = 3_600.0;
+
+/// Whether the start and all waypoints are on this side of the horizon.
+pub(super) fn check(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError> {
+    let start = &scenario.world.start;
+    let at = start.get_ref();
+    for (key, found, most) in [
+        ("x_m", at.x_m, FAR_M),
+        ("y_m", at.y_m, FAR_M),
+        ("heading_deg", at.heading_deg, TURN_DEG),
+    ] {
+        if !(-most..=most).contains(&found) {
+            let message = format!("is {found}, expected -{most} to {most}");
+            return Err(source.invalid(Some(start.span()), format!("world.start.{key}"), message));
+        }
+    }
+    if let Some(message) = beyond(&scenario.mission.waypoints_m) {
+        let span = source.find("waypoints_m");
+        return Err(source.invalid(span, "mission.waypoints_m", message));
+    }
+    for (index, step) in scenario.mission.step.iter().enumerate() {
+        if let Action::WaypointsM(waypoints) = &step.action
+            && let Some(message) = beyond(waypoints)
+        {
+            let span = source.find_in_list("mission.step", index, "do");
+            let key = format!("mission.step[{index}].do.waypoints-m");
+            return Err(source.invalid(span, key, message));
+        }
+    }
+    Ok(())
+}
+
+/// What is wrong with the first waypoint that is too far away.
+fn beyond(waypoints: &[[f64; 2]]) -> Option<String> {
+    let is_far = |place: &[f64; 2]| place.iter().any(|m| !(-FAR_M..=FAR_M).contains(m));
+    let index = waypoints.iter().position(is_far)?;
+    let [x, y] = waypoints[index];
+    Some(format!(
+        "waypoint {index} is {x}, {y}, expected -{FAR_M} to {FAR_M}"
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use crate::scenario::Scenario;
+
+    fn refused(start: &str, mission: &str) -> String {
+        let text = format!(
+            "schema = 1\nname = \"t\"\nrobot = \"rescue\"\nduration = \"1s\"\n{mission}\n\
+             [world]\nstart = {start}\n"
+        );
+        let parsed = Scenario::parse(Path::new("t.toml"), text);
+        parsed.err().expect("refused").to_string()
+    }
+
+    const START: &str = "{ x_m = 1, y_m = 1, heading_deg = 0 }";
+
+    #[test]
+    fn a_start_beyond_the_horizon_is_refused() {
+        insta::assert_snapshot!(
+            refused("{ x_m = 1e300, y_m = 1, heading_deg = 0 }", ""),
+            @""
+        );
+        insta::assert_snapshot!(
+            refused("{ x_m = 1, y_m = nan, heading_deg = 0 }", ""),
+            @""
+        );
+        insta::assert_snapshot!(
+            refused("{ x_m = 1, y_m = 1, heading_deg = inf }", ""),
+            @""
+        );
+    }
+
+    #[test]
+    fn a_waypoint_beyond_the_horizon_is_refused() {
+        insta::assert_snapshot!(
+            refused(START, "[mission]\nwaypoints_m = [[1, 1], [inf, 2]]"),
+            @""
+        );
+        let step = "[[mission.step]]\nat = \"1s\"\ndo = { waypoints-m = [[10001, 0]] }";
+        insta::assert_snapshot!(
+            refused(START, step),
+            @""
+        );
+    }
+}

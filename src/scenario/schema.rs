@@ -1,0 +1,54 @@
+//! The JSON Schema of a scenario, derived from the types that read it, and the reference made from it.
+
+mod examples;
+mod reference;
+
+use schemars::generate::SchemaSettings;
+use schemars::{Schema, SchemaGenerator, json_schema};
+use serde_json::{Value, json};
+
+use super::fault::TIME_KEYS;
+use super::{FaultKind, Scenario, device};
+
+pub use examples::{example, examples};
+pub use reference::reference;
+
+/// The JSON Schema (draft 2020-12) of a scenario, with the settings of all registered kinds of
+/// devices.
+pub fn json_schema() -> Value {
+    let generator = SchemaSettings::draft2020_12().into_generator();
+    generator.into_root_schema_for::<Scenario>().to_value()
+}
+
+/// Devices by name, each a table named like its kind.
+pub(super) fn devices(generator: &mut SchemaGenerator) -> Schema {
+    let kinds = device::kinds().into_iter().map(|kind| {
+        json!({
+            "type": "object",
+            "description": format!("{}.", kind.about()),
+            "properties": { kind.name(): kind.schema(generator) },
+            "required": [kind.name()],
+            "additionalProperties": false,
+        })
+    });
+    let kinds: Vec<Value> = kinds.collect();
+    json_schema!({
+        "type": "object",
+        "additionalProperties": { "oneOf": kinds },
+    })
+}
+
+/// Adds to the schema of a fault which keys go with which kind.
+pub(super) fn tell_keys_of_faults(schema: &mut Schema) {
+    let rules = FaultKind::ALL.iter().map(|kind| {
+        let place = kind.place().keys().iter();
+        let keys = place.chain(kind.own_keys()).chain(&TIME_KEYS);
+        let keys: Vec<&str> = ["kind"].into_iter().chain(keys.copied()).collect();
+        json!({
+            "if": { "properties": { "kind": { "const": kind.name() } } },
+            "then": { "required": kind.place().keys(), "propertyNames": { "enum": keys } },
+        })
+    });
+    let rules: Vec<Value> = rules.collect();
+    schema.insert("allOf".to_owned(), rules.into());
+}
