@@ -20,11 +20,13 @@
 //! | [`scenario`] | a run as data; floor plans |
 //! | [`codec`] | bytes in words |
 //! | [`rig`] | nodes and lines under one clock, faults on the way |
+//! | [`picture`] | pixels, read from files and written to them |
 
 pub mod capture;
 pub mod cli;
 pub mod codec;
 pub mod museum;
+pub mod picture;
 pub mod realtime;
 pub mod rig;
 pub mod robots;

@@ -193,7 +193,7 @@ impl Export<'_> {
         let picture = path.with_extension("pgm");
         let name = picture.file_name().unwrap_or_default().to_string_lossy();
         let text = render::ros_yaml(map, &name);
-        std::fs::write(&picture, render::pgm(&render::ros_image(map)))
+        std::fs::write(&picture, render::ros_image(map).pgm())
             .map_err(|error| ExportError::File(picture.clone(), error.to_string()))?;
         let words = format!("{} x {} cells, picture {name}", map.width(), map.height());
         Ok((text.into_bytes(), words))

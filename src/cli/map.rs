@@ -69,9 +69,9 @@ pub(super) fn run(args: MapArgs) -> Result<Verdict, CliError> {
     tell(&found);
     if let Some(path) = &args.picture {
         let image = picture(&first, &second, &found);
-        image.save(path).map_err(|error| FolderError {
+        image.write_png(path).map_err(|source| FolderError {
             path: path.clone(),
-            source: std::io::Error::other(error),
+            source,
         })?;
         println!("picture in {}", path.display());
     }

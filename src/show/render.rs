@@ -3,8 +3,8 @@
 use emulators::touch_panel::{self, TouchPanel};
 use emulators::world::{Pose, Shape};
 use firmware_core::grid::Grid;
-use image::{GrayImage, Luma, Rgb, RgbImage};
 
+use crate::picture::Picture;
 use crate::run::score::{is_wall, outline};
 
 /// Gray of an unknown cell in a ROS map, as its own savers write it.
@@ -87,23 +87,15 @@ fn block_character(grid: &Grid, x: usize, y: usize, block: usize) -> char {
 
 /// The map in ROS gray values: 254 free, 0 occupied, 205 unknown; first row on top. Trinary: the
 /// slopes beside walls are unknown.
-pub fn ros_image(grid: &Grid) -> GrayImage {
+pub fn ros_image(grid: &Grid) -> Picture<u8> {
     let height = grid.height();
-    let (w, h) = (size(grid.width()), size(height));
-    GrayImage::from_fn(w, h, |x, y| {
-        Luma([match cell(grid, x as usize, height - 1 - y as usize) {
+    Picture::from_fn(grid.width(), height, |x, y| {
+        match cell(grid, x, height - 1 - y) {
             Cell::Wall => 0,
             Cell::Free => 254,
             Cell::Unknown | Cell::Between => ROS_UNKNOWN,
-        }])
+        }
     })
-}
-
-/// A picture as a binary PGM. By that file name the library would write its newer form, `P7`, which
-/// ROS does not read.
-pub fn pgm(picture: &GrayImage) -> Vec<u8> {
-    let head = format!("P5\n{} {}\n255\n", picture.width(), picture.height());
-    [head.as_bytes(), picture.as_raw()].concat()
 }
 
 /// The text of the yaml file that belongs to [`ros_image`]. `free_thresh` is 0.196: with the 0.25
@@ -122,24 +114,23 @@ pub fn ros_yaml_at([x, y]: [f64; 2], cell_m: f64, image: &str) -> String {
 
 /// The map as the program holds it, dark where it believes a wall, with the true way (green) and
 /// the believed way (red).
-pub fn picture(grid: &Grid, truth: &[Pose], estimate: &[Pose]) -> RgbImage {
-    const SCALE: u32 = 3;
+pub fn picture(grid: &Grid, truth: &[Pose], estimate: &[Pose]) -> Picture {
+    const SCALE: usize = 3;
     let height = grid.height();
-    let (w, h) = (size(grid.width()) * SCALE, size(height) * SCALE);
-    let mut image = RgbImage::from_fn(w, h, |x, y| {
-        let (x, y) = (x / SCALE, y / SCALE);
-        let value = 255 - grid.get(x as usize, height - 1 - y as usize).unwrap_or(127);
-        Rgb([value; 3])
+    let (w, h) = (grid.width() * SCALE, height * SCALE);
+    let mut image = Picture::from_fn(w, h, |x, y| {
+        let value = grid.get(x / SCALE, height - 1 - y / SCALE);
+        [255 - value.unwrap_or(127); 3]
     });
-    let pixel_m = f64::from(grid.resolution_mm()) / 1000.0 / f64::from(SCALE);
-    for (way, colour) in [(truth, Rgb([0, 160, 60])), (estimate, Rgb([220, 40, 30]))] {
+    let pixel_m = f64::from(grid.resolution_mm()) / 1000.0 / SCALE as f64;
+    for (way, colour) in [(truth, [0, 160, 60]), (estimate, [220, 40, 30])] {
         for pair in way.windows(2) {
             let shape = Shape::Wall {
                 from: pair[0].point(),
                 to: pair[1].point(),
             };
             outline(&shape, pixel_m, |place| {
-                let (x, y) = (place.x / pixel_m, f64::from(h) - place.y / pixel_m);
+                let (x, y) = (place.x / pixel_m, h as f64 - place.y / pixel_m);
                 dot(&mut image, x, y, colour);
             });
         }
@@ -148,46 +139,31 @@ pub fn picture(grid: &Grid, truth: &[Pose], estimate: &[Pose]) -> RgbImage {
 }
 
 /// What is on a display.
-pub fn display(panel: &TouchPanel) -> RgbImage {
-    let (width, height) = (size(touch_panel::WIDTH), size(touch_panel::HEIGHT));
-    RgbImage::from_fn(width, height, |x, y| {
-        let pixel = panel.pixels()[y as usize * touch_panel::WIDTH + x as usize];
+pub fn display(panel: &TouchPanel) -> Picture {
+    Picture::from_fn(touch_panel::WIDTH, touch_panel::HEIGHT, |x, y| {
+        let pixel = panel.pixels()[y * touch_panel::WIDTH + x];
         let [high, low] = pixel.to_be_bytes();
         // Five or six bits become eight so that the largest value stays the largest.
         let five = |bits: u8| bits << 3 | bits >> 2;
         let green = (high & 0x07) << 3 | low >> 5;
-        Rgb(if panel.is_on() {
+        if panel.is_on() {
             [five(high >> 3), green << 2 | green >> 4, five(low & 0x1F)]
         } else {
             [0; 3]
-        })
+        }
     })
 }
 
 /// Two by two pixels, as far as they lie inside.
-pub(crate) fn dot(image: &mut RgbImage, x: f64, y: f64, colour: Rgb<u8>) {
+pub(crate) fn dot(image: &mut Picture, x: f64, y: f64, colour: [u8; 3]) {
     for (x, y) in [(x, y), (x + 1.0, y), (x, y + 1.0), (x + 1.0, y + 1.0)] {
-        let inside = x >= 0.0 && y >= 0.0;
-        if inside && x < f64::from(image.width()) && y < f64::from(image.height()) {
-            #[expect(clippy::cast_possible_truncation, reason = "inside the picture")]
-            #[expect(clippy::cast_sign_loss, reason = "inside the picture")]
-            image.put_pixel(x as u32, y as u32, colour);
+        if x >= 0.0 && y >= 0.0 {
+            #[expect(
+                clippy::cast_possible_truncation,
+                reason = "beyond the picture none is put"
+            )]
+            #[expect(clippy::cast_sign_loss, reason = "not negative")]
+            image.put(x as usize, y as usize, colour);
         }
-    }
-}
-
-fn size(cells: usize) -> u32 {
-    u32::try_from(cells).expect("a map has a few hundred cells a side")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// The form's own definition: magic, width, height, largest gray, one white space, the rows.
-    #[test]
-    fn a_ros_picture_is_a_binary_pgm() {
-        let picture = GrayImage::from_fn(2, 1, |x, _| Luma([if x == 0 { 254 } else { 205 }]));
-        assert_eq!(pgm(&picture), b"P5\n2 1\n255\n\xFE\xCD");
     }
 }

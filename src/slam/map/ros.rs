@@ -4,7 +4,8 @@ use core::fmt;
 use std::path::{Path, PathBuf};
 
 use firmware_core::grid::Grid;
-use image::GrayImage;
+
+use crate::picture::{Picture, PictureError};
 
 /// What a cell is known to be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -95,30 +96,23 @@ impl RosMap {
         })?;
         let header = Header::parse(&text).map_err(|what| fail(&path, what))?;
         let image = path.parent().unwrap_or(Path::new("")).join(&header.image);
-        let picture = image::ImageReader::open(&image)
-            .and_then(image::ImageReader::with_guessed_format)
-            .map_err(|error| fail(&image, format!("cannot be read: {error}")))?
-            .decode()
-            .map_err(|error| fail(&image, format!("is no picture: {error}")))?
-            .to_luma8();
-        let cells = picture.width() as usize * picture.height() as usize;
-        if cells == 0 || cells > CELLS_MAX {
-            let what = format!("has {cells} cells, expected 1 to {CELLS_MAX}");
-            return Err(fail(&image, what));
-        }
+        let picture = Picture::read(&image, CELLS_MAX).map_err(|error| {
+            let what = match error {
+                PictureError::Open(error) => format!("cannot be read: {error}"),
+                PictureError::Size { width, height } => {
+                    let cells = width.saturating_mul(height);
+                    format!("has {cells} cells, expected 1 to {CELLS_MAX}")
+                }
+                error => format!("is no picture: {error}"),
+            };
+            fail(&image, what)
+        })?;
         Ok(Self::from_image(&picture, &header))
     }
 
-    fn from_image(image: &GrayImage, header: &Header) -> Self {
-        let cells = (0..image.height())
-            .rev()
-            .flat_map(|y| (0..image.width()).map(move |x| header.seen(image.get_pixel(x, y).0[0])));
-        Self::new(
-            image.width() as usize,
-            header.cell_m,
-            header.origin,
-            cells.collect(),
-        )
+    fn from_image(image: &Picture<u8>, header: &Header) -> Self {
+        let cells = image.from_below().map(|gray| header.seen(gray)).collect();
+        Self::new(image.width(), header.cell_m, header.origin, cells)
     }
 
     /// The cell at a column and row.
