@@ -55,11 +55,13 @@ impl Pixel for [u8; 3] {
 }
 
 /// A file that holds no picture, or none that is wanted.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum PictureError {
     /// It cannot be opened.
+    #[error(transparent)]
     Open(io::Error),
     /// It has no pixel, or more than are allowed.
+    #[error("has {width} x {height} pixels")]
     Size {
         /// Pixels of a row.
         width: usize,
@@ -67,20 +69,9 @@ pub enum PictureError {
         height: usize,
     },
     /// It is damaged or of another form; a sentence that says how.
+    #[error("{0}")]
     Form(String),
 }
-
-impl core::fmt::Display for PictureError {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Open(error) => error.fmt(f),
-            Self::Size { width, height } => write!(f, "has {width} x {height} pixels"),
-            Self::Form(what) => f.write_str(what),
-        }
-    }
-}
-
-impl core::error::Error for PictureError {}
 
 impl<P: Copy> Picture<P> {
     /// A picture whose pixel at column `x` and row `y` is `pixel(x, y)`.

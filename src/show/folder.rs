@@ -3,7 +3,6 @@
 use core::fmt::Write as _;
 use core::time::Duration;
 use std::collections::BTreeMap;
-use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -97,21 +96,14 @@ impl Metrics {
 }
 
 /// A file of the result folder could not be written.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
+#[error("cannot write {}: {source}", .path.display())]
 pub struct FolderError {
     /// Which file.
     pub path: PathBuf,
     /// Why.
     pub source: io::Error,
 }
-
-impl fmt::Display for FolderError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "cannot write {}: {}", self.path.display(), self.source)
-    }
-}
-
-impl core::error::Error for FolderError {}
 
 /// A folder that is being filled.
 #[derive(Debug)]

@@ -1,6 +1,5 @@
 //! Maps in the form of ROS's map server: a picture and a yaml file that says its scale.
 
-use core::fmt;
 use std::path::{Path, PathBuf};
 
 use firmware_core::grid::Grid;
@@ -33,21 +32,14 @@ pub struct RosMap {
 }
 
 /// A map that cannot be read.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{}: {what}", .path.display())]
 pub struct MapError {
     /// The file.
     pub path: PathBuf,
     /// What is wrong with it, and what was expected.
     pub what: String,
 }
-
-impl fmt::Display for MapError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {}", self.path.display(), self.what)
-    }
-}
-
-impl core::error::Error for MapError {}
 
 /// Cells of the largest map that is read.
 const CELLS_MAX: usize = 64 << 20;
