@@ -27,15 +27,18 @@ mod ui;
 mod up;
 mod wireshark;
 
-use std::fmt;
-use std::path::PathBuf;
+use std::io;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+use crate::capture::tap::RecordError;
 use crate::realtime::transport::TransportError;
 use crate::scenario::ScenarioError;
+use crate::search::fuzz::dut::StandError;
 use crate::show::folder::FolderError;
+use crate::slam::map::MapError;
 
 /// Hardware-in-the-loop rig for small serial robots.
 #[derive(Debug, Parser)]
@@ -87,47 +90,63 @@ pub enum Verdict {
 }
 
 /// Why a command could not do its work: usage or set-up, exit code 2.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum CliError {
     /// A scenario cannot be run.
-    Scenario(ScenarioError),
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
     /// A result cannot be written.
-    Folder(FolderError),
+    #[error(transparent)]
+    Folder(#[from] FolderError),
     /// A port cannot be had, or went away.
-    Transport(TransportError),
+    #[error(transparent)]
+    Transport(#[from] TransportError),
+    /// A capture cannot be recorded.
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    /// A map cannot be read.
+    #[error(transparent)]
+    Map(#[from] MapError),
+    /// A program cannot be fuzzed.
+    #[error(transparent)]
+    Fuzz(#[from] StandError),
+    /// A file cannot be read.
+    #[error("cannot read {}: {error}", .path.display())]
+    Read {
+        /// Which.
+        path: PathBuf,
+        /// What the system said.
+        error: io::Error,
+    },
+    /// A file does not hold what the command needs.
+    #[error("{}: {what}", .path.display())]
+    Content {
+        /// Which.
+        path: PathBuf,
+        /// What is wrong, and what was expected.
+        what: String,
+    },
     /// Anything else, as a sentence that names what is wrong and what was expected.
+    #[error("{0}")]
     Other(String),
 }
 
-impl fmt::Display for CliError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Scenario(error) => error.fmt(f),
-            Self::Folder(error) => error.fmt(f),
-            Self::Transport(error) => error.fmt(f),
-            Self::Other(error) => f.write_str(error),
+impl CliError {
+    /// That `path` does not hold what the command needs.
+    fn content(path: &Path, what: impl ToString) -> Self {
+        Self::Content {
+            path: path.to_owned(),
+            what: what.to_string(),
         }
     }
 }
 
-impl core::error::Error for CliError {}
-
-impl From<ScenarioError> for CliError {
-    fn from(error: ScenarioError) -> Self {
-        Self::Scenario(error)
-    }
-}
-
-impl From<FolderError> for CliError {
-    fn from(error: FolderError) -> Self {
-        Self::Folder(error)
-    }
-}
-
-impl From<TransportError> for CliError {
-    fn from(error: TransportError) -> Self {
-        Self::Transport(error)
-    }
+/// All bytes of a file that the command was given.
+fn read(path: &Path) -> Result<Vec<u8>, CliError> {
+    std::fs::read(path).map_err(|error| CliError::Read {
+        path: path.to_owned(),
+        error,
+    })
 }
 
 /// Runs the command that the process was started with.

@@ -20,6 +20,7 @@
 //! | [`scenario`] | a run as data; floor plans |
 //! | [`codec`] | bytes in words |
 //! | [`rig`] | nodes and lines under one clock, faults on the way |
+//! | [`picture`] | pixels, read from files and written to them |
 
 pub mod capture;
 pub mod cli;
@@ -27,6 +28,7 @@ pub mod codec;
 mod hex;
 mod html;
 pub mod museum;
+pub mod picture;
 pub mod realtime;
 mod registry;
 pub mod rig;

@@ -12,9 +12,9 @@ use core::time::Duration;
 use std::collections::BTreeMap;
 
 use emulators::world::Pose;
-use image::RgbImage;
 use protocols::Instant;
 
+use crate::picture::Picture;
 use crate::rig::fault::FaultId;
 use crate::rig::{Logged, Paced, Rig};
 use crate::robots::{self, Dut, Instruments, KeptMap, PcEnd, Wired};
@@ -86,7 +86,7 @@ pub struct Outcome {
     /// The run over its time.
     pub history: History,
     /// What the robot's display showed in the end.
-    pub display: Option<RgbImage>,
+    pub display: Option<Picture>,
     /// The program's counters.
     pub counters: BTreeMap<&'static str, u64>,
     /// What devices reported.

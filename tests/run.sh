@@ -53,7 +53,7 @@ cargo --version
 step "format"
 cargo fmt --all --check
 rustfmt --edition 2024 --check tests/bare_metal/src/lib.rs tests/every_build/src/main.rs \
-    fuzz/src/lib.rs fuzz/src/bin/corpus.rs
+    fuzz/src/lib.rs fuzz/src/bin/corpus.rs fuzz/fuzz_targets/*.rs
 
 step "bare metal: no std, no heap, 128 KiB"
 bash tests/bare_metal/prove.sh
@@ -66,6 +66,12 @@ bash tests/coverage.sh
 
 step "lints"
 cargo clippy --locked --workspace --all-targets -- -D warnings
+# Without page and MCAP, as the demo below is built.
+cargo clippy --locked --all-targets --no-default-features -- -D warnings
+# The coverage-guided targets, on stable. Nothing is linked, so libFuzzer's C++ is not compiled: it
+# is said to be there already.
+CUSTOM_LIBFUZZER_PATH=/dev/null CARGO_TARGET_DIR=$target \
+    cargo clippy --locked --manifest-path fuzz/Cargo.toml --all-targets -- -D warnings
 
 step "docs"
 RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps --quiet

@@ -28,6 +28,7 @@ mod memory;
 mod motors;
 pub mod profile;
 mod receiver;
+mod request;
 mod sender;
 #[cfg(test)]
 mod tests;
@@ -57,7 +58,8 @@ use journal::{Journal, rules};
 use led::Trouble;
 use memory::Memory;
 use profile::{Bounds, Processor, Restart};
-use receiver::{Divider, Receiver, Request};
+use receiver::{Divider, Receiver};
+use request::Request;
 use sender::{Pace, Sender};
 use ticks::{ANALOG, CYCLE, DIVIDER, REGULATOR, Ticks};
 

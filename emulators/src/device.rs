@@ -90,8 +90,7 @@ pub struct Event {
 /// The instant at which byte `index` of `count` back-to-back bytes ended, when the last ended at
 /// `now`.
 pub fn byte_end(now: Instant, line: LineConfig, index: usize, count: usize) -> Instant {
-    let after = line.bytes_time((count - 1 - index) as u64);
-    Instant::ZERO + (now - Instant::ZERO).saturating_sub(after)
+    line.byte_end(now, (count - 1 - index) as u64)
 }
 
 /// The earliest of some optional deadlines.

@@ -281,13 +281,6 @@ impl PcLink {
         self.fielded.is_dead
     }
 
-    /// Passes on what the lidar sends, as the fielded program could be told to (XV-12).
-    pub fn overhear(&mut self, bytes: &[u8]) {
-        if self.settings.defects.raw_lidar {
-            self.tx.push(bytes);
-        }
-    }
-
     /// Frames for which the queue had no room.
     pub const fn overflows(&self) -> u32 {
         self.tx.refused()

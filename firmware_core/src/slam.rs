@@ -22,6 +22,7 @@ mod trace;
 mod tracking;
 mod update;
 mod walk;
+mod window;
 
 use core::time::Duration;
 

@@ -2,6 +2,8 @@
 
 use core::time::Duration;
 
+use crate::Instant;
+
 /// One of a node's serial ports, numbered from zero. Every node names its own as constants.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Port(pub u8);
@@ -69,6 +71,12 @@ impl LineConfig {
     /// does not gain what [`byte_time`](Self::byte_time) loses on each byte.
     pub const fn bytes_time(self, count: u64) -> Duration {
         Duration::from_nanos(self.bits_per_byte() as u64 * count * 1_000_000_000 / self.baud as u64)
+    }
+
+    /// When a byte ended behind which `behind` more came back to back, the last of them ending at
+    /// `end`; never before [`Instant::ZERO`].
+    pub fn byte_end(self, end: Instant, behind: u64) -> Instant {
+        Instant::ZERO + (end - Instant::ZERO).saturating_sub(self.bytes_time(behind))
     }
 }
 

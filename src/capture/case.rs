@@ -104,11 +104,13 @@ fn known_version<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<u3
 }
 
 /// Why a case cannot be read, made or run.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum CaseError {
     /// The file cannot be read, or is no case.
+    #[error(transparent)]
     File(ScenarioError),
     /// A line of bytes makes no sense.
+    #[error("{}: link {link}: {message}", .path.display())]
     Bytes {
         /// The file.
         path: PathBuf,
@@ -118,24 +120,9 @@ pub enum CaseError {
         message: String,
     },
     /// It cannot be played.
+    #[error(transparent)]
     Replay(ReplayError),
 }
-
-impl fmt::Display for CaseError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::File(error) => error.fmt(f),
-            Self::Bytes {
-                path,
-                link,
-                message,
-            } => write!(f, "{}: link {link}: {message}", path.display()),
-            Self::Replay(error) => error.fmt(f),
-        }
-    }
-}
-
-impl core::error::Error for CaseError {}
 
 /// Silence at the end after which a program that used to talk is taken to have stopped.
 const SILENCE: Duration = Duration::from_secs(1);

@@ -10,7 +10,6 @@ mod mcap;
 mod scans;
 mod vcd;
 
-use core::fmt;
 use std::path::{Path, PathBuf};
 
 use emulators::world::Pose;
@@ -129,24 +128,15 @@ pub struct Export<'a> {
 }
 
 /// An export came to nothing.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum ExportError {
     /// The capture has nothing that the form could hold.
+    #[error("{0}")]
     Nothing(&'static str),
     /// The file could not be written.
+    #[error("cannot write {path}: {1}", path = .0.display())]
     File(PathBuf, String),
 }
-
-impl fmt::Display for ExportError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Nothing(what) => f.write_str(what),
-            Self::File(path, error) => write!(f, "cannot write {}: {error}", path.display()),
-        }
-    }
-}
-
-impl core::error::Error for ExportError {}
 
 impl Export<'_> {
     /// Writes `path` as `format`; what is in it, in words.
@@ -189,7 +179,7 @@ impl Export<'_> {
         let picture = path.with_extension("pgm");
         let name = picture.file_name().unwrap_or_default().to_string_lossy();
         let text = render::ros_yaml(map, &name);
-        std::fs::write(&picture, render::pgm(&render::ros_image(map)))
+        std::fs::write(&picture, render::ros_image(map).pgm())
             .map_err(|error| ExportError::File(picture.clone(), error.to_string()))?;
         let words = format!("{} x {} cells, picture {name}", map.width(), map.height());
         Ok((text.into_bytes(), words))

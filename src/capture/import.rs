@@ -10,8 +10,6 @@ mod sigrok;
 mod socat;
 mod text;
 
-use core::fmt;
-
 use protocols::{Instant, LineConfig};
 
 use crate::TOOL;
@@ -84,7 +82,8 @@ impl Options {
 }
 
 /// A dump cannot be read.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("line {line} (byte {offset}): {message}")]
 pub struct ImportError {
     /// Line, from 1.
     pub line: usize,
@@ -93,18 +92,6 @@ pub struct ImportError {
     /// What is wrong, and what was expected.
     pub message: String,
 }
-
-impl fmt::Display for ImportError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "line {} (byte {}): {}",
-            self.line, self.offset, self.message
-        )
-    }
-}
-
-impl core::error::Error for ImportError {}
 
 /// A dump as a capture.
 #[derive(Clone, Debug, Default)]

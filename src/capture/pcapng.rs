@@ -8,8 +8,6 @@
 //! A reader of our own because a capture must be readable up to the byte at which a machine died,
 //! and because damage must be reported with its offset.
 
-use core::fmt;
-
 /// Begins a section; reads the same in both byte orders.
 pub const SECTION: u32 = 0x0A0D_0D0A;
 /// Describes one interface.
@@ -74,7 +72,8 @@ impl Order {
 }
 
 /// A file cannot be read on from here.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("at byte {offset}: {why}")]
 pub struct BlockError {
     /// Where the unreadable block begins, in bytes from the start of the file.
     pub offset: u64,
@@ -83,22 +82,26 @@ pub struct BlockError {
 }
 
 /// What is wrong with a block.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BlockFault {
     /// The file does not begin with a section header.
+    #[error("no pcapng section header")]
     NotPcapng,
     /// The byte-order magic of a section is neither way round.
+    #[error("byte-order magic is {found:#010x}")]
     Magic {
         /// What stands in its place.
         found: u32,
     },
     /// The length is no multiple of 4, less than an empty block or beyond belief.
+    #[error("block length {found} is impossible")]
     Length {
         /// What the block says.
         found: u32,
     },
     /// The length at the end is not the one at the beginning.
+    #[error("block ends with length {found}, expected {expected}")]
     Lengths {
         /// At the beginning.
         expected: u32,
@@ -106,22 +109,6 @@ pub enum BlockFault {
         found: u32,
     },
 }
-
-impl fmt::Display for BlockError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "at byte {}: ", self.offset)?;
-        match self.why {
-            BlockFault::NotPcapng => f.write_str("no pcapng section header"),
-            BlockFault::Magic { found } => write!(f, "byte-order magic is {found:#010x}"),
-            BlockFault::Length { found } => write!(f, "block length {found} is impossible"),
-            BlockFault::Lengths { expected, found } => {
-                write!(f, "block ends with length {found}, expected {expected}")
-            }
-        }
-    }
-}
-
-impl core::error::Error for BlockError {}
 
 /// One whole block.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -243,22 +243,20 @@ impl Record {
     /// of the link. A record without bytes has none.
     pub fn chunks(&self, line: LineConfig) -> Vec<(Instant, &[u8])> {
         let mut end = self.bytes.len();
-        let mut nanos = self.at.as_nanos();
+        let mut at = self.at;
         let mut chunks = Vec::new();
         for &len in self.pieces.iter().rev() {
             let start = end.saturating_sub(usize::from(len));
             if start > 0 {
-                chunks.push((Instant::from_nanos(nanos), &self.bytes[start..end]));
-                let took = match line.baud {
-                    0 => 0,
-                    _ => line.bytes_time(u64::from(len)).as_nanos(),
-                };
-                nanos = nanos.saturating_sub(u64::try_from(took).unwrap_or(u64::MAX));
+                chunks.push((at, &self.bytes[start..end]));
+                if line.baud > 0 {
+                    at = line.byte_end(at, len.into());
+                }
                 end = start;
             }
         }
         if end > 0 {
-            chunks.push((Instant::from_nanos(nanos), &self.bytes[..end]));
+            chunks.push((at, &self.bytes[..end]));
         }
         chunks.reverse();
         chunks

@@ -8,7 +8,6 @@
 mod ports;
 
 use core::cell::RefCell;
-use core::fmt;
 use core::time::Duration;
 use std::rc::Rc;
 
@@ -27,29 +26,14 @@ use crate::scenario::{Scenario, ScenarioError, Source};
 pub use ports::{Pace, Playback, PlaybackError, Side as PlayedSide, Socket};
 
 /// Why a capture cannot be replayed.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum ReplayError {
     /// The robot cannot be wired.
-    Scenario(ScenarioError),
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
     /// The capture does not fit the robot, or says nothing.
+    #[error("{0}")]
     Capture(String),
-}
-
-impl fmt::Display for ReplayError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Scenario(error) => error.fmt(f),
-            Self::Capture(error) => f.write_str(error),
-        }
-    }
-}
-
-impl core::error::Error for ReplayError {}
-
-impl From<ScenarioError> for ReplayError {
-    fn from(error: ScenarioError) -> Self {
-        Self::Scenario(error)
-    }
 }
 
 /// What reaches the far end of a line at one moment.

@@ -12,7 +12,6 @@
 
 mod file;
 
-use core::fmt;
 use core::time::Duration;
 use std::collections::VecDeque;
 
@@ -47,35 +46,14 @@ pub struct Passed {
 }
 
 /// Why recording ended early. The file is whole in any case.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum RecordError {
     /// A port went away.
-    Port(TransportError),
+    #[error(transparent)]
+    Port(#[from] TransportError),
     /// The capture cannot be written.
-    File(FileError),
-}
-
-impl fmt::Display for RecordError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Port(error) => error.fmt(f),
-            Self::File(error) => error.fmt(f),
-        }
-    }
-}
-
-impl core::error::Error for RecordError {}
-
-impl From<TransportError> for RecordError {
-    fn from(error: TransportError) -> Self {
-        Self::Port(error)
-    }
-}
-
-impl From<FileError> for RecordError {
-    fn from(error: FileError) -> Self {
-        Self::File(error)
-    }
+    #[error(transparent)]
+    File(#[from] FileError),
 }
 
 /// Passes and records.

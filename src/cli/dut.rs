@@ -116,8 +116,9 @@ fn noted_scenario(dir: &Path) -> Result<PathBuf, CliError> {
     if path.exists() {
         return Ok(path);
     }
-    Err(CliError::Other(format!(
-        "{}: no rig runs here: expected a directory of `hilrig up`, or --scenario FILE",
-        dir.display()
-    )))
+    let expected = "expected a directory of `hilrig up`, or --scenario FILE";
+    Err(CliError::content(
+        dir,
+        format!("no rig runs here: {expected}"),
+    ))
 }

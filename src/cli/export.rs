@@ -65,7 +65,7 @@ pub(super) fn run(args: ExportArgs) -> Result<Verdict, CliError> {
     };
     let words = export
         .write(format, &args.out)
-        .map_err(|error| CliError::Other(format!("{}: {error}", file.display())))?;
+        .map_err(|error| CliError::content(&file, error))?;
     println!("{words}, written to {out}");
     Ok(Verdict::Pass)
 }
@@ -90,6 +90,6 @@ fn belief(
     };
     match Belief::of(recorded, &scenario, &source) {
         Ok(belief) => Ok(Some(belief)),
-        Err(error) => Err(CliError::Other(format!("{}: {error}", file.display()))),
+        Err(error) => Err(CliError::content(file, error)),
     }
 }

@@ -115,11 +115,10 @@ fn read(path: &Path) -> Result<Column, CliError> {
         .iter()
         .filter(|row| counts.contains(&&*row.name));
     if frames.filter_map(|row| row.value).sum::<f64>() < 1.0 {
-        return Err(CliError::Other(format!(
-            "{}: no packet in {} bytes, expected the bytes of an XV-11 as it sends them",
-            path.display(),
-            bytes.len()
-        )));
+        let len = bytes.len();
+        let expected = "expected the bytes of an XV-11 as it sends them";
+        let what = format!("no packet in {len} bytes, {expected}");
+        return Err(CliError::content(path, what));
     }
     Ok(column)
 }

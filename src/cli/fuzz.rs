@@ -14,9 +14,7 @@ use super::{CliError, Verdict};
 use crate::realtime::clock::{Clock, WallClock};
 use crate::run::Run;
 use crate::scenario::{Scenario, Span};
-use crate::search::fuzz::{
-    self, Folder, FolderError, Found, Fuzzer, Missions, Plan, Round, Subject, Wires,
-};
+use crate::search::fuzz::{self, Folder, Found, Fuzzer, Missions, Plan, Round, Subject, Wires};
 use crate::search::generate::Vary;
 use crate::search::shrink::Effort;
 
@@ -82,12 +80,6 @@ pub(super) struct FuzzArgs {
     out: PathBuf,
     #[command(flatten)]
     exec: exec::ExecArgs,
-}
-
-impl From<FolderError> for CliError {
-    fn from(error: FolderError) -> Self {
-        Self::Other(error.to_string())
-    }
 }
 
 /// How long if neither time nor cases are given.
@@ -169,10 +161,12 @@ fn repeat(file: &Path, subjects: &Subjects) -> Result<Verdict, CliError> {
     if path.is_dir() {
         path.push(subject.case_file());
     }
-    let text = fs::read_to_string(&path)
-        .map_err(|error| CliError::Other(format!("cannot read {}: {error}", path.display())))?;
+    let text = fs::read_to_string(&path).map_err(|error| CliError::Read {
+        path: path.clone(),
+        error,
+    })?;
     let judged = subject.repeated(&text);
-    let judged = judged.map_err(|error| CliError::Other(format!("{}: {error}", path.display())))?;
+    let judged = judged.map_err(|error| CliError::content(&path, error))?;
     match judged {
         Ok(()) => {
             println!("{}: every law holds", subject.name());

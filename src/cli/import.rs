@@ -42,13 +42,11 @@ pub(super) struct ImportArgs {
 }
 
 pub(super) fn run(args: ImportArgs) -> Result<Verdict, CliError> {
-    let shown = args.file.display();
-    let bytes = std::fs::read(&args.file)
-        .map_err(|error| CliError::Other(format!("cannot read {shown}: {error}")))?;
+    let bytes = super::read(&args.file)?;
     let Some(format) = args.format.or_else(|| Format::detect(&bytes)) else {
         let known = "socat, jpnevulator, sigrok or saleae";
-        let error = format!("{shown}: expected a dump of {known}, or --format raw for bytes alone");
-        return Err(CliError::Other(error));
+        let what = format!("expected a dump of {known}, or --format raw for bytes alone");
+        return Err(CliError::content(&args.file, what));
     };
     let options = Options {
         link: args.link,
@@ -57,7 +55,7 @@ pub(super) fn run(args: ImportArgs) -> Result<Verdict, CliError> {
         direction: args.from.speaks(),
     };
     let imported = import::read(&bytes, format, &options)
-        .map_err(|error| CliError::Other(format!("{shown}: {error}")))?;
+        .map_err(|error| CliError::content(&args.file, error))?;
     imported.notes.iter().for_each(|note| eprintln!("{note}"));
     let out = args.out.display();
     std::fs::write(&args.out, imported.to_pcapng(format))

@@ -54,8 +54,7 @@ struct DiffArgs {
 pub(super) fn run(args: MapArgs) -> Result<Verdict, CliError> {
     let MapCommand::Diff(args) = args.command;
     let reach = reach(&args)?;
-    let read = |path| RosMap::read(path).map_err(|error| CliError::Other(error.to_string()));
-    let (first, second) = (read(&args.first)?, read(&args.second)?);
+    let (first, second) = (RosMap::read(&args.first)?, RosMap::read(&args.second)?);
     let Some(found) = diff(&first, &second, reach) else {
         let walls = |map: &RosMap| map.all(Seen::Wall).count();
         return Err(CliError::Other(format!(
@@ -69,9 +68,9 @@ pub(super) fn run(args: MapArgs) -> Result<Verdict, CliError> {
     tell(&found);
     if let Some(path) = &args.picture {
         let image = picture(&first, &second, &found);
-        image.save(path).map_err(|error| FolderError {
+        image.write_png(path).map_err(|source| FolderError {
             path: path.clone(),
-            source: std::io::Error::other(error),
+            source,
         })?;
         println!("picture in {}", path.display());
     }

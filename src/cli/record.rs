@@ -86,7 +86,7 @@ pub(super) fn run(args: RecordArgs) -> Result<Verdict, CliError> {
 }
 
 fn failed(error: impl Into<RecordError>) -> CliError {
-    CliError::Other(error.into().to_string())
+    CliError::Record(error.into())
 }
 
 fn wires(args: &RecordArgs, ports: &mut Ports) -> Result<Vec<Wire>, CliError> {

@@ -116,21 +116,19 @@ fn open(path: &Path, scenario: Option<&Path>) -> Result<Log, CliError> {
     if path.is_dir() {
         return capture(&path.join("capture.pcapng"), scenario);
     }
-    let other = |what: String| CliError::Other(format!("{}: {what}", path.display()));
-    let bytes = std::fs::read(path)
-        .map_err(|error| CliError::Other(format!("cannot read {}: {error}", path.display())))?;
+    let bytes = super::read(path)?;
     if bytes.starts_with(&PCAPNG) {
         return capture(path, scenario);
     }
     let bytes = if bytes.starts_with(&[0x1F, 0x8B]) {
-        unpacked(&bytes, path).map_err(other)?
+        unpacked(&bytes, path).map_err(|what| CliError::content(path, what))?
     } else {
         bytes
     };
     if bytes.starts_with(b"\x89MCAP") {
         return mcap(&bytes, path, scenario);
     }
-    carmen::read(&bytes).map_err(|error| other(error.to_string()))
+    carmen::read(&bytes).map_err(|error| CliError::content(path, error))
 }
 
 fn capture(path: &Path, scenario: Option<&Path>) -> Result<Log, CliError> {
@@ -138,7 +136,7 @@ fn capture(path: &Path, scenario: Option<&Path>) -> Result<Log, CliError> {
     let (scenario, source) = super::replay::robot(&capture, path, scenario)?;
     let recorded = Recorded::of(&capture, None);
     wire::read(&recorded, &senses(&scenario, &source)?)
-        .map_err(|error| CliError::Other(format!("{}: {error}", path.display())))
+        .map_err(|error| CliError::content(path, error))
 }
 
 /// What a mapper needs to know of the scenario's robot.
@@ -154,7 +152,7 @@ fn senses(scenario: &Scenario, source: &Source) -> Result<robots::Senses, CliErr
 #[cfg(not(feature = "mcap"))]
 fn mcap(_bytes: &[u8], path: &Path, _scenario: Option<&Path>) -> Result<Log, CliError> {
     let error = "is an MCAP file, which this build of hilrig does not read (feature mcap)";
-    Err(CliError::Other(format!("{}: {error}", path.display())))
+    Err(CliError::content(path, error))
 }
 
 /// Ours hold the bytes of the links, from which more is known than from its messages.
@@ -162,7 +160,6 @@ fn mcap(_bytes: &[u8], path: &Path, _scenario: Option<&Path>) -> Result<Log, Cli
 fn mcap(bytes: &[u8], path: &Path, scenario: Option<&Path>) -> Result<Log, CliError> {
     use crate::scenario::Scenario;
 
-    let other = |what: String| CliError::Other(format!("{}: {what}", path.display()));
     let contents = crate::slam::mcap::read(bytes);
     let robot = match (scenario, &contents.scenario) {
         (Some(scenario), _) => Some(Scenario::read(scenario)?),
@@ -173,11 +170,13 @@ fn mcap(bytes: &[u8], path: &Path, scenario: Option<&Path>) -> Result<Log, CliEr
         && contents.has_bytes()
     {
         let mut log = wire::read(&contents.recorded, &senses(&scenario, &source)?)
-            .map_err(|error| other(error.to_string()))?;
+            .map_err(|error| CliError::content(path, error))?;
         log.findings.extend(contents.findings);
         return Ok(log);
     }
-    contents.log().map_err(|error| other(error.to_string()))
+    contents
+        .log()
+        .map_err(|error| CliError::content(path, error))
 }
 
 /// What a gzipped file holds; of a damaged one, what is before the damage.

@@ -107,8 +107,7 @@ fn run_rig(args: &Ui, stop: &Stop) -> Result<(), CliError> {
     scenario.seed = args.seed.unwrap_or(scenario.seed);
     let hub = Hub::new();
     let clock = WallClock::start();
-    let session = Session::new(scenario, source, Arc::clone(&hub), clock, args.speed);
-    let mut session = session.map_err(|error| CliError::Other(error.to_string()))?;
+    let mut session = Session::new(scenario, source, Arc::clone(&hub), clock, args.speed)?;
     let _server = args.place.serve("--port", hub)?;
     while !stop.is_due(session.clock().now()) {
         session.turn();

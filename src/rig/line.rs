@@ -28,9 +28,10 @@ pub struct End {
 /// Which way bytes go on a link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Direction {
-    /// From the device to the robot's program (on the air: from the PC to the radio's air end).
+    /// From the device to the robot's program; on the air from the radio to the PC, which is that
+    /// link's master.
     ToMaster,
-    /// From the robot's program to the device.
+    /// From the robot's program to the device; on the air from the PC to the radio.
     ToDevice,
 }
 

@@ -2,6 +2,7 @@
 
 use emulators::world::{OccupancyImage, Point};
 
+use crate::picture::{Picture, PictureError};
 use crate::scenario::Source;
 
 /// The keys of the yaml file that matter here.
@@ -32,26 +33,20 @@ pub fn read(yaml: &str, source: &Source) -> Result<OccupancyImage, String> {
         .parent()
         .unwrap_or_else(|| ".".as_ref())
         .join(&map.image);
-    let picture = image::open(&image_path)
-        .map_err(|error| format!("cannot read {}: {error}", image_path.display()))?
-        .into_luma8();
-    let (width, height) = (picture.width() as usize, picture.height() as usize);
-    if width * height > CELLS_MAX {
-        return Err(format!(
-            "{} has {width} x {height} cells, at most {CELLS_MAX} allowed",
-            image_path.display()
-        ));
-    }
-    // The picture's first row is the top of the map.
-    let cells = picture
-        .rows()
-        .rev()
-        .flatten()
-        .map(|pixel| map.is_occupied(pixel.0[0]))
-        .collect();
+    let picture = Picture::<u8>::read(&image_path, CELLS_MAX).map_err(|error| {
+        let path = image_path.display();
+        match error {
+            PictureError::Size { width, height } => {
+                format!("{path} has {width} x {height} cells, at most {CELLS_MAX} allowed")
+            }
+            error => format!("cannot read {path}: {error}"),
+        }
+    })?;
+    let cells = picture.from_below().map(|gray| map.is_occupied(gray));
+    let cells = cells.collect();
     Ok(OccupancyImage {
-        width,
-        height,
+        width: picture.width(),
+        height: picture.height(),
         resolution_m: map.resolution_m,
         origin: Point::new(map.origin[0], map.origin[1]),
         cells,

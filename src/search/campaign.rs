@@ -10,8 +10,9 @@ mod merge;
 mod page;
 mod store;
 
+pub use crate::search::error::StoreError as CampaignError;
 pub use judge::{Record, cause_of, run};
 pub(crate) use judge::{without_figures, words_of_panic};
 pub use merge::{Group, Merged, SituationCount, merge};
 pub use page::page;
-pub use store::{CampaignError, Plan, Shard, Store};
+pub use store::{Plan, Shard, Store};

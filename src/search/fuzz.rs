@@ -24,7 +24,7 @@ mod wires;
 
 pub use engine::{Found, Fuzzer, Round, silence_panics};
 pub(crate) use folder::read_corpus;
-pub use folder::{Folder, FolderError, Plan};
+pub use folder::{Folder, Plan};
 pub use missions::Missions;
 pub use session::{PROGRAMS, programs};
 pub use subject::{Behaviour, Fault, Kept, Subject, size};

@@ -3,17 +3,16 @@
 use core::fmt::Write as _;
 use core::time::Duration;
 use std::collections::BTreeMap;
-use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use emulators::world::Pose;
-use image::RgbImage;
 use protocols::Instant;
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 use serde::Serialize;
 
 use crate::TOOL;
+use crate::picture::Picture;
 use crate::robots::KeptMap;
 use crate::run::Outcome;
 use crate::run::check::{Check, Status};
@@ -98,21 +97,14 @@ impl Metrics {
 }
 
 /// A file of the result folder could not be written.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
+#[error("cannot write {}: {source}", .path.display())]
 pub struct FolderError {
     /// Which file.
     pub path: PathBuf,
     /// Why.
     pub source: io::Error,
 }
-
-impl fmt::Display for FolderError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "cannot write {}: {}", self.path.display(), self.source)
-    }
-}
-
-impl core::error::Error for FolderError {}
 
 /// A folder that is being filled.
 #[derive(Debug)]
@@ -131,11 +123,10 @@ impl<'a> Folder<'a> {
         std::fs::write(&path, bytes).map_err(failed(&path))
     }
 
-    /// Writes a picture in the form that its name says.
-    pub(crate) fn picture(&self, name: &str, picture: &RgbImage) -> Result<(), FolderError> {
+    /// Writes a picture as PNG.
+    pub(crate) fn picture(&self, name: &str, picture: &Picture) -> Result<(), FolderError> {
         let path = self.0.join(name);
-        let saved = picture.save(&path).map_err(io::Error::other);
-        saved.map_err(failed(&path))
+        picture.write_png(&path).map_err(failed(&path))
     }
 }
 
@@ -168,7 +159,7 @@ pub fn write(dir: &Path, outcome: &Outcome, wall: Duration) -> Result<(), Folder
     let robot = outcome.truth.last().map(|&(_, pose)| pose);
     folder.put("map.txt", render::text(map, 5, robot))?;
     folder.put("map.yaml", render::ros_yaml(map, "map.pgm"))?;
-    folder.put("map.pgm", render::pgm(&render::ros_image(map)))?;
+    folder.put("map.pgm", render::ros_image(map).pgm())?;
     let truth: Vec<Pose> = outcome.truth.iter().map(|&(_, pose)| pose).collect();
     let believed: Vec<Pose> = estimate.iter().map(|&(_, pose)| pose).collect();
     folder.picture("map.png", &render::picture(map, &truth, &believed))

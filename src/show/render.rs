@@ -2,8 +2,8 @@
 
 use emulators::world::{Pose, Shape};
 use firmware_core::map_view::MapView;
-use image::{GrayImage, Luma, Rgb, RgbImage};
 
+use crate::picture::Picture;
 use crate::robots::Display;
 use crate::run::score::{is_wall, outline};
 
@@ -88,23 +88,15 @@ fn block_character(grid: MapView<'_>, x: usize, y: usize, block: usize) -> char 
 
 /// The map in ROS gray values: 254 free, 0 occupied, 205 unknown; first row on top. Trinary: the
 /// slopes beside walls are unknown.
-pub fn ros_image(grid: MapView<'_>) -> GrayImage {
+pub fn ros_image(grid: MapView<'_>) -> Picture<u8> {
     let height = grid.height();
-    let (w, h) = (size(grid.width()), size(height));
-    GrayImage::from_fn(w, h, |x, y| {
-        Luma([match cell(grid, x as usize, height - 1 - y as usize) {
+    Picture::from_fn(grid.width(), height, |x, y| {
+        match cell(grid, x, height - 1 - y) {
             Cell::Wall => 0,
             Cell::Free => 254,
             Cell::Unknown | Cell::Between => ROS_UNKNOWN,
-        }])
+        }
     })
-}
-
-/// A picture as a binary PGM. By that file name the library would write its newer form, `P7`, which
-/// ROS does not read.
-pub fn pgm(picture: &GrayImage) -> Vec<u8> {
-    let head = format!("P5\n{} {}\n255\n", picture.width(), picture.height());
-    [head.as_bytes(), picture.as_raw()].concat()
 }
 
 /// Corner of least x and y, metres.
@@ -128,17 +120,16 @@ pub fn ros_yaml_at([x, y]: [f64; 2], cell_m: f64, image: &str) -> String {
 
 /// The map as the program holds it, dark where it believes a wall, with the true way (green) and
 /// the believed way (red).
-pub fn picture(grid: MapView<'_>, truth: &[Pose], estimate: &[Pose]) -> RgbImage {
-    const SCALE: u32 = 3;
+pub fn picture(grid: MapView<'_>, truth: &[Pose], estimate: &[Pose]) -> Picture {
+    const SCALE: usize = 3;
     let height = grid.height();
-    let (w, h) = (size(grid.width()) * SCALE, size(height) * SCALE);
-    let mut image = RgbImage::from_fn(w, h, |x, y| {
-        let (x, y) = (x / SCALE, y / SCALE);
-        let value = 255 - grid.get(x as usize, height - 1 - y as usize).unwrap_or(127);
-        Rgb([value; 3])
+    let (w, h) = (grid.width() * SCALE, height * SCALE);
+    let mut image = Picture::from_fn(w, h, |x, y| {
+        let value = grid.get(x / SCALE, height - 1 - y / SCALE);
+        [255 - value.unwrap_or(127); 3]
     });
-    let pixel_m = f64::from(grid.cell_mm()) / 1000.0 / f64::from(SCALE);
-    for (way, colour) in [(truth, Rgb([0, 160, 60])), (estimate, Rgb([220, 40, 30]))] {
+    let pixel_m = f64::from(grid.cell_mm()) / 1000.0 / SCALE as f64;
+    for (way, colour) in [(truth, [0, 160, 60]), (estimate, [220, 40, 30])] {
         for pair in way.windows(2) {
             let shape = Shape::Wall {
                 from: pair[0].point(),
@@ -148,7 +139,7 @@ pub fn picture(grid: MapView<'_>, truth: &[Pose], estimate: &[Pose]) -> RgbImage
                 let [x0, y0] = origin_m(grid);
                 let (x, y) = (
                     (place.x - x0) / pixel_m,
-                    f64::from(h) - (place.y - y0) / pixel_m,
+                    h as f64 - (place.y - y0) / pixel_m,
                 );
                 dot(&mut image, x, y, colour);
             });
@@ -158,46 +149,31 @@ pub fn picture(grid: MapView<'_>, truth: &[Pose], estimate: &[Pose]) -> RgbImage
 }
 
 /// What is on a display.
-pub fn display(display: Display<'_>) -> RgbImage {
-    let (width, height) = (size(display.width), size(display.height()));
-    RgbImage::from_fn(width, height, |x, y| {
-        let pixel = display.pixels[y as usize * display.width + x as usize];
+pub fn display(display: Display<'_>) -> Picture {
+    Picture::from_fn(display.width, display.height(), |x, y| {
+        let pixel = display.pixels[y * display.width + x];
         let [high, low] = pixel.to_be_bytes();
         // Five or six bits become eight so that the largest value stays the largest.
         let five = |bits: u8| bits << 3 | bits >> 2;
         let green = (high & 0x07) << 3 | low >> 5;
-        Rgb(if display.is_on {
+        if display.is_on {
             [five(high >> 3), green << 2 | green >> 4, five(low & 0x1F)]
         } else {
             [0; 3]
-        })
+        }
     })
 }
 
 /// Two by two pixels, as far as they lie inside.
-pub(crate) fn dot(image: &mut RgbImage, x: f64, y: f64, colour: Rgb<u8>) {
+pub(crate) fn dot(image: &mut Picture, x: f64, y: f64, colour: [u8; 3]) {
     for (x, y) in [(x, y), (x + 1.0, y), (x, y + 1.0), (x + 1.0, y + 1.0)] {
-        let inside = x >= 0.0 && y >= 0.0;
-        if inside && x < f64::from(image.width()) && y < f64::from(image.height()) {
-            #[expect(clippy::cast_possible_truncation, reason = "inside the picture")]
-            #[expect(clippy::cast_sign_loss, reason = "inside the picture")]
-            image.put_pixel(x as u32, y as u32, colour);
+        if x >= 0.0 && y >= 0.0 {
+            #[expect(
+                clippy::cast_possible_truncation,
+                reason = "beyond the picture none is put"
+            )]
+            #[expect(clippy::cast_sign_loss, reason = "not negative")]
+            image.put(x as usize, y as usize, colour);
         }
-    }
-}
-
-fn size(cells: usize) -> u32 {
-    u32::try_from(cells).expect("a map has a few hundred cells a side")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// The form's own definition: magic, width, height, largest gray, one white space, the rows.
-    #[test]
-    fn a_ros_picture_is_a_binary_pgm() {
-        let picture = GrayImage::from_fn(2, 1, |x, _| Luma([if x == 0 { 254 } else { 205 }]));
-        assert_eq!(pgm(&picture), b"P5\n2 1\n255\n\xFE\xCD");
     }
 }

@@ -30,4 +30,4 @@ pub use hub::Hub;
 pub use pace::{Pace, SPEED_MAX};
 pub use remote::Remote;
 pub use server::{CLIENTS_MAX, Server};
-pub use session::{Session, SessionError};
+pub use session::Session;

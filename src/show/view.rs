@@ -3,8 +3,9 @@
 //! The script, `view/view.js`, documents the JSON that each of its functions takes.
 
 use emulators::world::{Point, Shape, World};
-use image::RgbImage;
 use serde::Serialize;
+
+use crate::picture::Picture;
 
 /// The drawing functions: a classic script that defines `hilrigView`.
 pub const SCRIPT: &str = include_str!("view/view.js");
@@ -67,9 +68,8 @@ fn outline(shape: &Shape, from: Point) -> Outline {
 }
 
 /// A picture as runs of count, red, green and blue, top row first: `drawPicture` of the script.
-pub fn picture_runs(picture: &RgbImage) -> Vec<u8> {
-    let pixels = picture.as_raw().as_chunks::<3>().0;
-    let runs = pixels.chunk_by(|a, b| a == b);
+pub fn picture_runs(picture: &Picture) -> Vec<u8> {
+    let runs = picture.pixels().chunk_by(|a, b| a == b);
     let parts = runs.flat_map(|run| run.chunks(u8::MAX.into()));
     let parts = parts.map(|part| {
         let count = u8::try_from(part.len()).expect("chunks of at most 255");
@@ -95,8 +95,8 @@ mod tests {
     /// 300 pixels of one colour and one of another: 255, 45 and 1.
     #[test]
     fn a_picture_is_runs_of_at_most_255() {
-        let mut picture = RgbImage::from_pixel(301, 1, image::Rgb([1, 2, 3]));
-        picture.put_pixel(300, 0, image::Rgb([9, 8, 7]));
+        let mut picture = Picture::from_fn(301, 1, |_, _| [1, 2, 3]);
+        picture.put(300, 0, [9, 8, 7]);
         let expected = [255, 1, 2, 3, 45, 1, 2, 3, 1, 9, 8, 7];
         assert_eq!(picture_runs(&picture), expected);
     }

@@ -9,8 +9,6 @@
 mod fields;
 mod wheels;
 
-use core::fmt;
-
 use emulators::world::Pose;
 
 use super::finding::{Findings, Kind};
@@ -24,16 +22,9 @@ use wheels::{Chain, PoseKind};
 const LASER_FAR_M: f64 = 3.0;
 
 /// A log that cannot be used at all.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
 pub struct CarmenError(String);
-
-impl fmt::Display for CarmenError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
-    }
-}
-
-impl core::error::Error for CarmenError {}
 
 /// Reads a log. What cannot be used is left out and counted; an error only if nothing is left.
 pub fn read(bytes: &[u8]) -> Result<Log, CarmenError> {

@@ -4,12 +4,11 @@ use std::path::Path;
 
 use core::fmt::Write as _;
 
-use image::imageops::crop_imm;
-use image::{GrayImage, Luma, Rgb, RgbImage};
 use serde::Serialize;
 
 use super::Log;
 use super::survey::{CELLS, Survey};
+use crate::picture::Picture;
 use crate::show::folder::{Folder, FolderError};
 
 /// `timing.json`.
@@ -61,10 +60,7 @@ pub fn write(dir: &Path, survey: &Survey, timing: &Timing<'_>) -> Result<(), Fol
     let mut json = serde_json::to_string_pretty(timing).expect("plain data");
     json.push('\n');
     folder.put("timing.json", json)?;
-    folder.put(
-        "map.pgm",
-        crate::show::render::pgm(&frame.ros_image(survey)),
-    )?;
+    folder.put("map.pgm", frame.ros_image(survey).pgm())?;
     folder.picture("map.png", &frame.picture(survey))
 }
 
@@ -91,10 +87,10 @@ const ROS_UNKNOWN: u8 = 205;
 
 /// The part of the map that is shown: first column, first row, columns, rows.
 struct Frame {
-    x: u32,
-    y: u32,
-    width: u32,
-    height: u32,
+    x: usize,
+    y: usize,
+    width: usize,
+    height: usize,
 }
 
 impl Frame {
@@ -103,24 +99,23 @@ impl Frame {
         let (x, y) = (x0.saturating_sub(MARGIN), y0.saturating_sub(MARGIN));
         let (x1, y1) = ((x1 + MARGIN).min(CELLS - 1), (y1 + MARGIN).min(CELLS - 1));
         Self {
-            x: pixels(x),
-            y: pixels(y),
-            width: pixels(x1 - x + 1),
-            height: pixels(y1 - y + 1),
+            x,
+            y,
+            width: x1 - x + 1,
+            height: y1 - y + 1,
         }
     }
 
     /// A picture of the frame, top row first, from each cell's value.
-    fn image(&self, survey: &Survey, shade: impl Fn(u8) -> u8) -> GrayImage {
-        let top = pixels(CELLS) - self.y - self.height;
-        let whole = GrayImage::from_fn(pixels(CELLS), pixels(CELLS), |x, y| {
-            let value = survey.grid.get(x as usize, CELLS - 1 - y as usize);
-            Luma([shade(value.unwrap_or(127))])
-        });
-        crop_imm(&whole, self.x, top, self.width, self.height).to_image()
+    fn image(&self, survey: &Survey, shade: impl Fn(u8) -> u8) -> Picture<u8> {
+        let top = self.y + self.height - 1;
+        Picture::from_fn(self.width, self.height, |x, y| {
+            let value = survey.grid.get(self.x + x, top - y);
+            shade(value.unwrap_or(127))
+        })
     }
 
-    fn ros_image(&self, survey: &Survey) -> GrayImage {
+    fn ros_image(&self, survey: &Survey) -> Picture<u8> {
         self.image(survey, |value| match value {
             WALL.. => 0,
             ..FREE => 254,
@@ -132,7 +127,7 @@ impl Frame {
     fn origin(&self, survey: &Survey) -> [f64; 3] {
         let cell_m = f64::from(survey.grid.resolution_mm()) / 1000.0;
         let middle = CELLS as f64 / 2.0;
-        let [x, y] = [self.x, self.y].map(|cell| (f64::from(cell) - middle) * cell_m);
+        let [x, y] = [self.x, self.y].map(|cell| (cell as f64 - middle) * cell_m);
         [x + survey.middle[0], y + survey.middle[1], cell_m]
     }
 
@@ -142,27 +137,23 @@ impl Frame {
     }
 
     /// The map, dark where it believes walls, with the way in red; small maps are enlarged.
-    fn picture(&self, survey: &Survey) -> RgbImage {
+    fn picture(&self, survey: &Survey) -> Picture {
         let scale = if self.width.max(self.height) < 800 {
             2
         } else {
             1
         };
         let gray = self.image(survey, |value| 255 - value);
-        let mut image = RgbImage::from_fn(self.width * scale, self.height * scale, |x, y| {
-            Rgb([gray.get_pixel(x / scale, y / scale).0[0]; 3])
+        let mut image = Picture::from_fn(self.width * scale, self.height * scale, |x, y| {
+            [gray.pixels()[y / scale * self.width + x / scale]; 3]
         });
         let [x0, y0, cell_m] = self.origin(survey);
-        let pixel_m = cell_m / f64::from(scale);
-        let height = f64::from(image.height());
+        let pixel_m = cell_m / scale as f64;
+        let height = image.height() as f64;
         for (_, place) in &survey.way {
             let (x, y) = ((place.x - x0) / pixel_m, height - (place.y - y0) / pixel_m);
-            crate::show::render::dot(&mut image, x, y, Rgb([220, 40, 30]));
+            crate::show::render::dot(&mut image, x, y, [220, 40, 30]);
         }
         image
     }
-}
-
-fn pixels(cells: usize) -> u32 {
-    u32::try_from(cells).expect("a map has a few thousand cells a side")
 }

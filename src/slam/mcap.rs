@@ -4,7 +4,6 @@
 mod cdr;
 mod json;
 
-use core::fmt;
 use core::panic::AssertUnwindSafe;
 use std::collections::BTreeMap;
 use std::panic::catch_unwind;
@@ -22,16 +21,9 @@ use crate::capture::replay::{Arrival, Passage, Recorded};
 use crate::rig::line::Direction;
 
 /// A file that cannot be used at all.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
 pub struct McapError(String);
-
-impl fmt::Display for McapError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
-    }
-}
-
-impl core::error::Error for McapError {}
 
 /// What a file holds.
 #[derive(Debug, Default)]

@@ -6,7 +6,6 @@
 //! base's bytes -> replies -> odometry ------+
 //! ```
 
-use core::fmt;
 use core::time::Duration;
 
 use emulators::world::Pose as Place;
@@ -21,16 +20,9 @@ use crate::capture::replay::{Arrival, Passage, Recorded};
 use crate::robots::Senses;
 
 /// Links that hold nothing to map.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
 pub struct WireError(String);
-
-impl fmt::Display for WireError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
-    }
-}
-
-impl core::error::Error for WireError {}
 
 /// Silence on a line after which an unfinished frame will not be finished.
 const IDLE: Duration = Duration::from_millis(20);
@@ -90,11 +82,9 @@ fn frames<D: Decode>(passage: &Passage, mut decoder: D) -> Vec<(Instant, D::Fram
 
 /// The bytes of an arrival, each with its time: they came back to back.
 fn bytes(arrival: &Arrival, line: LineConfig) -> impl Iterator<Item = (Instant, u8)> + '_ {
-    let end = arrival.at.as_nanos();
     (1..).zip(&arrival.bytes).map(move |(number, byte)| {
         let behind = (arrival.bytes.len() - number) as u64;
-        let nanos = u64::try_from(line.bytes_time(behind).as_nanos()).unwrap_or(u64::MAX);
-        (Instant::from_nanos(end.saturating_sub(nanos)), *byte)
+        (line.byte_end(arrival.at, behind), *byte)
     })
 }
 

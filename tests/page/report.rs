@@ -86,7 +86,7 @@ fn a_report_opens_from_disk_without_a_network() {
     for [x, y] in [[240, 136], [3, 3], [280, 90]] {
         let pixel = "document.getElementById('display').getContext('2d')";
         let pixel = browser.value(&format!("[...{pixel}.getImageData({x}, {y}, 1, 1).data]"));
-        let [red, green, blue] = picture.get_pixel(x, y).0;
+        let [red, green, blue] = picture.get(x, y).expect("inside");
         assert_eq!(pixel, serde_json::json!([red, green, blue, 255]));
     }
 }

@@ -9,10 +9,10 @@ use std::path::Path;
 use emulators::touch_panel::TouchPanel;
 use firmware_core::Inspect;
 use firmware_core::robots::rescue::Rescue;
+use hilrig::picture::Picture;
 use hilrig::rig::line::Direction;
 use hilrig::run::Run;
 use hilrig::show::render;
-use image::RgbImage;
 use protocols::pcui::message::Mode;
 
 use super::{in_a_room, run_to_end, shipped, start};
@@ -40,7 +40,7 @@ fn program(run: &Run) -> &Rescue {
     run.rig.program_as().expect("in this process")
 }
 
-fn picture(run: &Run) -> RgbImage {
+fn picture(run: &Run) -> Picture {
     let panel = run.instruments().display(&run.rig);
     render::display(panel.expect("it has one"))
 }
@@ -56,16 +56,16 @@ fn tap(run: &mut Run, place: [u16; 2]) {
     pass(run, 2);
 }
 
-fn assert_looks_like(name: &str, seen: &RgbImage) {
+fn assert_looks_like(name: &str, seen: &Picture) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/rig/pictures");
     let path = folder.join(format!("{name}.png"));
     if std::env::var_os("UPDATE_PICTURES").is_some() {
-        seen.save(&path).expect("can be written");
+        seen.write_png(&path).expect("can be written");
     }
-    let expected = image::open(&path).expect("committed").into_rgb8();
+    let expected = Picture::read(&path, 1 << 20).expect("committed");
     if *seen != expected {
         let kept = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}.png"));
-        seen.save(&kept).expect("can be written");
+        seen.write_png(&kept).expect("can be written");
         let (kept, path) = (kept.display(), path.display());
         panic!("{kept} is not {path}; if it is right, run again with UPDATE_PICTURES=1");
     }
@@ -110,7 +110,7 @@ fn each_pixel_of_the_map_is_the_cell_under_it() {
         }
         let cell = |pixel: u16| usize::from(3 * (2 * pixel + 1) / 4);
         let value = map.get(cell(x), cell(up)).expect("inside");
-        let pixel = seen.get_pixel(6 + u32::from(x), 231 - u32::from(up)).0;
+        let pixel = seen.get((6 + x).into(), (231 - up).into()).expect("inside");
         let gray = f64::from(255 - value);
         shades.insert(pixel[1]);
         let off = (f64::from(pixel[1]) - gray).abs();

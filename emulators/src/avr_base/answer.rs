@@ -10,7 +10,7 @@ use super::config::{Announce, DebugText};
 use super::journal::rules;
 use super::memory::Memory;
 use super::profile::{Bounds, EncoderCopy, Processor, SET_POINT_MAX, SetPoints, Status};
-use super::receiver::{Request, RequestKind};
+use super::request::{Request, RequestKind};
 use super::{AvrBase, SET_POINT_REGISTERS};
 
 /// What the text of the debug build costs: 72 of its 103 bytes have to leave at 90 us each before

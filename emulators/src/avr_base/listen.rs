@@ -8,7 +8,8 @@ use protocols::Instant;
 use super::config::DebugText;
 use super::journal::rules;
 use super::profile::{Processor, ReceiverKind};
-use super::receiver::{Heard, Request};
+use super::receiver::Heard;
+use super::request::Request;
 use super::{AvrBase, Pending, answer, ticks};
 
 /// The processor's own watchdog.

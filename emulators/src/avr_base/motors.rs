@@ -7,7 +7,7 @@ use protocols::avr::registers;
 
 use super::drive::{Regulator, speed_register};
 use super::profile::{Registers, Watchdog};
-use super::receiver::{Request, RequestKind};
+use super::request::{Request, RequestKind};
 use super::ticks::{DIVIDER, REGULATOR};
 use super::{AvrBase, SET_POINT_REGISTERS, WHEELS};
 use crate::world::{Drive, World};

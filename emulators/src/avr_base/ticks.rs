@@ -15,7 +15,7 @@ use core::time::Duration;
 
 use protocols::Instant;
 
-use super::receiver::RequestKind;
+use super::request::RequestKind;
 use crate::rng::Rng;
 
 /// One tick of the scheduler, ns.

@@ -229,6 +229,13 @@ impl PcLink {
         }
     }
 
+    /// Passes on what the lidar sends, as the fielded program could be told to (XV-12).
+    pub fn pass_on_raw_lidar(&mut self, bytes: &[u8]) {
+        if self.settings.defects.raw_lidar {
+            self.tx.push(bytes);
+        }
+    }
+
     /// Bytes that come while the link is switched off: the fielded queue keeps the first 200.
     pub fn receive_while_off(&mut self, bytes: &[u8]) {
         if self.settings.defects.keeps_while_off {

@@ -372,7 +372,7 @@ impl Master for Rescue {
         match port {
             Self::LIDAR => {
                 self.lidar.receive(now, bytes);
-                self.pc.overhear(bytes);
+                self.pc.pass_on_raw_lidar(bytes);
             }
             Self::BASE => {
                 self.drive.receive(now, bytes);

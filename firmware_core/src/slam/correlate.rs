@@ -5,22 +5,9 @@ use super::effort::Effort;
 use super::matching::{Placement, whole};
 use super::prior::Prior;
 use super::row::{Cut, LANES, POINTS_MAX, Sums, add_cut, pair, sums};
+use super::window::{REACH_MAX, Window};
 use crate::grid::Grid;
 use crate::pose::{Pose, normalised};
-
-/// Cells to each side that the lanes of a row can hold.
-pub(super) const REACH_MAX: i32 = 15;
-
-/// Which poses a search looks at, around its centre.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Window {
-    /// Cells to each side along x and y, at most [`REACH_MAX`].
-    pub(super) reach: i32,
-    /// Heading steps to each side.
-    pub(super) turns: i32,
-    /// Radians per heading step.
-    pub(super) turn_step: f32,
-}
 
 /// The best pose of a window.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,7 +1,7 @@
 //! What the odometry says about a candidate: how unlikely its way from the prediction is.
 
-use super::correlate::{REACH_MAX, Window};
 use super::settings::MotionNoise;
+use super::window::{REACH_MAX, Window};
 use crate::pose::{Pose, PoseChange, normalised};
 
 /// Motion reported since the last scan, and where it leads.

@@ -5,12 +5,13 @@
 
 use core::f32::consts::TAU;
 
-use super::correlate::{Best, Window, search};
+use super::correlate::{Best, search};
 use super::effort::Effort;
 use super::evidence::Evidence;
 use super::matching::Placement;
 use super::prior::Prior;
 use super::row::POINTS_MAX;
+use super::window::Window;
 use crate::grid::Grid;
 use crate::pose::{Pose, normalised};
 

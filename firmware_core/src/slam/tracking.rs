@@ -1,13 +1,14 @@
 //! The core's way to the pose: the window that the odometry leaves, searched whole, then between
 //! the cells. A scan that contradicts the map widens the window: the robot may have been pushed.
 
-use super::correlate::{Best, REACH_MAX, Window, search};
+use super::correlate::{Best, search};
 use super::effort::Effort;
 use super::evidence::Evidence;
 use super::prior::Prior;
 use super::refine::refine;
 use super::settings::Pushes;
 use super::sight::as_far_as_seen;
+use super::window::{REACH_MAX, Window};
 use crate::grid::Grid;
 use crate::pose::Pose;
 

@@ -66,13 +66,12 @@ pub(super) fn read(text: &str, line: LineConfig) -> Result<Vec<Arrival>, String>
         if together.is_empty() {
             return Err(wrong("expected bytes behind the time"));
         }
-        let mut at = nanos;
+        let mut at = Instant::from_nanos(nanos);
         let mut timed = Vec::new();
         for bytes in together.into_iter().rev() {
-            let took = line.bytes_time(bytes.len() as u64).as_nanos();
-            let moment = Instant::from_nanos(at);
-            timed.push(Arrival { at: moment, bytes });
-            at = at.saturating_sub(u64::try_from(took).unwrap_or(u64::MAX));
+            let before = line.byte_end(at, bytes.len() as u64);
+            timed.push(Arrival { at, bytes });
+            at = before;
         }
         let last = arrivals.last().map(|arrival| arrival.at);
         if timed.last().map(|arrival| arrival.at) < last {

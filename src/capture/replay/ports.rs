@@ -1,6 +1,5 @@
 //! A capture played into ports, in the place of a device or of a program.
 
-use core::fmt;
 use core::time::Duration;
 
 use protocols::Instant;
@@ -149,21 +148,14 @@ const PENDING_MAX: usize = 1 << 16;
 const WAIT_MAX: Duration = Duration::from_millis(5);
 
 /// A port went away while a capture was played into it.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
+#[error("link {link}: {source}")]
 pub struct PlaybackError {
     /// The link that belongs there.
     pub link: String,
     /// What happened.
     pub source: TransportError,
 }
-
-impl fmt::Display for PlaybackError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "link {}: {}", self.link, self.source)
-    }
-}
-
-impl core::error::Error for PlaybackError {}
 
 /// A capture being played into ports.
 pub struct Playback<C> {

@@ -1,6 +1,5 @@
 //! A capture file that is whole at any moment, also on a disk that is full.
 
-use core::fmt;
 use core::time::Duration;
 use std::fs::File;
 use std::io::{self, Write as _};
@@ -9,7 +8,11 @@ use std::path::{Path, PathBuf};
 use protocols::Instant;
 
 /// A capture cannot be written. What was written before is whole.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "cannot write {}: {source}; its first {whole} bytes are a whole capture",
+    .path.display()
+)]
 pub struct FileError {
     /// Which file.
     pub path: PathBuf,
@@ -18,23 +21,6 @@ pub struct FileError {
     /// What the system said.
     pub source: io::Error,
 }
-
-impl fmt::Display for FileError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            path,
-            whole,
-            source,
-        } = self;
-        let path = path.display();
-        write!(
-            f,
-            "cannot write {path}: {source}; its first {whole} bytes are a whole capture"
-        )
-    }
-}
-
-impl core::error::Error for FileError {}
 
 /// Blocks on their way to a file. Only whole blocks stay in it.
 #[derive(Debug)]

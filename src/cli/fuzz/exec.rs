@@ -104,12 +104,6 @@ impl ExecArgs {
     }
 }
 
-impl From<StandError> for CliError {
-    fn from(error: StandError) -> Self {
-        Self::Other(error.to_string())
-    }
-}
-
 pub(super) fn run(args: &FuzzArgs) -> Result<Verdict, CliError> {
     let own = &args.exec;
     if !(Duration::from_millis(1)..=CASE_MAX).contains(&own.case.0) {

@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::judge::situations_of;
-use super::store::{failed, read_plan};
-use super::{CampaignError, Plan, Record, Store, page, run};
+use super::store::read_plan;
+use super::{Plan, Record, Store, page, run};
 use crate::scenario::Scenario;
+use crate::search::error::{StoreError, failed};
 use crate::search::shrink::{self, Effort};
 
 /// Most seeds named for a group.
@@ -71,21 +72,21 @@ pub struct Merged {
 ///
 /// # Errors
 /// If a folder cannot be read, the shards are of different campaigns, or `out` cannot be written.
-pub fn merge(dirs: &[PathBuf], out: &Path) -> Result<Merged, CampaignError> {
+pub fn merge(dirs: &[PathBuf], out: &Path) -> Result<Merged, StoreError> {
     let mut stores = Vec::new();
     let mut plan: Option<Plan> = None;
     for dir in dirs {
         let read = read_plan(dir)?;
         let known = plan.get_or_insert_with(|| read.clone());
         if *known != read {
-            return Err(CampaignError::Content {
+            return Err(StoreError::Content {
                 path: dir.clone(),
                 message: format!("is of another campaign than {}", dirs[0].display()),
             });
         }
         stores.push(Store::open(dir)?);
     }
-    let plan = plan.ok_or_else(|| CampaignError::Content {
+    let plan = plan.ok_or_else(|| StoreError::Content {
         path: out.to_owned(),
         message: "nothing to merge, expected at least one folder".to_owned(),
     })?;
@@ -159,13 +160,13 @@ fn minimise(
     number: u32,
     stores: &[Store],
     out: &Path,
-) -> Result<(), CampaignError> {
+) -> Result<(), StoreError> {
     let (scenario, seed) = &group.first;
     let paths = stores.iter().map(|store| store.case(scenario, *seed));
     let Some(path) = paths.into_iter().find(|path| path.exists()) else {
         return Ok(());
     };
-    let (case, source) = Scenario::read(&path).map_err(|error| CampaignError::Content {
+    let (case, source) = Scenario::read(&path).map_err(|error| StoreError::Content {
         path,
         message: error.to_string(),
     })?;
@@ -184,7 +185,7 @@ fn minimise(
     Ok(())
 }
 
-fn write(merged: &Merged, out: &Path) -> Result<(), CampaignError> {
+fn write(merged: &Merged, out: &Path) -> Result<(), StoreError> {
     fs::create_dir_all(out).map_err(failed(out))?;
     let json = serde_json::to_string_pretty(merged).expect("plain data") + "\n";
     for (name, text) in [("campaign.json", json), ("campaign.html", page(merged))] {

@@ -1,17 +1,17 @@
 //! What a shard leaves in its folder: the plan, a line for each run, and a case for each cause.
 
-use core::fmt;
 use core::ops::Range;
 use core::str::FromStr;
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, Write as _};
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
 use super::Record;
 use crate::scenario::Scenario;
+use crate::search::error::{StoreError, failed};
 
 /// Which part of a campaign: every `of`-th run, from `index` on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -72,41 +72,6 @@ impl Plan {
     }
 }
 
-/// A folder of a campaign that cannot be used.
-#[derive(Debug)]
-pub enum CampaignError {
-    /// A file cannot be read or written.
-    File {
-        /// Which.
-        path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// A file does not say what it should.
-    Content {
-        /// Which.
-        path: PathBuf,
-        /// What is wrong and what was expected.
-        message: String,
-    },
-}
-
-impl fmt::Display for CampaignError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::File { path, source } => write!(f, "{}: {source}", path.display()),
-            Self::Content { path, message } => write!(f, "{}: {message}", path.display()),
-        }
-    }
-}
-
-impl core::error::Error for CampaignError {}
-
-pub(super) fn failed(path: &Path) -> impl FnOnce(io::Error) -> CampaignError {
-    let path = path.to_owned();
-    move |source| CampaignError::File { path, source }
-}
-
 /// The folder of a shard.
 #[derive(Debug)]
 pub struct Store {
@@ -125,14 +90,14 @@ impl Store {
     ///
     /// # Errors
     /// If it cannot be written, or belongs to another campaign.
-    pub fn create(dir: &Path, plan: &Plan) -> Result<Self, CampaignError> {
+    pub fn create(dir: &Path, plan: &Plan) -> Result<Self, StoreError> {
         fs::create_dir_all(dir.join("cases")).map_err(failed(dir))?;
         let path = dir.join(PLAN);
         if path.exists() {
             if &read_plan(dir)? != plan {
                 let message = "is of another campaign, expected the same scenarios, seeds, --vary \
                     and version, or another --out";
-                return Err(CampaignError::Content {
+                return Err(StoreError::Content {
                     path,
                     message: message.to_owned(),
                 });
@@ -152,7 +117,7 @@ impl Store {
     }
 
     /// Reads what a shard left in `dir`. A last line that was cut off is left out.
-    pub fn open(dir: &Path) -> Result<Self, CampaignError> {
+    pub fn open(dir: &Path) -> Result<Self, StoreError> {
         let mut store = Self {
             dir: dir.to_owned(),
             lines: None,
@@ -168,7 +133,7 @@ impl Store {
             .split_inclusive('\n')
             .filter(|line| line.ends_with('\n'));
         for (number, line) in (1..).zip(whole) {
-            let record = serde_json::from_str(line).map_err(|error| CampaignError::Content {
+            let record = serde_json::from_str(line).map_err(|error| StoreError::Content {
                 path: path.clone(),
                 message: format!("line {number}: {error}, expected a run"),
             })?;
@@ -204,7 +169,7 @@ impl Store {
     }
 
     /// Adds what a run came to; its `case` is kept if it is the first of its cause.
-    pub fn add(&mut self, record: Record, case: Option<&Scenario>) -> Result<(), CampaignError> {
+    pub fn add(&mut self, record: Record, case: Option<&Scenario>) -> Result<(), StoreError> {
         let path = self.dir.join(RUNS);
         let text = line(&record);
         let case_path = case_path(&self.dir, &record.scenario, record.seed);
@@ -242,10 +207,10 @@ fn line(record: &Record) -> String {
 }
 
 /// The plan of the shard in `dir`.
-pub(super) fn read_plan(dir: &Path) -> Result<Plan, CampaignError> {
+pub(super) fn read_plan(dir: &Path) -> Result<Plan, StoreError> {
     let path = dir.join(PLAN);
     let text = fs::read_to_string(&path).map_err(failed(&path))?;
-    serde_json::from_str(&text).map_err(|error| CampaignError::Content {
+    serde_json::from_str(&text).map_err(|error| StoreError::Content {
         path,
         message: format!("{error}, expected the plan of a campaign"),
     })

@@ -6,16 +6,15 @@
 //! findings/LAW-1A2B3C4D/        a finding: the small case, cause.txt, repeat.txt
 //! ```
 
-use core::fmt;
 use std::collections::BTreeMap;
 use std::fs;
-use std::io;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
 use super::subject::{Kept, Subject, law};
 use crate::hex;
+use crate::search::error::{StoreError, failed};
 
 /// What is fuzzed: only the same is gone on with.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -48,42 +47,7 @@ struct State {
     targets: BTreeMap<String, Progress>,
 }
 
-/// A folder that cannot be used.
-#[derive(Debug)]
-pub enum FolderError {
-    /// A file cannot be read or written.
-    File {
-        /// Which.
-        path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// A file does not say what it should.
-    Content {
-        /// Which.
-        path: PathBuf,
-        /// What is wrong and what was expected.
-        message: String,
-    },
-}
-
-impl fmt::Display for FolderError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::File { path, source } => write!(f, "{}: {source}", path.display()),
-            Self::Content { path, message } => write!(f, "{}: {message}", path.display()),
-        }
-    }
-}
-
-impl core::error::Error for FolderError {}
-
-fn failed(path: &Path) -> impl FnOnce(io::Error) -> FolderError {
-    let path = path.to_owned();
-    move |source| FolderError::File { path, source }
-}
-
-fn put(path: &Path, bytes: &[u8]) -> Result<(), FolderError> {
+fn put(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
     fs::write(path, bytes).map_err(failed(path))
 }
 
@@ -102,12 +66,12 @@ impl Folder {
     ///
     /// # Errors
     /// If it cannot be written, or belongs to another plan.
-    pub fn create(dir: &Path, plan: Plan) -> Result<Self, FolderError> {
+    pub fn create(dir: &Path, plan: Plan) -> Result<Self, StoreError> {
         fs::create_dir_all(dir.join("findings")).map_err(failed(dir))?;
         let path = dir.join("fuzz.json");
         let targets = if path.exists() {
             let text = fs::read_to_string(&path).map_err(failed(&path))?;
-            let wrong = |message: String| FolderError::Content {
+            let wrong = |message: String| StoreError::Content {
                 path: path.clone(),
                 message,
             };
@@ -141,7 +105,7 @@ impl Folder {
         target: &str,
         cases: u64,
         causes: &BTreeMap<String, u64>,
-    ) -> Result<(), FolderError> {
+    ) -> Result<(), StoreError> {
         let causes = causes.clone();
         let progress = Progress { cases, causes };
         self.state.targets.insert(target.to_owned(), progress);
@@ -160,7 +124,7 @@ impl Folder {
     ///
     /// # Errors
     /// If a file cannot be read.
-    pub fn pool(&self, subject: &dyn Subject) -> Result<Vec<Vec<u8>>, FolderError> {
+    pub fn pool(&self, subject: &dyn Subject) -> Result<Vec<Vec<u8>>, StoreError> {
         match self.corpus_of(subject) {
             dir if dir.exists() => read_corpus(&dir, subject),
             _ => Ok(Vec::new()),
@@ -176,7 +140,7 @@ impl Folder {
         subject: &dyn Subject,
         number: usize,
         choices: &[u8],
-    ) -> Result<(), FolderError> {
+    ) -> Result<(), StoreError> {
         let dir = self.corpus_of(subject);
         fs::create_dir_all(&dir).map_err(failed(&dir))?;
         let mut text = CHOICES.to_owned();
@@ -190,7 +154,7 @@ impl Folder {
     ///
     /// # Errors
     /// If it cannot be written.
-    pub fn keep_finding(&self, subject: &dyn Subject, kept: &Kept) -> Result<PathBuf, FolderError> {
+    pub fn keep_finding(&self, subject: &dyn Subject, kept: &Kept) -> Result<PathBuf, StoreError> {
         let case = kept.files.first().map_or(&[][..], |(_, bytes)| bytes);
         let hash = crate::rig::trace::fingerprint(case).to_ascii_uppercase();
         let hash: String = hash.chars().take(8).collect();
@@ -223,7 +187,7 @@ fn file_name(law: &str) -> String {
 ///
 /// # Errors
 /// If a file cannot be read or understood.
-pub(crate) fn read_corpus(dir: &Path, subject: &dyn Subject) -> Result<Vec<Vec<u8>>, FolderError> {
+pub(crate) fn read_corpus(dir: &Path, subject: &dyn Subject) -> Result<Vec<Vec<u8>>, StoreError> {
     let entries = fs::read_dir(dir).map_err(failed(dir))?;
     let mut paths = Vec::new();
     for entry in entries {
@@ -244,7 +208,7 @@ pub(crate) fn read_corpus(dir: &Path, subject: &dyn Subject) -> Result<Vec<Vec<u
             }),
             None => subject.choices_of(&text),
         };
-        let choices = choices.map_err(|message| FolderError::Content { path, message })?;
+        let choices = choices.map_err(|message| StoreError::Content { path, message })?;
         corpus.extend(choices);
     }
     Ok(corpus)

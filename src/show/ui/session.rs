@@ -1,6 +1,5 @@
 //! A run of its own for the page: paced, paused, stepped, begun anew.
 
-use core::fmt;
 use core::time::Duration;
 use std::sync::Arc;
 
@@ -19,23 +18,6 @@ const SLICE: Duration = Duration::from_millis(10);
 const BUSY_MAX: Duration = Duration::from_millis(20);
 /// Wall time between two turns.
 const TURN: Duration = Duration::from_millis(5);
-
-/// Why a session cannot begin.
-#[derive(Debug)]
-pub enum SessionError {
-    /// The scenario cannot be run.
-    Scenario(ScenarioError),
-}
-
-impl fmt::Display for SessionError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Scenario(error) => error.fmt(f),
-        }
-    }
-}
-
-impl core::error::Error for SessionError {}
 
 /// A run on show, and the clock that moves it.
 pub struct Session<C> {
@@ -60,9 +42,9 @@ impl<C: Clock> Session<C> {
         hub: Arc<Hub>,
         clock: C,
         speed: f64,
-    ) -> Result<Self, SessionError> {
+    ) -> Result<Self, ScenarioError> {
         let run = Run::new(scenario.clone(), &source, None);
-        let mut run = run.map_err(SessionError::Scenario)?;
+        let mut run = run?;
         let desk = Desk::new(&mut run, Arc::clone(&hub), 1);
         let pace = Pace::new(speed, clock.now(), Instant::ZERO);
         Ok(Self {

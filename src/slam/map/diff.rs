@@ -2,10 +2,10 @@
 //! other's does: a coarse search over all shifts and turns within reach, then ever finer steps.
 
 use emulators::world::Pose;
-use image::{Rgb, RgbImage};
 
 use super::distance::Distances;
 use super::{RosMap, Seen};
+use crate::picture::Picture;
 
 /// How far the maps may lie apart.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -205,18 +205,17 @@ fn alike(first: &RosMap, second: &RosMap, difference: &Difference, near_first: &
 
 /// The second map laid over the first: walls of both dark, of the first only blue, of the second
 /// only red, what both know as free white.
-pub fn picture(first: &RosMap, second: &RosMap, difference: &Difference) -> RgbImage {
-    let size = |cells: usize| u32::try_from(cells).expect("maps that can be read are smaller");
+pub fn picture(first: &RosMap, second: &RosMap, difference: &Difference) -> Picture {
     let (near_first, near_second) = (Distances::new(first), Distances::new(second));
     let near_m = 1.5 * first.cell_m.max(second.cell_m);
-    RgbImage::from_fn(size(first.width), size(first.height), |x, y| {
-        let (x, y) = (x as usize, first.height - 1 - y as usize);
+    Picture::from_fn(first.width, first.height, |x, y| {
+        let y = first.height - 1 - y;
         let place = [
             first.origin[0] + (x as f64 + 0.5) * first.cell_m,
             first.origin[1] + (y as f64 + 0.5) * first.cell_m,
         ];
         let back = difference.back(place);
-        let colour = match (first.at(place), second.at(back)) {
+        match (first.at(place), second.at(back)) {
             (Seen::Wall, Seen::Wall) => [30, 30, 30],
             (Seen::Wall, _) if near_second.at(back, 1.0) <= near_m => [30, 30, 30],
             (Seen::Wall, _) => [40, 80, 220],
@@ -225,8 +224,7 @@ pub fn picture(first: &RosMap, second: &RosMap, difference: &Difference) -> RgbI
             (Seen::Free, Seen::Free) => [255, 255, 255],
             (Seen::Unknown, Seen::Unknown) => [190, 190, 190],
             _ => [230, 230, 225],
-        };
-        Rgb(colour)
+        }
     })
 }
 

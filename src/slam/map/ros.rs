@@ -1,10 +1,10 @@
 //! Maps in the form of ROS's map server: a picture and a yaml file that says its scale.
 
-use core::fmt;
 use std::path::{Path, PathBuf};
 
 use firmware_core::map_view::MapView;
-use image::GrayImage;
+
+use crate::picture::{Picture, PictureError};
 
 /// What a cell is known to be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,21 +32,14 @@ pub struct RosMap {
 }
 
 /// A map that cannot be read.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{}: {what}", .path.display())]
 pub struct MapError {
     /// The file.
     pub path: PathBuf,
     /// What is wrong with it, and what was expected.
     pub what: String,
 }
-
-impl fmt::Display for MapError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {}", self.path.display(), self.what)
-    }
-}
-
-impl core::error::Error for MapError {}
 
 /// Cells of the largest map that is read.
 const CELLS_MAX: usize = 64 << 20;
@@ -96,30 +89,23 @@ impl RosMap {
         })?;
         let header = Header::parse(&text).map_err(|what| fail(&path, what))?;
         let image = path.parent().unwrap_or(Path::new("")).join(&header.image);
-        let picture = image::ImageReader::open(&image)
-            .and_then(image::ImageReader::with_guessed_format)
-            .map_err(|error| fail(&image, format!("cannot be read: {error}")))?
-            .decode()
-            .map_err(|error| fail(&image, format!("is no picture: {error}")))?
-            .to_luma8();
-        let cells = picture.width() as usize * picture.height() as usize;
-        if cells == 0 || cells > CELLS_MAX {
-            let what = format!("has {cells} cells, expected 1 to {CELLS_MAX}");
-            return Err(fail(&image, what));
-        }
+        let picture = Picture::read(&image, CELLS_MAX).map_err(|error| {
+            let what = match error {
+                PictureError::Open(error) => format!("cannot be read: {error}"),
+                PictureError::Size { width, height } => {
+                    let cells = width.saturating_mul(height);
+                    format!("has {cells} cells, expected 1 to {CELLS_MAX}")
+                }
+                error => format!("is no picture: {error}"),
+            };
+            fail(&image, what)
+        })?;
         Ok(Self::from_image(&picture, &header))
     }
 
-    fn from_image(image: &GrayImage, header: &Header) -> Self {
-        let cells = (0..image.height())
-            .rev()
-            .flat_map(|y| (0..image.width()).map(move |x| header.seen(image.get_pixel(x, y).0[0])));
-        Self::new(
-            image.width() as usize,
-            header.cell_m,
-            header.origin,
-            cells.collect(),
-        )
+    fn from_image(image: &Picture<u8>, header: &Header) -> Self {
+        let cells = image.from_below().map(|gray| header.seen(gray)).collect();
+        Self::new(image.width(), header.cell_m, header.origin, cells)
     }
 
     /// The cell at a column and row.

@@ -90,8 +90,7 @@ impl Lidar {
             match packet {
                 Ok(packet) => {
                     let behind = (input.len() + self.decoder.pending()) as u64;
-                    let late = (now - Instant::ZERO).saturating_sub(self.line.bytes_time(behind));
-                    self.take(Instant::ZERO + late, &packet);
+                    self.take(self.line.byte_end(now, behind), &packet);
                 }
                 Err(_) => {
                     self.counters.bad_packets = self.counters.bad_packets.saturating_add(1);

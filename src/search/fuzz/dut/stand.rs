@@ -1,7 +1,6 @@
 //! The stand on which a program is put: what it is told, and what is seen of it.
 
 use core::cell::RefCell;
-use core::fmt;
 use core::time::Duration;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -50,50 +49,29 @@ pub struct Stand<'a> {
 }
 
 /// Why nothing can be tried.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum StandError {
     /// The scenario cannot be run.
-    Scenario(ScenarioError),
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
     /// A port cannot be had.
-    Transport(TransportError),
+    #[error(transparent)]
+    Transport(#[from] TransportError),
     /// There is no shell.
+    #[error("sh: {0}; expected a shell that starts")]
     NotStarted(io::Error),
     /// The program is of no use: what it does not do.
+    #[error("{0}")]
     Useless(String),
     /// A file cannot be written or read.
+    #[error("{path}: {1}", path = .0.display())]
     File(PathBuf, io::Error),
     /// A file does not say what it should.
+    #[error("{path}: {1}", path = .0.display())]
     Content(PathBuf, String),
     /// Somebody wants to stop.
+    #[error("interrupted")]
     Interrupted,
-}
-
-impl fmt::Display for StandError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Scenario(error) => error.fmt(f),
-            Self::Transport(error) => error.fmt(f),
-            Self::NotStarted(error) => write!(f, "sh: {error}; expected a shell that starts"),
-            Self::Useless(why) => f.write_str(why),
-            Self::File(path, error) => write!(f, "{}: {error}", path.display()),
-            Self::Content(path, error) => write!(f, "{}: {error}", path.display()),
-            Self::Interrupted => f.write_str("interrupted"),
-        }
-    }
-}
-
-impl core::error::Error for StandError {}
-
-impl From<ScenarioError> for StandError {
-    fn from(error: ScenarioError) -> Self {
-        Self::Scenario(error)
-    }
-}
-
-impl From<TransportError> for StandError {
-    fn from(error: TransportError) -> Self {
-        Self::Transport(error)
-    }
 }
 
 /// What came of a case.
