@@ -11,7 +11,7 @@ pub mod score;
 use core::time::Duration;
 use std::collections::BTreeMap;
 
-use emulators::world::Pose;
+use emulators::world::{Contact, Pose};
 use firmware_core::grid::Grid;
 use image::RgbImage;
 use protocols::Instant;
@@ -38,6 +38,9 @@ pub(crate) const LOOK_EVERY: Duration = Duration::from_millis(10);
 /// Virtual time between two points of the true way that is kept.
 const WAY_EVERY: u32 = 5;
 
+/// Contacts that are kept for whoever asks for them.
+const CONTACTS_MAX: usize = 1000;
+
 /// A run under way.
 pub struct Run {
     /// The rig.
@@ -53,6 +56,8 @@ pub struct Run {
     truth: Vec<(Instant, Pose)>,
     pairs: Vec<PosePair>,
     history: History,
+    /// Contacts that nobody has taken yet.
+    contacts: Vec<Contact>,
     looks: u32,
     next_look: Instant,
     is_over: bool,
@@ -146,6 +151,7 @@ impl Run {
             truth: Vec::new(),
             pairs: Vec::new(),
             history: History::new(scenario.duration.0),
+            contacts: Vec::new(),
             looks: 0,
             next_look: Instant::ZERO + LOOK_EVERY,
             is_over: false,
@@ -168,6 +174,11 @@ impl Run {
     /// Adds a checker of one's own.
     pub fn add_checker(&mut self, checker: Box<dyn Checker>) {
         self.checkers.push(checker);
+    }
+
+    /// What the robot touched since somebody last asked, the first thousand.
+    pub fn take_contacts(&mut self) -> Vec<Contact> {
+        core::mem::take(&mut self.contacts)
     }
 
     /// Whether the mission was over or the time up at the last look of the checkers.
@@ -239,6 +250,8 @@ impl Run {
             .iter_mut()
             .for_each(|checker| checker.observe(&look));
 
+        let room = CONTACTS_MAX.saturating_sub(self.contacts.len());
+        self.contacts.extend(contacts.into_iter().take(room));
         self.history.observe(&self.rig);
         let (now, pose) = (self.rig.now(), self.rig.world.pose());
         self.progress.observe(now, pose, self.rig.world.is_moving());
