@@ -6,6 +6,8 @@ mod case;
 mod decode;
 mod demo;
 mod dut;
+mod ends;
+mod exec;
 mod export;
 mod fault;
 mod fidelity;
@@ -32,6 +34,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+use crate::realtime::exec::ExecError;
 use crate::realtime::transport::TransportError;
 use crate::scenario::ScenarioError;
 use crate::show::folder::FolderError;
@@ -44,7 +47,10 @@ use crate::show::folder::FolderError;
     max_term_width = 100,
     arg_required_else_help = true
 )]
-#[command(after_help = "Exit codes: 0 all expectations hold, 1 some fail, 2 usage or set-up.")]
+#[command(
+    after_help = "Exit codes: 0 all expectations hold, 1 some fail, 2 usage or set-up, \
+    130 or 143 a run ended by SIGINT or SIGTERM."
+)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -82,6 +88,8 @@ pub enum Verdict {
     Pass,
     /// An expectation failed.
     Fail,
+    /// Ended by this signal; what there was is judged and written.
+    Interrupted(u8),
 }
 
 /// Why a command could not do its work: usage or set-up, exit code 2.
@@ -122,6 +130,16 @@ impl From<FolderError> for CliError {
     }
 }
 
+impl From<ExecError> for CliError {
+    fn from(error: ExecError) -> Self {
+        match error {
+            ExecError::Scenario(error) => error.into(),
+            ExecError::Transport(error) => error.into(),
+            other => Self::Other(other.to_string()),
+        }
+    }
+}
+
 impl From<TransportError> for CliError {
     fn from(error: TransportError) -> Self {
         Self::Transport(error)
@@ -157,6 +175,7 @@ pub fn main() -> ExitCode {
     match result {
         Ok(Verdict::Pass) => ExitCode::SUCCESS,
         Ok(Verdict::Fail) => ExitCode::from(1),
+        Ok(Verdict::Interrupted(signal)) => ExitCode::from(128 + signal),
         Err(error) => {
             eprintln!("error: {error}");
             ExitCode::from(2)

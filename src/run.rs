@@ -7,6 +7,7 @@ mod faults;
 pub mod history;
 pub mod mission;
 pub mod score;
+pub mod watch;
 
 use core::time::Duration;
 use std::collections::BTreeMap;
@@ -19,10 +20,11 @@ use protocols::Instant;
 use crate::rig::fault::FaultId;
 use crate::rig::{Logged, Paced, Rig};
 use crate::robots::{self, Dut, PcEnd, Wired};
-use crate::run::check::{Check, Checker, Look, Status};
+use crate::run::check::{Check, Checker, Status};
 use crate::run::history::History;
 use crate::run::mission::Progress;
 use crate::run::score::{PoseError, PosePair, WallOverlap};
+use crate::run::watch::Watchers;
 use crate::scenario::world::PushSpec;
 use crate::scenario::{Scenario, ScenarioError, Source};
 use crate::show::render;
@@ -47,7 +49,7 @@ pub struct Run {
     pub rig: Rig,
     scenario: Scenario,
     seed: u64,
-    checkers: Vec<Box<dyn Checker>>,
+    watchers: Watchers,
     progress: Progress,
     pushes: Vec<PushSpec>,
     agenda: Agenda,
@@ -128,22 +130,13 @@ impl Run {
 
     /// A run of `scenario` in a rig that was wired for it.
     pub fn with_rig(scenario: Scenario, mut rig: Rig) -> Self {
-        let watch = robots::watch(scenario.robot);
         let mut pushes = scenario.world.push.clone();
         pushes.sort_by_key(|push| push.at);
-        let mut checkers = check::standard(watch.command_link, watch.silence_max);
-        if let Some(dialect) = robots::dialect(scenario.robot, &rig) {
-            let link = watch.command_link;
-            let checker = check::SetPointsAsAccepted::listening(&mut rig, link, dialect);
-            checkers.extend(checker.map(|checker| Box::new(checker) as Box<dyn Checker>));
-        }
-        if let Some(phases) = scenario.phases {
-            checkers.push(Box::new(check::AtWorkAgain::new(phases.windows())));
-        }
+        let watchers = Watchers::of(&scenario, &mut rig);
         let mut run = Self {
             rig,
             seed: scenario.seed,
-            checkers,
+            watchers,
             progress: Progress::new(&scenario.mission, &scenario.expect),
             pushes,
             agenda: Agenda::default(),
@@ -173,7 +166,7 @@ impl Run {
 
     /// Adds a checker of one's own.
     pub fn add_checker(&mut self, checker: Box<dyn Checker>) {
-        self.checkers.push(checker);
+        self.watchers.add(checker);
     }
 
     /// What the robot touched since somebody last asked, the first thousand.
@@ -240,15 +233,7 @@ impl Run {
         self.next_look = self.rig.now() + LOOK_EVERY;
         self.begin_what_waited();
         let contacts = self.rig.world.take_contacts();
-        let actuators = robots::actuators(self.scenario.robot, &self.rig);
-        let look = Look {
-            rig: &self.rig,
-            actuators,
-            contacts: &contacts,
-        };
-        self.checkers
-            .iter_mut()
-            .for_each(|checker| checker.observe(&look));
+        self.watchers.look(&self.rig, &contacts);
 
         let room = CONTACTS_MAX.saturating_sub(self.contacts.len());
         self.contacts.extend(contacts.into_iter().take(room));
@@ -301,11 +286,7 @@ impl Run {
             .as_ref()
             .map(|map| score::wall_overlap(map, &self.rig.world, &way));
         let pose_error = score::pose_error(&self.pairs);
-        let mut checks: Vec<Check> = self
-            .checkers
-            .iter()
-            .map(|checker| checker.verdict())
-            .collect();
+        let mut checks = self.watchers.verdicts();
         checks.extend(self.expectations(pose_error, wall_overlap));
         Outcome {
             case: self.case(),

@@ -89,7 +89,10 @@ impl fmt::Display for ExecError {
             Self::NotStarted(error) => write!(f, "--exec: cannot start it: {error}"),
             Self::NoSuchPort(name, all) => {
                 let all = all.join(", ");
-                write!(f, "--exec-needs {name}: no such port, expected some of {all}")
+                write!(
+                    f,
+                    "--exec-needs {name}: no such port, expected some of {all}"
+                )
             }
         }
     }
@@ -151,17 +154,23 @@ pub struct Trial {
 pub struct Judged {
     /// The run, its first checks being about the program.
     pub outcome: Outcome,
-    /// Expectations that were not judged: they are about what the program believes.
-    pub unjudged: Vec<String>,
     /// Whether the captures of the run were written.
     pub recorded: io::Result<()>,
+    /// What else was seen.
+    pub seen: Seen,
+}
+
+/// What was seen of a program besides its verdicts.
+pub struct Seen {
+    /// Expectations that were not judged: they are about what the program believes.
+    pub unjudged: Vec<String>,
     /// The end of what the program said.
     pub said: String,
     /// How late the rig was.
     pub lateness: Lateness,
 }
 
-impl Judged {
+impl Seen {
     /// Whether the rig was so late that the program may have suffered from it: by more than 20 ms
     /// in one of a hundred events, or by more than 250 ms once.
     pub fn was_late(&self) -> bool {
@@ -308,10 +317,12 @@ impl Trial {
         outcome.checks.extend(others);
         Judged {
             outcome,
-            unjudged,
             recorded,
-            said: farewell.said,
-            lateness,
+            seen: Seen {
+                unjudged,
+                said: farewell.said,
+                lateness,
+            },
         }
     }
 }
@@ -374,8 +385,9 @@ pub fn log_contacts(run: &mut Run) {
     }
 }
 
-/// Takes out what was expected of the beliefs of a program that is not in this process.
-fn take_beliefs(outcome: &mut Outcome) -> Vec<String> {
+/// Takes out what was expected of the beliefs of a program that is not in this process; the names
+/// of those checks.
+pub fn take_beliefs(outcome: &mut Outcome) -> Vec<String> {
     let (no_pose, no_map) = (outcome.pose_error.is_none(), outcome.wall_overlap.is_none());
     let is_belief = |check: &Check| {
         let unseen = match check.name.as_str() {

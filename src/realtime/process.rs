@@ -22,8 +22,8 @@ use rustix::process::{Pid, Signal};
 
 use super::clock::{Clock, WallClock};
 
-pub use group::Left;
 use group::Group;
+pub use group::Left;
 pub use words::LOG_MAX;
 use words::{Words, listen};
 
@@ -220,7 +220,9 @@ impl Process {
         group.signal(Signal::TERM);
         let was_killed = is_running && !wait_until(patience.program, || self.ended().is_some());
         if is_running && !was_killed {
-            wait_until(TOGETHER.min(patience.children), || group.members().is_empty());
+            wait_until(TOGETHER.min(patience.children), || {
+                group.members().is_empty()
+            });
             left = group.members();
         }
         if !was_killed {
@@ -343,6 +345,9 @@ mod tests {
         let [left] = &farewell.left[..] else {
             panic!("{:?}", farewell.left)
         };
-        assert_eq!((left.command.as_str(), left.was_killed), ("sleep 60", false));
+        assert_eq!(
+            (left.command.as_str(), left.was_killed),
+            ("sleep 60", false)
+        );
     }
 }
