@@ -6,6 +6,8 @@ mod case;
 mod decode;
 mod demo;
 mod dut;
+mod ends;
+mod exec;
 mod export;
 mod fault;
 mod fidelity;
@@ -34,6 +36,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 use crate::capture::tap::RecordError;
+use crate::realtime::exec::ExecError;
 use crate::realtime::transport::TransportError;
 use crate::scenario::ScenarioError;
 use crate::search::fuzz::dut::StandError;
@@ -48,7 +51,10 @@ use crate::slam::map::MapError;
     max_term_width = 100,
     arg_required_else_help = true
 )]
-#[command(after_help = "Exit codes: 0 all expectations hold, 1 some fail, 2 usage or set-up.")]
+#[command(
+    after_help = "Exit codes: 0 all expectations hold, 1 some fail, 2 usage or set-up, \
+    130 or 143 a run ended by SIGINT or SIGTERM."
+)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -87,6 +93,8 @@ pub enum Verdict {
     Pass,
     /// An expectation failed.
     Fail,
+    /// Ended by this signal; what there was is judged and written.
+    Interrupted(u8),
 }
 
 /// Why a command could not do its work: usage or set-up, exit code 2.
@@ -141,6 +149,16 @@ impl CliError {
     }
 }
 
+impl From<ExecError> for CliError {
+    fn from(error: ExecError) -> Self {
+        match error {
+            ExecError::Scenario(error) => error.into(),
+            ExecError::Transport(error) => error.into(),
+            other => Self::Other(other.to_string()),
+        }
+    }
+}
+
 /// All bytes of a file that the command was given.
 fn read(path: &Path) -> Result<Vec<u8>, CliError> {
     std::fs::read(path).map_err(|error| CliError::Read {
@@ -179,6 +197,7 @@ pub fn main() -> ExitCode {
     match result {
         Ok(Verdict::Pass) => ExitCode::SUCCESS,
         Ok(Verdict::Fail) => ExitCode::from(1),
+        Ok(Verdict::Interrupted(signal)) => ExitCode::from(128 + signal),
         Err(error) => {
             eprintln!("error: {error}");
             ExitCode::from(2)

@@ -13,7 +13,10 @@
 
 pub mod clock;
 pub mod control;
+pub mod exec;
+pub mod held;
 mod lateness;
+pub mod process;
 pub mod standalone;
 pub mod transport;
 
@@ -90,6 +93,8 @@ pub struct Sign<'a> {
     pub from_client: u64,
     /// Whether the client has read since the last write, see [`Transport::is_drained`].
     pub is_drained: bool,
+    /// How often the client took bytes, see [`Transport::reads`].
+    pub reads: Option<u64>,
 }
 
 impl<C: Clock> Realtime<C> {
@@ -144,6 +149,7 @@ impl<C: Clock> Realtime<C> {
             is_open: port.is_open,
             from_client: port.traffic.from_client,
             is_drained: port.transport.is_drained(),
+            reads: port.transport.reads(),
         })
     }
 

@@ -7,21 +7,23 @@ mod faults;
 pub mod history;
 pub mod mission;
 pub mod score;
+pub mod watch;
 
 use core::time::Duration;
 use std::collections::BTreeMap;
 
-use emulators::world::Pose;
+use emulators::world::{Contact, Pose};
 use protocols::Instant;
 
 use crate::picture::Picture;
 use crate::rig::fault::FaultId;
 use crate::rig::{Logged, Paced, Rig};
 use crate::robots::{self, Dut, Instruments, KeptMap, PcEnd, Wired};
-use crate::run::check::{Check, Checker, Look, Status};
+use crate::run::check::{Check, Checker, Status};
 use crate::run::history::History;
 use crate::run::mission::Progress;
 use crate::run::score::{PoseError, PosePair, WallOverlap};
+use crate::run::watch::Watchers;
 use crate::scenario::world::PushSpec;
 use crate::scenario::{Scenario, ScenarioError, Source};
 use crate::show::render;
@@ -37,6 +39,9 @@ pub(crate) const LOOK_EVERY: Duration = Duration::from_millis(10);
 /// Virtual time between two points of the true way that is kept.
 const WAY_EVERY: u32 = 5;
 
+/// Contacts that are kept for whoever asks for them.
+const CONTACTS_MAX: usize = 1000;
+
 /// A run under way.
 pub struct Run {
     /// The rig.
@@ -44,7 +49,7 @@ pub struct Run {
     instruments: Box<dyn Instruments>,
     scenario: Scenario,
     seed: u64,
-    checkers: Vec<Box<dyn Checker>>,
+    watchers: Watchers,
     progress: Progress,
     pushes: Vec<PushSpec>,
     agenda: Agenda,
@@ -53,6 +58,8 @@ pub struct Run {
     truth: Vec<(Instant, Pose)>,
     pairs: Vec<PosePair>,
     history: History,
+    /// Contacts that nobody has taken yet.
+    contacts: Vec<Contact>,
     looks: u32,
     next_look: Instant,
     is_over: bool,
@@ -127,15 +134,12 @@ impl Run {
     pub fn with_rig(scenario: Scenario, mut rig: Rig, instruments: Box<dyn Instruments>) -> Self {
         let mut pushes = scenario.world.push.clone();
         pushes.sort_by_key(|push| push.at);
-        let mut checkers = check::standard(&mut rig, &*instruments);
-        if let Some(phases) = scenario.phases {
-            checkers.push(Box::new(check::AtWorkAgain::new(phases.windows())));
-        }
+        let watchers = Watchers::of(&scenario, &mut rig, &*instruments);
         let mut run = Self {
             rig,
             instruments,
             seed: scenario.seed,
-            checkers,
+            watchers,
             progress: Progress::new(&scenario.mission, &scenario.expect),
             pushes,
             agenda: Agenda::default(),
@@ -143,6 +147,7 @@ impl Run {
             truth: Vec::new(),
             pairs: Vec::new(),
             history: History::new(scenario.duration.0),
+            contacts: Vec::new(),
             looks: 0,
             next_look: Instant::ZERO + LOOK_EVERY,
             is_over: false,
@@ -179,7 +184,12 @@ impl Run {
 
     /// Adds a checker of one's own.
     pub fn add_checker(&mut self, checker: Box<dyn Checker>) {
-        self.checkers.push(checker);
+        self.watchers.add(checker);
+    }
+
+    /// What the robot touched since somebody last asked, the first thousand.
+    pub fn take_contacts(&mut self) -> Vec<Contact> {
+        core::mem::take(&mut self.contacts)
     }
 
     /// Whether the mission was over or the time up at the last look of the checkers.
@@ -241,16 +251,10 @@ impl Run {
         self.next_look = self.rig.now() + LOOK_EVERY;
         self.begin_what_waited();
         let contacts = self.rig.world.take_contacts();
-        let axes = self.instruments.axes(&self.rig);
-        let look = Look {
-            rig: &self.rig,
-            axes: &axes,
-            contacts: &contacts,
-        };
-        self.checkers
-            .iter_mut()
-            .for_each(|checker| checker.observe(&look));
+        self.watchers.look(&self.rig, &*self.instruments, &contacts);
 
+        let room = CONTACTS_MAX.saturating_sub(self.contacts.len());
+        self.contacts.extend(contacts.into_iter().take(room));
         self.history.observe(&self.rig, &*self.instruments);
         let (now, pose) = (self.rig.now(), self.rig.world.pose());
         self.progress.observe(now, pose, self.rig.world.is_moving());
@@ -302,11 +306,7 @@ impl Run {
             .as_ref()
             .map(|map| score::wall_overlap(map.view(), &self.rig.world, &way));
         let pose_error = score::pose_error(&self.pairs);
-        let mut checks: Vec<Check> = self
-            .checkers
-            .iter()
-            .map(|checker| checker.verdict())
-            .collect();
+        let mut checks = self.watchers.verdicts();
         checks.extend(self.expectations(pose_error, wall_overlap));
         Outcome {
             case: self.case(),

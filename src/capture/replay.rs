@@ -20,8 +20,9 @@ use crate::rig::trace::{Side, Tap};
 use crate::rig::{Logged, Program, Rig};
 use crate::robots::{self, Dut, Instruments, PcEnd, Wired};
 use crate::run::LOOK_EVERY;
-use crate::run::check::{self, Check, Checker, Look};
-use crate::scenario::{Scenario, ScenarioError, Source};
+use crate::run::check::Check;
+use crate::run::watch::Watchers;
+use crate::scenario::{PhasesSpec, Scenario, ScenarioError, Source};
 
 pub use ports::{Pace, Playback, PlaybackError, Side as PlayedSide, Socket};
 
@@ -164,19 +165,10 @@ pub struct Replay {
     expected: Vec<(usize, Passage)>,
     sent: Rc<RefCell<Vec<Track>>>,
     instruments: Box<dyn Instruments>,
-    checkers: Vec<Box<dyn Checker>>,
+    watchers: Watchers,
     next_look: Instant,
     end: Instant,
 }
-
-/// Checkers of every run that say something of a replay, too. The bytes are not the line's.
-const CHECKS: [&str; 5] = [
-    "set-points-in-range",
-    "motors-stop-after-silence",
-    "no-collision-at-speed",
-    "memory-intact",
-    "program-alive",
-];
 
 struct Feed {
     link: usize,
@@ -195,7 +187,7 @@ pub struct Replayed {
     pub links: Vec<Played>,
     /// Rules that the program broke, as the devices saw it.
     pub violations: Vec<Logged>,
-    /// Verdicts of the checkers that watch every run, as far as they say something of a replay.
+    /// Verdicts of the checkers that watch every run.
     pub checks: Vec<Check>,
     /// Fingerprint of all bytes.
     pub trace_hash: String,
@@ -287,14 +279,18 @@ impl Replay {
         }
         let sent = Rc::new(RefCell::new(vec![Track::default(); rig.links().len()]));
         rig.add_tap(Box::new(Listener(Rc::clone(&sent))));
-        let checkers = check::standard(&mut rig, &*instruments);
+        let mut watched = scenario.clone();
+        // A capture that ends before the phases do says nothing of them.
+        let lasts = |phases: &PhasesSpec| phases.windows()[3].until <= recorded.end;
+        watched.phases = watched.phases.filter(lasts);
+        let watchers = Watchers::of(&watched, &mut rig, &*instruments);
         Ok(Self {
+            watchers,
             rig,
             feed,
             expected,
             sent,
             instruments,
-            checkers,
             next_look: Instant::ZERO + LOOK_EVERY,
             end: recorded.end,
         })
@@ -343,14 +339,7 @@ impl Replay {
             self.rig.run_until(self.next_look);
             self.next_look += LOOK_EVERY;
             let contacts = self.rig.world.take_contacts();
-            let axes = self.instruments.axes(&self.rig);
-            let look = Look {
-                rig: &self.rig,
-                axes: &axes,
-                contacts: &contacts,
-            };
-            let checkers = self.checkers.iter_mut();
-            checkers.for_each(|checker| checker.observe(&look));
+            self.watchers.look(&self.rig, &*self.instruments, &contacts);
         }
         self.rig.run_until(until);
     }
@@ -375,10 +364,8 @@ impl Replay {
             .expected
             .iter()
             .flat_map(|(_, passage)| &passage.arrivals);
-        let checks = self.checkers.iter().map(|checker| checker.verdict());
-        let says_something = |check: &Check| CHECKS.contains(&&*check.name);
         Replayed {
-            checks: checks.filter(says_something).collect(),
+            checks: self.watchers.verdicts(),
             ran: self.rig.now() - Instant::ZERO,
             heard: heard.map(|arrival| arrival.bytes.len()).sum(),
             links: links.collect(),

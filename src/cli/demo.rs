@@ -3,6 +3,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::run::{self, Pace, Talk};
+use super::stop::Stop;
 use super::{CliError, Verdict, default_out};
 use crate::scenario::Scenario;
 
@@ -39,10 +40,7 @@ pub(super) fn run(args: Demo) -> Result<Verdict, CliError> {
         &out,
         Pace::Virtual,
         Talk::Story,
+        &Stop::new(None)?,
     )?;
-    Ok(if ran.outcome.passed() {
-        Verdict::Pass
-    } else {
-        Verdict::Fail
-    })
+    Ok(ran.verdict())
 }

@@ -18,12 +18,14 @@ use crate::capture::replay::{
 };
 use crate::hex::pairs;
 use crate::realtime::clock::{Clock, WallClock};
+use crate::run::check::{Check, Status};
 use crate::scenario::{Scenario, Source, Span};
 
 /// Feed a capture back: into the robot's program in virtual time, or into ports.
 ///
 /// Without a port, the program is told what it was told, byte by byte at the recorded nanosecond;
-/// which robot it is, the capture of a run says itself. With ports the capture takes the part of
+/// which robot it is, the capture of a run says itself. The checkers of every run judge it: exit code
+/// 1 if one fails. With ports the capture takes the part of
 /// the devices, or of the program. With --expect, what comes back is compared with the capture,
 /// and the first difference is told: time, link, byte, and its frame in words.
 #[derive(Debug, Args)]
@@ -141,15 +143,27 @@ fn into_program(
             replayed.violations.len()
         );
     }
+    for check in &replayed.checks {
+        println!("  {check}");
+    }
     println!("  trace {}", replayed.trace_hash);
+    let failed = |check: &Check| check.status == Status::Fail;
+    let judged = match replayed.checks.iter().any(failed) {
+        true => Verdict::Fail,
+        false => Verdict::Pass,
+    };
     if !args.expect {
-        return Ok(Verdict::Pass);
+        return Ok(judged);
     }
     let shift = replayed.largest_shift().as_nanos();
-    Ok(judge(
+    let compared = judge(
         replayed.divergence().as_ref(),
         &format!(", at most {shift} ns apart in time"),
-    ))
+    );
+    Ok(match compared {
+        Verdict::Pass => judged,
+        other => other,
+    })
 }
 
 /// Plays to the end, telling how far it is if that takes long.

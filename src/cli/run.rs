@@ -1,28 +1,38 @@
+mod exec;
+mod judged;
+
 use core::time::Duration;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use protocols::Instant;
 
+use super::ends::EndArgs;
+use super::exec::ExecArgs;
 use super::show::{Show, ShowArgs};
+use super::stop::Stop;
 use super::{CliError, Verdict, default_out};
 use crate::capture::case::{Case, Judgement};
-use crate::capture::{self, Limits, Recording};
-use crate::realtime::Realtime;
-use crate::realtime::clock::{Clock, WallClock};
-use crate::run::{Outcome, Run};
+use crate::run::Outcome;
 use crate::scenario::{Scenario, ScenarioError, Source};
-use crate::show::folder::{self, FolderError, Metrics, Suite};
+use crate::show::folder::{self, FolderError, Suite};
+
+use exec::{Place, judged_exec};
+pub(super) use judged::{Pace, Ran, Talk, judged_run, write_results};
 
 /// Run scenarios and judge them, for CI.
 ///
 /// Each run leaves a result folder. When something fails, the one command that repeats the case is
-/// printed.
+/// printed. With --exec somebody's program takes the place of the robot's own and is judged as
+/// well: whether it opens its ports, lives, goes on reading, and what it leaves behind. What it says
+/// is in program.log of the result folder. Ctrl-C and SIGTERM judge what there is so far.
 #[derive(Debug, Args)]
 #[command(
     after_long_help = "Examples:\n  hilrig run scenarios/rescue-flat.toml\n  \
     hilrig run scenarios/*.toml --junit junit.xml\n  \
-    hilrig run hilrig-out/rescue-flat-1/case.toml   # a saved case: the same bytes again"
+    hilrig run hilrig-out/rescue-flat-1/case.toml   # a saved case: the same bytes again\n  \
+    hilrig run scenarios/rescue-flat.toml --exec './my-robot \"$HILRIG_DIR\"'\n  \
+    hilrig run scenarios/own-slave.toml --exec 'python3 grip.py \"$HILRIG_PORT_GRIPPER\"' \\\n    \
+    --exec-needs gripper --exec-may-end      # a test that ends by itself"
 )]
 pub(super) struct RunArgs {
     /// Scenario files, or saved cases: of runs, or of bytes
@@ -39,6 +49,13 @@ pub(super) struct RunArgs {
     #[arg(long)]
     realtime: bool,
     #[command(flatten)]
+    program: ExecArgs,
+    /// Directory in which the ports of --exec appear [default: OUT/ports]
+    #[arg(long, value_name = "DIR", requires = "exec")]
+    dir: Option<PathBuf>,
+    #[command(flatten)]
+    ends: EndArgs,
+    #[command(flatten)]
     show: ShowArgs,
     /// Write the verdicts of all runs as JUnit XML
     #[arg(long, value_name = "FILE")]
@@ -53,16 +70,14 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
         .iter()
         .map(|path| Ok((path, Runnable::read(path)?)));
     let files = files.collect::<Result<Vec<_>, CliError>>()?;
-    if args.show.is_wanted() && !args.realtime {
-        let expected = "--ui: expected --realtime beside it; \"hilrig ui\" runs at any speed";
-        return Err(CliError::Other(expected.to_owned()));
-    }
+    check(&args)?;
     let mut show = args.show.start()?;
+    let stop = Stop::new(None)?;
     let several = files.len() > 1;
     let mut ended = Vec::new();
     let mut wall = Duration::ZERO;
     for (path, file) in files {
-        let (scenario, source) = match file {
+        let file = match file {
             Runnable::Scenario(scenario) => *scenario,
             Runnable::Case(case) => {
                 let judgement = case.0.run(&case.1);
@@ -72,32 +87,82 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
                 continue;
             }
         };
-        let seed = args.seed.unwrap_or(scenario.seed);
-        let out = match &args.out {
-            Some(out) if several => out.join(format!("{}-{seed}", scenario.name)),
-            Some(out) => out.clone(),
-            None => default_out(&scenario.name, seed),
-        };
-        let pace = match args.realtime {
-            true => Pace::Realtime(&mut show),
-            false => Pace::Virtual,
-        };
-        let ran = judged_run(scenario, &source, args.seed, &out, pace, Talk::Verdict)?;
+        let seed = args.seed.unwrap_or(file.0.seed);
+        let ran = one(&args, file, several, &mut show, &stop)?;
         wall += ran.wall;
         if !ran.outcome.passed() {
-            eprintln!("repeat with: hilrig run {} --seed {seed}", path.display());
+            let (path, exec) = (path.display(), args.program.repeat());
+            eprintln!("repeat with: hilrig run {path} --seed {seed}{exec}");
         }
         ended.push(Ended::Run(Box::new(ran.outcome)));
+        if stop.signal().is_some() {
+            break;
+        }
     }
     if let Some(path) = args.junit {
         let text = folder::junit(ended.iter().map(Ended::suite), wall);
         std::fs::write(&path, text).map_err(|source| FolderError { path, source })?;
     }
-    Ok(if ended.iter().all(Ended::passed) {
-        Verdict::Pass
-    } else {
-        Verdict::Fail
+    Ok(match (stop.signal(), ended.iter().all(Ended::passed)) {
+        (Some(signal), _) => Verdict::Interrupted(signal),
+        (None, true) => Verdict::Pass,
+        (None, false) => Verdict::Fail,
     })
+}
+
+/// Runs one scenario, with somebody's program if there is one.
+fn one(
+    args: &RunArgs,
+    (mut scenario, source): (Scenario, Source),
+    several: bool,
+    show: &mut Show,
+    stop: &Stop,
+) -> Result<Ran, CliError> {
+    scenario.seed = args.seed.unwrap_or(scenario.seed);
+    let (name, seed) = (&scenario.name, scenario.seed);
+    let out = match &args.out {
+        Some(out) if several => out.join(format!("{name}-{seed}")),
+        Some(out) => out.clone(),
+        None => default_out(name, seed),
+    };
+    let Some(foreign) = args.program.foreign() else {
+        let pace = match args.realtime {
+            true => Pace::Realtime(show),
+            false => Pace::Virtual,
+        };
+        return judged_run(
+            scenario,
+            &source,
+            args.seed,
+            &out,
+            pace,
+            Talk::Verdict,
+            stop,
+        );
+    };
+    let place = Place {
+        out: &out,
+        dir: args.dir.as_deref(),
+        ends: &args.ends,
+        is_shown: args.show.is_wanted(),
+        show,
+    };
+    judged_exec(scenario, &source, foreign, place, stop)
+}
+
+/// Refuses options that have no meaning together.
+fn check(args: &RunArgs) -> Result<(), CliError> {
+    let is_exec = args.program.exec.is_some();
+    let wrong = match () {
+        () if args.show.is_wanted() && !args.realtime && !is_exec => {
+            "--ui: expected --realtime or --exec beside it; \"hilrig ui\" runs at any speed"
+        }
+        () if args.ends.is_given() && !is_exec => {
+            "--dut-at, --device-at: expected --exec beside it, or \"hilrig up\""
+        }
+        () => return Ok(()),
+    };
+    Err(CliError::Other(wrong.to_owned()))
 }
 
 /// A file that can be run.
@@ -144,131 +209,4 @@ impl Ended {
             }
         }
     }
-}
-
-/// How much is said while a run goes on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Talk {
-    /// What the robot does, as it does it.
-    Story,
-    /// The verdict only, and progress when it takes long.
-    Verdict,
-}
-
-/// What moves a run's clock.
-pub(super) enum Pace<'a> {
-    /// Jumps from event to event.
-    Virtual,
-    /// The wall clock, and a page on which the run may be shown.
-    Realtime(&'a mut Show),
-}
-
-/// A finished run.
-pub(super) struct Ran {
-    pub(super) outcome: Outcome,
-    pub(super) wall: Duration,
-}
-
-/// Time of silence after which a long run says how far it is.
-const PATIENCE: Duration = Duration::from_secs(2);
-
-/// Runs one scenario in this process and writes its result folder.
-pub(super) fn judged_run(
-    scenario: Scenario,
-    source: &Source,
-    seed: Option<u64>,
-    out: &Path,
-    mut pace: Pace<'_>,
-    talk: Talk,
-) -> Result<Ran, CliError> {
-    // Before the run: a folder that cannot be written must not cost a whole run.
-    let make = std::fs::create_dir_all(out);
-    make.map_err(|source| FolderError {
-        path: out.to_owned(),
-        source,
-    })?;
-    let clock = WallClock::start();
-    let mut run = Run::new(scenario, source, seed)?;
-    let capture = out.join("capture.pcapng");
-    record_to(&capture, &mut run)?;
-    let name = run.scenario().name.clone();
-    let seed = run.scenario().seed;
-    if talk == Talk::Story {
-        eprintln!(
-            "{name}, seed {seed}: up to {} of virtual time",
-            run.scenario().duration
-        );
-    }
-    if let Pace::Realtime(show) = &mut pace {
-        show.begin(&mut run);
-    }
-    let mut realtime = Realtime::new(clock);
-    let (mut visits, mut said) = (0, Duration::ZERO);
-    while !run.is_over() {
-        match &mut pace {
-            Pace::Virtual => run.step(),
-            Pace::Realtime(show) => {
-                realtime.turn(&mut run)?;
-                show.turn(&mut run, clock.now());
-            }
-        }
-        let progress = run.progress();
-        let elapsed = clock.now() - Instant::ZERO;
-        let new_visit = progress.visits().len() > visits;
-        visits = progress.visits().len();
-        if (talk == Talk::Story && new_visit) || elapsed - said >= PATIENCE {
-            said = elapsed;
-            let mode = run.rig.program().map_or("", |program| program.mode());
-            let (now, all) = (run.rig.now(), progress.waypoints());
-            eprintln!("  {now} s  waypoint {visits} of {all} visited  {mode}");
-        }
-    }
-    let recorded = run.rig.finish_taps();
-    recorded.map_err(|source| FolderError {
-        path: capture,
-        source,
-    })?;
-    let outcome = run.judge();
-    let wall = clock.now() - Instant::ZERO;
-    folder::write(out, &outcome, wall)?;
-    print_summary(&outcome, wall, out);
-    if matches!(pace, Pace::Realtime(_)) {
-        println!("  {}", realtime.lateness());
-    }
-    Ok(Ran { outcome, wall })
-}
-
-/// Makes `run` write its capture.
-fn record_to(path: &Path, run: &mut Run) -> Result<(), FolderError> {
-    let about = capture::about(run.scenario());
-    let recording = Recording::create(path, &run.rig, about, Limits::default());
-    let recording = recording.map_err(|source| FolderError {
-        path: path.to_owned(),
-        source,
-    })?;
-    run.rig.add_tap(Box::new(recording));
-    Ok(())
-}
-
-fn print_summary(outcome: &Outcome, wall: Duration, out: &Path) {
-    let metrics = Metrics::of(outcome, wall);
-    let verdict = if outcome.passed() { "PASS" } else { "FAIL" };
-    println!("{verdict} {} seed {}", outcome.case.name, outcome.seed);
-    for check in &outcome.checks {
-        println!("  {check}");
-    }
-    let (sim_s, wall_s) = (metrics.sim_s, metrics.wall_s);
-    println!(
-        "  {sim_s:.1} s simulated in {wall_s:.2} s, {:.0} times real time",
-        metrics.speedup
-    );
-    if let Some(error) = outcome.pose_error {
-        let (mm, deg) = (error.rms_mm, error.rms_deg);
-        println!(
-            "  pose error {mm:.1} mm and {deg:.2} deg RMS, at worst {:.1} mm",
-            error.max_mm
-        );
-    }
-    println!("  trace {}", outcome.trace_hash);
-    println!("  results in {}", out.display());
 }

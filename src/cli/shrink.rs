@@ -115,6 +115,7 @@ fn shrink_case(args: &ShrinkArgs) -> Result<Verdict, CliError> {
         &args.out,
         Pace::Virtual,
         Talk::Verdict,
+        &Stop::new(None)?,
     )?;
     // The run left a case of its own, with its origin.
     put(&path, text.as_bytes())?;

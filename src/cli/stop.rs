@@ -1,6 +1,6 @@
 //! When a command that would run for ever ends: a signal, or its time is up.
 
-use core::sync::atomic::{AtomicBool, Ordering};
+use core::sync::atomic::{AtomicU8, Ordering};
 use core::time::Duration;
 use std::io;
 use std::sync::Arc;
@@ -12,33 +12,43 @@ use tokio::signal::unix::{SignalKind, signal};
 
 use super::CliError;
 
+/// Numbers of the signals that are caught, the same on all of Linux's processors.
+const SIGINT: u8 = 2;
+pub(super) const SIGTERM: u8 = 15;
+
 /// Tells when to stop.
 pub(super) struct Stop {
-    signalled: Arc<AtomicBool>,
+    /// Number of the signal that came; 0: none yet.
+    signal: Arc<AtomicU8>,
     deadline: Option<Instant>,
 }
 
 impl Stop {
     /// Stops at SIGINT or SIGTERM, or `duration` after the start.
     pub(super) fn new(duration: Option<Duration>) -> Result<Self, CliError> {
-        let signalled = Arc::new(AtomicBool::new(false));
-        listen(Arc::clone(&signalled))
+        let signal = Arc::<AtomicU8>::default();
+        listen(Arc::clone(&signal))
             .map_err(|error| CliError::Other(format!("cannot listen for signals: {error}")))?;
         Ok(Self {
-            signalled,
+            signal,
             deadline: duration.map(|duration| Instant::ZERO + duration),
         })
     }
 
     /// Whether it is time.
     pub(super) fn is_due(&self, now: Instant) -> bool {
-        self.signalled.load(Ordering::Relaxed) || self.deadline.is_some_and(|at| at <= now)
+        self.signal().is_some() || self.deadline.is_some_and(|at| at <= now)
+    }
+
+    /// Number of the signal that came, if one did.
+    pub(super) fn signal(&self) -> Option<u8> {
+        Some(self.signal.load(Ordering::Relaxed)).filter(|&signal| signal != 0)
     }
 }
 
 /// Waits for signals on a thread of its own. They are caught before this returns, so that none
 /// that comes later ends the process with its ports still in place.
-fn listen(signalled: Arc<AtomicBool>) -> io::Result<()> {
+fn listen(caught: Arc<AtomicU8>) -> io::Result<()> {
     let runtime = runtime::Builder::new_current_thread().enable_io().build()?;
     let (mut interrupt, mut terminate) = {
         let _context = runtime.enter();
@@ -50,16 +60,13 @@ fn listen(signalled: Arc<AtomicBool>) -> io::Result<()> {
     thread::Builder::new()
         .name("signals".to_owned())
         .spawn(move || {
-            runtime.block_on(core::future::poll_fn(|context| {
-                let caught = interrupt.poll_recv(context).is_ready()
-                    || terminate.poll_recv(context).is_ready();
-                if caught {
-                    core::task::Poll::Ready(())
-                } else {
-                    core::task::Poll::Pending
+            let number = runtime.block_on(core::future::poll_fn(|context| {
+                if interrupt.poll_recv(context).is_ready() {
+                    return core::task::Poll::Ready(SIGINT);
                 }
+                terminate.poll_recv(context).map(|_| SIGTERM)
             }));
-            signalled.store(true, Ordering::Relaxed);
+            caught.store(number, Ordering::Relaxed);
         })?;
     Ok(())
 }

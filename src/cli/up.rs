@@ -4,18 +4,20 @@ use std::path::PathBuf;
 use clap::Args;
 use protocols::Instant;
 
-use super::place::{self, Place};
-use super::show::ShowArgs;
+use super::ends::{EndArgs, print_table};
+use super::run::{Ran, write_results};
+use super::show::{Show, ShowArgs};
 use super::stop::Stop;
 use super::{CliError, Verdict};
 use crate::capture::{self, Limits, Recording};
 use crate::realtime::Realtime;
 use crate::realtime::clock::{Clock, WallClock, utc};
 use crate::realtime::control::Control;
-use crate::realtime::transport::{Note, PortDir, Pty, Serial, Transport};
+use crate::realtime::exec;
+use crate::realtime::transport::{Note, PortDir};
 use crate::rig::Paced;
 use crate::rig::Rig;
-use crate::robots::{self, Dut, Instruments, OpenEnd, PcEnd, Wired};
+use crate::robots::{self, Dut, PcEnd};
 use crate::run::Run;
 use crate::scenario::{Scenario, Span};
 use crate::show::folder::FolderError;
@@ -24,7 +26,7 @@ use crate::show::folder::FolderError;
 ///
 /// The robot's ends of the links appear in a directory as pseudo-terminals that behave like serial
 /// ports. A client should set the baud rate that the table names: at another one it reads garbage,
-/// as on a wire. When the run ends the ports are removed.
+/// as on a wire. When the run ends the ports are removed. Without --out nothing is judged.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig up scenarios/rescue-flat.toml --dir /tmp/robot\n  \
@@ -32,7 +34,8 @@ use crate::show::folder::FolderError;
     hilrig up scenarios/rescue-flat.toml --dut-at lidar=/dev/ttyUSB0 --dut-at base=/dev/ttyUSB1\n  \
     hilrig up scenarios/rescue-flat.toml --device-at lidar=/dev/ttyACM0   # a real lidar\n  \
     hilrig up scenarios/rescue-flat.toml --ui=8080    # watched and steered on a page\n  \
-    hilrig up scenarios/rescue-flat.toml --capture field.pcapng --capture-max-mb 100")]
+    hilrig up scenarios/rescue-flat.toml --capture field.pcapng --capture-max-mb 100\n  \
+    hilrig up scenarios/rescue-flat.toml --until-over --out result   # judged: exit code 0 or 1")]
 pub(super) struct Up {
     /// Scenario file
     #[arg(value_name = "SCENARIO")]
@@ -41,17 +44,19 @@ pub(super) struct Up {
     #[arg(long, value_name = "DIR")]
     dir: Option<PathBuf>,
     /// End by itself after this time, e.g. 60s or 5min [default: at SIGINT or SIGTERM]
-    #[arg(long, value_name = "TIME")]
+    #[arg(long, value_name = "TIME", conflicts_with = "until_over")]
     duration: Option<Span>,
     /// Seed in place of the scenario's own
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
     seed: Option<u64>,
-    /// Put a real device, or somebody's pseudo-terminal, in the place of the emulated one
-    #[arg(long, value_name = "LINK=PATH")]
-    device_at: Vec<Place>,
-    /// Offer the robot's end of a link on a serial port in place of a pseudo-terminal
-    #[arg(long, value_name = "LINK=PATH")]
-    dut_at: Vec<Place>,
+    #[command(flatten)]
+    ends: EndArgs,
+    /// Judge the run when it ends, and write its result folder; exit code 1 if a check fails
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// End by itself when the scenario is over: its mission, or its time
+    #[arg(long)]
+    until_over: bool,
     /// Offer the PC's end, and leave the scenario's own PC out, even if it has a mission
     #[arg(long)]
     pc: bool,
@@ -86,52 +91,83 @@ pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
 
     let mut dir = PortDir::open(&dir)?;
     let mut control = Control::open(&dir)?;
-    let (rig, instruments, ports) = place_ends(wired, &args, &dir)?;
+    let (rig, instruments, seats) = args.ends.place(wired, &dir)?;
     dir.leave_note(Note::Scenario, &scenario.to_toml())?;
-    print_table(&ports);
-    eprintln!(
-        "{}, seed {}: running until {}",
-        scenario.name,
-        scenario.seed,
-        args.duration
-            .map_or("SIGINT or SIGTERM".to_owned(), |time| time.to_string())
-    );
-    let mut run = Endless(Run::with_rig(scenario, rig, instruments));
-    record(&args, &mut run.0)?;
+    print_table(&seats);
+    let until = match (args.duration, args.until_over) {
+        (Some(time), _) => time.to_string(),
+        (None, true) => "the scenario is over".to_owned(),
+        (None, false) => "SIGINT or SIGTERM".to_owned(),
+    };
+    let (name, seed) = (&scenario.name, scenario.seed);
+    eprintln!("{name}, seed {seed}: running until {until}");
+    let mut going = Going {
+        run: Run::with_rig(scenario, rig, instruments),
+        until_over: args.until_over,
+    };
+    let capture = record(&args, &mut going.run)?;
     let mut show = args.show.start()?;
-    show.begin(&mut run.0);
+    show.begin(&mut going.run);
     // The clock starts last: setting up takes no time of the run.
     let mut realtime = Realtime::new(WallClock::start());
-    for (end, port) in ports {
-        realtime.serve(end, port);
+    for seat in seats {
+        realtime.serve(seat.end, seat.transport);
     }
-    let mut log = Log::default();
-    let ended = loop {
-        if stop.is_due(realtime.clock().now()) {
-            break Ok(Verdict::Pass);
-        }
-        if let Err(error) = realtime.turn(&mut run) {
-            break Err(error.into());
-        }
-        control.serve(&mut run.0, realtime.clock().now());
-        show.turn(&mut run.0, realtime.clock().now());
-        log.follow(&run.0);
-    };
-    print_report(&realtime, &run.0);
+    let ended = go(&mut going, &mut realtime, &mut control, &mut show, &stop);
+    let wall = realtime.clock().now() - Instant::ZERO;
+    print_report(&realtime, &going.run);
     if control.delays().count() > 0 {
         println!("  faults changed by hand: {}", control.delays());
     }
     let changed = control.delays().count() > 0 || show.has_changed_it();
-    leave(&mut run.0, args, changed)?;
-    ended
+    leave(&mut going.run, args.case, capture, changed)?;
+    let verdict = match &args.out {
+        Some(out) => {
+            let mut outcome = going.run.judge();
+            exec::take_beliefs(&mut outcome);
+            let signal = None;
+            let ran = Ran {
+                outcome,
+                wall,
+                signal,
+            };
+            write_results(ran, out)?.verdict()
+        }
+        None => Verdict::Pass,
+    };
+    ended.map(|()| verdict)
+}
+
+/// Goes on until it is time to stop, or a port is lost.
+fn go(
+    going: &mut Going,
+    realtime: &mut Realtime<WallClock>,
+    control: &mut Control,
+    show: &mut Show,
+    stop: &Stop,
+) -> Result<(), CliError> {
+    let mut log = Log::default();
+    while !stop.is_due(realtime.clock().now()) && !going.is_over() {
+        realtime.turn(going)?;
+        control.serve(&mut going.run, realtime.clock().now());
+        show.turn(&mut going.run, realtime.clock().now());
+        exec::log_contacts(&mut going.run);
+        log.follow(&going.run);
+    }
+    Ok(())
 }
 
 /// Ends what a run leaves behind: its capture and its case.
-fn leave(run: &mut Run, args: Up, changed: bool) -> Result<(), CliError> {
+fn leave(
+    run: &mut Run,
+    case: Option<PathBuf>,
+    capture: Option<PathBuf>,
+    changed: bool,
+) -> Result<(), CliError> {
     let recorded = run.rig.finish_taps();
-    write_case(run, args.case, changed)?;
+    write_case(run, case, changed)?;
     recorded.map_err(|source| FolderError {
-        path: args.capture.unwrap_or_default(),
+        path: capture.unwrap_or_default(),
         source,
     })?;
     Ok(())
@@ -140,11 +176,10 @@ fn leave(run: &mut Run, args: Up, changed: bool) -> Result<(), CliError> {
 /// The scenario's PC has its own end if it has something to do or a page to do it, unless another
 /// one is wanted.
 fn pc_end(args: &Up, scenario: &Scenario) -> PcEnd {
-    let mission = &scenario.mission;
-    let is_scripted = !mission.waypoints_m.is_empty() || !mission.step.is_empty();
-    match (is_scripted || args.show.is_wanted()) && !args.pc {
-        true => PcEnd::Scripted,
-        false => PcEnd::External,
+    match (args.pc, args.show.is_wanted()) {
+        (true, _) => PcEnd::External,
+        (false, true) => PcEnd::Scripted,
+        (false, false) => exec::pc_end(scenario),
     }
 }
 
@@ -166,102 +201,56 @@ fn write_case(run: &Run, path: Option<PathBuf>, changed: bool) -> Result<(), Cli
     Ok(())
 }
 
-/// Makes `run` write its capture, if one is wanted.
-fn record(args: &Up, run: &mut Run) -> Result<(), CliError> {
-    let Some(path) = &args.capture else {
-        return Ok(());
+/// Makes `run` write its capture, if one is wanted, and says where.
+fn record(args: &Up, run: &mut Run) -> Result<Option<PathBuf>, CliError> {
+    let in_out = args.out.as_ref().map(|out| out.join("capture.pcapng"));
+    let Some(path) = args.capture.clone().or(in_out) else {
+        return Ok(None);
     };
+    if let Some(out) = &args.out {
+        // Before the run: a folder that cannot be written must not cost a whole run.
+        fs::create_dir_all(out).map_err(|source| FolderError {
+            path: out.clone(),
+            source,
+        })?;
+    }
     let limits = Limits {
         file_bytes: args.capture_max_mb << 20,
         files: args.capture_files,
     };
     let about = capture::about_live(run.scenario(), utc());
-    let recording = Recording::create(path, &run.rig, about, limits);
+    let recording = Recording::create(&path, &run.rig, about, limits);
     let recording = recording.map_err(|source| FolderError {
         path: path.clone(),
         source,
     })?;
     run.rig.add_tap(Box::new(recording));
-    Ok(())
+    Ok(Some(path))
 }
 
-/// A run that goes on when its mission is over: whoever is connected may have other plans.
-struct Endless(Run);
+/// A run that goes on when its mission is over, because whoever is connected may have other plans,
+/// unless it is not to.
+struct Going {
+    run: Run,
+    until_over: bool,
+}
 
-impl Paced for Endless {
+impl Going {
+    const fn is_over(&self) -> bool {
+        self.until_over && self.run.is_over()
+    }
+}
+
+impl Paced for Going {
     fn rig(&mut self) -> &mut Rig {
-        &mut self.0.rig
+        &mut self.run.rig
     }
 
     fn run_until(&mut self, deadline: Instant) {
-        self.0.go_on_until(deadline);
-    }
-}
-
-/// An end of a link and the port that it is on.
-type Placed = (OpenEnd, Box<dyn Transport>);
-
-/// Opens or makes a port for each open end.
-fn place_ends(
-    wired: Wired,
-    args: &Up,
-    dir: &PortDir,
-) -> Result<(Rig, Box<dyn Instruments>, Vec<Placed>), CliError> {
-    let Wired {
-        mut rig,
-        open_ends,
-        instruments,
-    } = wired;
-    let names: Vec<String> = open_ends.iter().map(|end| end.name.clone()).collect();
-    place::check("--dut-at", &args.dut_at, &names)?;
-    place::check("--device-at", &args.device_at, &names)?;
-    let mut ports: Vec<Placed> = Vec::new();
-    for end in open_ends {
-        let port: Box<dyn Transport> = match place::find(&args.dut_at, &end.name) {
-            Some(place) => Box::new(Serial::open(&place.path, end.line)?),
-            None => Box::new(Pty::open(dir, &end.name, end.line)?),
-        };
-        if let Some(place) = place::find(&args.device_at, &end.name) {
-            let port = Serial::open(&place.path, end.line)?;
-            let node = rig.replace_device(&end.link).ok_or_else(|| {
-                let name = &end.name;
-                CliError::Other(format!("--device-at {name}: expected a link with a device"))
-            })?;
-            let device = OpenEnd {
-                name: format!("{} (device)", end.name),
-                node,
-                connect: "a device in place of the emulated one",
-                ..end.clone()
-            };
-            rig.set_line_config(node, end.line);
-            ports.push((device, Box::new(port)));
+        match self.until_over {
+            true => self.run.run_until(deadline),
+            false => self.run.go_on_until(deadline),
         }
-        ports.push((end, port));
-    }
-    Ok((rig, instruments, ports))
-}
-
-/// The ports as data: one a line.
-fn print_table(ports: &[Placed]) {
-    let rows: Vec<[String; 4]> = ports
-        .iter()
-        .map(|(end, port)| {
-            [
-                end.name.clone(),
-                port.path().display().to_string(),
-                end.line.baud.to_string(),
-                end.connect.to_owned(),
-            ]
-        })
-        .collect();
-    let head = ["name", "path", "baud", "connect"].map(str::to_owned);
-    let width = |column: usize| {
-        let cells = rows.iter().chain([&head]);
-        cells.map(|row| row[column].len()).max().unwrap_or(0)
-    };
-    let [name_width, path_width, baud_width] = [width(0), width(1), width(2)];
-    for [name, path, baud, connect] in [&head].into_iter().chain(&rows) {
-        println!("{name:<name_width$}  {path:<path_width$}  {baud:>baud_width$}  {connect}");
     }
 }
 

@@ -60,6 +60,12 @@ pub trait Transport {
         true
     }
 
+    /// How often the far end was seen to take bytes; `None` where that cannot be seen. As of the
+    /// last call of anything else here.
+    fn reads(&self) -> Option<u64> {
+        None
+    }
+
     /// Appends what becomes readable when a [`read`](Self::read) may bring something new. May be
     /// empty for a while, so whoever waits also looks again after a few milliseconds.
     fn readiness<'a>(&'a self, fds: &mut Vec<BorrowedFd<'a>>);

@@ -35,6 +35,7 @@ pub struct Pty {
     open: bool,
     /// Bytes written since the client last read anything, or opened.
     unread: usize,
+    reads: u64,
     baud: u32,
     counters: Counters,
     events: VecDeque<PortEvent>,
@@ -64,6 +65,7 @@ impl Pty {
             watch,
             open: false,
             unread: 0,
+            reads: 0,
             baud: line.baud,
             counters: Counters::default(),
             events: VecDeque::new(),
@@ -80,6 +82,7 @@ impl Pty {
         let open = !self.is_hung_up();
         let seen = self.watch.look(open);
         if seen.read {
+            self.reads += 1;
             self.unread = 0;
         }
         if !open {
@@ -198,6 +201,10 @@ impl Transport for Pty {
     fn is_drained(&mut self) -> bool {
         self.look();
         !self.open || self.is_hung_up() || self.unread == 0
+    }
+
+    fn reads(&self) -> Option<u64> {
+        self.watch.fd().map(|_| self.reads)
     }
 
     fn next_event(&mut self) -> Option<PortEvent> {

@@ -3,7 +3,7 @@
 use core::fmt;
 
 use super::case::{Hex, Pair};
-use super::process::Ended;
+use crate::realtime::process::Ended;
 use crate::search::campaign::without_figures;
 
 /// Rules about when something is said: a program that is not given the processor in time breaks

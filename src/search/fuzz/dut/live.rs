@@ -7,12 +7,13 @@ use std::path::{Path, PathBuf};
 use protocols::Instant;
 
 use super::case::{Case, Known, WARM_UP};
-use super::pace::Held;
-use super::process::{Ended, Process};
 use super::stand::{Stand, StandError, Whose};
 use crate::capture::{self, Limits, Recording};
 use crate::realtime::Realtime;
 use crate::realtime::clock::{Clock, utc};
+use crate::realtime::exec::PORTS_VARIABLE;
+use crate::realtime::held::Held;
+use crate::realtime::process::{Ended, Patience, Process};
 use crate::realtime::transport::{Note, PortDir, Pty, Serial, Transport};
 use crate::rig::Paced;
 use crate::rig::Rig;
@@ -64,6 +65,7 @@ struct Seen {
     spoken: u64,
     spoke_at: Option<Instant>,
     drained_at: Option<Instant>,
+    reads: Option<u64>,
 }
 
 /// A run that goes on when its mission is over.
@@ -97,7 +99,10 @@ impl<'a> Live<'a> {
             realtime.serve(end, port);
         }
         let process = match &stand.whose {
-            Whose::Command { command, dir } => Some(Process::start(command, dir)),
+            Whose::Command { command, dir } => {
+                let ports = (PORTS_VARIABLE.to_owned(), dir.clone().into());
+                Some(Process::start(command, &[ports], None))
+            }
             Whose::Ports(_) => None,
         };
         let mut live = Self {
@@ -185,9 +190,11 @@ impl<'a> Live<'a> {
             if sign.from_client != port.spoken {
                 (port.spoken, port.spoke_at) = (sign.from_client, Some(now));
             }
-            if sign.is_drained {
+            // One that takes a little at a time never empties a port that is always filled.
+            if sign.is_drained || sign.reads != port.reads {
                 port.drained_at = Some(now);
             }
+            port.reads = sign.reads;
             port.is_open = sign.is_open || self.process.is_none();
             port.was_opened |= port.is_open;
         }
@@ -275,14 +282,15 @@ impl<'a> Live<'a> {
 
     /// Ends the program; what it said on its standard error, and the run.
     pub(super) fn end(mut self, stand: &Stand<'_>) -> (String, Run) {
-        let said = self.process.take().map(Process::end).unwrap_or_default();
+        let process = self.process.take();
+        let said = process.map(|process| process.end(Patience::LITTLE).said);
         let transports = self.realtime.into_transports();
         if self.dir.is_none() {
             stand.keep_open(transports);
         }
         // The capture is for people; what cannot be written of it is not worth the finding.
         let _ = self.run.0.rig.finish_taps();
-        (said, self.run.0)
+        (said.unwrap_or_default(), self.run.0)
     }
 }
 

@@ -1,14 +1,16 @@
+//! A clock that stands until somebody's program is ready.
+
 use core::cell::Cell;
 use core::time::Duration;
 
 use protocols::Instant;
 
-use crate::realtime::clock::{Clock, WallClock};
+use super::clock::{Clock, WallClock};
 
 /// A wall clock that stands at a moment until it is let go: the rig waits there, its devices at
 /// work, until somebody's program has opened its ports.
 #[derive(Debug)]
-pub(super) struct Held {
+pub struct Held {
     wall: WallClock,
     stands_at: Instant,
     let_go_at: Cell<Option<Instant>>,
@@ -16,7 +18,7 @@ pub(super) struct Held {
 
 impl Held {
     /// Stands at `moment`.
-    pub(super) fn at(moment: Instant) -> Self {
+    pub fn at(moment: Instant) -> Self {
         Self {
             wall: WallClock::start(),
             stands_at: moment,
@@ -25,12 +27,12 @@ impl Held {
     }
 
     /// Time since it was made, standing or not.
-    pub(super) fn waited(&self) -> Duration {
+    pub fn waited(&self) -> Duration {
         self.wall.now() - Instant::ZERO
     }
 
     /// From now on it goes.
-    pub(super) fn let_go(&self) {
+    pub fn let_go(&self) {
         self.let_go_at.set(Some(self.wall.now()));
     }
 }

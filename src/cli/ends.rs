@@ -1,0 +1,107 @@
+//! The ends of a rig's links on ports: pseudo-terminals in a directory, or real ones.
+
+use clap::Args;
+
+use super::CliError;
+use super::place::{self, Place};
+use crate::realtime::exec::Seat;
+use crate::realtime::transport::{PortDir, Pty, Serial, Transport};
+use crate::rig::Rig;
+use crate::robots::{Instruments, OpenEnd, Wired};
+
+/// Links that are on real ports.
+#[derive(Debug, Args)]
+pub(super) struct EndArgs {
+    /// Put a real device, or somebody's pseudo-terminal, in the place of the emulated one
+    #[arg(long, value_name = "LINK=PATH")]
+    device_at: Vec<Place>,
+    /// Offer the robot's end of a link on a serial port in place of a pseudo-terminal
+    #[arg(long, value_name = "LINK=PATH")]
+    dut_at: Vec<Place>,
+}
+
+impl EndArgs {
+    /// Whether any link is on a real port.
+    pub(super) const fn is_given(&self) -> bool {
+        !self.device_at.is_empty() || !self.dut_at.is_empty()
+    }
+
+    /// Opens or makes a port for each open end.
+    pub(super) fn place(
+        &self,
+        wired: Wired,
+        dir: &PortDir,
+    ) -> Result<(Rig, Box<dyn Instruments>, Vec<Seat>), CliError> {
+        let Wired {
+            mut rig,
+            open_ends,
+            instruments,
+        } = wired;
+        let names: Vec<String> = open_ends.iter().map(|end| end.name.clone()).collect();
+        place::check("--dut-at", &self.dut_at, &names)?;
+        place::check("--device-at", &self.device_at, &names)?;
+        let mut seats = Vec::new();
+        for end in open_ends {
+            let real = place::find(&self.dut_at, &end.name);
+            let transport: Box<dyn Transport> = match real {
+                Some(place) => Box::new(Serial::open(&place.path, end.line)?),
+                None => Box::new(Pty::open(dir, &end.name, end.line)?),
+            };
+            seats.extend(self.device(&mut rig, &end)?);
+            seats.push(Seat {
+                end,
+                transport,
+                is_terminal: real.is_none(),
+            });
+        }
+        Ok((rig, instruments, seats))
+    }
+
+    /// The real device at the far side of `end`, if there is to be one.
+    fn device(&self, rig: &mut Rig, end: &OpenEnd) -> Result<Option<Seat>, CliError> {
+        let Some(place) = place::find(&self.device_at, &end.name) else {
+            return Ok(None);
+        };
+        let port = Serial::open(&place.path, end.line)?;
+        let node = rig.replace_device(&end.link).ok_or_else(|| {
+            let name = &end.name;
+            CliError::Other(format!("--device-at {name}: expected a link with a device"))
+        })?;
+        rig.set_line_config(node, end.line);
+        let end = OpenEnd {
+            name: format!("{} (device)", end.name),
+            node,
+            connect: "a device in place of the emulated one",
+            ..end.clone()
+        };
+        Ok(Some(Seat {
+            end,
+            transport: Box::new(port),
+            is_terminal: false,
+        }))
+    }
+}
+
+/// The ports as data: one a line.
+pub(super) fn print_table(seats: &[Seat]) {
+    let rows: Vec<[String; 4]> = seats
+        .iter()
+        .map(|Seat { end, transport, .. }| {
+            [
+                end.name.clone(),
+                transport.path().display().to_string(),
+                end.line.baud.to_string(),
+                end.connect.to_owned(),
+            ]
+        })
+        .collect();
+    let head = ["name", "path", "baud", "connect"].map(str::to_owned);
+    let width = |column: usize| {
+        let cells = rows.iter().chain([&head]);
+        cells.map(|row| row[column].len()).max().unwrap_or(0)
+    };
+    let [name_width, path_width, baud_width] = [width(0), width(1), width(2)];
+    for [name, path, baud, connect] in [&head].into_iter().chain(&rows) {
+        println!("{name:<name_width$}  {path:<path_width$}  {baud:>baud_width$}  {connect}");
+    }
+}

@@ -1,0 +1,85 @@
+//! `--exec`: somebody's program in the place of the robot's own.
+
+use core::time::Duration;
+
+use clap::Args;
+
+use crate::realtime::exec::{Foreign, Seen};
+use crate::scenario::Span;
+
+/// Somebody's program.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Somebody's program")]
+pub(super) struct ExecArgs {
+    /// Start this shell command on the rig's ports and judge it, in real time. Its environment has
+    /// HILRIG_DIR (directory of the ports), HILRIG_PORT_<NAME> (each port), HILRIG_SEED and
+    /// HILRIG_SCENARIO (the scenario as a file)
+    #[arg(long, value_name = "CMD")]
+    pub(super) exec: Option<String>,
+    /// Time of the wall clock within which it must open its ports; rig time stands until then
+    #[arg(long, value_name = "TIME", default_value = "10s", requires = "exec")]
+    exec_wait: Span,
+    /// It may end with exit code 0 before the run is over; the run ends 2 s later
+    #[arg(long, requires = "exec")]
+    exec_may_end: bool,
+    /// Ports that it must open [default: all but the optional ones]
+    #[arg(long, value_name = "NAME,..", value_delimiter = ',', requires = "exec")]
+    exec_needs: Vec<String>,
+}
+
+impl ExecArgs {
+    /// The program, if there is one.
+    pub(super) fn foreign(&self) -> Option<Foreign> {
+        Some(Foreign {
+            command: self.exec.clone()?,
+            wait: self.exec_wait.0,
+            may_end: self.exec_may_end,
+            needs: self.exec_needs.clone(),
+        })
+    }
+
+    /// The options that say the same again, with a blank before them.
+    pub(super) fn repeat(&self) -> String {
+        let Some(command) = &self.exec else {
+            return String::new();
+        };
+        let mut words = format!(" --exec {}", quoted(command));
+        if self.exec_wait.0 != Duration::from_secs(10) {
+            words += &format!(" --exec-wait {}", self.exec_wait);
+        }
+        if self.exec_may_end {
+            words += " --exec-may-end";
+        }
+        if !self.exec_needs.is_empty() {
+            words += &format!(" --exec-needs {}", self.exec_needs.join(","));
+        }
+        words
+    }
+}
+
+/// `text` as one word for the shell.
+pub(super) fn quoted(text: &str) -> String {
+    format!("'{}'", text.replace('\'', "'\\''"))
+}
+
+/// Lines of a program's words that are shown.
+const LINES: usize = 20;
+
+/// Says what a program said last, and what could not be judged of it.
+pub(super) fn tell(seen: &Seen, passed: bool, log: &str) {
+    if seen.was_late() {
+        eprintln!("  the rig itself was late, so the program may not be to blame");
+    }
+    if !seen.unjudged.is_empty() {
+        let names = seen.unjudged.join(", ");
+        println!("  not judged, what the program believes cannot be seen: {names}");
+    }
+    let lines: Vec<&str> = seen.said.lines().collect();
+    if passed || lines.is_empty() {
+        return;
+    }
+    println!("  the program's last words, all in {log}:");
+    for line in &lines[lines.len().saturating_sub(LINES)..] {
+        println!("  | {line}");
+    }
+}

@@ -1,0 +1,102 @@
+//! A run of somebody's program, judged, its result folder written.
+
+use std::path::{Path, PathBuf};
+
+use protocols::Instant;
+
+use super::judged::{
+    Progress, Ran, Talk, cut_short, finish_capture, make_folder, record_to, write_results,
+};
+use crate::capture;
+use crate::cli::CliError;
+use crate::cli::ends::{EndArgs, print_table};
+use crate::cli::exec;
+use crate::cli::show::Show;
+use crate::cli::stop::Stop;
+use crate::realtime::clock::{Clock, WallClock, utc};
+use crate::realtime::exec::{Foreign, Trial, pc_end};
+use crate::realtime::transport::{PortDir, TransportError};
+use crate::robots::{self, Dut, PcEnd};
+use crate::run::Run;
+use crate::scenario::{Scenario, Source};
+
+/// What a program is put into, besides its scenario.
+pub(super) struct Place<'a> {
+    /// Folder for the results.
+    pub(super) out: &'a Path,
+    /// Directory of the ports; in the folder unless told otherwise.
+    pub(super) dir: Option<&'a Path>,
+    /// Links on real ports.
+    pub(super) ends: &'a EndArgs,
+    /// The page, if there is one.
+    pub(super) show: &'a mut Show,
+    /// Whether there is to be one.
+    pub(super) is_shown: bool,
+}
+
+/// Runs `scenario` with somebody's program and writes the result folder, whatever ends it.
+pub(super) fn judged_exec(
+    scenario: Scenario,
+    source: &Source,
+    foreign: Foreign,
+    place: Place<'_>,
+    stop: &Stop,
+) -> Result<Ran, CliError> {
+    let out = place.out;
+    make_folder(out)?;
+    let clock = WallClock::start();
+    let pc = match place.is_shown {
+        true => PcEnd::Scripted,
+        false => pc_end(&scenario),
+    };
+    let wired = robots::wire(&scenario, source, Dut::External, pc)?;
+    let dir = PortDir::open(&ports_in(out, place.dir)?)?;
+    let (rig, instruments, seats) = place.ends.place(wired, &dir)?;
+    print_table(&seats);
+    let mut run = Run::with_rig(scenario, rig, instruments);
+    let about = capture::about_live(run.scenario(), utc());
+    record_to(&out.join("capture.pcapng"), about, &mut run)?;
+    place.show.begin(&mut run);
+    let log = out.join("program.log");
+    let mut trial = Trial::start(run, seats, dir, foreign, &log)?;
+    let ended = follow(&mut trial, place.show, stop);
+    let was_cut = cut_short(trial.run(), stop);
+    let mut judged = trial.end();
+    judged.outcome.checks.extend(was_cut);
+    let ran = Ran {
+        outcome: judged.outcome,
+        wall: clock.now() - Instant::ZERO,
+        signal: stop.signal(),
+    };
+    let ran = write_results(ran, out)?;
+    println!("  {}", judged.seen.lateness);
+    let passed = ran.outcome.passed();
+    exec::tell(&judged.seen, passed, &log.display().to_string());
+    finish_capture(judged.recorded, out)?;
+    ended?;
+    Ok(ran)
+}
+
+/// Goes on until the run is over, a signal comes or a real port is lost.
+fn follow(trial: &mut Trial, show: &mut Show, stop: &Stop) -> Result<(), TransportError> {
+    let mut progress = Progress::new(Talk::Verdict);
+    let mut has_begun = false;
+    while !trial.is_over() && stop.signal().is_none() {
+        trial.turn()?;
+        let now = trial.now();
+        show.turn(trial.run(), now);
+        if trial.has_begun() && !has_begun {
+            has_begun = true;
+            eprintln!("  the program has opened its ports, rig time runs");
+        }
+        progress.tell(trial.run(), now - Instant::ZERO);
+    }
+    Ok(())
+}
+
+/// The directory of the ports as the program is told it: it may go elsewhere.
+fn ports_in(out: &Path, dir: Option<&Path>) -> Result<PathBuf, CliError> {
+    let dir = dir.map_or_else(|| out.join("ports"), Path::to_owned);
+    std::path::absolute(&dir)
+        .map_err(|error| CliError::Other(format!("--dir {}: {error}", dir.display())))
+}

@@ -1,0 +1,211 @@
+//! One run of a scenario in this process, judged, its result folder written.
+
+use core::time::Duration;
+use std::path::Path;
+
+use protocols::Instant;
+
+use crate::capture::{self, Limits, Recording, Section};
+use crate::cli::show::Show;
+use crate::cli::stop::{SIGTERM, Stop};
+use crate::cli::{CliError, Verdict};
+use crate::realtime::Realtime;
+use crate::realtime::clock::{Clock, WallClock};
+use crate::run::check::Check;
+use crate::run::{Outcome, Run};
+use crate::scenario::{Scenario, Source};
+use crate::show::folder::{self, FolderError, Metrics};
+
+/// How much is said while a run goes on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::cli) enum Talk {
+    /// What the robot does, as it does it.
+    Story,
+    /// The verdict only, and progress when it takes long.
+    Verdict,
+}
+
+/// What moves a run's clock.
+pub(in crate::cli) enum Pace<'a> {
+    /// Jumps from event to event.
+    Virtual,
+    /// The wall clock, and a page on which the run may be shown.
+    Realtime(&'a mut Show),
+}
+
+/// A finished run.
+pub(in crate::cli) struct Ran {
+    pub(in crate::cli) outcome: Outcome,
+    /// Wall time that it took.
+    pub(in crate::cli) wall: Duration,
+    /// Number of the signal that ended it before its time.
+    pub(in crate::cli) signal: Option<u8>,
+}
+
+impl Ran {
+    pub(in crate::cli) fn verdict(&self) -> Verdict {
+        match (self.signal, self.outcome.passed()) {
+            (Some(signal), _) => Verdict::Interrupted(signal),
+            (None, true) => Verdict::Pass,
+            (None, false) => Verdict::Fail,
+        }
+    }
+}
+
+/// Time of silence after which a long run says how far it is.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// Makes the folder for the results. Before the run: one that cannot be written must not cost a
+/// whole run.
+pub(super) fn make_folder(out: &Path) -> Result<(), FolderError> {
+    std::fs::create_dir_all(out).map_err(|source| FolderError {
+        path: out.to_owned(),
+        source,
+    })
+}
+
+/// Runs one scenario in this process and writes its result folder, also if a signal ends it early.
+pub(in crate::cli) fn judged_run(
+    scenario: Scenario,
+    source: &Source,
+    seed: Option<u64>,
+    out: &Path,
+    mut pace: Pace<'_>,
+    talk: Talk,
+    stop: &Stop,
+) -> Result<Ran, CliError> {
+    make_folder(out)?;
+    let clock = WallClock::start();
+    let mut run = Run::new(scenario, source, seed)?;
+    let capture = out.join("capture.pcapng");
+    record_to(&capture, capture::about(run.scenario()), &mut run)?;
+    if talk == Talk::Story {
+        let scenario = run.scenario();
+        let (name, seed, duration) = (&scenario.name, scenario.seed, scenario.duration);
+        eprintln!("{name}, seed {seed}: up to {duration} of virtual time");
+    }
+    if let Pace::Realtime(show) = &mut pace {
+        show.begin(&mut run);
+    }
+    let mut realtime = Realtime::new(clock);
+    let mut progress = Progress::new(talk);
+    while !run.is_over() && stop.signal().is_none() {
+        match &mut pace {
+            Pace::Virtual => run.step(),
+            Pace::Realtime(show) => {
+                realtime.turn(&mut run)?;
+                show.turn(&mut run, clock.now());
+            }
+        }
+        progress.tell(&run, clock.now() - Instant::ZERO);
+    }
+    let was_cut = cut_short(&run, stop);
+    finish_capture(run.rig.finish_taps(), out)?;
+    let mut outcome = run.judge();
+    outcome.checks.extend(was_cut);
+    let wall = clock.now() - Instant::ZERO;
+    let signal = stop.signal();
+    let ran = Ran {
+        outcome,
+        wall,
+        signal,
+    };
+    let ran = write_results(ran, out)?;
+    if matches!(pace, Pace::Realtime(_)) {
+        println!("  {}", realtime.lateness());
+    }
+    Ok(ran)
+}
+
+/// Tells from time to time how far a run is.
+pub(super) struct Progress {
+    talk: Talk,
+    visits: usize,
+    said: Duration,
+}
+
+impl Progress {
+    pub(super) const fn new(talk: Talk) -> Self {
+        Self {
+            talk,
+            visits: 0,
+            said: Duration::ZERO,
+        }
+    }
+
+    /// Looks at `run` at `elapsed` of the wall clock.
+    pub(super) fn tell(&mut self, run: &Run, elapsed: Duration) {
+        let progress = run.progress();
+        let is_new = progress.visits().len() > self.visits;
+        self.visits = progress.visits().len();
+        let is_due = elapsed.saturating_sub(self.said) >= PATIENCE;
+        if (self.talk == Talk::Story && is_new) || is_due {
+            self.said = elapsed;
+            let mode = run.rig.program().map_or("", |program| program.mode());
+            let (now, visits, all) = (run.rig.now(), self.visits, progress.waypoints());
+            eprintln!("  {now} s  waypoint {visits} of {all} visited  {mode}");
+        }
+    }
+}
+
+/// The verdict on a run that a signal ended before its time: whatever else held, nobody knows what
+/// would have come.
+pub(super) fn cut_short(run: &Run, stop: &Stop) -> Option<Check> {
+    let signal = stop.signal().filter(|_| !run.is_over())?;
+    let name = match signal {
+        SIGTERM => "SIGTERM",
+        _ => "SIGINT",
+    };
+    let (now, all) = (run.rig.now(), run.scenario().duration);
+    let detail = format!("ended by {name} at {now} s, its time is {all}");
+    Some(Check::new("ran-to-its-end", false, detail))
+}
+
+/// What came of the capture in `out`.
+pub(super) fn finish_capture(recorded: std::io::Result<()>, out: &Path) -> Result<(), FolderError> {
+    recorded.map_err(|source| FolderError {
+        path: out.join("capture.pcapng"),
+        source,
+    })
+}
+
+/// Writes the result folder of a run and prints its verdicts.
+pub(in crate::cli) fn write_results(ran: Ran, out: &Path) -> Result<Ran, FolderError> {
+    folder::write(out, &ran.outcome, ran.wall)?;
+    print_summary(&ran.outcome, ran.wall, out);
+    Ok(ran)
+}
+
+/// Makes `run` write its capture.
+pub(super) fn record_to(path: &Path, about: Section, run: &mut Run) -> Result<(), FolderError> {
+    let recording = Recording::create(path, &run.rig, about, Limits::default());
+    let recording = recording.map_err(|source| FolderError {
+        path: path.to_owned(),
+        source,
+    })?;
+    run.rig.add_tap(Box::new(recording));
+    Ok(())
+}
+
+fn print_summary(outcome: &Outcome, wall: Duration, out: &Path) {
+    let metrics = Metrics::of(outcome, wall);
+    let verdict = if outcome.passed() { "PASS" } else { "FAIL" };
+    println!("{verdict} {} seed {}", outcome.case.name, outcome.seed);
+    for check in &outcome.checks {
+        println!("  {check}");
+    }
+    let (sim_s, wall_s) = (metrics.sim_s, metrics.wall_s);
+    println!(
+        "  {sim_s:.1} s simulated in {wall_s:.2} s, {:.0} times real time",
+        metrics.speedup
+    );
+    if let Some(error) = outcome.pose_error {
+        let (mm, deg) = (error.rms_mm, error.rms_deg);
+        println!(
+            "  pose error {mm:.1} mm and {deg:.2} deg RMS, at worst {:.1} mm",
+            error.max_mm
+        );
+    }
+    println!("  trace {}", outcome.trace_hash);
+    println!("  results in {}", out.display());
+}

@@ -1,0 +1,478 @@
+//! Somebody's program in a run: started on the rig's ports, watched, judged, ended.
+//!
+//! ```text
+//!  start --> opens its ports --> rig time runs --> run over, or program gone --> end, verdict
+//!            (rig stands at 0)
+//! ```
+//!
+//! Rig time stands until the program has opened what it needs, so that a slow interpreter costs no
+//! time of the mission. A program may have to hear something on one port before it opens the next:
+//! if it has sent something and opened nothing more for a second, time goes on as well.
+
+mod ports;
+
+use core::fmt;
+use core::time::Duration;
+use std::ffi::OsString;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use emulators::{Event, EventKind};
+use protocols::Instant;
+
+use crate::realtime::clock::Clock;
+use crate::realtime::control::Control;
+use crate::realtime::held::Held;
+use crate::realtime::process::{Ended, Farewell, Left, Patience, Process};
+use crate::realtime::transport::{Note, PortDir, Pty, Transport, TransportError};
+use crate::realtime::{Lateness, Realtime};
+use crate::robots::{self, Dut, OpenEnd, PcEnd, Wired};
+use crate::run::check::{Check, Status};
+use crate::run::{Outcome, Run};
+use crate::scenario::{Scenario, ScenarioError, Source};
+
+use ports::Ports;
+
+/// The variable by which a program is told where its ports are.
+pub const PORTS_VARIABLE: &str = "HILRIG_DIR";
+/// A rig that is later than this is not to be blamed on its program.
+const LATE: Duration = Duration::from_millis(20);
+/// Wall time without a further port after which a program that sends is taken to wait for an answer.
+const WAITS: Duration = Duration::from_secs(1);
+/// Rig time for which a run goes on when its program is gone: the devices must notice that.
+const SETTLE: Duration = Duration::from_secs(2);
+/// Links that a mission without orders has no use for.
+const PC_LINKS: [&str; 2] = ["radio", "pc"];
+
+/// Somebody's program, and what it may do.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Foreign {
+    /// For the shell.
+    pub command: String,
+    /// Wall time within which it must open what it needs.
+    pub wait: Duration,
+    /// Whether it may end with exit code 0 before the run is over.
+    pub may_end: bool,
+    /// Names of the ports that it needs; none: all that are not optional.
+    pub needs: Vec<String>,
+}
+
+/// An end of a link and the port that it is on.
+pub struct Seat {
+    /// The end.
+    pub end: OpenEnd,
+    /// Its port.
+    pub transport: Box<dyn Transport>,
+    /// Whether the program finds it in the directory of ports; else it is a real one, at which
+    /// nobody can be seen.
+    pub is_terminal: bool,
+}
+
+/// Why a program cannot be put on trial.
+#[derive(Debug)]
+pub enum ExecError {
+    /// The scenario cannot be wired.
+    Scenario(ScenarioError),
+    /// A port cannot be had.
+    Transport(TransportError),
+    /// It cannot be started.
+    NotStarted(io::Error),
+    /// It is said to need a port that there is not.
+    NoSuchPort(String, Vec<String>),
+}
+
+impl fmt::Display for ExecError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Scenario(error) => error.fmt(f),
+            Self::Transport(error) => error.fmt(f),
+            Self::NotStarted(error) => write!(f, "--exec: cannot start it: {error}"),
+            Self::NoSuchPort(name, all) => {
+                let all = all.join(", ");
+                write!(
+                    f,
+                    "--exec-needs {name}: no such port, expected some of {all}"
+                )
+            }
+        }
+    }
+}
+
+impl core::error::Error for ExecError {}
+
+impl From<ScenarioError> for ExecError {
+    fn from(error: ScenarioError) -> Self {
+        Self::Scenario(error)
+    }
+}
+
+impl From<TransportError> for ExecError {
+    fn from(error: TransportError) -> Self {
+        Self::Transport(error)
+    }
+}
+
+/// Who is the PC when nobody says so: the mission's script if it gives orders, else somebody
+/// outside.
+pub fn pc_end(scenario: &Scenario) -> PcEnd {
+    match gives_orders(scenario) {
+        true => PcEnd::Scripted,
+        false => PcEnd::External,
+    }
+}
+
+fn gives_orders(scenario: &Scenario) -> bool {
+    !scenario.mission.waypoints_m.is_empty() || !scenario.mission.step.is_empty()
+}
+
+/// Whether a program can do without this port.
+fn is_optional(end: &OpenEnd, scenario: &Scenario) -> bool {
+    let is_idle = PC_LINKS.contains(&&*end.link) && !gives_orders(scenario);
+    end.connect.contains("optional") || is_idle
+}
+
+/// A program under trial.
+pub struct Trial {
+    run: Run,
+    realtime: Realtime<Held>,
+    control: Control,
+    dir: PortDir,
+    process: Process,
+    foreign: Foreign,
+    ports: Ports,
+    /// Wall time at which the last port was opened, and how many were.
+    opening: (Duration, usize),
+    has_begun: bool,
+    gave_up: bool,
+    /// How the program ended, and the rig's time then.
+    ended: Option<(Ended, Instant)>,
+    /// Since when there is nobody at the ports any more.
+    gone_at: Option<Instant>,
+}
+
+/// What came of it.
+pub struct Judged {
+    /// The run, its first checks being about the program.
+    pub outcome: Outcome,
+    /// Whether the captures of the run were written.
+    pub recorded: io::Result<()>,
+    /// What else was seen.
+    pub seen: Seen,
+}
+
+/// What was seen of a program besides its verdicts.
+pub struct Seen {
+    /// Expectations that were not judged: they are about what the program believes.
+    pub unjudged: Vec<String>,
+    /// The end of what the program said.
+    pub said: String,
+    /// How late the rig was.
+    pub lateness: Lateness,
+}
+
+impl Seen {
+    /// Whether the rig was so late that the program may have suffered from it: by more than 20 ms
+    /// in one of a hundred events, or by more than 250 ms once.
+    pub fn was_late(&self) -> bool {
+        let max = Duration::from_millis(250);
+        self.lateness.quantile(990) > LATE || self.lateness.max() > max
+    }
+}
+
+impl Trial {
+    /// Starts the program in front of `run`, whose ends are on `seats`. What it says is written
+    /// to `log`.
+    ///
+    /// # Errors
+    /// If it cannot be started, or needs a port that there is not.
+    pub fn start(
+        run: Run,
+        seats: Vec<Seat>,
+        mut dir: PortDir,
+        foreign: Foreign,
+        log: &Path,
+    ) -> Result<Self, ExecError> {
+        let control = Control::open(&dir)?;
+        dir.leave_note(Note::Scenario, &run.scenario().to_toml())?;
+        let ports = ports_of(&seats, run.scenario(), &foreign)?;
+        let env = environment(&seats, &dir, &run);
+        let mut realtime = Realtime::new(Held::at(run.rig.now()));
+        for seat in seats {
+            realtime.serve(seat.end, seat.transport);
+        }
+        let process = Process::start(&foreign.command, &env, Some(log));
+        Ok(Self {
+            process: process.map_err(ExecError::NotStarted)?,
+            run,
+            realtime,
+            control,
+            dir,
+            foreign,
+            ports,
+            opening: (Duration::ZERO, 0),
+            has_begun: false,
+            gave_up: false,
+            ended: None,
+            gone_at: None,
+        })
+    }
+
+    /// The run.
+    pub const fn run(&mut self) -> &mut Run {
+        &mut self.run
+    }
+
+    /// Rig time on the wall clock.
+    pub fn now(&self) -> Instant {
+        self.realtime.clock().now()
+    }
+
+    /// Whether rig time runs.
+    pub const fn has_begun(&self) -> bool {
+        self.has_begun
+    }
+
+    /// Whether there is nothing more to see.
+    pub fn is_over(&self) -> bool {
+        let now = self.run.rig.now();
+        self.run.is_over() || self.gave_up || self.gone_at.is_some_and(|at| now - at >= SETTLE)
+    }
+
+    /// Runs the rig on and looks at the program.
+    ///
+    /// # Errors
+    /// If a real port went away.
+    pub fn turn(&mut self) -> Result<(), TransportError> {
+        let before = self.run.rig.now();
+        let behind = self.realtime.clock().now() - before;
+        let turned = self.realtime.turn(&mut self.run);
+        let now = self.run.rig.now();
+        self.control.serve(&mut self.run, now);
+        log_contacts(&mut self.run);
+        let on_time = match behind > LATE {
+            true => Duration::ZERO,
+            false => now - before,
+        };
+        for sign in self.realtime.signs() {
+            self.ports.observe(now, on_time, &sign);
+        }
+        self.look_at_process(now);
+        if !self.has_begun {
+            self.begin_if_ready();
+        }
+        turned
+    }
+
+    fn look_at_process(&mut self, now: Instant) {
+        if self.ended.is_none() {
+            self.ended = self.process.ended().map(|ended| (ended, now));
+        }
+        // Whoever may end may have started others that go on at the ports.
+        let is_gone = self.ended.is_some_and(|(ended, _)| {
+            !(self.foreign.may_end && ended == Ended::Code(0) && self.ports.any_open())
+        });
+        if is_gone && self.gone_at.is_none() {
+            self.gone_at = Some(now);
+        }
+    }
+
+    fn begin_if_ready(&mut self) {
+        let waited = self.realtime.clock().waited();
+        let opened = self.ports.opened();
+        if opened != self.opening.1 {
+            self.opening = (waited, opened);
+        }
+        let waits = self.ports.any_speaks() && waited - self.opening.0 >= WAITS;
+        let is_time_up = waited >= self.foreign.wait;
+        if self.gone_at.is_some() || (is_time_up && opened == 0) {
+            self.gave_up = true;
+        } else if self.ports.is_complete() || waits || is_time_up {
+            self.realtime.clock().let_go();
+            self.has_begun = true;
+        }
+    }
+
+    /// Ends the program and judges what there is.
+    pub fn end(mut self) -> Judged {
+        self.look_at_process(self.run.rig.now());
+        let farewell = self.process.end(Patience::FAIR);
+        let is_over = self.run.is_over();
+        let recorded = self.run.rig.finish_taps();
+        let lateness = self.realtime.lateness().clone();
+        // The ports stay until the program has ended: it is not to be told that they went away.
+        drop((self.realtime, self.dir));
+        let mut outcome = self.run.judge();
+        let unjudged = take_beliefs(&mut outcome);
+        let own = [
+            self.ports.connected(self.foreign.wait),
+            alive(self.ended, is_over, self.foreign.may_end, &farewell),
+            self.ports.reads(),
+            childless(&farewell.left),
+        ];
+        // A run in this process has a check of this name as well; it saw no program.
+        let others = core::mem::take(&mut outcome.checks);
+        let is_new = |check: &Check| own.iter().all(|one| one.name != check.name);
+        let others: Vec<Check> = others.into_iter().filter(is_new).collect();
+        outcome.checks.extend(own);
+        outcome.checks.extend(others);
+        Judged {
+            outcome,
+            recorded,
+            seen: Seen {
+                unjudged,
+                said: farewell.said,
+                lateness,
+            },
+        }
+    }
+}
+
+fn ports_of(seats: &[Seat], scenario: &Scenario, foreign: &Foreign) -> Result<Ports, ExecError> {
+    let seen = || seats.iter().filter(|seat| seat.is_terminal);
+    for name in &foreign.needs {
+        if !seen().any(|seat| seat.end.name == *name) {
+            let all = seen().map(|seat| seat.end.name.clone()).collect();
+            return Err(ExecError::NoSuchPort(name.clone(), all));
+        }
+    }
+    let mut ports = Ports::default();
+    for Seat { end, .. } in seen() {
+        let is_needed = match foreign.needs.is_empty() {
+            true => !is_optional(end, scenario),
+            false => foreign.needs.contains(&end.name),
+        };
+        ports.add(&end.name, is_needed);
+    }
+    Ok(ports)
+}
+
+fn environment(seats: &[Seat], dir: &PortDir, run: &Run) -> Vec<(String, OsString)> {
+    let mut env = vec![
+        (PORTS_VARIABLE.to_owned(), dir.path().into()),
+        (
+            "HILRIG_SEED".to_owned(),
+            run.scenario().seed.to_string().into(),
+        ),
+        (
+            "HILRIG_SCENARIO".to_owned(),
+            Note::Scenario.path_in(dir.path()).into(),
+        ),
+    ];
+    for seat in seats.iter().filter(|seat| seat.is_terminal) {
+        let name = seat.end.name.to_ascii_uppercase().replace('-', "_");
+        let path = seat.transport.path().into();
+        env.push((format!("HILRIG_PORT_{name}"), path));
+    }
+    env
+}
+
+/// Lets the log tell what the robot touched.
+pub fn log_contacts(run: &mut Run) {
+    for contact in run.take_contacts() {
+        let (place, speed) = (contact.place, contact.speed_m_s);
+        let detail = format!(
+            "robot touched something at ({:.2}, {:.2}) m with {speed:.3} m/s",
+            place.x, place.y
+        );
+        let event = Event {
+            at: contact.at,
+            kind: EventKind::Note,
+            rule: "touch",
+            detail,
+            bytes: Vec::new(),
+        };
+        run.rig.log("robot", event);
+    }
+}
+
+/// Takes out what was expected of the beliefs of a program that is not in this process; the names
+/// of those checks.
+pub fn take_beliefs(outcome: &mut Outcome) -> Vec<String> {
+    let (no_pose, no_map) = (outcome.pose_error.is_none(), outcome.wall_overlap.is_none());
+    let is_belief = |check: &Check| {
+        let unseen = match check.name.as_str() {
+            "pose-rms" | "heading-rms" => no_pose,
+            "wall-overlap" => no_map,
+            _ => false,
+        };
+        unseen && check.status == Status::Fail
+    };
+    let unjudged = outcome.checks.iter().filter(|check| is_belief(check));
+    let unjudged = unjudged.map(|check| check.name.clone()).collect();
+    outcome.checks.retain(|check| !is_belief(check));
+    unjudged
+}
+
+fn alive(
+    ended: Option<(Ended, Instant)>,
+    is_over: bool,
+    may_end: bool,
+    farewell: &Farewell,
+) -> Check {
+    let stubborn = match farewell.was_killed {
+        true => "; did not end within 2 s of SIGTERM, so it was killed",
+        false => "",
+    };
+    let (pass, detail) = match ended {
+        None => (true, format!("to the end{stubborn}")),
+        Some((ended, at)) => {
+            let is_fine = ended == Ended::Code(0) && (is_over || may_end);
+            (is_fine, format!("ended with {ended} at {at} s"))
+        }
+    };
+    Check::new("program-alive", pass, detail)
+}
+
+fn childless(left: &[Left]) -> Check {
+    let names = |left: &mut dyn Iterator<Item = &Left>| {
+        let names: Vec<String> = left.map(Left::to_string).collect();
+        names.join(", ")
+    };
+    let killed = names(&mut left.iter().filter(|one| one.was_killed));
+    let ended = names(&mut left.iter().filter(|one| !one.was_killed));
+    let detail = match (killed.is_empty(), ended.is_empty()) {
+        (true, true) => "none".to_owned(),
+        (true, false) => format!("left behind, ended when asked: {ended}"),
+        (false, _) => format!("left behind, had to be killed: {killed}"),
+    };
+    Check::new("no-children-left", killed.is_empty(), detail)
+}
+
+/// Runs `scenario` with the program from beginning to end, its ports in `dir` and what it says in
+/// `log`; for whoever only wants the verdict. `None` if `goes_on` said no.
+///
+/// # Errors
+/// If it cannot be put on trial.
+pub fn judge(
+    scenario: &Scenario,
+    source: &Source,
+    foreign: &Foreign,
+    [dir, log]: [&PathBuf; 2],
+    goes_on: &dyn Fn() -> bool,
+) -> Result<Option<Judged>, ExecError> {
+    let pc = pc_end(scenario);
+    let Wired {
+        rig,
+        open_ends,
+        instruments,
+    } = robots::wire(scenario, source, Dut::External, pc)?;
+    let dir = PortDir::open(dir)?;
+    let mut seats = Vec::new();
+    for end in open_ends {
+        let transport = Box::new(Pty::open(&dir, &end.name, end.line)?);
+        seats.push(Seat {
+            end,
+            transport,
+            is_terminal: true,
+        });
+    }
+    let run = Run::with_rig(scenario.clone(), rig, instruments);
+    let mut trial = Trial::start(run, seats, dir, foreign.clone(), log)?;
+    while !trial.is_over() {
+        if !goes_on() {
+            return Ok(None);
+        }
+        trial.turn()?;
+    }
+    Ok(Some(trial.end()))
+}

@@ -1,0 +1,106 @@
+//! What a program says: the end of it in memory, all of it in a file up to a size.
+
+use std::collections::VecDeque;
+use std::fs::File;
+use std::io::{Read, Write};
+use std::sync::{Arc, Mutex};
+
+/// As much as is kept in memory, from the end.
+const KEPT_MAX: usize = 64 << 10;
+/// As much as is written from the beginning; what comes after that is left out but for its end.
+pub const LOG_MAX: u64 = 8 << 20;
+
+/// What was said so far.
+#[derive(Debug, Default)]
+pub(super) struct Words {
+    kept: VecDeque<u8>,
+    log: Option<File>,
+    said: u64,
+}
+
+impl Words {
+    pub(super) fn new(log: Option<File>) -> Arc<Mutex<Self>> {
+        Arc::new(Mutex::new(Self {
+            log,
+            ..Self::default()
+        }))
+    }
+
+    /// The end of it.
+    pub(super) fn text(&self) -> String {
+        let bytes: Vec<u8> = self.kept.iter().copied().collect();
+        String::from_utf8_lossy(&bytes).into_owned()
+    }
+
+    fn hear(&mut self, bytes: &[u8]) {
+        self.kept.extend(bytes);
+        let excess = self.kept.len().saturating_sub(KEPT_MAX);
+        self.kept.drain(..excess);
+        let room = usize::try_from(LOG_MAX.saturating_sub(self.said)).unwrap_or(usize::MAX);
+        if let Some(log) = &mut self.log {
+            // A full disk must not stop the program; the verdict does not depend on its words.
+            let _ = log.write_all(&bytes[..bytes.len().min(room)]);
+        }
+        self.said += bytes.len() as u64;
+    }
+
+    /// Ends the file: with what was said last, if it was too much for the file.
+    pub(super) fn close(&mut self) {
+        let Some(mut log) = self.log.take() else {
+            return;
+        };
+        let beyond = self.said.saturating_sub(LOG_MAX);
+        if beyond == 0 {
+            return;
+        }
+        let end = usize::try_from(beyond).map_or(KEPT_MAX, |len| len.min(KEPT_MAX));
+        let cut = beyond - end as u64;
+        let end: Vec<u8> = self.kept.range(self.kept.len() - end..).copied().collect();
+        let note = format!("\n[hilrig: {cut} bytes left out here, the limit is {LOG_MAX}]\n");
+        let _ = log.write_all(note.as_bytes());
+        let _ = log.write_all(&end);
+    }
+}
+
+/// Hears all that is said, until nobody can say anything more.
+pub(super) fn listen(mut from: impl Read, words: &Mutex<Words>) {
+    let mut buf = [0; 4096];
+    loop {
+        match from.read(&mut buf) {
+            Ok(len @ 1..) => {
+                let Ok(mut words) = words.lock() else { return };
+                words.hear(&buf[..len]);
+            }
+            Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
+            _ => return,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A program that says far too much: the file has its first and its last words, and how much
+    /// is missing between them.
+    #[test]
+    fn a_log_that_grows_too_long_keeps_its_beginning_and_its_end() {
+        let path = std::env::temp_dir().join(format!("hilrig-words-{}", std::process::id()));
+        let words = Words::new(Some(File::create(&path).expect("a free name")));
+        {
+            let mut words = words.lock().expect("sound");
+            words.hear(b"first words\n");
+            for _ in 0..LOG_MAX / 4096 + 64 {
+                words.hear(&[b'x'; 4096]);
+            }
+            words.hear(b"last words\n");
+            words.close();
+        }
+        let text = std::fs::read_to_string(&path).expect("written");
+        std::fs::remove_file(&path).expect("ours");
+        assert!(text.starts_with("first words\n"));
+        assert!(text.ends_with("last words\n"));
+        assert!(text.contains("bytes left out here"));
+        assert!(text.len() as u64 <= LOG_MAX + KEPT_MAX as u64 + 100);
+    }
+}
