@@ -4,33 +4,36 @@
 //! [`register`]. What an observer may ask of it travels with the rig as its [`Instruments`].
 
 pub mod checker;
+pub mod custom;
 pub mod instruments;
 mod kept_map;
 pub mod rescue;
-pub mod scan;
 pub mod station;
 
-use emulators::world::World;
+use std::collections::BTreeMap;
+
+use emulators::world::{BodyConfig, Chassis, Pose as WorldPose, Scene, Shape, World};
 use firmware_core::odometry::WheelGeometry;
 use firmware_core::pose::Pose;
 use firmware_core::scan::Mounting;
 use protocols::avr::ChecksumOrder;
 use protocols::{LineConfig, Port};
 
+pub use crate::codec::scan::{Beam, ScanDecoder};
 pub use checker::{Check, Checker, Look, Status};
 pub use instruments::{
     Axis, Command, Console, Dialect, Display, Instruments, Panel, PanelRow, Silence,
 };
 pub use kept_map::KeptMap;
-pub use scan::{Beam, ScanDecoder};
 pub use station::{Gesture, Hand, RemoteStation, Station, StationView};
 
+use crate::codec::Codec;
 pub use crate::registry::NameTaken;
 use crate::registry::{Named, Registry};
 use crate::rig::fault::FaultId;
 use crate::rig::line::End;
 use crate::rig::{Program, Rig};
-use crate::scenario::{Scenario, ScenarioError, Source};
+use crate::scenario::{DeviceSpec, Scenario, ScenarioError, Source};
 
 /// A kind of robot: how a scenario of it becomes a rig.
 pub trait Robot: Sync {
@@ -39,6 +42,24 @@ pub trait Robot: Sync {
 
     /// What it is, in one sentence.
     fn about(&self) -> &'static str;
+
+    /// The robot's drive train and outline; `None`: two wheels with the figures of the scenario.
+    ///
+    /// # Errors
+    /// If the scenario sets it up in a way that it cannot be.
+    fn chassis(
+        &self,
+        scenario: &Scenario,
+        source: &Source,
+    ) -> Result<Option<Box<dyn Chassis>>, ScenarioError> {
+        match &scenario.chassis {
+            None => Ok(None),
+            Some(_) => {
+                let message = "expected none: this robot has a chassis of its own";
+                Err(source.invalid(source.find("chassis"), "chassis", message))
+            }
+        }
+    }
 
     /// Wires its devices and its program, or open ends in the place of the program, into `world`.
     ///
@@ -93,7 +114,8 @@ impl Named for dyn Robot {
     }
 }
 
-static ROBOTS: Registry<dyn Robot> = Registry::new(&[&rescue::RescueRobot]);
+static ROBOTS: Registry<dyn Robot> =
+    Registry::new(&[&rescue::RescueRobot, &custom::CustomRobot, &custom::Bare]);
 
 /// Makes a robot known to all scenarios of this process.
 ///
@@ -170,6 +192,8 @@ pub struct OpenEnd {
     pub line: LineConfig,
     /// Who is to connect, for people.
     pub connect: &'static str,
+    /// Whether a robot can do without.
+    pub is_optional: bool,
 }
 
 /// A rig with what outsiders need to know of it.
@@ -192,6 +216,14 @@ impl Wired {
         }
     }
 
+    /// The same end, which a robot can do without if `is_optional`.
+    pub fn set_optional(&mut self, end: End, is_optional: bool) {
+        let ends = self.open_ends.iter_mut();
+        for open in ends.filter(|open| open.node == end.node) {
+            open.is_optional = is_optional;
+        }
+    }
+
     /// Adds an end that is served from outside, for the link `name`; `connect` says who is to be
     /// there.
     pub fn open_end(&mut self, name: &str, line: LineConfig, connect: &'static str) -> End {
@@ -203,6 +235,7 @@ impl Wired {
             node,
             line,
             connect,
+            is_optional: false,
         });
         End {
             node,
@@ -256,7 +289,8 @@ pub fn wire(
     dut: Dut,
     pc: PcEnd,
 ) -> Result<Wired, ScenarioError> {
-    let world = scenario.world.build(scenario.seed, source)?;
+    let chassis = of(scenario, source)?.chassis(scenario, source)?;
+    let world = scenario.world.build(scenario.seed, chassis, source)?;
     wire_into(Plan {
         scenario,
         source,
@@ -273,32 +307,44 @@ pub fn wire(
 pub fn wire_into(plan: Plan<'_>) -> Result<Wired, ScenarioError> {
     let (scenario, source) = (plan.scenario, plan.source);
     let mut wired = of(scenario, source)?.wire(plan)?;
-    add_own_devices(&mut wired, scenario, source)?;
+    let known: Vec<String> = wired
+        .rig
+        .devices()
+        .map(|(name, _)| name.to_owned())
+        .collect();
+    let is_new = |name: &str| !known.iter().any(|known| known == name);
+    add_devices(&mut wired, scenario, source, |name, spec| {
+        spec.is_own() && is_new(name)
+    })?;
     plan_links(&mut wired.rig, scenario, source)?;
     Ok(wired)
 }
 
-/// Adds the devices that the scenario describes itself, each on a link of its own whose other end
-/// is open.
-fn add_own_devices(
+/// Adds the devices of the scenario that `fits` and are not there yet, each port on a link of its own
+/// whose other end is open; what is spoken on those links.
+fn add_devices(
     wired: &mut Wired,
     scenario: &Scenario,
     source: &Source,
-) -> Result<(), ScenarioError> {
-    for (name, spec) in &scenario.device {
+    fits: impl Fn(&str, &DeviceSpec) -> bool,
+) -> Result<BTreeMap<String, &'static Codec>, ScenarioError> {
+    let mut codecs = BTreeMap::new();
+    for (name, spec) in scenario
+        .device
+        .iter()
+        .filter(|(name, spec)| fits(name, spec))
+    {
         let key = format!("device.{name}");
         let invalid = |message| Err(source.invalid(source.find(name), key.clone(), message));
-        if spec.is_own() && wired.rig.link(name).is_some() {
+        if wired.rig.link(name).is_some() {
             return invalid("the robot has a link of this name, expected another name");
         }
         let fits = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
-        if spec.is_own() && !name.chars().all(fits) {
+        if !name.chars().all(fits) {
             return invalid("expected a name of letters, digits, '-' and '_'");
         }
-        if !spec.is_own() {
-            continue;
-        }
         let built = spec.build(name, scenario.seed, source)?;
+        spec.check(name, source, built.device.as_ref(), &wired.rig.world)?;
         let node = wired.rig.add_boxed_device(name, built.device);
         for (index, info) in built.ports.into_iter().enumerate() {
             // The first port is the one that counts; further ones are told apart by their names.
@@ -307,15 +353,24 @@ fn add_own_devices(
                 _ => format!("{name}-{}", info.name),
             };
             let master = wired.open_end(&link, info.line, info.connect);
+            wired.set_optional(master, info.is_optional);
             let device = End {
                 node,
                 port: info.port,
             };
             let rig = &mut wired.rig;
             rig.connect_by(info.kind, &link, device, master, info.piece);
+            codecs.extend(info.codec.map(|codec| (link, codec)));
         }
     }
-    Ok(())
+    Ok(codecs)
+}
+
+/// A world without anything in it, for devices without a robot.
+fn nowhere() -> World {
+    let scene = Scene::new([] as [Shape; 0], Vec::new()).expect("nothing is in nobody's way");
+    World::new(scene, BodyConfig::default(), WorldPose::default(), 0)
+        .expect("an empty place is free")
 }
 
 /// A robot's program by itself, with the names of its ports.

@@ -1,7 +1,9 @@
 //! A run as data: world, robot, devices, faults, mission, expectations. One TOML file with a
 //! closed schema: a key that nobody reads is an error, not a silent wish.
 
+mod chassis;
 pub mod device;
+mod drives;
 mod fault;
 mod limits;
 mod mission;
@@ -19,10 +21,12 @@ use std::path::Path;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use chassis::{AckermannSpec, ChassisSpec, DifferentialSpec};
 pub use device::{
     AvrBaseSpec, DeviceSpec, Hc06Spec, MountSpec, SupplySpec, TapSpec, TouchPanelSpec, TurnSpec,
     Xv11Spec,
 };
+pub use drives::DrivesSpec;
 pub use fault::{Condition, DirectionSpec, FaultKind, FaultSpec, Flaw, LinkSpec, Place, WhenSpec};
 pub use mission::{Action, Expect, Mission, ModeSpec, Step};
 pub use own::{
@@ -70,6 +74,9 @@ pub struct Scenario {
     /// The robot's program.
     #[serde(default)]
     pub program: ProgramSpec,
+    /// The drive train of a custom robot; two wheels with the figures of `[world.body]` if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub chassis: Option<ChassisSpec>,
     /// Settings of devices, by the names that the robot gives them, and devices of one's own.
     #[serde(default)]
     #[schemars(schema_with = "schema::devices")]

@@ -41,8 +41,6 @@ const LATE: Duration = Duration::from_millis(20);
 const WAITS: Duration = Duration::from_secs(1);
 /// Rig time for which a run goes on when its program is gone: the devices must notice that.
 const SETTLE: Duration = Duration::from_secs(2);
-/// Links that a mission without orders has no use for.
-const PC_LINKS: [&str; 2] = ["radio", "pc"];
 
 /// Somebody's program, and what it may do.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -115,20 +113,10 @@ impl From<TransportError> for ExecError {
 /// Who is the PC when nobody says so: the mission's script if it gives orders, else somebody
 /// outside.
 pub fn pc_end(scenario: &Scenario) -> PcEnd {
-    match gives_orders(scenario) {
+    match scenario.mission.gives_orders() {
         true => PcEnd::Scripted,
         false => PcEnd::External,
     }
-}
-
-fn gives_orders(scenario: &Scenario) -> bool {
-    !scenario.mission.waypoints_m.is_empty() || !scenario.mission.step.is_empty()
-}
-
-/// Whether a program can do without this port.
-fn is_optional(end: &OpenEnd, scenario: &Scenario) -> bool {
-    let is_idle = PC_LINKS.contains(&&*end.link) && !gives_orders(scenario);
-    end.connect.contains("optional") || is_idle
 }
 
 /// A program under trial.
@@ -194,7 +182,7 @@ impl Trial {
     ) -> Result<Self, ExecError> {
         let control = Control::open(&dir)?;
         dir.leave_note(Note::Scenario, &run.scenario().to_toml())?;
-        let ports = ports_of(&seats, run.scenario(), &foreign)?;
+        let ports = ports_of(&seats, &foreign)?;
         let env = environment(&seats, &dir, &run);
         let mut realtime = Realtime::new(Held::at(run.rig.now()));
         for seat in seats {
@@ -327,7 +315,7 @@ impl Trial {
     }
 }
 
-fn ports_of(seats: &[Seat], scenario: &Scenario, foreign: &Foreign) -> Result<Ports, ExecError> {
+fn ports_of(seats: &[Seat], foreign: &Foreign) -> Result<Ports, ExecError> {
     let seen = || seats.iter().filter(|seat| seat.is_terminal);
     for name in &foreign.needs {
         if !seen().any(|seat| seat.end.name == *name) {
@@ -338,7 +326,7 @@ fn ports_of(seats: &[Seat], scenario: &Scenario, foreign: &Foreign) -> Result<Po
     let mut ports = Ports::default();
     for Seat { end, .. } in seen() {
         let is_needed = match foreign.needs.is_empty() {
-            true => !is_optional(end, scenario),
+            true => !end.is_optional,
             false => foreign.needs.contains(&end.name),
         };
         ports.add(&end.name, is_needed);

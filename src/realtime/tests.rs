@@ -62,6 +62,7 @@ fn rig() -> (Rig, OpenEnd) {
         node,
         line: LINE,
         connect: "a test",
+        is_optional: false,
     };
     (rig, end)
 }

@@ -10,9 +10,9 @@ use protocols::Instant;
 use serde::Serialize;
 
 use super::checker::Checker;
-use super::scan::ScanDecoder;
 use super::station::Station;
 use crate::codec::Codec;
+use crate::codec::scan::ScanDecoder;
 use crate::rig::Rig;
 
 /// Something that the robot is told to do and does: a wheel, a steering, a gripper.
@@ -150,7 +150,7 @@ pub trait Instruments {
     }
 
     /// The link on which a lidar sends, and what reads its turns.
-    fn scanner(&self, _rig: &Rig) -> Option<(&'static str, Box<dyn ScanDecoder>)> {
+    fn scanner(&self, _rig: &Rig) -> Option<(String, Box<dyn ScanDecoder>)> {
         None
     }
 

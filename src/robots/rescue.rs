@@ -173,6 +173,9 @@ fn wire(plan: Plan<'_>) -> Result<Wired, ScenarioError> {
             Some(node) => End { node, port },
             None => wired.open_end(name, line_of(port), info.connect),
         };
+        // Without orders nobody needs the radio.
+        let is_idle = name == "radio" && !scenario.mission.gives_orders();
+        wired.set_optional(master, info.is_optional || is_idle);
         let rig = &mut wired.rig;
         rig.connect_by(info.kind, name, device, master, info.piece);
     }
@@ -192,6 +195,7 @@ fn wire(plan: Plan<'_>) -> Result<Wired, ScenarioError> {
         }
         PcEnd::External => wired.open_end("pc", hc06::AIR_LINE, "a PC program"),
     };
+    wired.set_optional(far, !scenario.mission.gives_orders());
     wired.rig.connect("pc", air, far, 64);
     display::connect(&mut wired, scenario, source, program)?;
     Ok(wired)

@@ -16,13 +16,19 @@ use serde::ser::{Serialize, SerializeMap, Serializer};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, ValueDeserializer};
 
+use emulators::world::World;
+
 use super::{Scenario, ScenarioError, Source};
+use crate::codec::scan::ScanDecoder;
 use crate::registry::{Named, Registry};
+use crate::rig::{AnyDevice, Rig};
 
 pub use crate::registry::NameTaken;
 pub use avr_base::{AVR_BASE, AvrBaseSpec};
 pub use hc06::{HC06, Hc06Spec};
-pub use kind::{BuildContext, Built, DeviceKind, PortInfo, Settings, read_settings, schema_of};
+pub use kind::{
+    BuildContext, Built, DeviceKind, PortInfo, Settings, ValueRow, read_settings, schema_of,
+};
 pub(super) use read::read_devices;
 pub use touch_panel::{TOUCH_PANEL, TapSpec, TouchPanelSpec};
 pub use xv11::{MountSpec, SupplySpec, TurnSpec, XV11, Xv11Spec};
@@ -117,13 +123,42 @@ impl DeviceSpec {
     /// # Errors
     /// If a setting is out of range.
     pub fn build(&self, name: &str, seed: u64, source: &Source) -> Result<Built, ScenarioError> {
-        self.kind.build(&BuildContext {
+        self.kind.build(&self.context(name, seed, source))
+    }
+
+    fn context<'a>(&'a self, name: &'a str, seed: u64, source: &'a Source) -> BuildContext<'a> {
+        BuildContext {
             name,
             seed,
             settings: self.settings.as_ref(),
             kind: self.kind(),
             source,
-        })
+        }
+    }
+
+    /// Whether `device`, which was made of it, finds in `world` what its settings name.
+    ///
+    /// # Errors
+    /// If there is no such thing.
+    pub fn check(
+        &self,
+        name: &str,
+        source: &Source,
+        device: &dyn AnyDevice,
+        world: &World,
+    ) -> Result<(), ScenarioError> {
+        let context = self.context(name, 0, source);
+        self.kind.check(&context, device, world)
+    }
+
+    /// What reads the turns that it sends on its first port, if it is a lidar.
+    pub fn scanner(&self) -> Option<Box<dyn ScanDecoder>> {
+        self.kind.scanner(self.settings.as_ref())
+    }
+
+    /// Values of the device `name` in `rig`, to be shown.
+    pub fn rows(&self, rig: &Rig, name: &str) -> Vec<ValueRow> {
+        self.kind.rows(self.settings.as_ref(), rig, name)
     }
 }
 

@@ -24,6 +24,13 @@ pub struct Mission {
     pub to_the_end: bool,
 }
 
+impl Mission {
+    /// Whether somebody has to tell the robot what to do.
+    pub fn gives_orders(&self) -> bool {
+        !self.waypoints_m.is_empty() || !self.step.is_empty()
+    }
+}
+
 /// Something that the PC does.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

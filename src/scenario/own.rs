@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use emulators::quantity::{ValueSource, Variable};
+use emulators::quantity::{Sink, ValueSource, Variable, VariableError};
 use emulators::registers::{Access, Register, Registers, RegistersConfig, Width};
 use emulators::text::{Command, Periodic, Text, TextConfig, TextError};
 use emulators::world::Wheel;
@@ -12,7 +12,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
+use super::device::ValueRow;
+use super::drives::DrivesSpec;
 use super::{ScenarioError, Source, Span};
+use crate::rig::Rig;
 
 /// Slowest and fastest line that is not taken for a mistake.
 const BAUD: core::ops::RangeInclusive<u32> = 300..=4_000_000;
@@ -77,6 +80,9 @@ pub struct RegisterSpec {
     /// Where it comes from.
     #[serde(default)]
     pub source: SourceSpec,
+    /// What it drives: an actuator of the robot's chassis follows the value.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drives: Option<DrivesSpec>,
 }
 
 /// Widths as in a file.
@@ -104,7 +110,7 @@ pub enum AccessSpec {
 }
 
 /// Where a value comes from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum SourceSpec {
     /// What was written last, or the initial value.
@@ -121,6 +127,17 @@ pub enum SourceSpec {
         /// Time of one rise.
         period: Span,
     },
+    /// Counts of the encoder of this name: `left` and `right` of a differential chassis, `drive` of
+    /// an Ackermann chassis.
+    Encoder(String),
+    /// True speed over the floor, millimetres per second.
+    SpeedMmS,
+    /// True turn rate, milliradians per second counter-clockwise.
+    TurnRateMradS,
+    /// 1 while the robot touches something, else 0.
+    Touching,
+    /// Times that the robot ran into something.
+    Contacts,
     /// Encoder counts of the left wheel.
     EncoderLeft,
     /// Encoder counts of the right wheel.
@@ -192,6 +209,9 @@ pub struct VariableSpec {
     /// Where it comes from.
     #[serde(default)]
     pub source: SourceSpec,
+    /// What it drives: an actuator of the robot's chassis follows the value.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drives: Option<DrivesSpec>,
 }
 
 /// A request and its reply.
@@ -237,6 +257,11 @@ impl From<SourceSpec> for ValueSource {
                 to: to.into(),
                 period: period.0,
             },
+            SourceSpec::Encoder(name) => Self::EncoderNamed(name),
+            SourceSpec::SpeedMmS => Self::SpeedMmS,
+            SourceSpec::TurnRateMradS => Self::TurnRateMradS,
+            SourceSpec::Touching => Self::Touching,
+            SourceSpec::Contacts => Self::Contacts,
             SourceSpec::EncoderLeft => Self::Encoder(Wheel::Left),
             SourceSpec::EncoderRight => Self::Encoder(Wheel::Right),
             SourceSpec::XMm => Self::XMm,
@@ -262,7 +287,14 @@ fn line(baud: &Spanned<u32>, key: &str, source: &Source) -> Result<LineConfig, S
 impl RegistersSpec {
     /// The device; `key` is its place in the scenario.
     pub fn device(&self, key: &str, source: &Source) -> Result<Registers, ScenarioError> {
-        let registers = self.register.iter().map(|spec| spec.get_ref().register());
+        let registers = self.register.iter().enumerate();
+        let registers = registers.map(|(index, spec)| {
+            let register = spec.get_ref().register();
+            register.map_err(|message| {
+                let key = format!("{key}.register[{index}].drives");
+                source.invalid(Some(spec.span()), key, message)
+            })
+        });
         let config = RegistersConfig {
             line: line(&self.baud, key, source)?,
             order: match self.checksum {
@@ -272,18 +304,54 @@ impl RegistersSpec {
             latency: self.latency.0,
             idle_gap: self.idle_gap.0,
             watchdog: self.watchdog.map(|watchdog| watchdog.0),
-            registers: registers.collect(),
+            registers: registers.collect::<Result<_, _>>()?,
         };
-        Registers::new(config).map_err(|error| {
-            let span = self.register.get(error.index).map(Spanned::span);
-            let key = format!("{key}.register[{}]", error.index);
-            source.invalid(span, key, error.message)
-        })
+        Registers::new(config).map_err(|error| self.register_error(key, source, error))
+    }
+
+    /// What is wrong with one of the registers.
+    pub(super) fn register_error(
+        &self,
+        key: &str,
+        source: &Source,
+        error: VariableError,
+    ) -> ScenarioError {
+        let span = self.register.get(error.index).map(Spanned::span);
+        let key = format!("{key}.register[{}]", error.index);
+        source.invalid(span, key, error.message)
+    }
+
+    /// What the registers of the device `name` hold now.
+    pub(super) fn rows(&self, rig: &Rig, name: &str) -> Vec<ValueRow> {
+        let row = |spec: &Spanned<RegisterSpec>| {
+            let register = spec.get_ref();
+            let byte = |offset: u8| rig.register(name, register.address.checked_add(offset)?);
+            let bytes = [0, 1, 2, 3].map(|offset| byte(offset).unwrap_or(0));
+            let [low, high, ..] = bytes;
+            let value = match register.width {
+                WidthSpec::U8 => low.into(),
+                WidthSpec::I8 => low.cast_signed().into(),
+                WidthSpec::U16 => u16::from_le_bytes([low, high]).into(),
+                WidthSpec::I16 => i16::from_le_bytes([low, high]).into(),
+                WidthSpec::U32 => u32::from_le_bytes(bytes).into(),
+                WidthSpec::I32 => i32::from_le_bytes(bytes).into(),
+            };
+            ValueRow {
+                address: Some(register.address.into()),
+                name: register.name.clone(),
+                value,
+            }
+        };
+        self.register.iter().map(row).collect()
     }
 }
 
+fn sink(drives: Option<&DrivesSpec>) -> Result<Option<Sink>, String> {
+    drives.map(DrivesSpec::sink).transpose()
+}
+
 impl RegisterSpec {
-    fn register(&self) -> Register {
+    fn register(&self) -> Result<Register, String> {
         let width = match self.width {
             WidthSpec::U8 => Width::U8,
             WidthSpec::I8 => Width::I8,
@@ -292,7 +360,7 @@ impl RegisterSpec {
             WidthSpec::U32 => Width::U32,
             WidthSpec::I32 => Width::I32,
         };
-        Register {
+        Ok(Register {
             address: self.address,
             width,
             access: match self.access {
@@ -304,17 +372,24 @@ impl RegisterSpec {
                 initial: self.initial,
                 limits: self.limits.unwrap_or(width.limits()),
                 safe: self.safe,
-                source: self.source.into(),
-                drives: None,
+                source: self.source.clone().into(),
+                drives: sink(self.drives.as_ref())?,
             },
-        }
+        })
     }
 }
 
 impl TextSpec {
     /// The device; `key` is its place in the scenario.
     pub fn device(&self, key: &str, source: &Source) -> Result<Text, ScenarioError> {
-        let variables = self.variable.iter().map(|spec| spec.get_ref().variable());
+        let variables = self.variable.iter().enumerate();
+        let variables = variables.map(|(index, spec)| {
+            let variable = spec.get_ref().variable();
+            variable.map_err(|message| {
+                let key = format!("{key}.variable[{index}].drives");
+                source.invalid(Some(spec.span()), key, message)
+            })
+        });
         let commands = self.command.iter().map(|spec| Command {
             request: spec.get_ref().request.clone(),
             reply: spec.get_ref().reply.clone(),
@@ -324,7 +399,7 @@ impl TextSpec {
             terminator: self.terminator.clone().into_bytes(),
             latency: self.latency.0,
             watchdog: self.watchdog.map(|watchdog| watchdog.0),
-            variables: variables.collect(),
+            variables: variables.collect::<Result<_, _>>()?,
             commands: commands.collect(),
             unknown: self.unknown.clone(),
             refused: self.refused.clone(),
@@ -334,11 +409,7 @@ impl TextSpec {
             }),
         };
         Text::new(config).map_err(|error| match error {
-            TextError::Variable(error) => {
-                let span = self.variable.get(error.index).map(Spanned::span);
-                let key = format!("{key}.variable[{}]", error.index);
-                source.invalid(span, key, error.message)
-            }
+            TextError::Variable(error) => self.variable_error(key, source, error),
             TextError::Command(index, part, message) => {
                 let span = self.command.get(index).map(Spanned::span);
                 source.invalid(span, format!("{key}.command[{index}].{part}"), message)
@@ -350,15 +421,29 @@ impl TextSpec {
     }
 }
 
+impl TextSpec {
+    /// What is wrong with one of the variables.
+    pub(super) fn variable_error(
+        &self,
+        key: &str,
+        source: &Source,
+        error: VariableError,
+    ) -> ScenarioError {
+        let span = self.variable.get(error.index).map(Spanned::span);
+        let key = format!("{key}.variable[{}]", error.index);
+        source.invalid(span, key, error.message)
+    }
+}
+
 impl VariableSpec {
-    fn variable(&self) -> Variable {
-        Variable {
+    fn variable(&self) -> Result<Variable, String> {
+        Ok(Variable {
             name: self.name.clone(),
             initial: self.initial,
             limits: self.limits.unwrap_or([i32::MIN.into(), i32::MAX.into()]),
             safe: self.safe,
-            source: self.source.into(),
-            drives: None,
-        }
+            source: self.source.clone().into(),
+            drives: sink(self.drives.as_ref())?,
+        })
     }
 }

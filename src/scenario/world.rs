@@ -3,8 +3,8 @@
 use core::time::Duration;
 
 use emulators::world::{
-    BodyConfig, Bounds, Fixture, Obstacle, OccupancyImage, Part, Path, Point, Pose, Repeat, Scene,
-    Shape, Waypoint, World,
+    BodyConfig, Bounds, Chassis, Fixture, Obstacle, OccupancyImage, Part, Path, Point, Pose,
+    Repeat, Scene, Shape, Waypoint, World,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -263,10 +263,23 @@ impl WorldSpec {
         Pose::new(start.x_m, start.y_m, start.heading_deg.to_radians())
     }
 
-    /// Builds the world; `seed` is for the noise of the floor.
-    pub fn build(&self, seed: u64, source: &Source) -> Result<World, ScenarioError> {
+    /// Builds the world with a robot on `chassis`, or with one of two wheels and the figures of
+    /// [`body`](Self::body); `seed` is for the noise of its floor.
+    ///
+    /// # Errors
+    /// If something lies where it cannot.
+    pub fn build(
+        &self,
+        seed: u64,
+        chassis: Option<Box<dyn Chassis>>,
+        source: &Source,
+    ) -> Result<World, ScenarioError> {
         let scene = self.scene(source)?;
-        World::new(scene, self.body.into(), self.start_pose(), seed).map_err(|error| {
+        let world = match chassis {
+            Some(chassis) => World::with_chassis(scene, chassis, self.start_pose()),
+            None => World::new(scene, self.body.into(), self.start_pose(), seed),
+        };
+        world.map_err(|error| {
             source.invalid(Some(self.start.span()), "world.start", error.to_string())
         })
     }

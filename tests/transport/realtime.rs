@@ -90,6 +90,7 @@ impl Station {
             node,
             line: LINE,
             connect: "a test",
+            is_optional: false,
         };
         Self {
             rig,

@@ -63,7 +63,7 @@ pub(super) fn flat(body: BodyConfig, seed: u64) -> World {
         .expect("the built-in mission is sound");
     let world = scenario
         .world
-        .build(seed, &source)
+        .build(seed, None, &source)
         .expect("it is driven daily");
     World::new(world.scene().clone(), body, world.pose(), seed).expect("the same place")
 }

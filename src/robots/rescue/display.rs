@@ -46,6 +46,7 @@ pub(super) fn connect(
         Some(node) => End { node, port },
         None => wired.open_end(NAME, line_of(port), info.connect),
     };
+    wired.set_optional(master, true);
     let rig = &mut wired.rig;
     rig.connect_by(info.kind, NAME, device, master, info.piece);
     Ok(())

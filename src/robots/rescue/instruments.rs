@@ -9,9 +9,9 @@ use protocols::Instant;
 
 use super::{CONSOLES, SET_POINT_MAX, SILENCE, command, display, view};
 use crate::codec::Codec;
+use crate::codec::scan::Xv11Scans;
 use crate::rig::Rig;
 use crate::robots::instruments::in_metres;
-use crate::robots::scan::Xv11Scans;
 use crate::robots::{
     Axis, Console, Dialect, Display, Instruments, Panel, ScanDecoder, Silence, Station,
 };
@@ -67,9 +67,9 @@ impl Instruments for RescueInstruments {
         received.map(|map| ("pc", map)).into_iter().collect()
     }
 
-    fn scanner(&self, _: &Rig) -> Option<(&'static str, Box<dyn ScanDecoder>)> {
+    fn scanner(&self, _: &Rig) -> Option<(String, Box<dyn ScanDecoder>)> {
         let scans = Xv11Scans::new(view::FIRST_BEARING);
-        Some((view::SCAN_LINK, Box::new(scans)))
+        Some((view::SCAN_LINK.to_owned(), Box::new(scans)))
     }
 
     fn panels(&self, rig: &Rig) -> Vec<Panel> {

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use toml::de::ValueDeserializer;
 
 use super::{BuildContext, Built, DeviceKind, PortInfo, Settings, read_settings, schema_of};
+use crate::codec;
 use crate::scenario::{ScenarioError, Source, Span};
 
 /// Settings of an AVR base.
@@ -83,6 +84,10 @@ impl DeviceKind for AvrBaseKind {
         let line = LineConfig::new_8n1(protocols::avr::BAUD);
         // Every byte counts by itself: the slave is deaf between a request and its answer.
         let bus = PortInfo::uart("bus", AvrBase::BUS, line, "the robot's register bus");
+        let bus = bus.speaking(match config.profile {
+            Profile::Document => &codec::BUS,
+            Profile::Rcj2015 | Profile::Rcj2014 => &codec::BUS_HIGH_FIRST,
+        });
         Ok(Built {
             device: Box::new(AvrBase::new(config, context.seed)),
             ports: vec![bus],

@@ -3,12 +3,15 @@
 use core::any::Any;
 use core::fmt::Debug;
 
+use emulators::world::World;
 use protocols::{LineConfig, Port};
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::de::DeserializeOwned;
 use toml::de::ValueDeserializer;
 
-use crate::rig::{AnyDevice, LinkKind};
+use crate::codec::Codec;
+use crate::codec::scan::ScanDecoder;
+use crate::rig::{AnyDevice, LinkKind, Rig};
 use crate::scenario::{ScenarioError, Source};
 
 /// A kind of device that a scenario can name, as in `[device.NAME.KIND]`.
@@ -41,6 +44,29 @@ pub trait DeviceKind: Send + Sync {
     /// its own. Otherwise a robot must have a place for it.
     fn is_own(&self) -> bool {
         true
+    }
+
+    /// What reads the turns that it sends on its first port, if it is a lidar.
+    fn scanner(&self, _settings: &dyn Settings) -> Option<Box<dyn ScanDecoder>> {
+        None
+    }
+
+    /// Values of it to be shown, if `device` is one of its kind.
+    fn rows(&self, _settings: &dyn Settings, _rig: &Rig, _name: &str) -> Vec<ValueRow> {
+        Vec::new()
+    }
+
+    /// Whether the device finds in `world` what its settings name: actuators, encoders.
+    ///
+    /// # Errors
+    /// If there is no such thing.
+    fn check(
+        &self,
+        _context: &BuildContext<'_>,
+        _device: &dyn AnyDevice,
+        _world: &World,
+    ) -> Result<(), ScenarioError> {
+        Ok(())
     }
 
     /// Makes the device.
@@ -120,6 +146,17 @@ impl BuildContext<'_> {
     }
 }
 
+/// A value of a device, for page and report.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ValueRow {
+    /// Where it lies in the device, if it has an address.
+    pub address: Option<u32>,
+    /// Its name.
+    pub name: String,
+    /// What it is now.
+    pub value: i64,
+}
+
 /// A device, and how it is connected.
 pub struct Built {
     /// The device.
@@ -152,6 +189,8 @@ pub struct PortInfo {
     pub is_optional: bool,
     /// What its link is made of.
     pub kind: LinkKind,
+    /// What is spoken there, if that is fixed.
+    pub codec: Option<&'static Codec>,
 }
 
 impl PortInfo {
@@ -170,6 +209,7 @@ impl PortInfo {
             connect,
             is_optional: false,
             kind: LinkKind::Uart,
+            codec: None,
         }
     }
 
@@ -182,6 +222,14 @@ impl PortInfo {
     pub const fn optional(self) -> Self {
         Self {
             is_optional: true,
+            ..self
+        }
+    }
+
+    /// The same, on which `codec` is spoken.
+    pub const fn speaking(self, codec: &'static Codec) -> Self {
+        Self {
+            codec: Some(codec),
             ..self
         }
     }

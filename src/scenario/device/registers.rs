@@ -1,12 +1,19 @@
 //! `registers`: a slave with a table of registers, described by the scenario.
 
+use core::any::Any;
+
 use emulators::registers::Registers;
+use emulators::world::World;
 use protocols::LineConfig;
 use schemars::{Schema, SchemaGenerator};
 use toml::de::ValueDeserializer;
 
-use super::{BuildContext, Built, DeviceKind, PortInfo, Settings, read_settings, schema_of};
-use crate::scenario::{RegistersSpec, ScenarioError};
+use super::{
+    BuildContext, Built, DeviceKind, PortInfo, Settings, ValueRow, read_settings, schema_of,
+};
+use crate::codec;
+use crate::rig::{AnyDevice, Rig};
+use crate::scenario::{OrderSpec, RegistersSpec, ScenarioError};
 
 const EXAMPLE: &str = r#"[device.gripper.registers]
 baud = 115200
@@ -53,11 +60,34 @@ impl DeviceKind for RegistersKind {
         read_settings::<RegistersSpec>(settings)
     }
 
+    fn rows(&self, settings: &dyn Settings, rig: &Rig, name: &str) -> Vec<ValueRow> {
+        let settings: &dyn Any = settings;
+        let spec = settings.downcast_ref::<RegistersSpec>();
+        spec.map_or(Vec::new(), |spec| spec.rows(rig, name))
+    }
+
+    fn check(
+        &self,
+        context: &BuildContext<'_>,
+        device: &dyn AnyDevice,
+        world: &World,
+    ) -> Result<(), ScenarioError> {
+        let spec: &RegistersSpec = context.settings()?;
+        let device: &dyn Any = device;
+        let device = device.downcast_ref::<Registers>();
+        let checked = device.map_or(Ok(()), |device| device.check_chassis(world.chassis()));
+        checked.map_err(|error| spec.register_error(&context.key(), context.source, error))
+    }
+
     fn build(&self, context: &BuildContext<'_>) -> Result<Built, ScenarioError> {
         let spec: &RegistersSpec = context.settings()?;
         let device = spec.device(&context.key(), context.source)?;
         let line = LineConfig::new_8n1(*spec.baud.get_ref());
         let port = PortInfo::uart("bus", Registers::BUS, line, "your own program");
+        let port = port.speaking(match spec.checksum {
+            OrderSpec::LowFirst => &codec::BUS,
+            OrderSpec::HighFirst => &codec::BUS_HIGH_FIRST,
+        });
         Ok(Built {
             device: Box::new(device),
             ports: vec![port],

@@ -1,11 +1,15 @@
 //! `text`: a slave with a text protocol, described by the scenario.
 
+use core::any::Any;
+
 use emulators::text::Text;
+use emulators::world::World;
 use protocols::LineConfig;
 use schemars::{Schema, SchemaGenerator};
 use toml::de::ValueDeserializer;
 
 use super::{BuildContext, Built, DeviceKind, PortInfo, Settings, read_settings, schema_of};
+use crate::rig::AnyDevice;
 use crate::scenario::{ScenarioError, TextSpec};
 
 const EXAMPLE: &str = r#"[device.sonar.text]
@@ -47,6 +51,19 @@ impl DeviceKind for TextKind {
 
     fn parse(&self, settings: ValueDeserializer<'_>) -> Result<Box<dyn Settings>, toml::de::Error> {
         read_settings::<TextSpec>(settings)
+    }
+
+    fn check(
+        &self,
+        context: &BuildContext<'_>,
+        device: &dyn AnyDevice,
+        world: &World,
+    ) -> Result<(), ScenarioError> {
+        let spec: &TextSpec = context.settings()?;
+        let device: &dyn Any = device;
+        let device = device.downcast_ref::<Text>();
+        let checked = device.map_or(Ok(()), |device| device.check_chassis(world.chassis()));
+        checked.map_err(|error| spec.variable_error(&context.key(), context.source, error))
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<Built, ScenarioError> {

@@ -1,5 +1,6 @@
 //! `xv11`: the Neato XV-11 lidar.
 
+use core::any::Any;
 use core::ops::RangeInclusive;
 
 use emulators::xv11::{Config, Direction, Fault, Mount, Profile, Xv11};
@@ -9,6 +10,8 @@ use serde::{Deserialize, Serialize};
 use toml::de::ValueDeserializer;
 
 use super::{BuildContext, Built, DeviceKind, PortInfo, Settings, read_settings, schema_of};
+use crate::codec::scan::{ScanDecoder, Xv11Scans};
+use crate::codec::{self, Codec};
 use crate::rig::LinkKind;
 use crate::scenario::ScenarioError;
 
@@ -140,6 +143,17 @@ impl DeviceKind for Xv11Kind {
         false
     }
 
+    fn scanner(&self, settings: &dyn Settings) -> Option<Box<dyn ScanDecoder>> {
+        let settings: &dyn Any = settings;
+        let mount = settings
+            .downcast_ref::<Xv11Spec>()?
+            .mount
+            .unwrap_or_default();
+        let first_bearing = -core::f64::consts::FRAC_PI_2 + mount.heading_deg.to_radians();
+        let scans = Xv11Scans::new(first_bearing).at([mount.x_m, mount.y_m]);
+        Some(Box::new(scans))
+    }
+
     fn build(&self, context: &BuildContext<'_>) -> Result<Built, ScenarioError> {
         let spec: &Xv11Spec = context.settings()?;
         let device = Xv11::new(context.name, context.seed, spec.config(context)?);
@@ -149,7 +163,9 @@ impl DeviceKind for Xv11Kind {
             device: Box::new(device),
             // It sends packets of 22 bytes.
             ports: vec![
-                PortInfo::uart("uart", Xv11::UART, uart, "the robot's lidar input").in_pieces(22),
+                PortInfo::uart("uart", Xv11::UART, uart, "the robot's lidar input")
+                    .in_pieces(22)
+                    .speaking(spec.codec()),
                 PortInfo::uart("motor", Xv11::MOTOR, PIN, drive)
                     .optional()
                     .on(LinkKind::Pin),
@@ -159,6 +175,15 @@ impl DeviceKind for Xv11Kind {
 }
 
 impl Xv11Spec {
+    /// What firmware 2.1 sends is another format.
+    fn codec(&self) -> &'static Codec {
+        let is_old = |name: &toml::Spanned<String>| name.get_ref() == Profile::Fw21.name();
+        match self.profile.as_ref().is_some_and(is_old) {
+            true => &codec::XV11_TURN,
+            false => &codec::XV11,
+        }
+    }
+
     fn config(&self, context: &BuildContext<'_>) -> Result<Config, ScenarioError> {
         let mut config = Config::default();
         let (source, at) = (context.source, context.key());

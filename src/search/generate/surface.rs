@@ -47,7 +47,7 @@ impl Surface {
             [[wall]]\npath_m = [[0, 0], [2, 0]]";
         let nowhere: WorldSpec = toml::from_str(nowhere).expect("a wall and a start");
         let nowhere = nowhere
-            .build(0, &source)
+            .build(0, None, &source)
             .expect("the wall is not at the start");
         let mut sound = scenario.clone();
         sound.fault.clear();

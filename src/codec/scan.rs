@@ -10,8 +10,23 @@ use protocols::xv11;
 pub struct Beam {
     /// Counter-clockwise from straight ahead of the robot, radians.
     pub bearing: f64,
-    /// Metres from the middle of the robot, or of the lidar where its place is not known.
+    /// From the middle of the robot, metres.
     pub distance_m: f64,
+}
+
+impl Beam {
+    /// The same, measured by a lidar that sits at `x_m`, `y_m` on the robot.
+    fn from_place(self, [x_m, y_m]: [f64; 2]) -> Self {
+        if [x_m, y_m] == [0.0; 2] {
+            return self;
+        }
+        let x = x_m + self.distance_m * libm::cos(self.bearing);
+        let y = y_m + self.distance_m * libm::sin(self.bearing);
+        Self {
+            bearing: libm::atan2(y, x),
+            distance_m: libm::hypot(x, y),
+        }
+    }
 }
 
 /// Reads whole turns from what a lidar sends.
@@ -25,6 +40,7 @@ pub trait ScanDecoder {
 pub struct Xv11Scans {
     /// Bearing of the first reading.
     first_bearing: f64,
+    place_m: [f64; 2],
     decoder: xv11::Decoder,
     ranges_mm: [u16; 360],
 }
@@ -35,9 +51,16 @@ impl Xv11Scans {
     pub fn new(first_bearing: f64) -> Self {
         Self {
             first_bearing,
+            place_m: [0.0; 2],
             decoder: xv11::Decoder::default(),
             ranges_mm: [0; 360],
         }
+    }
+
+    /// The same on a lidar that sits at x and y on the robot, metres ahead and to the left.
+    #[must_use]
+    pub const fn at(self, place_m: [f64; 2]) -> Self {
+        Self { place_m, ..self }
     }
 
     fn beams(&self) -> Vec<Beam> {
@@ -47,7 +70,9 @@ impl Xv11Scans {
             bearing: bearing(degree),
             distance_m: f64::from(mm) / 1000.0,
         };
-        beams.map(beam).collect()
+        beams
+            .map(|one| beam(one).from_place(self.place_m))
+            .collect()
     }
 }
 

@@ -1,0 +1,151 @@
+//! The drive train and outline of a robot that the scenario describes itself.
+
+use emulators::world::{
+    Ackermann, AckermannConfig, BodyConfig, BodyError, Chassis, Differential, Footprint, Point,
+};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use toml::Spanned;
+
+use super::{ScenarioError, Source};
+
+/// The drive train of a custom robot: one of these tables.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub enum ChassisSpec {
+    /// Two driven wheels, one on either side. Its figures are those of `[world.body]`. Actuators and
+    /// encoders `left` and `right`.
+    Differential(DifferentialSpec),
+    /// A car: driven rear axle, steered front wheels. Actuators `drive` and `steering`, encoder
+    /// `drive`; its place is the middle of the rear axle.
+    Ackermann(AckermannSpec),
+}
+
+/// What a differential chassis has besides the figures of `[world.body]`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DifferentialSpec {
+    /// Corners of the outline that collides, metres ahead and to the left of the middle of the axle;
+    /// the disc of `[world.body]` if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<Vec<[f64; 2]>>")]
+    pub footprint_m: Option<Spanned<Vec<[f64; 2]>>>,
+}
+
+/// Figures of a car; what is not given is that of a Tamiya TT-01 in 1:10.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AckermannSpec {
+    /// Corners of the outline that collides, metres ahead and to the left of the middle of the rear
+    /// axle; 0.359 m ahead, 0.101 m behind and 0.33 m wide if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<Vec<[f64; 2]>>")]
+    pub footprint_m: Option<Spanned<Vec<[f64; 2]>>>,
+    /// Distance between the axles, metres; 0.258 if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wheelbase_m: Option<f64>,
+    /// Distance between the wheels of an axle, metres; 0.155 if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub track_m: Option<f64>,
+    /// Radius of the driven wheels, metres; 0.032 if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wheel_radius_m: Option<f64>,
+    /// Encoder counts per turn of a wheel; 60 if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ticks_per_turn: Option<u32>,
+    /// Largest steering angle to either side, degrees; 25 if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub steering_max_deg: Option<f64>,
+    /// Fastest turn of the servo, degrees per second; 172 if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub steering_rate_deg_s: Option<f64>,
+    /// Speed at full drive, metres per second; 1.2 if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub full_speed_m_s: Option<f64>,
+    /// Time constant of the driven car, seconds; 0.3 if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lag_s: Option<f64>,
+    /// Share of the wheels' travel that is lost on the floor; 0.005 if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub slip: Option<f64>,
+    /// Noise of the travel after one metre: standard deviation, metres; 0.002 if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub slip_noise_m: Option<f64>,
+    /// Noise of the heading after one metre: standard deviation, radians; 0.004 if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub heading_noise_rad: Option<f64>,
+}
+
+impl ChassisSpec {
+    /// The chassis; `body` has the figures of a differential one, `seed` chooses its dice.
+    ///
+    /// # Errors
+    /// If a figure is out of range, or the outline is none.
+    pub fn build(
+        &self,
+        body: BodyConfig,
+        seed: u64,
+        source: &Source,
+    ) -> Result<Box<dyn Chassis>, ScenarioError> {
+        match self {
+            Self::Differential(spec) => {
+                let bad = |error: BodyError| {
+                    source.invalid(source.find("body"), "world.body", error.to_string())
+                };
+                let chassis = Differential::new(body, seed).map_err(bad)?;
+                let key = "chassis.differential.footprint_m";
+                Ok(match footprint(spec.footprint_m.as_ref(), key, source)? {
+                    Some(footprint) => Box::new(chassis.with_footprint(footprint)),
+                    None => Box::new(chassis),
+                })
+            }
+            Self::Ackermann(spec) => {
+                let key = "chassis.ackermann.footprint_m";
+                let footprint = footprint(spec.footprint_m.as_ref(), key, source)?;
+                let chassis = Ackermann::new(spec.config(footprint), seed).map_err(|error| {
+                    let span = source.find("ackermann");
+                    source.invalid(span, "chassis.ackermann", error.to_string())
+                })?;
+                Ok(Box::new(chassis))
+            }
+        }
+    }
+}
+
+impl AckermannSpec {
+    fn config(&self, footprint: Option<Footprint>) -> AckermannConfig {
+        let usual = AckermannConfig::default();
+        let radians = |degrees: Option<f64>, usual: f64| degrees.map_or(usual, f64::to_radians);
+        AckermannConfig {
+            footprint: footprint.unwrap_or(usual.footprint),
+            wheelbase_m: self.wheelbase_m.unwrap_or(usual.wheelbase_m),
+            track_m: self.track_m.unwrap_or(usual.track_m),
+            wheel_radius_m: self.wheel_radius_m.unwrap_or(usual.wheel_radius_m),
+            ticks_per_turn: self.ticks_per_turn.unwrap_or(usual.ticks_per_turn),
+            steering_max_rad: radians(self.steering_max_deg, usual.steering_max_rad),
+            steering_rate_rad_s: radians(self.steering_rate_deg_s, usual.steering_rate_rad_s),
+            full_speed_m_s: self.full_speed_m_s.unwrap_or(usual.full_speed_m_s),
+            lag_s: self.lag_s.unwrap_or(usual.lag_s),
+            slip: self.slip.unwrap_or(usual.slip),
+            slip_noise_m: self.slip_noise_m.unwrap_or(usual.slip_noise_m),
+            heading_noise_rad: self.heading_noise_rad.unwrap_or(usual.heading_noise_rad),
+            ..usual
+        }
+    }
+}
+
+fn footprint(
+    corners: Option<&Spanned<Vec<[f64; 2]>>>,
+    key: &str,
+    source: &Source,
+) -> Result<Option<Footprint>, ScenarioError> {
+    let Some(corners) = corners else {
+        return Ok(None);
+    };
+    let points = corners.get_ref().iter().map(|&[x, y]| Point::new(x, y));
+    let outline = Footprint::polygon(points.collect());
+    let bad = |error: emulators::world::FootprintError| {
+        source.invalid(Some(corners.span()), key, error.to_string())
+    };
+    outline.map(Some).map_err(bad)
+}
