@@ -14,6 +14,7 @@ mod fidelity;
 mod fuzz;
 mod import;
 mod map;
+mod marks;
 mod place;
 mod ports;
 mod record;

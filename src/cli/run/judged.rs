@@ -6,12 +6,13 @@ use std::path::Path;
 use protocols::Instant;
 
 use crate::capture::{self, Limits, Recording, Section};
+use crate::cli::marks::mark;
 use crate::cli::show::Show;
 use crate::cli::stop::{SIGTERM, Stop};
 use crate::cli::{CliError, Verdict};
 use crate::realtime::Realtime;
 use crate::realtime::clock::{Clock, WallClock};
-use crate::run::check::{Check, Status};
+use crate::run::check::Check;
 use crate::run::{Outcome, Run};
 use crate::scenario::{Scenario, Source};
 use crate::show::folder::{self, FolderError, Metrics};
@@ -213,12 +214,4 @@ fn print_summary(outcome: &Outcome, wall: Duration, out: &Path) {
     }
     println!("  trace {}", outcome.trace_hash);
     println!("  results in {}", out.display());
-}
-
-/// How a check ended, in four letters.
-pub(in crate::cli) const fn mark(status: Status) -> &'static str {
-    match status {
-        Status::Pass => "ok  ",
-        Status::Fail => "FAIL",
-    }
 }
