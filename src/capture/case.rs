@@ -14,6 +14,7 @@
 //! seed that could lose its meaning: later versions go on reading it.
 
 mod bytes;
+mod foreign;
 
 use core::fmt;
 use core::time::Duration;
@@ -289,23 +290,7 @@ fn is_silent(sent: &Track, end: Instant) -> bool {
 
 impl Expectation {
     fn judge(&self, replayed: &Replayed, end: Instant) -> Vec<Check> {
-        let mut checks = Vec::new();
-        if self.same_outputs {
-            let divergence = replayed.divergence();
-            let detail = match &divergence {
-                None => format!("the same {} bytes", replayed.sent()),
-                Some(divergence) => divergence.to_string(),
-            };
-            checks.push(Check::new("same-outputs", divergence.is_none(), detail));
-        }
-        for name in &self.talks {
-            let link = replayed.links.iter().find(|one| one.link == *name);
-            let last = link.and_then(|one| one.got.end());
-            let pass = link.is_some_and(|one| !is_silent(&one.got, end));
-            let last = last.map_or("never".to_owned(), |at| format!("last at {at} s"));
-            let detail = format!("the program sent on {name} {last}, of {end} s");
-            checks.push(Check::new(&format!("talks-{name}"), pass, detail));
-        }
+        let mut checks = self.judge_links(&replayed.links, end);
         for forbidden in &self.never {
             let mut broken = replayed
                 .violations

@@ -207,9 +207,7 @@ pub struct Played {
 impl Replayed {
     /// The earliest difference between what the program sent and what the capture says.
     pub fn divergence(&self) -> Option<Divergence> {
-        let all = self.links.iter();
-        let of = |one: &Played| compare(&one.link, Direction::ToDevice, &one.expected, &one.got);
-        all.filter_map(of).min_by_key(|divergence| divergence.at)
+        Played::first_divergence(&self.links)
     }
 
     /// Bytes that the program sent.
@@ -224,6 +222,15 @@ impl Replayed {
             .iter()
             .map(|one| one.expected.largest_shift(&one.got));
         shifts.max().unwrap_or_default()
+    }
+}
+
+impl Played {
+    /// The earliest difference on `links` between what was sent and what the capture says.
+    pub fn first_divergence(links: &[Self]) -> Option<Divergence> {
+        let of = |one: &Self| compare(&one.link, Direction::ToDevice, &one.expected, &one.got);
+        let all = links.iter().filter_map(of);
+        all.min_by_key(|divergence| divergence.at)
     }
 }
 

@@ -8,24 +8,30 @@ use std::thread;
 
 use clap::{Args, Subcommand};
 
+use super::exec::ExecArgs;
 use super::stop::Stop;
 use super::{CliError, Verdict};
 use crate::realtime::clock::{Clock, WallClock};
+use crate::realtime::exec::Foreign;
+use crate::run::Outcome;
 use crate::scenario::{Scenario, Source, Span};
 use crate::search::campaign::{self, CampaignError, Merged, Plan, Record, Shard, Store};
 use crate::search::generate::{self, Dice, Vary};
+use crate::show::folder::FolderError;
 
 /// Run scenarios with many seeds, on all processors and on many machines, and group what fails.
 ///
 /// Each shard is stateless and goes on where it stopped when it is given the same folder. Whatever
-/// is made anew for a seed (--vary) depends on the seed alone.
+/// is made anew for a seed (--vary) depends on the seed alone. With --exec each run is one of
+/// somebody's program in real time, one after the other unless --jobs says otherwise.
 #[derive(Debug, Args)]
 #[command(
     args_conflicts_with_subcommands = true,
     after_long_help = "Examples:\n  \
     hilrig campaign scenarios/empty-room.toml --seeds 0..200 --vary all --out night\n  \
     hilrig campaign scenarios/*.toml --seeds 0..1000 --shard 3/16 --budget 2h --out shard-3\n  \
-    hilrig campaign merge shard-* --out all     # table in all/campaign.html"
+    hilrig campaign merge shard-* --out all     # table in all/campaign.html\n  \
+    hilrig campaign scenarios/empty-room.toml --seeds 0..20 --exec './my-robot \"$HILRIG_DIR\"'"
 )]
 pub(super) struct CampaignArgs {
     #[command(subcommand)]
@@ -45,9 +51,11 @@ pub(super) struct CampaignArgs {
     /// Start no further run after this time
     #[arg(long, value_name = "TIME")]
     budget: Option<Span>,
-    /// Runs at the same time [default: one for each processor]
+    /// Runs at the same time [default: one for each processor, with --exec one]
     #[arg(long, value_name = "N")]
     jobs: Option<core::num::NonZeroUsize>,
+    #[command(flatten)]
+    program: ExecArgs,
     /// Folder of the results, to be gone on with if it exists
     #[arg(long, value_name = "DIR", default_value = "hilrig-out/campaign")]
     out: PathBuf,
@@ -116,6 +124,7 @@ pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
         scenarios: texts.collect(),
         seeds: args.seeds.clone(),
         vary: args.vary.to_string(),
+        exec: args.program.exec.as_ref().map(|_| args.program.repeat()),
     };
     let mut store = Store::create(&args.out, &plan)?;
     let todo: Vec<(&str, u64)> = plan
@@ -129,7 +138,7 @@ pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
         scenario.seed = seed;
         (scenario, source)
     };
-    let ended = run_all(&todo, args.jobs, args.budget, made, &mut store)?;
+    let ended = run_all(&todo, &args, made, &mut store)?;
     if ended < todo.len() {
         eprintln!(
             "{} runs are left; the same command goes on",
@@ -156,31 +165,42 @@ pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
 /// A run that ended: what it came to, and its case if it failed.
 type Ended = (Record, Option<Box<Scenario>>);
 
-/// Runs `todo` on all processors; how many runs ended before the time was up.
+/// Runs `todo`, on all processors if they are runs in this process; how many ended before the time
+/// was up.
 fn run_all<'a>(
     todo: &[(&str, u64)],
-    jobs: Option<core::num::NonZeroUsize>,
-    budget: Option<Span>,
+    args: &CampaignArgs,
     made: impl Fn(&str, u64) -> (Scenario, &'a Source) + Sync,
     store: &mut Store,
 ) -> Result<usize, CliError> {
     let clock = WallClock::start();
-    let stop = Stop::new(budget.map(|budget| budget.0))?;
+    let stop = Stop::new(args.budget.map(|budget| budget.0))?;
     let next = AtomicUsize::new(0);
-    let jobs = jobs.or_else(|| thread::available_parallelism().ok());
+    let foreign = args.program.foreign();
+    let jobs = match (args.jobs, &foreign) {
+        (Some(jobs), _) => Some(jobs),
+        (None, Some(_)) => None,
+        (None, None) => thread::available_parallelism().ok(),
+    };
     let jobs = jobs.map_or(1, core::num::NonZeroUsize::get);
     let (results, ended) = mpsc::channel::<Result<Ended, CliError>>();
     thread::scope(|scope| {
-        for _ in 0..jobs {
+        for job in 0..jobs {
             let (results, next, stop, made) = (results.clone(), &next, &stop, &made);
+            let goes_on = move || stop.signal().is_none();
+            let worker = Worker {
+                foreign: foreign.as_ref(),
+                out: &args.out,
+                job,
+            };
             scope.spawn(move || {
                 while let Some(&(name, seed)) = todo.get(next.fetch_add(1, Ordering::Relaxed)) {
                     if stop.is_due(clock.now()) {
                         break;
                     }
                     let (scenario, source) = made(name, seed);
-                    let result = one(&scenario, source);
-                    if results.send(result).is_err() {
+                    let result = worker.run(&scenario, source, &goes_on).transpose();
+                    if result.is_none_or(|result| results.send(result).is_err()) {
                         break;
                     }
                 }
@@ -202,15 +222,61 @@ fn run_all<'a>(
     })
 }
 
-fn one(scenario: &Scenario, source: &Source) -> Result<Ended, CliError> {
-    let (record, outcome) = campaign::run(scenario, source)?;
-    let case = match outcome {
-        Some(outcome) => outcome.case,
-        // A run that panicked has no end; its scenario says as much.
-        None => scenario.clone(),
-    };
-    let case = record.cause.is_some().then(|| Box::new(case));
-    Ok((record, case))
+/// One of those who run at the same time.
+struct Worker<'a> {
+    foreign: Option<&'a Foreign>,
+    out: &'a Path,
+    job: usize,
+}
+
+impl Worker<'_> {
+    /// What a run came to; `None` if `goes_on` said no before it was over.
+    fn run(
+        &self,
+        scenario: &Scenario,
+        source: &Source,
+        goes_on: &dyn Fn() -> bool,
+    ) -> Result<Option<Ended>, CliError> {
+        let (record, case) = match self.foreign {
+            Some(foreign) => match self.run_foreign(foreign, scenario, source, goes_on)? {
+                Some((record, outcome)) => (record, outcome.case),
+                None => return Ok(None),
+            },
+            None => {
+                let (record, outcome) = campaign::run(scenario, source)?;
+                // A run that panicked has no end; its scenario says as much.
+                let case = outcome.map_or_else(|| scenario.clone(), |outcome| outcome.case);
+                (record, case)
+            }
+        };
+        let case = record.cause.is_some().then(|| Box::new(case));
+        Ok(Some((record, case)))
+    }
+
+    /// Ports in a directory of its own; what the program said is kept if it failed.
+    fn run_foreign(
+        &self,
+        foreign: &Foreign,
+        scenario: &Scenario,
+        source: &Source,
+        goes_on: &dyn Fn() -> bool,
+    ) -> Result<Option<(Record, Box<Outcome>)>, CliError> {
+        let ports = self.out.join(format!("ports-{}", self.job));
+        let ports = std::path::absolute(&ports).unwrap_or(ports);
+        let logs = self.out.join("logs");
+        let log = logs.join(format!("{}-{}.log", scenario.name, scenario.seed));
+        std::fs::create_dir_all(&logs).map_err(|source| FolderError { path: logs, source })?;
+        let places = [&ports, &log];
+        let judged = campaign::run_foreign(scenario, source, foreign, places, goes_on)?;
+        if judged
+            .as_ref()
+            .is_none_or(|(record, _)| record.cause.is_none())
+        {
+            // Nobody asks what a sound program said.
+            let _ = std::fs::remove_file(&log);
+        }
+        Ok(judged)
+    }
 }
 
 fn report(merged: &Merged, out: &Path, all_situations: bool) -> Result<Verdict, CliError> {
@@ -225,10 +291,9 @@ fn report(merged: &Merged, out: &Path, all_situations: bool) -> Result<Verdict, 
         println!("         first {scenario} seed {seed}: {}", group.detail);
         if let (Some(case), Some(left)) = (&group.case, &group.left) {
             println!("         {left}");
-            println!(
-                "         repeat with: hilrig run {}",
-                out.join(case).display()
-            );
+            let exec = merged.plan.exec.as_deref().unwrap_or_default();
+            let case = out.join(case);
+            println!("         repeat with: hilrig run {}{exec}", case.display());
         }
     }
     let mut all_came_up = true;

@@ -1,6 +1,7 @@
 //! `--exec`: somebody's program in the place of the robot's own.
 
 use core::time::Duration;
+use std::path::Path;
 
 use clap::Args;
 
@@ -66,7 +67,7 @@ pub(super) fn quoted(text: &str) -> String {
 const LINES: usize = 20;
 
 /// Says what a program said last, and what could not be judged of it.
-pub(super) fn tell(seen: &Seen, passed: bool, log: &str) {
+pub(super) fn tell(seen: &Seen, passed: bool, log: &Path) {
     if seen.was_late() {
         eprintln!("  the rig itself was late, so the program may not be to blame");
     }
@@ -74,11 +75,18 @@ pub(super) fn tell(seen: &Seen, passed: bool, log: &str) {
         let names = seen.unjudged.join(", ");
         println!("  not judged, what the program believes cannot be seen: {names}");
     }
-    let lines: Vec<&str> = seen.said.lines().collect();
-    if passed || lines.is_empty() {
+    if !passed {
+        show_words(&seen.said, log);
+    }
+}
+
+/// Shows the end of what a program said; all of it is in `log`.
+pub(super) fn show_words(said: &str, log: &Path) {
+    let lines: Vec<&str> = said.lines().collect();
+    if lines.is_empty() {
         return;
     }
-    println!("  the program's last words, all in {log}:");
+    println!("  the program's last words, all in {}:", log.display());
     for line in &lines[lines.len().saturating_sub(LINES)..] {
         println!("  | {line}");
     }

@@ -1,3 +1,5 @@
+mod exec;
+
 use core::time::Duration;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -7,6 +9,7 @@ use std::thread;
 use clap::Args;
 use protocols::Instant;
 
+use super::exec::ExecArgs;
 use super::place::{self, Place};
 use super::ports::Ports;
 use super::stop::Stop;
@@ -21,12 +24,15 @@ use crate::realtime::clock::{Clock, WallClock};
 use crate::run::check::{Check, Status};
 use crate::scenario::{Scenario, Source, Span};
 
+pub(super) use exec::judge_case;
+
 /// Feed a capture back: into the robot's program in virtual time, or into ports.
 ///
 /// Without a port, the program is told what it was told, byte by byte at the recorded nanosecond;
 /// which robot it is, the capture of a run says itself. The checkers of every run judge it: exit code
 /// 1 if one fails. With ports the capture takes the part of
-/// the devices, or of the program. With --expect, what comes back is compared with the capture,
+/// the devices, or of the program. With --exec that program is somebody's: it is started on new
+/// ports, told what the captured one was told, and must live to the end. With --expect, what comes back is compared with the capture,
 /// and the first difference is told: time, link, byte, and its frame in words.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
@@ -34,7 +40,8 @@ use crate::scenario::{Scenario, Source, Span};
     hilrig replay field.pcapng --scenario scenarios/rescue-flat.toml\n  \
     hilrig replay field.pcapng --to lidar=pty:/tmp/robot/lidar      # for a program to open\n  \
     hilrig replay field.pcapng --dir /tmp/robot --expect --speed 2  # to `hilrig up`'s devices\n  \
-    hilrig replay field.pcapng --to base=/dev/ttyUSB0 --as program --step")]
+    hilrig replay field.pcapng --to base=/dev/ttyUSB0 --as program --step\n  \
+    hilrig replay field.pcapng --exec './my-robot \"$HILRIG_DIR\"' --expect")]
 pub(super) struct ReplayArgs {
     /// Capture to play
     #[arg(value_name = "FILE")]
@@ -49,20 +56,30 @@ pub(super) struct ReplayArgs {
     #[arg(long, value_name = "TIME")]
     until: Option<Span>,
     /// Play a link into a port: a path, or pty:PATH for a new pseudo-terminal
-    #[arg(long, value_name = "LINK=PORT")]
+    #[arg(long, value_name = "LINK=PORT", conflicts_with = "exec")]
     to: Vec<Place>,
     /// Play each link for which there is a port in this directory, as `hilrig up` offers them
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", conflicts_with = "exec")]
     dir: Option<PathBuf>,
     /// Whose part the capture takes [default: program with --dir, else device]
-    #[arg(long = "as", value_name = "SIDE")]
+    #[arg(long = "as", value_name = "SIDE", conflicts_with = "exec")]
     side: Option<PlayedSide>,
     /// So many times as fast as recorded
     #[arg(long, value_name = "N", default_value = "1", value_parser = speed)]
     speed: f64,
     /// A piece at a time, each after a line on standard input
-    #[arg(long, conflicts_with = "speed")]
+    #[arg(long, conflicts_with_all = ["speed", "exec"])]
     step: bool,
+    #[command(flatten)]
+    program: ExecArgs,
+    /// Folder in which --exec has its ports and its program.log
+    #[arg(
+        long,
+        value_name = "DIR",
+        default_value = "hilrig-out/replay",
+        requires = "exec"
+    )]
+    out: PathBuf,
 }
 
 fn speed(text: &str) -> Result<f64, String> {
@@ -76,6 +93,9 @@ fn speed(text: &str) -> Result<f64, String> {
 pub(super) fn run(args: ReplayArgs) -> Result<Verdict, CliError> {
     let capture = read(&args.file)?;
     let recorded = Recorded::of(&capture, args.until.map(|until| until.0));
+    if let Some(foreign) = args.program.foreign() {
+        return exec::into_foreign(&args, &foreign, &capture, &recorded);
+    }
     if args.to.is_empty() && args.dir.is_none() {
         let (scenario, source) = robot(&capture, &args.file, args.scenario.as_deref())?;
         return into_program(&args, &recorded, &scenario, &source);
@@ -238,7 +258,32 @@ fn into_ports(args: &ReplayArgs, recorded: &Recorded) -> Result<Verdict, CliErro
         false => Pace::Times(args.speed),
     };
     let mut playback = Playback::new(WallClock::start(), recorded, sockets, pace);
-    let lines = args.step.then(lines_of_stdin);
+    let how = How {
+        step: args.step,
+        expect: args.expect,
+    };
+    follow(how, &mut playback, &stop, &mut |_, _| true)?;
+    Ok(report(args, &playback))
+}
+
+/// How something is played.
+#[derive(Clone, Copy, Debug)]
+struct How {
+    /// A piece at a time.
+    step: bool,
+    /// Answers are waited for.
+    expect: bool,
+}
+
+/// Plays on until all was said and heard, somebody wants to stop, or `goes_on` says no at a time of
+/// the clock.
+fn follow(
+    How { step, expect }: How,
+    playback: &mut Playback<WallClock>,
+    stop: &Stop,
+    goes_on: &mut dyn FnMut(&Playback<WallClock>, Instant) -> bool,
+) -> Result<(), CliError> {
+    let lines = step.then(lines_of_stdin);
     let mut said = false;
     let mut answers_until = None;
     while !stop.is_due(playback.clock().now()) {
@@ -251,30 +296,38 @@ fn into_ports(args: &ReplayArgs, recorded: &Recorded) -> Result<Verdict, CliErro
         }
         if let Some(lines) = &lines
             && playback.waits_for().is_none()
-            && !step(&mut playback, lines)
+            && !self::step(playback, lines)
         {
             break;
         }
+        let now = playback.clock().now();
         if playback.is_over() {
-            let now = playback.clock().now();
             let until = *answers_until.get_or_insert(now + ANSWERS);
-            if now >= until || !args.expect || playback.has_heard_all() {
+            if now >= until || !expect || playback.has_heard_all() {
                 break;
             }
         }
+        if !goes_on(playback, now) {
+            return Ok(());
+        }
     }
-    drain(&mut playback, &stop);
+    drain(playback, stop);
+    Ok(())
+}
+
+/// What was played and heard, compared if that is wanted.
+fn report(args: &ReplayArgs, playback: &Playback<WallClock>) -> Verdict {
     println!("played {} s", playback.now());
     for socket in playback.sockets() {
         let [said, heard] = socket.counts();
         println!("  {}: {said} B sent, {heard} B came back", socket.link());
     }
     if !args.expect {
-        return Ok(Verdict::Pass);
+        return Verdict::Pass;
     }
     let divergences = playback.sockets().iter().filter_map(Socket::divergence);
     let first = divergences.min_by_key(|divergence| divergence.at);
-    Ok(judge(first.as_ref(), ""))
+    judge(first.as_ref(), "")
 }
 
 /// How long a client may take from its first reading to its last.

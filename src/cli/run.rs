@@ -8,6 +8,7 @@ use clap::Args;
 
 use super::ends::EndArgs;
 use super::exec::ExecArgs;
+use super::replay::judge_case;
 use super::show::{Show, ShowArgs};
 use super::stop::Stop;
 use super::{CliError, Verdict, default_out};
@@ -80,10 +81,7 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
         let file = match file {
             Runnable::Scenario(scenario) => *scenario,
             Runnable::Case(case) => {
-                let judgement = case.0.run(&case.1);
-                let judgement = judgement.map_err(|error| CliError::Other(error.to_string()))?;
-                println!("{judgement}");
-                ended.push(Ended::Case(judgement));
+                ended.push(Ended::Case(one_case(&args, &case, &stop)?));
                 continue;
             }
         };
@@ -148,6 +146,19 @@ fn one(
         show,
     };
     judged_exec(scenario, &source, foreign, place, stop)
+}
+
+/// Plays one case of bytes, to somebody's program if there is one.
+fn one_case(args: &RunArgs, case: &(Case, Source), stop: &Stop) -> Result<Judgement, CliError> {
+    if let Some(foreign) = args.program.foreign() {
+        let out = args.out.clone();
+        let out = out.unwrap_or_else(|| PathBuf::from("hilrig-out").join(&case.0.name));
+        return judge_case(case, &foreign, &out, stop);
+    }
+    let judgement = case.0.run(&case.1);
+    let judgement = judgement.map_err(|error| CliError::Other(error.to_string()))?;
+    println!("{judgement}");
+    Ok(judgement)
 }
 
 /// Refuses options that have no meaning together.

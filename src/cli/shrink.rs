@@ -4,13 +4,16 @@ use std::process::{Command, Stdio};
 
 use clap::Args;
 
+use super::exec::ExecArgs;
 use super::run::{Pace, Talk, judged_run};
 use super::stop::Stop;
 use super::{CliError, Verdict};
 use crate::capture::Capture;
 use crate::realtime::clock::{Clock, WallClock};
+use crate::realtime::exec::Foreign;
+use crate::run::Outcome;
 use crate::scenario::{Scenario, Source};
-use crate::search::campaign;
+use crate::search::campaign::{self, Record};
 use crate::search::shrink::{self, Effort, Repair, Unit};
 use crate::show::folder::FolderError;
 
@@ -20,21 +23,27 @@ use crate::show::folder::FolderError;
 /// first thing that is wrong with its bytes. With --while a command of yours decides instead: it
 /// gets the file as its last argument and exits with 0 as long as the file is still bad.
 ///
+/// With --exec somebody's program is what fails: each try is a run in real time, 100 at most, and
+/// what fails only now and then is hard to make smaller.
+///
 /// Ctrl-C ends the search; the best so far is the result.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig shrink hilrig-out/rescue-flat-1/case.toml\n  \
-    hilrig shrink capture.pcapng --while 'my-parser --crashes' --out small")]
+    hilrig shrink capture.pcapng --while 'my-parser --crashes' --out small\n  \
+    hilrig shrink hilrig-out/rescue-flat-1/case.toml --exec './my-robot \"$HILRIG_DIR\"'")]
 pub(super) struct ShrinkArgs {
     /// A case or scenario (.toml), or a capture (.pcapng)
     #[arg(value_name = "CASE|CAPTURE")]
     file: PathBuf,
     /// Shrink while this command exits with 0, given the file as last argument
-    #[arg(long = "while", value_name = "CMD")]
+    #[arg(long = "while", value_name = "CMD", conflicts_with = "exec")]
     command: Option<String>,
     /// Leave checksums as they are when the bytes of a frame are made plainer
     #[arg(long)]
     keep_checksums: bool,
+    #[command(flatten)]
+    program: ExecArgs,
     /// Folder for the result
     #[arg(long, value_name = "DIR", default_value = "hilrig-out/shrunk")]
     out: PathBuf,
@@ -42,10 +51,16 @@ pub(super) struct ShrinkArgs {
 
 /// Most tries; a search that comes to an end needs far fewer.
 const TRIES: u32 = 20_000;
+/// Most tries with somebody's program: each takes as long as its run.
+const TRIES_EXEC: u32 = 100;
 
 pub(super) fn run(args: &ShrinkArgs) -> Result<Verdict, CliError> {
     make_folder(&args.out)?;
     match args.file.extension().and_then(|name| name.to_str()) {
+        Some("pcapng") if args.program.exec.is_some() => {
+            let error = "--exec: expected a case or scenario, a capture is judged by its bytes";
+            Err(CliError::Other(error.to_owned()))
+        }
         Some("pcapng") => shrink_capture(args),
         _ => shrink_case(args),
     }
@@ -85,15 +100,23 @@ fn not_bad(file: &Path, what: &str) -> CliError {
 
 fn shrink_case(args: &ShrinkArgs) -> Result<Verdict, CliError> {
     let (scenario, source) = Scenario::read(&args.file)?;
-    let (record, outcome) = campaign::run(&scenario, &source)?;
+    let (stop, clock) = (Stop::new(None)?, WallClock::start());
+    let is_over = || stop.is_due(clock.now());
+    let foreign = args.program.foreign();
+    let (record, outcome) = match &foreign {
+        Some(foreign) => match run_foreign(args, foreign, &scenario, &source, &is_over)? {
+            Some((record, outcome)) => (record, Some(outcome)),
+            None => return Ok(Verdict::Interrupted(stop.signal().unwrap_or_default())),
+        },
+        None => campaign::run(&scenario, &source)?,
+    };
     // As the bytes that they hit, random faults can be left out one by one.
     let expanded = outcome.map_or_else(|| scenario.clone(), |outcome| outcome.case);
     let cause = record.cause.unwrap_or_default();
     let path = args.out.join("case.toml");
-    let (stop, clock) = (Stop::new(None)?, WallClock::start());
-    let is_over = || stop.is_due(clock.now());
-    let mut effort = Effort::until(TRIES, &is_over);
-    let mut fails = judge(args, &source, &cause, &path);
+    let tries = if foreign.is_some() { TRIES_EXEC } else { TRIES };
+    let mut effort = Effort::until(tries, &is_over);
+    let mut fails = judge(args, &source, &cause, &path, &is_over);
     let start = [scenario, expanded.clone()]
         .into_iter()
         .rev()
@@ -107,26 +130,42 @@ fn shrink_case(args: &ShrinkArgs) -> Result<Verdict, CliError> {
         &args.out.join("cause.txt"),
         format!("{cause}\n{said}\n").as_bytes(),
     )?;
-    let text = small.to_toml();
-    judged_run(
-        small,
-        &source,
-        None,
-        &args.out,
-        Pace::Virtual,
-        Talk::Verdict,
-        &Stop::new(None)?,
-    )?;
-    // The run left a case of its own, with its origin.
-    put(&path, text.as_bytes())?;
+    if foreign.is_none() {
+        let text = small.to_toml();
+        let (pace, talk, stop) = (Pace::Virtual, Talk::Verdict, Stop::new(None)?);
+        judged_run(small, &source, None, &args.out, pace, talk, &stop)?;
+        // The run left a case of its own, with its origin.
+        put(&path, text.as_bytes())?;
+    }
     let tries = effort.spent();
     println!("{cause}");
     println!(
         "{} faults left of {}, {tries} tries. {said}",
         faults[1], faults[0]
     );
-    println!("repeat with: hilrig run {}", path.display());
+    let exec = args.program.repeat();
+    println!("repeat with: hilrig run {}{exec}", path.display());
     Ok(Verdict::Pass)
+}
+
+/// Runs somebody's program; `None` if it is time to stop.
+fn run_foreign(
+    args: &ShrinkArgs,
+    foreign: &Foreign,
+    scenario: &Scenario,
+    source: &Source,
+    is_over: &dyn Fn() -> bool,
+) -> Result<Option<(Record, Box<Outcome>)>, CliError> {
+    let ports = args.out.join("ports");
+    let ports = std::path::absolute(&ports).unwrap_or(ports);
+    let places = [&ports, &args.out.join("program.log")];
+    Ok(campaign::run_foreign(
+        scenario,
+        source,
+        foreign,
+        places,
+        &|| !is_over(),
+    )?)
 }
 
 /// Whether a candidate still fails for the same reason.
@@ -135,10 +174,16 @@ fn judge<'a>(
     source: &'a Source,
     cause: &'a str,
     path: &'a Path,
+    is_over: &'a dyn Fn() -> bool,
 ) -> impl FnMut(&Scenario) -> bool + 'a {
-    move |candidate| match &args.command {
-        Some(command) => fs::write(path, candidate.to_toml()).is_ok() && is_bad(command, path),
-        None => campaign::run(candidate, source)
+    let foreign = args.program.foreign();
+    move |candidate| match (&args.command, &foreign) {
+        (_, Some(foreign)) => run_foreign(args, foreign, candidate, source, is_over)
+            .is_ok_and(|ran| ran.is_some_and(|(one, _)| one.cause.as_deref() == Some(cause))),
+        (Some(command), None) => {
+            fs::write(path, candidate.to_toml()).is_ok() && is_bad(command, path)
+        }
+        (None, None) => campaign::run(candidate, source)
             .is_ok_and(|(record, _)| record.cause.as_deref() == Some(cause)),
     }
 }

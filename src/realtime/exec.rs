@@ -9,9 +9,10 @@
 //! time of the mission. A program may have to hear something on one port before it opens the next:
 //! if it has sent something and opened nothing more for a second, time goes on as well.
 
+mod error;
 mod ports;
+mod verdict;
 
-use core::fmt;
 use core::time::Duration;
 use std::ffi::OsString;
 use std::io;
@@ -23,15 +24,17 @@ use protocols::Instant;
 use crate::realtime::clock::Clock;
 use crate::realtime::control::Control;
 use crate::realtime::held::Held;
-use crate::realtime::process::{Ended, Farewell, Left, Patience, Process};
+use crate::realtime::process::{Ended, Patience, Process};
 use crate::realtime::transport::{Note, PortDir, Pty, Transport, TransportError};
 use crate::realtime::{Lateness, Realtime};
 use crate::robots::{self, Dut, OpenEnd, PcEnd, Wired};
-use crate::run::check::{Check, Status};
+use crate::run::check::Check;
 use crate::run::{Outcome, Run};
-use crate::scenario::{Scenario, ScenarioError, Source};
+use crate::scenario::{Scenario, Source};
 
+pub use error::ExecError;
 use ports::Ports;
+pub use verdict::{alive, childless, take_beliefs};
 
 /// The variable by which a program is told where its ports are.
 pub const PORTS_VARIABLE: &str = "HILRIG_DIR";
@@ -64,50 +67,6 @@ pub struct Seat {
     /// Whether the program finds it in the directory of ports; else it is a real one, at which
     /// nobody can be seen.
     pub is_terminal: bool,
-}
-
-/// Why a program cannot be put on trial.
-#[derive(Debug)]
-pub enum ExecError {
-    /// The scenario cannot be wired.
-    Scenario(ScenarioError),
-    /// A port cannot be had.
-    Transport(TransportError),
-    /// It cannot be started.
-    NotStarted(io::Error),
-    /// It is said to need a port that there is not.
-    NoSuchPort(String, Vec<String>),
-}
-
-impl fmt::Display for ExecError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Scenario(error) => error.fmt(f),
-            Self::Transport(error) => error.fmt(f),
-            Self::NotStarted(error) => write!(f, "--exec: cannot start it: {error}"),
-            Self::NoSuchPort(name, all) => {
-                let all = all.join(", ");
-                write!(
-                    f,
-                    "--exec-needs {name}: no such port, expected some of {all}"
-                )
-            }
-        }
-    }
-}
-
-impl core::error::Error for ExecError {}
-
-impl From<ScenarioError> for ExecError {
-    fn from(error: ScenarioError) -> Self {
-        Self::Scenario(error)
-    }
-}
-
-impl From<TransportError> for ExecError {
-    fn from(error: TransportError) -> Self {
-        Self::Transport(error)
-    }
 }
 
 /// Who is the PC when nobody says so: the mission's script if it gives orders, else somebody
@@ -347,11 +306,16 @@ fn environment(seats: &[Seat], dir: &PortDir, run: &Run) -> Vec<(String, OsStrin
         ),
     ];
     for seat in seats.iter().filter(|seat| seat.is_terminal) {
-        let name = seat.end.name.to_ascii_uppercase().replace('-', "_");
         let path = seat.transport.path().into();
-        env.push((format!("HILRIG_PORT_{name}"), path));
+        env.push((port_variable(&seat.end.name), path));
     }
     env
+}
+
+/// The variable by which a program is told where the port `name` is.
+pub fn port_variable(name: &str) -> String {
+    let name = name.to_ascii_uppercase().replace('-', "_");
+    format!("HILRIG_PORT_{name}")
 }
 
 /// Lets the log tell what the robot touched.
@@ -371,59 +335,6 @@ pub fn log_contacts(run: &mut Run) {
         };
         run.rig.log("robot", event);
     }
-}
-
-/// Takes out what was expected of the beliefs of a program that is not in this process; the names
-/// of those checks.
-pub fn take_beliefs(outcome: &mut Outcome) -> Vec<String> {
-    let (no_pose, no_map) = (outcome.pose_error.is_none(), outcome.wall_overlap.is_none());
-    let is_belief = |check: &Check| {
-        let unseen = match check.name.as_str() {
-            "pose-rms" | "heading-rms" => no_pose,
-            "wall-overlap" => no_map,
-            _ => false,
-        };
-        unseen && check.status == Status::Fail
-    };
-    let unjudged = outcome.checks.iter().filter(|check| is_belief(check));
-    let unjudged = unjudged.map(|check| check.name.clone()).collect();
-    outcome.checks.retain(|check| !is_belief(check));
-    unjudged
-}
-
-fn alive(
-    ended: Option<(Ended, Instant)>,
-    is_over: bool,
-    may_end: bool,
-    farewell: &Farewell,
-) -> Check {
-    let stubborn = match farewell.was_killed {
-        true => "; did not end within 2 s of SIGTERM, so it was killed",
-        false => "",
-    };
-    let (pass, detail) = match ended {
-        None => (true, format!("to the end{stubborn}")),
-        Some((ended, at)) => {
-            let is_fine = ended == Ended::Code(0) && (is_over || may_end);
-            (is_fine, format!("ended with {ended} at {at} s"))
-        }
-    };
-    Check::new("program-alive", pass, detail)
-}
-
-fn childless(left: &[Left]) -> Check {
-    let names = |left: &mut dyn Iterator<Item = &Left>| {
-        let names: Vec<String> = left.map(Left::to_string).collect();
-        names.join(", ")
-    };
-    let killed = names(&mut left.iter().filter(|one| one.was_killed));
-    let ended = names(&mut left.iter().filter(|one| !one.was_killed));
-    let detail = match (killed.is_empty(), ended.is_empty()) {
-        (true, true) => "none".to_owned(),
-        (true, false) => format!("left behind, ended when asked: {ended}"),
-        (false, _) => format!("left behind, had to be killed: {killed}"),
-    };
-    Check::new("no-children-left", killed.is_empty(), detail)
 }
 
 /// Runs `scenario` with the program from beginning to end, its ports in `dir` and what it says in

@@ -4,7 +4,7 @@ use core::time::Duration;
 
 use protocols::Instant;
 
-use super::{Passage, Recorded};
+use super::{Passage, Played, Recorded};
 use crate::capture::divergence::{Divergence, Track, compare};
 use crate::realtime::clock::Clock;
 use crate::realtime::transport::{PortEvent, Transport, TransportError, wait};
@@ -99,6 +99,15 @@ impl Socket {
     /// Where what was heard first differs from the capture.
     pub fn divergence(&self) -> Option<Divergence> {
         compare(&self.link, self.side.hears(), &self.expected, &self.got)
+    }
+
+    /// What was heard, beside what the capture says.
+    pub fn played(&self) -> Played {
+        Played {
+            link: self.link.clone(),
+            expected: self.expected.clone(),
+            got: self.got.clone(),
+        }
     }
 
     fn next_at(&self) -> Option<Instant> {

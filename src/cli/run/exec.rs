@@ -71,7 +71,7 @@ pub(super) fn judged_exec(
     let ran = write_results(ran, out)?;
     println!("  {}", judged.seen.lateness);
     let passed = ran.outcome.passed();
-    exec::tell(&judged.seen, passed, &log.display().to_string());
+    exec::tell(&judged.seen, passed, &log);
     finish_capture(judged.recorded, out)?;
     ended?;
     Ok(ran)

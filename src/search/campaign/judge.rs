@@ -2,9 +2,11 @@ use core::any::Any;
 use core::panic::AssertUnwindSafe;
 use std::collections::BTreeSet;
 use std::panic::catch_unwind;
+use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use crate::realtime::exec::{self, ExecError, Foreign};
 use crate::robots;
 use crate::run::check::Status;
 use crate::run::{Outcome, Run};
@@ -46,24 +48,11 @@ pub fn run(
         }
         Ok(Box::new(run.judge()))
     }));
-    let mut record = Record {
-        scenario: scenario.name.clone(),
-        seed: scenario.seed,
-        cause: None,
-        detail: None,
-        ran_ms: 0,
-        trace: String::new(),
-        reached: BTreeSet::new(),
-    };
+    let mut record = Record::of(scenario);
     match judged {
         Ok(Err(error)) => Err(error),
         Ok(Ok(outcome)) => {
-            record.ran_ms = u64::try_from(outcome.ran.as_millis()).unwrap_or(u64::MAX);
-            record.trace.clone_from(&outcome.trace_hash);
-            record.reached = situations(scenario, &outcome);
-            if let Some((cause, detail)) = cause_of(&outcome) {
-                (record.cause, record.detail) = (Some(cause), Some(detail));
-            }
+            record.take(scenario, &outcome);
             Ok((record, Some(outcome)))
         }
         Err(panic) => {
@@ -71,6 +60,48 @@ pub fn run(
             (record.cause, record.detail) = (Some(cause), Some(message));
             Ok((record, None))
         }
+    }
+}
+
+/// Runs `scenario` in real time with somebody's program, its ports in the first of `places` and what
+/// it says in the second. `None` if `goes_on` said no.
+///
+/// # Errors
+/// If the program cannot be put on trial.
+pub fn run_foreign(
+    scenario: &Scenario,
+    source: &Source,
+    foreign: &Foreign,
+    places: [&PathBuf; 2],
+    goes_on: &dyn Fn() -> bool,
+) -> Result<Option<(Record, Box<Outcome>)>, ExecError> {
+    let judged = exec::judge(scenario, source, foreign, places, goes_on)?;
+    Ok(judged.map(|judged| {
+        let mut record = Record::of(scenario);
+        record.take(scenario, &judged.outcome);
+        (record, Box::new(judged.outcome))
+    }))
+}
+
+impl Record {
+    /// Of a run that came to nothing yet.
+    fn of(scenario: &Scenario) -> Self {
+        Self {
+            scenario: scenario.name.clone(),
+            seed: scenario.seed,
+            cause: None,
+            detail: None,
+            ran_ms: 0,
+            trace: String::new(),
+            reached: BTreeSet::new(),
+        }
+    }
+
+    fn take(&mut self, scenario: &Scenario, outcome: &Outcome) {
+        self.ran_ms = u64::try_from(outcome.ran.as_millis()).unwrap_or(u64::MAX);
+        self.trace.clone_from(&outcome.trace_hash);
+        self.reached = situations(scenario, outcome);
+        (self.cause, self.detail) = cause_of(outcome).unzip();
     }
 }
 

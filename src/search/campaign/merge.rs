@@ -95,9 +95,9 @@ pub fn merge(dirs: &[PathBuf], out: &Path) -> Result<Merged, StoreError> {
         .flat_map(Store::records)
         .map(|record| ((record.scenario.as_str(), record.seed), record))
         .collect();
-    let mut merged = count(plan.clone(), &records);
+    let mut merged = count(plan, &records);
     for (number, group) in (1..).zip(&mut merged.groups) {
-        minimise(group, number, &stores, out)?;
+        minimise(group, number, (&merged.plan, &stores), out)?;
     }
     write(&merged, out)?;
     Ok(merged)
@@ -126,7 +126,9 @@ fn count(plan: Plan, records: &BTreeMap<(&str, u64), &Record>) -> Merged {
     }
     let mut groups: Vec<Group> = groups.into_values().collect();
     groups.sort_by(|a, b| b.runs.cmp(&a.runs).then_with(|| a.cause.cmp(&b.cause)));
-    let wanted = plan.scenarios.values().filter_map(|text| {
+    // Situations are counted inside the robot's own program.
+    let inside = plan.scenarios.values().filter(|_| plan.exec.is_none());
+    let wanted = inside.filter_map(|text| {
         let parsed = Scenario::parse(Path::new("<campaign>"), text.clone());
         parsed.ok().map(|(scenario, _)| situations_of(&scenario))
     });
@@ -158,7 +160,7 @@ fn count(plan: Plan, records: &BTreeMap<(&str, u64), &Record>) -> Merged {
 fn minimise(
     group: &mut Group,
     number: u32,
-    stores: &[Store],
+    (plan, stores): (&Plan, &[Store]),
     out: &Path,
 ) -> Result<(), StoreError> {
     let (scenario, seed) = &group.first;
@@ -174,7 +176,9 @@ fn minimise(
     let fails = |case: &Scenario| {
         run(case, &source).is_ok_and(|(record, _)| record.cause.as_deref() == Some(&cause))
     };
-    let small = shrink::scenario(&case, fails, &mut Effort::tries(TRIES));
+    // A foreign program is not here to be asked: `hilrig shrink --exec` does so.
+    let tries = if plan.exec.is_some() { 0 } else { TRIES };
+    let small = shrink::scenario(&case, fails, &mut Effort::tries(tries));
     let name = format!("groups/{number:02}.toml");
     let dir = out.join("groups");
     fs::create_dir_all(&dir).map_err(failed(&dir))?;

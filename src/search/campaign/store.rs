@@ -57,6 +57,10 @@ pub struct Plan {
     pub seeds: Range<u64>,
     /// What is made anew for each seed, as on the command line.
     pub vary: String,
+    /// Options that name somebody's program, as on the command line, if it is one: its runs are in
+    /// real time, so that no two are the same.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exec: Option<String>,
 }
 
 impl Plan {
@@ -95,8 +99,8 @@ impl Store {
         let path = dir.join(PLAN);
         if path.exists() {
             if &read_plan(dir)? != plan {
-                let message = "is of another campaign, expected the same scenarios, seeds, --vary \
-                    and version, or another --out";
+                let message = "is of another campaign, expected the same scenarios, seeds, --vary, \
+                    --exec and version, or another --out";
                 return Err(StoreError::Content {
                     path,
                     message: message.to_owned(),

@@ -1,0 +1,57 @@
+//! A case judged by what a program said at its ports, wherever that program is.
+
+use core::time::Duration;
+
+use protocols::Instant;
+
+use super::{Case, Expectation, Judgement, is_silent};
+use crate::capture::replay::Played;
+use crate::run::check::Check;
+
+impl Case {
+    /// Judges what a program in a process of its own said, up to `end`; `own` are the verdicts on
+    /// the program itself. What no port tells is named in the second value: rules of devices and
+    /// checks of the robot, neither of which is there.
+    pub fn judge_foreign(
+        &self,
+        own: impl IntoIterator<Item = Check>,
+        links: &[Played],
+        end: Instant,
+    ) -> (Judgement, Vec<String>) {
+        let mut checks: Vec<Check> = own.into_iter().collect();
+        checks.extend(self.expect.judge_links(links, end));
+        let judgement = Judgement {
+            name: self.name.clone(),
+            checks,
+            ran: Duration::from_nanos(end.as_nanos()),
+        };
+        let rules = self.expect.never.iter().map(|rule| format!("never {rule}"));
+        let unjudged = rules.chain(self.expect.checks.iter().cloned());
+        (judgement, unjudged.collect())
+    }
+}
+
+impl Expectation {
+    /// What the bytes on the links alone tell.
+    pub(super) fn judge_links(&self, links: &[Played], end: Instant) -> Vec<Check> {
+        let mut checks = Vec::new();
+        if self.same_outputs {
+            let divergence = Played::first_divergence(links);
+            let sent: usize = links.iter().map(|one| one.got.bytes().len()).sum();
+            let detail = match &divergence {
+                None => format!("the same {sent} bytes"),
+                Some(divergence) => divergence.to_string(),
+            };
+            checks.push(Check::new("same-outputs", divergence.is_none(), detail));
+        }
+        for name in &self.talks {
+            let link = links.iter().find(|one| one.link == *name);
+            let last = link.and_then(|one| one.got.end());
+            let pass = link.is_some_and(|one| !is_silent(&one.got, end));
+            let last = last.map_or("never".to_owned(), |at| format!("last at {at} s"));
+            let detail = format!("the program sent on {name} {last}, of {end} s");
+            checks.push(Check::new(&format!("talks-{name}"), pass, detail));
+        }
+        checks
+    }
+}

@@ -1,0 +1,205 @@
+//! A capture played to somebody's program, which is started on pseudo-terminals.
+
+use std::path::Path;
+
+use protocols::Instant;
+
+use super::{How, ReplayArgs, follow, report};
+use crate::capture::Capture;
+use crate::capture::case::{Case, Judgement};
+use crate::capture::replay::{
+    Pace, Passage, Playback, Played, PlayedSide, Recorded, Socket, scenario_of,
+};
+use crate::cli::exec::show_words;
+use crate::cli::stop::Stop;
+use crate::cli::{CliError, Verdict};
+use crate::realtime::clock::WallClock;
+use crate::realtime::exec::{Foreign, PORTS_VARIABLE, alive, childless, port_variable};
+use crate::realtime::process::{Ended, Patience, Process};
+use crate::realtime::transport::{PortDir, Pty};
+use crate::robots::{self, Dut, PcEnd};
+use crate::run::check::{Check, Status};
+use crate::scenario::{Scenario, Source};
+
+/// Plays `recorded` to the program and judges it.
+pub(super) fn into_foreign(
+    args: &ReplayArgs,
+    foreign: &Foreign,
+    capture: &Capture,
+    recorded: &Recorded,
+) -> Result<Verdict, CliError> {
+    let own = own_links(scenario_of(capture, &args.file)?.as_ref())?;
+    let stop = Stop::new(None)?;
+    let how = How {
+        step: false,
+        expect: args.expect,
+    };
+    let shown = Shown {
+        out: &args.out,
+        speed: args.speed,
+        how,
+    };
+    let heard = play_to(foreign, recorded, own.as_deref(), &shown, &stop)?;
+    let compared = report(args, &heard.playback);
+    for check in &heard.checks {
+        println!("  {check}");
+    }
+    let all_hold = heard
+        .checks
+        .iter()
+        .all(|check| check.status == Status::Pass);
+    let verdict = match (stop.signal(), all_hold) {
+        (Some(signal), _) => Verdict::Interrupted(signal),
+        (None, true) => compared,
+        (None, false) => Verdict::Fail,
+    };
+    if verdict != Verdict::Pass {
+        show_words(&heard.said, &args.out.join("program.log"));
+    }
+    Ok(verdict)
+}
+
+/// Plays a byte case to the program and judges what it says to that.
+pub(in crate::cli) fn judge_case(
+    (case, source): &(Case, Source),
+    foreign: &Foreign,
+    out: &Path,
+    stop: &Stop,
+) -> Result<Judgement, CliError> {
+    let recorded = case.recorded(&source.path);
+    let recorded = recorded.map_err(|error| CliError::Other(error.to_string()))?;
+    let (step, expect) = (false, true);
+    let shown = Shown {
+        out,
+        speed: 1.0,
+        how: How { step, expect },
+    };
+    let heard = play_to(foreign, &recorded, None, &shown, stop)?;
+    let links: Vec<Played> = heard
+        .playback
+        .sockets()
+        .iter()
+        .map(Socket::played)
+        .collect();
+    let (judgement, unjudged) = case.judge_foreign(heard.checks, &links, recorded.end);
+    println!("{judgement}");
+    if !unjudged.is_empty() {
+        let names = unjudged.join(", ");
+        println!("  not judged, no device hears the program: {names}");
+    }
+    if !judgement.passed() {
+        show_words(&heard.said, &out.join("program.log"));
+    }
+    Ok(judgement)
+}
+
+/// Where and how something is played.
+struct Shown<'a> {
+    /// Folder for ports and program.log.
+    out: &'a Path,
+    speed: f64,
+    how: How,
+}
+
+/// What came of it.
+struct Heard {
+    playback: Playback<WallClock>,
+    /// Verdicts on the program itself.
+    checks: [Check; 3],
+    said: String,
+}
+
+/// Starts the program on the links that are `own`, or on all that have something to say, and plays
+/// to it.
+fn play_to(
+    foreign: &Foreign,
+    recorded: &Recorded,
+    own: Option<&[String]>,
+    shown: &Shown<'_>,
+    stop: &Stop,
+) -> Result<Heard, CliError> {
+    let failed = |path: &Path, error| CliError::Other(format!("{}: {error}", path.display()));
+    std::fs::create_dir_all(shown.out).map_err(|error| failed(shown.out, error))?;
+    let ports = shown.out.join("ports");
+    let ports = std::path::absolute(&ports).map_err(|error| failed(&ports, error))?;
+    let dir = PortDir::open(&ports)?;
+    let mut env = vec![(PORTS_VARIABLE.to_owned(), ports.into())];
+    let mut sockets = Vec::new();
+    for passage in played(foreign, own, recorded)? {
+        let port = Pty::open(&dir, &passage.link, passage.line())?;
+        let path = dir.path().join(&passage.link);
+        env.push((port_variable(&passage.link), path.into()));
+        sockets.push(Socket::new(passage, PlayedSide::Device, Box::new(port)));
+    }
+    let pace = Pace::Times(shown.speed);
+    let mut playback = Playback::new(WallClock::start(), recorded, sockets, pace);
+    let log = shown.out.join("program.log");
+    let process = Process::start(&foreign.command, &env, Some(&log));
+    let mut process =
+        process.map_err(|error| CliError::Other(format!("--exec: cannot start it: {error}")))?;
+    let mut ended: Option<(Ended, Instant)> = None;
+    let until = Instant::ZERO + foreign.wait;
+    follow(shown.how, &mut playback, stop, &mut |playback, now| {
+        ended = ended.or_else(|| process.ended().map(|how| (how, playback.now())));
+        let is_late = playback.waits_for().is_some() && now >= until;
+        ended.is_none() && !is_late
+    })?;
+    let unopened = playback.waits_for().map(Socket::link);
+    let connected = match unopened {
+        Some(link) => format!("never opened {link}"),
+        None => "opened all ports".to_owned(),
+    };
+    let connected = Check::new("program-connected", unopened.is_none(), connected);
+    let is_over = playback.is_over();
+    let farewell = process.end(Patience::FAIR);
+    Ok(Heard {
+        checks: [
+            connected,
+            alive(ended, is_over, foreign.may_end, &farewell),
+            childless(&farewell.left),
+        ],
+        playback,
+        said: farewell.said,
+    })
+}
+
+/// The links that are played: those that are named, or all that have something for the program.
+fn played<'a>(
+    foreign: &Foreign,
+    own: Option<&[String]>,
+    recorded: &'a Recorded,
+) -> Result<Vec<&'a Passage>, CliError> {
+    if foreign.needs.is_empty() {
+        let links = recorded.links.iter();
+        let links = links.filter(|one| !one.arrivals.is_empty());
+        let is_own = |one: &&Passage| own.is_none_or(|own| own.contains(&one.link));
+        let links: Vec<&Passage> = links.filter(is_own).collect();
+        return match links.is_empty() {
+            true => Err(CliError::Other(
+                "--exec: expected a capture with bytes to-master".to_owned(),
+            )),
+            false => Ok(links),
+        };
+    }
+    let find = |name: &String| {
+        let found = recorded.links.iter().find(|one| one.link == *name);
+        found.ok_or_else(|| {
+            let all: Vec<&str> = recorded.links.iter().map(|one| &*one.link).collect();
+            let all = all.join(", ");
+            let error = format!("--exec-needs {name}: no such link, expected some of {all}");
+            CliError::Other(error)
+        })
+    };
+    foreign.needs.iter().map(find).collect()
+}
+
+/// The links at which the captured robot's program is, if it is known which robot that was: what
+/// reaches the PC is not for it.
+fn own_links(robot: Option<&(Scenario, Source)>) -> Result<Option<Vec<String>>, CliError> {
+    let Some((scenario, source)) = robot else {
+        return Ok(None);
+    };
+    let wired = robots::wire(scenario, source, Dut::External, PcEnd::Scripted)?;
+    let ends = wired.open_ends.into_iter();
+    Ok(Some(ends.map(|end| end.link).collect()))
+}

@@ -1,0 +1,123 @@
+//! The other commands that take somebody's program.
+
+use std::process::Command;
+
+use crate::support::*;
+
+const READER: &str = "fd = port()\nwhile True:\n    os.read(fd, 100)\n";
+
+/// `hilrig` in the bench's folder: its exit code and what it said.
+fn hilrig(bench: &Bench, args: &[&str]) -> (Option<i32>, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_hilrig"))
+        .current_dir(&bench.folder)
+        .args(args)
+        .output()
+        .expect("the binary is built");
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    (
+        output.status.code(),
+        said + &String::from_utf8_lossy(&output.stderr),
+    )
+}
+
+/// What a program was told in a run is told to it again; then to one that does not bear it.
+#[test]
+fn a_capture_is_replayed_to_a_program_which_must_live() {
+    let bench = Bench::new("replay", "2s", READER);
+    let ended = bench.run(&[]);
+    assert_eq!(ended.code, Some(0), "{}", ended.said);
+    let replay = |exec: &str| {
+        let args = ["replay", "out/capture.pcapng", "--speed", "10"];
+        let exec = ["--exec", exec, "--exec-needs", "sonar"];
+        let wait = ["--exec-wait", "60s", "--out", "replayed"];
+        hilrig(&bench, &[&args[..], &exec, &wait].concat())
+    };
+    let (code, said) = replay("python3 program.py");
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("program-alive"), "{said}");
+
+    let (code, said) = replay("echo gone >&2; exit 3");
+    assert_eq!(code, Some(1), "{said}");
+    assert!(said.contains("ended with exit code 3"), "{said}");
+    assert!(said.contains("| gone"), "{said}");
+    assert!(!bench.folder.join("replayed/ports").exists());
+}
+
+#[test]
+fn a_campaign_runs_each_seed_with_the_program_and_groups_what_fails() {
+    let python = "\
+fd = port()
+if os.environ['HILRIG_SEED'] == '1':
+    sys.exit(3)
+while True:
+    os.read(fd, 100)
+";
+    let bench = Bench::new("campaign", "1s", python);
+    let args = ["campaign", "sonar.toml", "--seeds", "0..2", "--out", "all"];
+    let exec = ["--exec", "python3 program.py", "--exec-needs", "sonar"];
+    let wait = ["--exec-wait", "60s"];
+    let (code, said) = hilrig(&bench, &[&args[..], &exec, &wait].concat());
+    assert_eq!(code, Some(1), "{said}");
+    assert!(said.contains("2 runs"), "{said}");
+    assert!(said.contains("1  program-alive"), "{said}");
+    assert!(said.contains("--exec 'python3 program.py'"), "{said}");
+    assert!(bench.folder.join("all/logs/sonar-1.log").exists());
+    assert!(!bench.folder.join("all/logs/sonar-0.log").exists());
+}
+
+#[test]
+fn a_scenario_is_made_smaller_while_the_program_fails_alike() {
+    let bench = Bench::new("shrink", "60s", "");
+    let args = ["shrink", "sonar.toml", "--out", "small"];
+    let (code, said) = hilrig(&bench, &[&args[..], &["--exec", "exit 3"]].concat());
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("program-connected"), "{said}");
+    let small = std::fs::read_to_string(bench.folder.join("small/case.toml")).expect("written");
+    assert!(!small.contains("duration = \"60s\""), "{small}");
+}
+
+/// The bytes of a case are played to the program; what only devices could tell is not judged, and
+/// said so.
+#[test]
+fn a_case_of_bytes_is_judged_by_what_the_program_says_to_it() {
+    let bench = Bench::new("case", "1s", READER);
+    let case = "\
+case = 1
+name = \"pong\"
+end_ns = 500000000
+[expect]
+same_outputs = true
+never = [\"base unknown-register\"]
+[[link]]
+name = \"sonar\"
+baud = 9600
+to_program = \"100000000 41 0A\"
+from_program = \"200000000 42 0A\"
+[scenario]
+schema = 1
+name = \"none\"
+robot = \"rescue\"
+duration = \"1s\"
+[scenario.world]
+start = { x_m = 1.0, y_m = 1.0, heading_deg = 0 }
+";
+    std::fs::write(bench.folder.join("case.toml"), case).expect("a fresh file");
+    let answers = "fd = port()\nos.write(fd, b'B\\n' if b'A' in os.read(fd, 9) else b'?')\n";
+    std::fs::write(
+        bench.folder.join("answers.py"),
+        format!("import os\ndef port():\n    return os.open(os.environ['HILRIG_PORT_SONAR'], os.O_RDWR | os.O_NOCTTY)\n{answers}import time\ntime.sleep(600)\n"),
+    )
+    .expect("a fresh file");
+    let run = |exec: &str| {
+        let args = ["run", "case.toml", "--out", "played", "--exec", exec];
+        hilrig(&bench, &[&args[..], &["--exec-wait", "60s"]].concat())
+    };
+    let (code, said) = run("python3 answers.py");
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("the same 2 bytes"), "{said}");
+    assert!(said.contains("not judged"), "{said}");
+
+    let (code, said) = run("python3 program.py");
+    assert_eq!(code, Some(1), "{said}");
+    assert!(said.contains("FAIL same-outputs"), "{said}");
+}

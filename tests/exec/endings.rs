@@ -1,0 +1,90 @@
+//! How a program ends, and what it leaves behind.
+
+use crate::support::*;
+
+#[test]
+fn who_exits_with_a_code_fails_and_its_last_words_are_shown() {
+    let python = "fd = port()\nos.read(fd, 10)\nsys.exit('out of luck')\n";
+    let ended = Bench::new("luck", "60s", python).run(&[]);
+    assert_eq!(ended.failed(), ["program-alive"], "{}", ended.said);
+    let detail = ended.check("program-alive").1;
+    assert!(detail.starts_with("ended with exit code 1 at "), "{detail}");
+    assert!(ended.said.contains("| out of luck"), "{}", ended.said);
+    assert!(ended.log.contains("out of luck"), "{}", ended.log);
+    assert!(
+        ended.said.contains("repeat with: hilrig run"),
+        "{}",
+        ended.said
+    );
+    assert_eq!(ended.code, Some(1), "{}", ended.said);
+}
+
+#[test]
+fn who_exits_before_it_opens_anything_is_not_waited_for() {
+    let ended = Bench::new("early", "60s", "sys.exit(3)\n").run(&[]);
+    let failed = ["program-connected", "program-alive"];
+    assert_eq!(ended.failed(), failed, "{}", ended.said);
+    let detail = ended.check("program-alive").1;
+    assert!(detail.starts_with("ended with exit code 3 at "), "{detail}");
+    assert_eq!(ended.code, Some(1), "{}", ended.said);
+}
+
+#[test]
+fn who_is_killed_by_a_signal_fails_and_the_signal_is_named() {
+    let python = "fd = port()\nos.read(fd, 10)\nos.kill(os.getpid(), signal.SIGSEGV)\n";
+    let ended = Bench::new("segv", "60s", python).run(&[]);
+    assert_eq!(ended.failed(), ["program-alive"], "{}", ended.said);
+    let detail = ended.check("program-alive").1;
+    assert!(detail.starts_with("ended with SIGSEGV at "), "{detail}");
+    assert_eq!(ended.code, Some(1), "{}", ended.said);
+}
+
+/// A test of a device is such a program: it asks, compares and ends.
+#[test]
+fn who_may_end_passes_with_code_0_and_fails_without_leave() {
+    let python = "\
+fd = port()
+os.write(fd, b'ping\\r\\n')
+heard = b''
+while b'pong' not in heard:
+    heard += os.read(fd, 100)
+";
+    let ended = Bench::new("may", "60s", python).run(&["--exec-may-end"]);
+    assert_eq!(ended.failed(), Vec::<&str>::new(), "{}", ended.said);
+    assert_eq!(ended.code, Some(0), "{}", ended.said);
+
+    let ended = Bench::new("may-not", "60s", python).run(&[]);
+    assert_eq!(ended.failed(), ["program-alive"], "{}", ended.said);
+    assert_eq!(ended.code, Some(1), "{}", ended.said);
+}
+
+/// A child that ends when it is asked is told of, and harms nobody.
+#[test]
+fn a_child_left_behind_is_named_and_gone() {
+    let python = "\
+fd = port()
+os.read(fd, 10)
+subprocess.Popen(['sleep', '600'])
+";
+    let ended = Bench::new("child", "60s", python).run(&["--exec-may-end"]);
+    let (status, detail) = ended.check("no-children-left");
+    assert_eq!(status, "pass", "{}", ended.said);
+    assert!(detail.contains("(sleep 600)"), "{detail}");
+    assert_eq!(ended.code, Some(0), "{}", ended.said);
+}
+
+#[test]
+fn a_child_that_has_to_be_killed_fails_the_run() {
+    let python = "\
+fd = port()
+subprocess.Popen(['sh', '-c', \"trap '' TERM; sleep 600; true\"])
+while True:
+    os.read(fd, 100)
+";
+    let ended = Bench::new("stubborn", "2s", python).run(&[]);
+    assert_eq!(ended.failed(), ["no-children-left"], "{}", ended.said);
+    let detail = ended.check("no-children-left").1;
+    assert!(detail.contains("had to be killed: "), "{detail}");
+    assert!(detail.contains("sleep 600"), "{detail}");
+    assert_eq!(ended.code, Some(1), "{}", ended.said);
+}

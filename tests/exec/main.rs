@@ -1,0 +1,10 @@
+//! Somebody's program gets a verdict: Python with nothing but its standard library, on real
+//! pseudo-terminals, started by `hilrig run --exec`.
+//!
+//! Content and order only, never how long something took.
+
+mod commands;
+mod endings;
+mod signals;
+mod support;
+mod verdicts;

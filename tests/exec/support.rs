@@ -1,0 +1,150 @@
+//! What all tests of this binary need: a small rig, foreign programs, what became of them.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// A sonar that says its distance ten times a second, and answers "ping".
+const RIG: &str = r#"
+schema = 1
+name = "sonar"
+robot = "rescue"
+duration = "DURATION"
+
+[device.sonar.text]
+baud = 9600
+terminator = "\r\n"
+unknown = "?"
+periodic = { line = "mm={distance}", period = "100ms" }
+
+[[device.sonar.text.variable]]
+name = "distance"
+source = { range = { angle_deg = 90, max_mm = 3000 } }
+
+[[device.sonar.text.command]]
+request = "ping"
+reply = "pong {distance}"
+
+[world]
+start = { x_m = 1.0, y_m = 1.0, heading_deg = 90 }
+
+[[world.wall]]
+path_m = [[0.3, 0.3], [2.7, 0.3], [2.7, 2.7], [0.3, 2.7], [0.3, 0.3]]
+"#;
+
+/// What every program begins with: it says who it is, so that a test can look whether its group is
+/// gone.
+const BEGIN: &str = "\
+import os, signal, subprocess, sys, time
+print('group', os.getpgrp(), flush=True)
+def port():
+    return os.open(os.environ['HILRIG_PORT_SONAR'], os.O_RDWR | os.O_NOCTTY)
+";
+
+/// A folder of one test with its rig and its program.
+pub(crate) struct Bench {
+    pub(crate) folder: PathBuf,
+}
+
+impl Bench {
+    /// A rig that runs for `duration` in front of the program `python`.
+    pub(crate) fn new(name: &str, duration: &str, python: &str) -> Self {
+        let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR"))
+            .join(format!("exec-{name}-{}", std::process::id()));
+        let _ = fs::remove_dir_all(&folder);
+        fs::create_dir_all(&folder).expect("a fresh folder");
+        let rig = RIG.replace("DURATION", duration);
+        fs::write(folder.join("sonar.toml"), rig).expect("a fresh file");
+        fs::write(folder.join("program.py"), format!("{BEGIN}{python}")).expect("a fresh file");
+        Self { folder }
+    }
+
+    /// `hilrig run` with the program, ready to be started.
+    pub(crate) fn command(&self, more: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_hilrig"));
+        command
+            .current_dir(&self.folder)
+            .args(["run", "sonar.toml", "--out", "out"])
+            .args(["--exec", "python3 program.py", "--exec-needs", "sonar"])
+            .args(["--exec-wait", "60s"])
+            .args(more);
+        command
+    }
+
+    /// Runs it to its end.
+    pub(crate) fn run(&self, more: &[&str]) -> Ended {
+        let output = self.command(more).output().expect("the binary is built");
+        self.ended(output)
+    }
+
+    pub(crate) fn ended(&self, output: Output) -> Ended {
+        let read = |name: &str| fs::read_to_string(self.folder.join("out").join(name));
+        let log = read("program.log").expect("every run has it");
+        let result = read("result.json").expect("every run has it");
+        for name in ["junit.xml", "case.toml", "report.html", "capture.pcapng"] {
+            assert!(self.folder.join("out").join(name).exists(), "{name}");
+        }
+        assert!(!self.folder.join("out/ports").exists(), "no port is left");
+        for line in log.lines().filter_map(|line| line.strip_prefix("group ")) {
+            let group = line.parse().expect("a number");
+            assert_eq!(members(group), Vec::<u32>::new(), "{log}");
+        }
+        Ended {
+            code: output.status.code(),
+            said: String::from_utf8_lossy(&output.stdout).into_owned()
+                + &String::from_utf8_lossy(&output.stderr),
+            log,
+            result: serde_json::from_str(&result).expect("JSON"),
+        }
+    }
+}
+
+/// What became of a run.
+pub(crate) struct Ended {
+    pub(crate) code: Option<i32>,
+    pub(crate) said: String,
+    pub(crate) log: String,
+    result: serde_json::Value,
+}
+
+impl Ended {
+    /// Status and detail of a check.
+    pub(crate) fn check(&self, name: &str) -> (String, String) {
+        let checks = self.result["checks"].as_array().expect("a list");
+        let mut found = checks.iter().filter(|check| check["name"] == name);
+        let check = found.next().unwrap_or_else(|| panic!("no {name}"));
+        assert!(found.next().is_none(), "{name} twice");
+        let text = |key: &str| check[key].as_str().expect("text").to_owned();
+        (text("status"), text("detail"))
+    }
+
+    /// The checks that failed.
+    pub(crate) fn failed(&self) -> Vec<&str> {
+        let checks = self.result["checks"].as_array().expect("a list");
+        let failed = checks.iter().filter(|check| check["status"] == "fail");
+        failed.filter_map(|check| check["name"].as_str()).collect()
+    }
+}
+
+/// The living members of a process group.
+pub(crate) fn members(group: i32) -> Vec<u32> {
+    let entries = fs::read_dir("/proc").expect("Linux").flatten();
+    let pids = entries.filter_map(|entry| entry.file_name().to_str()?.parse::<u32>().ok());
+    pids.filter(|pid| {
+        let stat = fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+        let fields = stat.rsplit_once(')').map(|(_, fields)| fields.to_owned());
+        let fields = fields.unwrap_or_default();
+        let mut fields = fields.split_ascii_whitespace();
+        let is_alive = fields.next().is_some_and(|state| !"ZX".contains(state));
+        is_alive && fields.nth(1) == Some(&group.to_string())
+    })
+    .collect()
+}
+
+/// Where a scenario of the other tests is.
+pub(crate) fn short() -> &'static Path {
+    Path::new(concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/tests/transport/short.toml"
+    ))
+}

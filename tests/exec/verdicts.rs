@@ -1,0 +1,118 @@
+//! What a program does while it runs.
+
+use crate::support::*;
+
+/// The robot's own program as a foreign one: found by the directory of ports alone.
+#[test]
+fn a_sound_robot_passes_its_mission() {
+    let bench = Bench::new("sound", "5s", "");
+    let dut = format!("{} dut --dir \"$HILRIG_DIR\"", env!("CARGO_BIN_EXE_hilrig"));
+    let output = std::process::Command::new(env!("CARGO_BIN_EXE_hilrig"))
+        .current_dir(&bench.folder)
+        .args(["run", short().to_str().expect("plain"), "--out", "out"])
+        .args(["--exec", &dut, "--exec-wait", "60s"])
+        .output();
+    let ended = bench.ended(output.expect("the binary is built"));
+    let connected = ended.check("program-connected");
+    assert_eq!(connected.0, "pass", "{}", ended.said);
+    assert!(connected.1.contains("lidar"), "{}", connected.1);
+    assert_eq!(ended.check("program-alive").0, "pass", "{}", ended.said);
+    assert_eq!(ended.check("program-reads").0, "pass", "{}", ended.said);
+    assert!(ended.log.contains("opened"), "{}", ended.log);
+    assert!(!ended.said.contains("last words"), "{}", ended.said);
+    assert_eq!(ended.code, Some(0), "{}", ended.said);
+}
+
+#[test]
+fn who_reads_to_the_end_passes_and_is_told_where_everything_is() {
+    let bench = Bench::new(
+        "reads",
+        "3s",
+        "\
+print(os.environ['HILRIG_SEED'], os.path.isfile(os.environ['HILRIG_SCENARIO']))
+print(os.environ['HILRIG_PORT_SONAR'] == os.environ['HILRIG_DIR'] + '/sonar', flush=True)
+fd = port()
+while True:
+    os.read(fd, 1)
+",
+    );
+    let ended = bench.run(&["--seed", "7"]);
+    assert_eq!(ended.failed(), Vec::<&str>::new(), "{}", ended.said);
+    assert_eq!(ended.code, Some(0), "{}", ended.said);
+    assert!(ended.log.contains("7 True\nTrue\n"), "{}", ended.log);
+    assert_eq!(ended.check("program-connected").1, "opened sonar");
+}
+
+#[test]
+fn who_never_opens_its_port_fails_and_the_port_is_named() {
+    let bench = Bench::new("never", "3s", "time.sleep(600)\n");
+    let ended = bench.run(&["--exec-wait", "200ms"]);
+    assert_eq!(ended.failed(), ["program-connected"], "{}", ended.said);
+    let detail = "opened none of sonar within 0.2 s";
+    assert_eq!(ended.check("program-connected").1, detail);
+    assert_eq!(ended.code, Some(1), "{}", ended.said);
+}
+
+#[test]
+fn who_opens_one_port_and_not_the_other_fails_and_the_other_is_named() {
+    let bench = Bench::new(
+        "one",
+        "1s",
+        "fd = port()\nwhile True:\n    os.read(fd, 100)\n",
+    );
+    let ended = bench.run(&["--exec-needs", "base", "--exec-wait", "2s"]);
+    assert_eq!(ended.failed(), ["program-connected"], "{}", ended.said);
+    let detail = "never opened base; opened sonar";
+    assert_eq!(ended.check("program-connected").1, detail);
+    assert_eq!(ended.code, Some(1), "{}", ended.said);
+}
+
+/// Long, because time in which a busy machine was late is not charged.
+#[test]
+fn who_opens_and_never_reads_hangs() {
+    let bench = Bench::new("hangs", "15s", "fd = port()\ntime.sleep(600)\n");
+    let ended = bench.run(&[]);
+    assert_eq!(ended.failed(), ["program-reads"], "{}", ended.said);
+    let detail = ended.check("program-reads").1;
+    assert!(detail.contains("2 s: sonar at "), "{detail}");
+    assert_eq!(ended.code, Some(1), "{}", ended.said);
+}
+
+/// A byte a second of ninety that come: there is never a moment at which nothing waits.
+#[test]
+fn who_reads_slowly_but_steadily_does_not_hang() {
+    let python = "fd = port()\nwhile True:\n    os.read(fd, 1)\n    time.sleep(1)\n";
+    let bench = Bench::new("slow", "6s", python);
+    let ended = bench.run(&[]);
+    assert_eq!(ended.failed(), Vec::<&str>::new(), "{}", ended.said);
+    assert_eq!(ended.code, Some(0), "{}", ended.said);
+}
+
+/// It asks before it opens the next port: rig time must not stand until it has opened all.
+#[test]
+fn who_waits_for_an_answer_before_it_opens_the_next_port_gets_it() {
+    let python = "\
+fd = port()
+os.write(fd, b'ping\\r\\n')
+heard = b''
+while b'pong' not in heard:
+    heard += os.read(fd, 100)
+base = os.open(os.environ['HILRIG_PORT_BASE'], os.O_RDWR | os.O_NOCTTY)
+while True:
+    os.read(fd, 100)
+";
+    let ended = Bench::new("asks", "3s", python).run(&["--exec-needs", "base"]);
+    assert_eq!(ended.check("program-connected").0, "pass", "{}", ended.said);
+    assert_eq!(ended.code, Some(0), "{}", ended.said);
+}
+
+/// What does not fit together is told before anything is started.
+#[test]
+fn a_port_that_there_is_not_cannot_be_needed() {
+    let bench = Bench::new("unknown", "1s", "");
+    let output = bench.command(&["--exec-needs", "radar"]).output();
+    let output = output.expect("the binary is built");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(said.contains("--exec-needs radar: no such port"), "{said}");
+}
