@@ -102,7 +102,7 @@ pub(super) fn is_sound(fault: &FaultSpec) -> bool {
 /// The rig and its nodes: `a` at its device and at its master, then `b`.
 fn bench(piece: usize) -> (Rig, [usize; 4]) {
     let (room, source) = in_a_room("1s", "");
-    let world = room.world.build(room.seed, &source).expect("sound");
+    let world = room.world.build(room.seed, None, &source).expect("sound");
     let mut rig = Rig::new(world);
     let nodes = ["a.device", "a.master", "b.device", "b.master"];
     let nodes = nodes.map(|name| rig.add_outside(name, LINE));
