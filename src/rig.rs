@@ -30,7 +30,7 @@ use node::{Body, Node, Outside};
 pub use paced::Paced;
 
 /// A connection between two nodes, or a node and the outside.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Link {
     /// Name as in the scenario.
     pub name: String,
@@ -199,6 +199,26 @@ impl Rig {
     /// Ends what the taps write; the first thing that could not be written, if any.
     pub fn finish_taps(&mut self) -> std::io::Result<()> {
         self.taps.iter_mut().try_for_each(|tap| tap.finish())
+    }
+
+    /// The same rig in the same state, to go on by itself. Nobody watches the copy: whoever listens
+    /// to this one does not hear it.
+    #[must_use]
+    pub fn fork(&self) -> Self {
+        Self {
+            now: self.now,
+            world: self.world.clone(),
+            cpu: self.cpu,
+            nodes: self.nodes.clone(),
+            links: self.links.clone(),
+            trace: self.trace.clone(),
+            taps: Vec::new(),
+            events: self.events.clone(),
+            events_dropped: self.events_dropped,
+            violations: self.violations,
+            budget: self.budget.clone(),
+            disturbed: self.disturbed.clone(),
+        }
     }
 
     /// The line coding at both ends of a line: sender, receiver.

@@ -66,14 +66,10 @@ pub(super) fn quoted(text: &str) -> String {
 /// Lines of a program's words that are shown.
 const LINES: usize = 20;
 
-/// Says what a program said last, and what could not be judged of it.
+/// Says what a program said last.
 pub(super) fn tell(seen: &Seen, passed: bool, log: &Path) {
     if seen.was_late() {
         eprintln!("  the rig itself was late, so the program may not be to blame");
-    }
-    if !seen.unjudged.is_empty() {
-        let names = seen.unjudged.join(", ");
-        println!("  not judged, what the program believes cannot be seen: {names}");
     }
     if !passed {
         show_words(&seen.said, log);

@@ -10,15 +10,16 @@ use super::show::{Show, ShowArgs};
 use super::stop::Stop;
 use super::{CliError, Verdict};
 use crate::capture::{self, Limits, Recording};
-use crate::realtime::Realtime;
 use crate::realtime::clock::{Clock, WallClock, utc};
 use crate::realtime::control::Control;
 use crate::realtime::exec;
 use crate::realtime::transport::{Note, PortDir};
+use crate::realtime::{PortReport, Realtime};
 use crate::rig::Paced;
 use crate::rig::Rig;
 use crate::robots::{self, Dut, PcEnd};
 use crate::run::Run;
+use crate::run::check::Check;
 use crate::scenario::{Scenario, Span};
 use crate::show::folder::FolderError;
 
@@ -124,7 +125,7 @@ pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
     let verdict = match &args.out {
         Some(out) => {
             let mut outcome = going.run.judge();
-            exec::take_beliefs(&mut outcome);
+            outcome.checks.insert(0, connected(&realtime));
             let signal = None;
             let ran = Ran {
                 outcome,
@@ -136,6 +137,21 @@ pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
         None => Verdict::Pass,
     };
     ended.map(|()| verdict)
+}
+
+/// Whether anybody used a port: of a robot without a program nothing is to be said.
+fn connected(realtime: &Realtime<WallClock>) -> Check {
+    let is_used = |report: &PortReport| report.traffic.to_client + report.traffic.from_client > 0;
+    let used: Vec<String> = realtime
+        .reports()
+        .filter(is_used)
+        .map(|report| report.name)
+        .collect();
+    let detail = match used.is_empty() {
+        true => "nobody used any port".to_owned(),
+        false => format!("used {}", used.join(", ")),
+    };
+    Check::new("program-connected", !used.is_empty(), detail)
 }
 
 /// Goes on until it is time to stop, or a port is lost.

@@ -34,7 +34,7 @@ use crate::scenario::{Scenario, Source};
 
 pub use error::ExecError;
 use ports::Ports;
-pub use verdict::{alive, childless, take_beliefs};
+pub use verdict::{alive, childless};
 
 /// The variable by which a program is told where its ports are.
 pub const PORTS_VARIABLE: &str = "HILRIG_DIR";
@@ -109,8 +109,6 @@ pub struct Judged {
 
 /// What was seen of a program besides its verdicts.
 pub struct Seen {
-    /// Expectations that were not judged: they are about what the program believes.
-    pub unjudged: Vec<String>,
     /// The end of what the program said.
     pub said: String,
     /// How late the rig was.
@@ -247,9 +245,8 @@ impl Trial {
         let recorded = self.run.rig.finish_taps();
         let lateness = self.realtime.lateness().clone();
         // The ports stay until the program has ended: it is not to be told that they went away.
-        drop((self.realtime, self.dir));
+        drop((self.realtime, self.control, self.dir));
         let mut outcome = self.run.judge();
-        let unjudged = take_beliefs(&mut outcome);
         let own = [
             self.ports.connected(self.foreign.wait),
             alive(self.ended, is_over, self.foreign.may_end, &farewell),
@@ -266,7 +263,6 @@ impl Trial {
             outcome,
             recorded,
             seen: Seen {
-                unjudged,
                 said: farewell.said,
                 lateness,
             },

@@ -13,16 +13,45 @@ use protocols::{Instant, LineConfig, LineEvent, Port};
 use crate::rig::cpu::CpuModel;
 use crate::rig::line::MESSAGE_MAX;
 
-/// An emulated device in a rig: any [`Device`] that owns its data.
-pub trait AnyDevice: Device + Any {}
-impl<T: Device + Any> AnyDevice for T {}
+/// An emulated device in a rig: any [`Device`] that owns its data and can be cloned, so that a rig can
+/// go on from one state in several ways.
+pub trait AnyDevice: Device + Any {
+    /// The same device in the same state.
+    fn clone_device(&self) -> Box<dyn AnyDevice>;
+}
 
-/// A robot's program in a rig: any [`Master`] that can be looked at.
-pub trait Program: Master + Inspect + Any {}
-impl<T: Master + Inspect + Any> Program for T {}
+impl<T: Device + Any + Clone> AnyDevice for T {
+    fn clone_device(&self) -> Box<dyn AnyDevice> {
+        Box::new(self.clone())
+    }
+}
+
+impl Clone for Box<dyn AnyDevice> {
+    fn clone(&self) -> Self {
+        self.as_ref().clone_device()
+    }
+}
+
+/// A robot's program in a rig: any [`Master`] that can be looked at and cloned.
+pub trait Program: Master + Inspect + Any {
+    /// The same program in the same state.
+    fn clone_program(&self) -> Box<dyn Program>;
+}
+
+impl<T: Master + Inspect + Any + Clone> Program for T {
+    fn clone_program(&self) -> Box<dyn Program> {
+        Box::new(self.clone())
+    }
+}
+
+impl Clone for Box<dyn Program> {
+    fn clone(&self) -> Self {
+        self.as_ref().clone_program()
+    }
+}
 
 /// The end of a link whose other side is outside the rig: a pseudo-terminal, a serial port, a test.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Outside {
     pub(super) line: LineConfig,
     pub(super) to_rig: VecDeque<u8>,
@@ -102,6 +131,7 @@ impl Outside {
 }
 
 /// A participant of the rig.
+#[derive(Clone)]
 pub(super) enum Body {
     Device(Box<dyn AnyDevice>),
     Program {
@@ -113,6 +143,7 @@ pub(super) enum Body {
     Outside(Outside),
 }
 
+#[derive(Clone)]
 pub(super) struct Node {
     pub(super) name: String,
     pub(super) body: Body,

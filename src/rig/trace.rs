@@ -9,6 +9,7 @@ use crate::rig::line::{Delivery, Direction};
 static CRC: Crc<u64, Table<16>> = Crc::<u64, Table<16>>::new(&CRC_64_XZ);
 
 /// Running CRC-64/XZ over all that passed the lines.
+#[derive(Clone)]
 pub struct Trace {
     digest: Digest<'static, u64, Table<16>>,
 }

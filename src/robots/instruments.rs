@@ -123,6 +123,13 @@ pub trait Instruments {
         Some((at, in_metres(pose)))
     }
 
+    /// How much older than its time an [`estimate`](Self::estimate) may be: of one that came over a
+    /// radio nobody knows when it held. It is judged by the nearest true pose of that span, at most
+    /// 250 ms.
+    fn estimate_age(&self, _rig: &Rig) -> Duration {
+        Duration::ZERO
+    }
+
     /// The robot's map.
     fn map<'a>(&'a self, rig: &'a Rig) -> Option<MapView<'a>> {
         rig.program()?.map()

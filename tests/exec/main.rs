@@ -4,6 +4,7 @@
 //! Content and order only, never how long something took.
 
 mod commands;
+mod custom;
 mod endings;
 mod signals;
 mod support;

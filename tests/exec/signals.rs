@@ -66,8 +66,9 @@ fn up_judges_when_it_ends_if_it_is_told_where_to() {
     command.args(["up", "sonar.toml", "--dir", "ports", "--out", "out"]);
     let output = interrupted(&mut command, "running until", Signal::INT);
     let said = String::from_utf8_lossy(&output.stdout);
-    assert_eq!(output.status.code(), Some(0), "{said}");
-    assert!(said.contains("PASS sonar"), "{said}");
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("FAIL sonar"), "{said}");
+    assert!(said.contains("nobody used any port"), "{said}");
     for name in ["result.json", "junit.xml", "capture.pcapng"] {
         assert!(bench.folder.join("out").join(name).exists(), "{name}");
     }
@@ -80,6 +81,6 @@ fn up_judges_when_it_ends_if_it_is_told_where_to() {
         .output()
         .expect("the binary is built");
     let said = String::from_utf8_lossy(&output.stdout);
-    assert_eq!(output.status.code(), Some(0), "{said}");
+    assert_eq!(output.status.code(), Some(1), "nobody came: {said}");
     assert!(said.contains("1.0 s simulated"), "{said}");
 }

@@ -65,9 +65,14 @@ impl Bench {
         command
             .current_dir(&self.folder)
             .args(["run", "sonar.toml", "--out", "out"])
-            .args(["--exec", "python3 program.py", "--exec-needs", "sonar"])
-            .args(["--exec-wait", "60s"])
+            .args(["--exec", "python3 program.py"])
             .args(more);
+        if !more.contains(&"--exec-wait") {
+            command.args(["--exec-wait", "60s"]);
+        }
+        if !more.contains(&"--exec-needs") {
+            command.args(["--exec-needs", "sonar"]);
+        }
         command
     }
 
@@ -78,24 +83,29 @@ impl Bench {
     }
 
     pub(crate) fn ended(&self, output: Output) -> Ended {
-        let read = |name: &str| fs::read_to_string(self.folder.join("out").join(name));
-        let log = read("program.log").expect("every run has it");
-        let result = read("result.json").expect("every run has it");
-        for name in ["junit.xml", "case.toml", "report.html", "capture.pcapng"] {
-            assert!(self.folder.join("out").join(name).exists(), "{name}");
-        }
-        assert!(!self.folder.join("out/ports").exists(), "no port is left");
-        for line in log.lines().filter_map(|line| line.strip_prefix("group ")) {
-            let group = line.parse().expect("a number");
-            assert_eq!(members(group), Vec::<u32>::new(), "{log}");
-        }
-        Ended {
-            code: output.status.code(),
-            said: String::from_utf8_lossy(&output.stdout).into_owned()
-                + &String::from_utf8_lossy(&output.stderr),
-            log,
-            result: serde_json::from_str(&result).expect("JSON"),
-        }
+        ended_in(&self.folder, output)
+    }
+}
+
+/// What a run in `folder` left behind; its program and its ports are gone.
+pub(crate) fn ended_in(folder: &Path, output: Output) -> Ended {
+    let read = |name: &str| fs::read_to_string(folder.join("out").join(name));
+    let log = read("program.log").expect("every run has it");
+    let result = read("result.json").expect("every run has it");
+    for name in ["junit.xml", "case.toml", "report.html", "capture.pcapng"] {
+        assert!(folder.join("out").join(name).exists(), "{name}");
+    }
+    assert!(!folder.join("out/ports").exists(), "no port is left");
+    for line in log.lines().filter_map(|line| line.strip_prefix("group ")) {
+        let group = line.parse().expect("a number");
+        assert_eq!(members(group), Vec::<u32>::new(), "{log}");
+    }
+    Ended {
+        code: output.status.code(),
+        said: String::from_utf8_lossy(&output.stdout).into_owned()
+            + &String::from_utf8_lossy(&output.stderr),
+        log,
+        result: serde_json::from_str(&result).expect("JSON"),
     }
 }
 

@@ -26,6 +26,7 @@ enum Defect {
 }
 
 /// The robot's program with a defect.
+#[derive(Clone)]
 struct Broken {
     inner: Box<dyn Program>,
     defect: Defect,

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use hilrig::run::Outcome;
 use hilrig::scenario::Scenario;
+use protocols::Instant;
 
 use super::{run_to_end, shipped, start};
 
@@ -87,4 +88,45 @@ fn looking_more_often_changes_nothing() {
         fine.rig.run_for(core::time::Duration::from_millis(1));
     }
     assert_eq!(coarse.rig.trace_hash(), fine.rig.trace_hash());
+}
+
+/// Fingerprints of all bytes and of the map, as they were before robots became rows of a registry:
+/// what is rebuilt must not change what happens.
+const BEFORE: [(&str, &str, &str); 8] = [
+    ("empty-room", "596f7a27116a64ac", "c8bb259e32d277ae"),
+    ("island", "e11ba865ce3727f7", "aabc1dbbe6f6b2fd"),
+    ("l-shape", "3e1614d7eb54c92d", "cb3fb4550851c3c4"),
+    ("legs", "fe6672cd5e34afcf", "a341b6121fbbb562"),
+    ("moving-obstacle", "ef72c7f10c5f28f8", "426597521b310378"),
+    ("own-slave", "a901e8bb079e0eb6", "874abf307dde3d6e"),
+    ("rescue-flat", "a9d27c2403b8dddc", "72b4366b26fefcec"),
+    ("two-rooms", "a188946f09f43173", "8dbd65cdb9a6c1fd"),
+];
+
+#[test]
+fn scenarios_give_the_bytes_maps_and_cases_that_they_always_gave() {
+    for (name, trace, map) in BEFORE {
+        let outcome = run_to_end(shipped(name));
+        let (found, map_found, case) = identity(&outcome);
+        assert_eq!((&*found, &*map_found), (trace, map), "{name}");
+        assert!(case.contains(trace), "{name}: the case knows its bytes");
+    }
+}
+
+/// A rig in the middle of a mission goes on by itself in a copy, and both come to the same.
+#[test]
+fn a_fork_goes_on_as_the_rig_itself_does() {
+    let mut run = start(shipped("two-rooms"));
+    run.rig.run_until(Instant::from_nanos(7_123_456_789));
+    let mut fork = run.rig.fork();
+    let end = Instant::from_secs(12);
+    run.rig.run_until(end);
+    assert_ne!(
+        fork.trace_hash(),
+        run.rig.trace_hash(),
+        "a copy stays where it is"
+    );
+    fork.run_until(end);
+    assert_eq!(fork.trace_hash(), run.rig.trace_hash());
+    assert_eq!(fork.world.pose(), run.rig.world.pose());
 }

@@ -107,6 +107,8 @@ struct Heard {
     /// Verdicts on the program itself.
     checks: [Check; 3],
     said: String,
+    /// Given up last, when no port is left in it.
+    _dir: PortDir,
 }
 
 /// Starts the program on the links that are `own`, or on all that have something to say, and plays
@@ -160,6 +162,7 @@ fn play_to(
         ],
         playback,
         said: farewell.said,
+        _dir: dir,
     })
 }
 

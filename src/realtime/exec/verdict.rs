@@ -3,26 +3,7 @@
 use protocols::Instant;
 
 use crate::realtime::process::{Ended, Farewell, Left};
-use crate::run::Outcome;
-use crate::run::check::{Check, Status};
-
-/// Takes out what was expected of the beliefs of a program that is not in this process; the names
-/// of those checks.
-pub fn take_beliefs(outcome: &mut Outcome) -> Vec<String> {
-    let (no_pose, no_map) = (outcome.pose_error.is_none(), outcome.wall_overlap.is_none());
-    let is_belief = |check: &Check| {
-        let unseen = match check.name.as_str() {
-            "pose-rms" | "heading-rms" => no_pose,
-            "wall-overlap" => no_map,
-            _ => false,
-        };
-        unseen && check.status == Status::Fail
-    };
-    let unjudged = outcome.checks.iter().filter(|check| is_belief(check));
-    let unjudged = unjudged.map(|check| check.name.clone()).collect();
-    outcome.checks.retain(|check| !is_belief(check));
-    unjudged
-}
+use crate::run::check::Check;
 
 /// The verdict on how a program ended, and when; `is_over`: whether there was nothing more to do.
 pub fn alive(

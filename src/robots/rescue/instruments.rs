@@ -1,5 +1,7 @@
 //! What may be asked of the rescue robot.
 
+use core::time::Duration;
+
 use emulators::avr_base::AvrBase;
 use emulators::pc::Pc;
 use emulators::touch_panel::{self, TouchPanel};
@@ -15,6 +17,10 @@ use crate::robots::instruments::in_metres;
 use crate::robots::{
     Axis, Console, Dialect, Display, Instruments, Panel, ScanDecoder, Silence, Station,
 };
+
+/// A pose that the robot tells is that of its last scan, which it has searched for up to 150 ms, and
+/// has crossed the radio.
+const TOLD_AGE: Duration = Duration::from_millis(250);
 
 /// The robot's instruments: all that it shows lies in its rig.
 #[derive(Clone, Copy, Debug)]
@@ -59,6 +65,21 @@ impl Instruments for RescueInstruments {
                 let (at, _) = pc.record().map_properties?;
                 Some((at, pc.stated_pose()?))
             }
+        }
+    }
+
+    fn estimate_age(&self, rig: &Rig) -> Duration {
+        match rig.program() {
+            Some(_) => Duration::ZERO,
+            None => TOLD_AGE,
+        }
+    }
+
+    /// The program's own, or of one elsewhere what the PC received.
+    fn map<'a>(&'a self, rig: &'a Rig) -> Option<MapView<'a>> {
+        match rig.program() {
+            Some(program) => program.map(),
+            None => Station::map(pc(rig)?),
         }
     }
 

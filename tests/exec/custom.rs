@@ -1,0 +1,131 @@
+//! A robot that is data alone, driven by a Python program that knows nothing but its wires: the
+//! lidar sits 5 cm ahead of the axle and is turned by 30 degrees, so its reading 60 looks ahead.
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+
+use crate::support::{Ended, ended_in};
+
+/// Ports, frames of the wheels' registers, and the distance ahead.
+const WIRES: &str = "\
+import os, struct, sys, termios, time, tty
+print('group', os.getpgrp(), flush=True)
+def opened(name):
+    fd = os.open(os.environ['HILRIG_PORT_' + name], os.O_RDWR | os.O_NOCTTY)
+    tty.setraw(fd)
+    mode = termios.tcgetattr(fd)
+    mode[4] = mode[5] = termios.B115200
+    termios.tcsetattr(fd, termios.TCSANOW, mode)
+    return fd
+def drive(left, right):
+    head = bytes([0xAB, 1, 0x82]) + struct.pack('bb', left, right)
+    os.write(wheels, head + struct.pack('<H', sum(head)))
+    got = b''
+    while len(got) < 5:
+        got += os.read(wheels, 5 - len(got))
+stream = b''
+def ahead_mm():
+    global stream
+    stream += os.read(lidar, 4096)
+    seen = None
+    while len(stream) >= 22:
+        if stream[0] == 0xFA and stream[1] == 0xA0 + 60 // 4:
+            low, high = stream[4], stream[5]
+            seen = low | (high & 0x3F) << 8 if high < 0x80 else None
+        stream = stream[22 if stream[0] == 0xFA else 1:]
+    return seen
+";
+
+/// 3 m to the wall, 2.2 m to go to, 5 cm from the axle to the lidar.
+const GOOD: &str = "\
+lidar, wheels = opened('LIDAR'), opened('WHEELS')
+goes = True
+while True:
+    ahead = ahead_mm()
+    if ahead is not None and ahead <= 3000 - 2200 - 50:
+        goes = False
+    drive(*([25, 25] if goes else [0, 0]))
+";
+const INTO_THE_WALL: &str = "\
+lidar, wheels = opened('LIDAR'), opened('WHEELS')
+while True:
+    ahead_mm()
+    drive(25, 25)
+";
+const HANGS: &str = "\
+lidar, wheels = opened('LIDAR'), opened('WHEELS')
+time.sleep(600)
+";
+const EXITS_3: &str = "\
+lidar, wheels = opened('LIDAR'), opened('WHEELS')
+drive(25, 25)
+sys.exit(3)
+";
+const NEVER_OPENS_THE_WHEELS: &str = "\
+lidar = opened('LIDAR')
+while True:
+    ahead_mm()
+";
+
+fn folder_of(name: &str) -> PathBuf {
+    let folder = format!("exec-custom-{name}-{}", std::process::id());
+    PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(folder)
+}
+
+fn start(name: &str, duration: &str, program: &str) -> std::process::Child {
+    let folder = folder_of(name);
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir_all(&folder).expect("a fresh folder");
+    let scenario = include_str!("../../scenarios/custom-robot.toml");
+    let scenario = scenario.replace("\"20s\"", duration);
+    fs::write(folder.join("robot.toml"), scenario).expect("a fresh file");
+    fs::write(folder.join("robot.py"), format!("{WIRES}{program}")).expect("a fresh file");
+    Command::new(env!("CARGO_BIN_EXE_hilrig"))
+        .current_dir(&folder)
+        .args(["run", "robot.toml", "--out", "out", "--exec-wait", "10s"])
+        .args(["--exec", "python3 robot.py"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the binary is built")
+}
+
+/// The verdict is right for a program that does its work, and for four that do not, each in its own
+/// way.
+#[test]
+fn a_robot_of_data_gets_the_verdict_that_its_program_deserves() {
+    let programs = [
+        ("good", "\"20s\"", GOOD),
+        ("wall", "\"12s\"", INTO_THE_WALL),
+        ("hangs", "\"5s\"", HANGS),
+        ("exits", "\"5s\"", EXITS_3),
+        ("never", "\"2s\"", NEVER_OPENS_THE_WHEELS),
+    ];
+    let started = programs.map(|(name, duration, program)| start(name, duration, program));
+    let names = programs.map(|(name, ..)| name);
+    let mut ended: Vec<Ended> = Vec::new();
+    for (name, child) in names.into_iter().zip(started) {
+        let output = child.wait_with_output().expect("it ends");
+        ended.push(ended_in(&folder_of(name), output));
+    }
+    let [good, wall, hangs, exits, never] = &ended[..] else {
+        panic!("five");
+    };
+    assert_eq!(good.failed(), Vec::<&str>::new(), "{}", good.said);
+    assert_eq!(good.code, Some(0), "{}", good.said);
+    assert_eq!(good.check("no-collision-at-speed").0, "pass");
+    assert_eq!(good.check("waypoints-visited").0, "pass");
+
+    assert_eq!(wall.failed(), ["no-collision-at-speed"], "{}", wall.said);
+    assert!(hangs.failed().contains(&"program-reads"), "{}", hangs.said);
+    assert!(exits.failed().contains(&"program-alive"), "{}", exits.said);
+    let (_, detail) = exits.check("program-alive");
+    assert!(detail.contains("exit code 3"), "{detail}");
+    let (status, detail) = never.check("program-connected");
+    assert_eq!(status, "fail", "{}", never.said);
+    assert!(detail.contains("wheels"), "{detail}");
+    for failing in [wall, hangs, exits, never] {
+        assert_eq!(failing.code, Some(1), "{}", failing.said);
+    }
+}
