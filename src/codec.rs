@@ -1,7 +1,7 @@
 //! Bytes in words: one table of the wire formats, a row each, and what is done with any of them.
 //!
-//! A [`Codec`] is all that the tool knows of a format. `decode`, `--diagnose`, `shrink`, `fuzz`, the
-//! page, the museum and the dissector for Wireshark ask the table, so a format of one's own is
+//! A [`Codec`] is all that the tool knows of a format. `decode`, `--diagnose`, `shrink`, `fuzz`,
+//! the page, the museum and the dissector for Wireshark ask the table, so a format of one's own is
 //! known to all of them once it is registered:
 //!
 //! ```no_run

@@ -1,8 +1,8 @@
 //! hilrig: a hardware-in-the-loop rig for small serial robots.
 //!
 //! Follow a byte: a device makes it ([`emulators`]), a [line](rig::line) carries it, damages it by
-//! its [faults](rig::fault) and shows it to the [trace](rig::trace), the [`rig`] hands it to the robot's program
-//! ([`firmware_core`]) and carries the answer back.
+//! its [faults](rig::fault) and shows it to the [trace](rig::trace), the [`rig`] hands it to the
+//! robot's program ([`firmware_core`]) and carries the answer back.
 //!
 //! Each room stands only on those below it:
 //!

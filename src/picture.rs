@@ -119,8 +119,8 @@ impl<P: Copy> Picture<P> {
 }
 
 impl<P: Pixel> Picture<P> {
-    /// Reads a PNG, PGM or PPM file of at most `pixels_max` pixels; its first bytes say which it is.
-    /// How much a pixel lets through is not looked at.
+    /// Reads a PNG, PGM or PPM file of at most `pixels_max` pixels; its first bytes say which it
+    /// is. How much a pixel lets through is not looked at.
     ///
     /// # Errors
     /// If there is no such file, or no picture of that size in it. It is found before memory is

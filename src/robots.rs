@@ -320,8 +320,8 @@ pub fn wire_into(plan: Plan<'_>) -> Result<Wired, ScenarioError> {
     Ok(wired)
 }
 
-/// Adds the devices of the scenario that `fits` and are not there yet, each port on a link of its own
-/// whose other end is open; what is spoken on those links.
+/// Adds the devices of the scenario that `fits` and are not there yet, each port on a link of its
+/// own whose other end is open; what is spoken on those links.
 fn add_devices(
     wired: &mut Wired,
     scenario: &Scenario,

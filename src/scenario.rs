@@ -74,7 +74,8 @@ pub struct Scenario {
     /// The robot's program.
     #[serde(default)]
     pub program: ProgramSpec,
-    /// The drive train of a custom robot; two wheels with the figures of `[world.body]` if not given.
+    /// The drive train of a custom robot; two wheels with the figures of `[world.body]` if not
+    /// given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub chassis: Option<ChassisSpec>,
     /// Settings of devices, by the names that the robot gives them, and devices of one's own.
@@ -90,7 +91,11 @@ pub struct Scenario {
     /// When things may go wrong at random, and when the robot must be at work again.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub phases: Option<PhasesSpec>,
-    /// Ground truth.
+    /// Ground truth; only `robot = "none"` can do without.
+    #[serde(
+        default = "WorldSpec::nowhere",
+        skip_serializing_if = "WorldSpec::is_nowhere"
+    )]
     pub world: WorldSpec,
     /// What goes wrong.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -149,6 +154,9 @@ pub enum CpuSpec {
     Ideal,
 }
 
+/// The robot of a scenario that has devices only.
+pub const NO_ROBOT: &str = "none";
+
 const fn default_seed() -> u64 {
     1
 }
@@ -201,6 +209,10 @@ impl Scenario {
             path: path.to_owned(),
             text,
         };
+        if scenario.world.is_nowhere() && scenario.robot != NO_ROBOT {
+            let message = "is missing, expected a table with the robot's start and what is solid";
+            return Err(source.invalid(None, "world", message));
+        }
         limits::check(&scenario, &source)?;
         if let Some(phases) = scenario.phases {
             if phases.length() > scenario.duration.0 {

@@ -163,6 +163,13 @@ impl Registers {
         self.variables.wanted().map(|(_, wanted)| wanted)
     }
 
+    /// What a master would read at `now`, in the order of the table.
+    pub fn values(&self, now: Instant, world: &World) -> Vec<i64> {
+        let registers = 0..self.config.registers.len();
+        let read = |index| self.variables.read(index, now, world);
+        registers.map(read).collect()
+    }
+
     /// Whether `chassis` has all that is [wanted](Self::wanted).
     ///
     /// # Errors

@@ -33,7 +33,8 @@ enum Device {
 /// happened before it.
 #[derive(Debug, Args)]
 struct Xv11 {
-    /// Bytes as a real sensor sent them, or a pcapng capture with them [default: the published figures of the capture above]
+    /// Bytes as a real sensor sent them, or a pcapng capture with them [default: the published
+    /// figures of the capture above]
     #[arg(long, value_name = "FILE")]
     capture: Option<PathBuf>,
     /// What is held against it: `emulated`, another capture, or `none`

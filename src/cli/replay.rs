@@ -29,11 +29,13 @@ pub(super) use exec::judge_case;
 /// Feed a capture back: into the robot's program in virtual time, or into ports.
 ///
 /// Without a port, the program is told what it was told, byte by byte at the recorded nanosecond;
-/// which robot it is, the capture of a run says itself. The checkers of every run judge it: exit code
+/// which robot it is, the capture of a run says itself. The checkers of every run judge it: exit
+/// code
 /// 1 if one fails. With ports the capture takes the part of
 /// the devices, or of the program. With --exec that program is somebody's: it is started on new
-/// ports, told what the captured one was told, and must live to the end. With --expect, what comes back is compared with the capture,
-/// and the first difference is told: time, link, byte, and its frame in words.
+/// ports, told what the captured one was told, and must live to the end. With --expect, what comes
+/// back is compared with the capture, and the first difference is told: time, link, byte, and its
+/// frame in words.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig replay hilrig-out/rescue-flat-1/capture.pcapng --expect\n  \

@@ -24,8 +24,8 @@ pub(super) use judged::{Pace, Ran, Talk, judged_run, write_results};
 ///
 /// Each run leaves a result folder. When something fails, the one command that repeats the case is
 /// printed. With --exec somebody's program takes the place of the robot's own and is judged as
-/// well: whether it opens its ports, lives, goes on reading, and what it leaves behind. What it says
-/// is in program.log of the result folder. Ctrl-C and SIGTERM judge what there is so far.
+/// well: whether it opens its ports, lives, goes on reading, and what it leaves behind. What it
+/// says is in program.log of the result folder. Ctrl-C and SIGTERM judge what there is so far.
 #[derive(Debug, Args)]
 #[command(
     after_long_help = "Examples:\n  hilrig run scenarios/rescue-flat.toml\n  \

@@ -7,8 +7,8 @@ use crate::scenario::schema;
 
 /// Print the JSON Schema of a scenario file.
 ///
-/// It is derived from what reads the file: every table and key, the settings of each kind of device,
-/// the keys of each kind of fault. Editors complete and check scenarios with it.
+/// It is derived from what reads the file: every table and key, the settings of each kind of
+/// device, the keys of each kind of fault. Editors complete and check scenarios with it.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig schema > scenario.schema.json       # for an editor\n  \

@@ -40,7 +40,8 @@ pub use verdict::{alive, childless};
 pub const PORTS_VARIABLE: &str = "HILRIG_DIR";
 /// A rig that is later than this is not to be blamed on its program.
 const LATE: Duration = Duration::from_millis(20);
-/// Wall time without a further port after which a program that sends is taken to wait for an answer.
+/// Wall time without a further port after which a program that sends is taken to wait for an
+/// answer.
 const WAITS: Duration = Duration::from_secs(1);
 /// Rig time for which a run goes on when its program is gone: the devices must notice that.
 const SETTLE: Duration = Duration::from_secs(2);

@@ -13,8 +13,8 @@ use protocols::{Instant, LineConfig, LineEvent, Port};
 use crate::rig::cpu::CpuModel;
 use crate::rig::line::MESSAGE_MAX;
 
-/// An emulated device in a rig: any [`Device`] that owns its data and can be cloned, so that a rig can
-/// go on from one state in several ways.
+/// An emulated device in a rig: any [`Device`] that owns its data and can be cloned, so that a rig
+/// can go on from one state in several ways.
 pub trait AnyDevice: Device + Any {
     /// The same device in the same state.
     fn clone_device(&self) -> Box<dyn AnyDevice>;

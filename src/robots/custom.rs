@@ -1,5 +1,5 @@
-//! Robots that a scenario describes itself: a chassis, devices of the catalogue with their places on
-//! it, slaves as data whose values drive the chassis. The program is always somebody else's.
+//! Robots that a scenario describes itself: a chassis, devices of the catalogue with their places
+//! on it, slaves as data whose values drive the chassis. The program is always somebody else's.
 //!
 //! And devices without a robot, on their wires alone.
 
@@ -12,7 +12,7 @@ use super::{
 };
 use crate::codec::Codec;
 use crate::rig::Rig;
-use crate::scenario::{DeviceSpec, Scenario, ScenarioError, Source};
+use crate::scenario::{DeviceSpec, NO_ROBOT, Scenario, ScenarioError, Source};
 
 /// A robot as data.
 #[derive(Clone, Copy, Debug)]
@@ -51,7 +51,7 @@ pub struct Bare;
 
 impl Robot for Bare {
     fn name(&self) -> &'static str {
-        "none"
+        NO_ROBOT
     }
 
     fn about(&self) -> &'static str {

@@ -13,8 +13,8 @@ use super::{ScenarioError, Source};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum ChassisSpec {
-    /// Two driven wheels, one on either side. Its figures are those of `[world.body]`. Actuators and
-    /// encoders `left` and `right`.
+    /// Two driven wheels, one on either side. Its figures are those of `[world.body]`. Actuators
+    /// and encoders `left` and `right`.
     Differential(DifferentialSpec),
     /// A car: driven rear axle, steered front wheels. Actuators `drive` and `steering`, encoder
     /// `drive`; its place is the middle of the rear axle.
@@ -25,8 +25,8 @@ pub enum ChassisSpec {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DifferentialSpec {
-    /// Corners of the outline that collides, metres ahead and to the left of the middle of the axle;
-    /// the disc of `[world.body]` if not given.
+    /// Corners of the outline that collides, metres ahead and to the left of the middle of the
+    /// axle; the disc of `[world.body]` if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<Vec<[f64; 2]>>")]
     pub footprint_m: Option<Spanned<Vec<[f64; 2]>>>,

@@ -321,28 +321,17 @@ impl RegistersSpec {
         source.invalid(span, key, error.message)
     }
 
-    /// What the registers of the device `name` hold now.
+    /// What a master would read now from the device `name`.
     pub(super) fn rows(&self, rig: &Rig, name: &str) -> Vec<ValueRow> {
-        let row = |spec: &Spanned<RegisterSpec>| {
-            let register = spec.get_ref();
-            let byte = |offset: u8| rig.register(name, register.address.checked_add(offset)?);
-            let bytes = [0, 1, 2, 3].map(|offset| byte(offset).unwrap_or(0));
-            let [low, high, ..] = bytes;
-            let value = match register.width {
-                WidthSpec::U8 => low.into(),
-                WidthSpec::I8 => low.cast_signed().into(),
-                WidthSpec::U16 => u16::from_le_bytes([low, high]).into(),
-                WidthSpec::I16 => i16::from_le_bytes([low, high]).into(),
-                WidthSpec::U32 => u32::from_le_bytes(bytes).into(),
-                WidthSpec::I32 => i32::from_le_bytes(bytes).into(),
-            };
-            ValueRow {
-                address: Some(register.address.into()),
-                name: register.name.clone(),
-                value,
-            }
+        let device = rig.device::<Registers>(name);
+        let values = device.map(|device| device.values(rig.now(), &rig.world));
+        let rows = self.register.iter().zip(values.unwrap_or_default());
+        let row = |(spec, value): (&Spanned<RegisterSpec>, i64)| ValueRow {
+            address: Some(spec.get_ref().address.into()),
+            name: spec.get_ref().name.clone(),
+            value,
         };
-        self.register.iter().map(row).collect()
+        rows.map(row).collect()
     }
 }
 

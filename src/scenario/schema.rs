@@ -1,4 +1,5 @@
-//! The JSON Schema of a scenario, derived from the types that read it, and the reference made from it.
+//! The JSON Schema of a scenario, derived from the types that read it, and the reference made from
+//! it.
 
 mod examples;
 mod reference;

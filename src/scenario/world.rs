@@ -49,6 +49,10 @@ pub struct WorldSpec {
     /// Somebody pushes the robot.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub push: Vec<PushSpec>,
+    /// The scenario has no world.
+    #[serde(skip)]
+    #[schemars(skip)]
+    is_nowhere: bool,
 }
 
 /// Where the robot starts.
@@ -257,6 +261,32 @@ struct Origin {
 }
 
 impl WorldSpec {
+    /// No world at all, for devices without a robot.
+    pub fn nowhere() -> Self {
+        let start = StartSpec {
+            x_m: 0.0,
+            y_m: 0.0,
+            heading_deg: 0.0,
+        };
+        Self {
+            start: Spanned::new(0..0, start),
+            bounds: None,
+            plan: None,
+            body: BodySpec::default(),
+            wall: Vec::new(),
+            polygon: Vec::new(),
+            pillar: Vec::new(),
+            moving: Vec::new(),
+            push: Vec::new(),
+            is_nowhere: true,
+        }
+    }
+
+    /// Whether there is no world.
+    pub const fn is_nowhere(&self) -> bool {
+        self.is_nowhere
+    }
+
     /// The start pose.
     pub fn start_pose(&self) -> Pose {
         let start = self.start.get_ref();

@@ -11,7 +11,8 @@ use super::{Session, text};
 
 const PAGE: &str = include_str!("../../docs/scenario.md");
 
-/// Whoever changes a key runs `hilrig schema --markdown > docs/scenario.md` and reads what came out.
+/// Whoever changes a key runs `hilrig schema --markdown > docs/scenario.md` and reads what came
+/// out.
 #[test]
 fn the_page_is_what_the_command_prints() {
     let output = Session::new("markdown").hilrig(&["schema", "--markdown"]);

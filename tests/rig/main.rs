@@ -3,6 +3,7 @@
 mod capture;
 mod cases;
 mod checkers;
+mod custom;
 mod determinism;
 mod device_keys;
 mod display;

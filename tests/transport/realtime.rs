@@ -23,7 +23,7 @@ use crate::support::*;
 const SENT: usize = 3000;
 
 /// Sends 0, 1, 2, .. from the first byte that it hears on, and echoes nothing.
-#[derive(Default)]
+#[derive(Clone, Default)]
 struct Counter {
     sent: usize,
     started: bool,

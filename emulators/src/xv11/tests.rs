@@ -794,8 +794,8 @@ fn seen_of_a_wall(mount: Mount, ahead_m: f64) -> Vec<Option<u16>> {
 
 /// A wall 1 m ahead of the middle of the robot: 950 mm for a sensor 5 cm ahead of it, 1 m for one
 /// 5 cm to the left. Turned by 30 degrees to the left, the sensor's angle 90 looks 30 degrees to
-/// the left of ahead, so what is straight ahead is seen at 60; at 90 the wall is 1 / cos 30 = 1.155 m
-/// away.
+/// the left of ahead, so what is straight ahead is seen at 60; at 90 the wall is 1 / cos 30 = 1.155
+/// m away.
 #[test]
 fn a_mount_shifts_and_turns_what_the_sensor_sees() {
     let at = |seen: &[Option<u16>], degree: usize, mm: u16| {

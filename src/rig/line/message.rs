@@ -1,8 +1,8 @@
-//! Links that carry whole messages instead of a stream of bytes: the transactions of an I2C bus, the
-//! packets of a datagram network.
+//! Links that carry whole messages instead of a stream of bytes: the transactions of an I2C bus,
+//! the packets of a datagram network.
 //!
-//! What a node transmits in one call is one message, and so is what it receives in one. Faults count
-//! messages where those of a serial line count bytes.
+//! What a node transmits in one call is one message, and so is what it receives in one. Faults
+//! count messages where those of a serial line count bytes.
 //!
 //! ```text
 //! I2C:       start | byte 8 + ack 1 | .. | stop          9 n + 2 bit times

@@ -18,8 +18,8 @@ use crate::robots::{
     Axis, Console, Dialect, Display, Instruments, Panel, ScanDecoder, Silence, Station,
 };
 
-/// A pose that the robot tells is that of its last scan, which it has searched for up to 150 ms, and
-/// has crossed the radio.
+/// A pose that the robot tells is that of its last scan, which it has searched for up to 150 ms,
+/// and has crossed the radio.
 const TOLD_AGE: Duration = Duration::from_millis(250);
 
 /// The robot's instruments: all that it shows lies in its rig.

@@ -24,9 +24,9 @@ with a `start` below them, unless they have these.
 ";
 
 /// What is shown first; other tables follow in the order of their names.
-const ORDER: [&str; 10] = [
-    "mission", "expect", "program", "link", "device", "world", "fault", "budget", "phases",
-    "origin",
+const ORDER: [&str; 11] = [
+    "mission", "expect", "program", "chassis", "link", "device", "world", "fault", "budget",
+    "phases", "origin",
 ];
 
 /// Deepest table within a table; nothing is that deep.

@@ -63,8 +63,8 @@ pub fn run(
     }
 }
 
-/// Runs `scenario` in real time with somebody's program, its ports in the first of `places` and what
-/// it says in the second. `None` if `goes_on` said no.
+/// Runs `scenario` in real time with somebody's program, its ports in the first of `places` and
+/// what it says in the second. `None` if `goes_on` said no.
 ///
 /// # Errors
 /// If the program cannot be put on trial.

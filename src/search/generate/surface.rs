@@ -99,7 +99,8 @@ impl Surface {
         self.links.iter().map(String::as_str)
     }
 
-    /// Links that reach a console, and whose it is; see [`Instruments::consoles`](robots::Instruments::consoles).
+    /// Links that reach a console, and whose it is; see
+    /// [`Instruments::consoles`](robots::Instruments::consoles).
     pub(super) fn consoles(&self) -> impl Iterator<Item = (&'static str, &'static str)> + use<> {
         self.consoles.iter().copied()
     }

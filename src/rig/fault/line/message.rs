@@ -21,7 +21,8 @@ pub(crate) struct PassedMessage {
 }
 
 impl LineFaults {
-    /// What becomes of the message `number`, sent at `start`. What only bytes can have does nothing.
+    /// What becomes of the message `number`, sent at `start`. What only bytes can have does
+    /// nothing.
     pub(crate) fn pass_message(
         &mut self,
         number: u64,

@@ -1,0 +1,124 @@
+//! One round of a rig: what has arrived is delivered, nodes do their work, lines take what they send.
+
+use protocols::LineEvent;
+
+use super::Rig;
+use super::line::Direction;
+use super::node::Body;
+use super::trace::{Side, Tap as _};
+
+const ROUNDS_MAX: usize = 1000;
+
+impl Rig {
+    /// Does all that is due now, until nothing changes any more.
+    pub(super) fn settle(&mut self) {
+        self.world.advance(self.now);
+        // A further round needs a byte that takes no time, or a node that another one stirred; the
+        // bound only guards against a broken device.
+        for _ in 0..ROUNDS_MAX {
+            self.deliver();
+            self.poll();
+            self.take();
+            let mut lines = self.links.iter().flat_map(|link| &link.lines);
+            if !self.nodes.iter().any(|node| node.is_due(self.now))
+                && !lines.any(|line| line.is_due(self.now))
+            {
+                return;
+            }
+        }
+    }
+
+    fn deliver(&mut self) {
+        for (index, link) in self.links.iter_mut().enumerate() {
+            for direction in [Direction::ToMaster, Direction::ToDevice] {
+                let line = &mut link.lines[direction as usize];
+                while let Some(delivery) = line.deliver(self.now) {
+                    for tap in &mut self.taps {
+                        tap.arrived(index, direction, &delivery);
+                    }
+                    let node = &mut self.nodes[line.to.node];
+                    if let Some(event) = delivery.event {
+                        node.line_event(line.to.port, delivery.at, event);
+                        if event != LineEvent::FramingError {
+                            for tap in &mut self.taps {
+                                tap.line_event(index, direction, delivery.at, event);
+                            }
+                        }
+                    }
+                    if !delivery.bytes.is_empty() {
+                        let bytes = &delivery.bytes;
+                        self.trace
+                            .record(index, direction, Side::Received, delivery.at, bytes);
+                        for tap in &mut self.taps {
+                            tap.record(index, direction, Side::Received, delivery.at, bytes);
+                        }
+                        node.receive(line.to.port, delivery.at, bytes);
+                    }
+                    line.recycle(delivery.bytes);
+                }
+            }
+        }
+    }
+
+    fn poll(&mut self) {
+        for index in 0..self.nodes.len() {
+            let node = &mut self.nodes[index];
+            if !node.poll(self.now, &mut self.world, self.cpu) {
+                continue;
+            }
+            if let Body::Device(device) = &mut node.body {
+                let events = device.take_events();
+                if !events.is_empty() {
+                    let name = node.name.clone();
+                    events.into_iter().for_each(|event| self.log(&name, event));
+                }
+            }
+        }
+    }
+
+    fn take(&mut self) {
+        for (index, link) in self.links.iter_mut().enumerate() {
+            let kind = link.kind;
+            for direction in [Direction::ToMaster, Direction::ToDevice] {
+                let line = &mut link.lines[direction as usize];
+                let epoch = self.nodes[line.from.node].epoch;
+                if line.silent_since == Some(epoch) {
+                    continue;
+                }
+                if let Some(event) = self.nodes[line.from.node].line_change(line.from.port)
+                    && !line.is_played
+                {
+                    self.nodes[line.to.node].line_event(line.to.port, self.now, event);
+                    for tap in &mut self.taps {
+                        tap.line_event(index, direction, self.now, event);
+                    }
+                }
+                if !line.has_room(self.now) {
+                    continue;
+                }
+                let receiver = self.nodes[line.to.node].line_config(line.to.port);
+                let node = &mut self.nodes[line.from.node];
+                let sender = node.line_config(line.from.port);
+                let port = line.from.port;
+                let budget = &mut self.budget;
+                let transmit = |buf: &mut [u8]| node.transmit(port, buf);
+                let taken = if kind.carries_messages() {
+                    line.take_message(kind, self.now, sender, budget, transmit)
+                } else {
+                    line.take(self.now, sender, receiver, budget, transmit)
+                };
+                line.silent_since = taken.is_none().then_some(epoch);
+                if let Some((at, bytes)) = line.take_echo() {
+                    link.lines[1 - direction as usize].hear(at, bytes);
+                }
+                if let Some((ends, sent)) = taken {
+                    node.after_transmit(self.now);
+                    self.trace.record(index, direction, Side::Sent, ends, &sent);
+                    for tap in &mut self.taps {
+                        tap.record(index, direction, Side::Sent, ends, &sent);
+                    }
+                }
+            }
+        }
+    }
+}

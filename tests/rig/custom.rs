@@ -1,0 +1,147 @@
+//! Robots as data, and devices without a robot.
+
+use std::path::Path;
+
+use hilrig::robots::{self, Dut, PcEnd, Wired};
+use hilrig::run::Run;
+use hilrig::run::check::Status;
+use hilrig::scenario::{Scenario, ScenarioError, Source};
+use protocols::avr::{ChecksumOrder, Frame};
+use protocols::{Instant, LineConfig};
+
+use super::shipped;
+
+fn read(text: &str) -> Result<(Scenario, Source), ScenarioError> {
+    Scenario::parse(Path::new("<test>"), text.to_owned())
+}
+
+/// What `text` is refused with.
+fn refusal(text: &str) -> String {
+    let wired = read(text).and_then(|(scenario, source)| {
+        robots::wire(&scenario, &source, Dut::External, PcEnd::External)
+    });
+    wired.err().expect("refused").to_string()
+}
+
+fn run_of((scenario, source): (Scenario, Source)) -> (Run, Vec<robots::OpenEnd>) {
+    let wired = robots::wire(&scenario, &source, Dut::External, PcEnd::External);
+    let Wired {
+        rig,
+        open_ends,
+        instruments,
+    } = wired.expect("sound");
+    (Run::with_rig(scenario, rig, instruments), open_ends)
+}
+
+/// 20 cm/s on both wheels for two seconds, said each 100 ms: the robot is 0.4 m further on, less the
+/// half per cent of slip and what the motors take to get there. Then silence: the wheels stop.
+#[test]
+fn registers_drive_the_wheels_of_a_robot_of_data() {
+    let (mut run, ends) = run_of(shipped("custom-robot"));
+    let names: Vec<&str> = ends.iter().map(|end| &*end.name).collect();
+    assert_eq!(names, ["lidar", "lidar-motor", "wheels"]);
+    let wheels = &ends[2];
+    run.rig
+        .set_line_config(wheels.node, LineConfig::new_8n1(115_200));
+    let drive = Frame::write(1, &[20, 20], ChecksumOrder::LowFirst);
+    for step in 0..20 {
+        run.rig.inject(wheels.node, drive.as_bytes());
+        run.go_on_until(Instant::from_millis(100 * (step + 1)));
+    }
+    let axes = run.instruments().axes(&run.rig);
+    let told: Vec<_> = axes
+        .iter()
+        .map(|axis| (&*axis.name, axis.set_point))
+        .collect();
+    assert_eq!(told, [("left", 0.2), ("right", 0.2)]);
+    run.go_on_until(Instant::from_secs(4));
+    let way = run.rig.world.pose().x - 1.0;
+    // Half a second more until the watchdog says 0.
+    assert!((0.46..0.50).contains(&way), "{way} m");
+    assert!(!run.rig.world.is_moving());
+    let panels = run.instruments().panels(&run.rig);
+    let rows: Vec<&str> = panels[0].rows.iter().map(|row| &*row.name).collect();
+    assert_eq!(
+        rows,
+        ["left-cm-s", "right-cm-s", "encoder-left", "encoder-right"]
+    );
+    let ticks: f64 = panels[0].rows[2].value.parse().expect("a number");
+    // 0.45379 mm a tick, slip of half a per cent.
+    assert!(
+        (ticks * 0.000_453_79 * 0.995 - way).abs() < 0.01,
+        "{ticks} ticks, {way} m"
+    );
+}
+
+/// Nobody is connected: nothing is told of the robot, and what was demanded fails.
+#[test]
+fn a_robot_that_nobody_drives_does_not_pass() {
+    let (run, _) = run_of(shipped("custom-robot"));
+    let outcome = run.finish();
+    assert!(!outcome.passed());
+    let status = |name: &str| {
+        let mut checks = outcome.checks.iter();
+        checks
+            .find(|check| check.name == name)
+            .map(|check| check.status)
+    };
+    assert_eq!(status("waypoints-visited"), Some(Status::Fail));
+    assert_eq!(status("no-collision-at-speed"), Some(Status::NotObserved));
+    assert_eq!(status("program-alive"), Some(Status::NotObserved));
+}
+
+const GRIPPER: &str = "schema = 1\nname = \"gripper\"\nrobot = \"none\"\nduration = \"1s\"\n\
+    [device.gripper.registers]\nbaud = 115200\n[[device.gripper.registers.register]]\n\
+    address = 4\nname = \"way\"\nwidth = \"u8\"\naccess = \"write\"\n";
+
+/// A gripper on a wire: no robot, no world; its master writes a register and reads it back.
+#[test]
+fn a_device_needs_neither_robot_nor_world() {
+    let (scenario, source) = read(GRIPPER).expect("sound");
+    assert!(
+        !scenario.to_toml().contains("[world"),
+        "{}",
+        scenario.to_toml()
+    );
+    let (mut run, ends) = run_of((scenario, source));
+    assert_eq!(ends.len(), 1);
+    let order = ChecksumOrder::LowFirst;
+    let node = ends[0].node;
+    run.rig
+        .inject(node, Frame::write(4, &[77], order).as_bytes());
+    run.go_on_until(Instant::from_millis(10));
+    run.rig.inject(node, Frame::read(4, 1, order).as_bytes());
+    run.go_on_until(Instant::from_millis(20));
+    let heard = run.rig.take_output(node);
+    // A write is acknowledged by the empty frame of its register.
+    let expected = [Frame::read(4, 0, order), Frame::write(4, &[77], order)];
+    assert_eq!(
+        heard,
+        expected.map(|frame| frame.as_bytes().to_vec()).concat()
+    );
+    assert!(run.instruments().axes(&run.rig).is_empty());
+}
+
+#[test]
+fn what_cannot_be_is_told_with_its_place() {
+    let robot = std::fs::read_to_string("scenarios/custom-robot.toml").expect("is there");
+    insta::assert_snapshot!(
+        refusal(&robot.replace("actuator = \"left\"", "actuator = \"rear\"")),
+        @r#"<test>:27: device.wheels.registers.register[0]: there is no actuator "rear", expected one of: left, right"#
+    );
+    insta::assert_snapshot!(
+        refusal(&robot.replace("speed_m_s = 0.01 }", "speed_m_s = 0.01, power = 1 }")),
+        @r#"<test>:27: device.wheels.registers.register[0].drives: drives "left" in no way or in several, expected one of power, speed_m_s and angle_deg, other than 0"#
+    );
+    insta::assert_snapshot!(
+        refusal(&robot.replace("{ encoder = \"left\" }", "{ encoder = \"drive\" }")),
+        @r#"<test>:45: device.wheels.registers.register[2]: there is no encoder "drive", expected one of: left, right"#
+    );
+    insta::assert_snapshot!(refusal(&robot.replace("\"custom\"", "\"rescue\"")), @r#"<test>:18: chassis: expected none: this robot has a chassis of its own"#);
+    insta::assert_snapshot!(refusal(&robot.replace("\"custom\"", "\"costum\"")), @r#"<test>:1: robot: is "costum", expected one of custom, none, rescue"#);
+    insta::assert_snapshot!(refusal(&GRIPPER.replace("\"none\"", "\"custom\"")), @r#"<test>: world: is missing, expected a table with the robot's start and what is solid"#);
+    let car = "[chassis.ackermann]\nwheelbase_m = -1\n";
+    insta::assert_snapshot!(refusal(&robot.replace("[chassis.differential]", car)), @r#"<test>:18: chassis.ackermann: body.wheelbase_m is -1; expected 0.02 to 4"#);
+    let flat = "[chassis.differential]\nfootprint_m = [[0, 0], [1, 1]]\n";
+    insta::assert_snapshot!(refusal(&robot.replace("[chassis.differential]", flat)), @r#"<test>:19: chassis.differential.footprint_m: 2 corners; expected 3 to 64"#);
+}
