@@ -5,7 +5,7 @@
 //! WIDTH HEIGHT MAXVAL, one white space, then the rows from the top
 //! ```
 
-use std::io::{Bytes, Read};
+use std::io::{BufRead, Bytes, Read};
 
 use super::{Picture, PictureError, Pixel, png::narrow, sized};
 
@@ -13,7 +13,7 @@ use super::{Picture, PictureError, Pixel, png::narrow, sized};
 const DIGITS_MAX: usize = 10;
 
 pub(super) fn read<P: Pixel>(
-    file: impl Read,
+    file: impl BufRead,
     pixels_max: usize,
 ) -> Result<Picture<P>, PictureError> {
     let mut input = Input(file.bytes());
