@@ -3,8 +3,11 @@
 mod agenda;
 pub mod check;
 mod command;
+mod condition;
+mod contacts;
 mod faults;
 pub mod history;
+mod line_watch;
 pub mod mission;
 pub mod score;
 pub mod watch;
@@ -31,16 +34,16 @@ use crate::show::view;
 
 use agenda::Agenda;
 pub use command::CommandError;
+pub use condition::Watch;
+pub use contacts::Contacts;
 pub use faults::{FAULTS_MAX, FaultReport, FaultState};
+use line_watch::LineWatches;
 
 /// Virtual time between two looks of the checkers. Each millisecond more would hide a shorter
 /// lapse, each less would cost a look; the shortest rule watched is tens of milliseconds.
 pub(crate) const LOOK_EVERY: Duration = Duration::from_millis(10);
 /// Virtual time between two points of the true way that is kept.
 const WAY_EVERY: u32 = 5;
-
-/// Contacts that are kept for whoever asks for them.
-const CONTACTS_MAX: usize = 1000;
 
 /// A run under way.
 pub struct Run {
@@ -58,8 +61,9 @@ pub struct Run {
     truth: Vec<(Instant, Pose)>,
     pairs: Vec<PosePair>,
     history: History,
-    /// Contacts that nobody has taken yet.
-    contacts: Vec<Contact>,
+    contacts: Contacts,
+    /// What hears the lines for those who wait for bytes, once somebody does.
+    line_watches: Option<LineWatches>,
     looks: u32,
     next_look: Instant,
     is_over: bool,
@@ -147,7 +151,8 @@ impl Run {
             truth: Vec::new(),
             pairs: Vec::new(),
             history: History::new(scenario.duration.0),
-            contacts: Vec::new(),
+            contacts: Contacts::default(),
+            line_watches: None,
             looks: 0,
             next_look: Instant::ZERO + LOOK_EVERY,
             is_over: false,
@@ -187,9 +192,14 @@ impl Run {
         self.watchers.add(checker);
     }
 
-    /// What the robot touched since somebody last asked, the first thousand.
+    /// What the robot touched since somebody last took it, the latest thousand.
     pub fn take_contacts(&mut self) -> Vec<Contact> {
-        core::mem::take(&mut self.contacts)
+        self.contacts.take()
+    }
+
+    /// What the robot touched so far.
+    pub const fn contacts(&self) -> &Contacts {
+        &self.contacts
     }
 
     /// Whether the mission was over or the time up at the last look of the checkers.
@@ -252,9 +262,7 @@ impl Run {
         self.begin_what_waited();
         let contacts = self.rig.world.take_contacts();
         self.watchers.look(&self.rig, &*self.instruments, &contacts);
-
-        let room = CONTACTS_MAX.saturating_sub(self.contacts.len());
-        self.contacts.extend(contacts.into_iter().take(room));
+        self.contacts.extend(contacts);
         self.history.observe(&self.rig, &*self.instruments);
         let (now, pose) = (self.rig.now(), self.rig.world.pose());
         self.progress.observe(now, pose, self.rig.world.is_moving());
@@ -296,18 +304,8 @@ impl Run {
                 counters.insert(name, value);
             });
         }
-        let way: Vec<Pose> = self
-            .truth
-            .iter()
-            .step_by(WAY_EVERY as usize)
-            .map(|&(_, pose)| pose)
-            .collect();
-        let wall_overlap = map
-            .as_ref()
-            .map(|map| score::wall_overlap(map.view(), &self.rig.world, &way));
-        let pose_error = score::pose_error(&self.pairs);
-        let mut checks = self.watchers.verdicts();
-        checks.extend(self.expectations(pose_error, wall_overlap));
+        let (pose_error, wall_overlap) = self.scores();
+        let checks = self.checks_with(pose_error, wall_overlap);
         Outcome {
             case: self.case(),
             seed: self.seed,
@@ -328,6 +326,30 @@ impl Run {
             truth: self.truth,
             pairs: self.pairs,
         }
+    }
+
+    /// The verdicts as they would be if the run ended now.
+    pub fn checks(&self) -> Vec<Check> {
+        let (pose_error, wall_overlap) = self.scores();
+        self.checks_with(pose_error, wall_overlap)
+    }
+
+    fn scores(&self) -> (Option<PoseError>, Option<WallOverlap>) {
+        let way = self.truth.iter().step_by(WAY_EVERY as usize);
+        let way: Vec<Pose> = way.map(|&(_, pose)| pose).collect();
+        let map = self.instruments.map(&self.rig);
+        let wall_overlap = map.map(|map| score::wall_overlap(map, &self.rig.world, &way));
+        (score::pose_error(&self.pairs), wall_overlap)
+    }
+
+    fn checks_with(
+        &self,
+        pose_error: Option<PoseError>,
+        wall_overlap: Option<WallOverlap>,
+    ) -> Vec<Check> {
+        let mut checks = self.watchers.verdicts();
+        checks.extend(self.expectations(pose_error, wall_overlap));
+        checks
     }
 
     fn expectations(
