@@ -10,6 +10,7 @@ pub mod history;
 mod line_watch;
 pub mod mission;
 pub mod score;
+mod steps;
 pub mod watch;
 
 use core::time::Duration;
@@ -38,6 +39,7 @@ pub use condition::Watch;
 pub use contacts::Contacts;
 pub use faults::{FAULTS_MAX, FaultReport, FaultState};
 use line_watch::LineWatches;
+use steps::Steps;
 
 /// Virtual time between two looks of the checkers. Each millisecond more would hide a shorter
 /// lapse, each less would cost a look; the shortest rule watched is tens of milliseconds.
@@ -62,6 +64,8 @@ pub struct Run {
     pairs: Vec<PosePair>,
     history: History,
     contacts: Contacts,
+    /// Steps of the mission that wait for something.
+    steps: Steps,
     /// What hears the lines for those who wait for bytes, once somebody does.
     line_watches: Option<LineWatches>,
     looks: u32,
@@ -135,7 +139,11 @@ impl Run {
     }
 
     /// A run of `scenario` in a rig that was wired for it.
-    pub fn with_rig(scenario: Scenario, mut rig: Rig, instruments: Box<dyn Instruments>) -> Self {
+    pub fn with_rig(
+        mut scenario: Scenario,
+        mut rig: Rig,
+        instruments: Box<dyn Instruments>,
+    ) -> Self {
         let mut pushes = scenario.world.push.clone();
         pushes.sort_by_key(|push| push.at);
         let watchers = Watchers::of(&scenario, &mut rig, &*instruments);
@@ -152,6 +160,7 @@ impl Run {
             pairs: Vec::new(),
             history: History::new(scenario.duration.0),
             contacts: Contacts::default(),
+            steps: Steps::take_from(&mut scenario.mission),
             line_watches: None,
             looks: 0,
             next_look: Instant::ZERO + LOOK_EVERY,
@@ -222,7 +231,7 @@ impl Run {
         };
         let phases = self.scenario.phases;
         let judged = phases.is_none_or(|phases| now >= phases.windows()[3].until);
-        let over = judged && received && self.progress.is_over(now);
+        let over = judged && received && !self.steps.is_waiting() && self.progress.is_over(now);
         let done = !self.scenario.mission.to_the_end && over;
         self.is_over = now >= self.scenario.duration.instant() || done;
     }
@@ -260,6 +269,7 @@ impl Run {
     fn look(&mut self) {
         self.next_look = self.rig.now() + LOOK_EVERY;
         self.begin_what_waited();
+        self.do_what_waited();
         let contacts = self.rig.world.take_contacts();
         self.watchers.look(&self.rig, &*self.instruments, &contacts);
         self.contacts.extend(contacts);
@@ -348,6 +358,8 @@ impl Run {
         wall_overlap: Option<WallOverlap>,
     ) -> Vec<Check> {
         let mut checks = self.watchers.verdicts();
+        let is_over = self.is_over || self.rig.now() >= self.scenario.duration.instant();
+        checks.extend(self.steps.checks(is_over));
         checks.extend(self.expectations(pose_error, wall_overlap));
         checks
     }

@@ -239,6 +239,7 @@ impl Run {
             tool: concat!("hilrig ", env!("CARGO_PKG_VERSION")).to_owned(),
             trace_hash: self.rig.trace_hash(),
         });
+        case.mission.step.extend(self.steps.left());
         let ran = self.rig.now() - Instant::ZERO;
         case.duration = case.duration.max(Span(ran));
         // What was struck is written out, so there is no budget to be kept any more.

@@ -8,6 +8,7 @@ use std::process::Command;
 
 use hilrig::realtime::control::{CLIENTS_MAX, LINE_MAX, NAME, obey};
 use hilrig::run::Run;
+use hilrig::run::check::Status;
 use hilrig::scenario::Scenario;
 use protocols::Instant;
 use rustix::process::Signal;
@@ -261,4 +262,44 @@ fn what_does_not_come_is_told_at_its_time_and_what_there_is_not_at_once() {
         );
     }
     assert_eq!(run.rig.now(), Instant::from_millis(123));
+}
+
+/// Steps that wait are done in order when what they wait for comes true, and the saved case, in
+/// which they have times, gives the same bytes.
+#[test]
+fn steps_of_a_mission_wait_for_conditions() {
+    let mut run = run_of(
+        "[[mission.step]]\nwhen = { event = { rule = \"connected\" } }\ntimeout = \"1ms\"\n\
+         do = { mode = \"stop\" }\n[[mission.step]]\nat = \"1s\"\ndo = \"connect\"",
+    );
+    run.go_on_until(Instant::from_secs(1));
+    let checks = run.checks();
+    let failed = checks.iter().find(|check| check.name == "mission-step-1");
+    assert_eq!(
+        failed.map(|check| check.status),
+        Some(Status::Fail),
+        "{checks:?}"
+    );
+
+    let mut run = run_of(
+        "[[mission.step]]\nat = \"1s\"\ndo = { drive = [10, 10] }\n\
+         [[mission.step]]\nwhen = { axis = { name = \"left\", op = \">\", value = 0 } }\n\
+         timeout = \"5s\"\ndo = { mode = \"stop\" }\n\
+         [[mission.step]]\nwhen = { bytes = { link = \"lidar\", direction = \"to-master\", \
+         count = 2000 } }\ndo = { waypoints-m = [[1.5, 1.5]] }",
+    );
+    run.go_on_until(Instant::from_secs(10));
+    let checks = run.checks();
+    let passed = checks
+        .iter()
+        .filter(|check| check.name.starts_with("mission-step-") && check.status == Status::Pass);
+    assert_eq!(passed.count(), 2, "{checks:?}");
+    let case = run.case_so_far();
+    assert!(case.mission.step.iter().all(|step| step.when.is_none()));
+    assert_eq!(case.mission.step.len(), 3);
+    let (case, source) = Scenario::parse(Path::new("<case>"), case.to_toml()).expect("a case");
+    let again = Run::new(case, &source, None)
+        .expect("can be wired")
+        .finish();
+    assert_eq!(again.trace_hash, run.rig.trace_hash());
 }
