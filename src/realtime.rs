@@ -22,6 +22,7 @@ pub mod transport;
 
 use core::fmt;
 use core::time::Duration;
+use std::path::Path;
 
 use emulators::{Event, EventKind};
 use protocols::{LineConfig, LineEvent};
@@ -140,6 +141,14 @@ impl<C: Clock> Realtime<C> {
     /// The names of the ports.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.ports.iter().map(|port| port.end.name.as_str())
+    }
+
+    /// Each port's name, where it is, and its rate, bit/s.
+    pub fn places(&self) -> impl Iterator<Item = (&str, &Path, u32)> {
+        self.ports.iter().map(|port| {
+            let OpenEnd { name, line, .. } = &port.end;
+            (name.as_str(), port.transport.path(), line.baud)
+        })
     }
 
     /// What can be seen of each client, without a byte of what it says.

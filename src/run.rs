@@ -3,10 +3,14 @@
 mod agenda;
 pub mod check;
 mod command;
+mod condition;
+mod contacts;
 mod faults;
 pub mod history;
+mod line_watch;
 pub mod mission;
 pub mod score;
+mod steps;
 pub mod watch;
 
 use core::time::Duration;
@@ -31,16 +35,17 @@ use crate::show::view;
 
 use agenda::Agenda;
 pub use command::CommandError;
+pub use condition::Watch;
+pub use contacts::Contacts;
 pub use faults::{FAULTS_MAX, FaultReport, FaultState};
+use line_watch::LineWatches;
+use steps::Steps;
 
 /// Virtual time between two looks of the checkers. Each millisecond more would hide a shorter
 /// lapse, each less would cost a look; the shortest rule watched is tens of milliseconds.
 pub(crate) const LOOK_EVERY: Duration = Duration::from_millis(10);
 /// Virtual time between two points of the true way that is kept.
 const WAY_EVERY: u32 = 5;
-
-/// Contacts that are kept for whoever asks for them.
-const CONTACTS_MAX: usize = 1000;
 
 /// A run under way.
 pub struct Run {
@@ -58,8 +63,11 @@ pub struct Run {
     truth: Vec<(Instant, Pose)>,
     pairs: Vec<PosePair>,
     history: History,
-    /// Contacts that nobody has taken yet.
-    contacts: Vec<Contact>,
+    contacts: Contacts,
+    /// Steps of the mission that wait for something.
+    steps: Steps,
+    /// What hears the lines for those who wait for bytes, once somebody does.
+    line_watches: Option<LineWatches>,
     looks: u32,
     next_look: Instant,
     is_over: bool,
@@ -131,7 +139,11 @@ impl Run {
     }
 
     /// A run of `scenario` in a rig that was wired for it.
-    pub fn with_rig(scenario: Scenario, mut rig: Rig, instruments: Box<dyn Instruments>) -> Self {
+    pub fn with_rig(
+        mut scenario: Scenario,
+        mut rig: Rig,
+        instruments: Box<dyn Instruments>,
+    ) -> Self {
         let mut pushes = scenario.world.push.clone();
         pushes.sort_by_key(|push| push.at);
         let watchers = Watchers::of(&scenario, &mut rig, &*instruments);
@@ -147,7 +159,9 @@ impl Run {
             truth: Vec::new(),
             pairs: Vec::new(),
             history: History::new(scenario.duration.0),
-            contacts: Vec::new(),
+            contacts: Contacts::default(),
+            steps: Steps::take_from(&mut scenario.mission),
+            line_watches: None,
             looks: 0,
             next_look: Instant::ZERO + LOOK_EVERY,
             is_over: false,
@@ -187,9 +201,14 @@ impl Run {
         self.watchers.add(checker);
     }
 
-    /// What the robot touched since somebody last asked, the first thousand.
+    /// What the robot touched since somebody last took it, the latest thousand.
     pub fn take_contacts(&mut self) -> Vec<Contact> {
-        core::mem::take(&mut self.contacts)
+        self.contacts.take()
+    }
+
+    /// What the robot touched so far.
+    pub const fn contacts(&self) -> &Contacts {
+        &self.contacts
     }
 
     /// Whether the mission was over or the time up at the last look of the checkers.
@@ -212,7 +231,7 @@ impl Run {
         };
         let phases = self.scenario.phases;
         let judged = phases.is_none_or(|phases| now >= phases.windows()[3].until);
-        let over = judged && received && self.progress.is_over(now);
+        let over = judged && received && !self.steps.is_waiting() && self.progress.is_over(now);
         let done = !self.scenario.mission.to_the_end && over;
         self.is_over = now >= self.scenario.duration.instant() || done;
     }
@@ -250,11 +269,10 @@ impl Run {
     fn look(&mut self) {
         self.next_look = self.rig.now() + LOOK_EVERY;
         self.begin_what_waited();
+        self.do_what_waited();
         let contacts = self.rig.world.take_contacts();
         self.watchers.look(&self.rig, &*self.instruments, &contacts);
-
-        let room = CONTACTS_MAX.saturating_sub(self.contacts.len());
-        self.contacts.extend(contacts.into_iter().take(room));
+        self.contacts.extend(contacts);
         self.history.observe(&self.rig, &*self.instruments);
         let (now, pose) = (self.rig.now(), self.rig.world.pose());
         self.progress.observe(now, pose, self.rig.world.is_moving());
@@ -312,18 +330,8 @@ impl Run {
                 counters.insert(name, value);
             });
         }
-        let way: Vec<Pose> = self
-            .truth
-            .iter()
-            .step_by(WAY_EVERY as usize)
-            .map(|&(_, pose)| pose)
-            .collect();
-        let wall_overlap = map
-            .as_ref()
-            .map(|map| score::wall_overlap(map.view(), &self.rig.world, &way));
-        let pose_error = score::pose_error(&self.pairs);
-        let mut checks = self.watchers.verdicts();
-        checks.extend(self.expectations(pose_error, wall_overlap));
+        let (pose_error, wall_overlap) = self.scores();
+        let checks = self.checks_with(pose_error, wall_overlap);
         Outcome {
             case: self.case(),
             seed: self.seed,
@@ -344,6 +352,32 @@ impl Run {
             truth: self.truth,
             pairs: self.pairs,
         }
+    }
+
+    /// The verdicts as they would be if the run ended now.
+    pub fn checks(&self) -> Vec<Check> {
+        let (pose_error, wall_overlap) = self.scores();
+        self.checks_with(pose_error, wall_overlap)
+    }
+
+    fn scores(&self) -> (Option<PoseError>, Option<WallOverlap>) {
+        let way = self.truth.iter().step_by(WAY_EVERY as usize);
+        let way: Vec<Pose> = way.map(|&(_, pose)| pose).collect();
+        let map = self.instruments.map(&self.rig);
+        let wall_overlap = map.map(|map| score::wall_overlap(map, &self.rig.world, &way));
+        (score::pose_error(&self.pairs), wall_overlap)
+    }
+
+    fn checks_with(
+        &self,
+        pose_error: Option<PoseError>,
+        wall_overlap: Option<WallOverlap>,
+    ) -> Vec<Check> {
+        let mut checks = self.watchers.verdicts();
+        let is_over = self.is_over || self.rig.now() >= self.scenario.duration.instant();
+        checks.extend(self.steps.checks(is_over));
+        checks.extend(self.expectations(pose_error, wall_overlap));
+        checks
     }
 
     fn expectations(

@@ -2,6 +2,7 @@
 //! closed schema: a key that nobody reads is an error, not a silent wish.
 
 mod chassis;
+mod condition;
 pub mod device;
 mod drives;
 mod fault;
@@ -22,12 +23,16 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use chassis::{AckermannSpec, ChassisSpec, DifferentialSpec};
+pub use condition::{
+    AxisCondition, BytesCondition, Condition, EventCondition, Figure, FrameCondition, MapCondition,
+    Op, PoseCondition, RegisterCondition,
+};
 pub use device::{
     AvrBaseSpec, DeviceSpec, Hc06Spec, MountSpec, SupplySpec, TapSpec, TouchPanelSpec, TurnSpec,
     Xv11Spec,
 };
 pub use drives::DrivesSpec;
-pub use fault::{Condition, DirectionSpec, FaultKind, FaultSpec, Flaw, LinkSpec, Place, WhenSpec};
+pub use fault::{DirectionSpec, FaultKind, FaultSpec, Flaw, LinkSpec, Place, WhenSpec};
 pub use mission::{Action, Expect, Mission, ModeSpec, Step};
 pub use own::{
     AccessSpec, CommandSpec, OrderSpec, PeriodicSpec, RegisterSpec, RegistersSpec, SourceSpec,

@@ -3,6 +3,7 @@ use std::io::{self, Write as _};
 use clap::Args;
 
 use super::{CliError, Verdict};
+use crate::realtime::control;
 use crate::scenario::schema;
 
 /// Print the JSON Schema of a scenario file.
@@ -12,16 +13,23 @@ use crate::scenario::schema;
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig schema > scenario.schema.json       # for an editor\n  \
-    hilrig schema --markdown                   # the reference, docs/scenario.md\n\n\
+    hilrig schema --markdown                   # the reference, docs/scenario.md\n  \
+    hilrig schema --control                    # requests to the control socket\n\n\
     Exit codes: 0 printed, 2 the output cannot be written.")]
 pub(super) struct SchemaArgs {
     /// Print the reference for people instead
     #[arg(long)]
     markdown: bool,
+    /// Print the JSON Schema of a request to the control socket, see docs/control.md
+    #[arg(long, conflicts_with = "markdown")]
+    control: bool,
 }
 
 pub(super) fn run(args: &SchemaArgs) -> Result<Verdict, CliError> {
-    let schema = schema::json_schema();
+    let schema = match args.control {
+        true => control::json_schema(),
+        false => schema::json_schema(),
+    };
     let text = if args.markdown {
         schema::reference(&schema)
     } else {

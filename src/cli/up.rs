@@ -10,9 +10,10 @@ use super::show::{Show, ShowArgs};
 use super::stop::Stop;
 use super::{CliError, Verdict};
 use crate::capture::{self, Limits, Recording};
-use crate::realtime::clock::{Clock, WallClock, utc};
+use crate::realtime::clock::{Clock, utc};
 use crate::realtime::control::Control;
 use crate::realtime::exec;
+use crate::realtime::held::Held;
 use crate::realtime::transport::{Note, PortDir};
 use crate::realtime::{PortReport, Realtime};
 use crate::rig::Paced;
@@ -110,17 +111,19 @@ pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
     let mut show = args.show.start()?;
     show.begin(&mut going.run);
     // The clock starts last: setting up takes no time of the run.
-    let mut realtime = Realtime::new(WallClock::start());
+    let mut realtime = Realtime::new(Held::at(Instant::ZERO));
     for seat in seats {
         realtime.serve(seat.end, seat.transport);
     }
+    control.offer(realtime.places());
+    realtime.clock().let_go();
     let ended = go(&mut going, &mut realtime, &mut control, &mut show, &stop);
-    let wall = realtime.clock().now() - Instant::ZERO;
+    let wall = realtime.clock().waited();
     print_report(&realtime, &going.run);
     if control.delays().count() > 0 {
         println!("  faults changed by hand: {}", control.delays());
     }
-    let changed = control.delays().count() > 0 || show.has_changed_it();
+    let changed = control.changes() > 0 || show.has_changed_it();
     leave(&mut going.run, args.case, capture, changed)?;
     let verdict = match &args.out {
         Some(out) => {
@@ -140,7 +143,7 @@ pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
 }
 
 /// Whether anybody used a port: of a robot without a program nothing is to be said.
-fn connected(realtime: &Realtime<WallClock>) -> Check {
+fn connected(realtime: &Realtime<Held>) -> Check {
     let is_used = |report: &PortReport| report.traffic.to_client + report.traffic.from_client > 0;
     let used: Vec<String> = realtime
         .reports()
@@ -157,16 +160,18 @@ fn connected(realtime: &Realtime<WallClock>) -> Check {
 /// Goes on until it is time to stop, or a port is lost.
 fn go(
     going: &mut Going,
-    realtime: &mut Realtime<WallClock>,
+    realtime: &mut Realtime<Held>,
     control: &mut Control,
     show: &mut Show,
     stop: &Stop,
 ) -> Result<(), CliError> {
     let mut log = Log::default();
-    while !stop.is_due(realtime.clock().now()) && !going.is_over() {
+    while !stop.is_due(realtime.clock().now()) && !going.is_over() && !control.has_quit() {
         realtime.turn(going)?;
-        control.serve(&mut going.run, realtime.clock().now());
-        show.turn(&mut going.run, realtime.clock().now());
+        let clock = realtime.clock();
+        control.serve(&mut going.run, Some(clock), clock.now());
+        // A page goes on when rig time stands.
+        show.turn(&mut going.run, Instant::ZERO + clock.waited());
         exec::log_contacts(&mut going.run);
         log.follow(&going.run);
     }
@@ -270,7 +275,7 @@ impl Paced for Going {
     }
 }
 
-fn print_report(realtime: &Realtime<WallClock>, run: &Run) {
+fn print_report(realtime: &Realtime<Held>, run: &Run) {
     let (now, violations) = (run.rig.now(), run.rig.violations());
     println!("ran {now} s, {}", realtime.lateness());
     for report in realtime.reports() {

@@ -138,7 +138,7 @@ impl Trial {
         foreign: Foreign,
         log: &Path,
     ) -> Result<Self, ExecError> {
-        let control = Control::open(&dir)?;
+        let mut control = Control::open(&dir)?;
         dir.leave_note(Note::Scenario, &run.scenario().to_toml())?;
         let ports = ports_of(&seats, &foreign)?;
         let env = environment(&seats, &dir, &run);
@@ -146,6 +146,7 @@ impl Trial {
         for seat in seats {
             realtime.serve(seat.end, seat.transport);
         }
+        control.offer(realtime.places());
         let process = Process::start(&foreign.command, &env, Some(log));
         Ok(Self {
             process: process.map_err(ExecError::NotStarted)?,
@@ -181,7 +182,8 @@ impl Trial {
     /// Whether there is nothing more to see.
     pub fn is_over(&self) -> bool {
         let now = self.run.rig.now();
-        self.run.is_over() || self.gave_up || self.gone_at.is_some_and(|at| now - at >= SETTLE)
+        let is_done = self.run.is_over() || self.control.has_quit();
+        is_done || self.gave_up || self.gone_at.is_some_and(|at| now - at >= SETTLE)
     }
 
     /// Runs the rig on and looks at the program.
@@ -193,7 +195,8 @@ impl Trial {
         let behind = self.realtime.clock().now() - before;
         let turned = self.realtime.turn(&mut self.run);
         let now = self.run.rig.now();
-        self.control.serve(&mut self.run, now);
+        self.control
+            .serve(&mut self.run, Some(self.realtime.clock()), now);
         log_contacts(&mut self.run);
         let on_time = match behind > LATE {
             true => Duration::ZERO,
@@ -242,7 +245,7 @@ impl Trial {
     pub fn end(mut self) -> Judged {
         self.look_at_process(self.run.rig.now());
         let farewell = self.process.end(Patience::FAIR);
-        let is_over = self.run.is_over();
+        let is_over = self.run.is_over() || self.control.has_quit();
         let recorded = self.run.rig.finish_taps();
         let lateness = self.realtime.lateness().clone();
         // The ports stay until the program has ended: it is not to be told that they went away.

@@ -1,4 +1,4 @@
-//! A clock that stands until somebody's program is ready.
+//! A clock that can be held: rig time that stands, goes on, steps, and goes slower or faster.
 
 use core::cell::Cell;
 use core::time::Duration;
@@ -7,13 +7,24 @@ use protocols::Instant;
 
 use super::clock::{Clock, WallClock};
 
-/// A wall clock that stands at a moment until it is let go: the rig waits there, its devices at
-/// work, until somebody's program has opened its ports.
+/// Slowest and fastest that rig time may go while ports are open, seconds per second. Beyond the
+/// fastest the rig would not keep up with what it has to carry.
+pub const SPEEDS: [f64; 2] = [0.01, 4.0];
+/// Longest step.
+pub const STEP_MAX: Duration = Duration::from_secs(600);
+
+/// A wall clock that stands at a moment until it is let go, and can be held again: the rig waits
+/// there, its devices at work, its ports open. What clients send meanwhile waits at their ports.
 #[derive(Debug)]
 pub struct Held {
     wall: WallClock,
-    stands_at: Instant,
-    let_go_at: Cell<Option<Instant>>,
+    /// A pair of moments that belong together: of the wall clock, of the rig.
+    anchor: Cell<[Instant; 2]>,
+    goes: Cell<bool>,
+    has_begun: Cell<bool>,
+    speed: Cell<f64>,
+    /// Where a step ends.
+    stops_at: Cell<Option<Instant>>,
 }
 
 impl Held {
@@ -21,26 +32,78 @@ impl Held {
     pub fn at(moment: Instant) -> Self {
         Self {
             wall: WallClock::start(),
-            stands_at: moment,
-            let_go_at: Cell::new(None),
+            anchor: Cell::new([Instant::ZERO, moment]),
+            goes: Cell::new(false),
+            has_begun: Cell::new(false),
+            speed: Cell::new(1.0),
+            stops_at: Cell::new(None),
         }
     }
 
-    /// Time since it was made, standing or not.
+    /// Wall time since it was made, standing or not.
     pub fn waited(&self) -> Duration {
         self.wall.now() - Instant::ZERO
     }
 
     /// From now on it goes.
     pub fn let_go(&self) {
-        self.let_go_at.set(Some(self.wall.now()));
+        self.set_anchor();
+        self.goes.set(true);
+        self.has_begun.set(true);
+        self.stops_at.set(None);
+    }
+
+    /// From now on it stands.
+    pub fn hold(&self) {
+        self.set_anchor();
+        self.goes.set(false);
+    }
+
+    /// Goes on for `by` and then stands; where that is.
+    pub fn step(&self, by: Duration) -> Instant {
+        let end = self.now() + by.min(STEP_MAX);
+        self.let_go();
+        self.stops_at.set(Some(end));
+        end
+    }
+
+    /// Goes at `speed`, seconds of the rig per second within [`SPEEDS`], now or when it goes next.
+    pub fn set_speed(&self, speed: f64) {
+        self.set_anchor();
+        self.speed.set(speed.clamp(SPEEDS[0], SPEEDS[1]));
+    }
+
+    /// Whether it was ever let go.
+    pub const fn has_begun(&self) -> bool {
+        self.has_begun.get()
+    }
+
+    /// Whether it stands.
+    pub fn stands(&self) -> bool {
+        !self.goes.get() || self.stops_at.get().is_some_and(|end| self.now() >= end)
+    }
+
+    /// Seconds of the rig per second, when it goes.
+    pub const fn speed(&self) -> f64 {
+        self.speed.get()
+    }
+
+    fn set_anchor(&self) {
+        self.anchor.set([self.wall.now(), self.now()]);
     }
 }
 
 impl Clock for Held {
     fn now(&self) -> Instant {
-        let since = self.let_go_at.get();
-        self.stands_at + since.map_or(Duration::ZERO, |since| self.wall.now() - since)
+        let [wall, moment] = self.anchor.get();
+        if !self.goes.get() {
+            return moment;
+        }
+        let (since, speed) = (self.wall.now() - wall, self.speed.get());
+        // The usual case, to the nanosecond.
+        let is_real = (speed - 1.0).abs() < f64::EPSILON;
+        let now = moment + if is_real { since } else { since.mul_f64(speed) };
+        self.stops_at.get().map_or(now, |end| now.min(end))
     }
 
     fn sleep_until(&self, deadline: Instant) {
@@ -62,5 +125,36 @@ mod tests {
         held.let_go();
         held.sleep_until(moment + Duration::from_millis(2));
         assert!(held.now() >= moment + Duration::from_millis(2));
+    }
+
+    #[test]
+    fn held_again_it_loses_no_time_and_a_step_ends_where_it_says() {
+        let (held, millis) = (Held::at(Instant::ZERO), Duration::from_millis);
+        assert!(held.stands() && !held.has_begun());
+        held.let_go();
+        held.hold();
+        let stood = held.now();
+        held.sleep_until(stood + millis(3));
+        assert_eq!(held.now(), stood);
+        let end = held.step(millis(1));
+        assert_eq!(end, stood + millis(1));
+        held.sleep_until(stood + millis(5));
+        assert!(held.stands());
+        assert_eq!(held.now(), end);
+        held.let_go();
+        assert!(!held.stands() && held.now() >= end);
+    }
+
+    #[test]
+    fn at_another_speed_time_never_runs_back() {
+        let held = Held::at(Instant::ZERO);
+        held.let_go();
+        held.sleep_until(Instant::from_millis(2));
+        let before = held.now();
+        held.set_speed(0.01);
+        let after = held.now();
+        assert!(after >= before && after < before + Duration::from_millis(500));
+        held.set_speed(1e9);
+        assert!((held.speed() - SPEEDS[1]).abs() < 1e-9);
     }
 }

@@ -348,7 +348,9 @@ fn script(scenario: &Scenario, source: &Source) -> Result<pc::Script, ScenarioEr
             action,
         });
     }
-    let mut timed: Vec<&Step> = mission.step.iter().collect();
+    // Steps with a condition are handed over when it has come true.
+    let timed = mission.step.iter().filter(|step| step.at.is_some());
+    let mut timed: Vec<&Step> = timed.collect();
     timed.sort_by_key(|step| step.at);
     steps.extend(timed.into_iter().map(pc_step));
     pc::Script::new(steps)
@@ -358,7 +360,7 @@ fn script(scenario: &Scenario, source: &Source) -> Result<pc::Script, ScenarioEr
 /// A step of the mission as the PC does it.
 fn pc_step(step: &Step) -> pc::Step {
     pc::Step {
-        when: pc::When::At(step.at.0),
+        when: pc::When::At(step.at.unwrap_or_default().0),
         action: pc_action(&step.action),
     }
 }

@@ -15,11 +15,16 @@ impl Run {
     /// # Errors
     /// If the rig has no PC, or the action is beyond the limits of its protocol.
     pub fn command(&mut self, action: Action) -> Result<(), CommandError> {
-        let millis = self.rig.now().as_millis() + 1;
-        let step = Step {
-            at: Span::from_millis(millis),
-            action,
-        };
+        let at = self.order(action)?;
+        self.go_on_until(at);
+        Ok(())
+    }
+
+    /// Puts `action` into the PC's script for the next whole millisecond, and into the scenario's
+    /// mission; when that is.
+    pub(super) fn order(&mut self, action: Action) -> Result<Instant, CommandError> {
+        let at = Span::from_millis(self.rig.now().as_millis() + 1);
+        let step = Step::at(at, action);
         let steps = &mut self.scenario.mission.step;
         steps.sort_by_key(|step| step.at);
         let index = steps.partition_point(|other| other.at <= step.at);
@@ -28,8 +33,7 @@ impl Run {
         let inserted = station.insert_step(steps.len(), index, &step);
         inserted.map_err(CommandError::Script)?;
         steps.insert(index, step);
-        self.go_on_until(Instant::from_millis(millis));
-        Ok(())
+        Ok(at.instant())
     }
 
     /// Taps on the robot's display at `place`, column and row, within a millisecond, to which the
@@ -156,7 +160,7 @@ mod tests {
             .mission
             .step
             .iter()
-            .map(|s| s.at.instant().as_millis())
+            .map(|s| s.at.expect("a time").instant().as_millis())
             .collect();
         assert_eq!(times, [2_501, 3_000, 4_001, 4_002, 6_000, 8_001]);
         let outcome = again(&case).finish();

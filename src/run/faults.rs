@@ -108,13 +108,11 @@ impl Run {
         if self.waiting.is_empty() {
             return;
         }
-        let pose = self.rig.world.pose();
         let from = Some(Span(self.next_instant() - Instant::ZERO));
         for id in core::mem::take(&mut self.waiting) {
             let fault = &self.scenario.fault[id.0];
             let condition = fault.when.as_ref().and_then(|when| when.condition().ok());
-            let register = |device: &str, address| self.rig.register(device, address);
-            if condition.is_some_and(|condition| condition.holds(pose, register)) {
+            if condition.is_some_and(|condition| self.holds_now(&condition)) {
                 let begun = FaultSpec {
                     from,
                     when: None,
@@ -241,6 +239,7 @@ impl Run {
             tool: concat!("hilrig ", env!("CARGO_PKG_VERSION")).to_owned(),
             trace_hash: self.rig.trace_hash(),
         });
+        case.mission.step.extend(self.steps.left());
         let ran = self.rig.now() - Instant::ZERO;
         case.duration = case.duration.max(Span(ran));
         // What was struck is written out, so there is no budget to be kept any more.

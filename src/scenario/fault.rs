@@ -17,7 +17,7 @@ use crate::rig::line::Direction;
 
 pub(super) use kind::TIME_KEYS;
 pub use kind::{FaultKind, Place};
-pub use when::{Condition, WhenSpec};
+pub use when::WhenSpec;
 
 /// Settings of a link.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]

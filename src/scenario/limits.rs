@@ -26,6 +26,11 @@ pub(super) fn check(scenario: &Scenario, source: &Source) -> Result<(), Scenario
         return Err(source.invalid(span, "mission.waypoints_m", message));
     }
     for (index, step) in scenario.mission.step.iter().enumerate() {
+        if let Err(flaw) = step.check() {
+            let span = source.find_in_list("mission.step", index, "do");
+            let key = format!("mission.step[{index}].{}", flaw.key);
+            return Err(source.invalid(span, key, flaw.message));
+        }
         if let Action::WaypointsM(waypoints) = &step.action
             && let Some(message) = beyond(waypoints)
         {

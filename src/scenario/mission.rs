@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Span;
+use super::{Condition, Flaw, Span};
 
 /// What the robot has to do.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -16,7 +16,7 @@ pub struct Mission {
     /// When the PC connects to the radio, counted from the start of the run.
     #[serde(default = "default_connect")]
     pub connect: Span,
-    /// What else the PC does, at given times.
+    /// What else the PC does, at given times or when something has come true.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub step: Vec<Step>,
     /// Goes on until the scenario's `duration`, even if all waypoints are visited before.
@@ -31,15 +31,49 @@ impl Mission {
     }
 }
 
-/// Something that the PC does.
+/// Something that the PC does: at a time, or when a condition has come true.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Step {
     /// When, counted from the start of the run.
-    pub at: Span,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub at: Option<Span>,
+    /// Instead of `at`: what is waited for, as in `docs/control.md`, from when the steps before it
+    /// are done. If it does not come true, the run fails.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub when: Option<Condition>,
+    /// With `when`: how long is waited at most; until the end of the run if not given. The steps
+    /// with a condition that come after it are then not done either.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub timeout: Option<Span>,
     /// What the PC does then.
     #[serde(rename = "do")]
     pub action: Action,
+}
+
+impl Step {
+    /// `action` at a time.
+    pub const fn at(at: Span, action: Action) -> Self {
+        Self {
+            at: Some(at),
+            when: None,
+            timeout: None,
+            action,
+        }
+    }
+
+    /// Whether its keys make sense together.
+    ///
+    /// # Errors
+    /// A flaw that names the key.
+    pub fn check(&self) -> Result<(), Flaw> {
+        match (self.at, &self.when, self.timeout) {
+            (Some(_), None, None) => Ok(()),
+            (None, Some(when), _) => when.check(),
+            (Some(_), None, Some(_)) => Err(Flaw::new("timeout", "expected only beside when")),
+            _ => Err(Flaw::new("at", "expected at or when, and not both")),
+        }
+    }
 }
 
 /// What the PC can do.

@@ -5,6 +5,7 @@
 
 mod client;
 mod control;
+mod control_api;
 mod directory;
 mod fuzz_dut;
 mod processes;

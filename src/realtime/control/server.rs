@@ -1,28 +1,26 @@
 //! The socket and its clients.
 
-use core::time::Duration;
 use std::fs;
-use std::io::{self, Read as _, Write as _};
+use std::io;
 use std::os::unix::fs::FileTypeExt as _;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 
 use protocols::Instant;
 
-use super::{Answer, LINE_MAX, obey};
+use super::answer::Refusal;
+use super::client::Client;
+use super::perform::{Office, Port, Tally, apart};
 use crate::realtime::Lateness;
+use crate::realtime::held::Held;
 use crate::realtime::transport::{PortDir, TransportError};
 use crate::run::Run;
-use crate::scenario::Flaw;
 
 /// Name of the socket in the directory of the ports.
 pub const NAME: &str = "control";
-/// Most clients at once; further ones wait until one leaves.
-const CLIENTS_MAX: usize = 16;
-/// Most requests of one client in one look: nobody may keep the rig from its work.
-const REQUESTS_MAX: usize = 8;
-/// Answers that may wait for a client that does not read; beyond, it is hung up on.
-const UNREAD_MAX: usize = 4 << 20;
+/// Most clients at once. When one more comes, the one that is idle and was silent for longest is
+/// hung up on.
+pub const CLIENTS_MAX: usize = 64;
 
 /// Takes requests of any number of clients.
 #[derive(Debug)]
@@ -30,6 +28,9 @@ pub struct Control {
     path: PathBuf,
     listener: UnixListener,
     clients: Vec<Client>,
+    ports: Vec<Port>,
+    tally: Tally,
+    looks: u64,
     looked_at: Instant,
     delays: Lateness,
 }
@@ -60,31 +61,93 @@ impl Control {
             path,
             listener,
             clients: Vec::new(),
+            ports: Vec::new(),
+            tally: Tally::default(),
+            looks: 0,
             looked_at: Instant::ZERO,
             delays: Lateness::default(),
         })
     }
 
-    /// Does what clients have asked for; `now` is the time of the rig's clock. Never waits.
-    pub fn serve(&mut self, run: &mut Run, now: Instant) {
-        while self.clients.len() < CLIENTS_MAX
-            && let Ok((stream, _)) = self.listener.accept()
-        {
-            if stream.set_nonblocking(true).is_ok() {
-                self.clients.push(Client::new(stream));
-            }
-        }
+    /// Lets clients know of the rig's ports: each one's name, where it is, its rate in bit/s.
+    pub fn offer<'a>(&mut self, ports: impl IntoIterator<Item = (&'a str, &'a Path, u32)>) {
+        let port = |(name, path, baud): (&str, &Path, u32)| Port {
+            name: name.to_owned(),
+            path: path.to_owned(),
+            baud,
+        };
+        self.ports.extend(ports.into_iter().map(port));
+    }
+
+    /// Does what clients have asked for. `now` is the time of the rig's clock; `tempo` is what
+    /// moves it, if clients may. Never waits.
+    pub fn serve(&mut self, run: &mut Run, tempo: Option<&Held>, now: Instant) {
+        self.looks += 1;
+        self.accept();
         let since_last = now - self.looked_at;
         self.looked_at = now;
+        let mut office = Office {
+            run,
+            tempo,
+            ports: &self.ports,
+            clients: self.clients.len(),
+            tally: &mut self.tally,
+        };
         for client in &mut self.clients {
-            for answer in client.serve(run, now) {
+            for answer in client.serve(&mut office, now, self.looks) {
                 if let Some(applied) = answer.applied {
                     self.delays
                         .record(since_last + apart(now, applied.instant()));
                 }
             }
         }
-        self.clients.retain(|client| !client.is_gone);
+        self.clients.retain(|client| !client.is_gone());
+    }
+
+    fn accept(&mut self) {
+        for _ in 0..CLIENTS_MAX {
+            let Ok((stream, _)) = self.listener.accept() else {
+                return;
+            };
+            if stream.set_nonblocking(true).is_err() {
+                continue;
+            }
+            let mut newcomer = Client::new(stream, self.looks);
+            if self.clients.len() >= CLIENTS_MAX && !self.make_room() {
+                let message = format!("{CLIENTS_MAX} clients wait here, expected no more");
+                newcomer.hang_up(Refusal::new("clients", message));
+            } else {
+                self.clients.push(newcomer);
+            }
+        }
+    }
+
+    /// Hangs up on one that is idle, if any is; whether one was.
+    fn make_room(&mut self) -> bool {
+        let idle = self.clients.iter().enumerate();
+        let idle = idle.filter_map(|(index, client)| Some((client.idle_since()?, index)));
+        let Some((_, index)) = idle.min() else {
+            return false;
+        };
+        let message = format!("hung up: silent for longest of {CLIENTS_MAX}, and another one came");
+        self.clients[index].hang_up(Refusal::new("clients", message));
+        self.clients.remove(index);
+        true
+    }
+
+    /// Whether a client wants the run to end.
+    pub const fn has_quit(&self) -> bool {
+        self.tally.quits
+    }
+
+    /// How often clients have changed the run.
+    pub const fn changes(&self) -> u64 {
+        self.tally.changes
+    }
+
+    /// How many requests there were, and how many of them were refused.
+    pub const fn requests(&self) -> [u64; 2] {
+        [self.tally.requests, self.tally.refused]
     }
 
     /// How long after its request each change was in force, at most: the time since the rig had
@@ -96,12 +159,9 @@ impl Control {
 
 impl Drop for Control {
     fn drop(&mut self) {
+        self.clients.iter_mut().for_each(Client::end);
         let _ = fs::remove_file(&self.path);
     }
-}
-
-fn apart(a: Instant, b: Instant) -> Duration {
-    a.max(b) - a.min(b)
 }
 
 /// Whether a socket stands at `path` that nobody listens on.
@@ -109,89 +169,4 @@ fn is_left_behind(path: &Path) -> bool {
     let is_socket = fs::symlink_metadata(path).is_ok_and(|found| found.file_type().is_socket());
     let refused = |error: io::Error| error.kind() == io::ErrorKind::ConnectionRefused;
     is_socket && UnixStream::connect(path).is_err_and(refused)
-}
-
-#[derive(Debug)]
-struct Client {
-    stream: UnixStream,
-    request: Vec<u8>,
-    /// A request that was too long is being skipped up to its line end.
-    skips: bool,
-    unread: Vec<u8>,
-    is_gone: bool,
-}
-
-impl Client {
-    const fn new(stream: UnixStream) -> Self {
-        Self {
-            stream,
-            request: Vec::new(),
-            skips: false,
-            unread: Vec::new(),
-            is_gone: false,
-        }
-    }
-
-    fn serve(&mut self, run: &mut Run, now: Instant) -> Vec<Answer> {
-        let mut answers = Vec::new();
-        while answers.len() < REQUESTS_MAX {
-            match self.next_line() {
-                None => break,
-                Some(Err(flaw)) => answers.push(flaw.into()),
-                Some(Ok(line)) => answers.push(obey(run, &line, now)),
-            }
-        }
-        let lines = answers.iter().map(Answer::line);
-        lines.for_each(|line| self.unread.extend_from_slice(line.as_bytes()));
-        self.write();
-        answers
-    }
-
-    /// The next whole line, or that it is too long.
-    fn next_line(&mut self) -> Option<Result<Vec<u8>, Flaw>> {
-        loop {
-            if let Some(end) = self.request.iter().position(|&byte| byte == b'\n') {
-                let line: Vec<u8> = self.request.drain(..=end).collect();
-                if !core::mem::take(&mut self.skips) {
-                    return Some(Ok(line));
-                }
-                continue;
-            }
-            if self.request.len() >= LINE_MAX {
-                self.request.clear();
-                if !core::mem::replace(&mut self.skips, true) {
-                    let message = format!("is too long, expected at most {LINE_MAX} bytes a line");
-                    return Some(Err(Flaw::new("request", message)));
-                }
-            }
-            let mut buf = [0; 4096];
-            let room = (LINE_MAX - self.request.len()).min(buf.len());
-            match self.stream.read(&mut buf[..room]) {
-                Ok(0) => {
-                    self.is_gone = true;
-                    return None;
-                }
-                Ok(len) => self.request.extend_from_slice(&buf[..len]),
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-                Err(error) => {
-                    self.is_gone |= error.kind() != io::ErrorKind::WouldBlock;
-                    return None;
-                }
-            }
-        }
-    }
-
-    fn write(&mut self) {
-        while !self.unread.is_empty() {
-            match self.stream.write(&self.unread) {
-                Ok(len) => drop(self.unread.drain(..len)),
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-                Err(error) => {
-                    self.is_gone |=
-                        error.kind() != io::ErrorKind::WouldBlock || self.unread.len() > UNREAD_MAX;
-                    return;
-                }
-            }
-        }
-    }
 }

@@ -1,10 +1,10 @@
 //! What a fault waits for.
 
-use emulators::world::Pose;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Flaw;
+use crate::scenario::condition::{Condition, Op, PoseCondition, RegisterCondition};
 
 /// A condition that begins a fault: a register's value, or where the robot truly is.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -30,27 +30,6 @@ pub struct WhenSpec {
     pub within_m: Option<f64>,
 }
 
-/// A condition that makes sense.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Condition {
-    /// A register's value lies in a range.
-    Register {
-        /// Whose.
-        device: String,
-        /// Which.
-        register: u8,
-        /// Least and greatest value.
-        range: [u8; 2],
-    },
-    /// The robot is in a circle.
-    Near {
-        /// Middle, m.
-        place: [f64; 2],
-        /// Radius, m.
-        within: f64,
-    },
-}
-
 impl WhenSpec {
     /// What is meant.
     ///
@@ -61,39 +40,24 @@ impl WhenSpec {
         let flaw = || Flaw::new("when", expected);
         match (&self.device, self.register, self.near_m, self.within_m) {
             (Some(device), Some(register), None, None) => {
-                let range = match (self.equals, self.at_least) {
-                    (Some(value), None) => [value; 2],
-                    (None, Some(least)) => [least, u8::MAX],
+                let (op, value) = match (self.equals, self.at_least) {
+                    (Some(value), None) => (Op::Equal, value),
+                    (None, Some(least)) => (Op::AtLeast, least),
                     _ => return Err(flaw()),
                 };
-                Ok(Condition::Register {
+                Ok(Condition::Register(RegisterCondition {
                     device: device.clone(),
-                    register,
-                    range,
-                })
+                    address: register,
+                    op,
+                    value,
+                }))
             }
-            (None, None, Some(place), Some(within))
-                if self.equals.is_none() && self.at_least.is_none() && within > 0.0 =>
+            (None, None, Some(near_m), Some(within_m))
+                if self.equals.is_none() && self.at_least.is_none() && within_m > 0.0 =>
             {
-                Ok(Condition::Near { place, within })
+                Ok(Condition::Pose(PoseCondition { near_m, within_m }))
             }
             _ => Err(flaw()),
-        }
-    }
-}
-
-impl Condition {
-    /// Whether it holds; `register` looks a register of a device up.
-    pub fn holds(&self, pose: Pose, register: impl FnOnce(&str, u8) -> Option<u8>) -> bool {
-        match self {
-            Self::Register {
-                device,
-                register: address,
-                range: [least, most],
-            } => register(device, *address).is_some_and(|value| (*least..=*most).contains(&value)),
-            Self::Near { place, within } => {
-                libm::hypot(pose.x - place[0], pose.y - place[1]) <= *within
-            }
         }
     }
 }

@@ -77,7 +77,8 @@ at = "4s"
 do = { mode = "stop" }
 
 [[mission.step]]
-at = "5s"
+when = { pose = { near_m = [1.5, 1.9], within_m = 0.3 } }
+timeout = "20s"
 do = "disconnect"
 "#,
     ),

@@ -39,8 +39,5 @@ pub(super) fn once_more(waypoints: &[[f64; 2]]) -> [Step; 3] {
 }
 
 fn step(at: u64, action: Action) -> Step {
-    Step {
-        at: Span::from_millis(at),
-        action,
-    }
+    Step::at(Span::from_millis(at), action)
 }

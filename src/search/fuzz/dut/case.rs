@@ -129,7 +129,7 @@ pub(super) fn quiet(scenario: &Scenario, lasting: Duration) -> Scenario {
     let mut quiet = scenario.clone();
     quiet.mission.connect = Span(quiet.mission.connect.0 + WARM_UP);
     for step in &mut quiet.mission.step {
-        step.at = Span(step.at.0 + WARM_UP);
+        step.at = step.at.map(|at| Span(at.0 + WARM_UP));
     }
     quiet.expect = Expect::default();
     quiet.fault.clear();

@@ -1,0 +1,171 @@
+//! One client of the socket: its lines in, its answers out.
+
+use std::io::{self, Read as _, Write as _};
+use std::os::unix::net::UnixStream;
+
+use protocols::Instant;
+
+use super::LINE_MAX;
+use super::answer::{Answer, Refusal};
+use super::perform::{Office, Pending, Reply, Session};
+
+/// Most requests of one client in one look: nobody may keep the rig from its work.
+const REQUESTS_MAX: usize = 8;
+/// Answers that may wait for a client that does not read, bytes; as long as there are more, none
+/// of its requests are done.
+const UNREAD_MAX: usize = 64 << 10;
+
+#[derive(Debug)]
+pub(super) struct Client {
+    stream: UnixStream,
+    session: Session,
+    request: Vec<u8>,
+    /// A request that was too long is being skipped up to its line end.
+    skips: bool,
+    /// What the answer to the last request waits for.
+    pending: Option<Pending>,
+    unread: Vec<u8>,
+    /// It will send nothing more.
+    has_ended: bool,
+    is_broken: bool,
+    /// Look at which it was last heard.
+    heard: u64,
+}
+
+impl Client {
+    pub(super) fn new(stream: UnixStream, look: u64) -> Self {
+        Self {
+            stream,
+            session: Session::default(),
+            request: Vec::new(),
+            skips: false,
+            pending: None,
+            unread: Vec::new(),
+            has_ended: false,
+            is_broken: false,
+            heard: look,
+        }
+    }
+
+    /// Whether there is nothing more to do for it.
+    pub(super) fn is_gone(&self) -> bool {
+        let is_done = self.pending.is_none() && self.unread.is_empty();
+        self.is_broken || (self.has_ended && is_done)
+    }
+
+    /// Since which look it is idle, if it is: it waits for nothing, or would not hear of it.
+    pub(super) fn idle_since(&self) -> Option<u64> {
+        (self.pending.is_none() || self.has_ended).then_some(self.heard)
+    }
+
+    /// Does what it wants by now; the answers.
+    pub(super) fn serve(
+        &mut self,
+        office: &mut Office<'_>,
+        now: Instant,
+        look: u64,
+    ) -> Vec<Answer> {
+        let mut answers = Vec::new();
+        self.write();
+        self.fill(look);
+        while answers.len() < REQUESTS_MAX && self.unread.len() <= UNREAD_MAX {
+            let reply = match self.pending.take() {
+                Some(pending) => office.look_again(pending),
+                None => match self.next_line(look) {
+                    None => break,
+                    Some(Err(refusal)) => {
+                        office.tally.requests += 1;
+                        office.tally.refused += 1;
+                        Reply::Now(refusal.into())
+                    }
+                    Some(Ok(line)) => office.perform(&mut self.session, &line, now),
+                },
+            };
+            match reply {
+                Reply::Now(answer) => {
+                    self.unread.extend_from_slice(answer.line().as_bytes());
+                    answers.push(answer);
+                }
+                Reply::Later(pending) => {
+                    self.pending = Some(pending);
+                    break;
+                }
+            }
+        }
+        self.write();
+        answers
+    }
+
+    /// Says something that was not asked for, and hangs up.
+    pub(super) fn hang_up(&mut self, refusal: Refusal) {
+        let answer = Answer::from(refusal);
+        self.unread.extend_from_slice(answer.line().as_bytes());
+        self.write();
+        self.is_broken = true;
+    }
+
+    /// Says that a run has ended to one that waits for something in it.
+    pub(super) fn end(&mut self) {
+        if self.pending.take().is_some() {
+            self.hang_up(Refusal::new("run", "the run has ended"));
+        }
+    }
+
+    /// The next whole line, or that it is too long.
+    fn next_line(&mut self, look: u64) -> Option<Result<Vec<u8>, Refusal>> {
+        loop {
+            if let Some(end) = self.request.iter().position(|&byte| byte == b'\n') {
+                let line: Vec<u8> = self.request.drain(..=end).collect();
+                if !core::mem::take(&mut self.skips) {
+                    return Some(Ok(line));
+                }
+                continue;
+            }
+            if self.request.len() >= LINE_MAX {
+                self.request.clear();
+                if !core::mem::replace(&mut self.skips, true) {
+                    let message = format!("is too long, expected at most {LINE_MAX} bytes a line");
+                    return Some(Err(Refusal::new("request", message)));
+                }
+            }
+            if !self.fill(look) {
+                return None;
+            }
+        }
+    }
+
+    /// Reads what there is, up to the length of a line; whether there was anything.
+    fn fill(&mut self, look: u64) -> bool {
+        let mut buf = [0; 4096];
+        let room = LINE_MAX.saturating_sub(self.request.len()).min(buf.len());
+        if room == 0 || self.has_ended {
+            return false;
+        }
+        loop {
+            match self.stream.read(&mut buf[..room]) {
+                Ok(0) => self.has_ended = true,
+                Ok(len) => {
+                    self.request.extend_from_slice(&buf[..len]);
+                    self.heard = look;
+                    return true;
+                }
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+                Err(error) => self.is_broken |= error.kind() != io::ErrorKind::WouldBlock,
+            }
+            return false;
+        }
+    }
+
+    fn write(&mut self) {
+        while !self.unread.is_empty() {
+            match self.stream.write(&self.unread) {
+                Ok(len) => drop(self.unread.drain(..len)),
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(error) => {
+                    self.is_broken |= error.kind() != io::ErrorKind::WouldBlock;
+                    return;
+                }
+            }
+        }
+    }
+}

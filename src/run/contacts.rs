@@ -1,0 +1,72 @@
+//! What the robot touched, for several who ask at their own times.
+
+use std::collections::VecDeque;
+
+use emulators::world::Contact;
+
+/// Contacts that are kept; older ones are only counted.
+const CONTACTS_MAX: usize = 1000;
+
+/// The contacts of a run, the latest thousand of them kept.
+#[derive(Clone, Debug, Default)]
+pub struct Contacts {
+    kept: VecDeque<Contact>,
+    count: u64,
+    taken: u64,
+}
+
+impl Contacts {
+    /// How many there were.
+    pub const fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// Those that are kept after the first `seen`, oldest first.
+    pub fn since(&self, seen: u64) -> impl Iterator<Item = &Contact> {
+        let gone = self.count - self.kept.len() as u64;
+        let skip = usize::try_from(seen.saturating_sub(gone)).unwrap_or(usize::MAX);
+        self.kept.iter().skip(skip)
+    }
+
+    pub(super) fn extend(&mut self, contacts: Vec<Contact>) {
+        self.count += contacts.len() as u64;
+        self.kept.extend(contacts);
+        let surplus = self.kept.len().saturating_sub(CONTACTS_MAX);
+        self.kept.drain(..surplus);
+    }
+
+    pub(super) fn take(&mut self) -> Vec<Contact> {
+        let new = self.since(self.taken).copied().collect();
+        self.taken = self.count;
+        new
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use emulators::world::Point;
+    use protocols::Instant;
+
+    use super::*;
+
+    fn touches(count: u64) -> Vec<Contact> {
+        let touch = |millis| Contact {
+            at: Instant::from_millis(millis),
+            speed_m_s: 0.1,
+            place: Point::new(0.0, 0.0),
+        };
+        (0..count).map(touch).collect()
+    }
+
+    #[test]
+    fn each_who_asks_gets_what_is_new_and_the_oldest_are_only_counted() {
+        let mut contacts = Contacts::default();
+        contacts.extend(touches(3));
+        assert_eq!(contacts.take().len(), 3);
+        assert_eq!(contacts.since(1).count(), 2);
+        contacts.extend(touches(1500));
+        assert_eq!((contacts.count(), contacts.since(3).count()), (1503, 1000));
+        assert_eq!(contacts.since(1502).count(), 1);
+        assert_eq!((contacts.take().len(), contacts.take().len()), (1000, 0));
+    }
+}
