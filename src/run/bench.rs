@@ -186,8 +186,8 @@ fn wait(run: &mut Run, deadline: Instant) {
 /// | `write` | takes bytes as long as the driver's buffer of 4096 bytes has room; else waits |
 /// | `flush` | waits until the last bit has left |
 ///
-/// When the scenario's time is up the port is hung up: `read` gives 0 bytes, `write` and `flush` are
-/// a `BrokenPipe`; so a program that serves its ports for ever ends all the same. As with a real
+/// When the scenario's time is up the port is hung up: `read` gives 0 bytes, `write` and `flush`
+/// are a `BrokenPipe`; so a program that serves its ports for ever ends all the same. As with a real
 /// driver, bytes beyond 4096 that nobody reads are lost. On a link that carries messages one read
 /// gives one message, whose rest is lost if `buf` is too short, and one write is one.
 #[derive(Clone, Debug)]
