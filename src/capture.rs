@@ -26,10 +26,11 @@ use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::Path;
 
+pub use files::Limits;
 pub(crate) use join::event_words;
 use pcapng::{Block, BlockError, Blocks};
 pub use record::{Interface, Kind, Record, Section, Sent};
-pub use recording::{Limits, Recording, about, about_live};
+pub use recording::{Recording, about, about_live};
 
 /// What comes next in a capture.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -4,6 +4,8 @@
 //! its [faults](rig::fault) and shows it to the [trace](rig::trace), the [`rig`] hands it to the
 //! robot's program ([`firmware_core`]) and carries the answer back.
 //!
+//! From another crate `use hilrig::prelude::*`: see the [`prelude`].
+//!
 //! Each room stands only on those below it:
 //!
 //! | room | is |
@@ -29,6 +31,7 @@ mod hex;
 mod html;
 pub mod museum;
 pub mod picture;
+pub mod prelude;
 pub mod realtime;
 mod registry;
 pub mod rig;
@@ -40,6 +43,10 @@ pub mod show;
 pub mod slam;
 
 pub use registry::NameTaken;
+/// The crates below, so that another crate needs this one alone; see the [`prelude`].
+pub use {emulators, firmware_core, protocols};
+/// What the settings of a device of one's own are derived with.
+pub use {schemars, serde, toml};
 
 /// Name of the tool as written into results.
 pub const TOOL: &str = "hilrig";

@@ -1,6 +1,7 @@
 //! One run of a scenario in virtual time: wired, driven, watched, judged.
 
 mod agenda;
+pub mod bench;
 pub mod check;
 mod command;
 mod condition;
@@ -9,6 +10,7 @@ mod faults;
 pub mod history;
 mod line_watch;
 pub mod mission;
+pub mod scene;
 pub mod score;
 mod steps;
 pub mod watch;
@@ -22,7 +24,7 @@ use protocols::Instant;
 use crate::picture::Picture;
 use crate::rig::fault::FaultId;
 use crate::rig::{Logged, Paced, Rig};
-use crate::robots::{self, Dut, Instruments, KeptMap, PcEnd, Wired};
+use crate::robots::{self, Axis, Dut, Instruments, KeptMap, Panel, PcEnd, Wired};
 use crate::run::check::{Check, Checker, Status};
 use crate::run::history::History;
 use crate::run::mission::Progress;
@@ -30,8 +32,6 @@ use crate::run::score::{PoseError, PosePair, WallOverlap};
 use crate::run::watch::Watchers;
 use crate::scenario::world::PushSpec;
 use crate::scenario::{Scenario, ScenarioError, Source};
-use crate::show::render;
-use crate::show::view;
 
 use agenda::Agenda;
 pub use command::CommandError;
@@ -95,13 +95,17 @@ pub struct Outcome {
     /// The program's map.
     pub map: Option<KeptMap>,
     /// What is solid, obstacles where they were in the end.
-    pub scene: view::Scene,
+    pub scene: scene::Scene,
     /// Radius of the robot.
     pub radius_m: f64,
     /// The run over its time.
     pub history: History,
     /// What the robot's display showed in the end.
     pub display: Option<Picture>,
+    /// What the robot was told to do and did in the end.
+    pub axes: Vec<Axis>,
+    /// Its values in the end.
+    pub panels: Vec<Panel>,
     /// The program's counters.
     pub counters: BTreeMap<&'static str, u64>,
     /// What devices reported.
@@ -120,6 +124,37 @@ impl Outcome {
         let is = |status| self.checks.iter().any(|check| check.status == status);
         is(Status::Pass) && !is(Status::Fail)
     }
+
+    /// For tests: the run must have passed.
+    ///
+    /// # Panics
+    /// If it has not, with the failed checks, or with all of them if nothing was judged.
+    #[track_caller]
+    pub fn assert_passed(&self) {
+        if self.passed() {
+            return;
+        }
+        let failed = self
+            .checks
+            .iter()
+            .filter(|check| check.status == Status::Fail);
+        let mut lines: Vec<String> = failed.map(ToString::to_string).collect();
+        if lines.is_empty() {
+            lines = self.checks.iter().map(ToString::to_string).collect();
+            lines.insert(0, "nothing was judged".to_owned());
+        }
+        let (name, seed) = (&self.case.name, self.seed);
+        panic!("{name}, seed {seed}, did not pass:\n{}", lines.join("\n"));
+    }
+}
+
+/// Runs the scenario `toml` in this process to its end and judges it.
+///
+/// # Errors
+/// If it is no sound scenario.
+pub fn judge(toml: &str) -> Result<Outcome, ScenarioError> {
+    let (scenario, source) = Scenario::from_text(toml)?;
+    Ok(Run::new(scenario, &source, None)?.finish())
 }
 
 impl Run {
@@ -340,9 +375,14 @@ impl Run {
             pose_error,
             wall_overlap,
             map,
-            scene: view::scene(&self.rig.world),
+            scene: scene::scene(&self.rig.world),
             radius_m: self.rig.world.body().radius_m,
-            display: self.instruments.display(&self.rig).map(render::display),
+            display: self
+                .instruments
+                .display(&self.rig)
+                .map(|display| display.picture()),
+            axes: self.instruments.axes(&self.rig),
+            panels: self.instruments.panels(&self.rig),
             counters,
             events: self.rig.events().to_vec(),
             violations: self.rig.violations(),

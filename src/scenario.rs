@@ -203,9 +203,18 @@ impl Scenario {
         Self::parse(path, text)
     }
 
+    /// Reads a scenario that stands in a program; files that it names are relative to where that
+    /// runs.
+    ///
+    /// # Errors
+    /// As [`parse`](Self::parse), with `<text>` in the place of the file's name.
+    pub fn from_text(text: &str) -> Result<(Self, Source), ScenarioError> {
+        Self::parse(Path::new("<text>"), text.to_owned())
+    }
+
     /// Reads a scenario from `text`; `path` is for messages and relative files.
     pub fn parse(path: &Path, text: String) -> Result<(Self, Source), ScenarioError> {
-        let mut scenario = Self::from_text(&text).map_err(|mut source| {
+        let mut scenario = Self::deserialized(&text).map_err(|mut source| {
             source.set_input(Some(&text));
             let (path, source) = (path.to_owned(), Box::new(source));
             ScenarioError::Parse { path, source }
@@ -232,7 +241,7 @@ impl Scenario {
 
     /// Devices are read apart from the rest, because their settings have a type of their own and
     /// are to remember their places in the file.
-    fn from_text(text: &str) -> Result<Self, toml::de::Error> {
+    fn deserialized(text: &str) -> Result<Self, toml::de::Error> {
         let mut document = toml::de::DeTable::parse(text)?;
         let device = device::read_devices(document.get_mut());
         let scenario = Self::deserialize(toml::de::Deserializer::from(document))?;

@@ -53,7 +53,8 @@ cargo --version
 step "format"
 cargo fmt --all --check
 rustfmt --edition 2024 --check tests/bare_metal/src/lib.rs tests/every_build/src/main.rs \
-    fuzz/src/lib.rs fuzz/src/bin/corpus.rs fuzz/fuzz_targets/*.rs
+    tests/outside/src/lib.rs tests/outside/tests/*.rs fuzz/src/lib.rs fuzz/src/bin/corpus.rs \
+    fuzz/fuzz_targets/*.rs
 
 step "bare metal: no std, no heap, 128 KiB"
 bash tests/bare_metal/prove.sh
@@ -78,6 +79,15 @@ RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps --quiet
 
 step "tests"
 cargo test --locked --workspace
+
+step "examples"
+# Built by the tests.
+for example in examples/*.rs; do
+    "$target/debug/examples/$(basename "$example" .rs)" >/dev/null
+done
+
+step "a robot in a crate of its own"
+CARGO_TARGET_DIR=$(realpath "$target") bash tests/outside/run.sh
 
 step "demo"
 # Without the page and MCAP, which have no part in it and take two minutes to compile.

@@ -5,7 +5,24 @@ use std::fs::{self, File};
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
-use super::recording::Limits;
+/// How much a recording may take.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// A file that has grown to this is put aside and a new one begun.
+    pub file_bytes: u64,
+    /// Files put aside that are kept; older ones are deleted.
+    pub files: u64,
+}
+
+impl Default for Limits {
+    /// Three quarters of an hour a file, at 6 MB a minute of the rescue robot; 2 GiB in all.
+    fn default() -> Self {
+        Self {
+            file_bytes: 256 << 20,
+            files: 7,
+        }
+    }
+}
 
 /// Writes whole blocks, and begins the next file when one is full.
 #[derive(Debug)]

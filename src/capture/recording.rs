@@ -8,7 +8,7 @@ use core::time::Duration;
 
 use protocols::{Instant, LineEvent};
 
-use super::files::Files;
+use super::files::{Files, Limits};
 use super::join::{Extra, Joiner, event_words, line_of};
 use super::record::{Interface, Kind, Section};
 use super::scribe::Scribe;
@@ -17,25 +17,6 @@ use crate::rig::Rig;
 use crate::rig::line::{Delivery, Direction, Original};
 use crate::rig::trace::{Side, Tap, fingerprint};
 use crate::scenario::Scenario;
-
-/// How much a recording may take.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Limits {
-    /// A file that has grown to this is put aside and a new one begun.
-    pub file_bytes: u64,
-    /// Files put aside that are kept; older ones are deleted.
-    pub files: u64,
-}
-
-impl Default for Limits {
-    /// Three quarters of an hour a file, at 6 MB a minute of the rescue robot; 2 GiB in all.
-    fn default() -> Self {
-        Self {
-            file_bytes: 256 << 20,
-            files: 7,
-        }
-    }
-}
 
 /// What a section says of a run of `scenario`: name, fingerprints of the whole and of its faults,
 /// seed, that its clock is virtual, and the scenario itself.

@@ -149,6 +149,11 @@ impl Line {
         self.traffic
     }
 
+    /// When the last bit that the sender was asked for has left it.
+    pub const fn free_at(&self) -> Instant {
+        self.free_at
+    }
+
     /// Bytes sent and not yet delivered.
     pub const fn in_flight(&self) -> u64 {
         self.in_flight + self.faults.held()

@@ -13,6 +13,7 @@ use super::checker::Checker;
 use super::station::Station;
 use crate::codec::Codec;
 use crate::codec::scan::ScanDecoder;
+use crate::picture::Picture;
 use crate::rig::Rig;
 
 /// Something that the robot is told to do and does: a wheel, a steering, a gripper.
@@ -91,6 +92,22 @@ impl Display<'_> {
     /// Rows of pixels.
     pub const fn height(&self) -> usize {
         self.pixels.len() / self.width
+    }
+
+    /// What is on it; black if it is dark.
+    pub fn picture(&self) -> Picture {
+        Picture::from_fn(self.width, self.height(), |x, y| {
+            let pixel = self.pixels[y * self.width + x];
+            let [high, low] = pixel.to_be_bytes();
+            // Five or six bits become eight so that the largest value stays the largest.
+            let five = |bits: u8| bits << 3 | bits >> 2;
+            let green = (high & 0x07) << 3 | low >> 5;
+            if self.is_on {
+                [five(high >> 3), green << 2 | green >> 4, five(low & 0x1F)]
+            } else {
+                [0; 3]
+            }
+        })
     }
 }
 

@@ -150,18 +150,7 @@ pub fn picture(grid: MapView<'_>, truth: &[Pose], estimate: &[Pose]) -> Picture 
 
 /// What is on a display.
 pub fn display(display: Display<'_>) -> Picture {
-    Picture::from_fn(display.width, display.height(), |x, y| {
-        let pixel = display.pixels[y * display.width + x];
-        let [high, low] = pixel.to_be_bytes();
-        // Five or six bits become eight so that the largest value stays the largest.
-        let five = |bits: u8| bits << 3 | bits >> 2;
-        let green = (high & 0x07) << 3 | low >> 5;
-        if display.is_on {
-            [five(high >> 3), green << 2 | green >> 4, five(low & 0x1F)]
-        } else {
-            [0; 3]
-        }
-    })
+    display.picture()
 }
 
 /// Two by two pixels, as far as they lie inside.

@@ -7,6 +7,7 @@
 //! running. The same case makes the same bytes.
 
 mod data;
+mod robot;
 mod text;
 
 use core::time::Duration;
@@ -18,7 +19,7 @@ use crate::rig::trace;
 use crate::run::Outcome;
 use crate::run::check::Status;
 use crate::scenario::FaultSpec;
-use crate::show::folder::Metrics;
+use crate::show::metrics::Metrics;
 use crate::show::view;
 use text::with_jumps;
 
@@ -48,6 +49,7 @@ pub fn html(outcome: &Outcome) -> String {
         checks(outcome),
         STAGE.to_owned(),
         display(outcome),
+        robot::section(outcome),
         event_list(outcome, &events),
         faults(&outcome.case.fault),
         figures(outcome),

@@ -20,9 +20,13 @@ impl File {
 
     /// Whether it belongs to the tests as a whole.
     pub(crate) fn is_test(&self) -> bool {
-        ["tests/", "benches/", "fuzz/"].iter().any(|folder| {
-            self.path.starts_with(folder) || self.path.contains(&format!("/{folder}"))
-        }) || self.path.ends_with("/tests.rs")
+        let is_in = |folder: &&str| {
+            self.path.starts_with(*folder) || self.path.contains(&format!("/{folder}"))
+        };
+        // The folder "fuzz" of the sources is product, the one beside them is not.
+        ["tests/", "benches/"].iter().any(is_in)
+            || self.path.starts_with("fuzz/")
+            || self.path.ends_with("/tests.rs")
     }
 
     /// The lines of a Rust file before its own tests, numbered from 1.

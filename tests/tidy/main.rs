@@ -4,4 +4,5 @@
 mod crates;
 mod data;
 mod files;
+mod rooms;
 mod text;

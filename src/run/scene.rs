@@ -1,0 +1,109 @@
+//! What is solid in a world at one moment, as page and report draw it.
+
+use emulators::world::{Point, Shape, World};
+use serde::Serialize;
+
+/// What is solid: `scene` of `show/view/view.js`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Scene {
+    /// Least and largest x and y: x0, y0, x1, y1.
+    pub bounds: [f64; 4],
+    /// Outlines, as they are now.
+    pub shapes: Vec<Outline>,
+}
+
+/// An outline: `SHAPE` of `show/view/view.js`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Outline {
+    /// Both ends.
+    Wall([f64; 4]),
+    /// x and y of each corner in turn.
+    Polygon(Vec<f64>),
+    /// Middle and radius.
+    Circle([f64; 3]),
+}
+
+/// The fixtures of `world`, and its obstacles where they are now.
+pub fn scene(world: &World) -> Scene {
+    let scene = world.scene();
+    let bounds = scene.bounds();
+    let corners = [bounds.min.x, bounds.min.y, bounds.max.x, bounds.max.y];
+    let is_bounded = corners.iter().all(|corner| corner.is_finite());
+    let fixed = scene.fixtures().iter();
+    let fixed = fixed.map(|fixture| outline(&fixture.shape, Point::new(0.0, 0.0)));
+    let moving = scene.obstacles().iter().map(|obstacle| {
+        let at = obstacle.path.position(world.now());
+        outline(&obstacle.fixture.shape, at)
+    });
+    Scene {
+        bounds: if is_bounded { corners } else { NOWHERE }.map(millimetres),
+        shapes: fixed.chain(moving).collect(),
+    }
+}
+
+/// What is shown of a world without anything in it.
+const NOWHERE: [f64; 4] = [0.0, 0.0, 3.0, 3.0];
+
+fn outline(shape: &Shape, from: Point) -> Outline {
+    let place = |point: &Point| [point.x + from.x, point.y + from.y].map(millimetres);
+    match shape {
+        Shape::Wall { from, to } => {
+            let ([x0, y0], [x1, y1]) = (place(from), place(to));
+            Outline::Wall([x0, y0, x1, y1])
+        }
+        Shape::Polygon { corners } => Outline::Polygon(corners.iter().flat_map(place).collect()),
+        Shape::Circle { center, radius_m } => {
+            let [x, y] = place(center);
+            Outline::Circle([x, y, millimetres(*radius_m)])
+        }
+    }
+}
+
+/// Metres in whole millimetres: what can be seen, in few digits.
+pub fn millimetres(metres: f64) -> f64 {
+    // No -0: a page would not tell it from 0.
+    (metres * 1000.0).round() / 1000.0 + 0.0
+}
+
+#[cfg(test)]
+mod tests {
+    use emulators::world::{BodyConfig, Obstacle, Path, Pose, Repeat, Scene as Solid, Waypoint};
+    use protocols::Instant;
+
+    use super::*;
+
+    /// A wall, and a pillar that walks a metre along y in a second: halfway after half of it.
+    #[test]
+    fn obstacles_are_shown_where_they_are() {
+        let wall = Shape::Wall {
+            from: Point::new(0.0, 0.0),
+            to: Point::new(3.0, 0.0),
+        };
+        let pillar = Shape::Circle {
+            center: Point::new(0.1, 0.0),
+            radius_m: 0.05,
+        };
+        let stop = |at, y| Waypoint {
+            at: Instant::from_millis(at),
+            position: Point::new(1.0, y),
+        };
+        let obstacle = Obstacle {
+            fixture: pillar.into(),
+            path: Path {
+                waypoints: vec![stop(0, 1.0), stop(1000, 2.0)],
+                repeat: Repeat::Once,
+            },
+        };
+        let solid = Solid::new([wall], vec![obstacle]).expect("sound");
+        let start = Pose::new(2.0, 0.5, 0.0);
+        let mut world = World::new(solid, BodyConfig::default(), start, 1).expect("sound");
+        world.advance(Instant::from_millis(500));
+
+        let json = serde_json::to_string(&scene(&world).shapes).expect("plain data");
+        assert_eq!(
+            json,
+            r#"[{"wall":[0.0,0.0,3.0,0.0]},{"circle":[1.1,1.5,0.05]}]"#
+        );
+    }
+}
