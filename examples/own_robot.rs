@@ -46,7 +46,7 @@ impl Device for Wheels {
 }
 
 /// Full ahead at once, stop after a second.
-#[derive(Default)]
+#[derive(Clone, Default)]
 struct OneSecond {
     orders: Vec<u8>,
     given: usize,
