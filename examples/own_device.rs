@@ -13,6 +13,7 @@ use hilrig::prelude::*;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(crate = "hilrig::serde", deny_unknown_fields)]
 #[schemars(crate = "hilrig::schemars")]
+#[derive(Clone)]
 struct ThermometerSpec {
     /// Time between two readings.
     period: Span,
@@ -21,6 +22,7 @@ struct ThermometerSpec {
 }
 
 /// Sends `21.5 C` and a newline each period, and hears nothing.
+#[derive(Clone)]
 struct Thermometer {
     spec: ThermometerSpec,
     next: Instant,
@@ -41,7 +43,7 @@ impl Device for Thermometer {
     }
 
     fn transmit(&mut self, _: Port, buf: &mut [u8]) -> usize {
-        hilrig::emulators::device::take(&mut self.out, buf)
+        emulators::device::take(&mut self.out, buf)
     }
 
     fn poll_at(&self) -> Option<Instant> {
@@ -57,6 +59,7 @@ impl Device for Thermometer {
     }
 }
 
+#[derive(Clone)]
 struct ThermometerKind;
 
 impl DeviceKind for ThermometerKind {
@@ -75,7 +78,7 @@ impl DeviceKind for ThermometerKind {
     fn parse(
         &self,
         settings: ValueDeserializer<'_>,
-    ) -> Result<Box<dyn Settings>, hilrig::toml::de::Error> {
+    ) -> Result<Box<dyn Settings>, toml::de::Error> {
         read_settings::<ThermometerSpec>(settings)
     }
 
