@@ -13,7 +13,6 @@ use hilrig::prelude::*;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(crate = "hilrig::serde", deny_unknown_fields)]
 #[schemars(crate = "hilrig::schemars")]
-#[derive(Clone)]
 struct ThermometerSpec {
     /// Time between two readings.
     period: Span,
@@ -59,7 +58,6 @@ impl Device for Thermometer {
     }
 }
 
-#[derive(Clone)]
 struct ThermometerKind;
 
 impl DeviceKind for ThermometerKind {
