@@ -122,6 +122,9 @@ pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
     if control.delays().count() > 0 {
         println!("  faults changed by hand: {}", control.delays());
     }
+    if let [requests, refused @ 1..] = control.requests() {
+        println!("  control socket: {refused} of {requests} requests refused");
+    }
     let changed = control.changes() > 0 || show.has_changed_it();
     leave(&mut going.run, args.case, capture, changed)?;
     let verdict = match &args.out {
