@@ -123,6 +123,10 @@ pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
     if control.delays().count() > 0 {
         println!("  faults changed by hand: {}", control.delays());
     }
+    let [requests, refused] = control.requests();
+    if refused > 0 {
+        println!("  control socket: {refused} of {requests} requests refused");
+    }
     let changed = control.changes() > 0 || show.has_changed_it();
     leave(&mut going.run, args.case, capture, changed)?;
     let verdict = match &args.out {

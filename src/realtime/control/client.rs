@@ -28,7 +28,7 @@ pub(super) struct Client {
     /// It will send nothing more.
     has_ended: bool,
     is_broken: bool,
-    /// Look at which it was last heard.
+    /// When it was last heard: twice the number of the look, one more if it said something then.
     heard: u64,
 }
 
@@ -43,7 +43,7 @@ impl Client {
             unread: Vec::new(),
             has_ended: false,
             is_broken: false,
-            heard: look,
+            heard: 2 * look,
         }
     }
 
@@ -53,7 +53,8 @@ impl Client {
         self.is_broken || (self.has_ended && is_done)
     }
 
-    /// Since which look it is idle, if it is: it waits for nothing, or would not hear of it.
+    /// Since when it is idle, if it is: it waits for nothing, or would not hear of it. Comparable
+    /// between clients.
     pub(super) fn idle_since(&self) -> Option<u64> {
         (self.pending.is_none() || self.has_ended).then_some(self.heard)
     }
@@ -146,7 +147,7 @@ impl Client {
                 Ok(0) => self.has_ended = true,
                 Ok(len) => {
                     self.request.extend_from_slice(&buf[..len]);
-                    self.heard = look;
+                    self.heard = 2 * look + 1;
                     return true;
                 }
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,

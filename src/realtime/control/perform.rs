@@ -8,6 +8,7 @@ use serde_json::json;
 
 use super::answer::{Answer, Refusal};
 use super::request::Request;
+use crate::realtime::clock::Clock as _;
 use crate::realtime::held::{Held, SPEEDS, STEP_MAX};
 use crate::rig::fault::FaultId;
 use crate::run::{CommandError, Run, Watch};
@@ -199,8 +200,11 @@ impl Office<'_> {
     }
 
     fn pace(&self, change: impl FnOnce(&Held)) -> Result<Answer, Refusal> {
-        change(self.tempo_that_began()?);
-        Ok(self.granted_now())
+        let tempo = self.tempo_that_began()?;
+        change(tempo);
+        // The rig is a little behind its clock, and comes to where that stands.
+        let at = tempo.now().max(self.run.rig.now());
+        Ok(Answer::granted(json!({})).at(at))
     }
 
     fn speed(&self, x: f64) -> Result<Answer, Refusal> {

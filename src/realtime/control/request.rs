@@ -141,12 +141,13 @@ fn blamed(keys: &Map<String, Value>, message: &str) -> String {
             Some(rest.split('`').next().unwrap_or_default().to_owned())
         });
     let guilty = || {
-        let others = keys.keys().filter(|key| *key != "do");
-        others.cloned().find(|key| {
+        let mut others = keys.keys().filter(|key| *key != "do");
+        let found = others.find(|key| {
             let mut without = keys.clone();
-            without.remove(key);
+            without.remove(key.as_str());
             read(&without).err().as_deref() != Some(message)
-        })
+        });
+        found.cloned()
     };
     named
         .or_else(guilty)
