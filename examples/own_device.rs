@@ -73,10 +73,7 @@ impl DeviceKind for ThermometerKind {
         schema_of::<ThermometerSpec>(generator)
     }
 
-    fn parse(
-        &self,
-        settings: ValueDeserializer<'_>,
-    ) -> Result<Box<dyn Settings>, toml::de::Error> {
+    fn parse(&self, settings: ValueDeserializer<'_>) -> Result<Box<dyn Settings>, toml::de::Error> {
         read_settings::<ThermometerSpec>(settings)
     }
 

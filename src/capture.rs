@@ -18,9 +18,9 @@ pub mod pcapng;
 pub mod record;
 mod recording;
 pub mod replay;
-mod scribe;
 pub mod tap;
 pub mod wireshark;
+mod writer_thread;
 
 use std::fs::File;
 use std::io::{self, Read as _};

@@ -39,7 +39,7 @@ use crate::capture::tap::RecordError;
 use crate::realtime::exec::ExecError;
 use crate::realtime::transport::TransportError;
 use crate::scenario::ScenarioError;
-use crate::search::fuzz::dut::StandError;
+use crate::search::fuzz::dut::HarnessError;
 use crate::show::folder::FolderError;
 use crate::slam::map::MapError;
 
@@ -117,7 +117,7 @@ pub enum CliError {
     Map(#[from] MapError),
     /// A program cannot be fuzzed.
     #[error(transparent)]
-    Fuzz(#[from] StandError),
+    Fuzz(#[from] HarnessError),
     /// A file cannot be read.
     #[error("cannot read {}: {error}", .path.display())]
     Read {

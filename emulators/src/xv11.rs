@@ -20,8 +20,8 @@
 //! | `firmware` | the states above |
 //! | [`fidelity`] | statistics of a byte stream, real or emulated |
 
+mod beam;
 mod encoder;
-mod eye;
 mod fault;
 pub mod fidelity;
 mod firmware;
@@ -39,8 +39,8 @@ use crate::device::{Device, Event, EventKind, earliest};
 use crate::event_log::EventLog;
 use crate::rng::Rng;
 use crate::world::World;
+use beam::Eye;
 use encoder::Encoder;
-use eye::Eye;
 use fault::Faults;
 use firmware::Firmware;
 use rotor::Rotor;

@@ -11,7 +11,7 @@ use protocols::{Instant, LineEvent};
 use super::files::{Files, Limits};
 use super::join::{Extra, Joiner, event_words, line_of};
 use super::record::{Interface, Kind, Section};
-use super::scribe::Scribe;
+use super::writer_thread::WriterThread;
 use crate::TOOL;
 use crate::rig::Rig;
 use crate::rig::line::{Delivery, Direction, Original};
@@ -48,7 +48,7 @@ fn about_in(scenario: &Scenario, clock: &str) -> Section {
 /// A tap that writes a capture. An error stops it, not the run; [`Tap::finish`] tells.
 #[derive(Debug)]
 pub struct Recording {
-    scribe: Scribe,
+    scribe: WriterThread,
     is_stopped: bool,
     /// In a live run only: when what was gathered was last written.
     flushed_at: Option<Instant>,
@@ -74,7 +74,7 @@ impl Recording {
         let piece = usize::try_from(PIECE.min(limits.file_bytes / 8)).expect("at most PIECE");
         let files = Files::create(path, head, limits)?;
         Ok(Self {
-            scribe: Scribe::start(Joiner::new(rig, section.start()), files, piece)?,
+            scribe: WriterThread::start(Joiner::new(rig, section.start()), files, piece)?,
             is_stopped: false,
             flushed_at: is_live.then_some(Instant::ZERO),
         })

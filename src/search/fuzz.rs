@@ -27,5 +27,5 @@ pub(crate) use folder::read_corpus;
 pub use folder::{Folder, Plan};
 pub use missions::Missions;
 pub use session::{PROGRAMS, programs};
-pub use subject::{Behaviour, Fault, Kept, Subject, size};
+pub use subject::{Behaviour, Kept, Subject, Violation, size};
 pub use wires::Wires;

@@ -7,9 +7,9 @@
 //! What goes wrong ends early enough that the mission must succeed afterwards.
 
 mod dice;
+mod fault_targets;
 mod faults;
 mod mission;
-mod surface;
 mod world;
 
 use core::str::FromStr;
@@ -17,8 +17,8 @@ use core::str::FromStr;
 use crate::robots::{self, Robot};
 use crate::scenario::{LinkSpec, Scenario, Span};
 pub use dice::Dice;
+use fault_targets::FaultTargets;
 use faults::Adversity;
-use surface::Surface;
 use world::Room;
 
 /// What is made anew; the rest is as in the scenario that it starts from.
@@ -100,7 +100,7 @@ pub fn scenario(base: &Scenario, vary: Vary, dice: &mut Dice) -> Scenario {
     let arena = robots::find(&base.robot).and_then(Robot::arena);
     let room = arena.map(|arena| Room::draw(arena, &mut dice.world));
     let room = room.filter(|_| vary.world);
-    let surface = Surface::of(base);
+    let targets = FaultTargets::of(base);
     if let Some(room) = &room {
         made.world = room.world();
     }
@@ -120,16 +120,16 @@ pub fn scenario(base: &Scenario, vary: Vary, dice: &mut Dice) -> Scenario {
     }
     if vary.timing {
         made.mission.connect = Span::from_millis(dice.timing.between(100, 1500));
-        for name in surface
+        for name in targets
             .links()
-            .filter(|&name| Some(name) != surface.hasty())
+            .filter(|&name| Some(name) != targets.hasty())
         {
             let latency = Span::from_millis(dice.timing.between(0, 12));
             made.link.insert(name.to_owned(), LinkSpec { latency });
         }
     }
     if vary.faults {
-        let adversity = Adversity::draw(&surface, &made.mission.waypoints_m, &mut dice.faults);
+        let adversity = Adversity::draw(&targets, &made.mission.waypoints_m, &mut dice.faults);
         adversity.befall(&mut made);
     }
     made

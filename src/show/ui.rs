@@ -1,28 +1,28 @@
 //! The page: a run to be seen and steered in a browser.
 //!
 //! ```text
-//!  run (one plain thread) --> Desk --> Hub: newest moment, story --> a task per page --> browser
+//!  run (one plain thread) --> Desk --> Hub: newest snapshot, timeline --> a task per page --> browser
 //!                               ^                                        |
 //!                               +------- bounded queue of commands <-----+
 //! ```
 //!
-//! The run never waits for a page. It leaves immutable moments and each page
+//! The run never waits for a page. It leaves immutable snapshots and each page
 //! takes the newest when it can: a page that does not read misses some. What a page wants comes
 //! through a queue that refuses what does not fit, is done between two steps of virtual time, and
 //! becomes part of the scenario, so that the session can be repeated byte by byte.
 
-mod books;
 mod command;
 mod delta;
 mod desk;
 mod guard;
 mod hub;
-mod moment;
+mod map_layers;
 mod pace;
 mod remote;
 mod server;
 mod session;
-mod story;
+mod snapshot;
+mod timeline;
 mod wire;
 
 pub use desk::Desk;

@@ -12,7 +12,9 @@ use crate::cli::stop::Stop;
 use crate::cli::{CliError, Verdict};
 use crate::realtime::clock::{Clock, WallClock};
 use crate::scenario::{Scenario, Source, Span};
-use crate::search::fuzz::dut::{Finding, Hunt, Plan, Progress, Speech, Stand, StandError, Whose};
+use crate::search::fuzz::dut::{
+    Finding, Harness, HarnessError, Plan, Progress, Search, Speech, Whose,
+};
 
 /// Somebody else's program.
 #[derive(Debug, Args)]
@@ -120,12 +122,12 @@ fn stand<'a>(
     args: &FuzzArgs,
     source: Source,
     goes_on: &'a dyn Fn() -> bool,
-) -> Result<Stand<'a>, CliError> {
+) -> Result<Harness<'a>, CliError> {
     let whose = args.exec.whose(&args.out)?;
     let times = [args.exec.alive.0, args.exec.start.0];
-    let mut stand = Stand::new(whose, source, times, goes_on);
-    stand.is_strict = args.exec.strict;
-    Ok(stand)
+    let mut stand = Harness::new(whose, source, times, goes_on);
+    harness.is_strict = args.exec.strict;
+    Ok(harness)
 }
 
 /// Runs the case of one finding.
@@ -135,11 +137,11 @@ fn repeat(args: &FuzzArgs, folder: &Path) -> Result<Verdict, CliError> {
     let goes_on = || !stop.is_due(clock.now());
     let stand = stand(args, source, &goes_on)?;
     let link = case.told.raw.as_ref().map(|raw| raw.link.as_str());
-    let ends = stand.ends(&case.scenario, link)?;
+    let ends = harness.ends(&case.scenario, link)?;
     let speech = ends.into_iter().find(|(end, _)| Some(&*end.link) == link);
     let speech = speech.map_or(Speech::Bytes, |(_, speech)| speech);
     let recording = folder.join("repeated.pcapng");
-    let seen = stand.run(&case, &speech, &recording)?;
+    let seen = harness.run(&case, &speech, &recording)?;
     for cause in &seen.causes {
         println!("{cause}");
     }
@@ -183,7 +185,7 @@ fn search(args: &FuzzArgs) -> Result<Verdict, CliError> {
         !stop.is_due(now)
     };
     let stand = stand(args, source, &goes_on)?;
-    let mut hunt = Hunt::new(&stand, plan, &progress)?;
+    let mut hunt = Search::new(&harness, plan, &progress)?;
     let most = args.cases.unwrap_or(u64::MAX);
     while hunt.next() < most {
         match hunt.step() {
@@ -192,7 +194,7 @@ fn search(args: &FuzzArgs) -> Result<Verdict, CliError> {
                 eprintln!("  nothing there is to be spoken to any more: reset it to go on");
                 break;
             }
-            Err(StandError::Interrupted) => break,
+            Err(HarnessError::Interrupted) => break,
             Err(error) => return Err(error.into()),
         }
     }
@@ -216,7 +218,7 @@ fn in_words(progress: &Progress, time: Duration) -> String {
 }
 
 /// The findings, and what cannot be seen of this program.
-fn report(args: &FuzzArgs, hunt: &Hunt<'_>) {
+fn report(args: &FuzzArgs, hunt: &Search<'_>) {
     for kept in hunt.findings() {
         let folder = args.out.join("findings").join(&kept.folder);
         println!("{}: {}; {} times", folder.display(), kept.words, kept.count);

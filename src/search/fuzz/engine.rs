@@ -11,7 +11,7 @@ use std::thread;
 use emulators::rng::Rng;
 
 use super::havoc;
-use super::subject::{Behaviour, Fault, MARKS, Subject, law};
+use super::subject::{Behaviour, MARKS, Subject, Violation, law};
 use crate::search::campaign::words_of_panic;
 
 /// Most causes that are kept of one law: a law that is broken in a hundred ways is one to look at.
@@ -25,7 +25,7 @@ const CHUNK: u64 = 16;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Found {
     /// What is wrong.
-    pub fault: Fault,
+    pub fault: Violation,
     /// The choices that brought it about.
     pub choices: Vec<u8>,
     /// Number of the case.
@@ -57,7 +57,7 @@ struct Tried {
     case: u64,
     choices: Vec<u8>,
     marks: Vec<u32>,
-    fault: Option<Fault>,
+    fault: Option<Violation>,
 }
 
 impl<'a> Fuzzer<'a> {
@@ -188,7 +188,7 @@ pub(super) fn judged(
     subject: &dyn Subject,
     choices: &[u8],
     behaviour: &mut Behaviour,
-) -> Option<Fault> {
+) -> Option<Violation> {
     caught(|| subject.run(choices, behaviour)).err()
 }
 
@@ -198,13 +198,13 @@ thread_local! {
 }
 
 /// What `run` comes to; a panic is a fault.
-pub(super) fn caught(run: impl FnOnce() -> Result<(), Fault>) -> Result<(), Fault> {
+pub(super) fn caught(run: impl FnOnce() -> Result<(), Violation>) -> Result<(), Violation> {
     let before = TRIES.replace(true);
     let judged = catch_unwind(AssertUnwindSafe(run));
     TRIES.set(before);
     judged.unwrap_or_else(|panic| {
         let (cause, detail) = words_of_panic(panic.as_ref());
-        Err(Fault::new(cause, detail))
+        Err(Violation::new(cause, detail))
     })
 }
 

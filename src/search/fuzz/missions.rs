@@ -1,6 +1,6 @@
 use std::path::Path;
 
-use super::subject::{Behaviour, Fault, Kept, Subject, size};
+use super::subject::{Behaviour, Kept, Subject, Violation, size};
 use crate::run::Outcome;
 use crate::scenario::{Scenario, Source, Span};
 use crate::search::campaign::{self, Record};
@@ -33,11 +33,14 @@ impl Missions {
         generate::scenario(&self.scenario, self.vary, &mut Dice::of_bytes(choices))
     }
 
-    fn judged(&self, scenario: &Scenario) -> (Option<Fault>, Option<Box<Outcome>>) {
+    fn judged(&self, scenario: &Scenario) -> (Option<Violation>, Option<Box<Outcome>>) {
         match campaign::run(scenario, &self.source) {
             Ok((record, outcome)) => (fault_of(record), outcome),
             // What was generated must make sense.
-            Err(error) => (Some(Fault::new("can-be-wired", error.to_string())), None),
+            Err(error) => (
+                Some(Violation::new("can-be-wired", error.to_string())),
+                None,
+            ),
         }
     }
 }
@@ -92,9 +95,9 @@ fn without_faults(case: &Scenario) -> Scenario {
     }
 }
 
-fn fault_of(record: Record) -> Option<Fault> {
+fn fault_of(record: Record) -> Option<Violation> {
     let cause = record.cause?;
-    Some(Fault::new(cause, record.detail.unwrap_or_default()))
+    Some(Violation::new(cause, record.detail.unwrap_or_default()))
 }
 
 fn note(outcome: &Outcome, behaviour: &mut Behaviour) {
@@ -125,7 +128,7 @@ impl Subject for Missions {
         150
     }
 
-    fn run(&self, choices: &[u8], behaviour: &mut Behaviour) -> Result<(), Fault> {
+    fn run(&self, choices: &[u8], behaviour: &mut Behaviour) -> Result<(), Violation> {
         let (fault, outcome) = self.judged(&self.made(choices));
         if let Some(outcome) = outcome {
             note(&outcome, behaviour);
@@ -141,7 +144,7 @@ impl Subject for Missions {
         self.made(choices).to_toml()
     }
 
-    fn keep(&self, choices: &[u8], fault: &Fault, effort: &mut Effort<'_>) -> Kept {
+    fn keep(&self, choices: &[u8], fault: &Violation, effort: &mut Effort<'_>) -> Kept {
         let made = self.made(choices);
         let fails = |case: &Scenario| {
             let cause = self.judged(case).0.map(|fault| fault.cause);
@@ -155,7 +158,7 @@ impl Subject for Missions {
         let small = shrink::scenario(&start, |case| kind.is_alike(case, &start, fails), effort);
         let fault = self.judged(&small).0.unwrap_or_else(|| fault.clone());
         Kept {
-            fault: Fault {
+            fault: Violation {
                 detail: format!("{}\n{}", fault.detail, shrink::in_words(&small)),
                 ..fault
             },
@@ -176,7 +179,7 @@ impl Subject for Missions {
         Ok(None)
     }
 
-    fn repeated(&self, text: &str) -> Result<Result<(), Fault>, String> {
+    fn repeated(&self, text: &str) -> Result<Result<(), Violation>, String> {
         let case = Scenario::parse(Path::new(CASE), text.to_owned());
         let (case, _) = case.map_err(|error| error.to_string())?;
         Ok(self.judged(&case).0.map_or(Ok(()), Err))

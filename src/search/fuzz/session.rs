@@ -16,7 +16,7 @@ mod tape;
 use std::path::Path;
 
 use super::engine::caught;
-use super::subject::{Behaviour, Fault, Kept, Subject};
+use super::subject::{Behaviour, Kept, Subject, Violation};
 use crate::search::shrink::{Effort, fewest};
 use step::Step;
 use tape::Tape;
@@ -37,7 +37,7 @@ trait Bench: Sync {
         steps: &[Step],
         behaviour: &mut Behaviour,
         tape: &mut Tape,
-    ) -> Result<(), Fault>;
+    ) -> Result<(), Violation>;
 
     /// Steps that would be easier to read than `step`, the easiest first.
     fn plainer(&self, step: &Step) -> Vec<Step>;
@@ -72,7 +72,7 @@ const SESSION: &str = "session.txt";
 const CAPTURE: &str = "capture.pcapng";
 
 impl<B: Bench> Sessions<B> {
-    fn judged(&self, steps: &[Step], tape: &mut Tape) -> Result<(), Fault> {
+    fn judged(&self, steps: &[Step], tape: &mut Tape) -> Result<(), Violation> {
         caught(|| self.0.judge(steps, &mut Behaviour::default(), tape))
     }
 
@@ -133,7 +133,7 @@ impl<B: Bench> Subject for Sessions<B> {
         3000
     }
 
-    fn run(&self, choices: &[u8], behaviour: &mut Behaviour) -> Result<(), Fault> {
+    fn run(&self, choices: &[u8], behaviour: &mut Behaviour) -> Result<(), Violation> {
         let steps = self.0.steps(choices);
         self.0.judge(&steps, behaviour, &mut Tape::default())
     }
@@ -150,7 +150,7 @@ impl<B: Bench> Subject for Sessions<B> {
         Self::text(&self.0.steps(choices))
     }
 
-    fn keep(&self, choices: &[u8], fault: &Fault, effort: &mut Effort<'_>) -> Kept {
+    fn keep(&self, choices: &[u8], fault: &Violation, effort: &mut Effort<'_>) -> Kept {
         let small = self.smallest(&self.0.steps(choices), &fault.cause, effort);
         let mut tape = Tape::recording();
         let judged = self.judged(&small, &mut tape);
@@ -181,7 +181,7 @@ impl<B: Bench> Subject for Sessions<B> {
         step::parse(text, &Self::names()).map(|_| None)
     }
 
-    fn repeated(&self, text: &str) -> Result<Result<(), Fault>, String> {
+    fn repeated(&self, text: &str) -> Result<Result<(), Violation>, String> {
         let steps = step::parse(text, &Self::names())?;
         Ok(self.judged(&steps, &mut Tape::default()))
     }

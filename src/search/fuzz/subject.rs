@@ -7,7 +7,7 @@ use crate::search::shrink::Effort;
 
 /// A law that was broken.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Fault {
+pub struct Violation {
     /// The law in kebab case, and perhaps after a colon what sets one way of breaking it apart from
     /// others, without figures: the same cause has the same words.
     pub cause: String,
@@ -15,7 +15,7 @@ pub struct Fault {
     pub detail: String,
 }
 
-impl Fault {
+impl Violation {
     /// `cause` with its figures.
     pub fn new(cause: impl Into<String>, detail: impl Into<String>) -> Self {
         Self {
@@ -35,7 +35,7 @@ pub(super) fn law(cause: &str) -> &str {
     cause.split(':').next().unwrap_or_default()
 }
 
-impl From<Broken> for Fault {
+impl From<Broken> for Violation {
     fn from(broken: Broken) -> Self {
         Self::new(broken.law, broken.detail)
     }
@@ -92,7 +92,7 @@ pub const fn size(number: u64) -> u64 {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Kept {
     /// What is wrong with the small case.
-    pub fault: Fault,
+    pub fault: Violation,
     /// Names and contents of its files; the first is the case itself.
     pub files: Vec<(&'static str, Vec<u8>)>,
 }
@@ -113,7 +113,7 @@ pub trait Subject: Sync {
     ///
     /// # Errors
     /// The law that was broken.
-    fn run(&self, choices: &[u8], behaviour: &mut Behaviour) -> Result<(), Fault>;
+    fn run(&self, choices: &[u8], behaviour: &mut Behaviour) -> Result<(), Violation>;
 
     /// Numbers of the defects that were switched on in it.
     fn defects(&self) -> &[String] {
@@ -127,7 +127,7 @@ pub trait Subject: Sync {
     fn in_words(&self, choices: &[u8]) -> String;
 
     /// Makes what `choices` do wrong small.
-    fn keep(&self, choices: &[u8], fault: &Fault, effort: &mut Effort<'_>) -> Kept;
+    fn keep(&self, choices: &[u8], fault: &Violation, effort: &mut Effort<'_>) -> Kept;
 
     /// Name of the file that holds the case of a finding.
     fn case_file(&self) -> &'static str;
@@ -145,5 +145,5 @@ pub trait Subject: Sync {
     ///
     /// # Errors
     /// A sentence on what in `text` is wrong.
-    fn repeated(&self, text: &str) -> Result<Result<(), Fault>, String>;
+    fn repeated(&self, text: &str) -> Result<Result<(), Violation>, String>;
 }

@@ -1,7 +1,7 @@
 use std::path::Path;
 
 use super::engine::caught;
-use super::subject::{Behaviour, Fault, Kept, Subject};
+use super::subject::{Behaviour, Kept, Subject, Violation};
 use crate::codec;
 use crate::codec::wire::{Holds, Piece, Stream, Target};
 use crate::search::shrink::{Effort, fewest};
@@ -19,8 +19,8 @@ impl Wires {
         codec::targets().into_iter().map(Self)
     }
 
-    fn judged(&self, stream: &Stream) -> Result<(), Fault> {
-        caught(|| (self.0.check)(stream).map_err(Fault::from))
+    fn judged(&self, stream: &Stream) -> Result<(), Violation> {
+        caught(|| (self.0.check)(stream).map_err(Violation::from))
     }
 
     /// The smallest stream with the same fault: fewer bytes, pieces and pauses, then zeros.
@@ -106,10 +106,10 @@ impl Subject for Wires {
         20_000
     }
 
-    fn run(&self, choices: &[u8], behaviour: &mut Behaviour) -> Result<(), Fault> {
+    fn run(&self, choices: &[u8], behaviour: &mut Behaviour) -> Result<(), Violation> {
         let stream = (self.0.stream)(choices);
         (self.0.marks)(&stream, &mut |mark| behaviour.note(mark));
-        (self.0.check)(&stream).map_err(Fault::from)
+        (self.0.check)(&stream).map_err(Violation::from)
     }
 
     /// A frame of zeros, and three with something in them; the rest is found from there.
@@ -129,7 +129,7 @@ impl Subject for Wires {
         (self.0.stream)(choices).to_text()
     }
 
-    fn keep(&self, choices: &[u8], fault: &Fault, effort: &mut Effort<'_>) -> Kept {
+    fn keep(&self, choices: &[u8], fault: &Violation, effort: &mut Effort<'_>) -> Kept {
         let small = self.smallest(&(self.0.stream)(choices), &fault.cause, effort);
         let fault = self.judged(&small).err().unwrap_or_else(|| fault.clone());
         Kept {
@@ -152,7 +152,7 @@ impl Subject for Wires {
         Ok(Some(self.0.data_of(&stream)))
     }
 
-    fn repeated(&self, text: &str) -> Result<Result<(), Fault>, String> {
+    fn repeated(&self, text: &str) -> Result<Result<(), Violation>, String> {
         let stream = Stream::parse(text).map_err(|error| error.to_string())?;
         Ok(self.judged(&stream))
     }

@@ -1,5 +1,5 @@
 use super::dice::Draw;
-use super::surface::{Device, Surface};
+use super::fault_targets::{Device, FaultTargets};
 use super::{ADVERSITY_FROM_MS, ADVERSITY_UNTIL_MS, RECOVERY_MS, mission};
 use crate::scenario::{
     BudgetSpec, DirectionSpec, FaultKind, FaultSpec, PhasesSpec, Place, Scenario, Span, WhenSpec,
@@ -43,28 +43,28 @@ pub(super) struct Adversity {
 
 impl Adversity {
     /// Whole kinds are off in some missions and on in others.
-    pub(super) fn draw(surface: &Surface, places: &[[f64; 2]], dice: &mut Draw) -> Self {
+    pub(super) fn draw(targets: &FaultTargets, places: &[[f64; 2]], dice: &mut Draw) -> Self {
         let phases = (dice.below(3) == 1).then_some(PHASES);
         let budget = (dice.below(4) == 1).then(|| BudgetSpec {
             total: Some(dice.between(1, 200)),
             at_once: (dice.below(2) == 1).then(|| dice.narrow(1, 5)),
         });
-        let kinds = some_kinds(surface, dice);
+        let kinds = some_kinds(targets, dice);
         let count = dice.below(FAULTS_MAX + 1);
         let mut faults = Vec::new();
         for _ in 0..count.min(kinds.len() as u64 * FAULTS_MAX) {
             let kind = kinds[dice.index(kinds.len())];
-            let mut fault = somewhere(kind, surface, dice);
-            detail(&mut fault, surface, dice);
-            let is_lasting = surface.consoles().any(|(link, _)| reaches(&fault, link));
+            let mut fault = somewhere(kind, targets, dice);
+            detail(&mut fault, targets, dice);
+            let is_lasting = targets.consoles().any(|(link, _)| reaches(&fault, link));
             if phases.is_some() || is_lasting || dice.below(5) > 0 {
                 foreseen(&mut fault, phases.is_some(), dice);
             } else {
-                unforeseen(&mut fault, surface, places, dice);
+                unforeseen(&mut fault, targets, places, dice);
             }
             faults.push(fault);
         }
-        for (link, device) in surface.consoles() {
+        for (link, device) in targets.consoles() {
             if faults.iter().any(|fault| reaches(fault, link)) {
                 faults.push(switched_off_and_on(device));
             }
@@ -96,8 +96,8 @@ impl Adversity {
 
 /// A quarter, a half or three quarters of the kinds. Eight of them are chosen by two numbers, so
 /// that a short string of bytes still says something about what goes wrong.
-fn some_kinds(surface: &Surface, dice: &mut Draw) -> Vec<FaultKind> {
-    let all: Vec<FaultKind> = surface.kinds().collect();
+fn some_kinds(targets: &FaultTargets, dice: &mut Draw) -> Vec<FaultKind> {
+    let all: Vec<FaultKind> = targets.kinds().collect();
     let share = dice.below(3);
     let mut enabled = Vec::new();
     for eight in all.chunks(8) {
@@ -128,11 +128,11 @@ fn switched_off_and_on(device: &str) -> FaultSpec {
 }
 
 /// A fault of `kind` on something that can have it.
-fn somewhere(kind: FaultKind, surface: &Surface, dice: &mut Draw) -> FaultSpec {
-    let devices = surface.devices(kind);
+fn somewhere(kind: FaultKind, targets: &FaultTargets, dice: &mut Draw) -> FaultSpec {
+    let devices = targets.devices(kind);
     match kind.place() {
         Place::Line => {
-            let lanes = surface.lanes();
+            let lanes = targets.lanes();
             let (link, direction) = lanes[dice.index(lanes.len())];
             FaultSpec::on(link, direction, kind)
         }
@@ -154,7 +154,7 @@ fn somewhere(kind: FaultKind, surface: &Surface, dice: &mut Draw) -> FaultSpec {
 }
 
 /// The keys that only some kinds have.
-fn detail(fault: &mut FaultSpec, surface: &Surface, dice: &mut Draw) {
+fn detail(fault: &mut FaultSpec, targets: &FaultTargets, dice: &mut Draw) {
     use FaultKind as K;
     let kind = fault.kind;
     if kind.is_strike() {
@@ -177,14 +177,14 @@ fn detail(fault: &mut FaultSpec, surface: &Surface, dice: &mut Draw) {
             _ => fault.ppm_per_s = Some(dice.between(0, 40_000) as f64 - 20_000.0),
         },
         K::Swizzle => {
-            let others: Vec<&str> = surface
+            let others: Vec<&str> = targets
                 .links()
                 .filter(|&link| fault.link.as_deref() != Some(link))
                 .collect();
             fault.with = Some(others[dice.index(others.len())].to_owned());
         }
         K::Device => {
-            let mut all = surface.devices(kind).into_iter();
+            let mut all = targets.devices(kind).into_iter();
             let name = fault.device.as_deref();
             let device = all.find(|device| Some(device.name.as_str()) == name);
             let own: Vec<&str> = device.into_iter().flat_map(Device::of_its_own).collect();
@@ -241,7 +241,7 @@ fn spells(fault: &mut FaultSpec, dice: &mut Draw) {
 }
 
 /// Waits for a byte, a frame, a place or a register.
-fn unforeseen(fault: &mut FaultSpec, surface: &Surface, places: &[[f64; 2]], dice: &mut Draw) {
+fn unforeseen(fault: &mut FaultSpec, targets: &FaultTargets, places: &[[f64; 2]], dice: &mut Draw) {
     if comes_in_spells(fault.kind) {
         return foreseen(fault, false, dice);
     }
@@ -251,7 +251,7 @@ fn unforeseen(fault: &mut FaultSpec, surface: &Surface, places: &[[f64; 2]], dic
         SURPRISE_MAX_MS
     };
     fault.lasting = Some(Span::from_millis(dice.between(10, most)));
-    let registers = surface.with_registers();
+    let registers = targets.with_registers();
     match dice.below(4) {
         0 if fault.is_on_line_only() => fault.at_byte = Some(dice.below(20_000)),
         1 if fault.is_on_line_only() => fault.at_frame = Some(dice.below(500)),

@@ -1,8 +1,8 @@
 //! What a page has seen, and what it has to be told next. No I/O: values in, messages out.
 
-use super::books::Layer;
-use super::moment::Moment;
-use super::story::Story;
+use super::map_layers::Layer;
+use super::snapshot::Snapshot;
+use super::timeline::Timeline;
 
 /// A message to a page.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -26,33 +26,33 @@ pub(super) struct Seen {
 }
 
 impl Seen {
-    /// What is news in `moment` and `story`. The moment itself comes last, so that a page that
+    /// What is news in `snapshot` and `timeline`. The snapshot itself comes last, so that a page that
     /// shows a time has everything that belongs to it.
-    pub(super) fn news(&mut self, moment: &Moment, story: &Story) -> Vec<Message> {
+    pub(super) fn news(&mut self, snapshot: &Snapshot, timeline: &Timeline) -> Vec<Message> {
         let mut news = Vec::new();
-        if self.run != Some(moment.run) {
+        if self.run != Some(snapshot.run) {
             *self = Self {
-                run: Some(moment.run),
-                generation: story.generation,
+                run: Some(snapshot.run),
+                generation: timeline.generation,
                 ..Self::default()
             };
-            news.push(Message::Text(moment.stage.to_string()));
+            news.push(Message::Text(snapshot.stage.to_string()));
         }
-        if self.generation != story.generation {
-            self.generation = story.generation;
+        if self.generation != timeline.generation {
+            self.generation = timeline.generation;
             self.samples = 0;
         }
-        if let Some((text, samples)) = story.samples_since(self.samples) {
+        if let Some((text, samples)) = timeline.samples_since(self.samples) {
             self.samples = samples;
             news.push(Message::Text(text));
         }
-        while let Some((text, events)) = story.events_since(self.events) {
+        while let Some((text, events)) = timeline.events_since(self.events) {
             self.events = events;
             news.push(Message::Text(text));
         }
         let numbered = [
-            (&mut self.slow, &moment.slow),
-            (&mut self.scan, &moment.scan),
+            (&mut self.slow, &snapshot.slow),
+            (&mut self.scan, &snapshot.scan),
         ];
         for (seen, newest) in numbered {
             if *seen != Some(newest.number) && newest.number > 0 {
@@ -60,18 +60,18 @@ impl Seen {
                 news.push(Message::Text(newest.text.to_string()));
             }
         }
-        let rows = self.rows_of(moment);
+        let rows = self.rows_of(snapshot);
         if !rows.is_empty() {
             news.push(Message::Rows(rows));
         }
-        news.push(Message::Text(moment.fast.to_string()));
+        news.push(Message::Text(snapshot.fast.to_string()));
         news
     }
 
-    fn rows_of(&mut self, moment: &Moment) -> Vec<u8> {
-        self.rows.resize(moment.layers.len(), 0);
+    fn rows_of(&mut self, snapshot: &Snapshot) -> Vec<u8> {
+        self.rows.resize(snapshot.layers.len(), 0);
         let mut rows = Vec::new();
-        for ((index, layer), seen) in (0..).zip(&moment.layers).zip(&mut self.rows) {
+        for ((index, layer), seen) in (0..).zip(&snapshot.layers).zip(&mut self.rows) {
             *seen = Layer::write_since(layer, *seen, index, &mut rows);
         }
         rows
@@ -82,12 +82,12 @@ impl Seen {
 mod tests {
     use std::sync::Arc;
 
-    use super::super::books::Book;
-    use super::super::moment::Numbered;
+    use super::super::map_layers::MapLayer;
+    use super::super::snapshot::Numbered;
     use super::*;
 
-    fn moment(run: u64, scan: u64, book: &Book) -> Moment {
-        Moment {
+    fn snapshot(run: u64, scan: u64, book: &MapLayer) -> Snapshot {
+        Snapshot {
             run,
             stage: Arc::from("stage"),
             fast: Arc::from("fast"),
@@ -112,21 +112,21 @@ mod tests {
         messages.iter().map(kind).collect()
     }
 
-    /// A page that missed moments gets what is new in the newest, once; a page of another run
+    /// A page that missed snapshots gets what is new in the newest, once; a page of another run
     /// begins anew.
     #[test]
     fn a_page_gets_what_it_has_not_seen() {
-        let (mut seen, story) = (Seen::default(), Story::default());
-        let mut book = Book::new("map");
+        let (mut seen, timeline) = (Seen::default(), Timeline::default());
+        let mut book = MapLayer::new("map");
         book.look([2, 1], 0.01, [0.0; 2], |_| Some(&[1, 2]));
-        let news = seen.news(&moment(1, 1, &book), &story);
+        let news = seen.news(&snapshot(1, 1, &book), &timeline);
         assert_eq!(kinds(&news), ["stage", "scan", "rows", "fast"]);
-        let news = seen.news(&moment(1, 1, &book), &story);
+        let news = seen.news(&snapshot(1, 1, &book), &timeline);
         assert_eq!(kinds(&news), ["fast"]);
         book.look([2, 1], 0.01, [0.0; 2], |_| Some(&[1, 3]));
-        let news = seen.news(&moment(1, 7, &book), &story);
+        let news = seen.news(&snapshot(1, 7, &book), &timeline);
         assert_eq!(kinds(&news), ["scan", "rows", "fast"]);
-        let news = seen.news(&moment(2, 0, &book), &story);
+        let news = seen.news(&snapshot(2, 0, &book), &timeline);
         assert_eq!(kinds(&news), ["stage", "rows", "fast"]);
     }
 }

@@ -10,12 +10,12 @@ use firmware_core::map_view::MapView;
 use protocols::Instant;
 use serde_json::{Value, json};
 
-use super::books::Book;
 use super::command::{Answer, Command, Envelope};
 use super::hub::Hub;
-use super::moment::{Moment, Numbered};
+use super::map_layers::MapLayer;
 use super::pace::{Pace, SPEED_MAX};
-use super::story::{Sample, Story, short_pose};
+use super::snapshot::{Numbered, Snapshot};
+use super::timeline::{Sample, Timeline, short_pose};
 use super::wire::{Tally, Wire};
 use crate::rig::fault::FaultId;
 use crate::rig::line::Direction;
@@ -24,7 +24,7 @@ use crate::run::Run;
 use crate::scenario::Span;
 use crate::show::view;
 
-/// Wall time between two moments: what an eye takes for motion.
+/// Wall time between two snapshots: what an eye takes for motion.
 pub(super) const SHOW_EVERY: Duration = Duration::from_millis(50);
 /// Wall time between two looks at what is large or changes slowly.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
@@ -60,7 +60,7 @@ pub struct Desk {
     stage: Arc<str>,
     hand: Hand,
     /// The robot's map and display, and what else it has of maps.
-    books: Vec<Book>,
+    layers: Vec<MapLayer>,
     slow: Numbered,
     scan: Numbered,
     scan_turn: u64,
@@ -71,7 +71,7 @@ pub struct Desk {
     changes: u64,
 }
 
-/// What makes two moments the same.
+/// What makes two snapshots the same.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Shown {
     now: Instant,
@@ -83,9 +83,9 @@ impl Desk {
     /// Puts `run` on show; `number` tells it from those before it.
     pub fn new(run: &mut Run, hub: Arc<Hub>, number: u64) -> Self {
         let wire = Wire::listen(run);
-        let mut story = hub.story.write().unwrap_or_else(PoisonError::into_inner);
-        *story = Story::new(story.generation + 1);
-        drop(story);
+        let mut timeline = hub.timeline.write().unwrap_or_else(PoisonError::into_inner);
+        *timeline = Timeline::new(timeline.generation + 1);
+        drop(timeline);
         let tallies = wire.borrow().tallies();
         Self {
             hub,
@@ -94,7 +94,7 @@ impl Desk {
             wire,
             stage: Arc::from(""),
             hand: Hand::default(),
-            books: Vec::new(),
+            layers: Vec::new(),
             slow: Numbered::new("{}"),
             scan: Numbered::new("{}"),
             scan_turn: 0,
@@ -221,36 +221,36 @@ impl Desk {
         if forced || self.looked.is_none_or(|(at, _)| wall - at >= LOOK_EVERY) {
             self.look(run, wall);
         }
-        self.hub.show(Moment {
+        self.hub.show(Snapshot {
             run: self.number,
             stage: Arc::clone(&self.stage),
             fast: Arc::from(self.fast(run, tempo).to_string()),
             slow: self.slow.clone(),
             scan: self.scan.clone(),
-            layers: self.books.iter().map(Book::last).collect(),
+            layers: self.layers.iter().map(MapLayer::last).collect(),
         });
     }
 
-    /// Keeps the story up.
+    /// Keeps the timeline up.
     fn record(&mut self, run: &Run) {
         let now = run.rig.now();
         let hub = Arc::clone(&self.hub);
-        let mut story = hub.story.write().unwrap_or_else(PoisonError::into_inner);
+        let mut timeline = hub.timeline.write().unwrap_or_else(PoisonError::into_inner);
         for logged in run.rig.events().get(self.events..).unwrap_or_default() {
-            story.event(logged);
+            timeline.event(logged);
         }
         self.events = run.rig.events().len();
-        if story.wants_sample(now) {
-            story.sample(&Sample {
+        if timeline.wants_sample(now) {
+            timeline.sample(&Sample {
                 at: now,
                 truth: Some(short_pose(run.rig.world.pose())),
                 believed: believed(run).map(short_pose),
                 tallies: &self.wire.borrow().tallies(),
             });
         }
-        if story.wants_maps(now) {
+        if timeline.wants_maps(now) {
             self.look_at_maps(run);
-            story.maps(now, self.books.iter().map(Book::last).collect());
+            timeline.maps(now, self.layers.iter().map(MapLayer::last).collect());
         }
     }
 
@@ -280,27 +280,27 @@ impl Desk {
         let instruments = run.instruments();
         let map = instruments.map(&run.rig).map(|map| ("robot", map));
         for (name, map) in map.into_iter().chain(instruments.layers(&run.rig)) {
-            look_at_map(self.book(name), map);
+            look_at_map(self.layer(name), map);
         }
         if let Some(display) = instruments.display(&run.rig) {
-            look_at_display(self.book("display"), display);
+            look_at_display(self.layer("display"), display);
         }
     }
 
     /// The book called `name`, a new one if there is none.
-    fn book(&mut self, name: &'static str) -> &mut Book {
-        let known = self.books.iter().position(|book| book.name() == name);
+    fn layer(&mut self, name: &'static str) -> &mut MapLayer {
+        let known = self.layers.iter().position(|book| book.name() == name);
         let index = known.unwrap_or_else(|| {
-            self.books.push(Book::new(name));
-            self.books.len() - 1
+            self.layers.push(MapLayer::new(name));
+            self.layers.len() - 1
         });
-        &mut self.books[index]
+        &mut self.layers[index]
     }
 
     fn fast(&self, run: &Run, tempo: Tempo) -> Value {
         let instruments = run.instruments();
         let station = instruments.station(&run.rig);
-        let heads: Vec<_> = self.books.iter().map(|book| book.last().head).collect();
+        let heads: Vec<_> = self.layers.iter().map(|book| book.last().head).collect();
         let moving = !run.rig.world.scene().obstacles().is_empty();
         json!({
             "type": "now",
@@ -333,7 +333,7 @@ fn believed(run: &Run) -> Option<Pose> {
 }
 
 /// A map into its book.
-pub(super) fn look_at_map(book: &mut Book, map: MapView<'_>) {
+pub(super) fn look_at_map(book: &mut MapLayer, map: MapView<'_>) {
     let resolution_m = f64::from(map.cell_mm()) / 1000.0;
     let origin_m = map.origin_mm().map(|mm| f64::from(mm) / 1000.0);
     let size = [map.width(), map.height()];
@@ -342,7 +342,7 @@ pub(super) fn look_at_map(book: &mut Book, map: MapView<'_>) {
 
 /// The robot's display into its book. A row is the upper bytes of its pixels, then the lower ones:
 /// both have longer runs than the pixels.
-fn look_at_display(book: &mut Book, display: Display<'_>) {
+fn look_at_display(book: &mut MapLayer, display: Display<'_>) {
     let rows = display.pixels.chunks(display.width);
     let bytes = rows.flat_map(|row| {
         let byte = |index: usize| row.iter().map(move |pixel| pixel.to_be_bytes()[index]);

@@ -6,19 +6,19 @@ use std::sync::{Arc, Mutex, PoisonError, RwLock};
 use tokio::sync::{mpsc, watch};
 
 use super::command::{Answer, Command, Envelope};
-use super::moment::Moment;
-use super::story::Story;
+use super::snapshot::Snapshot;
+use super::timeline::Timeline;
 
 /// Most commands that wait; further ones are refused.
 const COMMANDS_MAX: usize = 256;
 
-/// The newest moment, the story, and a queue of commands.
+/// The newest snapshot, the timeline, and a queue of commands.
 #[derive(Debug)]
 pub struct Hub {
-    moments: watch::Sender<Option<Arc<Moment>>>,
+    snapshots: watch::Sender<Option<Arc<Snapshot>>>,
     commands: mpsc::Sender<Envelope>,
     waiting: Mutex<mpsc::Receiver<Envelope>>,
-    pub(super) story: RwLock<Story>,
+    pub(super) timeline: RwLock<Timeline>,
     clients: AtomicUsize,
 }
 
@@ -26,10 +26,10 @@ impl Default for Hub {
     fn default() -> Self {
         let (commands, waiting) = mpsc::channel(COMMANDS_MAX);
         Self {
-            moments: watch::Sender::new(None),
+            snapshots: watch::Sender::new(None),
             commands,
             waiting: Mutex::new(waiting),
-            story: RwLock::default(),
+            timeline: RwLock::default(),
             clients: AtomicUsize::new(0),
         }
     }
@@ -58,14 +58,14 @@ impl Hub {
         self.clients.fetch_sub(1, Ordering::Relaxed);
     }
 
-    /// Shows a moment to all pages.
-    pub(super) fn show(&self, moment: Moment) {
-        self.moments.send_replace(Some(Arc::new(moment)));
+    /// Shows a snapshot to all pages.
+    pub(super) fn show(&self, snapshot: Snapshot) {
+        self.snapshots.send_replace(Some(Arc::new(snapshot)));
     }
 
-    /// For a page: the newest moment whenever there is another one.
-    pub(super) fn moments(&self) -> watch::Receiver<Option<Arc<Moment>>> {
-        self.moments.subscribe()
+    /// For a page: the newest snapshot whenever there is another one.
+    pub(super) fn snapshots(&self) -> watch::Receiver<Option<Arc<Snapshot>>> {
+        self.snapshots.subscribe()
     }
 
     /// Puts a command into the queue; if there is no room, `reply` hears of it.

@@ -16,7 +16,7 @@ const STEP_MAX: Duration = Duration::from_secs(60);
 pub struct Pace {
     speed: f64,
     is_paused: bool,
-    /// A pair of moments that belong together: of the wall clock, of the run.
+    /// A pair of snapshots that belong together: of the wall clock, of the run.
     anchor: [Instant; 2],
 }
 

@@ -8,12 +8,12 @@ use std::sync::{Arc, PoisonError};
 use protocols::{Instant, LineConfig, LineEvent};
 use serde_json::{Value, json};
 
-use super::books::Book;
 use super::command::{Answer, Command};
 use super::desk::{SHOW_EVERY, look_at_map};
 use super::hub::Hub;
-use super::moment::{Moment, Numbered};
-use super::story::{Sample, short_pose};
+use super::map_layers::MapLayer;
+use super::snapshot::{Numbered, Snapshot};
+use super::timeline::{Sample, short_pose};
 use crate::realtime::transport::{Serial, Transport};
 use crate::robots::{Gesture, Hand, RemoteStation, StationView};
 
@@ -33,7 +33,7 @@ pub struct Remote {
     retry_at: Instant,
     trouble: Option<String>,
     hand: Hand,
-    book: Book,
+    book: MapLayer,
     shown_at: Option<Instant>,
 }
 
@@ -55,7 +55,7 @@ impl Remote {
             retry_at: Instant::ZERO,
             trouble: None,
             hand: Hand::default(),
-            book: Book::new("pc"),
+            book: MapLayer::new("pc"),
             shown_at: None,
         }
     }
@@ -158,27 +158,27 @@ impl Remote {
         }
         self.shown_at = Some(now);
         if let Some(map) = self.station.map() {
-            look_at_map(&mut self.book, map);
+            look_at_map(&mut self.layer, map);
         }
         let believed = self.station.stated_pose().map(short_pose);
-        let mut story = self
+        let mut timeline = self
             .hub
-            .story
+            .timeline
             .write()
             .unwrap_or_else(PoisonError::into_inner);
-        if story.wants_sample(now) {
+        if timeline.wants_sample(now) {
             let sample = Sample {
                 at: now,
                 truth: None,
                 believed,
                 tallies: &[],
             };
-            story.sample(&sample);
+            timeline.sample(&sample);
         }
-        if story.wants_maps(now) {
-            story.maps(now, vec![self.book.last()]);
+        if timeline.wants_maps(now) {
+            timeline.maps(now, vec![self.layer.last()]);
         }
-        drop(story);
+        drop(timeline);
         let fast = json!({
             "type": "now",
             "run": 1,
@@ -191,16 +191,16 @@ impl Remote {
             "mode": null,
             "pc": self.station.view(now),
             "trouble": self.trouble,
-            "maps": [self.book.last().head],
+            "maps": [self.layer.last().head],
             "scene": null,
         });
-        self.hub.show(Moment {
+        self.hub.show(Snapshot {
             run: 1,
             stage: Arc::from(self.stage().to_string()),
             fast: Arc::from(fast.to_string()),
             slow: Numbered::new("{}"),
             scan: Numbered::new("{}"),
-            layers: vec![self.book.last()],
+            layers: vec![self.layer.last()],
         });
     }
 

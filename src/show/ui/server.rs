@@ -26,7 +26,7 @@ use super::command::{Answer, COMMAND_MAX, Command};
 use super::delta::{Message, Seen};
 use super::guard;
 use super::hub::Hub;
-use super::moment::Moment;
+use super::snapshot::Snapshot;
 use crate::show::view;
 
 /// Most pages at once.
@@ -145,8 +145,8 @@ async fn map(State(hub): State<Arc<Hub>>, uri: Uri) -> Response {
     let Some(millis) = millis.and_then(|text| text.parse::<u32>().ok()) else {
         return (StatusCode::BAD_REQUEST, "expected /map?at_ms=NUMBER\n").into_response();
     };
-    let story = hub.story.read().unwrap_or_else(PoisonError::into_inner);
-    match story.maps_at(Instant::from_millis(u64::from(millis))) {
+    let timeline = hub.timeline.read().unwrap_or_else(PoisonError::into_inner);
+    match timeline.maps_at(Instant::from_millis(u64::from(millis))) {
         Some((_, rows)) => rows.into_response(),
         None => (StatusCode::NOT_FOUND, "no map was recorded yet\n").into_response(),
     }
@@ -193,18 +193,18 @@ impl Drop for Place {
 /// What wakes a page's task.
 enum Wake {
     Heard(Option<Result<Frame, axum::Error>>),
-    Moment(Result<(), watch::error::RecvError>),
+    Snapshot(Result<(), watch::error::RecvError>),
     Answer(Option<Answer>),
 }
 
 async fn serve(mut socket: WebSocket, place: Place) {
     let hub = &place.0;
     let (reply, mut answers) = mpsc::channel(ANSWERS_MAX);
-    let mut moments = hub.moments();
-    moments.mark_changed();
+    let mut snapshots = hub.snapshots();
+    snapshots.mark_changed();
     let mut seen = Seen::default();
     loop {
-        let frames = match wake(&mut socket, &mut moments, &mut answers).await {
+        let frames = match wake(&mut socket, &mut snapshots, &mut answers).await {
             Wake::Heard(Some(Ok(Frame::Text(text)))) => {
                 match Command::parse(&text) {
                     Ok(command) => hub.ask(command, &reply),
@@ -213,10 +213,10 @@ async fn serve(mut socket: WebSocket, place: Place) {
                 continue;
             }
             Wake::Heard(Some(Ok(Frame::Ping(_) | Frame::Pong(_)))) => continue,
-            Wake::Heard(_) | Wake::Moment(Err(_)) | Wake::Answer(None) => return,
-            Wake::Moment(Ok(())) => {
-                let moment = moments.borrow_and_update().clone();
-                moment.map_or_else(Vec::new, |moment| news(hub, &mut seen, &moment))
+            Wake::Heard(_) | Wake::Snapshot(Err(_)) | Wake::Answer(None) => return,
+            Wake::Snapshot(Ok(())) => {
+                let snapshot = snapshots.borrow_and_update().clone();
+                snapshot.map_or_else(Vec::new, |snapshot| news(hub, &mut seen, &snapshot))
             }
             Wake::Answer(Some(Answer::Refused(why))) => {
                 let text = serde_json::json!({"type": "refused", "why": why}).to_string();
@@ -233,23 +233,26 @@ async fn serve(mut socket: WebSocket, place: Place) {
     }
 }
 
-fn news(hub: &Hub, seen: &mut Seen, moment: &Moment) -> Vec<Frame> {
-    let story = hub.story.read().unwrap_or_else(PoisonError::into_inner);
+fn news(hub: &Hub, seen: &mut Seen, snapshot: &Snapshot) -> Vec<Frame> {
+    let timeline = hub.timeline.read().unwrap_or_else(PoisonError::into_inner);
     let frame = |message| match message {
         Message::Text(text) => Frame::Text(text.into()),
         Message::Rows(rows) => Frame::Binary(rows.into()),
     };
-    seen.news(moment, &story).into_iter().map(frame).collect()
+    seen.news(snapshot, &timeline)
+        .into_iter()
+        .map(frame)
+        .collect()
 }
 
 /// Waits for whatever comes first. All three can be waited for again when another one came.
 async fn wake(
     socket: &mut WebSocket,
-    moments: &mut watch::Receiver<Option<Arc<Moment>>>,
+    snapshots: &mut watch::Receiver<Option<Arc<Snapshot>>>,
     answers: &mut mpsc::Receiver<Answer>,
 ) -> Wake {
     let mut heard = pin!(socket.recv());
-    let mut moment = pin!(moments.changed());
+    let mut snapshot = pin!(snapshots.changed());
     let mut answer = pin!(answers.recv());
     poll_fn(|context| {
         if let Poll::Ready(heard) = heard.as_mut().poll(context) {
@@ -258,7 +261,7 @@ async fn wake(
         if let Poll::Ready(answer) = answer.as_mut().poll(context) {
             return Poll::Ready(Wake::Answer(answer));
         }
-        moment.as_mut().poll(context).map(Wake::Moment)
+        snapshot.as_mut().poll(context).map(Wake::Snapshot)
     })
     .await
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use emulators::rng::Rng;
 use serde::{Deserialize, Serialize};
 
-use super::meet::Met;
+use super::probe::Probed;
 use super::speech::Speech;
 use crate::codec::wire::Stream;
 use crate::scenario::{DirectionSpec, Expect, FaultKind, FaultSpec, Scenario, Span};
@@ -184,7 +184,7 @@ pub(super) fn faults(links: &[String], lasting: Duration, rng: &mut Rng) -> Vec<
 /// Traffic on the link that `met` was met on. `dice` are for the pairs and for the stream: which
 /// frames are answered must not decide what else is said.
 pub(super) fn raw(
-    met: &Met,
+    met: &Probed,
     speech: &Speech,
     baud: u32,
     lasting: Duration,

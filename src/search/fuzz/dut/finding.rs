@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::case::{Case, Told};
-use super::stand::StandError;
+use super::harness::HarnessError;
 use crate::codec::wire::Stream;
 use crate::scenario::{Scenario, Source};
 
@@ -41,7 +41,7 @@ const STATE: &str = "dut.json";
 
 impl State {
     /// The state of the search in `dir`; a new one if there was none.
-    pub fn read(dir: &Path, of: String) -> Result<Self, StandError> {
+    pub fn read(dir: &Path, of: String) -> Result<Self, HarnessError> {
         let path = dir.join(STATE);
         let text = match fs::read_to_string(&path) {
             Ok(text) => text,
@@ -49,9 +49,9 @@ impl State {
                 let (next, findings) = (0, Vec::new());
                 return Ok(Self { of, next, findings });
             }
-            Err(error) => return Err(StandError::File(path, error)),
+            Err(error) => return Err(HarnessError::File(path, error)),
         };
-        let wrong = |message: String| Err(StandError::Content(path.clone(), message));
+        let wrong = |message: String| Err(HarnessError::Content(path.clone(), message));
         match serde_json::from_str::<Self>(&text) {
             Err(error) => wrong(format!("{error}; expected what an earlier search left")),
             Ok(state) if state.of != of => wrong(
@@ -63,11 +63,11 @@ impl State {
     }
 
     /// Writes it so that a killed process leaves the old one or the new one.
-    pub fn write(&self, dir: &Path) -> Result<(), StandError> {
+    pub fn write(&self, dir: &Path) -> Result<(), HarnessError> {
         let text = serde_json::to_string_pretty(self).expect("plain data with string keys");
         let (path, new) = (dir.join(STATE), dir.join(".dut.json"));
         put(&new, &text)?;
-        fs::rename(&new, &path).map_err(|error| StandError::File(path, error))
+        fs::rename(&new, &path).map_err(|error| HarnessError::File(path, error))
     }
 }
 
@@ -84,8 +84,8 @@ const CAPTURE: &str = "capture.pcapng";
 
 impl Finding {
     /// Makes the folder.
-    pub fn create(dir: PathBuf) -> Result<Self, StandError> {
-        fs::create_dir_all(&dir).map_err(|error| StandError::File(dir.clone(), error))?;
+    pub fn create(dir: PathBuf) -> Result<Self, HarnessError> {
+        fs::create_dir_all(&dir).map_err(|error| HarnessError::File(dir.clone(), error))?;
         Ok(Self { dir })
     }
 
@@ -95,39 +95,44 @@ impl Finding {
     }
 
     /// Writes the case and what its program said, and takes the capture.
-    pub fn write_case(&self, case: &Case, said: &str, recording: &Path) -> Result<(), StandError> {
+    pub fn write_case(
+        &self,
+        case: &Case,
+        said: &str,
+        recording: &Path,
+    ) -> Result<(), HarnessError> {
         put(&self.dir.join(CASE), &case.scenario.to_toml())?;
         let told = toml::to_string_pretty(&case.told).expect("every field has a TOML form");
         put(&self.dir.join(TOLD), &told)?;
         put(&self.dir.join("stderr.txt"), said)?;
         let capture = self.dir.join(CAPTURE);
-        fs::rename(recording, &capture).map_err(|error| StandError::File(capture, error))
+        fs::rename(recording, &capture).map_err(|error| HarnessError::File(capture, error))
     }
 
     /// Writes the cause, its key on the first line, and the command that repeats it.
-    pub fn write_words(&self, key: &str, words: &str, repeat: &str) -> Result<(), StandError> {
+    pub fn write_words(&self, key: &str, words: &str, repeat: &str) -> Result<(), HarnessError> {
         put(&self.dir.join(CAUSE), &format!("{key}\n{words}\n"))?;
         put(&self.dir.join("repeat.txt"), &format!("{repeat}\n"))
     }
 
     /// Removes the folder: it was none.
-    pub(super) fn remove(&self) -> Result<(), StandError> {
-        fs::remove_dir_all(&self.dir).map_err(|error| StandError::File(self.dir.clone(), error))
+    pub(super) fn remove(&self) -> Result<(), HarnessError> {
+        fs::remove_dir_all(&self.dir).map_err(|error| HarnessError::File(self.dir.clone(), error))
     }
 
     /// Reads the case of the finding in `dir` and the key of its cause.
-    pub fn read(dir: &Path) -> Result<(Case, Source, String), StandError> {
+    pub fn read(dir: &Path) -> Result<(Case, Source, String), HarnessError> {
         let path = dir.join(TOLD);
         if !path.exists() {
             let expected = format!("is no finding, expected a folder with {CASE} and {TOLD}");
-            return Err(StandError::Content(dir.to_owned(), expected));
+            return Err(HarnessError::Content(dir.to_owned(), expected));
         }
         let (scenario, source) = Scenario::read(&dir.join(CASE))?;
         let told: Told = toml::from_str(&get(&path)?)
-            .map_err(|error| StandError::Content(path.clone(), error.to_string()))?;
+            .map_err(|error| HarnessError::Content(path.clone(), error.to_string()))?;
         if let Some(raw) = &told.raw {
             let stream = Stream::parse(&raw.stream);
-            stream.map_err(|error| StandError::Content(path, format!("raw.stream: {error}")))?;
+            stream.map_err(|error| HarnessError::Content(path, format!("raw.stream: {error}")))?;
         }
         let key = get(&dir.join(CAUSE))?;
         let key = key.lines().next().unwrap_or_default().to_owned();
@@ -135,10 +140,10 @@ impl Finding {
     }
 }
 
-fn get(path: &Path) -> Result<String, StandError> {
-    fs::read_to_string(path).map_err(|error| StandError::File(path.to_owned(), error))
+fn get(path: &Path) -> Result<String, HarnessError> {
+    fs::read_to_string(path).map_err(|error| HarnessError::File(path.to_owned(), error))
 }
 
-fn put(path: &Path, text: &str) -> Result<(), StandError> {
-    fs::write(path, text).map_err(|error| StandError::File(path.to_owned(), error))
+fn put(path: &Path, text: &str) -> Result<(), HarnessError> {
+    fs::write(path, text).map_err(|error| HarnessError::File(path.to_owned(), error))
 }

@@ -6,14 +6,14 @@ use std::path::Path;
 use super::case::{Case, Pair};
 use super::cause::Cause;
 use super::finding::Finding;
-use super::hunt::{Plan, Progress, RECORDINGS};
+use super::harness::{Harness, HarnessError, Seen, Whose};
+use super::search::{Plan, Progress, RECORDINGS};
 use super::speech::Speech;
-use super::stand::{Seen, Stand, StandError, Whose};
 use crate::search::shrink::{Effort, fewest};
 
 /// Something new.
 pub(super) struct Found<'a> {
-    pub(super) stand: &'a Stand<'a>,
+    pub(super) harness: &'a Harness<'a>,
     pub(super) plan: &'a Plan,
     pub(super) speech: &'a Speech,
     pub(super) cause: &'a Cause,
@@ -24,14 +24,14 @@ pub(super) struct Found<'a> {
 impl Found<'_> {
     /// Writes it down as it is, then tries it again, then makes it smaller. Whether it is to be
     /// kept: what may only be this machine's lateness must be seen again.
-    pub(super) fn keep(&self, first: Case, seen: &Seen) -> Result<bool, StandError> {
+    pub(super) fn keep(&self, first: Case, seen: &Seen) -> Result<bool, HarnessError> {
         let recording = self.plan.out.join(RECORDINGS[0]);
         // A second cause of the same case has the same capture.
         let copy = self.plan.out.join(RECORDINGS[1]);
-        fs::copy(&recording, &copy).map_err(|error| StandError::File(recording, error))?;
+        fs::copy(&recording, &copy).map_err(|error| HarnessError::File(recording, error))?;
         self.finding.write_case(&first, &seen.said, &copy)?;
         self.write_words("not tried again")?;
-        let is_there = matches!(self.stand.whose, Whose::Command { .. });
+        let is_there = matches!(self.harness.whose, Whose::Command { .. });
         if self.cause.is_final() && !is_there {
             return Ok(true);
         }
@@ -43,7 +43,7 @@ impl Found<'_> {
                     self.write_words("not seen when the case was run once more")?;
                     return Ok(!self.cause.may_be_lateness());
                 }
-                Err(StandError::Interrupted) => return Ok(!self.cause.may_be_lateness()),
+                Err(HarnessError::Interrupted) => return Ok(!self.cause.may_be_lateness()),
                 Err(error) => return Err(error),
             }
         }
@@ -55,7 +55,7 @@ impl Found<'_> {
         Ok(true)
     }
 
-    fn write_words(&self, words: &str) -> Result<(), StandError> {
+    fn write_words(&self, words: &str) -> Result<(), HarnessError> {
         let words = format!("{}\n{words}", self.cause);
         let repeat = format!(
             "{} --repeat {}",
@@ -66,10 +66,10 @@ impl Found<'_> {
     }
 
     /// Whether `case` shows it; then it is written down.
-    fn again(&self, case: &Case) -> Result<bool, StandError> {
+    fn again(&self, case: &Case) -> Result<bool, HarnessError> {
         let recording = self.plan.out.join(RECORDINGS[2]);
         self.progress.tries.set(self.progress.tries.get() + 1);
-        let seen = self.stand.run(case, self.speech, &recording)?;
+        let seen = self.harness.run(case, self.speech, &recording)?;
         let key = self.cause.key();
         let is_it = seen.causes.iter().any(|cause| cause.key() == key);
         if is_it {
@@ -79,8 +79,8 @@ impl Found<'_> {
     }
 
     /// Leaves out what does not matter; says how much is left.
-    fn shrink(&self, first: &Case) -> Result<String, StandError> {
-        let is_over = || !(self.stand.goes_on)();
+    fn shrink(&self, first: &Case) -> Result<String, HarnessError> {
+        let is_over = || !(self.harness.goes_on)();
         let mut effort = Effort::until(self.plan.tries, &is_over);
         let mut failure = None;
         let mut shows = |case: Case| match self.again(&case) {
@@ -107,7 +107,7 @@ impl Found<'_> {
             }
         };
         match failure {
-            Some(StandError::Interrupted) | None => {}
+            Some(HarnessError::Interrupted) | None => {}
             Some(error) => return Err(error),
         }
         let tries = effort.spent();

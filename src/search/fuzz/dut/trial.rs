@@ -4,7 +4,7 @@ use core::time::Duration;
 
 use super::case::{Answered, Case, Known, Pair, Raw};
 use super::cause::Cause;
-use super::live::{Halt, Live};
+use super::session::{Halt, Session};
 use super::speech::{Shape, Speech};
 use crate::codec::wire::{Piece, Stream};
 
@@ -31,7 +31,7 @@ impl<'a> Talk<'a> {
     }
 
     /// What kind of answer the program gives to `bytes`.
-    pub(super) fn ask(&self, live: &mut Live<'_>, bytes: &[u8]) -> Result<Shape, Halt> {
+    pub(super) fn ask(&self, live: &mut Session<'_>, bytes: &[u8]) -> Result<Shape, Halt> {
         let heard = live.ask(bytes, WINDOW)?;
         Ok(&self.speech.shape(&heard, bytes) - &self.chatter)
     }
@@ -39,7 +39,7 @@ impl<'a> Talk<'a> {
     /// Whether the damaged frame is answered as the sound one is, and noise is not. Twice, and
     /// after another frame was answered: what the program says by itself may tell of the last
     /// frame that it took.
-    fn is_taken(&self, live: &mut Live<'_>, raw: &Raw, pair: &Pair) -> Result<bool, Halt> {
+    fn is_taken(&self, live: &mut Session<'_>, raw: &Raw, pair: &Pair) -> Result<bool, Halt> {
         if self.ask(live, &pair.damaged.0)?.is_empty() {
             return Ok(false);
         }
@@ -60,7 +60,7 @@ impl<'a> Talk<'a> {
     }
 
     /// Whether the program answers as it did.
-    fn is_answered(&self, live: &mut Live<'_>, asked: &Answered) -> Result<bool, Halt> {
+    fn is_answered(&self, live: &mut Session<'_>, asked: &Answered) -> Result<bool, Halt> {
         let kinds = self.ask(live, &asked.frame.0)?;
         Ok(asked.kinds.iter().any(|kind| kinds.contains(&kind.0)))
     }
@@ -69,7 +69,7 @@ impl<'a> Talk<'a> {
 /// Does what `case` says, then sees whether the program lives. What was wrong is in `causes`, also
 /// if it ended after that.
 pub(super) fn act(
-    live: &mut Live<'_>,
+    live: &mut Session<'_>,
     case: &Case,
     speech: &Speech,
     alive: Duration,
@@ -105,7 +105,7 @@ pub(super) fn act(
 /// what it used to answer. It is asked again and again: one that waits for the rest of a cut frame
 /// gets it.
 pub(super) fn settle(
-    live: &mut Live<'_>,
+    live: &mut Session<'_>,
     known: &Known,
     asked: Option<(&Talk<'_>, &Raw)>,
     alive: Duration,

@@ -23,13 +23,13 @@ impl Subject for Lock {
         0
     }
 
-    fn run(&self, choices: &[u8], behaviour: &mut Behaviour) -> Result<(), Fault> {
+    fn run(&self, choices: &[u8], behaviour: &mut Behaviour) -> Result<(), Violation> {
         let fit = choices.iter().zip(KEY).take_while(|(a, b)| **a == *b);
         let fit = fit.count();
         behaviour.note(&[fit as u64]);
         match fit {
             3 if choices.len() > 3 && choices[3] > 0x7F => panic!("jammed at {}", choices[3]),
-            3 => Err(Fault::new("opens", format!("{choices:?}"))),
+            3 => Err(Violation::new("opens", format!("{choices:?}"))),
             _ => Ok(()),
         }
     }
@@ -42,7 +42,7 @@ impl Subject for Lock {
         String::new()
     }
 
-    fn keep(&self, _: &[u8], fault: &Fault, _: &mut Effort<'_>) -> Kept {
+    fn keep(&self, _: &[u8], fault: &Violation, _: &mut Effort<'_>) -> Kept {
         Kept {
             fault: fault.clone(),
             files: Vec::new(),
@@ -61,7 +61,7 @@ impl Subject for Lock {
         Ok(None)
     }
 
-    fn repeated(&self, _: &str) -> Result<Result<(), Fault>, String> {
+    fn repeated(&self, _: &str) -> Result<Result<(), Violation>, String> {
         Ok(Ok(()))
     }
 }

@@ -12,7 +12,7 @@ use protocols::avr::{self, ChecksumOrder, Frame};
 use super::step::Step;
 use super::tape::Tape;
 use crate::codec::wire::Choices;
-use crate::search::fuzz::subject::{Behaviour, Fault};
+use crate::search::fuzz::subject::{Behaviour, Violation};
 use bench::Master;
 
 /// The emulated base with some of the fielded firmware's defects.
@@ -152,7 +152,7 @@ impl super::Bench for Base {
         steps: &[Step],
         behaviour: &mut Behaviour,
         tape: &mut Tape,
-    ) -> Result<(), Fault> {
+    ) -> Result<(), Violation> {
         let mut master = Master::new(self.config.clone(), behaviour, tape);
         for (at, step) in steps.iter().enumerate() {
             match step {

@@ -16,7 +16,7 @@ use crate::codec;
 use crate::codec::wire::{Choices, Wire};
 use crate::rig::line::Direction;
 use crate::robots::rescue::pc_program::fielded;
-use crate::search::fuzz::subject::{Behaviour, Fault, size};
+use crate::search::fuzz::subject::{Behaviour, Violation, size};
 
 /// The PC program, or the fielded one.
 pub(super) struct Client {
@@ -132,7 +132,7 @@ impl super::Bench for Client {
         steps: &[Step],
         behaviour: &mut Behaviour,
         tape: &mut Tape,
-    ) -> Result<(), Fault> {
+    ) -> Result<(), Violation> {
         let mut desk = Desk::new(!self.defects.is_empty());
         let mut expected = Expected::default();
         for step in steps {
@@ -159,7 +159,7 @@ impl super::Bench for Client {
         behaviour.note(&desk.figures());
         if desk.position_mm() != Some([123, 45]) {
             let detail = format!("it shows the robot at {:?} mm", desk.position_mm());
-            return Err(Fault::new("the-robot-is-heard-after-all", detail));
+            return Err(Violation::new("the-robot-is-heard-after-all", detail));
         }
         Ok(())
     }
@@ -320,7 +320,7 @@ impl Expected {
         }
     }
 
-    fn compare(&self, desk: &Desk) -> Result<(), Fault> {
+    fn compare(&self, desk: &Desk) -> Result<(), Violation> {
         if self.is_another {
             return Ok(());
         }
@@ -344,7 +344,7 @@ impl Expected {
                     "that was never told"
                 };
                 let detail = format!("row {y} shows {:02X?}..", &shown[..6]);
-                return Err(Fault::new(
+                return Err(Violation::new(
                     format!("rows-show-what-was-told: one {what}"),
                     detail,
                 ));

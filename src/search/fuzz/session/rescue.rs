@@ -11,7 +11,7 @@ use super::step::{Spoil, Step};
 use super::tape::Tape;
 use crate::codec;
 use crate::codec::wire::{Choices, Wire};
-use crate::search::fuzz::subject::{Behaviour, Fault};
+use crate::search::fuzz::subject::{Behaviour, Violation};
 use bench::Around;
 
 /// The program with some of the fielded one's defects.
@@ -123,7 +123,7 @@ impl super::Bench for Robot {
         steps: &[Step],
         behaviour: &mut Behaviour,
         tape: &mut Tape,
-    ) -> Result<(), Fault> {
+    ) -> Result<(), Violation> {
         let mut around = Around::new(self.config, tape);
         let judged = around.live_through(steps);
         around.note(behaviour);

@@ -11,7 +11,7 @@ use crate::codec::wire::Wire;
 use crate::codec::{Avr, LowFirst};
 use crate::rig::line::Direction;
 use crate::search::fuzz::session::tape::Tape;
-use crate::search::fuzz::subject::{Behaviour, Fault};
+use crate::search::fuzz::subject::{Behaviour, Violation};
 
 /// On a line that is quiet for so long, every request is answered and forgotten: the slowest task
 /// of the fielded base comes every 25.1 ms.
@@ -83,7 +83,7 @@ impl<'a> Master<'a> {
     }
 
     /// Lets time pass, from deadline to deadline of the base.
-    fn run(&mut self, time: Duration) -> Result<(), Fault> {
+    fn run(&mut self, time: Duration) -> Result<(), Violation> {
         let end = self.now + time;
         while let Some(at) = self.base.poll_at().filter(|&at| at <= end) {
             // One that asks for a moment that has passed still lets time move.
@@ -97,7 +97,7 @@ impl<'a> Master<'a> {
         self.poll()
     }
 
-    fn poll(&mut self) -> Result<(), Fault> {
+    fn poll(&mut self) -> Result<(), Violation> {
         self.world.advance(self.now);
         self.base.poll(self.now, &mut self.world);
         let mut buf = [0; 256];
@@ -109,13 +109,13 @@ impl<'a> Master<'a> {
     }
 
     /// What holds at any time.
-    fn look_at_motors(&self) -> Result<(), Fault> {
+    fn look_at_motors(&self) -> Result<(), Violation> {
         let set_points = self.base.set_points();
         for side in 0..2 {
             let point = set_points[side];
             if point != 0 && !self.asked[side].contains(&point) {
                 let (wheel, asked) = (SIDES[side], &self.asked[side]);
-                return Err(Fault::new(
+                return Err(Violation::new(
                     "set-points-are-as-written",
                     format!("the {wheel} wheel has {point}, written were {asked:?}"),
                 ));
@@ -124,7 +124,7 @@ impl<'a> Master<'a> {
         let silence = self.now - self.spoke_at;
         if set_points != [0, 0] && silence > SILENCE_MAX {
             let [left, right] = set_points;
-            return Err(Fault::new(
+            return Err(Violation::new(
                 format!("motors-stop-in-silence: {}", self.after()),
                 format!("{left}, {right} still on after {} ms", silence.as_millis()),
             ));
@@ -141,12 +141,12 @@ impl<'a> Master<'a> {
         }
     }
 
-    pub(super) fn wait(&mut self, ms: u32) -> Result<(), Fault> {
+    pub(super) fn wait(&mut self, ms: u32) -> Result<(), Violation> {
         self.run(Duration::from_millis(u64::from(ms)))
     }
 
     /// Sends `bytes`; whether they are left alone after says whether a reply is judged.
-    pub(super) fn send(&mut self, bytes: &[u8], is_left_alone: bool) -> Result<(), Fault> {
+    pub(super) fn send(&mut self, bytes: &[u8], is_left_alone: bool) -> Result<(), Violation> {
         let quiet = Duration::from_millis(u64::from(QUIET_MS));
         let is_quiet = self.sent.is_empty() || self.now - self.byte_at >= quiet;
         let is_request = is_left_alone && is_quiet && frame_len(bytes) == Some(bytes.len());
@@ -204,7 +204,7 @@ impl<'a> Master<'a> {
 
     /// One request on a quiet line has one answer: data, an acknowledgement, or the error frame,
     /// which alone is right where there is no such register.
-    fn judge_reply(&mut self, request: &[u8], reply: &[u8]) -> Result<(), Fault> {
+    fn judge_reply(&mut self, request: &[u8], reply: &[u8]) -> Result<(), Violation> {
         let (register, is_write) = (request[1], request[2] >= 0x80);
         let count = request[2] & 0x7F;
         let end = usize::from(register) + usize::from(count);
@@ -231,18 +231,18 @@ impl<'a> Master<'a> {
             (true, 1..=3) | (false, 1) => Ok(()),
             (true, _) | (false, 0) => {
                 let cause = format!("a-request-is-answered: {verb}");
-                Err(Fault::new(cause, found()))
+                Err(Violation::new(cause, found()))
             }
             (false, _) => {
                 let cause = format!("what-is-not-there-is-refused: {verb}");
-                Err(Fault::new(cause, found()))
+                Err(Violation::new(cause, found()))
             }
         }
     }
 
     /// After a silence in which everything must have come to rest, the base answers, and has
     /// counted what the wheels turned.
-    pub(super) fn end(mut self) -> Result<(), Fault> {
+    pub(super) fn end(mut self) -> Result<(), Violation> {
         self.wait(END_MS)?;
         self.heard.clear();
         let request = Frame::read(registers::ENCODER_LEFT, 8, ORDER);
@@ -251,7 +251,7 @@ impl<'a> Master<'a> {
         let heard = core::mem::take(&mut self.heard);
         if heard.len() != 13 {
             let detail = format!("a read of the counts has the reply {heard:02X?}");
-            return Err(Fault::new("the-base-answers-in-the-end", detail));
+            return Err(Violation::new("the-base-answers-in-the-end", detail));
         }
         for (side, wheel) in WHEELS.into_iter().enumerate() {
             let bytes = heard[3 + 4 * side..].first_chunk().expect("13 bytes");
@@ -261,7 +261,7 @@ impl<'a> Master<'a> {
                 .note(&[9, side as u64, u64::from(turned > 0), u64::from(turned < 0)]);
             if (counted - turned).abs() > EDGES_MAX {
                 let name = SIDES[side];
-                return Err(Fault::new(
+                return Err(Violation::new(
                     format!("encoders-follow-the-wheels: {}", self.after()),
                     format!("the {name} wheel turned {turned} edges, counted were {counted}"),
                 ));

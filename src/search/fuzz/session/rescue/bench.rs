@@ -11,7 +11,7 @@ use crate::codec::{self, BUS, PCUI, What, XV11};
 use crate::rig::line::Direction;
 use crate::search::fuzz::session::step::{Spoil, Step};
 use crate::search::fuzz::session::tape::Tape;
-use crate::search::fuzz::subject::{Behaviour, Fault, size};
+use crate::search::fuzz::subject::{Behaviour, Violation, size};
 
 const MS: Duration = Duration::from_millis(1);
 const ORDER: ChecksumOrder = ChecksumOrder::LowFirst;
@@ -68,7 +68,7 @@ impl<'a> Around<'a> {
         }
     }
 
-    pub(super) fn live_through(&mut self, steps: &[Step]) -> Result<(), Fault> {
+    pub(super) fn live_through(&mut self, steps: &[Step]) -> Result<(), Violation> {
         // The first requests are made and answered before anything goes wrong.
         self.wait(50)?;
         for step in steps {
@@ -83,19 +83,19 @@ impl<'a> Around<'a> {
     }
 
     /// Whatever came before, one of many orders is heard: more bytes than the longest frame has.
-    fn judge_ears(&mut self) -> Result<(), Fault> {
+    fn judge_ears(&mut self) -> Result<(), Violation> {
         let before = self.counter("radio frames");
         for _ in 0..ORDERS {
             self.send(RADIO, ORDER_TO_STOP)?;
         }
         if self.counter("radio frames") == before {
             let detail = format!("none of {ORDERS} orders after a pause was heard");
-            return Err(Fault::new("the-radio-is-not-deaf", detail));
+            return Err(Violation::new("the-radio-is-not-deaf", detail));
         }
         self.wait(QUIET_MS)
     }
 
-    fn wait(&mut self, ms: u32) -> Result<(), Fault> {
+    fn wait(&mut self, ms: u32) -> Result<(), Violation> {
         for _ in 0..ms {
             self.now += MS;
             if let Some((_, bytes)) = self.late.take_if(|(at, _)| *at <= self.now) {
@@ -120,7 +120,7 @@ impl<'a> Around<'a> {
     }
 
     /// Answers the program's requests.
-    fn serve(&mut self) -> Result<(), Fault> {
+    fn serve(&mut self) -> Result<(), Violation> {
         for _ in 0..REQUESTS_MAX {
             let mut buf = [0; 64];
             let len = self.program.transmit(Rescue::BASE, &mut buf);
@@ -138,7 +138,7 @@ impl<'a> Around<'a> {
         Ok(())
     }
 
-    fn answer(&mut self, request: &Frame) -> Result<(), Fault> {
+    fn answer(&mut self, request: &Frame) -> Result<(), Violation> {
         self.asked = Some(*request);
         let register = request.register();
         let count = usize::from(request.count());
@@ -164,7 +164,7 @@ impl<'a> Around<'a> {
         self.reply(&bytes)
     }
 
-    fn reply(&mut self, bytes: &[u8]) -> Result<(), Fault> {
+    fn reply(&mut self, bytes: &[u8]) -> Result<(), Violation> {
         if bytes.is_empty() {
             return Ok(());
         }
@@ -172,7 +172,7 @@ impl<'a> Around<'a> {
         self.receive(BASE, bytes)
     }
 
-    fn send(&mut self, port: usize, bytes: &[u8]) -> Result<(), Fault> {
+    fn send(&mut self, port: usize, bytes: &[u8]) -> Result<(), Violation> {
         if bytes.is_empty() {
             return Ok(());
         }
@@ -180,7 +180,7 @@ impl<'a> Around<'a> {
         self.serve()
     }
 
-    fn receive(&mut self, port: usize, bytes: &[u8]) -> Result<(), Fault> {
+    fn receive(&mut self, port: usize, bytes: &[u8]) -> Result<(), Violation> {
         self.tape.note(port, self.now, Direction::ToMaster, bytes);
         self.heard[port].extend(bytes);
         let is_base = port == BASE;
@@ -197,14 +197,14 @@ impl<'a> Around<'a> {
     }
 
     /// Neither does the program end, nor does it write beside its buffers.
-    fn judge_memory(&self, when: impl Fn() -> String) -> Result<(), Fault> {
+    fn judge_memory(&self, when: impl Fn() -> String) -> Result<(), Violation> {
         if self.program.is_dead() {
             let detail = format!("it ended at {} s, {}", self.now, when());
-            return Err(Fault::new("the-program-goes-on", detail));
+            return Err(Violation::new("the-program-goes-on", detail));
         }
         let mut found = Ok(());
         self.program.stray_writes(&mut |buffer, stray| {
-            found = Err(Fault::new(
+            found = Err(Violation::new(
                 format!("writes-stay-in-their-buffers: {buffer}"),
                 format!(
                     "{} writes beside the {buffer}, from element {} to {}, {}",
@@ -219,7 +219,7 @@ impl<'a> Around<'a> {
     }
 
     /// What the program took for an answer is one: register, direction and count fit what it asked.
-    fn judge_answer(&mut self) -> Result<(), Fault> {
+    fn judge_answer(&mut self) -> Result<(), Violation> {
         let answered = self.counter("base answers");
         let before = core::mem::replace(&mut self.answered, answered);
         let Some(asked) = self.asked.as_ref().filter(|_| answered > before) else {
@@ -243,7 +243,7 @@ impl<'a> Around<'a> {
         } else {
             "a read"
         };
-        Err(Fault::new(
+        Err(Violation::new(
             format!("an-answer-fits-its-question: {kind}"),
             format!(
                 "{:02X?} was taken for the answer to {:02X?}",
@@ -254,7 +254,7 @@ impl<'a> Around<'a> {
     }
 
     /// Every frame that stood on a line was heard, and no other.
-    fn judge_frames(&mut self) -> Result<(), Fault> {
+    fn judge_frames(&mut self) -> Result<(), Violation> {
         self.frames[RADIO] += frames::<codec::Pcui>(&self.heard[RADIO]);
         self.frames[LIDAR] += frames::<codec::Xv11>(&self.heard[LIDAR]);
         self.heard = [const { Vec::new() }; 3];
@@ -267,7 +267,7 @@ impl<'a> Around<'a> {
                 "radio-frames-were-sent"
             };
             let detail = format!("{sent} frames on the line, {radio} heard");
-            return Err(Fault::new(cause, detail));
+            return Err(Violation::new(cause, detail));
         }
         let lidar = self.counter("lidar packets");
         if lidar != self.frames[LIDAR] {
@@ -278,7 +278,7 @@ impl<'a> Around<'a> {
                 "lidar-packets-were-sent"
             };
             let detail = format!("{sent} packets on the line, {lidar} heard");
-            return Err(Fault::new(cause, detail));
+            return Err(Violation::new(cause, detail));
         }
         Ok(())
     }

@@ -1,12 +1,12 @@
-//! A run as it is at one moment, written out once for all pages.
+//! A run as it is at one snapshot, written out once for all pages.
 
 use std::sync::Arc;
 
-use super::books::Layer;
+use super::map_layers::Layer;
 
 /// What every page may get. Nothing in it ever changes.
 #[derive(Debug)]
-pub(super) struct Moment {
+pub(super) struct Snapshot {
     /// Which run: another one after each restart.
     pub(super) run: u64,
     /// What stays the same through a run, as JSON.

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use protocols::Instant;
 use serde_json::json;
 
-use super::books::Layer;
+use super::map_layers::Layer;
 use super::wire::Tally;
 use crate::rig::Logged;
 
@@ -22,7 +22,7 @@ const DETAIL_MAX: usize = 300;
 
 /// What was recorded.
 #[derive(Debug)]
-pub(super) struct Story {
+pub(super) struct Timeline {
     /// Counts how often samples were dropped or the run began anew: a page that has seen another
     /// generation gets all of them again.
     pub(super) generation: u64,
@@ -43,13 +43,13 @@ pub(super) struct Sample<'a> {
     pub(super) tallies: &'a [[Tally; 2]],
 }
 
-impl Default for Story {
+impl Default for Timeline {
     fn default() -> Self {
         Self::new(0)
     }
 }
 
-impl Story {
+impl Timeline {
     /// Nothing recorded yet.
     pub(super) const fn new(generation: u64) -> Self {
         Self {
@@ -167,26 +167,26 @@ mod tests {
     /// the whole time, and its newest sample is always there.
     #[test]
     fn the_record_gets_coarser_not_longer() {
-        let mut story = Story::new(0);
+        let mut timeline = Timeline::new(0);
         for seconds in (0..7200 * 5).map(|step| Duration::from_millis(200 * step)) {
             let at = Instant::ZERO + seconds;
-            if story.wants_sample(at) {
+            if timeline.wants_sample(at) {
                 let sample = Sample {
                     at,
                     truth: None,
                     believed: None,
                     tallies: &[],
                 };
-                story.sample(&sample);
-                assert_eq!(story.sample_times.last(), Some(&at));
+                timeline.sample(&sample);
+                assert_eq!(timeline.sample_times.last(), Some(&at));
             }
-            if story.wants_maps(at) {
-                story.maps(at, Vec::new());
+            if timeline.wants_maps(at) {
+                timeline.maps(at, Vec::new());
             }
         }
-        assert!((1500..=SAMPLES_MAX).contains(&story.samples.len()));
-        assert!((24..=MAPS_MAX).contains(&story.maps.len()));
-        let gaps = story.sample_times.windows(2);
+        assert!((1500..=SAMPLES_MAX).contains(&timeline.samples.len()));
+        assert!((24..=MAPS_MAX).contains(&timeline.maps.len()));
+        let gaps = timeline.sample_times.windows(2);
         let longest = gaps.map(|gap| gap[1] - gap[0]).max();
         assert!(longest <= Some(Duration::from_secs(7)), "{longest:?}");
     }

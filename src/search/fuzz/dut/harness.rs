@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use super::case::{Case, Known};
 use super::cause::Cause;
-use super::live::{self, Halt, Live, Placed};
+use super::session::{self, Halt, Placed, Session};
 use super::speech::Speech;
 use super::trial;
 use crate::realtime::transport::{PortDir, Transport, TransportError};
@@ -31,7 +31,7 @@ pub enum Whose {
 }
 
 /// Where programs are put on trial.
-pub struct Stand<'a> {
+pub struct Harness<'a> {
     /// The program.
     pub whose: Whose,
     /// Where the scenario comes from, for messages.
@@ -50,7 +50,7 @@ pub struct Stand<'a> {
 
 /// Why nothing can be tried.
 #[derive(Debug, thiserror::Error)]
-pub enum StandError {
+pub enum HarnessError {
     /// The scenario cannot be run.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
@@ -92,7 +92,7 @@ pub struct Seen {
 /// A rig that is later than this may make a program break a rule about time, or drive into a wall.
 const LATE: Duration = Duration::from_millis(20);
 
-impl<'a> Stand<'a> {
+impl<'a> Harness<'a> {
     /// A stand for that program.
     pub fn new(
         whose: Whose,
@@ -117,10 +117,10 @@ impl<'a> Stand<'a> {
         &self,
         scenario: &Scenario,
         link: Option<&str>,
-    ) -> Result<Vec<(OpenEnd, Speech)>, StandError> {
-        let (run, ends, _) = live::wire(self, scenario, link)?;
+    ) -> Result<Vec<(OpenEnd, Speech)>, HarnessError> {
+        let (run, ends, _) = session::wire(self, scenario, link)?;
         // As wired with its devices: which order the checksums have, the base says.
-        let (whole, ..) = live::wire(self, scenario, None)?;
+        let (whole, ..) = session::wire(self, scenario, None)?;
         drop(run);
         let speech = |end: &OpenEnd| {
             let own = scenario.device.get(&end.link).and_then(Speech::of_device);
@@ -141,22 +141,22 @@ impl<'a> Stand<'a> {
         &self,
         ends: &[OpenEnd],
         scenario: &Scenario,
-    ) -> Result<(Option<PortDir>, Vec<Placed>), StandError> {
+    ) -> Result<(Option<PortDir>, Vec<Placed>), HarnessError> {
         let dir = match &self.whose {
             Whose::Command { dir, .. } => {
-                let (dir, ports) = live::terminals(dir, ends, scenario)?;
+                let (dir, ports) = session::terminals(dir, ends, scenario)?;
                 return Ok((Some(dir), ports));
             }
             Whose::Ports(dir) => dir,
         };
         let mut open = self.open.borrow_mut();
         if open.is_empty() {
-            let ports = live::serials(dir, ends)?;
+            let ports = session::serials(dir, ends)?;
             open.extend(ports.into_iter().map(|(_, port)| port));
         }
         if open.is_empty() {
             let names: Vec<&str> = ends.iter().map(|end| end.name.as_str()).collect();
-            return Err(StandError::Useless(format!(
+            return Err(HarnessError::Useless(format!(
                 "--dut-dir {}: no port there, expected one of {}",
                 dir.display(),
                 names.join(", ")
@@ -175,8 +175,13 @@ impl<'a> Stand<'a> {
     }
 
     /// Tries `case`, `speech` being that of its raw link; every byte is in `recording` then.
-    pub fn run(&self, case: &Case, speech: &Speech, recording: &Path) -> Result<Seen, StandError> {
-        let (mut live, opened) = Live::begin(self, case, recording)?;
+    pub fn run(
+        &self,
+        case: &Case,
+        speech: &Speech,
+        recording: &Path,
+    ) -> Result<Seen, HarnessError> {
+        let (mut live, opened) = Session::begin(self, case, recording)?;
         let mut causes = Vec::new();
         let acted =
             opened.and_then(|()| trial::act(&mut live, case, speech, self.alive, &mut causes));
@@ -186,10 +191,10 @@ impl<'a> Stand<'a> {
     /// Ends the program and says what was wrong with it, besides `causes`.
     pub(super) fn judge(
         &self,
-        live: Live<'_>,
+        live: Session<'_>,
         acted: Result<(), Halt>,
         mut causes: Vec<Cause>,
-    ) -> Result<Seen, StandError> {
+    ) -> Result<Seen, HarnessError> {
         let known = live.known(live.now());
         let was_late = live.late() > LATE;
         let (said, run) = live.end(self);
@@ -197,7 +202,7 @@ impl<'a> Stand<'a> {
             Ok(()) => {}
             Err(Halt::Ended(ended)) => causes.push(Cause::of_end(ended, &said)),
             Err(Halt::Lost(how)) => causes.push(Cause::PortLost(how)),
-            Err(Halt::Interrupted) => return Err(StandError::Interrupted),
+            Err(Halt::Interrupted) => return Err(HarnessError::Interrupted),
         }
         let ran = run.case();
         let counts = |cause: &Cause| {

@@ -6,7 +6,7 @@ use crate::scenario::{DirectionSpec, FaultKind, Place, Scenario, Source, WorldSp
 
 /// All of a robot that something can go wrong with, as its links and devices are wired.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Surface {
+pub(super) struct FaultTargets {
     links: Vec<String>,
     /// What they are made of.
     link_kinds: Vec<LinkKind>,
@@ -35,7 +35,7 @@ impl Device {
     }
 }
 
-impl Surface {
+impl FaultTargets {
     /// What there is in `scenario`. Nothing if it cannot be wired, which its run will say.
     pub(super) fn of(scenario: &Scenario) -> Self {
         let source = Source {

@@ -9,9 +9,9 @@ use protocols::Instant;
 
 use super::case::{Answered, Case, Hex, Known, Raw, Told, WARM_UP, quiet};
 use super::cause::Cause;
-use super::live::{Halt, Live};
+use super::harness::{Harness, HarnessError, Seen, Whose};
+use super::session::{Halt, Session};
 use super::speech::{Shape, Speech, is_echo};
-use super::stand::{Seen, Stand, StandError, Whose};
 use super::trial::{Talk, settle};
 use crate::codec::wire::Stream;
 use crate::scenario::{Scenario, Span};
@@ -25,7 +25,7 @@ const ANSWERED: usize = 6;
 
 /// What is known of a program.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Met {
+pub struct Probed {
     /// On this link it was talked to; empty: on all, by the devices.
     pub link: String,
     /// What it does when nothing is wrong.
@@ -36,7 +36,7 @@ pub struct Met {
     pub answered: Vec<Answered>,
 }
 
-impl Stand<'_> {
+impl Harness<'_> {
     /// Meets the program with its devices, nothing being wrong, for `lasting`. What was wrong
     /// nevertheless is in the second part.
     pub fn meet(
@@ -44,7 +44,7 @@ impl Stand<'_> {
         scenario: &Scenario,
         lasting: Duration,
         recording: &Path,
-    ) -> Result<(Met, Case, Seen), StandError> {
+    ) -> Result<(Probed, Case, Seen), HarnessError> {
         let case = Case {
             scenario: quiet(scenario, lasting),
             told: Told {
@@ -52,16 +52,16 @@ impl Stand<'_> {
                 ..Told::default()
             },
         };
-        let (mut live, opened) = Live::begin(self, &case, recording)?;
+        let (mut live, opened) = Session::begin(self, &case, recording)?;
         self.expect_ports(&live, &opened)?;
         // The first half is for waking up.
         let middle = Instant::ZERO + WARM_UP + lasting / 2;
         let acted = opened.and_then(|()| live.pass(lasting));
         let known = live.known(middle);
         let seen = self.judge(live, acted, Vec::new())?;
-        let met = Met {
+        let met = Probed {
             known,
-            ..Met::default()
+            ..Probed::default()
         };
         Ok((met, case, seen))
     }
@@ -73,7 +73,7 @@ impl Stand<'_> {
         (link, speech): (&str, &Speech),
         rng: &mut Rng,
         recording: &Path,
-    ) -> Result<(Met, Case, Seen), StandError> {
+    ) -> Result<(Probed, Case, Seen), HarnessError> {
         let raw = Raw {
             link: link.to_owned(),
             ..Raw::default()
@@ -85,11 +85,11 @@ impl Stand<'_> {
                 ..Told::default()
             },
         };
-        let (mut live, opened) = Live::begin(self, &case, recording)?;
+        let (mut live, opened) = Session::begin(self, &case, recording)?;
         self.expect_ports(&live, &opened)?;
-        let mut met = Met {
+        let mut met = Probed {
             link: link.to_owned(),
-            ..Met::default()
+            ..Probed::default()
         };
         let (mut asked, mut causes) = (String::new(), Vec::new());
         let acted = opened.and_then(|()| {
@@ -106,7 +106,11 @@ impl Stand<'_> {
     }
 
     /// A program that never opens a port is none to be tried.
-    fn expect_ports(&self, live: &Live<'_>, opened: &Result<(), Halt>) -> Result<(), StandError> {
+    fn expect_ports(
+        &self,
+        live: &Session<'_>,
+        opened: &Result<(), Halt>,
+    ) -> Result<(), HarnessError> {
         let (Whose::Command { command, dir }, true) = (&self.whose, live.opened().is_empty())
         else {
             return Ok(());
@@ -117,18 +121,18 @@ impl Stand<'_> {
         );
         let dir = dir.display();
         match opened {
-            Err(Halt::Interrupted) => Err(StandError::Interrupted),
+            Err(Halt::Interrupted) => Err(HarnessError::Interrupted),
             Err(Halt::Ended(ended)) => {
                 let said = live.said_so_far();
                 let said = said.lines().last().unwrap_or("nothing");
-                Err(StandError::Useless(format!(
+                Err(HarnessError::Useless(format!(
                     "--exec '{command}': ended with {ended} before it opened a port, saying: \
                      {said}; {expected} in {dir}"
                 )))
             }
             _ => {
                 let start = self.start.as_secs_f64();
-                Err(StandError::Useless(format!(
+                Err(HarnessError::Useless(format!(
                     "--exec '{command}': opened no port within {start} s; {expected} in {dir}"
                 )))
             }
@@ -136,11 +140,11 @@ impl Stand<'_> {
     }
 }
 
-impl Met {
+impl Probed {
     /// Listens, then tries frames until enough of them are answered.
     fn talk(
         &mut self,
-        live: &mut Live<'_>,
+        live: &mut Session<'_>,
         speech: &Speech,
         rng: &mut Rng,
         asked: &mut String,
@@ -193,7 +197,7 @@ impl Met {
     /// Whether it is still what it was.
     fn farewell(
         &self,
-        live: &mut Live<'_>,
+        live: &mut Session<'_>,
         speech: &Speech,
         alive: Duration,
     ) -> Result<Option<Cause>, Halt> {

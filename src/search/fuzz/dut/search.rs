@@ -12,9 +12,9 @@ use super::case::{self, Case, Told};
 use super::cause::Cause;
 use super::finding::{Finding, Kept, State};
 use super::found::Found;
-use super::meet::Met;
+use super::harness::{Harness, HarnessError, Seen, Whose};
+use super::probe::Probed;
 use super::speech::Speech;
-use super::stand::{Seen, Stand, StandError, Whose};
 use crate::robots::OpenEnd;
 use crate::scenario::{Scenario, Span};
 
@@ -52,34 +52,34 @@ pub struct Progress {
 const FINDINGS_MAX: usize = 100;
 
 /// A search under way.
-pub struct Hunt<'a> {
-    stand: &'a Stand<'a>,
+pub struct Search<'a> {
+    harness: &'a Harness<'a>,
     progress: &'a Progress,
     plan: Plan,
     ends: Vec<(OpenEnd, Speech)>,
-    met: BTreeMap<Option<usize>, Met>,
+    met: BTreeMap<Option<usize>, Probed>,
     state: State,
     late: u64,
     doubtful: u64,
 }
 
-impl<'a> Hunt<'a> {
+impl<'a> Search<'a> {
     /// Begins a search or goes on with the one in the folder.
     pub fn new(
-        stand: &'a Stand<'a>,
+        harness: &'a Harness<'a>,
         plan: Plan,
         progress: &'a Progress,
-    ) -> Result<Self, StandError> {
-        let ends = stand.ends(&plan.scenario, plan.link.as_deref())?;
+    ) -> Result<Self, HarnessError> {
+        let ends = harness.ends(&plan.scenario, plan.link.as_deref())?;
         if let Some(link) = &plan.link
             && !ends.iter().any(|(end, _)| &end.link == link)
         {
             let names: Vec<&str> = ends.iter().map(|(end, _)| end.link.as_str()).collect();
             let names = names.join(", ");
             let error = format!("--link {link}: no port of the program, expected one of {names}");
-            return Err(StandError::Useless(error));
+            return Err(HarnessError::Useless(error));
         }
-        let program = match &stand.whose {
+        let program = match &harness.whose {
             Whose::Command { command, .. } => command.clone(),
             Whose::Ports(dir) => dir.display().to_string(),
         };
@@ -87,11 +87,12 @@ impl<'a> Hunt<'a> {
         let scenario = crate::rig::trace::fingerprint(text.as_bytes());
         let link = plan.link.as_deref().unwrap_or("all links");
         let of = format!("{program} | {scenario} | {link} | seed {}", plan.seed);
-        fs::create_dir_all(&plan.out).map_err(|error| StandError::File(plan.out.clone(), error))?;
+        fs::create_dir_all(&plan.out)
+            .map_err(|error| HarnessError::File(plan.out.clone(), error))?;
         let state = State::read(&plan.out, of)?;
         progress.findings.set(state.findings.len());
         Ok(Self {
-            stand,
+            harness,
             progress,
             state,
             plan,
@@ -124,22 +125,22 @@ impl<'a> Hunt<'a> {
     }
 
     /// What is known of the program, by the links on which it was talked to.
-    pub fn met(&self) -> impl Iterator<Item = &Met> {
+    pub fn met(&self) -> impl Iterator<Item = &Probed> {
         self.met.values()
     }
 
     /// Tries one case; whether the program is still of use for another one.
-    pub fn step(&mut self) -> Result<bool, StandError> {
+    pub fn step(&mut self) -> Result<bool, HarnessError> {
         let kind = self.kind()?;
         let (case, speech) = self.draw(kind);
-        let seen = self.stand.run(&case, &speech, &self.recording())?;
+        let seen = self.harness.run(&case, &speech, &self.recording())?;
         self.state.next += 1;
         self.progress.cases.set(self.progress.cases.get() + 1);
         self.late += u64::from(seen.was_late);
         let is_gone = seen.causes.iter().any(Cause::is_final);
         self.keep(case, &speech, seen)?;
         self.state.write(&self.plan.out)?;
-        Ok(!is_gone || matches!(self.stand.whose, Whose::Command { .. }))
+        Ok(!is_gone || matches!(self.harness.whose, Whose::Command { .. }))
     }
 
     fn recording(&self) -> PathBuf {
@@ -147,7 +148,7 @@ impl<'a> Hunt<'a> {
     }
 
     /// What kind of case is next: faults, or raw traffic on the end with this number.
-    fn kind(&mut self) -> Result<Option<usize>, StandError> {
+    fn kind(&mut self) -> Result<Option<usize>, HarnessError> {
         let link = self.plan.link.clone();
         if let Some(link) = link {
             let at = self.ends.iter().position(|(end, _)| end.link == link);
@@ -176,7 +177,7 @@ impl<'a> Hunt<'a> {
     }
 
     /// Makes sure that the program is known on the end with this number.
-    fn meet_on(&mut self, at: usize) -> Result<Option<usize>, StandError> {
+    fn meet_on(&mut self, at: usize) -> Result<Option<usize>, HarnessError> {
         if !self.met.contains_key(&Some(at)) {
             let (end, speech) = self.ends[at].clone();
             let name = format!("fuzz.dut.meet.{}", end.link);
@@ -184,7 +185,7 @@ impl<'a> Hunt<'a> {
             let on = (end.link.as_str(), &speech);
             let recording = self.recording();
             let scenario = &self.plan.scenario;
-            let (met, case, seen) = self.stand.meet_on(scenario, on, &mut rng, &recording)?;
+            let (met, case, seen) = self.harness.meet_on(scenario, on, &mut rng, &recording)?;
             self.met.insert(Some(at), met);
             self.keep(case, &speech, seen)?;
         }
@@ -225,7 +226,7 @@ impl<'a> Hunt<'a> {
     }
 
     /// Keeps what was found in `case`, each cause once.
-    fn keep(&mut self, case: Case, speech: &Speech, seen: Seen) -> Result<(), StandError> {
+    fn keep(&mut self, case: Case, speech: &Speech, seen: Seen) -> Result<(), HarnessError> {
         for cause in &seen.causes {
             let key = cause.key();
             if let Some(kept) = self.state.findings.iter_mut().find(|kept| kept.key == key) {
@@ -245,7 +246,7 @@ impl<'a> Hunt<'a> {
         speech: &Speech,
         seen: &Seen,
         cause: &Cause,
-    ) -> Result<(), StandError> {
+    ) -> Result<(), HarnessError> {
         let number = self.state.findings.len() + 1;
         let folder = format!("{number:02}-{}", cause.kind());
         let mut first = case.clone();
@@ -254,7 +255,7 @@ impl<'a> Hunt<'a> {
         }
         let dir = self.plan.out.join("findings").join(&folder);
         let found = Found {
-            stand: self.stand,
+            harness: self.harness,
             plan: &self.plan,
             progress: self.progress,
             speech,
@@ -278,7 +279,7 @@ impl<'a> Hunt<'a> {
     }
 }
 
-impl Drop for Hunt<'_> {
+impl Drop for Search<'_> {
     fn drop(&mut self) {
         for name in RECORDINGS {
             let _ = fs::remove_file(self.plan.out.join(name));

@@ -90,7 +90,7 @@ const BATCHES_MAX: usize = 4;
 
 /// The end of the thread at which deliveries go in.
 #[derive(Debug)]
-pub(super) struct Scribe {
+pub(super) struct WriterThread {
     /// What was not sent yet.
     pub(super) batch: Batch,
     full: Option<SyncSender<Batch>>,
@@ -98,7 +98,7 @@ pub(super) struct Scribe {
     thread: Option<JoinHandle<io::Result<()>>>,
 }
 
-impl Scribe {
+impl WriterThread {
     /// `piece`: bytes of the file that are written at once.
     pub(super) fn start(joiner: Joiner, files: Files, piece: usize) -> io::Result<Self> {
         let (full, batches) = sync_channel::<Batch>(BATCHES_MAX);

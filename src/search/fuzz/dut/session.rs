@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use protocols::Instant;
 
 use super::case::{Case, Known, WARM_UP};
-use super::stand::{Stand, StandError, Whose};
+use super::harness::{Harness, HarnessError, Whose};
 use crate::capture::{self, Limits, Recording};
 use crate::realtime::Realtime;
 use crate::realtime::clock::{Clock, utc};
@@ -44,7 +44,7 @@ pub(super) enum Halt {
 }
 
 /// A case under way.
-pub(super) struct Live<'a> {
+pub(super) struct Session<'a> {
     pub(super) run: Endless,
     realtime: Realtime<Held>,
     dir: Option<PortDir>,
@@ -81,24 +81,24 @@ impl Paced for Endless {
     }
 }
 
-impl<'a> Live<'a> {
+impl<'a> Session<'a> {
     /// Sets up `case` and starts the program. It has opened its ports when this returns, unless it
     /// took too long or ended.
     pub(super) fn begin(
-        stand: &Stand<'a>,
+        harness: &Harness<'a>,
         case: &Case,
         recording: &Path,
-    ) -> Result<(Self, Result<(), Halt>), StandError> {
+    ) -> Result<(Self, Result<(), Halt>), HarnessError> {
         let link = case.told.raw.as_ref().map(|raw| raw.link.as_str());
-        let (mut run, ends, raw) = wire(stand, &case.scenario, link)?;
+        let (mut run, ends, raw) = wire(harness, &case.scenario, link)?;
         run.go_on_until(Instant::ZERO + WARM_UP);
         record(&mut run, recording)?;
-        let (dir, ports) = stand.ports(&ends, &case.scenario)?;
+        let (dir, ports) = harness.ports(&ends, &case.scenario)?;
         let mut realtime = Realtime::new(Held::at(run.rig.now()));
         for (end, port) in ports {
             realtime.serve(end, port);
         }
-        let process = match &stand.whose {
+        let process = match &harness.whose {
             Whose::Command { command, dir } => {
                 let ports = (PORTS_VARIABLE.to_owned(), dir.clone().into());
                 Some(Process::start(command, &[ports], None))
@@ -109,22 +109,22 @@ impl<'a> Live<'a> {
             run: Endless(run),
             realtime,
             dir,
-            process: process.transpose().map_err(StandError::NotStarted)?,
+            process: process.transpose().map_err(HarnessError::NotStarted)?,
             raw,
             heard: Vec::new(),
             said_at: Instant::ZERO,
             ports: BTreeMap::new(),
-            goes_on: stand.goes_on,
+            goes_on: harness.goes_on,
         };
-        let opened = live.wait_for_ports(stand, &case.told.known);
+        let opened = live.wait_for_ports(harness, &case.told.known);
         Ok((live, opened))
     }
 
     /// Waits until the program has opened what it opens, then lets time go.
-    fn wait_for_ports(&mut self, stand: &Stand<'_>, known: &Known) -> Result<(), Halt> {
+    fn wait_for_ports(&mut self, harness: &Harness<'_>, known: &Known) -> Result<(), Halt> {
         if self.process.is_some() {
             let (mut count, mut since) = (0, Duration::ZERO);
-            while self.realtime.clock().waited() < stand.start {
+            while self.realtime.clock().waited() < harness.start {
                 self.turn()?;
                 let waited = self.realtime.clock().waited();
                 let open = self.opened();
@@ -281,12 +281,12 @@ impl<'a> Live<'a> {
     }
 
     /// Ends the program; what it said on its standard error, and the run.
-    pub(super) fn end(mut self, stand: &Stand<'_>) -> (String, Run) {
+    pub(super) fn end(mut self, harness: &Harness<'_>) -> (String, Run) {
         let process = self.process.take();
         let said = process.map(|process| process.end(Patience::LITTLE).said);
         let transports = self.realtime.into_transports();
         if self.dir.is_none() {
-            stand.keep_open(transports);
+            harness.keep_open(transports);
         }
         // The capture is for people; what cannot be written of it is not worth the finding.
         let _ = self.run.0.rig.finish_taps();
@@ -296,13 +296,13 @@ impl<'a> Live<'a> {
 
 /// The rig of `scenario`, its open ends, and the end of `link` at which a device was.
 pub(super) fn wire(
-    stand: &Stand<'_>,
+    harness: &Harness<'_>,
     scenario: &Scenario,
     link: Option<&str>,
-) -> Result<(Run, Vec<OpenEnd>, Option<usize>), StandError> {
+) -> Result<(Run, Vec<OpenEnd>, Option<usize>), HarnessError> {
     let mission = &scenario.mission;
     let is_scripted = !mission.waypoints_m.is_empty() || !mission.step.is_empty();
-    let wired = |pc| robots::wire(scenario, &stand.source, Dut::External, pc);
+    let wired = |pc| robots::wire(scenario, &harness.source, Dut::External, pc);
     let has =
         |wired: &Wired| link.is_none_or(|link| wired.open_ends.iter().any(|end| end.link == link));
     let wired = match wired(PcEnd::Scripted)? {
@@ -322,14 +322,14 @@ pub(super) fn wire(
     Ok((run, ends, raw))
 }
 
-fn record(run: &mut Run, path: &Path) -> Result<(), StandError> {
+fn record(run: &mut Run, path: &Path) -> Result<(), HarnessError> {
     let about = capture::about_live(run.scenario(), utc());
     let limits = Limits {
         file_bytes: CAPTURE_MAX,
         files: 1,
     };
     let recording = Recording::create(path, &run.rig, about, limits);
-    let recording = recording.map_err(|source| StandError::File(path.to_owned(), source))?;
+    let recording = recording.map_err(|source| HarnessError::File(path.to_owned(), source))?;
     run.rig.add_tap(Box::new(recording));
     Ok(())
 }
@@ -342,7 +342,7 @@ pub(super) fn terminals(
     dir: &Path,
     ends: &[OpenEnd],
     scenario: &Scenario,
-) -> Result<(PortDir, Vec<Placed>), StandError> {
+) -> Result<(PortDir, Vec<Placed>), HarnessError> {
     let mut dir = PortDir::open(dir)?;
     let mut ports: Vec<Placed> = Vec::new();
     for end in ends {
@@ -354,7 +354,7 @@ pub(super) fn terminals(
 }
 
 /// The ports that are in `dir` already.
-pub(super) fn serials(dir: &Path, ends: &[OpenEnd]) -> Result<Vec<Placed>, StandError> {
+pub(super) fn serials(dir: &Path, ends: &[OpenEnd]) -> Result<Vec<Placed>, HarnessError> {
     let mut ports: Vec<Placed> = Vec::new();
     for end in ends {
         let path: PathBuf = dir.join(&end.name);

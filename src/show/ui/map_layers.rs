@@ -12,7 +12,7 @@ pub(super) struct Row {
     code: Arc<[u8]>,
 }
 
-/// A map at one moment. Rows that did not change are shared between moments.
+/// A map at one snapshot. Rows that did not change are shared between snapshots.
 #[derive(Clone, Debug)]
 pub(super) struct Layer {
     pub(super) head: Head,
@@ -74,13 +74,13 @@ impl Layer {
 
 /// A map as it was seen last.
 #[derive(Debug)]
-pub(super) struct Book {
+pub(super) struct MapLayer {
     cells: Vec<u8>,
     version: u64,
     last: Arc<Layer>,
 }
 
-impl Book {
+impl MapLayer {
     /// Nothing seen yet.
     pub(super) fn new(name: &'static str) -> Self {
         let head = Head {
@@ -158,7 +158,7 @@ mod tests {
     /// 300 cells of one value are 255 and 45 of it; a row that did not change is not sent again.
     #[test]
     fn a_page_gets_each_change_once() {
-        let mut book = Book::new("map");
+        let mut book = MapLayer::new("map");
         let mut cells = vec![[127_u8; 300]; 2];
         let size = [300, 2];
         book.look(size, 0.01, [0.0; 2], |y| Some(&cells[y]));
