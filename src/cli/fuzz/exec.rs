@@ -118,14 +118,14 @@ pub(super) fn run(args: &FuzzArgs) -> Result<Verdict, CliError> {
     }
 }
 
-fn stand<'a>(
+fn harness<'a>(
     args: &FuzzArgs,
     source: Source,
     goes_on: &'a dyn Fn() -> bool,
 ) -> Result<Harness<'a>, CliError> {
     let whose = args.exec.whose(&args.out)?;
     let times = [args.exec.alive.0, args.exec.start.0];
-    let mut stand = Harness::new(whose, source, times, goes_on);
+    let mut harness = Harness::new(whose, source, times, goes_on);
     harness.is_strict = args.exec.strict;
     Ok(harness)
 }
@@ -135,7 +135,7 @@ fn repeat(args: &FuzzArgs, folder: &Path) -> Result<Verdict, CliError> {
     let (case, source, key) = Finding::read(folder)?;
     let (stop, clock) = (Stop::new(None)?, WallClock::start());
     let goes_on = || !stop.is_due(clock.now());
-    let stand = stand(args, source, &goes_on)?;
+    let harness = harness(args, source, &goes_on)?;
     let link = case.told.raw.as_ref().map(|raw| raw.link.as_str());
     let ends = harness.ends(&case.scenario, link)?;
     let speech = ends.into_iter().find(|(end, _)| Some(&*end.link) == link);
@@ -184,11 +184,11 @@ fn search(args: &FuzzArgs) -> Result<Verdict, CliError> {
         }
         !stop.is_due(now)
     };
-    let stand = stand(args, source, &goes_on)?;
-    let mut hunt = Search::new(&harness, plan, &progress)?;
+    let harness = harness(args, source, &goes_on)?;
+    let mut search = Search::new(&harness, plan, &progress)?;
     let most = args.cases.unwrap_or(u64::MAX);
-    while hunt.next() < most {
-        match hunt.step() {
+    while search.next() < most {
+        match search.step() {
             Ok(true) => {}
             Ok(false) => {
                 eprintln!("  nothing there is to be spoken to any more: reset it to go on");
@@ -199,8 +199,8 @@ fn search(args: &FuzzArgs) -> Result<Verdict, CliError> {
         }
     }
     println!("{}", in_words(&progress, clock.now() - Instant::ZERO));
-    report(args, &hunt);
-    Ok(match hunt.findings().is_empty() {
+    report(args, &search);
+    Ok(match search.findings().is_empty() {
         true => Verdict::Pass,
         false => Verdict::Fail,
     })
@@ -218,8 +218,8 @@ fn in_words(progress: &Progress, time: Duration) -> String {
 }
 
 /// The findings, and what cannot be seen of this program.
-fn report(args: &FuzzArgs, hunt: &Search<'_>) {
-    for kept in hunt.findings() {
+fn report(args: &FuzzArgs, search: &Search<'_>) {
+    for kept in search.findings() {
         let folder = args.out.join("findings").join(&kept.folder);
         println!("{}: {}; {} times", folder.display(), kept.words, kept.count);
         println!(
@@ -228,7 +228,7 @@ fn report(args: &FuzzArgs, hunt: &Search<'_>) {
             folder.display()
         );
     }
-    for met in hunt.met().filter(|met| !met.link.is_empty()) {
+    for met in search.met().filter(|met| !met.link.is_empty()) {
         match met.answered.len() {
             0 => println!(
                 "{}: no frame was answered: whether damaged ones are taken cannot be seen",
@@ -240,12 +240,12 @@ fn report(args: &FuzzArgs, hunt: &Search<'_>) {
             ),
         }
     }
-    if hunt.doubtful() > 0 {
-        let count = hunt.doubtful();
+    if search.doubtful() > 0 {
+        let count = search.doubtful();
         println!("{count} failed checks not seen again, so not kept");
     }
-    if hunt.late() > 0 {
-        let late = hunt.late();
+    if search.late() > 0 {
+        let late = search.late();
         println!("{late} cases not judged by checks: this machine was too late for them");
     }
 }

@@ -33,7 +33,7 @@ pub struct Remote {
     retry_at: Instant,
     trouble: Option<String>,
     hand: Hand,
-    book: MapLayer,
+    layer: MapLayer,
     shown_at: Option<Instant>,
 }
 
@@ -55,7 +55,7 @@ impl Remote {
             retry_at: Instant::ZERO,
             trouble: None,
             hand: Hand::default(),
-            book: MapLayer::new("pc"),
+            layer: MapLayer::new("pc"),
             shown_at: None,
         }
     }

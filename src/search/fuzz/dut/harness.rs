@@ -1,4 +1,4 @@
-//! The stand on which a program is put: what it is told, and what is seen of it.
+//! The harness on which a program is put: what it is told, and what is seen of it.
 
 use core::cell::RefCell;
 use core::time::Duration;
@@ -93,7 +93,7 @@ pub struct Seen {
 const LATE: Duration = Duration::from_millis(20);
 
 impl<'a> Harness<'a> {
-    /// A stand for that program.
+    /// A harness for that program.
     pub fn new(
         whose: Whose,
         source: Source,

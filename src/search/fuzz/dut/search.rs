@@ -157,7 +157,7 @@ impl<'a> Search<'a> {
         if !self.met.contains_key(&None) {
             let plan = &self.plan;
             let met = self
-                .stand
+                .harness
                 .meet(&plan.scenario, plan.lasting, &self.recording())?;
             let (met, case, seen) = met;
             self.met.insert(None, met);
