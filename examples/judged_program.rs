@@ -23,7 +23,7 @@ world.wall = [{ path_m = [[2.7, 0.0], [2.7, 2.0]] }]
 
 /// The program under test.
 fn wall_mm(mut port: impl Read + Write) -> Result<u32, Box<dyn Error>> {
-    port.write_all(b"ping\n")?;
+    port.write_all(b"ping\r\n")?;
     let mut line = String::new();
     BufReader::new(port).read_line(&mut line)?;
     Ok(line.trim().trim_start_matches("mm=").parse()?)

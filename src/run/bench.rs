@@ -24,6 +24,7 @@
 //!     world = { start = { x_m = 0, y_m = 0, heading_deg = 0 } }
 //!     [device.sonar.text]
 //!     baud = 9600
+//!     command = []
 //!     periodic = { line = "mm=700", period = "1s" }
 //!     "#,
 //! )?;
