@@ -6,6 +6,7 @@ pub mod check;
 mod command;
 mod condition;
 mod contacts;
+mod expectations;
 mod faults;
 pub mod history;
 mod line_watch;
@@ -417,92 +418,6 @@ impl Run {
         let is_over = self.is_over || self.rig.now() >= self.scenario.duration.instant();
         checks.extend(self.steps.checks(is_over));
         checks.extend(self.expectations(pose_error, wall_overlap));
-        checks
-    }
-
-    fn expectations(
-        &self,
-        pose_error: Option<PoseError>,
-        wall_overlap: Option<WallOverlap>,
-    ) -> Vec<Check> {
-        let expect = &self.scenario.expect;
-        let mut checks = Vec::new();
-        let mut at_most = |name: &str, max: Option<f64>, value: Option<f64>, unit: &str| {
-            if let Some(max) = max {
-                let pass = value.is_some_and(|value| value <= max);
-                let detail = match value {
-                    Some(value) => format!("{value:.1} {unit}, at most {max}"),
-                    None => format!("not observed, expected at most {max} {unit}"),
-                };
-                checks.push(Check::new(name, pass, detail));
-            }
-        };
-        let rms = pose_error;
-        at_most(
-            "pose-rms",
-            expect.pose_rms_mm_max,
-            rms.map(|e| e.rms_mm),
-            "mm",
-        );
-        at_most(
-            "heading-rms",
-            expect.heading_rms_deg_max,
-            rms.map(|e| e.rms_deg),
-            "deg",
-        );
-        let from_last = self.progress.from_last_mm();
-        at_most(
-            "returned",
-            expect.return_within_mm,
-            from_last,
-            "mm from the last waypoint",
-        );
-        if let Some(within) = expect.visit_within_mm {
-            let (visits, all) = (self.progress.visits().len(), self.progress.waypoints());
-            let detail = match all {
-                0 => "not observed, the mission has no waypoints".to_owned(),
-                _ => format!("{visits} of {all} waypoints within {within} mm"),
-            };
-            let pass = all > 0 && visits == all;
-            checks.push(Check::new("waypoints-visited", pass, detail));
-        }
-        if let Some(settle) = expect.settle {
-            let rested = self.progress.rested(self.rig.now());
-            let seconds = rested.as_secs_f64();
-            let detail = format!("at rest for {seconds:.2} s, at least {settle}");
-            checks.push(Check::new("settled", rested >= settle.0, detail));
-        }
-        if let Some(min) = expect.wall_overlap_min {
-            let overlap = wall_overlap.unwrap_or_default();
-            let detail = format!(
-                "{:.3} of the walls found, {:.3} of the found ones right, at least {min}",
-                overlap.found, overlap.right
-            );
-            checks.push(Check::new("wall-overlap", overlap.least() >= min, detail));
-        }
-        if let Some(max) = expect.violations_max {
-            let found = self.rig.violations();
-            let mut detail = format!("{found} broken rules, at most {max}");
-            if let Some(first) = self
-                .rig
-                .events()
-                .iter()
-                .find(|logged| logged.is_violation())
-            {
-                detail += &format!("; first: {first}");
-            }
-            checks.push(Check::new("violations", found <= max, detail));
-        }
-        if let Some(wanted) = expect.map_received {
-            let received = self.map_received();
-            let pass = received == Some(wanted);
-            let detail = if received == Some(true) {
-                "all rows"
-            } else {
-                "rows are missing"
-            };
-            checks.push(Check::new("map-received", pass, detail));
-        }
         checks
     }
 }

@@ -20,6 +20,9 @@ pub(super) struct EndArgs {
     dut_at: Vec<Place>,
 }
 
+/// A rig with what may be asked of its robot, and where its open ends are.
+pub(super) type Placed = (Rig, Box<dyn Instruments>, Vec<Seat>);
+
 impl EndArgs {
     /// Whether any link is on a real port.
     pub(super) const fn is_given(&self) -> bool {
@@ -27,11 +30,7 @@ impl EndArgs {
     }
 
     /// Opens or makes a port for each open end.
-    pub(super) fn place(
-        &self,
-        wired: Wired,
-        dir: &PortDir,
-    ) -> Result<(Rig, Box<dyn Instruments>, Vec<Seat>), CliError> {
+    pub(super) fn place(&self, wired: Wired, dir: &PortDir) -> Result<Placed, CliError> {
         let Wired {
             mut rig,
             open_ends,

@@ -15,8 +15,9 @@ pub struct Beam {
 }
 
 impl Beam {
-    /// The same, measured by a lidar that sits at `x_m`, `y_m` on the robot.
-    fn from_place(self, [x_m, y_m]: [f64; 2]) -> Self {
+    /// The same from the middle of the robot, measured by a lidar that sits at `x_m`, `y_m` on the
+    /// robot.
+    fn seen_from(self, [x_m, y_m]: [f64; 2]) -> Self {
         if [x_m, y_m] == [0.0; 2] {
             return self;
         }
@@ -70,9 +71,7 @@ impl Xv11Scans {
             bearing: bearing(degree),
             distance_m: f64::from(mm) / 1000.0,
         };
-        beams
-            .map(|one| beam(one).from_place(self.place_m))
-            .collect()
+        beams.map(|one| beam(one).seen_from(self.place_m)).collect()
     }
 }
 

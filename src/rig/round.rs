@@ -1,4 +1,5 @@
-//! One round of a rig: what has arrived is delivered, nodes do their work, lines take what they send.
+//! One round of a rig: what has arrived is delivered, nodes do their work, lines take what they
+//! send.
 
 use protocols::LineEvent;
 

@@ -188,9 +188,9 @@ fn wait(run: &mut Run, deadline: Instant) {
 /// | `flush` | waits until the last bit has left |
 ///
 /// When the scenario's time is up the port is hung up: `read` gives 0 bytes, `write` and `flush`
-/// are a `BrokenPipe`; so a program that serves its ports for ever ends all the same. As with a real
-/// driver, bytes beyond 4096 that nobody reads are lost. On a link that carries messages one read
-/// gives one message, whose rest is lost if `buf` is too short, and one write is one.
+/// are a `BrokenPipe`; so a program that serves its ports for ever ends all the same. As with a
+/// real driver, bytes beyond 4096 that nobody reads are lost. On a link that carries messages one
+/// read gives one message, whose rest is lost if `buf` is too short, and one write is one.
 #[derive(Clone, Debug)]
 pub struct VirtualPort {
     bench: Bench,

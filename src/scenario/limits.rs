@@ -64,7 +64,7 @@ mod tests {
              [world]\nstart = {start}\n"
         );
         let parsed = Scenario::parse(Path::new("t.toml"), text);
-        parsed.err().expect("refused").to_string()
+        parsed.expect_err("refused").to_string()
     }
 
     const START: &str = "{ x_m = 1, y_m = 1, heading_deg = 0 }";

@@ -1,7 +1,8 @@
 //! The page: a run to be seen and steered in a browser.
 //!
 //! ```text
-//!  run (one plain thread) --> Desk --> Hub: newest snapshot, timeline --> a task per page --> browser
+//!  run (one plain thread) --> Desk --> Hub: newest snapshot, timeline --> a task per page -->
+//! browser
 //!                               ^                                        |
 //!                               +------- bounded queue of commands <-----+
 //! ```

@@ -147,7 +147,11 @@ mod tests {
                 is_drained: false,
                 reads: Some(look / reads_each),
             };
-            ports.observe(Instant::ZERO + STEP * look as u32, on_time, &sign);
+            ports.observe(
+                Instant::ZERO + STEP * u32::try_from(look).expect("few looks"),
+                on_time,
+                &sign,
+            );
         }
         ports
     }

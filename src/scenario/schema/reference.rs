@@ -1,6 +1,6 @@
 //! The scenario reference, written from the schema.
 
-use std::fmt::Write as _;
+use core::fmt::Write as _;
 
 use serde_json::{Map, Value};
 
@@ -19,8 +19,8 @@ A time is a text of a number and its unit, one of `ns`, `us`, `ms`, `s`, `min`, 
 `\"200ms\"`; a week at most. Lengths are metres, angles degrees counter-clockwise, x points to the right
 of a map and y up. A default of `-` means that the key may be left out and nothing is set then.
 
-The examples run as they are with the first one's lines before `[mission]` above them and a `[world]`
-with a `start` below them, unless they have these.
+The examples run as they are with the first one's lines before `[mission]` above them and a
+`[world]` with a `start` below them, unless they have these.
 ";
 
 /// What is shown first; other tables follow in the order of their names.
@@ -286,9 +286,10 @@ impl<'a> Page<'a> {
 
 /// `2` rather than `2.0`.
 fn plain(number: &Value) -> String {
-    number
-        .as_f64()
-        .map_or_else(String::new, |number| number.to_string())
+    match (number.as_u64(), number.as_f64()) {
+        (Some(whole), _) => whole.to_string(),
+        (None, number) => number.map_or_else(String::new, |number| number.to_string()),
+    }
 }
 
 /// The description on one line, fit for a table.

@@ -26,8 +26,8 @@ pub(super) struct Seen {
 }
 
 impl Seen {
-    /// What is news in `snapshot` and `timeline`. The snapshot itself comes last, so that a page that
-    /// shows a time has everything that belongs to it.
+    /// What is news in `snapshot` and `timeline`. The snapshot itself comes last, so that a page
+    /// that shows a time has everything that belongs to it.
     pub(super) fn news(&mut self, snapshot: &Snapshot, timeline: &Timeline) -> Vec<Message> {
         let mut news = Vec::new();
         if self.run != Some(snapshot.run) {
