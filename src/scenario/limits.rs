@@ -17,7 +17,7 @@ pub(super) fn check(scenario: &Scenario, source: &Source) -> Result<(), Scenario
         ("heading_deg", at.heading_deg, TURN_DEG),
     ] {
         if !(-most..=most).contains(&found) {
-            let message = format!("is {found}, expected -{most} to {most}");
+            let message = format!("is {}, expected -{most} to {most}", shown(found));
             return Err(source.invalid(Some(start.span()), format!("world.start.{key}"), message));
         }
     }
@@ -48,8 +48,19 @@ fn beyond(waypoints: &[[f64; 2]]) -> Option<String> {
     let index = waypoints.iter().position(is_far)?;
     let [x, y] = waypoints[index];
     Some(format!(
-        "waypoint {index} is {x}, {y}, expected -{FAR_M} to {FAR_M}"
+        "waypoint {index} is {}, {}, expected -{FAR_M} to {FAR_M}",
+        shown(x),
+        shown(y),
     ))
+}
+
+/// A figure as people write it: a large one by its power of ten.
+fn shown(figure: f64) -> String {
+    if figure.is_finite() && figure.abs() >= 1e9 {
+        format!("{figure:e}")
+    } else {
+        figure.to_string()
+    }
 }
 
 #[cfg(test)]
@@ -73,15 +84,15 @@ mod tests {
     fn a_start_beyond_the_horizon_is_refused() {
         insta::assert_snapshot!(
             refused("{ x_m = 1e300, y_m = 1, heading_deg = 0 }", ""),
-            @""
+            @r#"t.toml:7: world.start.x_m: is 1e300, expected -10000 to 10000"#
         );
         insta::assert_snapshot!(
             refused("{ x_m = 1, y_m = nan, heading_deg = 0 }", ""),
-            @""
+            @r#"t.toml:7: world.start.y_m: is NaN, expected -10000 to 10000"#
         );
         insta::assert_snapshot!(
             refused("{ x_m = 1, y_m = 1, heading_deg = inf }", ""),
-            @""
+            @r#"t.toml:7: world.start.heading_deg: is inf, expected -3600 to 3600"#
         );
     }
 
@@ -89,12 +100,12 @@ mod tests {
     fn a_waypoint_beyond_the_horizon_is_refused() {
         insta::assert_snapshot!(
             refused(START, "[mission]\nwaypoints_m = [[1, 1], [inf, 2]]"),
-            @""
+            @r#"t.toml:6: mission.waypoints_m: waypoint 1 is inf, 2, expected -10000 to 10000"#
         );
         let step = "[[mission.step]]\nat = \"1s\"\ndo = { waypoints-m = [[10001, 0]] }";
         insta::assert_snapshot!(
             refused(START, step),
-            @""
+            @r#"t.toml:7: mission.step[0].do.waypoints-m: waypoint 0 is 10001, 0, expected -10000 to 10000"#
         );
     }
 }

@@ -26,7 +26,7 @@ const BOTTOM: [&str; 5] = ["hex", "html", "picture", "registry", "TOOL"];
 const ROOTS: [&str; 4] = ["src", "protocols/src", "emulators/src", "firmware_core/src"];
 
 /// Files beside each other that may close a circle: who mentions whom, and why.
-const CIRCLES: [(&str, &str, &str); 7] = [
+const CIRCLES: [(&str, &str, &str); 5] = [
     (
         "src/codec/row",
         "src/codec/stream",
@@ -48,19 +48,9 @@ const CIRCLES: [(&str, &str, &str); 7] = [
         "two programs on one link, each other's far end",
     ),
     (
-        "src/search/fuzz/dut/case",
-        "src/search/fuzz/dut/meet",
-        "grown together; to be taken apart",
-    ),
-    (
-        "src/search/fuzz/dut/live",
-        "src/search/fuzz/dut/stand",
-        "grown together; to be taken apart",
-    ),
-    (
-        "src/search/fuzz/dut/found",
-        "src/search/fuzz/dut/hunt",
-        "grown together; to be taken apart",
+        "src/search/fuzz/dut/harness",
+        "src/search/fuzz/dut/session",
+        "a session borrows the harness that runs it",
     ),
 ];
 

@@ -141,13 +141,55 @@ mod tests {
     #[test]
     fn what_is_wrong_with_a_device_is_shown_in_its_line() {
         let wrong = |device| parse(device).expect_err("wrong");
-        insta::assert_snapshot!(wrong("[device.lidar.xv12]"), @r"");
-        insta::assert_snapshot!(wrong("[device.lidar.xv11]\nprofil = \"a\""), @r"");
-        insta::assert_snapshot!(wrong("[device.lidar.xv11]\nindex0_deg = \"a\""), @r"");
-        insta::assert_snapshot!(wrong("[device.lidar]"), @r"");
-        insta::assert_snapshot!(wrong("[device]\nlidar = 3"), @r"");
-        insta::assert_snapshot!(wrong("[device.lidar]\nxv11 = 3"), @r"");
-        insta::assert_snapshot!(wrong("device = 3"), @r"");
+        insta::assert_snapshot!(wrong("[device.lidar.xv12]"), @r#"
+            t.toml: TOML parse error at line 5, column 15
+              |
+            5 | [device.lidar.xv12]
+              |               ^^^^
+            unknown variant `xv12`, expected one of `xv11`, `avr-base`, `hc06`, `touch-panel`, `registers`, `text`
+            "#);
+        insta::assert_snapshot!(wrong("[device.lidar.xv11]\nprofil = \"a\""), @r#"
+            t.toml: TOML parse error at line 6, column 1
+              |
+            6 | profil = "a"
+              | ^^^^^^
+            unknown field `profil`, expected one of `profile`, `supply`, `mount`, `index0_deg`, `beam_offset_mm`, `direction`, `faults`
+            "#);
+        insta::assert_snapshot!(wrong("[device.lidar.xv11]\nindex0_deg = \"a\""), @r#"
+            t.toml: TOML parse error at line 6, column 14
+              |
+            6 | index0_deg = "a"
+              |              ^^^
+            invalid type: string "a", expected f64
+            "#);
+        insta::assert_snapshot!(wrong("[device.lidar]"), @r#"
+            t.toml: TOML parse error at line 5, column 1
+              |
+            5 | [device.lidar]
+              | ^^^^^^^^^^^^^^
+            wanted exactly 1 element, found 0 elements
+            "#);
+        insta::assert_snapshot!(wrong("[device]\nlidar = 3"), @r#"
+            t.toml: TOML parse error at line 6, column 9
+              |
+            6 | lidar = 3
+              |         ^
+            wanted string or table
+            "#);
+        insta::assert_snapshot!(wrong("[device.lidar]\nxv11 = 3"), @r#"
+            t.toml: TOML parse error at line 6, column 8
+              |
+            6 | xv11 = 3
+              |        ^
+            invalid type: integer `3`, expected struct Xv11Spec
+            "#);
+        insta::assert_snapshot!(wrong("device = 3"), @r#"
+            t.toml: TOML parse error at line 5, column 10
+              |
+            5 | device = 3
+              |          ^
+            invalid type: integer `3`, expected a map
+            "#);
     }
 
     /// A number keeps its place in the list of keys, and a place in the file is no part of it.

@@ -7,7 +7,7 @@ use super::case::{Case, Pair};
 use super::cause::Cause;
 use super::finding::Finding;
 use super::harness::{Harness, HarnessError, Seen, Whose};
-use super::search::{Plan, Progress, RECORDINGS};
+use super::plan::{Plan, Progress, RECORDINGS};
 use super::speech::Speech;
 use crate::search::shrink::{Effort, fewest};
 

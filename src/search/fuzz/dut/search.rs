@@ -1,7 +1,5 @@
 //! The search: one case after the other, and what to do with what was found.
 
-use core::cell::Cell;
-use core::time::Duration;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::PathBuf;
@@ -13,40 +11,12 @@ use super::cause::Cause;
 use super::finding::{Finding, Kept, State};
 use super::found::Found;
 use super::harness::{Harness, HarnessError, Seen, Whose};
+use super::plan::{Plan, Progress, RECORDINGS};
 use super::probe::Probed;
 use super::speech::Speech;
+use super::traffic;
 use crate::robots::OpenEnd;
-use crate::scenario::{Scenario, Span};
-
-/// What is searched for, and how.
-#[derive(Clone, Debug)]
-pub struct Plan {
-    /// World and devices.
-    pub scenario: Scenario,
-    /// The one link to be fuzzed with raw traffic; none: faults everywhere, and each link in turn.
-    pub link: Option<String>,
-    /// Chooses everything.
-    pub seed: u64,
-    /// Length of a case.
-    pub lasting: Duration,
-    /// Most tries to make a finding smaller.
-    pub tries: u32,
-    /// Folder of the results.
-    pub out: PathBuf,
-    /// The command that repeats a finding, up to its folder.
-    pub repeat: String,
-}
-
-/// How far a search is, for whoever looks on from where it is asked whether to go on.
-#[derive(Debug, Default)]
-pub struct Progress {
-    /// Cases since it was begun or gone on with.
-    pub cases: Cell<u64>,
-    /// Causes found, those of earlier searches counted.
-    pub findings: Cell<usize>,
-    /// Tries to see a finding again and to make it smaller; 0 while none is.
-    pub tries: Cell<u32>,
-}
+use crate::scenario::Span;
 
 /// Most causes that are kept.
 const FINDINGS_MAX: usize = 100;
@@ -201,7 +171,7 @@ impl<'a> Search<'a> {
             Some(at) => {
                 let (end, speech) = &self.ends[at];
                 let dice = &mut ["pairs", "stream"].map(dice);
-                let raw = case::raw(met, speech, end.line.baud, lasting, dice);
+                let raw = traffic::raw(met, speech, end.line.baud, lasting, dice);
                 (speech.clone(), Some(raw))
             }
             None => {
@@ -286,6 +256,3 @@ impl Drop for Search<'_> {
         }
     }
 }
-
-/// Captures of the last case, and of the last try to see one again.
-pub(super) const RECORDINGS: [&str; 3] = [".last.pcapng", ".copy.pcapng", ".again.pcapng"];

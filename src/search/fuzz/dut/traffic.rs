@@ -1,0 +1,59 @@
+//! What is said to a program on one link: frames that it answered, damaged ones beside them, noise.
+
+use core::time::Duration;
+
+use emulators::rng::Rng;
+
+use super::case::{Hex, Pair, Raw, index};
+use super::probe::Probed;
+use super::speech::Speech;
+
+/// Pairs of a good and a damaged frame in a case.
+const PAIRS_MAX: u64 = 4;
+/// Share of a line that raw traffic takes.
+const LOAD: f64 = 0.6;
+/// Least and most bytes of a stream.
+const BYTES: core::ops::Range<f64> = 200.0..200_000.0;
+
+/// Traffic on the link that `met` was met on. `dice` are for the pairs and for the stream: which
+/// frames are answered must not decide what else is said.
+pub(super) fn raw(
+    met: &Probed,
+    speech: &Speech,
+    baud: u32,
+    lasting: Duration,
+    [dice, rng]: &mut [Rng; 2],
+) -> Raw {
+    let mut pairs = Vec::new();
+    for _ in 0..PAIRS_MAX {
+        let Some(last) = (met.answered.len() as u64).checked_sub(1) else {
+            break;
+        };
+        let good = met.answered[index(dice, last + 1)].frame.clone();
+        if let Some(damaged) = speech.damaged(&good.0, dice) {
+            let noise = Hex(speech.noise(&good.0, dice));
+            let damaged = Hex(damaged);
+            pairs.push(Pair {
+                good,
+                damaged,
+                noise,
+            });
+        }
+    }
+    let bytes = f64::from(baud) / 10.0 * lasting.as_secs_f64() * LOAD;
+    let bytes = bytes.clamp(BYTES.start, BYTES.end);
+    let (mut stream, mut len) = (String::new(), 0);
+    while (len as f64) < bytes {
+        let session = speech.session(rng);
+        len += session.bytes().len().max(1);
+        stream += &session.to_text();
+        stream += "idle\n";
+    }
+    Raw {
+        link: met.link.clone(),
+        answered: met.answered.clone(),
+        chatter: met.chatter.iter().cloned().map(Hex).collect(),
+        pair: pairs,
+        stream,
+    }
+}
