@@ -32,7 +32,6 @@ mod lua;
 mod panel;
 mod pcui;
 mod row;
-pub mod scan;
 mod stream;
 pub mod wire;
 pub(crate) mod words;

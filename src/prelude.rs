@@ -50,7 +50,6 @@ pub use toml::de::ValueDeserializer;
 
 pub use crate::NameTaken;
 pub use crate::capture::Capture;
-pub use crate::codec::scan::{Beam, ScanDecoder};
 pub use crate::codec::wire::{Choices, Wire};
 pub use crate::codec::{Codec, register as register_codec};
 pub use crate::rig::line::{Direction, End};
@@ -61,6 +60,7 @@ pub use crate::robots::{
 };
 pub use crate::run::bench::{Bench, VirtualPort};
 pub use crate::run::{Outcome, Run, judge};
+pub use crate::scenario::device::scan::{Beam, ScanDecoder};
 pub use crate::scenario::device::{
     BuildContext, Built, DeviceKind, PortInfo, Settings, ValueRow, kind as device_kind,
     read_settings, register as register_device, schema_of,

@@ -16,6 +16,7 @@ pub mod trace;
 use core::any::Any;
 use core::time::Duration;
 
+use bytes::Bytes;
 use emulators::world::World;
 use emulators::{Device, Event, EventKind};
 use protocols::{Instant, LineConfig, LineEvent};
@@ -399,16 +400,16 @@ impl Rig {
     }
 
     /// Takes what arrived at an outside end since the last call.
-    pub fn take_output(&mut self, node: usize) -> Vec<u8> {
+    pub fn take_output(&mut self, node: usize) -> Bytes {
         match &mut self.nodes[node].body {
-            Body::Outside(outside) => outside.from_rig.drain(..).collect(),
-            _ => Vec::new(),
+            Body::Outside(outside) => outside.from_rig.split().freeze(),
+            _ => Bytes::new(),
         }
     }
 
     /// Takes the messages that arrived at an outside end of a link that carries messages, since the
     /// last call.
-    pub fn take_messages(&mut self, node: usize) -> Vec<Vec<u8>> {
+    pub fn take_messages(&mut self, node: usize) -> Vec<Bytes> {
         match &mut self.nodes[node].body {
             Body::Outside(outside) => outside.take_messages(),
             _ => Vec::new(),

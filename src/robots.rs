@@ -19,7 +19,7 @@ use firmware_core::scan::Mounting;
 use protocols::avr::ChecksumOrder;
 use protocols::{LineConfig, Port};
 
-pub use crate::codec::scan::{Beam, ScanDecoder};
+pub use crate::scenario::device::scan::{Beam, ScanDecoder};
 pub use checker::{Check, Checker, Look, Status};
 pub use instruments::{
     Axis, Command, Console, Dialect, Display, Instruments, Panel, PanelRow, Silence,

@@ -5,6 +5,7 @@ use core::any::Any;
 use core::time::Duration;
 use std::collections::VecDeque;
 
+use bytes::{Buf as _, Bytes, BytesMut};
 use emulators::Device;
 use emulators::world::World;
 use firmware_core::{Inspect, Master};
@@ -54,8 +55,8 @@ impl Clone for Box<dyn Program> {
 #[derive(Clone, Debug)]
 pub(super) struct Outside {
     pub(super) line: LineConfig,
-    pub(super) to_rig: VecDeque<u8>,
-    pub(super) from_rig: VecDeque<u8>,
+    pub(super) to_rig: BytesMut,
+    pub(super) from_rig: BytesMut,
     events_from_rig: VecDeque<LineEvent>,
     pub(super) change: Option<LineEvent>,
     overrun: u64,
@@ -70,8 +71,8 @@ impl Outside {
     pub(super) fn new(line: LineConfig) -> Self {
         Self {
             line,
-            to_rig: VecDeque::new(),
-            from_rig: VecDeque::new(),
+            to_rig: BytesMut::new(),
+            from_rig: BytesMut::new(),
             events_from_rig: VecDeque::new(),
             change: None,
             overrun: 0,
@@ -93,7 +94,7 @@ impl Outside {
             }
             to_rig.push_back(bytes.len());
         }
-        self.to_rig.extend(bytes);
+        self.to_rig.extend_from_slice(bytes);
     }
 
     /// What arrives from the rig; a message for which there is no room is lost as a whole.
@@ -107,25 +108,27 @@ impl Outside {
             }
         }
         self.overrun += bytes.len().saturating_sub(room) as u64;
-        self.from_rig.extend(&bytes[..bytes.len().min(room)]);
+        let taken = bytes.len().min(room);
+        self.from_rig.extend_from_slice(&bytes[..taken]);
     }
 
     /// Moves what the rig can have now into `buf`; how many bytes that were.
     fn transmit(&mut self, buf: &mut [u8]) -> usize {
         let len = match &mut self.messages {
             Some([to_rig, _]) => to_rig.pop_front().unwrap_or(0).min(buf.len()),
-            None => buf.len(),
+            None => buf.len().min(self.to_rig.len()),
         };
-        emulators::device::take(&mut self.to_rig, &mut buf[..len])
+        self.to_rig.split_to(len).copy_to_slice(&mut buf[..len]);
+        len
     }
 
     /// Takes the messages that arrived.
-    pub(super) fn take_messages(&mut self) -> Vec<Vec<u8>> {
+    pub(super) fn take_messages(&mut self) -> Vec<Bytes> {
         let Some([_, from_rig]) = &mut self.messages else {
             return Vec::new();
         };
         let lens = from_rig.drain(..);
-        lens.map(|len| self.from_rig.drain(..len).collect())
+        lens.map(|len| self.from_rig.split_to(len).freeze())
             .collect()
     }
 }

@@ -12,9 +12,9 @@ use serde::Serialize;
 use super::checker::Checker;
 use super::station::Station;
 use crate::codec::Codec;
-use crate::codec::scan::ScanDecoder;
 use crate::picture::Picture;
 use crate::rig::Rig;
+use crate::scenario::device::scan::ScanDecoder;
 
 /// Something that the robot is told to do and does: a wheel, a steering, a gripper.
 #[derive(Clone, Debug, PartialEq, Serialize)]

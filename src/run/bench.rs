@@ -37,6 +37,7 @@
 //! # Ok::<(), Box<dyn core::error::Error>>(())
 //! ```
 
+use bytes::Bytes;
 use core::cell::{Ref, RefCell};
 use core::fmt;
 use core::time::Duration;
@@ -198,7 +199,7 @@ pub struct VirtualPort {
     has_messages: bool,
     timeout: Duration,
     received: VecDeque<u8>,
-    messages: VecDeque<Vec<u8>>,
+    messages: VecDeque<Bytes>,
 }
 
 impl VirtualPort {

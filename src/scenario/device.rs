@@ -5,6 +5,7 @@ mod hc06;
 mod kind;
 mod read;
 mod registers;
+pub mod scan;
 mod text;
 mod touch_panel;
 mod xv11;
@@ -19,9 +20,9 @@ use toml::de::{DeTable, DeValue, ValueDeserializer};
 use emulators::world::World;
 
 use super::{Scenario, ScenarioError, Source};
-use crate::codec::scan::ScanDecoder;
 use crate::registry::{Named, Registry};
 use crate::rig::{AnyDevice, Rig};
+use crate::scenario::device::scan::ScanDecoder;
 
 pub use crate::registry::NameTaken;
 pub use avr_base::{AVR_BASE, AvrBaseSpec};

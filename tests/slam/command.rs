@@ -20,6 +20,7 @@ impl Session {
         std::fs::write(self.0.join(name), bytes).expect("the target folder can be written");
     }
 
+    #[cfg(feature = "mcap")]
     pub(crate) fn bytes(&self, name: &str) -> Vec<u8> {
         std::fs::read(self.0.join(name)).expect("a command wrote it")
     }

@@ -11,12 +11,12 @@ use protocols::Instant;
 
 use super::{CONSOLES, SET_POINT_MAX, SILENCE, command, display, view};
 use crate::codec::Codec;
-use crate::codec::scan::Xv11Scans;
 use crate::rig::Rig;
 use crate::robots::instruments::in_metres;
 use crate::robots::{
     Axis, Console, Dialect, Display, Instruments, Panel, ScanDecoder, Silence, Station,
 };
+use crate::scenario::device::scan::Xv11Scans;
 
 /// A pose that the robot tells is that of its last scan, which it has searched for up to 150 ms,
 /// and has crossed the radio.

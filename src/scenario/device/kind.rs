@@ -10,8 +10,8 @@ use serde::de::DeserializeOwned;
 use toml::de::ValueDeserializer;
 
 use crate::codec::Codec;
-use crate::codec::scan::ScanDecoder;
 use crate::rig::{AnyDevice, LinkKind, Rig};
+use crate::scenario::device::scan::ScanDecoder;
 use crate::scenario::{ScenarioError, Source};
 
 /// A kind of device that a scenario can name, as in `[device.NAME.KIND]`.

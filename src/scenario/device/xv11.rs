@@ -10,10 +10,10 @@ use serde::{Deserialize, Serialize};
 use toml::de::ValueDeserializer;
 
 use super::{BuildContext, Built, DeviceKind, PortInfo, Settings, read_settings, schema_of};
-use crate::codec::scan::{ScanDecoder, Xv11Scans};
 use crate::codec::{self, Codec};
 use crate::rig::LinkKind;
 use crate::scenario::ScenarioError;
+use crate::scenario::device::scan::{ScanDecoder, Xv11Scans};
 
 /// Settings of an XV-11.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -1,5 +1,8 @@
 //! What a page has seen, and what it has to be told next. No I/O: values in, messages out.
 
+use axum::extract::ws::Utf8Bytes;
+use bytes::Bytes;
+
 use super::map_layers::Layer;
 use super::snapshot::Snapshot;
 use super::timeline::Timeline;
@@ -7,10 +10,10 @@ use super::timeline::Timeline;
 /// A message to a page.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Message {
-    /// JSON.
-    Text(String),
+    /// JSON; those that go to every page are one text for all of them.
+    Text(Utf8Bytes),
     /// Rows of maps.
-    Rows(Vec<u8>),
+    Rows(Bytes),
 }
 
 /// What one page has seen.
@@ -36,7 +39,7 @@ impl Seen {
                 generation: timeline.generation,
                 ..Self::default()
             };
-            news.push(Message::Text(snapshot.stage.to_string()));
+            news.push(Message::Text(snapshot.stage.clone()));
         }
         if self.generation != timeline.generation {
             self.generation = timeline.generation;
@@ -44,11 +47,11 @@ impl Seen {
         }
         if let Some((text, samples)) = timeline.samples_since(self.samples) {
             self.samples = samples;
-            news.push(Message::Text(text));
+            news.push(Message::Text(text.into()));
         }
         while let Some((text, events)) = timeline.events_since(self.events) {
             self.events = events;
-            news.push(Message::Text(text));
+            news.push(Message::Text(text.into()));
         }
         let numbered = [
             (&mut self.slow, &snapshot.slow),
@@ -57,14 +60,14 @@ impl Seen {
         for (seen, newest) in numbered {
             if *seen != Some(newest.number) && newest.number > 0 {
                 *seen = Some(newest.number);
-                news.push(Message::Text(newest.text.to_string()));
+                news.push(Message::Text(newest.text.clone()));
             }
         }
         let rows = self.rows_of(snapshot);
         if !rows.is_empty() {
-            news.push(Message::Rows(rows));
+            news.push(Message::Rows(rows.into()));
         }
-        news.push(Message::Text(snapshot.fast.to_string()));
+        news.push(Message::Text(snapshot.fast.clone()));
         news
     }
 
@@ -80,7 +83,6 @@ impl Seen {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
 
     use super::super::map_layers::MapLayer;
     use super::super::snapshot::Numbered;
@@ -89,12 +91,12 @@ mod tests {
     fn snapshot(run: u64, scan: u64, book: &MapLayer) -> Snapshot {
         Snapshot {
             run,
-            stage: Arc::from("stage"),
-            fast: Arc::from("fast"),
+            stage: "stage".into(),
+            fast: "fast".into(),
             slow: Numbered::new("never"),
             scan: Numbered {
                 number: scan,
-                text: Arc::from("scan"),
+                text: "scan".into(),
             },
             layers: vec![book.last()],
         }

@@ -5,6 +5,7 @@ use core::time::Duration;
 use std::rc::Rc;
 use std::sync::{Arc, PoisonError};
 
+use axum::extract::ws::Utf8Bytes;
 use emulators::world::Pose;
 use firmware_core::map_view::MapView;
 use protocols::Instant;
@@ -57,7 +58,7 @@ pub struct Desk {
     hub: Arc<Hub>,
     number: u64,
     wire: Rc<RefCell<Wire>>,
-    stage: Arc<str>,
+    stage: Utf8Bytes,
     hand: Hand,
     /// The robot's map and display, and what else it has of maps.
     layers: Vec<MapLayer>,
@@ -92,7 +93,7 @@ impl Desk {
             number,
             tallies,
             wire,
-            stage: Arc::from(""),
+            stage: Utf8Bytes::default(),
             hand: Hand::default(),
             layers: Vec::new(),
             slow: Numbered::new("{}"),
@@ -216,15 +217,15 @@ impl Desk {
             .is_none_or(|(_, last)| last.tempo != tempo || tempo.is_paused);
         self.shown = Some((wall, shown));
         if self.stage.is_empty() {
-            self.stage = Arc::from(stage(run, self.number, tempo).to_string());
+            self.stage = stage(run, self.number, tempo).to_string().into();
         }
         if forced || self.looked.is_none_or(|(at, _)| wall - at >= LOOK_EVERY) {
             self.look(run, wall);
         }
         self.hub.show(Snapshot {
             run: self.number,
-            stage: Arc::clone(&self.stage),
-            fast: Arc::from(self.fast(run, tempo).to_string()),
+            stage: self.stage.clone(),
+            fast: self.fast(run, tempo).to_string().into(),
             slow: self.slow.clone(),
             scan: self.scan.clone(),
             layers: self.layers.iter().map(MapLayer::last).collect(),

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use bytes::Bytes;
 use protocols::rle::{self, Dialect};
 use serde::Serialize;
 
@@ -9,7 +10,7 @@ use serde::Serialize;
 #[derive(Clone, Debug)]
 pub(super) struct Row {
     version: u64,
-    code: Arc<[u8]>,
+    code: Bytes,
 }
 
 /// A map at one snapshot. Rows that did not change are shared between snapshots.
@@ -131,7 +132,7 @@ impl MapLayer {
             self.cells = vec![0; width * height];
             let nothing = Row {
                 version: 0,
-                code: Arc::from([]),
+                code: Bytes::new(),
             };
             layer.rows = vec![nothing; height];
         }
@@ -144,7 +145,7 @@ impl MapLayer {
             let len = rle::encode(cells, Dialect::Lossless, &mut code).expect("two bytes a cell");
             layer.rows[y] = Row {
                 version: self.version,
-                code: Arc::from(&code[..len]),
+                code: Bytes::copy_from_slice(&code[..len]),
             };
         }
         self.last = Arc::new(layer);

@@ -196,8 +196,8 @@ impl Remote {
         });
         self.hub.show(Snapshot {
             run: 1,
-            stage: Arc::from(self.stage().to_string()),
-            fast: Arc::from(fast.to_string()),
+            stage: self.stage().to_string().into(),
+            fast: fast.to_string().into(),
             slow: Numbered::new("{}"),
             scan: Numbered::new("{}"),
             layers: vec![self.layer.last()],

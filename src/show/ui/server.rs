@@ -236,8 +236,8 @@ async fn serve(mut socket: WebSocket, place: Place) {
 fn news(hub: &Hub, seen: &mut Seen, snapshot: &Snapshot) -> Vec<Frame> {
     let timeline = hub.timeline.read().unwrap_or_else(PoisonError::into_inner);
     let frame = |message| match message {
-        Message::Text(text) => Frame::Text(text.into()),
-        Message::Rows(rows) => Frame::Binary(rows.into()),
+        Message::Text(text) => Frame::Text(text),
+        Message::Rows(rows) => Frame::Binary(rows),
     };
     seen.news(snapshot, &timeline)
         .into_iter()

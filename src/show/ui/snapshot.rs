@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use axum::extract::ws::Utf8Bytes;
+
 use super::map_layers::Layer;
 
 /// What every page may get. Nothing in it ever changes.
@@ -10,9 +12,9 @@ pub(super) struct Snapshot {
     /// Which run: another one after each restart.
     pub(super) run: u64,
     /// What stays the same through a run, as JSON.
-    pub(super) stage: Arc<str>,
+    pub(super) stage: Utf8Bytes,
     /// What is worth telling often, as JSON.
-    pub(super) fast: Arc<str>,
+    pub(super) fast: Utf8Bytes,
     /// What is worth telling now and then, as JSON.
     pub(super) slow: Numbered,
     /// The last scan, as JSON.
@@ -25,7 +27,7 @@ pub(super) struct Snapshot {
 #[derive(Clone, Debug)]
 pub(super) struct Numbered {
     pub(super) number: u64,
-    pub(super) text: Arc<str>,
+    pub(super) text: Utf8Bytes,
 }
 
 impl Numbered {
@@ -33,13 +35,13 @@ impl Numbered {
     pub(super) fn new(text: &str) -> Self {
         Self {
             number: 0,
-            text: Arc::from(text),
+            text: Utf8Bytes::from(text),
         }
     }
 
     /// Another one.
     pub(super) fn renew(&mut self, text: String) {
         self.number += 1;
-        self.text = Arc::from(text);
+        self.text = text.into();
     }
 }

@@ -136,7 +136,7 @@ pub(super) fn run_each(scenario: Scenario, sent: [Vec<u8>; 4], piece: usize) -> 
         assert!(link.lines.iter().all(|line| line.conserves_bytes()));
     }
     let receivers = [nodes[1], nodes[0], nodes[3], nodes[2]];
-    let got = receivers.map(|node| run.rig.take_output(node));
+    let got = receivers.map(|node| run.rig.take_output(node).to_vec());
     let case = run.case();
     drop(run);
     let lines = lines.take();
