@@ -1,8 +1,8 @@
 //! What a test or a tool in another crate needs, from this one dependency:
 //! `use hilrig::prelude::*`.
 //!
-//! The crates below this one are here too, as [`emulators`](crate::emulators),
-//! [`firmware_core`](crate::firmware_core) and [`protocols`](crate::protocols), and so are `serde`,
+//! The crates below this one are here too, as [`emulators`],
+//! [`firmware_core`] and [`protocols`], and so are `serde`,
 //! `schemars` and `toml`, which the settings of a [`DeviceKind`] need. Derives must be told where
 //! they find them:
 //!

@@ -32,7 +32,7 @@ const ORDER: [&str; 11] = [
 /// Deepest table within a table; nothing is that deep.
 const DEPTH_MAX: usize = 8;
 
-/// The reference of all tables and keys, as Markdown, from the [schema](super::json_schema).
+/// The reference of all tables and keys, as Markdown, from the [schema](super::json_schema()).
 pub fn reference(schema: &Value) -> String {
     let mut page = Page {
         schema,

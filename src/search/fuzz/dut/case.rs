@@ -73,7 +73,7 @@ pub struct Raw {
 pub struct Answered {
     /// The frame.
     pub frame: Hex,
-    /// The kinds of its answer, see [`Speech::shape`].
+    /// The kinds of its answer, see [`Speech::shape`](super::Speech::shape).
     pub kinds: Vec<Hex>,
 }
 
