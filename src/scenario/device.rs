@@ -9,6 +9,7 @@ pub mod scan;
 mod text;
 mod touch_panel;
 mod xv11;
+pub mod xv11_scans;
 
 use core::any::Any;
 use core::fmt;

@@ -48,14 +48,14 @@ const CIRCLES: [(&str, &str, &str); 5] = [
         "two programs on one link, each other's far end",
     ),
     (
-        "src/search/fuzz/dut/harness",
         "src/search/fuzz/dut/session",
+        "src/search/fuzz/dut/harness",
         "a session borrows the harness that runs it",
     ),
 ];
 
 /// Files above the robots that name one all the same, and why.
-const NAMED: [(&str, &str); 6] = [
+const NAMED: [(&str, &str); 7] = [
     ("src/search/fuzz/session", "benches of those very programs"),
     (
         "src/capture/export/scans.rs",
@@ -70,6 +70,7 @@ const NAMED: [(&str, &str); 6] = [
         "the table of the kinds that are built in",
     ),
     ("src/scenario/device/xv11.rs", "a kind's own file"),
+    ("src/scenario/device/xv11_scans.rs", "a kind's own file"),
     ("src/scenario/schema/examples.rs", "examples for people"),
 ];
 

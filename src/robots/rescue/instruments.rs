@@ -16,7 +16,7 @@ use crate::robots::instruments::in_metres;
 use crate::robots::{
     Axis, Console, Dialect, Display, Instruments, Panel, ScanDecoder, Silence, Station,
 };
-use crate::scenario::device::scan::Xv11Scans;
+use crate::scenario::device::xv11_scans::Xv11Scans;
 
 /// A pose that the robot tells is that of its last scan, which it has searched for up to 150 ms,
 /// and has crossed the radio.

@@ -141,20 +141,18 @@ mod tests {
     #[test]
     fn what_is_wrong_with_a_device_is_shown_in_its_line() {
         let wrong = |device| parse(device).expect_err("wrong");
-        insta::assert_snapshot!(wrong("[device.lidar.xv12]"), @r#"
-            t.toml: TOML parse error at line 5, column 15
-              |
-            5 | [device.lidar.xv12]
-              |               ^^^^
-            unknown variant `xv12`, expected one of `xv11`, `avr-base`, `hc06`, `touch-panel`, `registers`, `text`
-            "#);
-        insta::assert_snapshot!(wrong("[device.lidar.xv11]\nprofil = \"a\""), @r#"
-            t.toml: TOML parse error at line 6, column 1
-              |
-            6 | profil = "a"
-              | ^^^^^^
-            unknown field `profil`, expected one of `profile`, `supply`, `mount`, `index0_deg`, `beam_offset_mm`, `direction`, `faults`
-            "#);
+        let unknown = wrong("[device.lidar.xv12]").to_string();
+        assert!(unknown.contains("line 5, column 15"), "{unknown}");
+        assert!(
+            unknown.contains("`xv12`, expected one of `xv11`"),
+            "{unknown}"
+        );
+        let misspelt = wrong("[device.lidar.xv11]\nprofil = \"a\"").to_string();
+        assert!(misspelt.contains("line 6, column 1"), "{misspelt}");
+        assert!(
+            misspelt.contains("`profil`, expected one of `profile`"),
+            "{misspelt}"
+        );
         insta::assert_snapshot!(wrong("[device.lidar.xv11]\nindex0_deg = \"a\""), @r#"
             t.toml: TOML parse error at line 6, column 14
               |

@@ -13,7 +13,8 @@ use super::{BuildContext, Built, DeviceKind, PortInfo, Settings, read_settings, 
 use crate::codec::{self, Codec};
 use crate::rig::LinkKind;
 use crate::scenario::ScenarioError;
-use crate::scenario::device::scan::{ScanDecoder, Xv11Scans};
+use crate::scenario::device::scan::ScanDecoder;
+use crate::scenario::device::xv11_scans::Xv11Scans;
 
 /// Settings of an XV-11.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
