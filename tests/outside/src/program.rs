@@ -30,6 +30,7 @@ const PLAN: [(Instant, i8, i8); 3] = [
 const ORDER_EVERY: Duration = Duration::from_millis(100);
 
 /// The program.
+#[derive(Clone)]
 pub struct Arc {
     figures: Figures,
     pose: Pose,
