@@ -9,6 +9,7 @@ mod base;
 mod bus;
 mod client;
 mod field;
+mod frames;
 mod lidar;
 mod mapper;
 mod navigation;

@@ -3,6 +3,7 @@
 //! A robot is a row of the registry: [`Robot`]. Scenarios name it; another crate adds its own with
 //! [`register`]. What an observer may ask of it travels with the rig as its [`Instruments`].
 
+pub mod axis;
 pub mod checker;
 pub mod custom;
 pub mod instruments;
@@ -20,10 +21,9 @@ use protocols::avr::ChecksumOrder;
 use protocols::{LineConfig, Port};
 
 pub use crate::scenario::device::scan::{Beam, ScanDecoder};
+pub use axis::Axis;
 pub use checker::{Check, Checker, Look, Status};
-pub use instruments::{
-    Axis, Command, Console, Dialect, Display, Instruments, Panel, PanelRow, Silence,
-};
+pub use instruments::{Command, Console, Dialect, Display, Instruments, Panel, PanelRow, Silence};
 pub use kept_map::KeptMap;
 pub use station::{Gesture, Hand, RemoteStation, Station, StationView};
 

@@ -5,7 +5,6 @@ use core::time::Duration;
 use protocols::{Decode, FrameError};
 
 use super::lua::Lua;
-use super::stream::{Found, Stream};
 use super::wire::{Choices, Target, Wire};
 use crate::registry::Named;
 
@@ -213,14 +212,6 @@ impl Codec {
             }
         }
         frames
-    }
-
-    /// All that `bytes` are, a pause behind them.
-    pub fn found(&'static self, bytes: &[u8]) -> Vec<Found> {
-        let mut stream = Stream::new(self);
-        let mut found = stream.push(bytes);
-        found.extend(stream.idle());
-        found
     }
 
     pub(super) fn decoder(&self) -> Box<dyn AnyDecoder> {

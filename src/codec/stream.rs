@@ -51,6 +51,16 @@ pub const BAD_MAX: u64 = 256;
 /// Errors kept of one stretch of bad bytes.
 const ERRORS_MAX: usize = 8;
 
+impl Codec {
+    /// All that `bytes` are, a pause behind them.
+    pub fn found(&'static self, bytes: &[u8]) -> Vec<Found> {
+        let mut stream = Stream::new(self);
+        let mut found = stream.push(bytes);
+        found.extend(stream.idle());
+        found
+    }
+}
+
 impl Stream {
     /// Nothing fed yet.
     pub fn new(codec: &Codec) -> Self {

@@ -228,5 +228,5 @@ fn robots_list(places: &[[i16; 2]]) -> Vec<u8> {
         id,
         previous: id - 1,
     });
-    super::pc::list_frame(&waypoints.collect::<Vec<_>>())
+    super::frames::list_frame(&waypoints.collect::<Vec<_>>())
 }

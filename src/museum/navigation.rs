@@ -5,7 +5,8 @@ use core::time::Duration;
 use firmware_core::navigation::Steering;
 use protocols::pcui::message::Mode;
 
-use super::pc::{chain, order, waypoints};
+use super::frames::{chain, order};
+use super::pc::waypoints;
 use super::robot::{MS, Robot, config, range};
 use super::{Bug, Observation, Variant};
 

@@ -6,11 +6,9 @@ pub(super) mod sender;
 mod switched;
 
 use firmware_core::waypoints::Waypoints;
-use protocols::pcui::message::{self, Order, Waypoint};
-use protocols::pcui::{self, FRAME_MAX, HEADER_LEN};
 
 use super::client::{CLIENT, pu_08, pu_13};
-use super::robot::{MS, Robot, config};
+use super::robot::config;
 use super::{Bug, Live, Variant};
 
 const PC_LINK: &str = "robot's program, PC link";
@@ -154,59 +152,7 @@ pub(super) const ROWS: [Bug; 22] = [
     },
 ];
 
-/// A frame of the PC link.
-pub(super) fn frame(id: &[u8; 3], payload: &[u8]) -> Vec<u8> {
-    let mut bytes = [0; FRAME_MAX];
-    bytes[HEADER_LEN..HEADER_LEN + payload.len()].copy_from_slice(payload);
-    let len = pcui::seal(&mut bytes, *id, payload.len()).expect("at most 511 bytes");
-    bytes[..len].to_vec()
-}
-
-/// A list of waypoints with these ids and links, one after the other along x.
-fn list(links: &[[i16; 2]]) -> Vec<Waypoint> {
-    let waypoints = (1..).zip(links).map(|(x, &[id, previous])| Waypoint {
-        position_mm: [x * 5, 5],
-        layer: 0,
-        id,
-        previous,
-    });
-    waypoints.collect()
-}
-
-/// Waypoints as a sound PC links them.
-pub(super) fn chain(count: i16) -> Vec<Waypoint> {
-    let links: Vec<_> = (0..count).map(|id| [id, id - 1]).collect();
-    list(&links)
-}
-
-pub(super) fn list_frame(waypoints: &[Waypoint]) -> Vec<u8> {
-    let mut bytes = [0; FRAME_MAX];
-    let len = message::encode_waypoints(waypoints.iter().copied(), &mut bytes);
-    bytes[..len.expect("at most 56")].to_vec()
-}
-
-pub(super) fn order(mode: message::Mode, set_point: [i8; 2]) -> Vec<u8> {
-    let mut bytes = [0; FRAME_MAX];
-    let len = message::encode_order(&Order { mode, set_point }, &mut bytes);
-    bytes[..len.expect("twenty bytes")].to_vec()
-}
-
 /// A list with some of the fielded program's faults.
 pub(super) fn waypoints(variant: Variant, id: &str) -> Waypoints {
     Waypoints::with_defects(config(variant, id).defects.waypoints)
-}
-
-/// Notes whether the program still runs; whether it has ended.
-pub(super) fn note_end(robot: &mut Robot) -> bool {
-    use firmware_core::Inspect as _;
-    let before = robot.radio.len();
-    robot.run(500 * MS);
-    let (ended, silent) = (robot.program.is_dead(), robot.radio.len() == before);
-    let told = if ended { "has ended" } else { "runs" };
-    robot.seen.figure("the program", told);
-    robot.seen.figure(
-        "bytes to the PC in half a second",
-        robot.radio.len() - before,
-    );
-    ended && silent
 }

@@ -193,3 +193,17 @@ impl Robot {
         self.seen.judged(has_defect)
     }
 }
+
+/// Notes whether the program still runs; whether it has ended.
+pub(super) fn note_end(robot: &mut Robot) -> bool {
+    let before = robot.radio.len();
+    robot.run(500 * MS);
+    let (ended, silent) = (robot.program.is_dead(), robot.radio.len() == before);
+    let told = if ended { "has ended" } else { "runs" };
+    robot.seen.figure("the program", told);
+    robot.seen.figure(
+        "bytes to the PC in half a second",
+        robot.radio.len() - before,
+    );
+    ended && silent
+}

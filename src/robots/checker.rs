@@ -3,7 +3,7 @@
 use emulators::world::Contact;
 use serde::Serialize;
 
-use super::instruments::Axis;
+use super::axis::Axis;
 use crate::rig::Rig;
 
 /// How a check ended.

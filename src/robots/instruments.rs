@@ -9,27 +9,13 @@ use firmware_core::map_view::MapView;
 use protocols::Instant;
 use serde::Serialize;
 
+use super::axis::Axis;
 use super::checker::Checker;
 use super::station::Station;
 use crate::codec::Codec;
 use crate::picture::Picture;
 use crate::rig::Rig;
 use crate::scenario::device::scan::ScanDecoder;
-
-/// Something that the robot is told to do and does: a wheel, a steering, a gripper.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Axis {
-    /// Its name.
-    pub name: Cow<'static, str>,
-    /// Unit of the figures, empty if they have none.
-    pub unit: &'static str,
-    /// What it was told to do, as the device that moves it took it.
-    pub set_point: f64,
-    /// Largest sound set-point, either way.
-    pub limit: Option<f64>,
-    /// What it does, if that can be told.
-    pub actual: Option<f64>,
-}
 
 /// How the axes are commanded.
 #[derive(Clone, Copy)]

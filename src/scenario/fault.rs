@@ -1,5 +1,6 @@
 //! Settings of links, and what goes wrong on them.
 
+mod keys;
 mod kind;
 mod plan;
 mod schedule;
@@ -15,7 +16,6 @@ use super::Span;
 use crate::rig::fault::{Damage, Strike, Window};
 use crate::rig::line::Direction;
 
-pub(super) use kind::TIME_KEYS;
 pub use kind::{FaultKind, Place};
 pub use when::WhenSpec;
 
@@ -34,7 +34,7 @@ macro_rules! fault_spec {
         /// Something that goes wrong. Which keys belong together depends on the kind.
         #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
         #[serde(deny_unknown_fields)]
-        #[schemars(transform = super::schema::tell_keys_of_faults)]
+        #[schemars(transform = keys::add_to_schema)]
         pub struct FaultSpec {
             /// What happens.
             pub kind: FaultKind,

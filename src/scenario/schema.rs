@@ -8,8 +8,7 @@ use schemars::generate::SchemaSettings;
 use schemars::{Schema, SchemaGenerator, json_schema};
 use serde_json::{Value, json};
 
-use super::fault::TIME_KEYS;
-use super::{FaultKind, Scenario, device};
+use super::{Scenario, device};
 
 pub use examples::{example, examples};
 pub use reference::reference;
@@ -37,19 +36,4 @@ pub(super) fn devices(generator: &mut SchemaGenerator) -> Schema {
         "type": "object",
         "additionalProperties": { "oneOf": kinds },
     })
-}
-
-/// Adds to the schema of a fault which keys go with which kind.
-pub(super) fn tell_keys_of_faults(schema: &mut Schema) {
-    let rules = FaultKind::ALL.iter().map(|kind| {
-        let place = kind.place().keys().iter();
-        let keys = place.chain(kind.own_keys()).chain(&TIME_KEYS);
-        let keys: Vec<&str> = ["kind"].into_iter().chain(keys.copied()).collect();
-        json!({
-            "if": { "properties": { "kind": { "const": kind.name() } } },
-            "then": { "required": kind.place().keys(), "propertyNames": { "enum": keys } },
-        })
-    });
-    let rules: Vec<Value> = rules.collect();
-    schema.insert("allOf".to_owned(), rules.into());
 }

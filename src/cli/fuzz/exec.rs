@@ -13,7 +13,7 @@ use crate::cli::{CliError, Verdict};
 use crate::realtime::clock::{Clock, WallClock};
 use crate::scenario::{Scenario, Source, Span};
 use crate::search::fuzz::dut::{
-    Finding, Harness, HarnessError, Plan, Progress, Search, Speech, Whose,
+    self, Finding, Harness, HarnessError, Plan, Progress, Search, Speech, Whose,
 };
 
 /// Somebody else's program.
@@ -141,7 +141,7 @@ fn repeat(args: &FuzzArgs, folder: &Path) -> Result<Verdict, CliError> {
     let speech = ends.into_iter().find(|(end, _)| Some(&*end.link) == link);
     let speech = speech.map_or(Speech::Bytes, |(_, speech)| speech);
     let recording = folder.join("repeated.pcapng");
-    let seen = harness.run(&case, &speech, &recording)?;
+    let seen = dut::run(&harness, &case, &speech, &recording)?;
     for cause in &seen.causes {
         println!("{cause}");
     }

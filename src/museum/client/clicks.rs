@@ -4,8 +4,7 @@ use protocols::pcui::message::{Message, Waypoint};
 use protocols::{Decode, pcui};
 
 use super::{Desk, robots_list};
-use crate::museum::pc::note_end;
-use crate::museum::robot::Robot;
+use crate::museum::robot::{Robot, note_end};
 use crate::museum::{Observation, Variant};
 
 /// The last list of waypoints in `bytes`.

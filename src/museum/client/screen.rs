@@ -1,7 +1,7 @@
 //! What the PC program shows of what it hears.
 
 use super::{Desk, properties, robots_list};
-use crate::museum::pc::frame;
+use crate::museum::frames::frame;
 use crate::museum::{Observation, Variant};
 
 /// A row of the map, plain: 14, 28, 42 and so on.

@@ -4,9 +4,10 @@ use core::time::Duration;
 
 use protocols::pcui::message::{self, NO_WAYPOINT, Waypoint};
 
-use super::{chain, list, list_frame, note_end, order, waypoints};
+use super::waypoints;
 use crate::codec::PCUI;
-use crate::museum::robot::{MS, Robot, range};
+use crate::museum::frames::{chain, list, list_frame, order};
+use crate::museum::robot::{MS, Robot, note_end, range};
 use crate::museum::{Observation, Variant};
 
 /// What the PC program sends after the first of two waypoints was removed and one was added.

@@ -7,9 +7,9 @@ use firmware_core::robots::rescue::Rescue;
 use protocols::Instant;
 use protocols::pcui::{self, HEADER_LEN};
 
-use super::{chain, frame, list_frame, note_end};
 use crate::codec::PCUI;
-use crate::museum::robot::{MS, Robot};
+use crate::museum::frames::{chain, frame, list_frame};
+use crate::museum::robot::{MS, Robot, note_end};
 use crate::museum::{Observation, Variant};
 
 /// The golden request of the fielded PC program: STA, mode 1.

@@ -7,8 +7,8 @@ use firmware_core::Inspect;
 use firmware_core::robots::rescue::Rescue;
 use protocols::Instant;
 
-use super::{chain, list_frame};
 use crate::codec::PCUI;
+use crate::museum::frames::{chain, list_frame};
 use crate::museum::{Observation, Variant};
 use crate::run::Run;
 use crate::scenario::Scenario;

@@ -153,7 +153,7 @@ impl Place {
 }
 
 /// Keys that say when, of all kinds.
-pub(in super::super) const TIME_KEYS: [&str; 8] = [
+pub(super) const TIME_KEYS: [&str; 8] = [
     "from", "until", "lasting", "every", "count", "at_byte", "at_frame", "when",
 ];
 

@@ -29,12 +29,14 @@ mod session;
 mod speech;
 mod traffic;
 mod trial;
+mod wiring;
 
 pub use case::{Answered, Case, Hex, Known, Pair, Raw, Told};
 pub use cause::Cause;
 pub use finding::{Finding, Kept, State};
-pub use harness::{Harness, HarnessError, Seen, Whose};
+pub use harness::{Harness, HarnessError, Whose};
 pub use plan::{Plan, Progress};
 pub use probe::Probed;
 pub use search::Search;
 pub use speech::{Shape, Speech};
+pub use trial::{Seen, run};

@@ -6,9 +6,10 @@ use std::path::Path;
 use super::case::{Case, Pair};
 use super::cause::Cause;
 use super::finding::Finding;
-use super::harness::{Harness, HarnessError, Seen, Whose};
+use super::harness::{Harness, HarnessError, Whose};
 use super::plan::{Plan, Progress, RECORDINGS};
 use super::speech::Speech;
+use super::trial::{self, Seen};
 use crate::search::shrink::{Effort, fewest};
 
 /// Something new.
@@ -69,7 +70,7 @@ impl Found<'_> {
     fn again(&self, case: &Case) -> Result<bool, HarnessError> {
         let recording = self.plan.out.join(RECORDINGS[2]);
         self.progress.tries.set(self.progress.tries.get() + 1);
-        let seen = self.harness.run(case, self.speech, &recording)?;
+        let seen = trial::run(self.harness, case, self.speech, &recording)?;
         let key = self.cause.key();
         let is_it = seen.causes.iter().any(|cause| cause.key() == key);
         if is_it {

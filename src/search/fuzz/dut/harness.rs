@@ -3,17 +3,12 @@
 use core::cell::RefCell;
 use core::time::Duration;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use super::case::{Case, Known};
-use super::cause::Cause;
-use super::session::{self, Halt, Placed, Session};
 use super::speech::Speech;
-use super::trial;
+use super::wiring::{self, Placed};
 use crate::realtime::transport::{PortDir, Transport, TransportError};
 use crate::robots::OpenEnd;
-use crate::run::Run;
-use crate::run::check::Status;
 use crate::scenario::{Scenario, ScenarioError, Source};
 
 /// Whose program it is.
@@ -74,24 +69,6 @@ pub enum HarnessError {
     Interrupted,
 }
 
-/// What came of a case.
-#[derive(Clone, Debug)]
-pub struct Seen {
-    /// What was wrong.
-    pub causes: Vec<Cause>,
-    /// What the program said on its standard error.
-    pub said: String,
-    /// The scenario as it ran, random faults as the bytes that they hit.
-    pub ran: Scenario,
-    /// What the program did in the last part of the case.
-    pub known: Known,
-    /// Whether the rig was too late to judge what may come of that.
-    pub was_late: bool,
-}
-
-/// A rig that is later than this may make a program break a rule about time, or drive into a wall.
-const LATE: Duration = Duration::from_millis(20);
-
 impl<'a> Harness<'a> {
     /// A harness for that program.
     pub fn new(
@@ -118,9 +95,9 @@ impl<'a> Harness<'a> {
         scenario: &Scenario,
         link: Option<&str>,
     ) -> Result<Vec<(OpenEnd, Speech)>, HarnessError> {
-        let (run, ends, _) = session::wire(self, scenario, link)?;
+        let (run, ends, _) = wiring::wire(&self.source, scenario, link)?;
         // As wired with its devices: which order the checksums have, the base says.
-        let (whole, ..) = session::wire(self, scenario, None)?;
+        let (whole, ..) = wiring::wire(&self.source, scenario, None)?;
         drop(run);
         let speech = |end: &OpenEnd| {
             let own = scenario.device.get(&end.link).and_then(Speech::of_device);
@@ -144,14 +121,14 @@ impl<'a> Harness<'a> {
     ) -> Result<(Option<PortDir>, Vec<Placed>), HarnessError> {
         let dir = match &self.whose {
             Whose::Command { dir, .. } => {
-                let (dir, ports) = session::terminals(dir, ends, scenario)?;
+                let (dir, ports) = wiring::terminals(dir, ends, scenario)?;
                 return Ok((Some(dir), ports));
             }
             Whose::Ports(dir) => dir,
         };
         let mut open = self.open.borrow_mut();
         if open.is_empty() {
-            let ports = session::serials(dir, ends)?;
+            let ports = wiring::serials(dir, ends)?;
             open.extend(ports.into_iter().map(|(_, port)| port));
         }
         if open.is_empty() {
@@ -173,73 +150,4 @@ impl<'a> Harness<'a> {
     pub(super) fn keep_open(&self, ports: Vec<Box<dyn Transport>>) {
         *self.open.borrow_mut() = ports;
     }
-
-    /// Tries `case`, `speech` being that of its raw link; every byte is in `recording` then.
-    pub fn run(
-        &self,
-        case: &Case,
-        speech: &Speech,
-        recording: &Path,
-    ) -> Result<Seen, HarnessError> {
-        let (mut live, opened) = Session::begin(self, case, recording)?;
-        let mut causes = Vec::new();
-        let acted =
-            opened.and_then(|()| trial::act(&mut live, case, speech, self.alive, &mut causes));
-        self.judge(live, acted, causes)
-    }
-
-    /// Ends the program and says what was wrong with it, besides `causes`.
-    pub(super) fn judge(
-        &self,
-        live: Session<'_>,
-        acted: Result<(), Halt>,
-        mut causes: Vec<Cause>,
-    ) -> Result<Seen, HarnessError> {
-        let known = live.known(live.now());
-        let was_late = live.late() > LATE;
-        let (said, run) = live.end(self);
-        match acted {
-            Ok(()) => {}
-            Err(Halt::Ended(ended)) => causes.push(Cause::of_end(ended, &said)),
-            Err(Halt::Lost(how)) => causes.push(Cause::PortLost(how)),
-            Err(Halt::Interrupted) => return Err(HarnessError::Interrupted),
-        }
-        let ran = run.case();
-        let counts = |cause: &Cause| {
-            (self.is_strict || !cause.is_about_time()) && !(was_late && cause.may_be_lateness())
-        };
-        causes.extend(broken(run).into_iter().filter(counts));
-        Ok(Seen {
-            causes,
-            said,
-            ran,
-            known,
-            was_late,
-        })
-    }
-}
-
-/// The rules that were broken, each once, and the checkers that failed.
-fn broken(run: Run) -> Vec<Cause> {
-    let mut causes: Vec<Cause> = Vec::new();
-    for logged in run.rig.events().iter().filter(|one| one.is_violation()) {
-        let cause = Cause::Rule {
-            device: logged.source.clone(),
-            rule: logged.event.rule.to_owned(),
-            detail: format!("{} s, {}", logged.event.at, logged.event.detail),
-        };
-        if causes.iter().all(|known| known.key() != cause.key()) {
-            causes.push(cause);
-        }
-    }
-    let checks = run.judge().checks.into_iter();
-    causes.extend(
-        checks
-            .filter(|check| check.status == Status::Fail)
-            .map(|check| Cause::Check {
-                name: check.name,
-                detail: check.detail,
-            }),
-    );
-    causes
 }

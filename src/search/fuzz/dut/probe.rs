@@ -9,10 +9,10 @@ use protocols::Instant;
 
 use super::case::{Answered, Case, Hex, Known, Raw, Told, WARM_UP, quiet};
 use super::cause::Cause;
-use super::harness::{Harness, HarnessError, Seen, Whose};
+use super::harness::{Harness, HarnessError, Whose};
 use super::session::{Halt, Session};
 use super::speech::{Shape, Speech, is_echo};
-use super::trial::{Talk, settle};
+use super::trial::{self, Seen, Talk, settle};
 use crate::codec::wire::Stream;
 use crate::scenario::{Scenario, Span};
 
@@ -58,7 +58,7 @@ impl Harness<'_> {
         let middle = Instant::ZERO + WARM_UP + lasting / 2;
         let acted = opened.and_then(|()| live.pass(lasting));
         let known = live.known(middle);
-        let seen = self.judge(live, acted, Vec::new())?;
+        let seen = trial::judge(self, live, acted, Vec::new())?;
         let met = Probed {
             known,
             ..Probed::default()
@@ -97,7 +97,7 @@ impl Harness<'_> {
             causes.extend(met.farewell(&mut live, speech, self.alive)?);
             Ok(())
         });
-        let seen = self.judge(live, acted, causes)?;
+        let seen = trial::judge(self, live, acted, causes)?;
         case.told.known = met.known.clone();
         let raw = case.told.raw.get_or_insert_default();
         (raw.stream, raw.answered) = (asked, met.answered.clone());

@@ -10,11 +10,12 @@ use super::case::{self, Case, Told};
 use super::cause::Cause;
 use super::finding::{Finding, Kept, State};
 use super::found::Found;
-use super::harness::{Harness, HarnessError, Seen, Whose};
+use super::harness::{Harness, HarnessError, Whose};
 use super::plan::{Plan, Progress, RECORDINGS};
 use super::probe::Probed;
 use super::speech::Speech;
 use super::traffic;
+use super::trial::{self, Seen};
 use crate::robots::OpenEnd;
 use crate::scenario::Span;
 
@@ -103,7 +104,7 @@ impl<'a> Search<'a> {
     pub fn step(&mut self) -> Result<bool, HarnessError> {
         let kind = self.kind()?;
         let (case, speech) = self.draw(kind);
-        let seen = self.harness.run(&case, &speech, &self.recording())?;
+        let seen = trial::run(self.harness, &case, &speech, &self.recording())?;
         self.state.next += 1;
         self.progress.cases.set(self.progress.cases.get() + 1);
         self.late += u64::from(seen.was_late);

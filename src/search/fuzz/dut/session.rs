@@ -2,24 +2,22 @@
 
 use core::time::Duration;
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use protocols::Instant;
 
 use super::case::{Case, Known, WARM_UP};
 use super::harness::{Harness, HarnessError, Whose};
+use super::wiring;
 use crate::capture::{self, Limits, Recording};
 use crate::realtime::Realtime;
 use crate::realtime::clock::{Clock, utc};
 use crate::realtime::exec::PORTS_VARIABLE;
 use crate::realtime::held::Held;
 use crate::realtime::process::{Ended, Patience, Process};
-use crate::realtime::transport::{Note, PortDir, Pty, Serial, Transport};
-use crate::rig::Paced;
-use crate::rig::Rig;
-use crate::robots::{self, Dut, OpenEnd, PcEnd, Wired};
+use crate::realtime::transport::PortDir;
+use crate::rig::{Paced, Rig};
 use crate::run::Run;
-use crate::scenario::Scenario;
 
 /// Time without a further port being opened after which a program is taken to have opened all.
 const OPENED: Duration = Duration::from_millis(300);
@@ -90,7 +88,7 @@ impl<'a> Session<'a> {
         recording: &Path,
     ) -> Result<(Self, Result<(), Halt>), HarnessError> {
         let link = case.told.raw.as_ref().map(|raw| raw.link.as_str());
-        let (mut run, ends, raw) = wire(harness, &case.scenario, link)?;
+        let (mut run, ends, raw) = wiring::wire(&harness.source, &case.scenario, link)?;
         run.go_on_until(Instant::ZERO + WARM_UP);
         record(&mut run, recording)?;
         let (dir, ports) = harness.ports(&ends, &case.scenario)?;
@@ -294,34 +292,6 @@ impl<'a> Session<'a> {
     }
 }
 
-/// The rig of `scenario`, its open ends, and the end of `link` at which a device was.
-pub(super) fn wire(
-    harness: &Harness<'_>,
-    scenario: &Scenario,
-    link: Option<&str>,
-) -> Result<(Run, Vec<OpenEnd>, Option<usize>), HarnessError> {
-    let mission = &scenario.mission;
-    let is_scripted = !mission.waypoints_m.is_empty() || !mission.step.is_empty();
-    let wired = |pc| robots::wire(scenario, &harness.source, Dut::External, pc);
-    let has =
-        |wired: &Wired| link.is_none_or(|link| wired.open_ends.iter().any(|end| end.link == link));
-    let wired = match wired(PcEnd::Scripted)? {
-        scripted if is_scripted && has(&scripted) => scripted,
-        _ => wired(PcEnd::External)?,
-    };
-    let Wired {
-        mut rig,
-        open_ends: ends,
-        instruments,
-    } = wired;
-    let raw = link.and_then(|link| rig.replace_device(link));
-    if let (Some(node), Some(end)) = (raw, ends.iter().find(|end| Some(&*end.link) == link)) {
-        rig.set_line_config(node, end.line);
-    }
-    let run = Run::with_rig(scenario.clone(), rig, instruments);
-    Ok((run, ends, raw))
-}
-
 fn record(run: &mut Run, path: &Path) -> Result<(), HarnessError> {
     let about = capture::about_live(run.scenario(), utc());
     let limits = Limits {
@@ -332,36 +302,4 @@ fn record(run: &mut Run, path: &Path) -> Result<(), HarnessError> {
     let recording = recording.map_err(|source| HarnessError::File(path.to_owned(), source))?;
     run.rig.add_tap(Box::new(recording));
     Ok(())
-}
-
-/// An end of a link and the port that it is on.
-pub(super) type Placed = (OpenEnd, Box<dyn Transport>);
-
-/// A new pseudo-terminal in `dir` for each end.
-pub(super) fn terminals(
-    dir: &Path,
-    ends: &[OpenEnd],
-    scenario: &Scenario,
-) -> Result<(PortDir, Vec<Placed>), HarnessError> {
-    let mut dir = PortDir::open(dir)?;
-    let mut ports: Vec<Placed> = Vec::new();
-    for end in ends {
-        let port = Pty::open(&dir, &end.name, end.line)?;
-        ports.push((end.clone(), Box::new(port)));
-    }
-    dir.leave_note(Note::Scenario, &scenario.to_toml())?;
-    Ok((dir, ports))
-}
-
-/// The ports that are in `dir` already.
-pub(super) fn serials(dir: &Path, ends: &[OpenEnd]) -> Result<Vec<Placed>, HarnessError> {
-    let mut ports: Vec<Placed> = Vec::new();
-    for end in ends {
-        let path: PathBuf = dir.join(&end.name);
-        if path.exists() {
-            let port = Serial::open(&path, end.line)?;
-            ports.push((end.clone(), Box::new(port)));
-        }
-    }
-    Ok(ports)
 }

@@ -1,12 +1,35 @@
 //! What a program goes through in a case.
 
 use core::time::Duration;
+use std::path::Path;
 
 use super::case::{Answered, Case, Known, Pair, Raw};
 use super::cause::Cause;
+use super::harness::{Harness, HarnessError};
 use super::session::{Halt, Session};
 use super::speech::{Shape, Speech};
 use crate::codec::wire::{Piece, Stream};
+use crate::run::Run;
+use crate::run::check::Status;
+use crate::scenario::Scenario;
+
+/// What came of a case.
+#[derive(Clone, Debug)]
+pub struct Seen {
+    /// What was wrong.
+    pub causes: Vec<Cause>,
+    /// What the program said on its standard error.
+    pub said: String,
+    /// The scenario as it ran, random faults as the bytes that they hit.
+    pub ran: Scenario,
+    /// What the program did in the last part of the case.
+    pub known: Known,
+    /// Whether the rig was too late to judge what may come of that.
+    pub was_late: bool,
+}
+
+/// A rig that is later than this may make a program break a rule about time, or drive into a wall.
+const LATE: Duration = Duration::from_millis(20);
 
 /// Time for an answer to a frame.
 const WINDOW: Duration = Duration::from_millis(60);
@@ -148,4 +171,72 @@ fn in_words(unread: &[String], silent: &[String], answers: bool, alive: Duration
     }
     let seconds = alive.as_secs_f64();
     format!("for {seconds} s {}", words.join(", "))
+}
+
+/// Tries `case`, `speech` being that of its raw link; every byte is in `recording` then.
+pub fn run(
+    harness: &Harness<'_>,
+    case: &Case,
+    speech: &Speech,
+    recording: &Path,
+) -> Result<Seen, HarnessError> {
+    let (mut live, opened) = Session::begin(harness, case, recording)?;
+    let mut causes = Vec::new();
+    let acted = opened.and_then(|()| act(&mut live, case, speech, harness.alive, &mut causes));
+    judge(harness, live, acted, causes)
+}
+
+/// Ends the program and says what was wrong with it, besides `causes`.
+pub(super) fn judge(
+    harness: &Harness<'_>,
+    live: Session<'_>,
+    acted: Result<(), Halt>,
+    mut causes: Vec<Cause>,
+) -> Result<Seen, HarnessError> {
+    let known = live.known(live.now());
+    let was_late = live.late() > LATE;
+    let (said, run) = live.end(harness);
+    match acted {
+        Ok(()) => {}
+        Err(Halt::Ended(ended)) => causes.push(Cause::of_end(ended, &said)),
+        Err(Halt::Lost(how)) => causes.push(Cause::PortLost(how)),
+        Err(Halt::Interrupted) => return Err(HarnessError::Interrupted),
+    }
+    let ran = run.case();
+    let counts = |cause: &Cause| {
+        (harness.is_strict || !cause.is_about_time()) && !(was_late && cause.may_be_lateness())
+    };
+    causes.extend(broken(run).into_iter().filter(counts));
+    Ok(Seen {
+        causes,
+        said,
+        ran,
+        known,
+        was_late,
+    })
+}
+
+/// The rules that were broken, each once, and the checkers that failed.
+fn broken(run: Run) -> Vec<Cause> {
+    let mut causes: Vec<Cause> = Vec::new();
+    for logged in run.rig.events().iter().filter(|one| one.is_violation()) {
+        let cause = Cause::Rule {
+            device: logged.source.clone(),
+            rule: logged.event.rule.to_owned(),
+            detail: format!("{} s, {}", logged.event.at, logged.event.detail),
+        };
+        if causes.iter().all(|known| known.key() != cause.key()) {
+            causes.push(cause);
+        }
+    }
+    let checks = run.judge().checks.into_iter();
+    causes.extend(
+        checks
+            .filter(|check| check.status == Status::Fail)
+            .map(|check| Cause::Check {
+                name: check.name,
+                detail: check.detail,
+            }),
+    );
+    causes
 }

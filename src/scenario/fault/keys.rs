@@ -1,0 +1,22 @@
+//! Which keys go with which kind of fault, as JSON Schema says it.
+
+use schemars::Schema;
+use serde_json::{Value, json};
+
+use super::FaultKind;
+use super::kind::TIME_KEYS;
+
+/// Adds to the schema of a fault which keys go with which kind.
+pub(super) fn add_to_schema(schema: &mut Schema) {
+    let rules = FaultKind::ALL.iter().map(|kind| {
+        let place = kind.place().keys().iter();
+        let keys = place.chain(kind.own_keys()).chain(&TIME_KEYS);
+        let keys: Vec<&str> = ["kind"].into_iter().chain(keys.copied()).collect();
+        json!({
+            "if": { "properties": { "kind": { "const": kind.name() } } },
+            "then": { "required": kind.place().keys(), "propertyNames": { "enum": keys } },
+        })
+    });
+    let rules: Vec<Value> = rules.collect();
+    schema.insert("allOf".to_owned(), rules.into());
+}
