@@ -35,10 +35,13 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+use crate::capture::case::CaseError;
+use crate::capture::replay::{PlaybackError, ReplayError};
 use crate::capture::tap::RecordError;
 use crate::realtime::exec::ExecError;
 use crate::realtime::transport::TransportError;
 use crate::scenario::ScenarioError;
+use crate::search::StoreError;
 use crate::search::fuzz::dut::HarnessError;
 use crate::show::folder::FolderError;
 use crate::slam::map::MapError;
@@ -118,6 +121,21 @@ pub enum CliError {
     /// A program cannot be fuzzed.
     #[error(transparent)]
     Fuzz(#[from] HarnessError),
+    /// A case cannot be made or run.
+    #[error(transparent)]
+    Case(#[from] CaseError),
+    /// A capture cannot be replayed into a program.
+    #[error(transparent)]
+    Replay(#[from] ReplayError),
+    /// A capture cannot be replayed into a port.
+    #[error(transparent)]
+    Playback(#[from] PlaybackError),
+    /// The folder of a campaign or of a fuzzer cannot be used.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// A foreign program cannot be put on the ports.
+    #[error(transparent)]
+    Exec(#[from] ExecError),
     /// A file cannot be read.
     #[error("cannot read {}: {error}", .path.display())]
     Read {
@@ -126,6 +144,17 @@ pub enum CliError {
         /// What the system said.
         error: io::Error,
     },
+    /// A file or the standard output cannot be written.
+    #[error("cannot write {what}: {error}")]
+    Write {
+        /// Which, behind its option if it has one.
+        what: String,
+        /// What the system said.
+        error: io::Error,
+    },
+    /// The system does not let the command listen for signals.
+    #[error("cannot listen for signals: {0}")]
+    Signals(io::Error),
     /// A file does not hold what the command needs.
     #[error("{}: {what}", .path.display())]
     Content {
@@ -134,12 +163,22 @@ pub enum CliError {
         /// What is wrong, and what was expected.
         what: String,
     },
-    /// Anything else, as a sentence that names what is wrong and what was expected.
+    /// The arguments do not go together or name what is not there: which, and what was expected.
     #[error("{0}")]
-    Other(String),
+    Usage(String),
 }
 
 impl CliError {
+    fn read(path: &Path, error: io::Error) -> Self {
+        let path = path.to_owned();
+        Self::Read { path, error }
+    }
+
+    fn write(what: impl ToString, error: io::Error) -> Self {
+        let what = what.to_string();
+        Self::Write { what, error }
+    }
+
     /// That `path` does not hold what the command needs.
     fn content(path: &Path, what: impl ToString) -> Self {
         Self::Content {
@@ -149,22 +188,9 @@ impl CliError {
     }
 }
 
-impl From<ExecError> for CliError {
-    fn from(error: ExecError) -> Self {
-        match error {
-            ExecError::Scenario(error) => error.into(),
-            ExecError::Transport(error) => error.into(),
-            other => Self::Other(other.to_string()),
-        }
-    }
-}
-
 /// All bytes of a file that the command was given.
 fn read(path: &Path) -> Result<Vec<u8>, CliError> {
-    std::fs::read(path).map_err(|error| CliError::Read {
-        path: path.to_owned(),
-        error,
-    })
+    std::fs::read(path).map_err(|error| CliError::read(path, error))
 }
 
 /// Runs the command that the process was started with.

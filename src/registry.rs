@@ -4,7 +4,6 @@
 //! plain `&'static T` that is copied, compared and kept without anybody owning it. The order is
 //! always the same: what is built in first, then what was added, as it was added.
 
-use core::fmt;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// What a [`Registry`] can hold.
@@ -65,7 +64,8 @@ impl<T: ?Sized + Named> Registry<T> {
 }
 
 /// Something with this name is there already.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("there is something called \"{name}\" already")]
 pub struct NameTaken {
     /// The name.
     pub name: String,
@@ -77,14 +77,6 @@ impl NameTaken {
         Self { name }
     }
 }
-
-impl fmt::Display for NameTaken {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "there is something called \"{}\" already", self.name)
-    }
-}
-
-impl core::error::Error for NameTaken {}
 
 #[cfg(test)]
 mod tests {

@@ -36,12 +36,12 @@ pub(super) struct Bugs {
 pub(super) fn run(args: Bugs) -> Result<Verdict, CliError> {
     let mut out = io::stdout().lock();
     match tell(&args, &mut out) {
-        Err(Failure::Usage(text)) => Err(CliError::Other(text)),
+        Err(Failure::Usage(text)) => Err(CliError::Usage(text)),
         // Whoever reads has seen enough, e.g. "head".
         Err(Failure::Output(error)) if error.kind() == io::ErrorKind::BrokenPipe => {
             Ok(Verdict::Pass)
         }
-        Err(Failure::Output(error)) => Err(CliError::Other(format!("cannot write: {error}"))),
+        Err(Failure::Output(error)) => Err(CliError::write("the list", error)),
         Ok(verdict) => Ok(verdict),
     }
 }

@@ -15,7 +15,7 @@ use crate::realtime::clock::{Clock, WallClock};
 use crate::realtime::exec::Foreign;
 use crate::run::Outcome;
 use crate::scenario::{Scenario, Source, Span};
-use crate::search::campaign::{self, CampaignError, Merged, Plan, Record, Shard, Store};
+use crate::search::campaign::{self, Merged, Plan, Record, Shard, Store};
 use crate::search::generate::{self, Dice, Vary};
 use crate::show::folder::FolderError;
 
@@ -83,12 +83,6 @@ struct MergeArgs {
     all_situations: bool,
 }
 
-impl From<CampaignError> for CliError {
-    fn from(error: CampaignError) -> Self {
-        Self::Other(error.to_string())
-    }
-}
-
 fn seeds(text: &str) -> Result<Range<u64>, String> {
     let parsed = text.split_once("..").and_then(|(from, until)| {
         let (from, until) = (from.parse().ok()?, until.parse().ok()?);
@@ -111,7 +105,7 @@ pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
         let name = scenario.name.clone();
         if read.insert(name.clone(), (scenario, source)).is_some() {
             let message = format!("{}: a second scenario \"{name}\"", path.display());
-            return Err(CliError::Other(format!(
+            return Err(CliError::Usage(format!(
                 "{message}, expected each name once"
             )));
         }

@@ -59,23 +59,19 @@ pub(super) fn run(args: CaseArgs) -> Result<Verdict, CliError> {
         .file_stem()
         .and_then(|stem| stem.to_str())
         .unwrap_or("case");
-    let case = Case::of(stem, &recorded, &scenario, &source);
-    let mut case = case.map_err(|error| CliError::Other(error.to_string()))?;
+    let mut case = Case::of(stem, &recorded, &scenario, &source)?;
     case.description = format!("made of {}", args.file.display());
     write(&args.out, &case.to_toml())?;
     if let Some(path) = &args.test {
         write(path, &test(stem, &args.out))?;
     }
-    let now = case
-        .run(&source)
-        .map_err(|error| CliError::Other(error.to_string()))?;
+    let now = case.run(&source)?;
     report(&args, &case, &now);
     Ok(Verdict::Pass)
 }
 
 fn write(path: &Path, text: &str) -> Result<(), CliError> {
-    let written = std::fs::write(path, text);
-    written.map_err(|error| CliError::Other(format!("cannot write {}: {error}", path.display())))
+    std::fs::write(path, text).map_err(|error| CliError::write(path.display(), error))
 }
 
 fn report(args: &From, case: &Case, now: &Judgement) {

@@ -71,7 +71,7 @@ pub(super) fn run(args: DecodeArgs) -> Result<Verdict, CliError> {
         // Whoever reads has seen enough, e.g. "head".
         Err(Failure::Output(error)) if error.kind() == io::ErrorKind::BrokenPipe => {}
         Err(Failure::Output(error)) => {
-            return Err(CliError::Other(format!("cannot write the frames: {error}")));
+            return Err(CliError::write("the frames", error));
         }
         Err(Failure::Other(error)) => return Err(error),
         Ok(()) => {}

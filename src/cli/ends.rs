@@ -64,7 +64,7 @@ impl EndArgs {
         let port = Serial::open(&place.path, end.line)?;
         let node = rig.replace_device(&end.link).ok_or_else(|| {
             let name = &end.name;
-            CliError::Other(format!("--device-at {name}: expected a link with a device"))
+            CliError::Usage(format!("--device-at {name}: expected a link with a device"))
         })?;
         rig.set_line_config(node, end.line);
         let end = OpenEnd {

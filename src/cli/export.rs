@@ -44,7 +44,7 @@ pub(super) fn run(args: ExportArgs) -> Result<Verdict, CliError> {
     let Some(format) = args.format.or_else(|| Format::of(&args.out)) else {
         let forms = "csv, vcd, mcap, log, carmen, tum or yaml";
         let error = format!("--out {out}: expected a name that ends in {forms}, or --format");
-        return Err(CliError::Other(error));
+        return Err(CliError::Usage(error));
     };
     let file = match args.file.is_dir() {
         true => args.file.join("capture.pcapng"),

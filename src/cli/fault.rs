@@ -57,14 +57,14 @@ pub(super) fn run(args: &FaultArgs) -> Result<Verdict, CliError> {
     let dir = args.dir.display();
     let answer = ask(args, &request).map_err(|error| {
         let expected = "expected a directory of `hilrig up`";
-        CliError::Other(format!(
+        CliError::Usage(format!(
             "--dir {dir}: no rig answers here, {expected}: {error}"
         ))
     })?;
     if answer["ok"] != true {
         let (key, message) = (&answer["key"], &answer["message"]);
         let text = |value: &Value| value.as_str().unwrap_or_default().to_owned();
-        return Err(CliError::Other(format!("{}: {}", text(key), text(message))));
+        return Err(CliError::Usage(format!("{}: {}", text(key), text(message))));
     }
     match &args.verb {
         Verb::List => {
@@ -95,14 +95,14 @@ fn fault(keys: &[String]) -> Result<Map<String, Value>, CliError> {
     for pair in keys {
         let Some((key, value)) = pair.split_once('=') else {
             let expected = "expected KEY=VALUE such as kind=cut";
-            return Err(CliError::Other(format!("\"{pair}\": {expected}")));
+            return Err(CliError::Usage(format!("\"{pair}\": {expected}")));
         };
         let table: Option<toml::Table> = toml::from_str(&format!("value = {value}")).ok();
         let value = table
             .and_then(|table| serde_json::to_value(table.get("value")?).ok())
             .unwrap_or_else(|| value.into());
         if fault.insert(key.to_owned(), value).is_some() {
-            return Err(CliError::Other(format!(
+            return Err(CliError::Usage(format!(
                 "{key}: is given twice, expected once"
             )));
         }

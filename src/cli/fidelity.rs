@@ -59,7 +59,7 @@ pub(super) fn run(args: Fidelity) -> Result<Verdict, CliError> {
         Some("none") => ("", None),
         Some("emulated") => {
             let profile = Profile::from_name(&args.profile)
-                .ok_or_else(|| CliError::Other(format!("--profile {}", args.profile)))?;
+                .ok_or_else(|| CliError::Usage(format!("--profile {}", args.profile)))?;
             (
                 "emulated",
                 Some(Column::of(&hand_in_box(profile, args.seed))),

@@ -109,7 +109,7 @@ fn subjects(args: &FuzzArgs) -> Result<Subjects, CliError> {
     let mut all: Subjects = Wires::all().map(|wire| Box::new(wire) as _).collect();
     all.extend(fuzz::programs(&args.defects).map_err(|unknown| {
         let expected = "expected one that \"hilrig bugs\" lists, such as AV-02, MA-05 or PU-01";
-        CliError::Other(format!("--defect {unknown}: no program has it, {expected}"))
+        CliError::Usage(format!("--defect {unknown}: no program has it, {expected}"))
     })?);
     if args.targets.is_empty() && !args.defects.is_empty() {
         all.retain(|subject| !subject.defects().is_empty());
@@ -129,7 +129,7 @@ fn unknown(name: &str, all: &Subjects) -> CliError {
     let known: Vec<&str> = all.iter().map(|subject| subject.name()).collect();
     let known = known.join(", ");
     let text = format!("there is nothing called \"{name}\" to fuzz, expected one of {known}");
-    CliError::Other(text)
+    CliError::Usage(text)
 }
 
 fn of_scenario(args: &FuzzArgs, path: &Path) -> Result<Box<dyn Subject>, CliError> {
@@ -148,14 +148,14 @@ fn of_scenario(args: &FuzzArgs, path: &Path) -> Result<Box<dyn Subject>, CliErro
         path.display(),
         links.join(", ")
     );
-    Err(CliError::Other(text))
+    Err(CliError::Usage(text))
 }
 
 /// Runs the case in `file`.
 fn repeat(file: &Path, subjects: &Subjects) -> Result<Verdict, CliError> {
     let [subject] = &subjects[..] else {
         let text = "--repeat runs one case, expected the name of its target before it";
-        return Err(CliError::Other(text.to_owned()));
+        return Err(CliError::Usage(text.to_owned()));
     };
     let mut path = file.to_owned();
     if path.is_dir() {

@@ -59,7 +59,7 @@ pub(super) fn run(args: ImportArgs) -> Result<Verdict, CliError> {
     imported.notes.iter().for_each(|note| eprintln!("{note}"));
     let out = args.out.display();
     std::fs::write(&args.out, imported.to_pcapng(format))
-        .map_err(|error| CliError::Other(format!("cannot write {out}: {error}")))?;
+        .map_err(|error| CliError::write(&out, error))?;
     let bytes: usize = imported
         .records()
         .iter()

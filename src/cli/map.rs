@@ -57,7 +57,7 @@ pub(super) fn run(args: MapArgs) -> Result<Verdict, CliError> {
     let (first, second) = (RosMap::read(&args.first)?, RosMap::read(&args.second)?);
     let Some(found) = diff(&first, &second, reach) else {
         let walls = |map: &RosMap| map.all(Seen::Wall).count();
-        return Err(CliError::Other(format!(
+        return Err(CliError::Usage(format!(
             "{} has {} wall cells, {} has {}: nothing to compare",
             args.first.display(),
             walls(&first),
@@ -79,7 +79,7 @@ pub(super) fn run(args: MapArgs) -> Result<Verdict, CliError> {
 
 fn reach(args: &DiffArgs) -> Result<Reach, CliError> {
     let wrong = |flag: &str, value: f64, expected: &str| {
-        CliError::Other(format!("{flag} {value}: expected {expected}"))
+        CliError::Usage(format!("{flag} {value}: expected {expected}"))
     };
     if !(0.0..=10.0).contains(&args.reach_m) {
         return Err(wrong("--reach-m", args.reach_m, "0 to 10 metres"));

@@ -31,14 +31,14 @@ pub(super) fn check(option: &str, places: &[Place], known: &[String]) -> Result<
     for (index, place) in places.iter().enumerate() {
         let name = &place.name;
         if !known.contains(name) {
-            return Err(CliError::Other(format!(
+            return Err(CliError::Usage(format!(
                 "{option} {name}={}: no such link; expected one of {}",
                 place.path.display(),
                 known.join(", ")
             )));
         }
         if places[..index].iter().any(|other| &other.name == name) {
-            return Err(CliError::Other(format!(
+            return Err(CliError::Usage(format!(
                 "{option} {name}: given twice, expected each link once"
             )));
         }

@@ -29,7 +29,7 @@ impl Ports {
         let Some(name) = place.file_name().and_then(|name| name.to_str()) else {
             let shown = path.display();
             let error = format!("{option} {shown}: expected a file name, e.g. pty:/tmp/tap/lidar");
-            return Err(CliError::Other(error));
+            return Err(CliError::Usage(error));
         };
         let parent = place.parent().filter(|dir| !dir.as_os_str().is_empty());
         let parent = parent.unwrap_or(Path::new(".")).to_owned();

@@ -99,7 +99,7 @@ fn wires(args: &RecordArgs, ports: &mut Ports) -> Result<Vec<Wire>, CliError> {
     for (index, name) in names.iter().enumerate() {
         if names[..index].contains(name) {
             let error = format!("--tap {name}: given twice, expected each link once");
-            return Err(CliError::Other(error));
+            return Err(CliError::Usage(error));
         }
     }
     if let Some(link) = args
@@ -110,7 +110,7 @@ fn wires(args: &RecordArgs, ports: &mut Ports) -> Result<Vec<Wire>, CliError> {
     {
         let known = names.join(", ");
         let error = format!("--baud {link}: no such link; expected one of {known}");
-        return Err(CliError::Other(error));
+        return Err(CliError::Usage(error));
     }
     let mut wires = Vec::new();
     for pair in args.tap.chunks_exact(2) {

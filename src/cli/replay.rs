@@ -108,12 +108,11 @@ pub(super) fn run(args: ReplayArgs) -> Result<Verdict, CliError> {
 /// Reads a capture; says when it is not whole.
 pub(super) fn read(path: &Path) -> Result<Capture, CliError> {
     let shown = path.display();
-    let capture = Capture::read(path)
-        .map_err(|error| CliError::Other(format!("cannot read {shown}: {error}")))?;
+    let capture = Capture::read(path).map_err(|error| CliError::read(path, error))?;
     if let Some(error) = capture.broken {
         if capture.records.is_empty() {
-            let error = format!("{shown}: {error}: expected a pcapng capture");
-            return Err(CliError::Other(error));
+            let error = format!("{error}: expected a pcapng capture");
+            return Err(CliError::content(path, error));
         }
         eprintln!("{shown} is broken {error}; only what is before it is used");
     } else if capture.cut > 0 {
@@ -123,9 +122,10 @@ pub(super) fn read(path: &Path) -> Result<Capture, CliError> {
         );
     }
     if capture.records.is_empty() {
-        return Err(CliError::Other(format!(
-            "{shown}: expected a capture, it has no record"
-        )));
+        return Err(CliError::content(
+            path,
+            "expected a capture, it has no record",
+        ));
     }
     Ok(capture)
 }
@@ -140,9 +140,10 @@ pub(super) fn robot(
         return Ok(Scenario::read(path)?);
     }
     scenario_of(capture, path)?.ok_or_else(|| {
-        let shown = path.display();
-        let error = format!("{shown}: does not say which robot it is of: expected --scenario FILE");
-        CliError::Other(error)
+        CliError::content(
+            path,
+            "does not say which robot it is of: expected --scenario FILE",
+        )
     })
 }
 
@@ -155,8 +156,7 @@ fn into_program(
     scenario: &Scenario,
     source: &Source,
 ) -> Result<Verdict, CliError> {
-    let replay = Replay::new(recorded, scenario, source, Voice::Program);
-    let replayed = play(replay.map_err(|error| CliError::Other(error.to_string()))?);
+    let replayed = play(Replay::new(recorded, scenario, source, Voice::Program)?);
     let (ran, heard, sent) = (replayed.ran.as_secs_f64(), replayed.heard, replayed.sent());
     println!("replayed {ran:.3} s: {heard} B to the program, {sent} B from it");
     if let Some(first) = replayed.violations.first() {
@@ -243,7 +243,7 @@ fn sockets(
         let dir = args.dir.as_deref().unwrap_or(Path::new("")).display();
         let names = names.join(", ");
         let error = format!("--dir {dir}: no port of a link there; expected one of {names}");
-        return Err(CliError::Other(error));
+        return Err(CliError::Usage(error));
     }
     Ok(sockets)
 }
@@ -289,9 +289,7 @@ fn follow(
     let mut said = false;
     let mut answers_until = None;
     while !stop.is_due(playback.clock().now()) {
-        playback
-            .turn()
-            .map_err(|error| CliError::Other(error.to_string()))?;
+        playback.turn()?;
         if let (Some(socket), false) = (playback.waits_for(), said) {
             said = true;
             eprintln!("waiting until somebody opens {}", socket.link());

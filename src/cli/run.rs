@@ -155,8 +155,7 @@ fn one_case(args: &RunArgs, case: &(Case, Source), stop: &Stop) -> Result<Judgem
         let out = out.unwrap_or_else(|| PathBuf::from("hilrig-out").join(&case.0.name));
         return judge_case(case, &foreign, &out, stop);
     }
-    let judgement = case.0.run(&case.1);
-    let judgement = judgement.map_err(|error| CliError::Other(error.to_string()))?;
+    let judgement = case.0.run(&case.1)?;
     println!("{judgement}");
     Ok(judgement)
 }
@@ -173,7 +172,7 @@ fn check(args: &RunArgs) -> Result<(), CliError> {
         }
         () => return Ok(()),
     };
-    Err(CliError::Other(wrong.to_owned()))
+    Err(CliError::Usage(wrong.to_owned()))
 }
 
 /// A file that can be run.
@@ -192,7 +191,7 @@ impl Runnable {
         if !Case::is_meant(&text) {
             return Ok(Self::Scenario(Box::new(Scenario::parse(path, text)?)));
         }
-        let case = Case::parse(path, text).map_err(|error| CliError::Other(error.to_string()))?;
+        let case = Case::parse(path, text)?;
         Ok(Self::Case(Box::new(case)))
     }
 }

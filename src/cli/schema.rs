@@ -38,7 +38,7 @@ pub(super) fn run(args: &SchemaArgs) -> Result<Verdict, CliError> {
     match io::stdout().write_all(text.as_bytes()) {
         // Whoever reads no further has what was wanted.
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
-            Err(CliError::Other(format!("cannot write to stdout: {error}")))
+            Err(CliError::write("the schema", error))
         }
         _ => Ok(Verdict::Pass),
     }

@@ -59,7 +59,7 @@ pub(super) fn run(args: &ShrinkArgs) -> Result<Verdict, CliError> {
     match args.file.extension().and_then(|name| name.to_str()) {
         Some("pcapng") if args.program.exec.is_some() => {
             let error = "--exec: expected a case or scenario, a capture is judged by its bytes";
-            Err(CliError::Other(error.to_owned()))
+            Err(CliError::Usage(error.to_owned()))
         }
         Some("pcapng") => shrink_capture(args),
         _ => shrink_case(args),
@@ -92,10 +92,7 @@ fn is_bad(command: &str, path: &Path) -> bool {
 }
 
 fn not_bad(file: &Path, what: &str) -> CliError {
-    CliError::Other(format!(
-        "{}: {what}, expected something that fails",
-        file.display()
-    ))
+    CliError::content(file, format!("{what}, expected something that fails"))
 }
 
 fn shrink_case(args: &ShrinkArgs) -> Result<Verdict, CliError> {
@@ -190,9 +187,7 @@ fn judge<'a>(
 
 fn shrink_capture(args: &ShrinkArgs) -> Result<Verdict, CliError> {
     let read = Capture::read(&args.file);
-    let whole = read.map_err(|error| {
-        CliError::Other(format!("cannot read {}: {error}", args.file.display()))
-    })?;
+    let whole = read.map_err(|error| CliError::read(&args.file, error))?;
     let units = shrink::units(&whole);
     let cause = match &args.command {
         Some(command) => format!("{command} exits with 0"),

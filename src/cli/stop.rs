@@ -27,8 +27,7 @@ impl Stop {
     /// Stops at SIGINT or SIGTERM, or `duration` after the start.
     pub(super) fn new(duration: Option<Duration>) -> Result<Self, CliError> {
         let signal = Arc::<AtomicU8>::default();
-        listen(Arc::clone(&signal))
-            .map_err(|error| CliError::Other(format!("cannot listen for signals: {error}")))?;
+        listen(Arc::clone(&signal)).map_err(CliError::Signals)?;
         Ok(Self {
             signal,
             deadline: duration.map(|duration| Instant::ZERO + duration),

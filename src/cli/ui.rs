@@ -73,7 +73,7 @@ impl ListenArgs {
     pub(super) fn serve(self, flag: &str, hub: Arc<Hub>) -> Result<Server, CliError> {
         let wanted = SocketAddr::new(self.listen, self.port);
         let server = Server::start(wanted, hub).map_err(|error| {
-            CliError::Other(format!(
+            CliError::Usage(format!(
                 "{flag} {}: {wanted}: {error}; expected an address that is free",
                 self.port
             ))
@@ -96,7 +96,7 @@ pub(super) fn run(args: Ui) -> Result<Verdict, CliError> {
     match (&args.pc, &args.scenario) {
         (Some(_), _) => run_remote(&args, &stop),
         (None, Some(_)) => run_rig(&args, &stop),
-        (None, None) => Err(CliError::Other("expected SCENARIO or --pc PORT".to_owned())),
+        (None, None) => Err(CliError::Usage("expected SCENARIO or --pc PORT".to_owned())),
     }?;
     Ok(Verdict::Pass)
 }
@@ -115,10 +115,8 @@ fn run_rig(args: &Ui, stop: &Stop) -> Result<(), CliError> {
     let run = session.run();
     if let Some(path) = &args.save {
         let case = run.case_so_far().to_toml();
-        std::fs::write(path, case).map_err(|error| {
-            let path = path.display();
-            CliError::Other(format!("--save {path}: {error}; expected a file to write"))
-        })?;
+        let written = std::fs::write(path, case);
+        written.map_err(|error| CliError::write(format!("--save {}", path.display()), error))?;
     }
     println!("ran {} s, trace {}", run.rig.now(), run.rig.trace_hash());
     Ok(())

@@ -35,26 +35,21 @@ pub(super) fn run(args: Wireshark) -> Result<Verdict, CliError> {
     if args.print {
         match io::stdout().write_all(dissector().as_bytes()) {
             Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
-                return Err(CliError::Other(format!("cannot print the file: {error}")));
+                return Err(CliError::write("the file", error));
             }
             _ => return Ok(Verdict::Pass),
         }
     }
     let dir = args.dir.or_else(plugin_dir).ok_or_else(|| {
         let expected = "expected --dir DIR, or tshark or HOME to find it by";
-        CliError::Other(format!(
+        CliError::Usage(format!(
             "where Wireshark's plugins are is not known: {expected}"
         ))
     })?;
     let path = dir.join(FILE_NAME);
     if args.install {
         let written = fs::create_dir_all(&dir).and_then(|()| fs::write(&path, dissector()));
-        written.map_err(|error| {
-            CliError::Other(format!(
-                "--install: cannot write {}: {error}",
-                path.display()
-            ))
-        })?;
+        written.map_err(|error| CliError::write(format!("--install {}", path.display()), error))?;
         eprintln!("installed; Wireshark and tshark read it when they next start");
     } else {
         eprintln!("put what --print prints here, or let --install do it:");

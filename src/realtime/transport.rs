@@ -12,7 +12,6 @@ mod pty;
 mod serial;
 mod watch;
 
-use core::fmt;
 use core::time::Duration;
 use std::io;
 use std::os::fd::BorrowedFd;
@@ -108,15 +107,17 @@ pub fn wait(fds: &[BorrowedFd<'_>], timeout: Duration) -> io::Result<()> {
 }
 
 /// Why a port cannot be had, or is had no longer.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TransportError {
     /// A port name that cannot be a file name.
+    #[error("port name {name:?}: expected a plain file name such as lidar")]
     Name {
         /// As given.
         name: String,
     },
     /// The directory for the ports cannot be used.
+    #[error("{}: expected a directory to put ports in: {source}", .path.display())]
     Directory {
         /// The directory.
         path: PathBuf,
@@ -124,16 +125,27 @@ pub enum TransportError {
         source: io::Error,
     },
     /// The directory belongs to another running rig.
+    #[error(
+        "{}: another rig has its ports here: stop it or choose another \
+         directory",
+        .path.display()
+    )]
     DirectoryInUse {
         /// The directory.
         path: PathBuf,
     },
     /// Something stands where the port should appear.
+    #[error(
+        "{}: expected a free name: this is not a link that a rig left behind; \
+         remove it or choose another directory",
+        .path.display()
+    )]
     Occupied {
         /// Where.
         path: PathBuf,
     },
     /// The system gave no pseudo-terminal.
+    #[error("{}: the system gave no pseudo-terminal: {source}", .path.display())]
     Pty {
         /// Where it should have appeared.
         path: PathBuf,
@@ -141,21 +153,37 @@ pub enum TransportError {
         source: io::Error,
     },
     /// There is no such port.
+    #[error(
+        "{}: no such port: expected a serial port such as /dev/ttyUSB0 or a \
+         link to one",
+        .path.display()
+    )]
     Missing {
         /// As given.
         path: PathBuf,
     },
     /// The file is no serial port.
+    #[error(
+        "{}: not a serial port: expected a device such as /dev/ttyUSB0 or a \
+         link to one",
+        .path.display()
+    )]
     NotAPort {
         /// As given.
         path: PathBuf,
     },
     /// Another program has the port.
+    #[error("{}: another program has this port: expected to have it alone", .path.display())]
     Busy {
         /// As given.
         path: PathBuf,
     },
     /// The port is there and cannot be opened or set up.
+    #[error(
+        "{}: expected a serial port that can be set to {baud} baud: \
+         {source}",
+        .path.display()
+    )]
     Open {
         /// As given.
         path: PathBuf,
@@ -165,79 +193,15 @@ pub enum TransportError {
         source: io::Error,
     },
     /// The port was there and went away.
+    #[error(
+        "{}: the port went away: expected it to stay until the end: \
+         {source}",
+        .path.display()
+    )]
     Lost {
         /// The port.
         path: PathBuf,
         /// What the system said.
         source: io::Error,
     },
-}
-
-impl fmt::Display for TransportError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Name { name } => write!(
-                f,
-                "port name {name:?}: expected a plain file name such as lidar"
-            ),
-            Self::Directory { path, source } => write!(
-                f,
-                "{}: expected a directory to put ports in: {source}",
-                path.display()
-            ),
-            Self::DirectoryInUse { path } => write!(
-                f,
-                "{}: another rig has its ports here: stop it or choose another directory",
-                path.display()
-            ),
-            Self::Occupied { path } => write!(
-                f,
-                "{}: expected a free name: this is not a link that a rig left behind; \
-                 remove it or choose another directory",
-                path.display()
-            ),
-            Self::Pty { path, source } => write!(
-                f,
-                "{}: the system gave no pseudo-terminal: {source}",
-                path.display()
-            ),
-            Self::Missing { path } => write!(
-                f,
-                "{}: no such port: expected a serial port such as /dev/ttyUSB0 or a link to one",
-                path.display()
-            ),
-            Self::NotAPort { path } => write!(
-                f,
-                "{}: not a serial port: expected a device such as /dev/ttyUSB0 or a link to one",
-                path.display()
-            ),
-            Self::Busy { path } => write!(
-                f,
-                "{}: another program has this port: expected to have it alone",
-                path.display()
-            ),
-            Self::Open { path, baud, source } => write!(
-                f,
-                "{}: expected a serial port that can be set to {baud} baud: {source}",
-                path.display()
-            ),
-            Self::Lost { path, source } => write!(
-                f,
-                "{}: the port went away: expected it to stay until the end: {source}",
-                path.display()
-            ),
-        }
-    }
-}
-
-impl core::error::Error for TransportError {
-    fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
-        match self {
-            Self::Directory { source, .. }
-            | Self::Pty { source, .. }
-            | Self::Open { source, .. }
-            | Self::Lost { source, .. } => Some(source),
-            _ => None,
-        }
-    }
 }

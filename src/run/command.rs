@@ -1,8 +1,6 @@
 //! What somebody wants of a run while it goes on. It becomes part of the scenario, so that the same
 //! run can be had again.
 
-use core::fmt;
-
 use protocols::Instant;
 
 use super::Run;
@@ -76,15 +74,22 @@ impl Run {
 }
 
 /// Why the PC cannot do what it was told.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum CommandError {
     /// The rig has no station of its own.
+    #[error("the rig has no PC of its own: the PC's end is a port")]
     NoStation,
     /// The protocol does not allow it.
+    #[error("{0}")]
     Script(String),
     /// The robot has no display.
+    #[error("the robot has no display")]
     NoDisplay,
     /// There is nothing to tap.
+    #[error(
+        "{}, {} is not on the display of {} x {} pixels",
+        .place[0], .place[1], .size[0], .size[1]
+    )]
     BesideDisplay {
         /// Column and row.
         place: [u16; 2],
@@ -92,27 +97,6 @@ pub enum CommandError {
         size: [usize; 2],
     },
 }
-
-impl fmt::Display for CommandError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NoStation => f.write_str("the rig has no PC of its own: the PC's end is a port"),
-            Self::Script(error) => error.fmt(f),
-            Self::NoDisplay => f.write_str("the robot has no display"),
-            Self::BesideDisplay {
-                place: [x, y],
-                size: [width, height],
-            } => {
-                write!(
-                    f,
-                    "{x}, {y} is not on the display of {width} x {height} pixels"
-                )
-            }
-        }
-    }
-}
-
-impl core::error::Error for CommandError {}
 
 #[cfg(test)]
 mod tests {

@@ -6,8 +6,6 @@ mod plan;
 mod schedule;
 mod when;
 
-use core::fmt;
-
 use protocols::Instant;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -188,7 +186,8 @@ impl FaultSpec {
 }
 
 /// What is wrong with a fault that somebody asked for.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, thiserror::Error)]
+#[error("{key}: {message}")]
 pub struct Flaw {
     /// The key in question.
     pub key: &'static str,
@@ -203,14 +202,6 @@ impl Flaw {
         Self { key, message }
     }
 }
-
-impl fmt::Display for Flaw {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {}", self.key, self.message)
-    }
-}
-
-impl core::error::Error for Flaw {}
 
 /// Directions as in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

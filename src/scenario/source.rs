@@ -1,12 +1,12 @@
 //! Where a scenario comes from, and what is wrong with it.
 
-use std::fmt;
 use std::path::PathBuf;
 
 /// Why a scenario cannot be run.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum ScenarioError {
     /// The file cannot be read.
+    #[error("cannot read scenario {}: {source}", .path.display())]
     Read {
         /// Which file.
         path: PathBuf,
@@ -14,6 +14,7 @@ pub enum ScenarioError {
         source: std::io::Error,
     },
     /// The file is not a scenario; the text names line, column, key and what was expected.
+    #[error("{}: {}", .path.display(), .source.to_string().trim_end())]
     Parse {
         /// Which file.
         path: PathBuf,
@@ -21,6 +22,7 @@ pub enum ScenarioError {
         source: Box<toml::de::Error>,
     },
     /// The scenario says something that cannot be.
+    #[error("{}{}: {key}: {message}", .path.display(), at(*line))]
     Invalid {
         /// Which file.
         path: PathBuf,
@@ -33,32 +35,10 @@ pub enum ScenarioError {
     },
 }
 
-impl fmt::Display for ScenarioError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Read { path, source } => {
-                write!(f, "cannot read scenario {}: {source}", path.display())
-            }
-            Self::Parse { path, source } => {
-                write!(f, "{}: {}", path.display(), source.to_string().trim_end())
-            }
-            Self::Invalid {
-                path,
-                line,
-                key,
-                message,
-            } => {
-                write!(f, "{}", path.display())?;
-                if let Some(line) = line {
-                    write!(f, ":{line}")?;
-                }
-                write!(f, ": {key}: {message}")
-            }
-        }
-    }
+/// A line behind the name of its file.
+fn at(line: Option<usize>) -> String {
+    line.map(|line| format!(":{line}")).unwrap_or_default()
 }
-
-impl core::error::Error for ScenarioError {}
 
 /// A scenario with the place it was read from, for messages and for files that it names.
 #[derive(Clone, Debug)]

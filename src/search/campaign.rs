@@ -10,7 +10,6 @@ mod merge;
 mod page;
 mod store;
 
-pub use crate::search::error::StoreError as CampaignError;
 pub use judge::{Record, cause_of, run, run_foreign};
 pub(crate) use judge::{without_figures, words_of_panic};
 pub use merge::{Group, Merged, SituationCount, merge};

@@ -41,7 +41,7 @@ pub(super) fn follow(args: &DecodeArgs, out: &mut dyn Write) -> Result<(), Failu
         let len = followed
             .file
             .read(&mut piece)
-            .map_err(|e| unreadable(args, &e))?;
+            .map_err(|e| unreadable(args, e))?;
         let now = clock.now();
         if len > 0 {
             grown_at = now;
@@ -63,15 +63,14 @@ pub(super) fn follow(args: &DecodeArgs, out: &mut dyn Write) -> Result<(), Failu
     followed.finish(out)
 }
 
-fn unreadable(args: &DecodeArgs, error: &io::Error) -> Failure {
-    let path = args.file.display();
-    Failure::Other(CliError::Other(format!("cannot read {path}: {error}")))
+fn unreadable(args: &DecodeArgs, error: io::Error) -> Failure {
+    Failure::Other(CliError::read(&args.file, error))
 }
 
 impl Followed {
     fn open(args: &DecodeArgs) -> Result<Self, Failure> {
         Ok(Self {
-            file: File::open(&args.file).map_err(|error| unreadable(args, &error))?,
+            file: File::open(&args.file).map_err(|error| unreadable(args, error))?,
             is_capture: None,
             reader: Reader::default(),
             links: Vec::new(),

@@ -1,6 +1,5 @@
 //! What is decoded: a capture, or raw bytes as if they were one.
 
-use std::fs;
 use std::path::Path;
 
 use protocols::{Instant, LineEvent};
@@ -22,8 +21,7 @@ pub(in crate::cli) struct Source {
 impl Source {
     pub(in crate::cli) fn read(path: &Path) -> Result<Self, CliError> {
         let name = path.display();
-        let bytes = fs::read(path)
-            .map_err(|error| CliError::Other(format!("cannot read {name}: {error}")))?;
+        let bytes = crate::cli::read(path)?;
         if !bytes.starts_with(&PCAPNG) {
             return Ok(Self::raw(bytes));
         }
@@ -63,7 +61,7 @@ impl Source {
             return Ok(());
         }
         let (path, names) = (path.display(), names.join(", "));
-        Err(CliError::Other(format!(
+        Err(CliError::Usage(format!(
             "--link {wanted}: {path} has no such link, only: {names}"
         )))
     }

@@ -69,7 +69,7 @@ impl ExecArgs {
                 let dir = self.dir.clone().unwrap_or_else(|| out.join("ports"));
                 let dir = std::path::absolute(&dir).map_err(|error| {
                     let text = format!("--dir {}: {error}", dir.display());
-                    CliError::Other(text)
+                    CliError::Usage(text)
                 })?;
                 let command = command.clone();
                 Ok(Whose::Command { command, dir })
@@ -110,7 +110,7 @@ pub(super) fn run(args: &FuzzArgs) -> Result<Verdict, CliError> {
     let own = &args.exec;
     if !(Duration::from_millis(1)..=CASE_MAX).contains(&own.case.0) {
         let text = format!("--case {}: expected a time from 1ms to 1h", own.case);
-        return Err(CliError::Other(text));
+        return Err(CliError::Usage(text));
     }
     match &args.repeat {
         Some(folder) => repeat(args, folder),
@@ -160,7 +160,7 @@ fn repeat(args: &FuzzArgs, folder: &Path) -> Result<Verdict, CliError> {
 fn search(args: &FuzzArgs) -> Result<Verdict, CliError> {
     let path = args.scenario.as_ref().ok_or_else(|| {
         let text = "--scenario is missing, expected the one whose devices the program is to meet";
-        CliError::Other(text.to_owned())
+        CliError::Usage(text.to_owned())
     })?;
     let (scenario, source) = Scenario::read(path)?;
     let plan = Plan {

@@ -14,6 +14,7 @@ use crate::cli::exec::show_words;
 use crate::cli::stop::Stop;
 use crate::cli::{CliError, Verdict};
 use crate::realtime::clock::WallClock;
+use crate::realtime::exec::ExecError;
 use crate::realtime::exec::{Foreign, PORTS_VARIABLE, alive, childless, port_variable};
 use crate::realtime::process::{Ended, Patience, Process};
 use crate::realtime::transport::{PortDir, Pty};
@@ -66,8 +67,7 @@ pub(in crate::cli) fn judge_case(
     out: &Path,
     stop: &Stop,
 ) -> Result<Judgement, CliError> {
-    let recorded = case.recorded(&source.path);
-    let recorded = recorded.map_err(|error| CliError::Other(error.to_string()))?;
+    let recorded = case.recorded(&source.path)?;
     let (step, expect) = (false, true);
     let shown = Shown {
         out,
@@ -120,7 +120,7 @@ fn play_to(
     shown: &Shown<'_>,
     stop: &Stop,
 ) -> Result<Heard, CliError> {
-    let failed = |path: &Path, error| CliError::Other(format!("{}: {error}", path.display()));
+    let failed = |path: &Path, error| CliError::write(path.display(), error);
     std::fs::create_dir_all(shown.out).map_err(|error| failed(shown.out, error))?;
     let ports = shown.out.join("ports");
     let ports = std::path::absolute(&ports).map_err(|error| failed(&ports, error))?;
@@ -137,8 +137,7 @@ fn play_to(
     let mut playback = Playback::new(WallClock::start(), recorded, sockets, pace);
     let log = shown.out.join("program.log");
     let process = Process::start(&foreign.command, &env, Some(&log));
-    let mut process =
-        process.map_err(|error| CliError::Other(format!("--exec: cannot start it: {error}")))?;
+    let mut process = process.map_err(ExecError::NotStarted)?;
     let mut ended: Option<(Ended, Instant)> = None;
     let until = Instant::ZERO + foreign.wait;
     follow(shown.how, &mut playback, stop, &mut |playback, now| {
@@ -178,7 +177,7 @@ fn played<'a>(
         let is_own = |one: &&Passage| own.is_none_or(|own| own.contains(&one.link));
         let links: Vec<&Passage> = links.filter(is_own).collect();
         return match links.is_empty() {
-            true => Err(CliError::Other(
+            true => Err(CliError::Usage(
                 "--exec: expected a capture with bytes to-master".to_owned(),
             )),
             false => Ok(links),
@@ -190,7 +189,7 @@ fn played<'a>(
             let all: Vec<&str> = recorded.links.iter().map(|one| &*one.link).collect();
             let all = all.join(", ");
             let error = format!("--exec-needs {name}: no such link, expected some of {all}");
-            CliError::Other(error)
+            CliError::Usage(error)
         })
     };
     foreign.needs.iter().map(find).collect()

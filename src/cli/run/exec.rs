@@ -98,5 +98,5 @@ fn follow(trial: &mut Trial, show: &mut Show, stop: &Stop) -> Result<(), Transpo
 fn ports_in(out: &Path, dir: Option<&Path>) -> Result<PathBuf, CliError> {
     let dir = dir.map_or_else(|| out.join("ports"), Path::to_owned);
     std::path::absolute(&dir)
-        .map_err(|error| CliError::Other(format!("--dir {}: {error}", dir.display())))
+        .map_err(|error| CliError::Usage(format!("--dir {}: {error}", dir.display())))
 }

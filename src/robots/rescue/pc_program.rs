@@ -12,8 +12,6 @@
 
 pub mod fielded;
 
-use core::fmt;
-
 use emulators::pc::{Connection, Pc};
 use protocols::pcui::message::WAYPOINTS_MAX;
 
@@ -21,42 +19,28 @@ pub use crate::robots::station::{Gesture, HAND_OFF, Hand};
 use crate::scenario::Action;
 
 /// Why a gesture leads to nothing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Refusal {
     /// Nobody at the far end.
+    #[error("not connected to the robot")]
     NotConnected,
     /// The robot has not told the size of its map yet: no place has a meaning.
+    #[error("the robot has not told the size of its map yet")]
     NoMap,
     /// The place is not on the map.
+    #[error("not on the map, which is {} mm x {} mm", .size_mm[0], .size_mm[1])]
     Outside {
         /// Size of the map.
         size_mm: [u16; 2],
     },
     /// One frame holds no more waypoints.
+    #[error("{WAYPOINTS_MAX} waypoints are all that one message holds")]
     Full,
     /// The waypoint is not where the gesture saw it: the list has changed meanwhile.
+    #[error("the list of waypoints has changed meanwhile")]
     Changed,
 }
-
-impl fmt::Display for Refusal {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NotConnected => f.write_str("not connected to the robot"),
-            Self::NoMap => f.write_str("the robot has not told the size of its map yet"),
-            Self::Outside { size_mm: [x, y] } => {
-                write!(f, "not on the map, which is {x} mm x {y} mm")
-            }
-            Self::Full => write!(
-                f,
-                "{WAYPOINTS_MAX} waypoints are all that one message holds"
-            ),
-            Self::Changed => f.write_str("the list of waypoints has changed meanwhile"),
-        }
-    }
-}
-
-impl core::error::Error for Refusal {}
 
 /// The list as it is to be seen: what was sent last until the robot has confirmed it, then what
 /// the robot says.
