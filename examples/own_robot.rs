@@ -113,7 +113,7 @@ impl Robot for Cart {
         "two wheels and a program that drives for a second"
     }
 
-    fn wire(&self, plan: Plan<'_>) -> Result<Wired, ScenarioError> {
+    fn wire(&self, plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
         let mut wired = Wired::new(Rig::new(plan.world), CartInstruments);
         let device = End {
             node: wired.rig.add_device("wheels", Wheels::default()),

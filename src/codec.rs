@@ -44,7 +44,7 @@ pub use lua::{Lua, LuaField, field};
 pub use panel::{PANEL, Panel};
 pub use pcui::{PCUI, Pcui};
 pub use row::{Answers, Codec, IDLE, OtherOrder};
-pub use stream::{BAD_MAX, Count, Counter, Found, Stream, What};
+pub use stream::{BAD_MAX, Count, Counter, Stream, Stretch, What};
 pub use xv11::{XV11, Xv11};
 pub use xv11_turn::{XV11_TURN, Xv11Turns};
 

@@ -217,7 +217,7 @@ impl Port {
         while paced.rig().backlog(node) < BACKLOG_MAX {
             let read = self.transport.read(&mut buf);
             while let Some(event) = self.transport.next_event() {
-                self.tell(paced.rig(), event);
+                self.report(paced.rig(), event);
                 // The rig holds one change of the line at a time.
                 let now = paced.rig().now();
                 paced.run_until(now);
@@ -243,7 +243,7 @@ impl Port {
     }
 
     /// Tells the rig and the log what happened to the port.
-    fn tell(&mut self, rig: &mut Rig, event: PortEvent) {
+    fn report(&mut self, rig: &mut Rig, event: PortEvent) {
         let node = self.end.node;
         match event {
             PortEvent::Opened => {

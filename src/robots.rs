@@ -65,7 +65,7 @@ pub trait Robot: Sync {
     ///
     /// # Errors
     /// If the scenario sets it up in a way that it cannot be.
-    fn wire(&self, plan: Plan<'_>) -> Result<Wired, ScenarioError>;
+    fn wire(&self, plan: WirePlan<'_>) -> Result<Wired, ScenarioError>;
 
     /// Its program by itself, for a process of its own; `None` if it brings none.
     ///
@@ -148,7 +148,7 @@ pub fn of(scenario: &Scenario, source: &Source) -> Result<&'static dyn Robot, Sc
 }
 
 /// What a robot is wired from.
-pub struct Plan<'a> {
+pub struct WirePlan<'a> {
     /// The scenario.
     pub scenario: &'a Scenario,
     /// Where it comes from, for messages.
@@ -291,7 +291,7 @@ pub fn wire(
 ) -> Result<Wired, ScenarioError> {
     let chassis = of(scenario, source)?.chassis(scenario, source)?;
     let world = scenario.world.build(scenario.seed, chassis, source)?;
-    wire_into(Plan {
+    wire_into(WirePlan {
         scenario,
         source,
         world,
@@ -304,7 +304,7 @@ pub fn wire(
 ///
 /// # Errors
 /// If the scenario cannot be.
-pub fn wire_into(plan: Plan<'_>) -> Result<Wired, ScenarioError> {
+pub fn wire_into(plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
     let (scenario, source) = (plan.scenario, plan.source);
     let mut wired = of(scenario, source)?.wire(plan)?;
     let known: Vec<String> = wired

@@ -32,7 +32,7 @@ pub use device::{
     Xv11Spec,
 };
 pub use drives::DrivesSpec;
-pub use fault::{DirectionSpec, FaultKind, FaultSpec, Flaw, LinkSpec, Place, WhenSpec};
+pub use fault::{DirectionSpec, FaultKind, FaultPlace, FaultSpec, Flaw, LinkSpec, WhenSpec};
 pub use mission::{Action, Expect, Mission, ModeSpec, Step};
 pub use own::{
     AccessSpec, CommandSpec, OrderSpec, PeriodicSpec, RegisterSpec, RegistersSpec, SourceSpec,

@@ -5,7 +5,7 @@ use core::time::Duration;
 
 use protocols::Instant;
 
-use crate::codec::{self, Codec, Found, What};
+use crate::codec::{self, Codec, Stretch, What};
 use crate::hex::digits;
 use crate::rig::line::Direction;
 
@@ -120,7 +120,7 @@ fn words(codec: Option<&'static Codec>, bytes: &[u8], byte: usize) -> String {
         return format!("no known protocol: {}", hex(part, byte - start));
     };
     let place = (byte - start) as u64;
-    let Some(Found { bytes: range, what }) = codec
+    let Some(Stretch { bytes: range, what }) = codec
         .found(part)
         .into_iter()
         .find(|found| found.bytes.contains(&place))

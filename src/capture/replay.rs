@@ -24,7 +24,7 @@ use crate::run::check::Check;
 use crate::run::watch::Watchers;
 use crate::scenario::{PhasesSpec, Scenario, ScenarioError, Source};
 
-pub use ports::{Pace, Playback, PlaybackError, Side as PlayedSide, Socket};
+pub use ports::{Playback, PlaybackError, ReplayPace, Side as PlayedSide, Socket};
 
 /// Why a capture cannot be replayed.
 #[derive(Debug, thiserror::Error)]

@@ -103,7 +103,7 @@ impl WriterThread {
     pub(super) fn start(joiner: Joiner, files: Files, piece: usize) -> io::Result<Self> {
         let (full, batches) = sync_channel::<Batch>(BATCHES_MAX);
         let (back, empty) = sync_channel(BATCHES_MAX);
-        let mut desk = Desk {
+        let mut desk = WriterState {
             joiner,
             files,
             piece,
@@ -159,14 +159,14 @@ impl WriterThread {
 }
 
 /// What the thread works with.
-struct Desk {
+struct WriterState {
     joiner: Joiner,
     files: Files,
     piece: usize,
     out: Vec<u8>,
 }
 
-impl Desk {
+impl WriterState {
     fn take(&mut self, batch: &mut Batch) -> io::Result<()> {
         let mut extras = take(&mut batch.extras).into_iter();
         let mut rest = &batch.bytes[..];

@@ -35,7 +35,7 @@ pub(super) struct Bugs {
 
 pub(super) fn run(args: Bugs) -> Result<Verdict, CliError> {
     let mut out = io::stdout().lock();
-    match tell(&args, &mut out) {
+    match print(&args, &mut out) {
         Err(Failure::Usage(text)) => Err(CliError::Usage(text)),
         // Whoever reads has seen enough, e.g. "head".
         Err(Failure::Output(error)) if error.kind() == io::ErrorKind::BrokenPipe => {
@@ -57,7 +57,7 @@ impl From<io::Error> for Failure {
     }
 }
 
-fn tell(args: &Bugs, out: &mut dyn Write) -> Result<Verdict, Failure> {
+fn print(args: &Bugs, out: &mut dyn Write) -> Result<Verdict, Failure> {
     if args.ids.is_empty() && !args.all {
         list(args.json, out)?;
         return Ok(Verdict::Pass);
@@ -68,7 +68,7 @@ fn tell(args: &Bugs, out: &mut dyn Write) -> Result<Verdict, Failure> {
     let mut bad = 0;
     for bug in &wanted {
         progress.begun += 1;
-        let reproduction = bug.reproduce_telling(|variant| progress.tell(bug, variant));
+        let reproduction = bug.reproduce_telling(|variant| progress.print(bug, variant));
         let Some(reproduction) = reproduction else {
             if args.all && !args.json {
                 not_live(bug, out)?;
@@ -119,7 +119,7 @@ impl Progress {
         }
     }
 
-    fn tell(&mut self, bug: &Bug, variant: Variant) {
+    fn print(&mut self, bug: &Bug, variant: Variant) {
         let now = self.clock.now();
         if now - self.said >= PROGRESS {
             self.said = now;

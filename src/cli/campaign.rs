@@ -15,7 +15,7 @@ use crate::realtime::clock::{Clock, WallClock};
 use crate::realtime::exec::Foreign;
 use crate::run::Outcome;
 use crate::scenario::{Scenario, Source, Span};
-use crate::search::campaign::{self, Merged, Plan, Record, Shard, Store};
+use crate::search::campaign::{self, CampaignPlan, Merged, Record, Shard, Store};
 use crate::search::generate::{self, Dice, Vary};
 use crate::show::folder::FolderError;
 
@@ -113,7 +113,7 @@ pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
     let texts = read
         .iter()
         .map(|(name, (_, source))| (name.clone(), source.text.clone()));
-    let plan = Plan {
+    let plan = CampaignPlan {
         tool: concat!("hilrig ", env!("CARGO_PKG_VERSION")).to_owned(),
         scenarios: texts.collect(),
         seeds: args.seeds.clone(),

@@ -65,7 +65,7 @@ pub(super) fn run(args: DecodeArgs) -> Result<Verdict, CliError> {
     let mut out = io::BufWriter::new(io::stdout().lock());
     let told = match args.follow {
         true => follow::follow(&args, &mut out),
-        false => tell(&args, &mut out),
+        false => print(&args, &mut out),
     };
     match told.and_then(|()| Ok(out.flush()?)) {
         // Whoever reads has seen enough, e.g. "head".
@@ -98,15 +98,15 @@ impl From<CliError> for Failure {
     }
 }
 
-fn tell(args: &DecodeArgs, out: &mut dyn Write) -> Result<(), Failure> {
+fn print(args: &DecodeArgs, out: &mut dyn Write) -> Result<(), Failure> {
     let source = Source::read(&args.file)?;
     source.check_link(args.link.as_deref(), &args.file)?;
     let wanted = |name: &str| args.link.as_ref().is_none_or(|link| link == name);
     if args.diagnose || args.summary {
         let lanes = lanes(&source.capture, wanted);
         return match args.diagnose {
-            true => tell_damages(args, &lanes, out),
-            false => tell_sums(args, &lanes, out),
+            true => print_damages(args, &lanes, out),
+            false => print_sums(args, &lanes, out),
         };
     }
     let names: Vec<&str> = source
@@ -127,12 +127,12 @@ fn tell(args: &DecodeArgs, out: &mut dyn Write) -> Result<(), Failure> {
         if wanted(&link.name) {
             transcript.record(record, link);
             for entry in transcript.ready(record.at) {
-                tell_entry(&entry, &names, source.start, out)?;
+                print_entry(&entry, &names, source.start, out)?;
             }
         }
     }
     for entry in transcript.finish() {
-        tell_entry(&entry, &names, source.start, out)?;
+        print_entry(&entry, &names, source.start, out)?;
     }
     out.flush()?;
     for sum in transcript.sums() {
@@ -148,7 +148,7 @@ fn tell(args: &DecodeArgs, out: &mut dyn Write) -> Result<(), Failure> {
 }
 
 /// One line; without a time if the source has none.
-fn tell_entry(
+fn print_entry(
     entry: &Entry,
     names: &[&str],
     start: Option<Instant>,
@@ -173,7 +173,7 @@ fn say_sum(sum: &Sum, name: &str) {
     }
 }
 
-fn tell_sums(args: &DecodeArgs, lanes: &[Lane], out: &mut dyn Write) -> Result<(), Failure> {
+fn print_sums(args: &DecodeArgs, lanes: &[Lane], out: &mut dyn Write) -> Result<(), Failure> {
     for lane in lanes {
         let (name, len) = (&lane.name, lane.bytes.len());
         let codec = args.protocol.or_else(|| codec::guess(&lane.bytes));
@@ -194,7 +194,7 @@ fn tell_sums(args: &DecodeArgs, lanes: &[Lane], out: &mut dyn Write) -> Result<(
     Ok(())
 }
 
-fn tell_damages(args: &DecodeArgs, lanes: &[Lane], out: &mut dyn Write) -> Result<(), Failure> {
+fn print_damages(args: &DecodeArgs, lanes: &[Lane], out: &mut dyn Write) -> Result<(), Failure> {
     for lane in lanes {
         let opposite = lanes.iter().find(|other| lane.is_opposite(other));
         let damages = diagnose(&Line {

@@ -2,7 +2,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::run::{self, Pace, Talk};
+use super::run::{self, Clocking, Talk};
 use super::stop::Stop;
 use super::{CliError, Verdict, default_out};
 use crate::scenario::Scenario;
@@ -38,7 +38,7 @@ pub(super) fn run(args: Demo) -> Result<Verdict, CliError> {
         &source,
         args.seed,
         &out,
-        Pace::Virtual,
+        Clocking::Virtual,
         Talk::Story,
         &Stop::new(None)?,
     )?;

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use protocols::Instant;
 
-use super::place::{self, Place};
+use super::place::{self, NamedPort};
 use super::stop::Stop;
 use super::{CliError, Verdict};
 use crate::realtime::clock::{Clock, WallClock};
@@ -31,7 +31,7 @@ pub(super) struct DutArgs {
     dir: PathBuf,
     /// Port of one link, in place of DIR/NAME
     #[arg(long, value_name = "NAME=PATH")]
-    link: Vec<Place>,
+    link: Vec<NamedPort>,
     /// Scenario whose robot this is [default: the one that the rig in DIR runs]
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,

@@ -3,7 +3,7 @@
 use clap::Args;
 
 use super::CliError;
-use super::place::{self, Place};
+use super::place::{self, NamedPort};
 use crate::realtime::exec::Seat;
 use crate::realtime::transport::{PortDir, Pty, Serial, Transport};
 use crate::rig::Rig;
@@ -14,10 +14,10 @@ use crate::robots::{Instruments, OpenEnd, Wired};
 pub(super) struct EndArgs {
     /// Put a real device, or somebody's pseudo-terminal, in the place of the emulated one
     #[arg(long, value_name = "LINK=PATH")]
-    device_at: Vec<Place>,
+    device_at: Vec<NamedPort>,
     /// Offer the robot's end of a link on a serial port in place of a pseudo-terminal
     #[arg(long, value_name = "LINK=PATH")]
-    dut_at: Vec<Place>,
+    dut_at: Vec<NamedPort>,
 }
 
 /// A rig with what may be asked of its robot, and where its open ends are.

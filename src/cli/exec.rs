@@ -5,7 +5,7 @@ use std::path::Path;
 
 use clap::Args;
 
-use crate::realtime::exec::{Foreign, Seen};
+use crate::realtime::exec::{Foreign, ProgramEnd};
 use crate::scenario::Span;
 
 /// Somebody's program.
@@ -67,7 +67,7 @@ pub(super) fn quoted(text: &str) -> String {
 const LINES: usize = 20;
 
 /// Says what a program said last.
-pub(super) fn tell(seen: &Seen, passed: bool, log: &Path) {
+pub(super) fn print(seen: &ProgramEnd, passed: bool, log: &Path) {
     if seen.was_late() {
         eprintln!("  the rig itself was late, so the program may not be to blame");
     }

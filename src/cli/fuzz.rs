@@ -14,7 +14,9 @@ use super::{CliError, Verdict};
 use crate::realtime::clock::{Clock, WallClock};
 use crate::run::Run;
 use crate::scenario::{Scenario, Span};
-use crate::search::fuzz::{self, Folder, Found, Fuzzer, Missions, Plan, Round, Subject, Wires};
+use crate::search::fuzz::{
+    self, FirstCase, Folder, FuzzPlan, Fuzzer, Missions, Round, Subject, Wires,
+};
 use crate::search::generate::Vary;
 use crate::search::shrink::Effort;
 
@@ -180,7 +182,7 @@ fn repeat(file: &Path, subjects: &Subjects) -> Result<Verdict, CliError> {
 }
 
 /// One run of the command.
-struct Desk<'a> {
+struct FuzzRun<'a> {
     args: &'a FuzzArgs,
     folder: Folder,
     clock: WallClock,
@@ -192,7 +194,7 @@ fn look(args: &FuzzArgs, subjects: &Subjects) -> Result<Verdict, CliError> {
     let time = args.time.map(|time| time.0);
     let time = time.or_else(|| args.cases.is_none().then_some(TIME));
     let jobs = args.jobs.or_else(|| thread::available_parallelism().ok());
-    let mut desk = Desk {
+    let mut desk = FuzzRun {
         args,
         folder: Folder::create(&args.out, plan(args)?)?,
         clock: WallClock::start(),
@@ -216,10 +218,10 @@ fn look(args: &FuzzArgs, subjects: &Subjects) -> Result<Verdict, CliError> {
     })
 }
 
-fn plan(args: &FuzzArgs) -> Result<Plan, CliError> {
+fn plan(args: &FuzzArgs) -> Result<FuzzPlan, CliError> {
     let scenario = args.scenario.as_ref().map(|path| Scenario::read(path));
     let scenario = scenario.transpose()?.map(|(_, source)| source.text);
-    Ok(Plan {
+    Ok(FuzzPlan {
         tool: concat!("hilrig ", env!("CARGO_PKG_VERSION")).to_owned(),
         seed: args.seed,
         scenario,
@@ -228,7 +230,7 @@ fn plan(args: &FuzzArgs) -> Result<Plan, CliError> {
     })
 }
 
-impl Desk<'_> {
+impl FuzzRun<'_> {
     /// Fuzzes one target; how many causes it came to, earlier runs included.
     fn fuzz(&mut self, subject: &dyn Subject, until: Option<Instant>) -> Result<usize, CliError> {
         let (before, causes) = self.folder.progress(subject.name());
@@ -257,7 +259,7 @@ impl Desk<'_> {
             }
             if now - said >= PROGRESS {
                 said = now;
-                tell(&fuzzer, subject, before, now - begun);
+                print(&fuzzer, subject, before, now - begun);
                 self.folder
                     .save(subject.name(), fuzzer.cases(), fuzzer.causes())?;
             }
@@ -288,7 +290,7 @@ impl Desk<'_> {
         Ok(())
     }
 
-    fn keep_finding(&self, subject: &dyn Subject, found: &Found) -> Result<(), CliError> {
+    fn keep_finding(&self, subject: &dyn Subject, found: &FirstCase) -> Result<(), CliError> {
         let is_over = || self.stop.is_due(self.clock.now());
         let mut effort = Effort::until(subject.tries(), &is_over);
         let small = subject.keep(&found.choices, &found.fault, &mut effort);
@@ -309,7 +311,7 @@ impl Desk<'_> {
 }
 
 /// A line of progress.
-fn tell(fuzzer: &Fuzzer<'_>, subject: &dyn Subject, before: u64, time: Duration) {
+fn print(fuzzer: &Fuzzer<'_>, subject: &dyn Subject, before: u64, time: Duration) {
     let rate = (fuzzer.cases() - before) as f64 / time.as_secs_f64().max(1e-3);
     eprintln!(
         "  {}: {} cases, {rate:.0}/s, {} behaviours, {} findings",

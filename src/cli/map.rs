@@ -5,7 +5,7 @@ use clap::{Args, Subcommand};
 use super::{CliError, Verdict};
 use crate::show::folder::FolderError;
 use crate::slam::map::diff::{Difference, Reach, diff, picture};
-use crate::slam::map::{RosMap, Seen};
+use crate::slam::map::{CellState, RosMap};
 
 /// Compare maps.
 #[derive(Debug, Args)]
@@ -56,7 +56,7 @@ pub(super) fn run(args: MapArgs) -> Result<Verdict, CliError> {
     let reach = reach(&args)?;
     let (first, second) = (RosMap::read(&args.first)?, RosMap::read(&args.second)?);
     let Some(found) = diff(&first, &second, reach) else {
-        let walls = |map: &RosMap| map.all(Seen::Wall).count();
+        let walls = |map: &RosMap| map.all(CellState::Wall).count();
         return Err(CliError::Usage(format!(
             "{} has {} wall cells, {} has {}: nothing to compare",
             args.first.display(),
@@ -65,7 +65,7 @@ pub(super) fn run(args: MapArgs) -> Result<Verdict, CliError> {
             walls(&second)
         )));
     };
-    tell(&found);
+    print(&found);
     if let Some(path) = &args.picture {
         let image = picture(&first, &second, &found);
         image.write_png(path).map_err(|source| FolderError {
@@ -98,7 +98,7 @@ fn reach(args: &DiffArgs) -> Result<Reach, CliError> {
     })
 }
 
-fn tell(found: &Difference) {
+fn print(found: &Difference) {
     println!(
         "B laid by {:.1} mm, {:.1} mm, {:.2} deg",
         found.shift.x * 1000.0,

@@ -7,12 +7,12 @@ use super::CliError;
 
 /// A link by name and the port that it is on.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Place {
+pub(super) struct NamedPort {
     pub(super) name: String,
     pub(super) path: PathBuf,
 }
 
-impl FromStr for Place {
+impl FromStr for NamedPort {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -27,7 +27,7 @@ impl FromStr for Place {
 }
 
 /// Refuses a name that `option` was given twice or that is none of `known`.
-pub(super) fn check(option: &str, places: &[Place], known: &[String]) -> Result<(), CliError> {
+pub(super) fn check(option: &str, places: &[NamedPort], known: &[String]) -> Result<(), CliError> {
     for (index, place) in places.iter().enumerate() {
         let name = &place.name;
         if !known.contains(name) {
@@ -47,7 +47,7 @@ pub(super) fn check(option: &str, places: &[Place], known: &[String]) -> Result<
 }
 
 /// Where `name` was put, if anywhere.
-pub(super) fn find<'a>(places: &'a [Place], name: &str) -> Option<&'a Place> {
+pub(super) fn find<'a>(places: &'a [NamedPort], name: &str) -> Option<&'a NamedPort> {
     places.iter().find(|place| place.name == name)
 }
 
@@ -57,7 +57,7 @@ mod tests {
 
     #[test]
     fn a_path_may_contain_an_equals_sign() {
-        let place: Place = "lidar=/tmp/a=b".parse().expect("name and path");
+        let place: NamedPort = "lidar=/tmp/a=b".parse().expect("name and path");
         assert_eq!(
             (place.name.as_str(), place.path),
             ("lidar", "/tmp/a=b".into())
@@ -67,7 +67,7 @@ mod tests {
     #[test]
     fn a_place_without_name_or_path_says_what_was_expected() {
         for text in ["lidar", "=/dev/x", "lidar="] {
-            let error = text.parse::<Place>().expect_err("incomplete");
+            let error = text.parse::<NamedPort>().expect_err("incomplete");
             assert_eq!(error, "expected NAME=PATH, e.g. lidar=/dev/ttyUSB0");
         }
     }

@@ -3,7 +3,7 @@ use std::path::PathBuf;
 use clap::Args;
 use protocols::LineConfig;
 
-use super::place::Place;
+use super::place::NamedPort;
 use super::ports::Ports;
 use super::stop::Stop;
 use super::{CliError, Verdict};
@@ -25,7 +25,7 @@ use crate::scenario::Span;
 pub(super) struct RecordArgs {
     /// Two ports that belong together; once for each link
     #[arg(long, required = true, num_args = 2, value_names = ["A=PORT", "B=PORT"])]
-    tap: Vec<Place>,
+    tap: Vec<NamedPort>,
     /// Baud rate, of all links or of the one named
     #[arg(long, value_name = "[A=]N")]
     baud: Vec<Baud>,
@@ -122,7 +122,7 @@ fn wires(args: &RecordArgs, ports: &mut Ports) -> Result<Vec<Wire>, CliError> {
         let all = args.baud.iter().rfind(|baud| baud.link.is_none());
         let baud = own.or(all).map_or(BAUD, |baud| baud.rate);
         let line = LineConfig::new_8n1(baud);
-        let mut open = |place: &Place| ports.open("--tap", &place.path, line);
+        let mut open = |place: &NamedPort| ports.open("--tap", &place.path, line);
         let ends = [open(&pair[0])?, open(&pair[1])?];
         wires.push(Wire { name, baud, ends });
     }

@@ -10,14 +10,14 @@ use clap::Args;
 use protocols::Instant;
 
 use super::exec::ExecArgs;
-use super::place::{self, Place};
+use super::place::{self, NamedPort};
 use super::ports::Ports;
 use super::stop::Stop;
 use super::{CliError, Verdict};
 use crate::capture::Capture;
 use crate::capture::divergence::Divergence;
 use crate::capture::replay::{
-    Pace, Playback, PlayedSide, Recorded, Replay, Replayed, Socket, Voice, scenario_of,
+    Playback, PlayedSide, Recorded, Replay, ReplayPace, Replayed, Socket, Voice, scenario_of,
 };
 use crate::hex::pairs;
 use crate::realtime::clock::{Clock, WallClock};
@@ -59,7 +59,7 @@ pub(super) struct ReplayArgs {
     until: Option<Span>,
     /// Play a link into a port: a path, or pty:PATH for a new pseudo-terminal
     #[arg(long, value_name = "LINK=PORT", conflicts_with = "exec")]
-    to: Vec<Place>,
+    to: Vec<NamedPort>,
     /// Play each link for which there is a port in this directory, as `hilrig up` offers them
     #[arg(long, value_name = "DIR", conflicts_with = "exec")]
     dir: Option<PathBuf>,
@@ -256,8 +256,8 @@ fn into_ports(args: &ReplayArgs, recorded: &Recorded) -> Result<Verdict, CliErro
     let mut ports = Ports::default();
     let sockets = sockets(args, recorded, &mut ports)?;
     let pace = match args.step {
-        true => Pace::Stepped,
-        false => Pace::Times(args.speed),
+        true => ReplayPace::Stepped,
+        false => ReplayPace::Times(args.speed),
     };
     let mut playback = Playback::new(WallClock::start(), recorded, sockets, pace);
     let how = How {

@@ -17,8 +17,8 @@ use crate::run::Outcome;
 use crate::scenario::{Scenario, ScenarioError, Source};
 use crate::show::folder::{self, FolderError, Suite};
 
-use exec::{Place, judged_exec};
-pub(super) use judged::{Pace, Ran, Talk, judged_run, write_results};
+use exec::{Placement, judged_exec};
+pub(super) use judged::{Clocking, Ran, Talk, judged_run, write_results};
 
 /// Run scenarios and judge them, for CI.
 ///
@@ -125,8 +125,8 @@ fn one(
     };
     let Some(foreign) = args.program.foreign() else {
         let pace = match args.realtime {
-            true => Pace::Realtime(show),
-            false => Pace::Virtual,
+            true => Clocking::Realtime(show),
+            false => Clocking::Virtual,
         };
         return judged_run(
             scenario,
@@ -138,7 +138,7 @@ fn one(
             stop,
         );
     };
-    let place = Place {
+    let place = Placement {
         out: &out,
         dir: args.dir.as_deref(),
         ends: &args.ends,

@@ -5,7 +5,7 @@ use std::process::{Command, Stdio};
 use clap::Args;
 
 use super::exec::ExecArgs;
-use super::run::{Pace, Talk, judged_run};
+use super::run::{Clocking, Talk, judged_run};
 use super::stop::Stop;
 use super::{CliError, Verdict};
 use crate::capture::Capture;
@@ -129,7 +129,7 @@ fn shrink_case(args: &ShrinkArgs) -> Result<Verdict, CliError> {
     )?;
     if foreign.is_none() {
         let text = small.to_toml();
-        let (pace, talk, stop) = (Pace::Virtual, Talk::Verdict, Stop::new(None)?);
+        let (pace, talk, stop) = (Clocking::Virtual, Talk::Verdict, Stop::new(None)?);
         judged_run(small, &source, None, &args.out, pace, talk, &stop)?;
         // The run left a case of its own, with its origin.
         put(&path, text.as_bytes())?;

@@ -65,7 +65,7 @@ pub(super) fn run(args: SlamArgs) -> Result<Verdict, CliError> {
     for note in &log.notes {
         eprintln!("{path}: {note}");
     }
-    tell_findings(&log, &args.log);
+    print_findings(&log, &args.log);
     let (mode, name) = match args.mode {
         ModeArg::Seed => (Mode::Document, "seed"),
         ModeArg::Core => (Mode::Core, "core"),
@@ -199,7 +199,7 @@ fn unpacked(bytes: &[u8], path: &Path) -> Result<Vec<u8>, String> {
     Ok(out)
 }
 
-fn tell_findings(log: &Log, path: &Path) {
+fn print_findings(log: &Log, path: &Path) {
     let path = path.display();
     for told in log.findings.told() {
         eprintln!("{path}: {told}");

@@ -8,7 +8,7 @@ use super::row::{AnyDecoder, Codec};
 
 /// What some bytes of a stream are.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Found {
+pub struct Stretch {
     /// Which bytes, counted from the start of the stream.
     pub bytes: Range<u64>,
     /// What they are.
@@ -24,7 +24,7 @@ pub enum What {
     Bad(Vec<FrameError>),
 }
 
-impl Found {
+impl Stretch {
     /// Whether it is a frame.
     pub const fn is_frame(&self) -> bool {
         matches!(self.what, What::Frame(_))
@@ -34,11 +34,11 @@ impl Found {
 /// The decoder of one direction of a link that keeps count of where it is.
 pub struct Stream {
     decoder: Box<dyn AnyDecoder>,
-    place: Place,
+    place: Progress,
 }
 
 #[derive(Default)]
-struct Place {
+struct Progress {
     fed: u64,
     /// Up to here everything has been told.
     told: u64,
@@ -53,7 +53,7 @@ const ERRORS_MAX: usize = 8;
 
 impl Codec {
     /// All that `bytes` are, a pause behind them.
-    pub fn found(&'static self, bytes: &[u8]) -> Vec<Found> {
+    pub fn found(&'static self, bytes: &[u8]) -> Vec<Stretch> {
         let mut stream = Stream::new(self);
         let mut found = stream.push(bytes);
         found.extend(stream.idle());
@@ -64,25 +64,25 @@ impl Codec {
 impl Stream {
     /// Nothing fed yet.
     pub fn new(codec: &Codec) -> Self {
-        let (decoder, place) = (codec.decoder(), Place::default());
+        let (decoder, place) = (codec.decoder(), Progress::default());
         Self { decoder, place }
     }
 
     /// Takes more bytes; what can be told by now.
-    pub fn push(&mut self, bytes: &[u8]) -> Vec<Found> {
+    pub fn push(&mut self, bytes: &[u8]) -> Vec<Stretch> {
         self.place.fed += bytes.len() as u64;
         self.settle(bytes)
     }
 
     /// The line went quiet: what is pending will not be finished.
-    pub fn idle(&mut self) -> Vec<Found> {
+    pub fn idle(&mut self) -> Vec<Stretch> {
         self.decoder.idle();
         let mut found = self.settle(&[]);
-        self.place.tell_bad(self.place.fed, &mut found);
+        self.place.report_bad(self.place.fed, &mut found);
         found
     }
 
-    fn settle(&mut self, mut bytes: &[u8]) -> Vec<Found> {
+    fn settle(&mut self, mut bytes: &[u8]) -> Vec<Stretch> {
         let Self { decoder, place } = self;
         let mut found = Vec::new();
         while let Some(outcome) = decoder.step(&mut bytes) {
@@ -90,27 +90,27 @@ impl Stream {
             match outcome {
                 Ok(len) => {
                     let start = end - len as u64;
-                    place.tell_bad(start, &mut found);
+                    place.report_bad(start, &mut found);
                     place.told = end;
                     let (bytes, what) = (start..end, What::Frame(decoder.words()));
-                    found.push(Found { bytes, what });
+                    found.push(Stretch { bytes, what });
                 }
                 Err(error) => {
                     place.errors.push((end - 1, error));
-                    place.tell_whole(end, &mut found);
+                    place.report_whole(end, &mut found);
                 }
             }
         }
         let settled = place.fed - decoder.pending() as u64;
-        place.tell_whole(settled, &mut found);
+        place.report_whole(settled, &mut found);
         found
     }
 }
 
-impl Place {
+impl Progress {
     /// What lies before `until` and was not told is bad; in stretches that do not depend on how the
     /// bytes came.
-    fn tell_bad(&mut self, until: u64, found: &mut Vec<Found>) {
+    fn report_bad(&mut self, until: u64, found: &mut Vec<Stretch>) {
         while self.told < until {
             let end = until.min(self.told + BAD_MAX);
             let own = self.errors.partition_point(|&(at, _)| at < end);
@@ -118,14 +118,14 @@ impl Place {
             let what = What::Bad(errors.take(ERRORS_MAX).collect());
             let bytes = self.told..end;
             self.told = end;
-            found.push(Found { bytes, what });
+            found.push(Stretch { bytes, what });
         }
     }
 
     /// Tells whole stretches of bad bytes before `until`.
-    fn tell_whole(&mut self, until: u64, found: &mut Vec<Found>) {
+    fn report_whole(&mut self, until: u64, found: &mut Vec<Stretch>) {
         let whole = (until - self.told) / BAD_MAX * BAD_MAX;
-        self.tell_bad(self.told + whole, found);
+        self.report_bad(self.told + whole, found);
     }
 }
 
@@ -183,7 +183,7 @@ mod tests {
         let bytes = [b"AT", frame.as_bytes(), frame.as_bytes(), &[0xAB, 1]].concat();
         for size in 1..bytes.len() {
             let mut stream = Stream::new(&BUS);
-            let mut found: Vec<Found> = bytes.chunks(size).flat_map(|b| stream.push(b)).collect();
+            let mut found: Vec<Stretch> = bytes.chunks(size).flat_map(|b| stream.push(b)).collect();
             found.extend(stream.idle());
             let places: Vec<_> = found
                 .iter()

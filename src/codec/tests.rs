@@ -74,7 +74,7 @@ fn a_golden_frame_is_guessed_and_put_in_words() {
         assert_eq!(guess(&frame), Some(codec));
         let all = 0..frame.len() as u64;
         let what = What::Frame(words.to_owned());
-        assert_eq!(codec.found(&frame), [Found { bytes: all, what }]);
+        assert_eq!(codec.found(&frame), [Stretch { bytes: all, what }]);
         assert_eq!(codec.frame_at(&frame), Some(frame.len()), "{codec:?}");
     }
     assert_eq!(guess(b"nothing of ours"), None);
@@ -110,7 +110,10 @@ fn a_pause_ends_half_a_frame() {
         };
         let cut = u32::try_from(half.len()).expect("short");
         assert_eq!(errors[0], FrameError::Truncated { found: cut });
-        assert!(stream.push(&frame).iter().any(Found::is_frame), "{codec:?}");
+        assert!(
+            stream.push(&frame).iter().any(Stretch::is_frame),
+            "{codec:?}"
+        );
     }
 }
 

@@ -82,12 +82,12 @@ enum Program {
 }
 
 /// One of the two programs, connected, with somebody in front of it.
-struct Desk {
+struct Operator {
     program: Program,
     seen: Observation,
 }
 
-impl Desk {
+impl Operator {
     fn new(variant: Variant) -> Self {
         let program = match variant {
             Variant::Defective => Program::Fielded(Client::default()),
@@ -121,7 +121,7 @@ impl Desk {
     }
 
     /// Hears bytes of the robot.
-    fn hear(&mut self, bytes: &[u8]) {
+    fn receive(&mut self, bytes: &[u8]) {
         self.seen.bytes("robot", &PCUI, bytes);
         self.take(bytes);
     }

@@ -94,7 +94,7 @@ fn nv_04(variant: Variant) -> Observation {
     let mut robot = Robot::exploring(variant, "NV-04");
     robot.scene = Some(range(2000));
     robot.run(Duration::from_secs(2));
-    robot.tell(&order(Mode::Stop, [0, 0]));
+    robot.send(&order(Mode::Stop, [0, 0]));
     robot.run(500 * MS);
     let set_points = robot.note_set_points("set-points half a second after the order to stop");
     robot.judged(set_points != [0, 0])

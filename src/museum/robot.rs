@@ -160,7 +160,7 @@ impl Robot {
     }
 
     /// The PC sends `bytes`.
-    pub(super) fn tell(&mut self, bytes: &[u8]) {
+    pub(super) fn send(&mut self, bytes: &[u8]) {
         self.seen.bytes("PC", &PCUI, bytes);
         self.program.receive(Rescue::RADIO, self.now, bytes);
     }

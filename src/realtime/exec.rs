@@ -105,18 +105,18 @@ pub struct Judged {
     /// Whether the captures of the run were written.
     pub recorded: io::Result<()>,
     /// What else was seen.
-    pub seen: Seen,
+    pub seen: ProgramEnd,
 }
 
 /// What was seen of a program besides its verdicts.
-pub struct Seen {
+pub struct ProgramEnd {
     /// The end of what the program said.
     pub said: String,
     /// How late the rig was.
     pub lateness: Lateness,
 }
 
-impl Seen {
+impl ProgramEnd {
     /// Whether the rig was so late that the program may have suffered from it: by more than 20 ms
     /// in one of a hundred events, or by more than 250 ms once.
     pub fn was_late(&self) -> bool {
@@ -266,7 +266,7 @@ impl Trial {
         Judged {
             outcome,
             recorded,
-            seen: Seen {
+            seen: ProgramEnd {
                 said: farewell.said,
                 lateness,
             },

@@ -73,7 +73,7 @@ impl Rig {
     /// with the second.
     pub fn disturb(&mut self, what: &Disturbance, begins: bool) {
         match what {
-            Disturbance::Device { .. } => self.ail(what, begins),
+            Disturbance::Device { .. } => self.set_device_fault(what, begins),
             Disturbance::Tell {
                 link,
                 direction,
@@ -82,7 +82,7 @@ impl Rig {
             } => {
                 let event = if begins { Some(*begin) } else { *end };
                 if let Some(event) = event {
-                    self.tell(link, *direction, event);
+                    self.notify_line(link, *direction, event);
                 }
             }
             Disturbance::Cross { .. } => self.cross(what, begins),
@@ -90,7 +90,7 @@ impl Rig {
     }
 
     /// Something begins or ends to be wrong with a device.
-    fn ail(&mut self, what: &Disturbance, begins: bool) {
+    fn set_device_fault(&mut self, what: &Disturbance, begins: bool) {
         let ended = self.disturbed.iter().position(|other| other == what);
         if begins {
             self.disturbed.push(what.clone());
@@ -147,7 +147,7 @@ impl Rig {
     }
 
     /// Tells the receiver of a line, and all who watch, that `event` happened.
-    fn tell(&mut self, link: &str, direction: Direction, event: LineEvent) {
+    fn notify_line(&mut self, link: &str, direction: Direction, event: LineEvent) {
         let now: Instant = self.now;
         if let Some(index) = self.links.iter().position(|found| found.name == link) {
             let to = self.links[index].line(direction).to;

@@ -384,14 +384,14 @@ impl Line {
         self.put(at, bytes.to_vec(), framing_errors, 0, None);
     }
 
-    /// What the sender is to hear of itself, see [`hear`](Self::hear).
+    /// What the sender is to hear of itself, see [`receive`](Self::receive).
     pub(crate) const fn take_echo(&mut self) -> Option<(Instant, Vec<u8>)> {
         self.echo.take()
     }
 
     /// Puts `bytes` of the other direction on this line; they are lost if nobody takes what is on
     /// its way already.
-    pub(crate) fn hear(&mut self, at: Instant, bytes: Vec<u8>) {
+    pub(crate) fn receive(&mut self, at: Instant, bytes: Vec<u8>) {
         if self.chunks.len() >= CHUNKS_MAX {
             return;
         }

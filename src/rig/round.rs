@@ -110,7 +110,7 @@ impl Rig {
                 };
                 line.silent_since = taken.is_none().then_some(epoch);
                 if let Some((at, bytes)) = line.take_echo() {
-                    link.lines[1 - direction as usize].hear(at, bytes);
+                    link.lines[1 - direction as usize].receive(at, bytes);
                 }
                 if let Some((ends, sent)) = taken {
                     node.after_transmit(self.now);

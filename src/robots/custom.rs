@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use emulators::world::{ActuatorKind, Chassis, Command};
 
 use super::{
-    Axis, Instruments, Panel, PanelRow, Plan, Robot, ScanDecoder, Wired, add_devices, nowhere,
+    Axis, Instruments, Panel, PanelRow, Robot, ScanDecoder, WirePlan, Wired, add_devices, nowhere,
 };
 use crate::codec::Codec;
 use crate::rig::Rig;
@@ -39,7 +39,7 @@ impl Robot for CustomRobot {
         spec.build(body, scenario.seed, source).map(Some)
     }
 
-    fn wire(&self, plan: Plan<'_>) -> Result<Wired, ScenarioError> {
+    fn wire(&self, plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
         refuse_orders(&plan)?;
         wire(plan, true)
     }
@@ -58,7 +58,7 @@ impl Robot for Bare {
         "devices on their wires, without robot and world"
     }
 
-    fn wire(&self, plan: Plan<'_>) -> Result<Wired, ScenarioError> {
+    fn wire(&self, plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
         refuse_orders(&plan)?;
         let (scenario, source) = (plan.scenario, plan.source);
         if scenario.device.is_empty() {
@@ -70,7 +70,7 @@ impl Robot for Bare {
 }
 
 /// Nobody takes orders for waypoints or modes: the program has no station.
-fn refuse_orders(plan: &Plan<'_>) -> Result<(), ScenarioError> {
+fn refuse_orders(plan: &WirePlan<'_>) -> Result<(), ScenarioError> {
     if plan.scenario.mission.step.is_empty() {
         return Ok(());
     }
@@ -79,8 +79,8 @@ fn refuse_orders(plan: &Plan<'_>) -> Result<(), ScenarioError> {
     Err(plan.source.invalid(span, "mission.step", message))
 }
 
-fn wire(plan: Plan<'_>, has_body: bool) -> Result<Wired, ScenarioError> {
-    let Plan {
+fn wire(plan: WirePlan<'_>, has_body: bool) -> Result<Wired, ScenarioError> {
+    let WirePlan {
         scenario,
         source,
         world,

@@ -30,8 +30,8 @@ use protocols::pcui::message::{Mode, Order};
 use protocols::{LineConfig, Port};
 
 use super::{
-    Alone, Arena, Console, Dut, PcEnd, Plan, ProgramPort, RemoteStation, Robot, Senses, Silence,
-    Wired,
+    Alone, Arena, Console, Dut, PcEnd, ProgramPort, RemoteStation, Robot, Senses, Silence,
+    WirePlan, Wired,
 };
 use crate::rig::Rig;
 use crate::rig::cpu::CpuModel;
@@ -94,7 +94,7 @@ impl Robot for RescueRobot {
         "XV-11 lidar, AVR base, HC-06 radio; maps and drives to waypoints"
     }
 
-    fn wire(&self, plan: Plan<'_>) -> Result<Wired, ScenarioError> {
+    fn wire(&self, plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
         wire(plan)
     }
 
@@ -127,8 +127,8 @@ impl Robot for RescueRobot {
     }
 }
 
-fn wire(plan: Plan<'_>) -> Result<Wired, ScenarioError> {
-    let Plan {
+fn wire(plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
+    let WirePlan {
         scenario,
         source,
         world,

@@ -14,7 +14,7 @@ use super::Span;
 use crate::rig::fault::{Damage, Strike, Window};
 use crate::rig::line::Direction;
 
-pub use kind::{FaultKind, Place};
+pub use kind::{FaultKind, FaultPlace};
 pub use when::WhenSpec;
 
 /// Settings of a link.

@@ -14,4 +14,4 @@ pub use judge::{Record, cause_of, run, run_foreign};
 pub(crate) use judge::{without_figures, words_of_panic};
 pub use merge::{Group, Merged, SituationCount, merge};
 pub use page::page;
-pub use store::{Plan, Shard, Store};
+pub use store::{CampaignPlan, Shard, Store};

@@ -22,9 +22,9 @@ mod session;
 mod subject;
 mod wires;
 
-pub use engine::{Found, Fuzzer, Round, silence_panics};
+pub use engine::{FirstCase, Fuzzer, Round, silence_panics};
 pub(crate) use folder::read_corpus;
-pub use folder::{Folder, Plan};
+pub use folder::{Folder, FuzzPlan};
 pub use missions::Missions;
 pub use session::{PROGRAMS, programs};
 pub use subject::{Behaviour, Kept, Subject, Violation, size};

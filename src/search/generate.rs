@@ -130,7 +130,7 @@ pub fn scenario(base: &Scenario, vary: Vary, dice: &mut Dice) -> Scenario {
     }
     if vary.faults {
         let adversity = Adversity::draw(&targets, &made.mission.waypoints_m, &mut dice.faults);
-        adversity.befall(&mut made);
+        adversity.apply(&mut made);
     }
     made
 }

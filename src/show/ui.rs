@@ -28,7 +28,7 @@ mod wire;
 
 pub use desk::Desk;
 pub use hub::Hub;
-pub use pace::{Pace, SPEED_MAX};
+pub use pace::{PagePace, SPEED_MAX};
 pub use remote::Remote;
 pub use server::{CLIENTS_MAX, Server};
 pub use session::Session;

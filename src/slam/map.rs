@@ -8,4 +8,4 @@ pub mod diff;
 mod distance;
 mod ros;
 
-pub use ros::{MapError, RosMap, Seen};
+pub use ros::{CellState, MapError, RosMap};

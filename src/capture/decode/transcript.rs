@@ -10,7 +10,7 @@ use std::collections::VecDeque;
 use protocols::{FrameError, Instant, LineConfig};
 
 use crate::capture::{Interface, Kind, Record};
-use crate::codec::{self, Codec, Found, IDLE, PCUI, Stream, What, words};
+use crate::codec::{self, Codec, IDLE, PCUI, Stream, Stretch, What, words};
 use crate::rig::line::Direction;
 
 /// How long a line waits at least for earlier ones: a record tells of bytes that came before it. On
@@ -136,7 +136,7 @@ impl Transcript {
             Kind::Other(number) => format!("number {number} {}", words::one_line(&record.comment)),
         };
         if !event.is_empty() {
-            self.tell(index, now, place, Said::Event(event));
+            self.report(index, now, place, Said::Event(event));
         }
         if record.kind == Kind::Data {
             let rate = self.lanes[index].rate;
@@ -279,8 +279,8 @@ impl Transcript {
         self.told(index, found.unwrap_or_default());
     }
 
-    fn told(&mut self, index: usize, found: Vec<Found>) {
-        for Found { bytes: range, what } in found {
+    fn told(&mut self, index: usize, found: Vec<Stretch>) {
+        for Stretch { bytes: range, what } in found {
             let lane = &mut self.lanes[index];
             // A stream that began later than the lane counts from its own start.
             let len = usize::try_from(range.end - range.start).expect("held in memory");
@@ -289,15 +289,15 @@ impl Transcript {
             match what {
                 What::Frame(words) => {
                     self.lanes[index].framed += len as u64;
-                    self.tell(index, at, place, Said::Frame(words));
+                    self.report(index, at, place, Said::Frame(words));
                 }
-                What::Bad(errors) => self.tell_bad(index, (at, place), &bytes, errors),
+                What::Bad(errors) => self.report_bad(index, (at, place), &bytes, errors),
             }
         }
     }
 
     /// Bad bytes, and the text among them.
-    fn tell_bad(
+    fn report_bad(
         &mut self,
         index: usize,
         (at, place): (Instant, u64),
@@ -322,22 +322,22 @@ impl Transcript {
                     bytes[bad.clone()].to_vec(),
                     errors.take().unwrap_or_default(),
                 );
-                self.tell(index, at, place + bad.start as u64, said);
+                self.report(index, at, place + bad.start as u64, said);
             }
             bad = own.end..own.end;
             let said = Said::Text(words::text(run));
-            self.tell(index, at, place + own.start as u64, said);
+            self.report(index, at, place + own.start as u64, said);
         }
         if !bad.is_empty() {
             let said = Said::Bad(
                 bytes[bad.clone()].to_vec(),
                 errors.take().unwrap_or_default(),
             );
-            self.tell(index, at, place + bad.start as u64, said);
+            self.report(index, at, place + bad.start as u64, said);
         }
     }
 
-    fn tell(&mut self, index: usize, at: Instant, place: u64, said: Said) {
+    fn report(&mut self, index: usize, at: Instant, place: u64, said: Said) {
         let Lane {
             link, direction, ..
         } = self.lanes[index];

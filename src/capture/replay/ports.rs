@@ -39,7 +39,7 @@ impl Side {
 
 /// How fast a capture is played.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Pace {
+pub enum ReplayPace {
     /// This many times as fast as it was recorded.
     Times(f64),
     /// A piece whenever [`Playback::step`] is called.
@@ -169,7 +169,7 @@ pub struct PlaybackError {
 /// A capture being played into ports.
 pub struct Playback<C> {
     clock: C,
-    pace: Pace,
+    pace: ReplayPace,
     sockets: Vec<Socket>,
     /// The clock's time at which the capture begins; `None`: not all ports are open yet.
     started: Option<Instant>,
@@ -180,7 +180,7 @@ pub struct Playback<C> {
 
 impl<C: Clock> Playback<C> {
     /// Plays `recorded` into `sockets`, from when somebody has each of them open.
-    pub fn new(clock: C, recorded: &Recorded, sockets: Vec<Socket>, pace: Pace) -> Self {
+    pub fn new(clock: C, recorded: &Recorded, sockets: Vec<Socket>, pace: ReplayPace) -> Self {
         Self {
             clock,
             pace,
@@ -217,7 +217,8 @@ impl<C: Clock> Playback<C> {
     /// Whether all was said and taken.
     pub fn is_over(&self) -> bool {
         let is_done = |one: &Socket| one.next_at().is_none() && one.pending.is_empty();
-        self.sockets.iter().all(is_done) && (self.now >= self.end || self.pace == Pace::Stepped)
+        self.sockets.iter().all(is_done)
+            && (self.now >= self.end || self.pace == ReplayPace::Stepped)
     }
 
     /// Whether all that the capture says was heard.
@@ -236,7 +237,7 @@ impl<C: Clock> Playback<C> {
         if self.started.is_none() && self.sockets.iter().all(|socket| socket.is_open) {
             self.started = Some(clock);
         }
-        if let (Some(started), Pace::Times(times)) = (self.started, self.pace)
+        if let (Some(started), ReplayPace::Times(times)) = (self.started, self.pace)
             && self
                 .sockets
                 .iter()
@@ -291,7 +292,7 @@ impl<C: Clock> Playback<C> {
         let now = self.clock.now();
         let next = self.sockets.iter().filter_map(Socket::next_at).min();
         let mut timeout = WAIT_MAX;
-        if let (Some(next), Pace::Times(times)) = (next, self.pace) {
+        if let (Some(next), ReplayPace::Times(times)) = (next, self.pace) {
             timeout = timeout.min((next - self.now).div_f64(times));
         }
         if self.sockets.iter().any(|socket| !socket.pending.is_empty()) {

@@ -8,7 +8,7 @@ use std::os::unix::fs::MetadataExt as _;
 use protocols::Instant;
 
 use super::source::{PCAPNG, raw_link, raw_record};
-use super::{CliError, DecodeArgs, Failure, tell_entry};
+use super::{CliError, DecodeArgs, Failure, print_entry};
 use crate::capture::decode::transcript::Transcript;
 use crate::capture::{Interface, Item, Reader};
 use crate::cli::stop::Stop;
@@ -100,7 +100,7 @@ impl Followed {
             let record = raw_record(bytes.to_vec());
             self.transcript.record(&record, &self.links[0]);
             for entry in self.transcript.all() {
-                tell_entry(&entry, &["raw"], None, out)?;
+                print_entry(&entry, &["raw"], None, out)?;
             }
             return Ok(());
         }
@@ -124,7 +124,7 @@ impl Followed {
         }
         let names: Vec<&str> = self.links.iter().map(|link| &*link.name).collect();
         for entry in self.transcript.ready(self.last) {
-            tell_entry(&entry, &names, Some(self.start), out)?;
+            print_entry(&entry, &names, Some(self.start), out)?;
         }
         Ok(())
     }
@@ -134,7 +134,7 @@ impl Followed {
         let names: Vec<&str> = self.links.iter().map(|link| &*link.name).collect();
         let start = (self.is_capture == Some(true)).then_some(self.start);
         for entry in self.transcript.finish() {
-            tell_entry(&entry, &names, start, out)?;
+            print_entry(&entry, &names, start, out)?;
         }
         out.flush()?;
         Ok(())

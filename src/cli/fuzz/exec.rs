@@ -13,7 +13,7 @@ use crate::cli::{CliError, Verdict};
 use crate::realtime::clock::{Clock, WallClock};
 use crate::scenario::{Scenario, Source, Span};
 use crate::search::fuzz::dut::{
-    self, Finding, Harness, HarnessError, Plan, Progress, Search, Speech, Whose,
+    self, Finding, Harness, HarnessError, Progress, Search, Speech, TrialPlan, Whose,
 };
 
 /// Somebody else's program.
@@ -163,7 +163,7 @@ fn search(args: &FuzzArgs) -> Result<Verdict, CliError> {
         CliError::Usage(text.to_owned())
     })?;
     let (scenario, source) = Scenario::read(path)?;
-    let plan = Plan {
+    let plan = TrialPlan {
         scenario,
         link: args.link.clone(),
         seed: args.seed,

@@ -8,7 +8,7 @@ use super::{How, ReplayArgs, follow, report};
 use crate::capture::Capture;
 use crate::capture::case::{Case, Judgement};
 use crate::capture::replay::{
-    Pace, Passage, Playback, Played, PlayedSide, Recorded, Socket, scenario_of,
+    Passage, Playback, Played, PlayedSide, Recorded, ReplayPace, Socket, scenario_of,
 };
 use crate::cli::exec::show_words;
 use crate::cli::stop::Stop;
@@ -133,7 +133,7 @@ fn play_to(
         env.push((port_variable(&passage.link), path.into()));
         sockets.push(Socket::new(passage, PlayedSide::Device, Box::new(port)));
     }
-    let pace = Pace::Times(shown.speed);
+    let pace = ReplayPace::Times(shown.speed);
     let mut playback = Playback::new(WallClock::start(), recorded, sockets, pace);
     let log = shown.out.join("program.log");
     let process = Process::start(&foreign.command, &env, Some(&log));

@@ -21,7 +21,7 @@ use crate::run::Run;
 use crate::scenario::{Scenario, Source};
 
 /// What a program is put into, besides its scenario.
-pub(super) struct Place<'a> {
+pub(super) struct Placement<'a> {
     /// Folder for the results.
     pub(super) out: &'a Path,
     /// Directory of the ports; in the folder unless told otherwise.
@@ -39,7 +39,7 @@ pub(super) fn judged_exec(
     scenario: Scenario,
     source: &Source,
     foreign: Foreign,
-    place: Place<'_>,
+    place: Placement<'_>,
     stop: &Stop,
 ) -> Result<Ran, CliError> {
     let out = place.out;
@@ -71,7 +71,7 @@ pub(super) fn judged_exec(
     let ran = write_results(ran, out)?;
     println!("  {}", judged.seen.lateness);
     let passed = ran.outcome.passed();
-    exec::tell(&judged.seen, passed, &log);
+    exec::print(&judged.seen, passed, &log);
     finish_capture(judged.recorded, out)?;
     ended?;
     Ok(ran)
@@ -89,7 +89,7 @@ fn follow(trial: &mut Trial, show: &mut Show, stop: &Stop) -> Result<(), Transpo
             has_begun = true;
             eprintln!("  the program has opened its ports, rig time runs");
         }
-        progress.tell(trial.run(), now - Instant::ZERO);
+        progress.print(trial.run(), now - Instant::ZERO);
     }
     Ok(())
 }

@@ -26,7 +26,7 @@ pub(in crate::cli) enum Talk {
 }
 
 /// What moves a run's clock.
-pub(in crate::cli) enum Pace<'a> {
+pub(in crate::cli) enum Clocking<'a> {
     /// Jumps from event to event.
     Virtual,
     /// The wall clock, and a page on which the run may be shown.
@@ -70,7 +70,7 @@ pub(in crate::cli) fn judged_run(
     source: &Source,
     seed: Option<u64>,
     out: &Path,
-    mut pace: Pace<'_>,
+    mut pace: Clocking<'_>,
     talk: Talk,
     stop: &Stop,
 ) -> Result<Ran, CliError> {
@@ -84,20 +84,20 @@ pub(in crate::cli) fn judged_run(
         let (name, seed, duration) = (&scenario.name, scenario.seed, scenario.duration);
         eprintln!("{name}, seed {seed}: up to {duration} of virtual time");
     }
-    if let Pace::Realtime(show) = &mut pace {
+    if let Clocking::Realtime(show) = &mut pace {
         show.begin(&mut run);
     }
     let mut realtime = Realtime::new(clock);
     let mut progress = Progress::new(talk);
     while !run.is_over() && stop.signal().is_none() {
         match &mut pace {
-            Pace::Virtual => run.step(),
-            Pace::Realtime(show) => {
+            Clocking::Virtual => run.step(),
+            Clocking::Realtime(show) => {
                 realtime.turn(&mut run)?;
                 show.turn(&mut run, clock.now());
             }
         }
-        progress.tell(&run, clock.now() - Instant::ZERO);
+        progress.print(&run, clock.now() - Instant::ZERO);
     }
     let was_cut = cut_short(&run, stop);
     finish_capture(run.rig.finish_taps(), out)?;
@@ -111,7 +111,7 @@ pub(in crate::cli) fn judged_run(
         signal,
     };
     let ran = write_results(ran, out)?;
-    if matches!(pace, Pace::Realtime(_)) {
+    if matches!(pace, Clocking::Realtime(_)) {
         println!("  {}", realtime.lateness());
     }
     Ok(ran)
@@ -134,7 +134,7 @@ impl Progress {
     }
 
     /// Looks at `run` at `elapsed` of the wall clock.
-    pub(super) fn tell(&mut self, run: &Run, elapsed: Duration) {
+    pub(super) fn print(&mut self, run: &Run, elapsed: Duration) {
         let progress = run.progress();
         let is_new = progress.visits().len() > self.visits;
         self.visits = progress.visits().len();

@@ -36,7 +36,7 @@ impl<W: Wire> Listener<W> {
 
     /// Takes the next piece of `all`, of which `self.pushed` bytes were taken before. `each` sees
     /// each frame and where it began.
-    fn hear(
+    fn receive(
         &mut self,
         mut piece: &[u8],
         mut each: impl FnMut(usize, &<W::Decoder as Decode>::Frame) -> Result<(), Broken>,
@@ -86,15 +86,15 @@ pub fn keeps_the_laws<W: Wire>(stream: &Stream) -> Result<(), Broken> {
     let mut pieces = Listener::<W>::new();
     for piece in stream.pieces() {
         match piece {
-            Piece::Bytes(bytes) => pieces.hear(bytes, |_, _| Ok(()))?,
+            Piece::Bytes(bytes) => pieces.receive(bytes, |_, _| Ok(()))?,
             Piece::Idle => {
                 pieces.decoder.idle();
-                pieces.hear(&[], |_, _| Ok(()))?;
+                pieces.receive(&[], |_, _| Ok(()))?;
             }
         }
     }
     pieces.decoder.idle();
-    pieces.hear(&[], |_, _| Ok(()))?;
+    pieces.receive(&[], |_, _| Ok(()))?;
     let seen = |one: &Listener<W>| (one.said, one.framed, one.discarded());
     if seen(&pieces) != seen(&whole) {
         let detail = format!(
@@ -129,9 +129,9 @@ fn judge_stretch<W: Wire>(
         end = at + bytes.len();
         W::means_itself(frame)
     };
-    listener.hear(stretch, &mut each)?;
+    listener.receive(stretch, &mut each)?;
     listener.decoder.idle();
-    listener.hear(&[], &mut each)?;
+    listener.receive(&[], &mut each)?;
     nothing_lost::<W>(stretch, end, stretch.len())?;
     match listener.decoder.pending() {
         0 => Ok(()),

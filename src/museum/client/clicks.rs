@@ -3,7 +3,7 @@
 use protocols::pcui::message::{Message, Waypoint};
 use protocols::{Decode, pcui};
 
-use super::{Desk, robots_list};
+use super::{Operator, robots_list};
 use crate::museum::robot::{Robot, note_end};
 use crate::museum::{Observation, Variant};
 
@@ -25,8 +25,8 @@ fn numbers(list: &[Waypoint]) -> String {
 
 /// The robot has two waypoints, a third is clicked and deleted again.
 pub(super) fn ui_05(variant: Variant) -> Observation {
-    let mut desk = Desk::with_map(variant);
-    desk.hear(&robots_list(&[[9, 9], [2, 2]]));
+    let mut desk = Operator::with_map(variant);
+    desk.receive(&robots_list(&[[9, 9], [2, 2]]));
     let added = desk.click([5, 5]);
     desk.note_sent(&added);
     let ids = numbers(&sent_list(&added.unwrap_or_default()));
@@ -40,7 +40,7 @@ pub(super) fn ui_05(variant: Variant) -> Observation {
 }
 
 /// Notes the list that was sent; its first place.
-fn note_click(desk: &mut Desk, at: [i16; 2]) -> Option<[i16; 2]> {
+fn note_click(desk: &mut Operator, at: [i16; 2]) -> Option<[i16; 2]> {
     let sent = desk.click(at);
     desk.note_sent(&sent);
     let first = sent_list(&sent.unwrap_or_default())
@@ -53,26 +53,26 @@ fn note_click(desk: &mut Desk, at: [i16; 2]) -> Option<[i16; 2]> {
 
 /// The map's left edge is x = 0.
 pub(super) fn ui_06(variant: Variant) -> Observation {
-    let mut desk = Desk::with_map(variant);
+    let mut desk = Operator::with_map(variant);
     let sent = note_click(&mut desk, [-150, 500]);
     desk.judged(sent == Some([-150, 500]))
 }
 
 pub(super) fn ui_07(variant: Variant) -> Observation {
-    let mut desk = Desk::new(variant);
+    let mut desk = Operator::new(variant);
     let sent = note_click(&mut desk, [700, 500]);
     desk.judged(sent == Some([0, 0]))
 }
 
 /// Three waypoints, the first is deleted. The robot is the fielded one in both cases.
 pub(in crate::museum) fn pu_08(variant: Variant) -> Observation {
-    let mut desk = Desk::with_map(variant);
+    let mut desk = Operator::with_map(variant);
     for x in [500, 600, 700] {
         desk.click([x, x]).expect("on the map");
     }
     let sent = desk.delete(0).expect("it is there");
     let mut robot = Robot::new(Variant::Defective, "PU-07");
-    robot.tell(&sent);
+    robot.send(&sent);
     let ids = numbers(&sent_list(&sent));
     robot.seen.figure("numbers in the list", ids);
     let ended = note_end(&mut robot);
@@ -81,17 +81,17 @@ pub(in crate::museum) fn pu_08(variant: Variant) -> Observation {
 
 /// 2 bytes and 9 for each of 57 waypoints are 515. The robot is sound in both cases.
 pub(in crate::museum) fn pu_13(variant: Variant) -> Observation {
-    let mut desk = Desk::with_map(variant);
+    let mut desk = Operator::with_map(variant);
     let mut sent = Ok(Vec::new());
     for x in 0..56 {
         sent = desk.click([x, 0]);
     }
     let mut robot = Robot::new(Variant::Sound, "PU-13");
-    robot.tell(&sent.expect("56 are allowed"));
+    robot.send(&sent.expect("56 are allowed"));
     let last = desk.click([56, 0]);
     desk.note_sent(&last);
     let is_sent = last.is_ok();
-    robot.tell(&last.unwrap_or_default());
+    robot.send(&last.unwrap_or_default());
     let [shown, held] = [desk.places().len(), robot.program.waypoints().all().len()];
     desk.seen.figure("waypoints on the screen", shown);
     desk.seen.figure("waypoints of the robot", held);

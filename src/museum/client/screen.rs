@@ -1,6 +1,6 @@
 //! What the PC program shows of what it hears.
 
-use super::{Desk, properties, robots_list};
+use super::{Operator, properties, robots_list};
 use crate::museum::frames::frame;
 use crate::museum::{Observation, Variant};
 
@@ -17,11 +17,11 @@ fn joined(values: &[impl ToString]) -> String {
 
 /// 'P' is 50 and 'R' is 52: as pairs of count and value, the row begins with fourteen times 28.
 pub(super) fn ui_01(variant: Variant) -> Observation {
-    let mut desk = Desk::with_map(variant);
+    let mut desk = Operator::with_map(variant);
     desk.take(&plain_row(b"MAP", 7));
     let mut flipped = plain_row(b"MAP", 7);
     flipped[16] ^= 0x02;
-    desk.hear(&flipped);
+    desk.receive(&flipped);
     let row = desk.cells()[7 * 300..].first_chunk().copied();
     let first: [u8; 3] = row.unwrap_or_default();
     desk.seen.figure("first pixels of the row", joined(&first));
@@ -41,8 +41,8 @@ pub(super) fn ui_02(variant: Variant) -> Observation {
     let mut seen = Observation::default();
     let mut deaf = 0;
     for one in &odd {
-        let mut desk = Desk::with_map(variant);
-        desk.hear(one);
+        let mut desk = Operator::with_map(variant);
+        desk.receive(one);
         desk.take(&properties(10, [3_000, 3_000], [1_234, 5], 0));
         deaf += usize::from(desk.pose() != Some([1_234, 5, 0]));
         seen.wire.append(&mut desk.seen.wire);
@@ -52,16 +52,16 @@ pub(super) fn ui_02(variant: Variant) -> Observation {
 }
 
 pub(super) fn ui_03(variant: Variant) -> Observation {
-    let mut desk = Desk::new(variant);
-    desk.hear(&properties(10, [3_000, 3_000], [-10, 0], -90));
+    let mut desk = Operator::new(variant);
+    desk.receive(&properties(10, [3_000, 3_000], [-10, 0], -90));
     let pose = desk.pose().unwrap_or_default();
     desk.seen.figure("x, y and psi as shown", joined(&pose));
     desk.judged(pose == [65_526, 0, 65_446])
 }
 
 pub(super) fn ui_04(variant: Variant) -> Observation {
-    let mut desk = Desk::with_map(variant);
-    desk.hear(&robots_list(&[[-20, 5]]));
+    let mut desk = Operator::with_map(variant);
+    desk.receive(&robots_list(&[[-20, 5]]));
     let places = desk.places();
     desk.seen
         .figure("waypoint as shown", joined(places.as_flattened()));
@@ -69,9 +69,9 @@ pub(super) fn ui_04(variant: Variant) -> Observation {
 }
 
 pub(super) fn ui_08(variant: Variant) -> Observation {
-    let mut desk = Desk::new(variant);
+    let mut desk = Operator::new(variant);
     let pose = properties(20, [6_000, 6_000], [1_000, 1_000], 90);
-    desk.hear(&[b"P", &*pose].concat());
+    desk.receive(&[b"P", &*pose].concat());
     let shown = desk.pose();
     let told = shown.map_or("none".to_owned(), |pose| joined(&pose));
     desk.seen.figure("x, y and psi as shown", told);
@@ -80,10 +80,10 @@ pub(super) fn ui_08(variant: Variant) -> Observation {
 
 /// Four columns and two rows; the second is told.
 pub(super) fn ui_09(variant: Variant) -> Observation {
-    let mut desk = Desk::new(variant);
+    let mut desk = Operator::new(variant);
     desk.take(&properties(10, [40, 20], [0, 0], 0));
     desk.take(&frame(b"MAP", &[0, 0, 0, 9, 9, 9, 9]));
-    desk.hear(&frame(b"MAP", &[0, 1, 0, 1, 2, 3, 4]));
+    desk.receive(&frame(b"MAP", &[0, 1, 0, 1, 2, 3, 4]));
     let cells = joined(desk.cells());
     desk.seen.figure("cells, row by row", &cells);
     desk.judged(cells == "9, 9, 1, 2, 3, 4, 0, 0")
@@ -91,8 +91,8 @@ pub(super) fn ui_09(variant: Variant) -> Observation {
 
 /// The fielded robot's code of a row: its last pixel is never counted.
 pub(super) fn ui_10(variant: Variant) -> Observation {
-    let mut desk = Desk::with_map(variant);
-    desk.hear(&frame(b"MAR", &[0, 0, 0, 255, 255, 44, 255]));
+    let mut desk = Operator::with_map(variant);
+    desk.receive(&frame(b"MAR", &[0, 0, 0, 255, 255, 44, 255]));
     let [before, last] = [298, 299].map(|x| desk.cells().get(x).copied().unwrap_or_default());
     desk.seen.figure("column 298, a wall", before);
     desk.seen.figure("column 299, not told", last);

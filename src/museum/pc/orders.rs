@@ -19,7 +19,7 @@ pub(super) fn pu_07(variant: Variant) -> Observation {
         id,
         previous,
     };
-    robot.tell(&list_frame(&[
+    robot.send(&list_frame(&[
         waypoint(2, 1, NO_WAYPOINT),
         waypoint(5, 0, 1),
     ]));
@@ -55,9 +55,9 @@ pub(super) fn pu_10(variant: Variant) -> Observation {
 
 pub(super) fn pu_11(variant: Variant) -> Observation {
     let mut robot = Robot::new(variant, "PU-11");
-    robot.tell(&list_frame(&chain(2)));
+    robot.send(&list_frame(&chain(2)));
     robot.run(50 * MS);
-    robot.tell(&list_frame(&[]));
+    robot.send(&list_frame(&[]));
     let mode = robot.program.ordered_mode();
     robot
         .seen
@@ -69,7 +69,7 @@ pub(super) fn pu_20(variant: Variant) -> Observation {
     let mut robot = Robot::exploring(variant, "PU-20");
     robot.scene = Some(range(2000));
     robot.run(Duration::from_secs(2));
-    robot.tell(&order(message::Mode::Manual, [5, -5]));
+    robot.send(&order(message::Mode::Manual, [5, -5]));
     robot.run(600 * MS);
     let set_points = robot.note_set_points("set-points 600 ms after the order 5, -5");
     robot.judged(set_points != [5, -5])
@@ -78,7 +78,7 @@ pub(super) fn pu_20(variant: Variant) -> Observation {
 pub(super) fn pu_21(variant: Variant) -> Observation {
     let mut robot = Robot::new(variant, "PU-21");
     robot.run(100 * MS);
-    robot.tell(&order(message::Mode::Manual, [5, -5]));
+    robot.send(&order(message::Mode::Manual, [5, -5]));
     robot.run(Duration::from_secs(3));
     let set_points = robot.note_set_points("set-points 3 s after the last order 5, -5");
     robot.judged(set_points == [5, -5])

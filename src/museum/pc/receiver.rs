@@ -25,7 +25,7 @@ fn note_received(robot: &mut Robot, name: &'static str) -> u64 {
 
 pub(super) fn pu_01(variant: Variant) -> Observation {
     let mut robot = Robot::new(variant, "PU-01");
-    robot.tell(&[b"P", &*request()].concat());
+    robot.send(&[b"P", &*request()].concat());
     let received = note_received(&mut robot, "frames received");
     robot.judged(received == 0)
 }
@@ -34,7 +34,7 @@ pub(super) fn pu_01(variant: Variant) -> Observation {
 pub(super) fn pu_02(variant: Variant) -> Observation {
     let mut robot = Robot::new(variant, "PU-02");
     let payload = [&[1, 0, 0][..], &[0xFF; 129]].concat();
-    robot.tell(&frame(b"STA", &payload));
+    robot.send(&frame(b"STA", &payload));
     robot
         .seen
         .figure("sum", format!("{:04X}", pcui::checksum(&payload)));
@@ -44,7 +44,7 @@ pub(super) fn pu_02(variant: Variant) -> Observation {
 
 pub(super) fn pu_03(variant: Variant) -> Observation {
     let mut robot = Robot::new(variant, "PU-03");
-    robot.tell(b"PCUI_MSG\x00\x80\x00\x00\x00\x00STA");
+    robot.send(b"PCUI_MSG\x00\x80\x00\x00\x00\x00STA");
     for _ in 0..200 {
         robot.program.receive(Rescue::RADIO, robot.now, &request());
         robot.run(5 * MS);
@@ -56,8 +56,8 @@ pub(super) fn pu_03(variant: Variant) -> Observation {
 
 pub(super) fn pu_04(variant: Variant) -> Observation {
     let mut robot = Robot::new(variant, "PU-04");
-    robot.tell(&frame(b"STA", &[]));
-    robot.tell(&list_frame(&chain(2)));
+    robot.send(&frame(b"STA", &[]));
+    robot.send(&list_frame(&chain(2)));
     let waypoints = robot.program.waypoints().all().len();
     robot
         .seen
@@ -69,7 +69,7 @@ pub(super) fn pu_05(variant: Variant) -> Observation {
     let mut robot = Robot::new(variant, "PU-05");
     let mut payload = vec![50, 0];
     payload.extend(&list_frame(&chain(1))[HEADER_LEN + 2..]);
-    robot.tell(&frame(b"LWP", &payload));
+    robot.send(&frame(b"LWP", &payload));
     let all = robot.program.waypoints().all();
     let phantoms = all
         .iter()
@@ -83,7 +83,7 @@ pub(super) fn pu_05(variant: Variant) -> Observation {
 pub(super) fn pu_12(variant: Variant) -> Observation {
     let mut robot = Robot::new(variant, "PU-12");
     robot.run(100 * MS);
-    robot.tell(&list_frame(&chain(21)));
+    robot.send(&list_frame(&chain(21)));
     robot.run(Duration::from_secs(4));
     let waypoints = robot.program.waypoints().all().len();
     robot.seen.figure("of 21 waypoints taken", waypoints);
@@ -93,7 +93,7 @@ pub(super) fn pu_12(variant: Variant) -> Observation {
 pub(super) fn pu_14(variant: Variant) -> Observation {
     let mut robot = Robot::new(variant, "PU-14");
     robot.run(100 * MS);
-    robot.tell(&list_frame(&chain(20)));
+    robot.send(&list_frame(&chain(20)));
     let begun = robot.now;
     while robot.program.waypoints().is_empty() && robot.now - begun < Duration::from_secs(10) {
         robot.run(MS);

@@ -32,7 +32,7 @@ impl Words {
         String::from_utf8_lossy(&bytes).into_owned()
     }
 
-    fn hear(&mut self, bytes: &[u8]) {
+    fn receive(&mut self, bytes: &[u8]) {
         self.kept.extend(bytes);
         let excess = self.kept.len().saturating_sub(KEPT_MAX);
         self.kept.drain(..excess);
@@ -69,7 +69,7 @@ pub(super) fn listen(mut from: impl Read, words: &Mutex<Words>) {
         match from.read(&mut buf) {
             Ok(len @ 1..) => {
                 let Ok(mut words) = words.lock() else { return };
-                words.hear(&buf[..len]);
+                words.receive(&buf[..len]);
             }
             Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
             _ => return,
@@ -89,11 +89,11 @@ mod tests {
         let words = Words::new(Some(File::create(&path).expect("a free name")));
         {
             let mut words = words.lock().expect("sound");
-            words.hear(b"first words\n");
+            words.receive(b"first words\n");
             for _ in 0..LOG_MAX / 4096 + 64 {
-                words.hear(&[b'x'; 4096]);
+                words.receive(&[b'x'; 4096]);
             }
-            words.hear(b"last words\n");
+            words.receive(b"last words\n");
             words.close();
         }
         let text = std::fs::read_to_string(&path).expect("written");

@@ -15,7 +15,7 @@ const ENTRIES_MAX: usize = 64;
 
 /// What happened since the last look.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Seen {
+pub(super) struct PortChanges {
     /// The last client closed, and somebody opened after that.
     pub(super) reopened: bool,
     /// A client took bytes out.
@@ -43,8 +43,8 @@ impl Watch {
     }
 
     /// Empties the queue. `open` is the truth about now: whether any client has the node open.
-    pub(super) fn look(&mut self, open: bool) -> Seen {
-        let mut seen = Seen::default();
+    pub(super) fn look(&mut self, open: bool) -> PortChanges {
+        let mut seen = PortChanges::default();
         let mut closed = false;
         if let Some(queue) = &self.queue {
             let mut buf = [MaybeUninit::uninit(); 1024];

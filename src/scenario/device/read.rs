@@ -36,7 +36,7 @@ pub(in super::super) fn read_devices(
 
 fn read_device(device: Spanned<DeValue<'_>>) -> Result<DeviceSpec, toml::de::Error> {
     let found = ValueDeserializer::from(device.clone());
-    let Found { kind, .. } = Found::<IgnoredAny>::deserialize(found)?;
+    let UnreadSettings { kind, .. } = UnreadSettings::<IgnoredAny>::deserialize(found)?;
     let settings = match device.into_inner() {
         DeValue::Table(mut table) => table.remove(kind.name()),
         _ => None,
@@ -50,7 +50,8 @@ impl<'de> Deserialize<'de> for DeviceSpec {
     /// Settings that remember their place in the file remember a wrong one; only
     /// [`Scenario::parse`](crate::scenario::Scenario::parse) knows the right one.
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let Found { kind, settings } = Found::<toml::Table>::deserialize(deserializer)?;
+        let UnreadSettings { kind, settings } =
+            UnreadSettings::<toml::Table>::deserialize(deserializer)?;
         let text = toml::to_string(&settings).map_err(D::Error::custom)?;
         let table = DeTable::parse(&text).map_err(|error| D::Error::custom(error.message()))?;
         let (span, table) = (table.span(), table.into_inner());
@@ -63,30 +64,30 @@ impl<'de> Deserialize<'de> for DeviceSpec {
 }
 
 /// A kind and its settings, not looked at yet.
-struct Found<T> {
+struct UnreadSettings<T> {
     kind: &'static dyn DeviceKind,
     settings: T,
 }
 
-impl<'de, T: Deserialize<'de>> Deserialize<'de> for Found<T> {
+impl<'de, T: Deserialize<'de>> Deserialize<'de> for UnreadSettings<T> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_enum("DeviceSpec", &[], FoundVisitor(PhantomData))
+        deserializer.deserialize_enum("DeviceSpec", &[], SettingsVisitor(PhantomData))
     }
 }
 
-struct FoundVisitor<T>(PhantomData<T>);
+struct SettingsVisitor<T>(PhantomData<T>);
 
-impl<'de, T: Deserialize<'de>> Visitor<'de> for FoundVisitor<T> {
-    type Value = Found<T>;
+impl<'de, T: Deserialize<'de>> Visitor<'de> for SettingsVisitor<T> {
+    type Value = UnreadSettings<T>;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("enum DeviceSpec")
     }
 
-    fn visit_enum<A: EnumAccess<'de>>(self, data: A) -> Result<Found<T>, A::Error> {
+    fn visit_enum<A: EnumAccess<'de>>(self, data: A) -> Result<UnreadSettings<T>, A::Error> {
         let (kind, variant) = data.variant_seed(KindSeed)?;
         let settings = variant.newtype_variant()?;
-        Ok(Found { kind, settings })
+        Ok(UnreadSettings { kind, settings })
     }
 }
 

@@ -35,8 +35,8 @@ macro_rules! kinds {
             }
 
             /// What it acts on.
-            pub const fn place(self) -> Place {
-                match self { $(Self::$kind => Place::$place,)+ }
+            pub const fn place(self) -> FaultPlace {
+                match self { $(Self::$kind => FaultPlace::$place,)+ }
             }
 
             /// What its link may be made of; empty if it does not act on one link.
@@ -132,7 +132,7 @@ kinds! {
 
 /// What a kind of fault acts on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum FaultPlace {
     /// One direction of a link.
     Line,
     /// A device.
@@ -141,7 +141,7 @@ pub enum Place {
     Devices,
 }
 
-impl Place {
+impl FaultPlace {
     /// Its keys.
     pub const fn keys(self) -> &'static [&'static str] {
         match self {

@@ -4,7 +4,7 @@ use core::time::Duration;
 
 use emulators::rng::Rng;
 
-use super::{FaultKind, FaultSpec, Flaw, Place};
+use super::{FaultKind, FaultPlace, FaultSpec, Flaw};
 use crate::rig::fault::{
     Activity, BAUD_MAX, BAUD_MIN, Damage, DamageKind, Effect, FaultId, HostDamage, Rate, Spells,
     Strike, Trigger,
@@ -104,7 +104,7 @@ impl FaultSpec {
     /// Whether all that it does, it does to the bytes of its line.
     pub(crate) fn is_on_line_only(&self) -> bool {
         use FaultKind::{Break, Swizzle, Unplugged};
-        self.kind.place() == Place::Line && !matches!(self.kind, Break | Swizzle | Unplugged)
+        self.kind.place() == FaultPlace::Line && !matches!(self.kind, Break | Swizzle | Unplugged)
     }
 
     /// The name of its dice.

@@ -5,7 +5,7 @@ use crate::rig::line::Direction;
 use crate::rig::{Disturbance, Link, Rig};
 use protocols::LineEvent;
 
-use super::{FaultKind, FaultSpec, Flaw, Place};
+use super::{FaultKind, FaultPlace, FaultSpec, Flaw};
 
 impl Rig {
     /// Plans `fault` on the lines that it names and returns what else there is to do when it
@@ -97,7 +97,7 @@ impl Rig {
     pub fn disturbances(&self, fault: &FaultSpec) -> Result<Vec<Disturbance>, Flaw> {
         let kind = fault.kind;
         match (kind.place(), &fault.link, fault.direction) {
-            (Place::Line, Some(link), Some(direction)) => {
+            (FaultPlace::Line, Some(link), Some(direction)) => {
                 let (link, direction) = (link.clone(), direction.into());
                 let tell = |begin, end| Disturbance::Tell {
                     link: link.clone(),
@@ -114,7 +114,7 @@ impl Rig {
                     _ => Vec::new(),
                 })
             }
-            (Place::Device, ..) => {
+            (FaultPlace::Device, ..) => {
                 let name = fault.device.as_deref().unwrap_or_default();
                 let of_its_own = || {
                     let missing = "is missing, expected a name that the device knows";

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::judge::situations_of;
 use super::store::read_plan;
-use super::{Plan, Record, Store, page, run};
+use super::{CampaignPlan, Record, Store, page, run};
 use crate::scenario::Scenario;
 use crate::search::error::{StoreError, failed};
 use crate::search::shrink::{self, Effort};
@@ -50,7 +50,7 @@ pub struct SituationCount {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Merged {
     /// What was run.
-    pub plan: Plan,
+    pub plan: CampaignPlan,
     /// Runs done.
     pub runs: usize,
     /// Runs that no shard has done.
@@ -74,7 +74,7 @@ pub struct Merged {
 /// If a folder cannot be read, the shards are of different campaigns, or `out` cannot be written.
 pub fn merge(dirs: &[PathBuf], out: &Path) -> Result<Merged, StoreError> {
     let mut stores = Vec::new();
-    let mut plan: Option<Plan> = None;
+    let mut plan: Option<CampaignPlan> = None;
     for dir in dirs {
         let read = read_plan(dir)?;
         let known = plan.get_or_insert_with(|| read.clone());
@@ -103,7 +103,7 @@ pub fn merge(dirs: &[PathBuf], out: &Path) -> Result<Merged, StoreError> {
     Ok(merged)
 }
 
-fn count(plan: Plan, records: &BTreeMap<(&str, u64), &Record>) -> Merged {
+fn count(plan: CampaignPlan, records: &BTreeMap<(&str, u64), &Record>) -> Merged {
     let mut groups: BTreeMap<&str, Group> = BTreeMap::new();
     let mut traces = String::new();
     for record in records.values() {
@@ -160,7 +160,7 @@ fn count(plan: Plan, records: &BTreeMap<(&str, u64), &Record>) -> Merged {
 fn minimise(
     group: &mut Group,
     number: u32,
-    (plan, stores): (&Plan, &[Store]),
+    (plan, stores): (&CampaignPlan, &[Store]),
     out: &Path,
 ) -> Result<(), StoreError> {
     let (scenario, seed) = &group.first;

@@ -48,7 +48,7 @@ impl FromStr for Shard {
 /// What a campaign runs: equal plans may be merged.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Plan {
+pub struct CampaignPlan {
     /// Tool and version.
     pub tool: String,
     /// Name and text of each scenario.
@@ -63,7 +63,7 @@ pub struct Plan {
     pub exec: Option<String>,
 }
 
-impl Plan {
+impl CampaignPlan {
     /// All runs in order: number, name of the scenario, seed.
     pub fn runs(&self) -> impl Iterator<Item = (usize, &str, u64)> {
         let pairs = self.scenarios.keys().flat_map(|name| {
@@ -94,7 +94,7 @@ impl Store {
     ///
     /// # Errors
     /// If it cannot be written, or belongs to another campaign.
-    pub fn create(dir: &Path, plan: &Plan) -> Result<Self, StoreError> {
+    pub fn create(dir: &Path, plan: &CampaignPlan) -> Result<Self, StoreError> {
         fs::create_dir_all(dir.join("cases")).map_err(failed(dir))?;
         let path = dir.join(PLAN);
         if path.exists() {
@@ -211,7 +211,7 @@ fn line(record: &Record) -> String {
 }
 
 /// The plan of the shard in `dir`.
-pub(super) fn read_plan(dir: &Path) -> Result<Plan, StoreError> {
+pub(super) fn read_plan(dir: &Path) -> Result<CampaignPlan, StoreError> {
     let path = dir.join(PLAN);
     let text = fs::read_to_string(&path).map_err(failed(&path))?;
     serde_json::from_str(&text).map_err(|error| StoreError::Content {

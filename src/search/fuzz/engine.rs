@@ -23,7 +23,7 @@ const CHUNK: u64 = 16;
 
 /// The first case of a cause.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Found {
+pub struct FirstCase {
     /// What is wrong.
     pub fault: Violation,
     /// The choices that brought it about.
@@ -38,7 +38,7 @@ pub struct Round {
     /// Choices that did something new, in order; they are in the pool now.
     pub new: Vec<Vec<u8>>,
     /// The first cases of causes that were not known.
-    pub found: Vec<Found>,
+    pub found: Vec<FirstCase>,
 }
 
 /// A fuzzer of one subject.
@@ -47,7 +47,7 @@ pub struct Fuzzer<'a> {
     seed: u64,
     cases: u64,
     pool: Vec<Vec<u8>>,
-    seen: Seen,
+    seen: Coverage,
     /// How often each cause came up.
     causes: BTreeMap<String, u64>,
 }
@@ -73,7 +73,7 @@ impl<'a> Fuzzer<'a> {
             seed,
             cases,
             pool: Vec::new(),
-            seen: Seen::default(),
+            seen: Coverage::default(),
             causes,
         }
     }
@@ -169,7 +169,7 @@ impl<'a> Fuzzer<'a> {
                 *self.causes.entry(fault.cause.clone()).or_default() += 1;
             }
             if !known && self.causes.contains_key(&fault.cause) {
-                round.found.push(Found {
+                round.found.push(FirstCase {
                     fault: fault.clone(),
                     choices: tried.choices.clone(),
                     case: tried.case,
@@ -219,12 +219,12 @@ pub fn silence_panics() {
 }
 
 /// The marks that were ever set.
-struct Seen {
+struct Coverage {
     bits: Vec<u64>,
     count: usize,
 }
 
-impl Default for Seen {
+impl Default for Coverage {
     fn default() -> Self {
         Self {
             bits: vec![0; MARKS as usize / 64],
@@ -233,7 +233,7 @@ impl Default for Seen {
     }
 }
 
-impl Seen {
+impl Coverage {
     const fn place(mark: u32) -> (usize, u64) {
         (mark as usize / 64, 1 << (mark % 64))
     }

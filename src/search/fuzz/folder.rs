@@ -19,7 +19,7 @@ use crate::search::error::{StoreError, failed};
 /// What is fuzzed: only the same is gone on with.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Plan {
+pub struct FuzzPlan {
     /// Tool and version.
     pub tool: String,
     /// Seed of all mutations.
@@ -43,7 +43,7 @@ struct Progress {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct State {
-    plan: Plan,
+    plan: FuzzPlan,
     targets: BTreeMap<String, Progress>,
 }
 
@@ -66,7 +66,7 @@ impl Folder {
     ///
     /// # Errors
     /// If it cannot be written, or belongs to another plan.
-    pub fn create(dir: &Path, plan: Plan) -> Result<Self, StoreError> {
+    pub fn create(dir: &Path, plan: FuzzPlan) -> Result<Self, StoreError> {
         fs::create_dir_all(dir.join("findings")).map_err(failed(dir))?;
         let path = dir.join("fuzz.json");
         let targets = if path.exists() {

@@ -1,8 +1,8 @@
 use std::path::PathBuf;
 
 use crate::rig::{LinkKind, Rig};
-use crate::robots::{self, Console, Dut, PcEnd, Plan};
-use crate::scenario::{DirectionSpec, FaultKind, Place, Scenario, Source, WorldSpec};
+use crate::robots::{self, Console, Dut, PcEnd, WirePlan};
+use crate::scenario::{DirectionSpec, FaultKind, FaultPlace, Scenario, Source, WorldSpec};
 
 /// All of a robot that something can go wrong with, as its links and devices are wired.
 #[derive(Clone, Debug, Default)]
@@ -51,7 +51,7 @@ impl FaultTargets {
             .expect("the wall is not at the start");
         let mut sound = scenario.clone();
         sound.fault.clear();
-        let plan = Plan {
+        let plan = WirePlan {
             scenario: &sound,
             source: &source,
             world: nowhere,
@@ -137,11 +137,11 @@ impl FaultTargets {
     /// The kinds of faults that something here can have, those of links on whichever link.
     pub(super) fn kinds(&self) -> impl Iterator<Item = FaultKind> {
         let can = |kind: &FaultKind| match (kind.place(), kind) {
-            (Place::Line, _) if !self.link_kinds.iter().all(|link| kind.fits(*link)) => false,
-            (Place::Line, FaultKind::Swizzle) => self.links.len() > 1,
-            (Place::Line, _) => !self.links.is_empty(),
-            (Place::Device, _) => !self.devices(*kind).is_empty(),
-            (Place::Devices, _) => self.devices(*kind).len() > 1,
+            (FaultPlace::Line, _) if !self.link_kinds.iter().all(|link| kind.fits(*link)) => false,
+            (FaultPlace::Line, FaultKind::Swizzle) => self.links.len() > 1,
+            (FaultPlace::Line, _) => !self.links.is_empty(),
+            (FaultPlace::Device, _) => !self.devices(*kind).is_empty(),
+            (FaultPlace::Devices, _) => self.devices(*kind).len() > 1,
         };
         FaultKind::ALL.iter().copied().filter(can)
     }

@@ -2,7 +2,8 @@ use super::dice::Draw;
 use super::fault_targets::{Device, FaultTargets};
 use super::{ADVERSITY_FROM_MS, ADVERSITY_UNTIL_MS, RECOVERY_MS, mission};
 use crate::scenario::{
-    BudgetSpec, DirectionSpec, FaultKind, FaultSpec, PhasesSpec, Place, Scenario, Span, WhenSpec,
+    BudgetSpec, DirectionSpec, FaultKind, FaultPlace, FaultSpec, PhasesSpec, Scenario, Span,
+    WhenSpec,
 };
 
 /// Most faults of a mission.
@@ -77,7 +78,7 @@ impl Adversity {
     }
 
     /// Lets it happen in `mission`, which must succeed afterwards.
-    pub(super) fn befall(self, mission: &mut Scenario) {
+    pub(super) fn apply(self, mission: &mut Scenario) {
         let recovery = mission.duration.0.max(Span::from_millis(RECOVERY_MS).0);
         mission.duration = Span(Span::from_millis(ADVERSITY_UNTIL_MS).0 + recovery);
         let once_more = mission::once_more(&mission.mission.waypoints_m);
@@ -131,16 +132,16 @@ fn switched_off_and_on(device: &str) -> FaultSpec {
 fn somewhere(kind: FaultKind, targets: &FaultTargets, dice: &mut Draw) -> FaultSpec {
     let devices = targets.devices(kind);
     match kind.place() {
-        Place::Line => {
+        FaultPlace::Line => {
             let lanes = targets.lanes();
             let (link, direction) = lanes[dice.index(lanes.len())];
             FaultSpec::on(link, direction, kind)
         }
-        Place::Device => FaultSpec {
+        FaultPlace::Device => FaultSpec {
             device: Some(devices[dice.index(devices.len())].name.clone()),
             ..FaultSpec::new(kind)
         },
-        Place::Devices => {
+        FaultPlace::Devices => {
             // One of them keeps its supply, if there are more than two.
             let spared = dice.index(devices.len());
             let dips = |&(index, _): &(usize, &&Device)| devices.len() == 2 || index != spared;

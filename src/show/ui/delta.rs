@@ -18,7 +18,7 @@ pub(super) enum Message {
 
 /// What one page has seen.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Seen {
+pub(super) struct SentSoFar {
     run: Option<u64>,
     generation: u64,
     samples: usize,
@@ -28,7 +28,7 @@ pub(super) struct Seen {
     rows: Vec<u64>,
 }
 
-impl Seen {
+impl SentSoFar {
     /// What is news in `snapshot` and `timeline`. The snapshot itself comes last, so that a page
     /// that shows a time has everything that belongs to it.
     pub(super) fn news(&mut self, snapshot: &Snapshot, timeline: &Timeline) -> Vec<Message> {
@@ -118,7 +118,7 @@ mod tests {
     /// begins anew.
     #[test]
     fn a_page_gets_what_it_has_not_seen() {
-        let (mut seen, timeline) = (Seen::default(), Timeline::default());
+        let (mut seen, timeline) = (SentSoFar::default(), Timeline::default());
         let mut book = MapLayer::new("map");
         book.look([2, 1], 0.01, [0.0; 2], |_| Some(&[1, 2]));
         let news = seen.news(&snapshot(1, 1, &book), &timeline);

@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 use super::command::{Answer, Command, Envelope};
 use super::hub::Hub;
 use super::map_layers::MapLayer;
-use super::pace::{Pace, SPEED_MAX};
+use super::pace::{PagePace, SPEED_MAX};
 use super::snapshot::{Numbered, Snapshot};
 use super::timeline::{Sample, Timeline, short_pose};
 use super::wire::{Tally, Wire};
@@ -193,11 +193,11 @@ impl Desk {
 
     /// Shows the run as it is, if there is something new and somebody to see it. `pace` is the
     /// clock, if it can be set.
-    pub(super) fn show(&mut self, run: &Run, wall: Instant, pace: Option<&Pace>) {
+    pub(super) fn show(&mut self, run: &Run, wall: Instant, pace: Option<&PagePace>) {
         self.record(run);
         let tempo = Tempo {
-            is_paused: pace.is_some_and(Pace::is_paused),
-            speed: pace.map_or(1.0, Pace::speed),
+            is_paused: pace.is_some_and(PagePace::is_paused),
+            speed: pace.map_or(1.0, PagePace::speed),
             is_ours: pace.is_some(),
         };
         let shown = Shown {

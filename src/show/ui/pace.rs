@@ -13,14 +13,14 @@ const STEP_MAX: Duration = Duration::from_secs(60);
 
 /// Tells how far a run should be.
 #[derive(Clone, Copy, Debug)]
-pub struct Pace {
+pub struct PagePace {
     speed: f64,
     is_paused: bool,
     /// A pair of snapshots that belong together: of the wall clock, of the run.
     anchor: [Instant; 2],
 }
 
-impl Pace {
+impl PagePace {
     /// Goes on from `virtual_now` at `speed`.
     pub fn new(speed: f64, wall: Instant, virtual_now: Instant) -> Self {
         Self {
@@ -98,7 +98,7 @@ mod tests {
 
     #[test]
     fn at_four_times_the_speed_a_quarter_of_a_second_is_a_second() {
-        let mut pace = Pace::new(4.0, at(0), at(0));
+        let mut pace = PagePace::new(4.0, at(0), at(0));
         assert_eq!(pace.target(at(250), at(900)), at(1000));
         pace.set_speed(0.5, at(250), at(1000));
         assert_eq!(pace.target(at(450), at(1000)), at(1100));
@@ -106,7 +106,7 @@ mod tests {
 
     #[test]
     fn a_pause_leaves_no_debt() {
-        let mut pace = Pace::new(1.0, at(0), at(0));
+        let mut pace = PagePace::new(1.0, at(0), at(0));
         pace.pause();
         assert_eq!(pace.target(at(60_000), at(10)), at(10));
         assert_eq!(pace.step(50, at(10)), at(60));
@@ -117,7 +117,7 @@ mod tests {
     /// A laptop that was asleep for an hour: the run goes on 200 ms later, not an hour.
     #[test]
     fn what_cannot_be_made_up_for_is_given_up() {
-        let mut pace = Pace::new(1.0, at(0), at(0));
+        let mut pace = PagePace::new(1.0, at(0), at(0));
         assert_eq!(pace.target(at(3_600_000), at(0)), at(200));
         assert_eq!(pace.target(at(3_600_100), at(200)), at(300));
     }
@@ -125,7 +125,7 @@ mod tests {
     #[test]
     fn a_speed_without_sense_is_none() {
         for (asked, speed) in [(f64::NAN, 1.0), (-1.0, 0.01), (0.0, 0.01), (1e9, SPEED_MAX)] {
-            assert!((Pace::new(asked, at(0), at(0)).speed() - speed).abs() < 1e-9);
+            assert!((PagePace::new(asked, at(0), at(0)).speed() - speed).abs() < 1e-9);
         }
     }
 }

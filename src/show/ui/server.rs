@@ -23,7 +23,7 @@ use tokio::sync::{mpsc, watch};
 use tokio::time::timeout;
 
 use super::command::{Answer, COMMAND_MAX, Command};
-use super::delta::{Message, Seen};
+use super::delta::{Message, SentSoFar};
 use super::guard;
 use super::hub::Hub;
 use super::snapshot::Snapshot;
@@ -174,7 +174,7 @@ async fn page(State(hub): State<Arc<Hub>>, upgrade: WebSocketUpgrade) -> Respons
         let full = format!("{CLIENTS_MAX} pages are connected already\n");
         return (StatusCode::SERVICE_UNAVAILABLE, full).into_response();
     }
-    let place = Place(hub);
+    let place = Visitor(hub);
     upgrade
         .max_message_size(COMMAND_MAX)
         .max_frame_size(COMMAND_MAX)
@@ -182,9 +182,9 @@ async fn page(State(hub): State<Arc<Hub>>, upgrade: WebSocketUpgrade) -> Respons
 }
 
 /// A page's place, given back when it is gone, however that comes about.
-struct Place(Arc<Hub>);
+struct Visitor(Arc<Hub>);
 
-impl Drop for Place {
+impl Drop for Visitor {
     fn drop(&mut self) {
         self.0.leave();
     }
@@ -197,12 +197,12 @@ enum Wake {
     Answer(Option<Answer>),
 }
 
-async fn serve(mut socket: WebSocket, place: Place) {
+async fn serve(mut socket: WebSocket, place: Visitor) {
     let hub = &place.0;
     let (reply, mut answers) = mpsc::channel(ANSWERS_MAX);
     let mut snapshots = hub.snapshots();
     snapshots.mark_changed();
-    let mut seen = Seen::default();
+    let mut seen = SentSoFar::default();
     loop {
         let frames = match wake(&mut socket, &mut snapshots, &mut answers).await {
             Wake::Heard(Some(Ok(Frame::Text(text)))) => {
@@ -233,7 +233,7 @@ async fn serve(mut socket: WebSocket, place: Place) {
     }
 }
 
-fn news(hub: &Hub, seen: &mut Seen, snapshot: &Snapshot) -> Vec<Frame> {
+fn news(hub: &Hub, seen: &mut SentSoFar, snapshot: &Snapshot) -> Vec<Frame> {
     let timeline = hub.timeline.read().unwrap_or_else(PoisonError::into_inner);
     let frame = |message| match message {
         Message::Text(text) => Frame::Text(text),

@@ -7,7 +7,7 @@ use protocols::Instant;
 
 use super::desk::{Desk, Effect};
 use super::hub::Hub;
-use super::pace::Pace;
+use super::pace::PagePace;
 use crate::realtime::clock::Clock;
 use crate::run::Run;
 use crate::scenario::{Scenario, ScenarioError, Source};
@@ -27,7 +27,7 @@ pub struct Session<C> {
     clock: C,
     run: Run,
     desk: Desk,
-    pace: Pace,
+    pace: PagePace,
     number: u64,
 }
 
@@ -46,7 +46,7 @@ impl<C: Clock> Session<C> {
         let run = Run::new(scenario.clone(), &source, None);
         let mut run = run?;
         let desk = Desk::new(&mut run, Arc::clone(&hub), 1);
-        let pace = Pace::new(speed, clock.now(), Instant::ZERO);
+        let pace = PagePace::new(speed, clock.now(), Instant::ZERO);
         Ok(Self {
             scenario,
             source,

@@ -4,7 +4,7 @@
 use emulators::world::Pose;
 
 use super::distance::Distances;
-use super::{RosMap, Seen};
+use super::{CellState, RosMap};
 use crate::picture::Picture;
 
 /// How far the maps may lie apart.
@@ -66,8 +66,8 @@ const FINE: usize = 3000;
 
 /// Compares two maps; `None` if either has no wall.
 pub fn diff(first: &RosMap, second: &RosMap, reach: Reach) -> Option<Difference> {
-    let walls: Vec<[f64; 2]> = second.all(Seen::Wall).collect();
-    let ours: Vec<[f64; 2]> = first.all(Seen::Wall).collect();
+    let walls: Vec<[f64; 2]> = second.all(CellState::Wall).collect();
+    let ours: Vec<[f64; 2]> = first.all(CellState::Wall).collect();
     if walls.is_empty() || ours.is_empty() {
         return None;
     }
@@ -189,10 +189,10 @@ fn align(near: &Distances, walls: &[[f64; 2]], about: [f64; 2], reach: Reach) ->
 
 fn alike(first: &RosMap, second: &RosMap, difference: &Difference, near_first: &Distances) -> f64 {
     let (mut both, mut same) = (0_u64, 0_u64);
-    for what in [Seen::Free, Seen::Wall] {
+    for what in [CellState::Free, CellState::Wall] {
         for place in first.all(what) {
             let other = second.at(difference.back(place));
-            if other == Seen::Unknown {
+            if other == CellState::Unknown {
                 continue;
             }
             both += 1;
@@ -216,13 +216,13 @@ pub fn picture(first: &RosMap, second: &RosMap, difference: &Difference) -> Pict
         ];
         let back = difference.back(place);
         match (first.at(place), second.at(back)) {
-            (Seen::Wall, Seen::Wall) => [30, 30, 30],
-            (Seen::Wall, _) if near_second.at(back, 1.0) <= near_m => [30, 30, 30],
-            (Seen::Wall, _) => [40, 80, 220],
-            (_, Seen::Wall) if near_first.at(place, 1.0) <= near_m => [120, 120, 120],
-            (_, Seen::Wall) => [220, 40, 30],
-            (Seen::Free, Seen::Free) => [255, 255, 255],
-            (Seen::Unknown, Seen::Unknown) => [190, 190, 190],
+            (CellState::Wall, CellState::Wall) => [30, 30, 30],
+            (CellState::Wall, _) if near_second.at(back, 1.0) <= near_m => [30, 30, 30],
+            (CellState::Wall, _) => [40, 80, 220],
+            (_, CellState::Wall) if near_first.at(place, 1.0) <= near_m => [120, 120, 120],
+            (_, CellState::Wall) => [220, 40, 30],
+            (CellState::Free, CellState::Free) => [255, 255, 255],
+            (CellState::Unknown, CellState::Unknown) => [190, 190, 190],
             _ => [230, 230, 225],
         }
     })
@@ -251,11 +251,11 @@ mod tests {
             let (dx, dy) = (x * CELL_M - 1.5 - shift.x, y * CELL_M - 1.5 - shift.y);
             let (x, y) = (1.5 + cos * dx + sin * dy, 1.5 + cos * dy - sin * dx);
             if is_wall(x, y) {
-                Seen::Wall
+                CellState::Wall
             } else if inside(x, y) {
-                Seen::Free
+                CellState::Free
             } else {
-                Seen::Unknown
+                CellState::Unknown
             }
         });
         RosMap::new(150, CELL_M, [0.0; 2], cells.collect())
@@ -300,13 +300,13 @@ mod tests {
             let (x, y) = (index % 150, index / 150);
             let is_stub = (49..53).contains(&x) && (42..76).contains(&y);
             let seen = whole.cell(x, y).expect("on the map");
-            if is_stub { Seen::Free } else { seen }
+            if is_stub { CellState::Free } else { seen }
         });
         let lacking = RosMap::new(150, CELL_M, [0.0; 2], cells.collect());
         let found = diff(&whole, &lacking, REACH).expect("walls");
         assert!(found.second_in_first > 0.999, "{found:?}");
         assert!((0.85..0.95).contains(&found.first_in_second), "{found:?}");
-        let empty = RosMap::new(10, CELL_M, [0.0; 2], vec![Seen::Free; 100]);
+        let empty = RosMap::new(10, CELL_M, [0.0; 2], vec![CellState::Free; 100]);
         assert_eq!(diff(&whole, &empty, REACH), None);
     }
 }

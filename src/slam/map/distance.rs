@@ -2,7 +2,7 @@
 //! lower envelopes of parabolas, first along columns, then along rows (Felzenszwalb and
 //! Huttenlocher 2012).
 
-use super::{RosMap, Seen};
+use super::{CellState, RosMap};
 
 /// Distances from the cells of a map to its nearest wall.
 pub(super) struct Distances {
@@ -22,7 +22,7 @@ impl Distances {
         let mut squares = vec![FAR * FAR; width * height];
         for y in 0..height {
             for x in 0..width {
-                if map.cell(x, y) == Some(Seen::Wall) {
+                if map.cell(x, y) == Some(CellState::Wall) {
                     squares[y * width + x] = 0.0;
                 }
             }
@@ -134,12 +134,12 @@ mod tests {
             walls in proptest::collection::vec(proptest::bool::weighted(0.05), 12 * 9),
         ) {
             prop_assume!(walls.contains(&true));
-            let cells = walls.iter().map(|is| if *is { Seen::Wall } else { Seen::Free });
+            let cells = walls.iter().map(|is| if *is { CellState::Wall } else { CellState::Free });
             let map = RosMap::new(12, 0.5, [0.0; 2], cells.collect());
             let distances = Distances::new(&map);
-            for free in map.all(Seen::Free) {
+            for free in map.all(CellState::Free) {
                 let nearest = map
-                    .all(Seen::Wall)
+                    .all(CellState::Wall)
                     .map(|wall| libm::hypot(wall[0] - free[0], wall[1] - free[1]))
                     .fold(f64::INFINITY, f64::min);
                 prop_assert!((distances.at(free, 100.0) - nearest).abs() < 1e-5);

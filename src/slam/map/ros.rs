@@ -8,7 +8,7 @@ use crate::picture::{Picture, PictureError};
 
 /// What a cell is known to be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Seen {
+pub enum CellState {
     /// Nobody knows.
     Unknown,
     /// Free space.
@@ -28,7 +28,7 @@ pub struct RosMap {
     pub cell_m: f64,
     /// Lower left corner, metres.
     pub origin: [f64; 2],
-    cells: Vec<Seen>,
+    cells: Vec<CellState>,
 }
 
 /// A map that cannot be read.
@@ -46,7 +46,7 @@ const CELLS_MAX: usize = 64 << 20;
 
 impl RosMap {
     /// A map of these cells, row after row from the lowest.
-    pub fn new(width: usize, cell_m: f64, origin: [f64; 2], cells: Vec<Seen>) -> Self {
+    pub fn new(width: usize, cell_m: f64, origin: [f64; 2], cells: Vec<CellState>) -> Self {
         assert!(width > 0 && cells.len().is_multiple_of(width), "whole rows");
         Self {
             width,
@@ -109,16 +109,16 @@ impl RosMap {
     }
 
     /// The cell at a column and row.
-    pub fn cell(&self, x: usize, y: usize) -> Option<Seen> {
+    pub fn cell(&self, x: usize, y: usize) -> Option<CellState> {
         (x < self.width && y < self.height).then(|| self.cells[y * self.width + x])
     }
 
     /// The cell under a place in metres; unknown outside the map.
-    pub fn at(&self, [x, y]: [f64; 2]) -> Seen {
+    pub fn at(&self, [x, y]: [f64; 2]) -> CellState {
         let index = |metres: f64, origin: f64| ((metres - origin) / self.cell_m).floor();
         let (x, y) = (index(x, self.origin[0]), index(y, self.origin[1]));
         if !(x >= 0.0 && y >= 0.0 && x < self.width as f64 && y < self.height as f64) {
-            return Seen::Unknown;
+            return CellState::Unknown;
         }
         #[expect(clippy::cast_possible_truncation, reason = "whole and on the map")]
         #[expect(clippy::cast_sign_loss, reason = "not negative")]
@@ -127,7 +127,7 @@ impl RosMap {
     }
 
     /// Middles of all cells that are `what`, in metres.
-    pub fn all(&self, what: Seen) -> impl Iterator<Item = [f64; 2]> + '_ {
+    pub fn all(&self, what: CellState) -> impl Iterator<Item = [f64; 2]> + '_ {
         let cells = self.cells.iter().enumerate();
         cells
             .filter(move |(_, seen)| **seen == what)
@@ -206,15 +206,15 @@ impl Header {
         }
     }
 
-    fn seen(&self, gray: u8) -> Seen {
+    fn seen(&self, gray: u8) -> CellState {
         let part = f64::from(gray) / 255.0;
         let occupied = if self.is_negated { part } else { 1.0 - part };
         if occupied > self.occupied {
-            Seen::Wall
+            CellState::Wall
         } else if occupied < self.free {
-            Seen::Free
+            CellState::Free
         } else {
-            Seen::Unknown
+            CellState::Unknown
         }
     }
 }
@@ -245,7 +245,7 @@ mod tests {
                 .expect("sound");
         assert_eq!(
             [0, 254, 205].map(|gray| header.seen(gray)),
-            [Seen::Wall, Seen::Free, Seen::Unknown]
+            [CellState::Wall, CellState::Free, CellState::Unknown]
         );
         assert_eq!((header.origin, header.cell_m), ([-1.0, 2.5], 0.05));
     }
@@ -264,10 +264,10 @@ mod tests {
 
     #[test]
     fn places_outside_the_map_are_unknown() {
-        let map = RosMap::new(2, 0.5, [1.0, 1.0], vec![Seen::Wall; 4]);
-        assert_eq!(map.at([1.9, 1.9]), Seen::Wall);
+        let map = RosMap::new(2, 0.5, [1.0, 1.0], vec![CellState::Wall; 4]);
+        assert_eq!(map.at([1.9, 1.9]), CellState::Wall);
         for place in [[0.9, 1.2], [2.1, 1.2], [f64::NAN, 1.0]] {
-            assert_eq!(map.at(place), Seen::Unknown);
+            assert_eq!(map.at(place), CellState::Unknown);
         }
     }
 }

@@ -34,8 +34,8 @@ impl Robot for Car {
         Ok(Some(Box::new(car.map_err(bad)?)))
     }
 
-    fn wire(&self, plan: Plan<'_>) -> Result<Wired, ScenarioError> {
-        let Plan {
+    fn wire(&self, plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
+        let WirePlan {
             scenario,
             source,
             world,

@@ -11,7 +11,7 @@ use hilrig::rig::line::{Delivery, Direction};
 use hilrig::rig::trace::{Side, Tap};
 use hilrig::robots::{self, Dut, PcEnd};
 use hilrig::run::Run;
-use hilrig::scenario::{FaultKind, Place, Scenario};
+use hilrig::scenario::{FaultKind, FaultPlace, Scenario};
 use protocols::avr::{self, ChecksumOrder, registers};
 use protocols::xv11::{self, Frame, Reading};
 use protocols::{Decode, Instant};
@@ -150,7 +150,7 @@ const WHEN: &str = "from = \"4s\"\nuntil = \"6s\"\n";
 
 fn fault(kind: FaultKind, keys: &str, when: &str) -> Seen {
     let device = match kind.place() {
-        Place::Devices => "",
+        FaultPlace::Devices => "",
         _ if keys.contains("device") => "",
         _ => "device = \"lidar\"\n",
     };
@@ -294,7 +294,7 @@ fn nothing_is_seen(seen: &Seen, plain: &Seen) {
 
 fn check(kind: FaultKind, plain: &Seen) {
     let Some((keys, holds)) = row(kind) else {
-        assert_eq!(kind.place(), Place::Line, "{} has no row", kind.name());
+        assert_eq!(kind.place(), FaultPlace::Line, "{} has no row", kind.name());
         return;
     };
     let seen = fault(kind, keys, WHEN);

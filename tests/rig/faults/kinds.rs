@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use hilrig::scenario::{FaultKind, Place, Scenario};
+use hilrig::scenario::{FaultKind, FaultPlace, Scenario};
 use protocols::Instant;
 
 use super::wire::{SENT, Seen, one, run, run_each};
@@ -238,7 +238,7 @@ fn spell(stall: &hilrig::scenario::FaultSpec) -> [f64; 2] {
 
 fn check(kind: FaultKind) {
     let Some(row) = row(kind) else {
-        assert_ne!(kind.place(), Place::Line, "{} has no row", kind.name());
+        assert_ne!(kind.place(), FaultPlace::Line, "{} has no row", kind.name());
         return;
     };
     let fault = |keys: &str| run(one(kind.name(), keys), &SENT, row.piece);

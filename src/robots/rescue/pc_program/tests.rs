@@ -54,12 +54,12 @@ fn echo(list: &[(i16, [i16; 2], i16)]) -> Vec<u8> {
 }
 
 /// A PC with its port open.
-struct Desk {
+struct Operator {
     pc: Pc,
     now: Instant,
 }
 
-impl Desk {
+impl Operator {
     fn connected() -> Self {
         let script = Script::new(Vec::new()).expect("empty");
         let mut desk = Self {
@@ -115,7 +115,7 @@ impl Desk {
 /// pairs of a plain row do not add up to its width, so it is refused; the next pass mends it.
 #[test]
 fn ui_01_a_plain_row_taken_for_a_coded_one_is_not_drawn() {
-    let mut desk = Desk::with_map();
+    let mut desk = Operator::with_map();
     let plain = [&[0, 7, 0][..], &[28; 300]].concat();
     desk.hears(&sealed(b"MAP", &plain));
     let before = desk.pc.map().expect("known").pixels.clone();
@@ -129,7 +129,7 @@ fn ui_01_a_plain_row_taken_for_a_coded_one_is_not_drawn() {
 /// program still hears.
 #[test]
 fn ui_02_no_frame_makes_the_program_deaf() {
-    let mut desk = Desk::with_map();
+    let mut desk = Operator::with_map();
     desk.hears(&sealed(b"MAR", &[0, 0, 0, 255]));
     desk.hears(&sealed(b"MAP", &[&[0, 0x2C, 1][..], &[0; 300]].concat()));
     desk.hears(&sealed(b"MAP", &[0]));
@@ -147,7 +147,7 @@ fn ui_02_no_frame_makes_the_program_deaf() {
 /// UI-03: 65526 and 65446 degrees were shown for -10 and -90. 0xFFF6 is -10, 0xFFA6 is -90.
 #[test]
 fn ui_03_a_negative_pose_is_negative() {
-    let mut desk = Desk::connected();
+    let mut desk = Operator::connected();
     let payload = [
         10, 0xB8, 0x0B, 0xB8, 0x0B, 1, 0xF6, 0xFF, 0, 0, 0, 0xA6, 0xFF,
     ];
@@ -159,7 +159,7 @@ fn ui_03_a_negative_pose_is_negative() {
 /// UI-04: 65516 was shown for -20.
 #[test]
 fn ui_04_a_negative_waypoint_is_negative() {
-    let mut desk = Desk::with_map();
+    let mut desk = Operator::with_map();
     desk.hears(&echo(&[(0, [-20, 5], NO_WAYPOINT)]));
     assert_eq!(waypoints(&desk.pc), [[-20, 5]]);
 }
@@ -167,11 +167,11 @@ fn ui_04_a_negative_waypoint_is_negative() {
 /// UI-05: after a list of the robot with numbers 0 and 1, a click was numbered 0 again.
 #[test]
 fn ui_05_a_waypoint_added_to_the_robots_list_gets_a_number_of_its_own() {
-    let mut desk = Desk::with_map();
+    let mut desk = Operator::with_map();
     desk.hears(&echo(&[(0, [100, 100], NO_WAYPOINT), (1, [200, 200], 0)]));
     let sent = desk.add(300, 300).expect("on the map");
     assert_eq!(
-        Desk::sent_list(&sent),
+        Operator::sent_list(&sent),
         [
             (0, [100, 100], NO_WAYPOINT),
             (1, [200, 200], 0),
@@ -183,7 +183,7 @@ fn ui_05_a_waypoint_added_to_the_robots_list_gets_a_number_of_its_own() {
 /// UI-06: a click beside the map sent the robot there.
 #[test]
 fn ui_06_a_place_beside_the_map_is_no_waypoint() {
-    let mut desk = Desk::with_map();
+    let mut desk = Operator::with_map();
     let outside = Err(Refusal::Outside {
         size_mm: [3_000, 3_000],
     });
@@ -196,7 +196,7 @@ fn ui_06_a_place_beside_the_map_is_no_waypoint() {
 /// UI-07: a click before the robot had told its map sent (0, 0).
 #[test]
 fn ui_07_there_is_no_place_before_there_is_a_map() {
-    let mut desk = Desk::connected();
+    let mut desk = Operator::connected();
     assert_eq!(desk.add(0, 0), Err(Refusal::NoMap));
     desk.hears(&properties([0, 0], [0, 0], 0));
     assert_eq!(desk.add(0, 0), Err(Refusal::NoMap));
@@ -206,7 +206,7 @@ fn ui_07_there_is_no_place_before_there_is_a_map() {
 #[test]
 fn ui_08_a_stray_byte_before_a_frame_costs_nothing_else() {
     for stray in [&b"P"[..], b"PCUI_", b"PCUI_MS"] {
-        let mut desk = Desk::connected();
+        let mut desk = Operator::connected();
         let golden = b"PCUI_MSG\x0D\x00\x53\x03\x00\x00MPD\
             \x14\x70\x17\x70\x17\x01\xE8\x03\xE8\x03\x00\x5A\x00";
         desk.hears(&[stray, golden].concat());
@@ -217,7 +217,7 @@ fn ui_08_a_stray_byte_before_a_frame_costs_nothing_else() {
 /// UI-09: rows of a map that is not square were laid out by its height.
 #[test]
 fn ui_09_a_map_that_is_not_square_keeps_its_rows() {
-    let mut desk = Desk::connected();
+    let mut desk = Operator::connected();
     desk.hears(&properties([40, 20], [0, 0], 0));
     desk.hears(&sealed(b"MAP", &[0, 1, 0, 1, 2, 3, 4]));
     let map = desk.pc.map().expect("known");
@@ -232,7 +232,7 @@ fn ui_09_a_map_that_is_not_square_keeps_its_rows() {
 /// UI-10: the last column of a coded row stayed white, which means free.
 #[test]
 fn ui_10_a_column_that_was_not_told_is_unknown() {
-    let mut desk = Desk::connected();
+    let mut desk = Operator::connected();
     desk.hears(&properties([40, 10], [0, 0], 0));
     desk.hears(&sealed(b"MAR", &[0, 0, 0, 3, 0]));
     assert_eq!(desk.pc.map().expect("known").pixels, [0, 0, 0, 127]);
@@ -244,7 +244,7 @@ fn ui_10_a_column_that_was_not_told_is_unknown() {
 fn pu_06_a_pose_inside_a_row_costs_at_most_the_two() {
     let row = sealed(b"MAP", &[&[0, 0, 0][..], &[9; 300]].concat());
     for at in 0..row.len() {
-        let mut desk = Desk::with_map();
+        let mut desk = Operator::with_map();
         let pose = properties([3_000, 3_000], [5, 5], 90);
         desk.hears(&[&row[..at], &pose, &row[at..]].concat());
         let good = sealed(b"MAP", &[&[0, 1, 0][..], &[0; 300]].concat());
@@ -260,11 +260,11 @@ fn pu_06_a_pose_inside_a_row_costs_at_most_the_two() {
 /// robot. From a robot that says so, the order of the list counts; sent back, it is chained anew.
 #[test]
 fn pu_07_predecessors_are_always_those_of_the_list() {
-    let mut desk = Desk::with_map();
+    let mut desk = Operator::with_map();
     desk.hears(&echo(&[(1, [2, 2], NO_WAYPOINT), (0, [5, 5], 1)]));
     let sent = desk.add(9, 9).expect("on the map");
     assert_eq!(
-        Desk::sent_list(&sent),
+        Operator::sent_list(&sent),
         [(0, [2, 2], NO_WAYPOINT), (1, [5, 5], 0), (2, [9, 9], 1)]
     );
 }
@@ -272,7 +272,7 @@ fn pu_07_predecessors_are_always_those_of_the_list() {
 /// PU-08: deleting the first of three, or one in the middle, left a gap in the chain.
 #[test]
 fn pu_08_deleting_leaves_no_gap_in_the_chain() {
-    let mut desk = Desk::with_map();
+    let mut desk = Operator::with_map();
     for x in [100, 200, 300] {
         desk.add(x, x).expect("on the map");
     }
@@ -282,7 +282,7 @@ fn pu_08_deleting_leaves_no_gap_in_the_chain() {
     };
     let sent = desk.does(first).expect("is there");
     assert_eq!(
-        Desk::sent_list(&sent),
+        Operator::sent_list(&sent),
         [(0, [200, 200], NO_WAYPOINT), (1, [300, 300], 0)]
     );
 }
@@ -290,19 +290,19 @@ fn pu_08_deleting_leaves_no_gap_in_the_chain() {
 /// PU-09: two waypoints with the same predecessor.
 #[test]
 fn pu_09_a_forked_chain_of_the_robot_becomes_a_list() {
-    let mut desk = Desk::with_map();
+    let mut desk = Operator::with_map();
     let forked = [(0, [1, 1], NO_WAYPOINT), (1, [2, 2], 0), (2, [3, 3], 0)];
     desk.hears(&echo(&forked));
     assert_eq!(waypoints(&desk.pc), [[1, 1], [2, 2], [3, 3]]);
     let sent = desk.add(4, 4).expect("on the map");
-    let chain: Vec<i16> = Desk::sent_list(&sent).iter().map(|one| one.2).collect();
+    let chain: Vec<i16> = Operator::sent_list(&sent).iter().map(|one| one.2).collect();
     assert_eq!(chain, [NO_WAYPOINT, 0, 1, 2]);
 }
 
 /// PU-11: an empty list left the target of the old one behind.
 #[test]
 fn pu_11_an_empty_list_is_sent_and_shown() {
-    let mut desk = Desk::with_map();
+    let mut desk = Operator::with_map();
     desk.hears(&echo(&[(0, [1, 1], NO_WAYPOINT)]));
     let sent = desk.does(Gesture::Clear).expect("always");
     // Count zero, sum zero.
@@ -316,7 +316,7 @@ fn pu_11_an_empty_list_is_sent_and_shown() {
 /// waypoints in two lists overflowed the robot's queue.
 #[test]
 fn pu_12_a_gesture_sends_one_list() {
-    let mut desk = Desk::with_map();
+    let mut desk = Operator::with_map();
     desk.add(100, 100).expect("on the map");
     let moved = Gesture::Move {
         index: 0,
@@ -324,19 +324,19 @@ fn pu_12_a_gesture_sends_one_list() {
         to: [150, 100],
     };
     let sent = desk.does(moved).expect("is there");
-    assert_eq!(Desk::sent_list(&sent), [(0, [150, 100], NO_WAYPOINT)]);
+    assert_eq!(Operator::sent_list(&sent), [(0, [150, 100], NO_WAYPOINT)]);
     let gone = Gesture::Delete {
         index: 0,
         at: [150, 100],
     };
-    assert_eq!(Desk::sent_list(&desk.does(gone).expect("is there")), []);
+    assert_eq!(Operator::sent_list(&desk.does(gone).expect("is there")), []);
 }
 
 /// PU-13: the 57th waypoint made a list that the robot did not take, without a word. 2 + 9 * 56 is
 /// 506, one more is 515 and beyond 511.
 #[test]
 fn pu_13_a_list_too_long_for_a_message_is_refused_aloud() {
-    let mut desk = Desk::with_map();
+    let mut desk = Operator::with_map();
     for x in 0..56 {
         desk.add(x, 0).expect("56 fit");
     }
@@ -348,7 +348,7 @@ fn pu_13_a_list_too_long_for_a_message_is_refused_aloud() {
 /// PU-15: what came while the program was off was taken for its first frame.
 #[test]
 fn pu_15_what_came_before_the_port_was_opened_is_not_heard() {
-    let mut desk = Desk::connected();
+    let mut desk = Operator::connected();
     desk.does(Gesture::Disconnect).expect("always");
     desk.hears(&properties([3_000, 3_000], [1, 1], 0)[..20]);
     desk.does(Gesture::Connect).expect("always");
@@ -362,7 +362,7 @@ fn pu_15_what_came_before_the_port_was_opened_is_not_heard() {
 /// the one that was seen.
 #[test]
 fn a_gesture_at_a_waypoint_that_has_changed_is_refused() {
-    let mut desk = Desk::with_map();
+    let mut desk = Operator::with_map();
     desk.hears(&echo(&[(0, [100, 100], NO_WAYPOINT), (1, [200, 200], 0)]));
     let delete = |index, at| Gesture::Delete { index, at };
     assert_eq!(desk.does(delete(1, [100, 100])), Err(Refusal::Changed));
@@ -372,7 +372,7 @@ fn a_gesture_at_a_waypoint_that_has_changed_is_refused() {
 
 #[test]
 fn nothing_is_asked_of_a_robot_that_is_not_there() {
-    let mut desk = Desk::with_map();
+    let mut desk = Operator::with_map();
     desk.does(Gesture::Disconnect).expect("always");
     let stop = Gesture::Mode(ModeSpec::Stop);
     assert_eq!(desk.does(stop), Err(Refusal::NotConnected));
@@ -416,7 +416,7 @@ proptest! {
     /// hold what a plain list holds; metres and millimetres are the same places.
     #[test]
     fn edits_do_what_a_plain_list_does(edits in prop::collection::vec(edit(), 0..40)) {
-        let mut desk = Desk::with_map();
+        let mut desk = Operator::with_map();
         let mut plain: Vec<[i32; 2]> = Vec::new();
         for edit in edits {
             let gesture = match edit {
@@ -442,7 +442,7 @@ proptest! {
                     continue;
                 }
             }
-            let sent = Desk::sent_list(&sent.expect("a sound gesture"));
+            let sent = Operator::sent_list(&sent.expect("a sound gesture"));
             for (place, (index, one)) in plain.iter().zip((0..).zip(&sent)) {
                 prop_assert_eq!((one.0, one.1.map(i32::from), one.2), (index, *place, index - 1));
             }
@@ -457,7 +457,7 @@ proptest! {
         id in prop::sample::select(vec![*b"MPD", *b"MAP", *b"MAR", *b"LWP", *b"STA", *b"XYZ"]),
         payload in prop::collection::vec(any::<u8>(), 0..=40),
     ) {
-        let mut desk = Desk::with_map();
+        let mut desk = Operator::with_map();
         for piece in pieces {
             desk.hears(&piece);
             desk.hears(&sealed(&id, &payload));
@@ -474,7 +474,7 @@ proptest! {
 /// Modes have the numbers of the wire: stop 0, exploration 1, waypoint 2, manual 3.
 #[test]
 fn orders_are_the_golden_ones() {
-    let mut desk = Desk::with_map();
+    let mut desk = Operator::with_map();
     let bytes = desk.does(Gesture::Mode(ModeSpec::Exploration)).expect("ok");
     assert_eq!(bytes, b"PCUI_MSG\x03\x00\x01\x00\x00\x00STA\x01\x00\x00");
     let bytes = desk.does(Gesture::Drive([1, -2])).expect("connected");

@@ -7,25 +7,25 @@ use super::case::{Case, Pair};
 use super::cause::Cause;
 use super::finding::Finding;
 use super::harness::{Harness, HarnessError, Whose};
-use super::plan::{Plan, Progress, RECORDINGS};
+use super::plan::{Progress, RECORDINGS, TrialPlan};
 use super::speech::Speech;
-use super::trial::{self, Seen};
+use super::trial::{self, TrialOutcome};
 use crate::search::shrink::{Effort, fewest};
 
 /// Something new.
-pub(super) struct Found<'a> {
+pub(super) struct OpenFinding<'a> {
     pub(super) harness: &'a Harness<'a>,
-    pub(super) plan: &'a Plan,
+    pub(super) plan: &'a TrialPlan,
     pub(super) speech: &'a Speech,
     pub(super) cause: &'a Cause,
     pub(super) finding: Finding,
     pub(super) progress: &'a Progress,
 }
 
-impl Found<'_> {
+impl OpenFinding<'_> {
     /// Writes it down as it is, then tries it again, then makes it smaller. Whether it is to be
     /// kept: what may only be this machine's lateness must be seen again.
-    pub(super) fn keep(&self, first: Case, seen: &Seen) -> Result<bool, HarnessError> {
+    pub(super) fn keep(&self, first: Case, seen: &TrialOutcome) -> Result<bool, HarnessError> {
         let recording = self.plan.out.join(RECORDINGS[0]);
         // A second cause of the same case has the same capture.
         let copy = self.plan.out.join(RECORDINGS[1]);

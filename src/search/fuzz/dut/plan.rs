@@ -8,7 +8,7 @@ use crate::scenario::Scenario;
 
 /// What is searched for, and how.
 #[derive(Clone, Debug)]
-pub struct Plan {
+pub struct TrialPlan {
     /// World and devices.
     pub scenario: Scenario,
     /// The one link to be fuzzed with raw traffic; none: faults everywhere, and each link in turn.

@@ -12,7 +12,7 @@ use super::cause::Cause;
 use super::harness::{Harness, HarnessError, Whose};
 use super::session::{Halt, Session};
 use super::speech::{Shape, Speech, is_echo};
-use super::trial::{self, Seen, Talk, settle};
+use super::trial::{self, Talk, TrialOutcome, settle};
 use crate::codec::wire::Stream;
 use crate::scenario::{Scenario, Span};
 
@@ -44,7 +44,7 @@ impl Harness<'_> {
         scenario: &Scenario,
         lasting: Duration,
         recording: &Path,
-    ) -> Result<(Probed, Case, Seen), HarnessError> {
+    ) -> Result<(Probed, Case, TrialOutcome), HarnessError> {
         let case = Case {
             scenario: quiet(scenario, lasting),
             told: Told {
@@ -73,7 +73,7 @@ impl Harness<'_> {
         (link, speech): (&str, &Speech),
         rng: &mut Rng,
         recording: &Path,
-    ) -> Result<(Probed, Case, Seen), HarnessError> {
+    ) -> Result<(Probed, Case, TrialOutcome), HarnessError> {
         let raw = Raw {
             link: link.to_owned(),
             ..Raw::default()

@@ -9,13 +9,13 @@ use emulators::rng::Rng;
 use super::case::{self, Case, Told};
 use super::cause::Cause;
 use super::finding::{Finding, Kept, State};
-use super::found::Found;
+use super::found::OpenFinding;
 use super::harness::{Harness, HarnessError, Whose};
-use super::plan::{Plan, Progress, RECORDINGS};
+use super::plan::{Progress, RECORDINGS, TrialPlan};
 use super::probe::Probed;
 use super::speech::Speech;
 use super::traffic;
-use super::trial::{self, Seen};
+use super::trial::{self, TrialOutcome};
 use crate::robots::OpenEnd;
 use crate::scenario::Span;
 
@@ -26,7 +26,7 @@ const FINDINGS_MAX: usize = 100;
 pub struct Search<'a> {
     harness: &'a Harness<'a>,
     progress: &'a Progress,
-    plan: Plan,
+    plan: TrialPlan,
     ends: Vec<(OpenEnd, Speech)>,
     met: BTreeMap<Option<usize>, Probed>,
     state: State,
@@ -38,7 +38,7 @@ impl<'a> Search<'a> {
     /// Begins a search or goes on with the one in the folder.
     pub fn new(
         harness: &'a Harness<'a>,
-        plan: Plan,
+        plan: TrialPlan,
         progress: &'a Progress,
     ) -> Result<Self, HarnessError> {
         let ends = harness.ends(&plan.scenario, plan.link.as_deref())?;
@@ -197,7 +197,12 @@ impl<'a> Search<'a> {
     }
 
     /// Keeps what was found in `case`, each cause once.
-    fn keep(&mut self, case: Case, speech: &Speech, seen: Seen) -> Result<(), HarnessError> {
+    fn keep(
+        &mut self,
+        case: Case,
+        speech: &Speech,
+        seen: TrialOutcome,
+    ) -> Result<(), HarnessError> {
         for cause in &seen.causes {
             let key = cause.key();
             if let Some(kept) = self.state.findings.iter_mut().find(|kept| kept.key == key) {
@@ -215,7 +220,7 @@ impl<'a> Search<'a> {
         &mut self,
         case: &Case,
         speech: &Speech,
-        seen: &Seen,
+        seen: &TrialOutcome,
         cause: &Cause,
     ) -> Result<(), HarnessError> {
         let number = self.state.findings.len() + 1;
@@ -225,7 +230,7 @@ impl<'a> Search<'a> {
             first.scenario = seen.ran.clone();
         }
         let dir = self.plan.out.join("findings").join(&folder);
-        let found = Found {
+        let found = OpenFinding {
             harness: self.harness,
             plan: &self.plan,
             progress: self.progress,

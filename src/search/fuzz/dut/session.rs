@@ -51,13 +51,13 @@ pub(super) struct Session<'a> {
     heard: Vec<u8>,
     /// When the last byte was said there.
     said_at: Instant,
-    ports: BTreeMap<String, Seen>,
+    ports: BTreeMap<String, PortActivity>,
     goes_on: &'a dyn Fn() -> bool,
 }
 
 /// What was seen of a port.
 #[derive(Clone, Copy, Debug, Default)]
-struct Seen {
+struct PortActivity {
     was_opened: bool,
     is_open: bool,
     spoken: u64,
@@ -267,7 +267,7 @@ impl<'a> Session<'a> {
 
     /// Which ports the program opened, has read empty since `from`, and has spoken on since.
     pub(super) fn known(&self, from: Instant) -> Known {
-        let those = |is: &dyn Fn(&Seen) -> bool| {
+        let those = |is: &dyn Fn(&PortActivity) -> bool| {
             let ports = self.ports.iter().filter(|(_, port)| is(port));
             ports.map(|(name, _)| name.clone()).collect()
         };

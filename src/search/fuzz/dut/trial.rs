@@ -15,7 +15,7 @@ use crate::scenario::Scenario;
 
 /// What came of a case.
 #[derive(Clone, Debug)]
-pub struct Seen {
+pub struct TrialOutcome {
     /// What was wrong.
     pub causes: Vec<Cause>,
     /// What the program said on its standard error.
@@ -179,7 +179,7 @@ pub fn run(
     case: &Case,
     speech: &Speech,
     recording: &Path,
-) -> Result<Seen, HarnessError> {
+) -> Result<TrialOutcome, HarnessError> {
     let (mut live, opened) = Session::begin(harness, case, recording)?;
     let mut causes = Vec::new();
     let acted = opened.and_then(|()| act(&mut live, case, speech, harness.alive, &mut causes));
@@ -192,7 +192,7 @@ pub(super) fn judge(
     live: Session<'_>,
     acted: Result<(), Halt>,
     mut causes: Vec<Cause>,
-) -> Result<Seen, HarnessError> {
+) -> Result<TrialOutcome, HarnessError> {
     let known = live.known(live.now());
     let was_late = live.late() > LATE;
     let (said, run) = live.end(harness);
@@ -207,7 +207,7 @@ pub(super) fn judge(
         (harness.is_strict || !cause.is_about_time()) && !(was_late && cause.may_be_lateness())
     };
     causes.extend(broken(run).into_iter().filter(counts));
-    Ok(Seen {
+    Ok(TrialOutcome {
         causes,
         said,
         ran,

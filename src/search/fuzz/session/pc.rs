@@ -133,7 +133,7 @@ impl super::Bench for Client {
         behaviour: &mut Behaviour,
         tape: &mut Tape,
     ) -> Result<(), Violation> {
-        let mut desk = Desk::new(!self.defects.is_empty());
+        let mut desk = Operator::new(!self.defects.is_empty());
         let mut expected = Expected::default();
         for step in steps {
             match step {
@@ -143,7 +143,7 @@ impl super::Bench for Client {
                 }
                 Step::Send(_, bytes) => {
                     tape.note(0, desk.now, Direction::ToDevice, bytes);
-                    desk.hear(bytes);
+                    desk.receive(bytes);
                     expected.heard.extend(bytes);
                 }
                 Step::Reply(_) => {}
@@ -155,7 +155,7 @@ impl super::Bench for Client {
         // Whatever came before, a good frame after a pause is understood.
         let last = properties([123, 45]);
         tape.note(0, desk.now, Direction::ToDevice, &last);
-        desk.hear(&last);
+        desk.receive(&last);
         behaviour.note(&desk.figures());
         if desk.position_mm() != Some([123, 45]) {
             let detail = format!("it shows the robot at {:?} mm", desk.position_mm());
@@ -195,12 +195,12 @@ enum Program {
 }
 
 /// A program with its port open.
-struct Desk {
+struct Operator {
     program: Program,
     now: Instant,
 }
 
-impl Desk {
+impl Operator {
     fn new(is_fielded: bool) -> Self {
         let now = Instant::ZERO;
         let program = if is_fielded {
@@ -217,7 +217,7 @@ impl Desk {
         Self { program, now }
     }
 
-    fn hear(&mut self, bytes: &[u8]) {
+    fn receive(&mut self, bytes: &[u8]) {
         match &mut self.program {
             _ if bytes.is_empty() => {}
             Program::Sound(pc, _) => pc.receive(Pc::AIR, self.now, bytes),
@@ -320,7 +320,7 @@ impl Expected {
         }
     }
 
-    fn compare(&self, desk: &Desk) -> Result<(), Violation> {
+    fn compare(&self, desk: &Operator) -> Result<(), Violation> {
         if self.is_another {
             return Ok(());
         }
