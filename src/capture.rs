@@ -9,13 +9,13 @@
 
 pub mod case;
 pub mod decode;
-pub mod divergence;
-pub mod export;
+pub(crate) mod divergence;
+pub(crate) mod export;
 mod files;
 pub mod import;
 mod join;
-pub mod pcapng;
-pub mod record;
+pub(crate) mod pcapng;
+pub(crate) mod record;
 mod recording;
 pub mod replay;
 pub mod tap;

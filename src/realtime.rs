@@ -13,11 +13,11 @@
 
 pub mod clock;
 pub mod control;
-pub mod exec;
-pub mod held;
+pub(crate) mod exec;
+pub(crate) mod held;
 mod lateness;
-pub mod process;
-pub mod standalone;
+pub(crate) mod process;
+pub(crate) mod standalone;
 pub mod transport;
 
 use core::fmt;

@@ -8,7 +8,7 @@ pub mod line;
 mod link_kind;
 mod node;
 mod paced;
-pub mod resample;
+pub(crate) mod resample;
 mod round;
 mod swap;
 pub mod trace;

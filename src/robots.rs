@@ -5,7 +5,7 @@
 
 pub mod axis;
 pub mod checker;
-pub mod custom;
+pub(crate) mod custom;
 pub mod instruments;
 mod kept_map;
 pub mod rescue;

@@ -8,13 +8,13 @@ mod condition;
 mod contacts;
 mod expectations;
 mod faults;
-pub mod history;
+pub(crate) mod history;
 mod line_watch;
-pub mod mission;
-pub mod scene;
-pub mod score;
+pub(crate) mod mission;
+pub(crate) mod scene;
+pub(crate) mod score;
 mod steps;
-pub mod watch;
+pub(crate) mod watch;
 
 use core::time::Duration;
 use std::collections::BTreeMap;

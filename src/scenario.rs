@@ -10,7 +10,7 @@ mod limits;
 mod mission;
 mod own;
 mod phases;
-pub mod plan;
+pub(crate) mod plan;
 pub mod schema;
 mod source;
 mod span;

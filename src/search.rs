@@ -1,9 +1,9 @@
 //! Cases that nobody thought of: made by chance, judged in great numbers, made small.
 
-pub mod campaign;
+pub(crate) mod campaign;
 mod error;
 pub mod fuzz;
-pub mod generate;
+pub(crate) mod generate;
 pub mod shrink;
 
 pub use error::StoreError;

@@ -5,5 +5,5 @@ mod metrics;
 pub mod render;
 pub mod report;
 #[cfg(feature = "ui")]
-pub mod ui;
+pub(crate) mod ui;
 pub mod view;

@@ -7,7 +7,7 @@
 
 pub mod carmen;
 pub mod finding;
-pub mod folder;
+pub(crate) mod folder;
 pub mod map;
 #[cfg(feature = "mcap")]
 pub mod mcap;
@@ -16,7 +16,7 @@ mod messages;
 pub mod motion;
 mod stamps;
 pub mod survey;
-pub mod wire;
+pub(crate) mod wire;
 
 use emulators::world::Pose;
 use firmware_core::pose::Point;

@@ -80,7 +80,7 @@ pub struct Divergence {
 }
 
 /// Compares what came on a line with what was expected.
-pub fn compare(
+pub(crate) fn compare(
     link: &str,
     direction: Direction,
     expected: &Track,

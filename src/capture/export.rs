@@ -23,12 +23,11 @@ use crate::scenario::{Scenario, Source};
 use crate::show::folder;
 use crate::show::render;
 
-pub use carmen::Laser;
-pub use scans::{Scan, scans};
+pub(crate) use carmen::Laser;
 
 /// Forms that can be written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Format {
+pub(crate) enum Format {
     /// Every record as a row, with bytes in hex (.csv)
     Csv,
     /// The lines as a logic analyzer would see them, bit by bit (.vcd)
@@ -46,7 +45,7 @@ pub enum Format {
 
 impl Format {
     /// The form that a file's name asks for.
-    pub fn of(path: &Path) -> Option<Self> {
+    pub(crate) fn of(path: &Path) -> Option<Self> {
         Some(match path.extension()?.to_str()? {
             "csv" => Self::Csv,
             "vcd" => Self::Vcd,
@@ -60,19 +59,19 @@ impl Format {
     }
 
     /// Whether the form holds nothing but what the program believed.
-    pub fn is_belief(self) -> bool {
+    pub(crate) fn is_belief(self) -> bool {
         matches!(self, Self::Tum | Self::RosMap)
     }
 
     /// Whether the form holds bytes and nothing else.
-    pub fn is_bytes(self) -> bool {
+    pub(crate) fn is_bytes(self) -> bool {
         matches!(self, Self::Csv | Self::Vcd)
     }
 }
 
 /// What the program believed of itself and its surroundings.
 #[derive(Clone, Debug, Default)]
-pub struct Belief {
+pub(crate) struct Belief {
     /// Its way; times begin with the capture.
     pub way: Vec<(Instant, Pose)>,
     /// Its map at the end.
@@ -84,7 +83,7 @@ impl Belief {
     ///
     /// # Errors
     /// If it cannot be replayed.
-    pub fn of(
+    pub(crate) fn of(
         recorded: &Recorded,
         scenario: &Scenario,
         source: &Source,
@@ -116,7 +115,7 @@ impl Belief {
 
 /// What is exported.
 #[derive(Clone, Copy)]
-pub struct Export<'a> {
+pub(crate) struct Export<'a> {
     /// The capture.
     pub capture: &'a Capture,
     /// The same, ready to be played.
@@ -129,7 +128,7 @@ pub struct Export<'a> {
 
 /// An export came to nothing.
 #[derive(Debug, thiserror::Error)]
-pub enum ExportError {
+pub(crate) enum ExportError {
     /// The capture has nothing that the form could hold.
     #[error("{0}")]
     Nothing(&'static str),
@@ -143,7 +142,7 @@ impl Export<'_> {
     ///
     /// # Errors
     /// If there is nothing to write, or it cannot be written.
-    pub fn write(&self, format: Format, path: &Path) -> Result<String, ExportError> {
+    pub(crate) fn write(&self, format: Format, path: &Path) -> Result<String, ExportError> {
         let (bytes, words) = match format {
             Format::Csv => {
                 let words = format!("{} records", self.capture.records.len());

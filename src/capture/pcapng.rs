@@ -9,23 +9,23 @@
 //! and because damage must be reported with its offset.
 
 /// Begins a section; reads the same in both byte orders.
-pub const SECTION: u32 = 0x0A0D_0D0A;
+pub(crate) const SECTION: u32 = 0x0A0D_0D0A;
 /// Describes one interface.
-pub const INTERFACE: u32 = 1;
+pub(crate) const INTERFACE: u32 = 1;
 /// One packet.
-pub const PACKET: u32 = 6;
+pub(crate) const PACKET: u32 = 6;
 /// Says the byte order of a section.
 const MAGIC: u32 = 0x1A2B_3C4D;
 /// Longest block that is believed. Ours stay below a kilobyte.
 const BLOCK_MAX: u32 = 16 << 20;
 /// Option: a text for people.
-pub const COMMENT: u16 = 1;
+pub(crate) const COMMENT: u16 = 1;
 /// Option: private bytes, which tools copy.
-pub const CUSTOM: u16 = 2989;
+pub(crate) const CUSTOM: u16 = 2989;
 
 /// Byte order of a section.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Order {
+pub(crate) enum Order {
     /// Least significant byte first; what we write.
     #[default]
     Little,
@@ -35,7 +35,7 @@ pub enum Order {
 
 impl Order {
     /// Two bytes as a number.
-    pub const fn u16(self, bytes: [u8; 2]) -> u16 {
+    pub(crate) const fn u16(self, bytes: [u8; 2]) -> u16 {
         match self {
             Self::Little => u16::from_le_bytes(bytes),
             Self::Big => u16::from_be_bytes(bytes),
@@ -43,7 +43,7 @@ impl Order {
     }
 
     /// Four bytes as a number.
-    pub const fn u32(self, bytes: [u8; 4]) -> u32 {
+    pub(crate) const fn u32(self, bytes: [u8; 4]) -> u32 {
         match self {
             Self::Little => u32::from_le_bytes(bytes),
             Self::Big => u32::from_be_bytes(bytes),
@@ -51,7 +51,7 @@ impl Order {
     }
 
     /// Eight bytes as a number.
-    pub const fn u64(self, bytes: [u8; 8]) -> u64 {
+    pub(crate) const fn u64(self, bytes: [u8; 8]) -> u64 {
         match self {
             Self::Little => u64::from_le_bytes(bytes),
             Self::Big => u64::from_be_bytes(bytes),
@@ -59,13 +59,13 @@ impl Order {
     }
 
     /// The number at `at` of `bytes`, if they are that long.
-    pub fn u32_at(self, bytes: &[u8], at: usize) -> Option<u32> {
+    pub(crate) fn u32_at(self, bytes: &[u8], at: usize) -> Option<u32> {
         let bytes = bytes.get(at..at.checked_add(4)?)?;
         Some(self.u32(bytes.try_into().ok()?))
     }
 
     /// The number at `at` of `bytes`, if they are that long.
-    pub fn u16_at(self, bytes: &[u8], at: usize) -> Option<u16> {
+    pub(crate) fn u16_at(self, bytes: &[u8], at: usize) -> Option<u16> {
         let bytes = bytes.get(at..at.checked_add(2)?)?;
         Some(self.u16(bytes.try_into().ok()?))
     }
@@ -112,7 +112,7 @@ pub enum BlockFault {
 
 /// One whole block.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Block {
+pub(crate) struct Block {
     /// Where it begins in the file.
     pub offset: u64,
     /// Its type.
@@ -125,17 +125,17 @@ pub struct Block {
 
 /// Cuts a stream of bytes, fed in any pieces, into blocks.
 #[derive(Clone, Debug, Default)]
-pub struct Blocks {
+pub(crate) struct Blocks {
     buf: Vec<u8>,
     start: usize,
-    offset: u64,
+    pub(super) offset: u64,
     order: Option<Order>,
     broken: bool,
 }
 
 impl Blocks {
     /// Takes more of the file.
-    pub fn push(&mut self, bytes: &[u8]) {
+    pub(crate) fn push(&mut self, bytes: &[u8]) {
         if self.broken {
             return;
         }
@@ -145,17 +145,11 @@ impl Blocks {
     }
 
     /// Bytes of a block that is not whole yet.
-    pub fn pending(&self) -> usize {
+    pub(crate) fn pending(&self) -> usize {
         self.buf.len() - self.start
     }
-
-    /// Bytes of the file that whole blocks took.
-    pub const fn offset(&self) -> u64 {
-        self.offset
-    }
-
     /// The next whole block. `None` if more bytes are needed, or after an error.
-    pub fn next_block(&mut self) -> Option<Result<Block, BlockError>> {
+    pub(crate) fn next_block(&mut self) -> Option<Result<Block, BlockError>> {
         if self.broken {
             return None;
         }
@@ -215,7 +209,7 @@ impl Blocks {
 }
 
 /// The options in `bytes`, up to the end mark, the end, or the first that does not fit.
-pub fn options(order: Order, mut bytes: &[u8]) -> impl Iterator<Item = (u16, &[u8])> {
+pub(crate) fn options(order: Order, mut bytes: &[u8]) -> impl Iterator<Item = (u16, &[u8])> {
     core::iter::from_fn(move || {
         let (code, len) = (order.u16_at(bytes, 0)?, order.u16_at(bytes, 2)?);
         let value = bytes.get(4..4 + usize::from(len))?;
@@ -228,12 +222,12 @@ pub fn options(order: Order, mut bytes: &[u8]) -> impl Iterator<Item = (u16, &[u
 }
 
 /// `len` rounded up to a multiple of four.
-pub const fn padded(len: usize) -> usize {
+pub(crate) const fn padded(len: usize) -> usize {
     len.next_multiple_of(4)
 }
 
 /// Appends a block to `out`; `body` appends what lies between the lengths.
-pub fn write_block(out: &mut Vec<u8>, kind: u32, body: impl FnOnce(&mut Vec<u8>)) {
+pub(crate) fn write_block(out: &mut Vec<u8>, kind: u32, body: impl FnOnce(&mut Vec<u8>)) {
     let start = out.len();
     out.extend_from_slice(&kind.to_le_bytes());
     out.extend_from_slice(&[0; 4]);
@@ -245,20 +239,20 @@ pub fn write_block(out: &mut Vec<u8>, kind: u32, body: impl FnOnce(&mut Vec<u8>)
 }
 
 /// Fills up to a multiple of four bytes since `start`.
-pub fn pad(out: &mut Vec<u8>, start: usize) {
+pub(crate) fn pad(out: &mut Vec<u8>, start: usize) {
     let len = padded(out.len() - start);
     out.resize(start + len, 0);
 }
 
 /// Appends the fixed part of a section header: byte order, version, unknown length.
-pub fn write_section_head(out: &mut Vec<u8>) {
+pub(crate) fn write_section_head(out: &mut Vec<u8>) {
     out.extend_from_slice(&MAGIC.to_le_bytes());
     out.extend_from_slice(&[1, 0, 0, 0]);
     out.extend_from_slice(&[0xFF; 8]);
 }
 
 /// Appends an option; a value too long for one is cut.
-pub fn write_option(out: &mut Vec<u8>, code: u16, value: &[u8]) {
+pub(crate) fn write_option(out: &mut Vec<u8>, code: u16, value: &[u8]) {
     let value = &value[..value.len().min(usize::from(u16::MAX))];
     let len = u16::try_from(value.len()).unwrap_or(u16::MAX);
     out.extend_from_slice(&code.to_le_bytes());
@@ -269,6 +263,6 @@ pub fn write_option(out: &mut Vec<u8>, code: u16, value: &[u8]) {
 }
 
 /// Appends the mark after the last option.
-pub fn write_options_end(out: &mut Vec<u8>) {
+pub(crate) fn write_options_end(out: &mut Vec<u8>) {
     out.extend_from_slice(&[0; 4]);
 }

@@ -12,7 +12,7 @@ use super::pcapng::{self, Block, Order};
 use crate::rig::line::Direction;
 
 /// Link type "RTAC serial".
-pub const LINK_TYPE: u16 = 250;
+pub(crate) const LINK_TYPE: u16 = 250;
 /// Private options carry an enterprise number; this one is set aside for examples, as we have none.
 const ENTERPRISE: u32 = 32_473;
 /// Marks our option with the sequence number.

@@ -32,12 +32,12 @@ use crate::run::check::Check;
 use crate::run::{Outcome, Run};
 use crate::scenario::{Scenario, Source};
 
-pub use error::ExecError;
+pub(crate) use error::ExecError;
 use ports::Ports;
-pub use verdict::{alive, childless};
+pub(crate) use verdict::{alive, childless};
 
 /// The variable by which a program is told where its ports are.
-pub const PORTS_VARIABLE: &str = "HILRIG_DIR";
+pub(crate) const PORTS_VARIABLE: &str = "HILRIG_DIR";
 /// A rig that is later than this is not to be blamed on its program.
 const LATE: Duration = Duration::from_millis(20);
 /// Wall time without a further port after which a program that sends is taken to wait for an
@@ -48,7 +48,7 @@ const SETTLE: Duration = Duration::from_secs(2);
 
 /// Somebody's program, and what it may do.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Foreign {
+pub(crate) struct Foreign {
     /// For the shell.
     pub command: String,
     /// Wall time within which it must open what it needs.
@@ -60,7 +60,7 @@ pub struct Foreign {
 }
 
 /// An end of a link and the port that it is on.
-pub struct Seat {
+pub(crate) struct Seat {
     /// The end.
     pub end: OpenEnd,
     /// Its port.
@@ -72,7 +72,7 @@ pub struct Seat {
 
 /// Who is the PC when nobody says so: the mission's script if it gives orders, else somebody
 /// outside.
-pub fn pc_end(scenario: &Scenario) -> PcEnd {
+pub(crate) fn pc_end(scenario: &Scenario) -> PcEnd {
     match scenario.mission.gives_orders() {
         true => PcEnd::Scripted,
         false => PcEnd::External,
@@ -80,7 +80,7 @@ pub fn pc_end(scenario: &Scenario) -> PcEnd {
 }
 
 /// A program under trial.
-pub struct Trial {
+pub(crate) struct Trial {
     run: Run,
     realtime: Realtime<Held>,
     control: Control,
@@ -99,7 +99,7 @@ pub struct Trial {
 }
 
 /// What came of it.
-pub struct Judged {
+pub(crate) struct Judged {
     /// The run, its first checks being about the program.
     pub outcome: Outcome,
     /// Whether the captures of the run were written.
@@ -109,7 +109,7 @@ pub struct Judged {
 }
 
 /// What was seen of a program besides its verdicts.
-pub struct ProgramEnd {
+pub(crate) struct ProgramEnd {
     /// The end of what the program said.
     pub said: String,
     /// How late the rig was.
@@ -119,7 +119,7 @@ pub struct ProgramEnd {
 impl ProgramEnd {
     /// Whether the rig was so late that the program may have suffered from it: by more than 20 ms
     /// in one of a hundred events, or by more than 250 ms once.
-    pub fn was_late(&self) -> bool {
+    pub(crate) fn was_late(&self) -> bool {
         let max = Duration::from_millis(250);
         self.lateness.quantile(990) > LATE || self.lateness.max() > max
     }
@@ -131,7 +131,7 @@ impl Trial {
     ///
     /// # Errors
     /// If it cannot be started, or needs a port that there is not.
-    pub fn start(
+    pub(crate) fn start(
         run: Run,
         seats: Vec<Seat>,
         mut dir: PortDir,
@@ -165,22 +165,22 @@ impl Trial {
     }
 
     /// The run.
-    pub const fn run(&mut self) -> &mut Run {
+    pub(crate) const fn run(&mut self) -> &mut Run {
         &mut self.run
     }
 
     /// Rig time on the wall clock.
-    pub fn now(&self) -> Instant {
+    pub(crate) fn now(&self) -> Instant {
         self.realtime.clock().now()
     }
 
     /// Whether rig time runs.
-    pub const fn has_begun(&self) -> bool {
+    pub(crate) const fn has_begun(&self) -> bool {
         self.has_begun
     }
 
     /// Whether there is nothing more to see.
-    pub fn is_over(&self) -> bool {
+    pub(crate) fn is_over(&self) -> bool {
         let now = self.run.rig.now();
         let is_done = self.run.is_over() || self.control.has_quit();
         is_done || self.gave_up || self.gone_at.is_some_and(|at| now - at >= SETTLE)
@@ -190,7 +190,7 @@ impl Trial {
     ///
     /// # Errors
     /// If a real port went away.
-    pub fn turn(&mut self) -> Result<(), TransportError> {
+    pub(crate) fn turn(&mut self) -> Result<(), TransportError> {
         let before = self.run.rig.now();
         let behind = self.realtime.clock().now() - before;
         let turned = self.realtime.turn(&mut self.run);
@@ -242,7 +242,7 @@ impl Trial {
     }
 
     /// Ends the program and judges what there is.
-    pub fn end(mut self) -> Judged {
+    pub(crate) fn end(mut self) -> Judged {
         self.look_at_process(self.run.rig.now());
         let farewell = self.process.end(Patience::FAIR);
         let is_over = self.run.is_over() || self.control.has_quit();
@@ -313,13 +313,13 @@ fn environment(seats: &[Seat], dir: &PortDir, run: &Run) -> Vec<(String, OsStrin
 }
 
 /// The variable by which a program is told where the port `name` is.
-pub fn port_variable(name: &str) -> String {
+pub(crate) fn port_variable(name: &str) -> String {
     let name = name.to_ascii_uppercase().replace('-', "_");
     format!("HILRIG_PORT_{name}")
 }
 
 /// Lets the log tell what the robot touched.
-pub fn log_contacts(run: &mut Run) {
+pub(crate) fn log_contacts(run: &mut Run) {
     for contact in run.take_contacts() {
         let (place, speed) = (contact.place, contact.speed_m_s);
         let detail = format!(
@@ -342,7 +342,7 @@ pub fn log_contacts(run: &mut Run) {
 ///
 /// # Errors
 /// If it cannot be put on trial.
-pub fn judge(
+pub(crate) fn judge(
     scenario: &Scenario,
     source: &Source,
     foreign: &Foreign,

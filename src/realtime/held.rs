@@ -9,9 +9,9 @@ use super::clock::{Clock, WallClock};
 
 /// Slowest and fastest that rig time may go while ports are open, seconds per second. Beyond the
 /// fastest the rig would not keep up with what it has to carry.
-pub const SPEEDS: [f64; 2] = [0.01, 4.0];
+pub(crate) const SPEEDS: [f64; 2] = [0.01, 4.0];
 /// Longest step.
-pub const STEP_MAX: Duration = Duration::from_secs(600);
+pub(crate) const STEP_MAX: Duration = Duration::from_secs(600);
 
 /// A wall clock that stands at a moment until it is let go, and can be held again: the rig waits
 /// there, its devices at work, its ports open. What clients send meanwhile waits at their ports.

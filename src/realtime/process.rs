@@ -23,13 +23,12 @@ use rustix::process::{Pid, Signal};
 use super::clock::{Clock, WallClock};
 
 use group::Group;
-pub use group::Left;
-pub use words::LOG_MAX;
+pub(crate) use group::Left;
 use words::{Words, listen};
 
 /// How long a program may take to end once it was asked to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Patience {
+pub(crate) struct Patience {
     /// The program itself.
     pub program: Duration,
     /// What it left behind.
@@ -38,12 +37,12 @@ pub struct Patience {
 
 impl Patience {
     /// Of whoever ends programs by the thousand.
-    pub const LITTLE: Self = Self {
+    pub(crate) const LITTLE: Self = Self {
         program: Duration::from_millis(500),
         children: Duration::ZERO,
     };
     /// Of a run that judges how its program ends.
-    pub const FAIR: Self = Self {
+    pub(crate) const FAIR: Self = Self {
         program: Duration::from_secs(2),
         children: Duration::from_secs(1),
     };
@@ -104,7 +103,7 @@ impl fmt::Display for Ended {
 
 /// How a program was ended.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Farewell {
+pub(crate) struct Farewell {
     /// The end of what it said.
     pub said: String,
     /// Processes of its group that were there when it had ended.
@@ -115,7 +114,7 @@ pub struct Farewell {
 
 /// A program that runs. Ended when dropped.
 #[derive(Debug)]
-pub struct Process {
+pub(crate) struct Process {
     child: Child,
     group: Group,
     words: Arc<Mutex<Words>>,
@@ -131,7 +130,7 @@ impl Process {
     ///
     /// # Errors
     /// If there is no shell, or the file cannot be made.
-    pub fn start(
+    pub(crate) fn start(
         command: &str,
         env: &[(String, OsString)],
         log: Option<&Path>,
@@ -166,7 +165,7 @@ impl Process {
     }
 
     /// How it ended, if it did.
-    pub fn ended(&mut self) -> Option<Ended> {
+    pub(crate) fn ended(&mut self) -> Option<Ended> {
         if self.ended.is_none() {
             let status = self.child.try_wait().ok().flatten();
             self.ended = status.map(Ended::of);
@@ -176,7 +175,7 @@ impl Process {
 
     /// Ends it and whatever it started: asks first, then kills. Nobody of its group is there any
     /// more when this returns.
-    pub fn end(mut self, patience: Patience) -> Farewell {
+    pub(crate) fn end(mut self, patience: Patience) -> Farewell {
         let (left, was_killed) = self.stop(patience);
         self.is_silent_within(LAST_WORDS);
         if let Ok(mut words) = self.words.lock() {
@@ -190,7 +189,7 @@ impl Process {
     }
 
     /// What it said so far, the end of it.
-    pub fn said(&self) -> String {
+    pub(crate) fn said(&self) -> String {
         if self.ended.is_some() {
             // Its last words may still be on their way.
             self.is_silent_within(LAST_WORDS);

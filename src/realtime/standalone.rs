@@ -24,7 +24,7 @@ const WAIT_MAX: Duration = Duration::from_millis(5);
 const PIECE_MAX: usize = 256;
 
 /// A program, its ports and a clock.
-pub struct Standalone<P: ?Sized, C> {
+pub(crate) struct Standalone<P: ?Sized, C> {
     program: Box<P>,
     clock: C,
     uarts: Vec<Uart>,
@@ -40,7 +40,7 @@ struct Uart {
 
 impl<P: Master + ?Sized, C: Clock> Standalone<P, C> {
     /// `program` without any port.
-    pub fn new(program: Box<P>, clock: C) -> Self {
+    pub(crate) fn new(program: Box<P>, clock: C) -> Self {
         Self {
             program,
             clock,
@@ -49,7 +49,7 @@ impl<P: Master + ?Sized, C: Clock> Standalone<P, C> {
     }
 
     /// Connects a port of the program.
-    pub fn connect(&mut self, port: Port, transport: Box<dyn Transport>) {
+    pub(crate) fn connect(&mut self, port: Port, transport: Box<dyn Transport>) {
         self.uarts.push(Uart {
             port,
             transport,
@@ -58,12 +58,12 @@ impl<P: Master + ?Sized, C: Clock> Standalone<P, C> {
     }
 
     /// The program.
-    pub fn program(&self) -> &P {
+    pub(crate) fn program(&self) -> &P {
         &self.program
     }
 
     /// The clock.
-    pub const fn clock(&self) -> &C {
+    pub(crate) const fn clock(&self) -> &C {
         &self.clock
     }
 
@@ -71,7 +71,7 @@ impl<P: Master + ?Sized, C: Clock> Standalone<P, C> {
     ///
     /// # Errors
     /// If a port went away.
-    pub fn turn(&mut self) -> Result<(), TransportError> {
+    pub(crate) fn turn(&mut self) -> Result<(), TransportError> {
         let mut buf = [0; 1024];
         for uart in &mut self.uarts {
             // As much as has come, but not for ever: a port may be faster than we are.

@@ -10,7 +10,7 @@ use protocols::{Instant, LineConfig, Parity};
 /// Time is counted in units of which a sender's bit has `2 * receiver.baud` and a receiver's bit
 /// `2 * sender.baud`, so that every edge and every sampling point is a whole number.
 #[derive(Clone, Debug, Default)]
-pub struct Resampler {
+pub(crate) struct Resampler {
     /// Levels still to be looked at, one per sender's bit.
     bits: Vec<bool>,
     /// Units of `bits[0]` that the receiver has already passed.
@@ -25,7 +25,7 @@ impl Resampler {
     /// end; a character that is still being sampled comes with the next call, or with
     /// [`idle`](Self::idle). Returns the number of characters without a valid stop bit, which are
     /// left out.
-    pub fn feed(
+    pub(crate) fn feed(
         &mut self,
         bytes: &mut Vec<u8>,
         start: Instant,
@@ -58,12 +58,12 @@ impl Resampler {
     }
 
     /// When [`idle`](Self::idle) is to be called unless more is sent before.
-    pub fn idle_at(&self) -> Option<Instant> {
+    pub(crate) fn idle_at(&self) -> Option<Instant> {
         self.end.map(|(end, quiet)| end + quiet)
     }
 
     /// The line went quiet: what was being sampled ends in idle level.
-    pub fn idle(&mut self, received: &mut Vec<u8>) -> u32 {
+    pub(crate) fn idle(&mut self, received: &mut Vec<u8>) -> u32 {
         self.end = None;
         let Some((sender, receiver)) = self.rates else {
             return 0;

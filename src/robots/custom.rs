@@ -16,7 +16,7 @@ use crate::scenario::{DeviceSpec, NO_ROBOT, Scenario, ScenarioError, Source};
 
 /// A robot as data.
 #[derive(Clone, Copy, Debug)]
-pub struct CustomRobot;
+pub(crate) struct CustomRobot;
 
 impl Robot for CustomRobot {
     fn name(&self) -> &'static str {
@@ -47,7 +47,7 @@ impl Robot for CustomRobot {
 
 /// No robot: devices on wires.
 #[derive(Clone, Copy, Debug)]
-pub struct Bare;
+pub(crate) struct Bare;
 
 impl Robot for Bare {
     fn name(&self) -> &'static str {

@@ -75,7 +75,7 @@ impl<T> Thinned<T> {
 }
 
 /// A scan as the program took it, in the map's frame: x and y of each point in turn, metres.
-pub type Points = Vec<f64>;
+pub(crate) type Points = Vec<f64>;
 
 /// A run over its time.
 #[derive(Clone, Debug)]

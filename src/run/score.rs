@@ -43,7 +43,7 @@ pub struct PoseError {
 }
 
 /// The errors of `pairs`; `None` if there are none.
-pub fn pose_error(pairs: &[PosePair]) -> Option<PoseError> {
+pub(crate) fn pose_error(pairs: &[PosePair]) -> Option<PoseError> {
     if pairs.is_empty() {
         return None;
     }
@@ -64,11 +64,11 @@ pub fn pose_error(pairs: &[PosePair]) -> Option<PoseError> {
 }
 
 /// Value from which a cell counts as occupied: three quarters of the way from unknown to certain.
-pub const OCCUPIED: u8 = 190;
+pub(crate) const OCCUPIED: u8 = 190;
 
 /// Whether a cell is part of a wall as a person would see it: dark, and a ridge across the map
 /// along x or y. tinySLAM draws walls as broad slopes, whose flanks are no walls.
-pub fn is_wall(map: MapView<'_>, x: usize, y: usize) -> bool {
+pub(crate) fn is_wall(map: MapView<'_>, x: usize, y: usize) -> bool {
     let at = |dx: isize, dy: isize| {
         let cell = x.checked_add_signed(dx).zip(y.checked_add_signed(dy));
         cell.and_then(|(x, y)| map.get(x, y)).unwrap_or(127)
@@ -151,7 +151,7 @@ impl Cells {
 }
 
 /// Compares the walls of `map` with those of the scene, as seen from `way`.
-pub fn wall_overlap(map: MapView<'_>, world: &World, way: &[TruePose]) -> WallOverlap {
+pub(crate) fn wall_overlap(map: MapView<'_>, world: &World, way: &[TruePose]) -> WallOverlap {
     let mut drawn = Cells::like(map);
     for y in 0..map.height() {
         for x in 0..map.width() {
@@ -197,7 +197,7 @@ fn share(of: &Cells, near: &Cells) -> f64 {
 }
 
 /// Calls `visit` with points along the outline, at most `step` metres apart.
-pub fn outline(shape: &Shape, step: f64, mut visit: impl FnMut(Point)) {
+pub(crate) fn outline(shape: &Shape, step: f64, mut visit: impl FnMut(Point)) {
     let mut line = |from: Point, to: Point| {
         let steps = (from.distance(to) / step).ceil().max(1.0);
         let mut done = 0.0;

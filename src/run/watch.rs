@@ -8,13 +8,13 @@ use crate::robots::Instruments;
 use crate::scenario::Scenario;
 
 /// The checkers of a run, chosen by what its robot and its rig have.
-pub struct Watchers {
+pub(crate) struct Watchers {
     checkers: Vec<Box<dyn Checker>>,
 }
 
 impl Watchers {
     /// Those who suit `scenario`, wired as `rig`.
-    pub fn of(scenario: &Scenario, rig: &mut Rig, instruments: &dyn Instruments) -> Self {
+    pub(crate) fn of(scenario: &Scenario, rig: &mut Rig, instruments: &dyn Instruments) -> Self {
         let mut checkers = check::standard(rig, instruments);
         if let Some(phases) = scenario.phases {
             checkers.push(Box::new(check::AtWorkAgain::new(phases.windows())));
@@ -23,12 +23,12 @@ impl Watchers {
     }
 
     /// One more.
-    pub fn add(&mut self, checker: Box<dyn Checker>) {
+    pub(crate) fn add(&mut self, checker: Box<dyn Checker>) {
         self.checkers.push(checker);
     }
 
     /// Lets all look at the rig; what the robot touched since the last look is `contacts`.
-    pub fn look(&mut self, rig: &Rig, instruments: &dyn Instruments, contacts: &[Contact]) {
+    pub(crate) fn look(&mut self, rig: &Rig, instruments: &dyn Instruments, contacts: &[Contact]) {
         let axes = instruments.axes(rig);
         let look = Look {
             rig,
@@ -40,7 +40,7 @@ impl Watchers {
     }
 
     /// What each has to say.
-    pub fn verdicts(&self) -> Vec<Check> {
+    pub(crate) fn verdicts(&self) -> Vec<Check> {
         let checkers = self.checkers.iter();
         checkers.map(|checker| checker.verdict()).collect()
     }

@@ -20,7 +20,7 @@ const CELLS_MAX: usize = 4_000_000;
 
 /// Reads the plan `yaml`, a path relative to the scenario. The error is a sentence that names file
 /// and key.
-pub fn read(yaml: &str, source: &Source) -> Result<OccupancyImage, String> {
+pub(crate) fn read(yaml: &str, source: &Source) -> Result<OccupancyImage, String> {
     let path = source
         .path
         .parent()

@@ -10,8 +10,8 @@ mod merge;
 mod page;
 mod store;
 
-pub use judge::{Record, cause_of, run, run_foreign};
+pub(crate) use judge::{Record, run, run_foreign};
 pub(crate) use judge::{without_figures, words_of_panic};
-pub use merge::{Group, Merged, SituationCount, merge};
-pub use page::page;
-pub use store::{CampaignPlan, Shard, Store};
+pub(crate) use merge::{Merged, merge};
+pub(crate) use page::page;
+pub(crate) use store::{CampaignPlan, Shard, Store};

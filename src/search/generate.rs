@@ -16,7 +16,7 @@ use core::str::FromStr;
 
 use crate::robots::{self, Robot};
 use crate::scenario::{LinkSpec, Scenario, Span};
-pub use dice::Dice;
+pub(crate) use dice::Dice;
 use fault_targets::FaultTargets;
 use faults::Adversity;
 use world::Room;
@@ -95,7 +95,7 @@ const ADVERSITY_UNTIL_MS: u64 = 14_000;
 const RECOVERY_MS: u64 = 120_000;
 
 /// The scenario that `dice` make of `base`.
-pub fn scenario(base: &Scenario, vary: Vary, dice: &mut Dice) -> Scenario {
+pub(crate) fn scenario(base: &Scenario, vary: Vary, dice: &mut Dice) -> Scenario {
     let mut made = base.clone();
     let arena = robots::find(&base.robot).and_then(Robot::arena);
     let room = arena.map(|arena| Room::draw(arena, &mut dice.world));

@@ -26,9 +26,9 @@ mod snapshot;
 mod timeline;
 mod wire;
 
-pub use desk::Desk;
-pub use hub::Hub;
-pub use pace::{PagePace, SPEED_MAX};
-pub use remote::Remote;
-pub use server::{CLIENTS_MAX, Server};
-pub use session::Session;
+pub(crate) use desk::Desk;
+pub(crate) use hub::Hub;
+pub(crate) use pace::SPEED_MAX;
+pub(crate) use remote::Remote;
+pub(crate) use server::Server;
+pub(crate) use session::Session;

@@ -13,7 +13,7 @@ use crate::show::folder::{Folder, FolderError};
 
 /// `timing.json`.
 #[derive(Clone, Debug, Serialize)]
-pub struct Timing<'a> {
+pub(crate) struct Timing<'a> {
     /// `core` or `seed`.
     pub mode: &'a str,
     /// Edge of a cell.
@@ -35,7 +35,7 @@ pub struct Timing<'a> {
 }
 
 /// The figures of a survey.
-pub fn timing<'a>(mode: &'a str, log: &Log, survey: &Survey) -> Timing<'a> {
+pub(crate) fn timing<'a>(mode: &'a str, log: &Log, survey: &Survey) -> Timing<'a> {
     let [median, longest, _] = survey.times();
     Timing {
         mode,
@@ -52,7 +52,7 @@ pub fn timing<'a>(mode: &'a str, log: &Log, survey: &Survey) -> Timing<'a> {
 
 /// Writes `map.png`, `map.pgm`, `map.yaml`, `trajectory.tum` and `timing.json` into `dir`, which
 /// is made if need be.
-pub fn write(dir: &Path, survey: &Survey, timing: &Timing<'_>) -> Result<(), FolderError> {
+pub(crate) fn write(dir: &Path, survey: &Survey, timing: &Timing<'_>) -> Result<(), FolderError> {
     let folder = Folder::at(dir)?;
     let frame = Frame::of(survey);
     folder.put("trajectory.tum", tum(survey))?;
@@ -65,7 +65,7 @@ pub fn write(dir: &Path, survey: &Survey, timing: &Timing<'_>) -> Result<(), Fol
 }
 
 /// The way in TUM form. Times keep nine digits, so that epoch times stay exact to the microsecond.
-pub fn tum(survey: &Survey) -> String {
+pub(crate) fn tum(survey: &Survey) -> String {
     let mut out = String::from("# timestamp tx ty tz qx qy qz qw\n");
     for (at_s, place) in &survey.way {
         let half = place.theta / 2.0;

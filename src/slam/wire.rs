@@ -22,7 +22,7 @@ use crate::robots::Senses;
 /// Links that hold nothing to map.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
-pub struct WireError(String);
+pub(crate) struct WireError(String);
 
 /// Silence on a line after which an unfinished frame will not be finished.
 const IDLE: Duration = Duration::from_millis(20);
@@ -33,7 +33,7 @@ const READING_MAX: Duration = Duration::from_millis(250);
 ///
 /// # Errors
 /// If no turn of the lidar is on them.
-pub fn read(recorded: &Recorded, senses: &Senses) -> Result<Log, WireError> {
+pub(crate) fn read(recorded: &Recorded, senses: &Senses) -> Result<Log, WireError> {
     let link = |name: &str| recorded.links.iter().find(|one| one.link == name);
     let lidar = link(senses.lidar).ok_or_else(|| {
         let names: Vec<&str> = recorded.links.iter().map(|one| &*one.link).collect();

@@ -11,7 +11,7 @@ use super::{Export, ExportError};
 
 /// How lidar turns are written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub enum Laser {
+pub(crate) enum Laser {
     /// The whole turn
     #[default]
     Robotlaser1,

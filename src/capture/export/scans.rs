@@ -12,7 +12,7 @@ pub(super) const READINGS: usize = 360;
 
 /// One turn of a lidar.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Scan {
+pub(crate) struct Scan {
     /// Name of its link.
     pub link: String,
     /// When its last packet had arrived, from the beginning of the capture.
@@ -28,7 +28,7 @@ pub struct Scan {
 
 /// The turns on all links that carry a lidar's packets, in order of time. A turn with fewer than
 /// half its packets is left out.
-pub fn scans(recorded: &Recorded) -> Vec<Scan> {
+pub(crate) fn scans(recorded: &Recorded) -> Vec<Scan> {
     let links = recorded.links.iter().filter(|one| is_lidar(one));
     let mut scans: Vec<Scan> = links.flat_map(turns).collect();
     scans.sort_by_key(|scan| scan.at);

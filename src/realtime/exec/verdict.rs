@@ -6,7 +6,7 @@ use crate::realtime::process::{Ended, Farewell, Left};
 use crate::run::check::Check;
 
 /// The verdict on how a program ended, and when; `is_over`: whether there was nothing more to do.
-pub fn alive(
+pub(crate) fn alive(
     ended: Option<(Ended, Instant)>,
     is_over: bool,
     may_end: bool,
@@ -27,7 +27,7 @@ pub fn alive(
 }
 
 /// The verdict on what a program left behind.
-pub fn childless(left: &[Left]) -> Check {
+pub(crate) fn childless(left: &[Left]) -> Check {
     let names = |left: &mut dyn Iterator<Item = &Left>| {
         let names: Vec<String> = left.map(Left::to_string).collect();
         names.join(", ")

@@ -10,7 +10,7 @@ const COMMAND_MAX: usize = 120;
 
 /// A process that somebody's program started and left behind.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Left {
+pub(crate) struct Left {
     /// Its number.
     pub pid: u32,
     /// Its command.

@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex};
 /// As much as is kept in memory, from the end.
 const KEPT_MAX: usize = 64 << 10;
 /// As much as is written from the beginning; what comes after that is left out but for its end.
-pub const LOG_MAX: u64 = 8 << 20;
+pub(crate) const LOG_MAX: u64 = 8 << 20;
 
 /// What was said so far.
 #[derive(Debug, Default)]

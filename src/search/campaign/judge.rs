@@ -15,7 +15,7 @@ use crate::scenario::{Scenario, ScenarioError, Source};
 /// What one run came to.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Record {
+pub(crate) struct Record {
     /// Name of the scenario.
     pub scenario: String,
     /// Seed of the run.
@@ -37,7 +37,7 @@ pub struct Record {
 ///
 /// # Errors
 /// If the scenario cannot be wired.
-pub fn run(
+pub(crate) fn run(
     scenario: &Scenario,
     source: &Source,
 ) -> Result<(Record, Option<Box<Outcome>>), ScenarioError> {
@@ -68,7 +68,7 @@ pub fn run(
 ///
 /// # Errors
 /// If the program cannot be put on trial.
-pub fn run_foreign(
+pub(crate) fn run_foreign(
     scenario: &Scenario,
     source: &Source,
     foreign: &Foreign,
@@ -115,7 +115,7 @@ pub(crate) fn words_of_panic(panic: &(dyn Any + Send)) -> (String, String) {
 
 /// The first check that failed, without and with its figures: checkers of the whole run come
 /// before what was to be true in the end.
-pub fn cause_of(outcome: &Outcome) -> Option<(String, String)> {
+pub(crate) fn cause_of(outcome: &Outcome) -> Option<(String, String)> {
     let failed = |check: &&crate::run::check::Check| check.status == Status::Fail;
     let check = outcome.checks.iter().find(failed)?;
     let detail = format!("{}: {}", check.name, check.detail);

@@ -19,7 +19,7 @@ const TRIES: u32 = 150;
 
 /// Runs that failed alike.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Group {
+pub(crate) struct Group {
     /// Checker and first broken rule, without figures.
     pub cause: String,
     /// What the first of them says, with figures.
@@ -39,7 +39,7 @@ pub struct Group {
 
 /// How many runs came into a situation.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct SituationCount {
+pub(crate) struct SituationCount {
     /// Which.
     pub situation: String,
     /// How many runs.
@@ -48,7 +48,7 @@ pub struct SituationCount {
 
 /// What a whole campaign came to.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Merged {
+pub(crate) struct Merged {
     /// What was run.
     pub plan: CampaignPlan,
     /// Runs done.
@@ -72,7 +72,7 @@ pub struct Merged {
 ///
 /// # Errors
 /// If a folder cannot be read, the shards are of different campaigns, or `out` cannot be written.
-pub fn merge(dirs: &[PathBuf], out: &Path) -> Result<Merged, StoreError> {
+pub(crate) fn merge(dirs: &[PathBuf], out: &Path) -> Result<Merged, StoreError> {
     let mut stores = Vec::new();
     let mut plan: Option<CampaignPlan> = None;
     for dir in dirs {

@@ -14,7 +14,7 @@ const HEAD: &str = "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\">\
     .bad{color:#a00}.good{color:#070}</style>";
 
 /// The page of `merged`.
-pub fn page(merged: &Merged) -> String {
+pub(crate) fn page(merged: &Merged) -> String {
     let mut out = String::from(HEAD);
     write_page(merged, &mut out).expect("a string takes everything");
     out

@@ -16,7 +16,7 @@ use crate::search::error::{StoreError, failed};
 /// Which part of a campaign: every `of`-th run, from `index` on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Shard {
+pub(crate) struct Shard {
     /// Number of this shard, from 0.
     pub index: usize,
     /// How many there are.
@@ -25,10 +25,10 @@ pub struct Shard {
 
 impl Shard {
     /// All of it.
-    pub const WHOLE: Self = Self { index: 0, of: 1 };
+    pub(crate) const WHOLE: Self = Self { index: 0, of: 1 };
 
     /// Whether the run with this number in the list belongs to it.
-    pub const fn has(self, number: usize) -> bool {
+    pub(crate) const fn has(self, number: usize) -> bool {
         number % self.of == self.index
     }
 }
@@ -48,7 +48,7 @@ impl FromStr for Shard {
 /// What a campaign runs: equal plans may be merged.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct CampaignPlan {
+pub(crate) struct CampaignPlan {
     /// Tool and version.
     pub tool: String,
     /// Name and text of each scenario.
@@ -65,7 +65,7 @@ pub struct CampaignPlan {
 
 impl CampaignPlan {
     /// All runs in order: number, name of the scenario, seed.
-    pub fn runs(&self) -> impl Iterator<Item = (usize, &str, u64)> {
+    pub(crate) fn runs(&self) -> impl Iterator<Item = (usize, &str, u64)> {
         let pairs = self.scenarios.keys().flat_map(|name| {
             let seeds = self.seeds.clone();
             seeds.map(move |seed| (name.as_str(), seed))
@@ -78,7 +78,7 @@ impl CampaignPlan {
 
 /// The folder of a shard.
 #[derive(Debug)]
-pub struct Store {
+pub(crate) struct Store {
     dir: PathBuf,
     lines: Option<File>,
     records: BTreeMap<(String, u64), Record>,
@@ -94,7 +94,7 @@ impl Store {
     ///
     /// # Errors
     /// If it cannot be written, or belongs to another campaign.
-    pub fn create(dir: &Path, plan: &CampaignPlan) -> Result<Self, StoreError> {
+    pub(crate) fn create(dir: &Path, plan: &CampaignPlan) -> Result<Self, StoreError> {
         fs::create_dir_all(dir.join("cases")).map_err(failed(dir))?;
         let path = dir.join(PLAN);
         if path.exists() {
@@ -121,7 +121,7 @@ impl Store {
     }
 
     /// Reads what a shard left in `dir`. A last line that was cut off is left out.
-    pub fn open(dir: &Path) -> Result<Self, StoreError> {
+    pub(crate) fn open(dir: &Path) -> Result<Self, StoreError> {
         let mut store = Self {
             dir: dir.to_owned(),
             lines: None,
@@ -163,17 +163,21 @@ impl Store {
     }
 
     /// Whether this run is done.
-    pub fn has(&self, scenario: &str, seed: u64) -> bool {
+    pub(crate) fn has(&self, scenario: &str, seed: u64) -> bool {
         self.records.contains_key(&(scenario.to_owned(), seed))
     }
 
     /// The runs done so far, in order.
-    pub fn records(&self) -> impl Iterator<Item = &Record> {
+    pub(crate) fn records(&self) -> impl Iterator<Item = &Record> {
         self.records.values()
     }
 
     /// Adds what a run came to; its `case` is kept if it is the first of its cause.
-    pub fn add(&mut self, record: Record, case: Option<&Scenario>) -> Result<(), StoreError> {
+    pub(crate) fn add(
+        &mut self,
+        record: Record,
+        case: Option<&Scenario>,
+    ) -> Result<(), StoreError> {
         let path = self.dir.join(RUNS);
         let text = line(&record);
         let case_path = case_path(&self.dir, &record.scenario, record.seed);
@@ -197,7 +201,7 @@ impl Store {
     }
 
     /// The case of a run that was the first of its cause in this shard.
-    pub fn case(&self, scenario: &str, seed: u64) -> PathBuf {
+    pub(crate) fn case(&self, scenario: &str, seed: u64) -> PathBuf {
         case_path(&self.dir, scenario, seed)
     }
 }

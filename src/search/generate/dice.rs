@@ -2,7 +2,7 @@ use emulators::rng::Rng;
 
 /// Chance for each part of a mission, none shifting another.
 #[derive(Clone, Debug)]
-pub struct Dice {
+pub(crate) struct Dice {
     pub(super) world: Draw,
     pub(super) mission: Draw,
     pub(super) timing: Draw,
@@ -11,7 +11,7 @@ pub struct Dice {
 
 impl Dice {
     /// Named streams of `seed`.
-    pub fn of_seed(seed: u64) -> Self {
+    pub(crate) fn of_seed(seed: u64) -> Self {
         let stream = |name: &str| Draw::Stream(Rng::stream(seed, &format!("generate.{name}")));
         Self {
             world: stream("world"),
@@ -23,7 +23,7 @@ impl Dice {
 
     /// Choices made by `bytes`: every fourth byte belongs to the same part. Used-up bytes go on as
     /// zeros.
-    pub fn of_bytes(bytes: &[u8]) -> Self {
+    pub(crate) fn of_bytes(bytes: &[u8]) -> Self {
         let lane = |first: usize| {
             let lane: Vec<u8> = bytes.iter().skip(first).step_by(4).copied().collect();
             Draw::Bytes(lane.into_iter())

@@ -54,7 +54,7 @@ struct Tempo {
 }
 
 /// One run on show.
-pub struct Desk {
+pub(crate) struct Desk {
     hub: Arc<Hub>,
     number: u64,
     wire: Rc<RefCell<Wire>>,
@@ -82,7 +82,7 @@ struct Shown {
 
 impl Desk {
     /// Puts `run` on show; `number` tells it from those before it.
-    pub fn new(run: &mut Run, hub: Arc<Hub>, number: u64) -> Self {
+    pub(crate) fn new(run: &mut Run, hub: Arc<Hub>, number: u64) -> Self {
         let wire = Wire::listen(run);
         let mut timeline = hub.timeline.write().unwrap_or_else(PoisonError::into_inner);
         *timeline = Timeline::new(timeline.generation + 1);
@@ -107,13 +107,13 @@ impl Desk {
     }
 
     /// How often somebody at a page has changed the run so far.
-    pub const fn changes(&self) -> u64 {
+    pub(crate) const fn changes(&self) -> u64 {
         self.changes
     }
 
     /// One turn of a run whose clock is somebody else's: does what pages ask, and shows the run.
     /// `wall` is the time of the wall clock.
-    pub fn turn(&mut self, run: &mut Run, wall: Instant) {
+    pub(crate) fn turn(&mut self, run: &mut Run, wall: Instant) {
         self.obey_all(run, wall, |_, _| {
             Err("this run follows the wall clock: its ports are open to others".to_owned())
         });

@@ -14,7 +14,7 @@ const COMMANDS_MAX: usize = 256;
 
 /// The newest snapshot, the timeline, and a queue of commands.
 #[derive(Debug)]
-pub struct Hub {
+pub(crate) struct Hub {
     snapshots: watch::Sender<Option<Arc<Snapshot>>>,
     commands: mpsc::Sender<Envelope>,
     waiting: Mutex<mpsc::Receiver<Envelope>>,
@@ -37,12 +37,12 @@ impl Default for Hub {
 
 impl Hub {
     /// Nobody there yet.
-    pub fn new() -> Arc<Self> {
+    pub(crate) fn new() -> Arc<Self> {
         Arc::default()
     }
 
     /// Pages that are connected.
-    pub fn clients(&self) -> usize {
+    pub(crate) fn clients(&self) -> usize {
         self.clients.load(Ordering::Relaxed)
     }
 

@@ -5,7 +5,7 @@ use core::time::Duration;
 use protocols::Instant;
 
 /// Greatest speed.
-pub const SPEED_MAX: f64 = 100.0;
+pub(crate) const SPEED_MAX: f64 = 100.0;
 /// Most virtual time that is owed. A run that cannot keep up is slower, not unstoppable.
 const DEBT_MAX: Duration = Duration::from_millis(200);
 /// Longest step.
@@ -13,7 +13,7 @@ const STEP_MAX: Duration = Duration::from_secs(60);
 
 /// Tells how far a run should be.
 #[derive(Clone, Copy, Debug)]
-pub struct PagePace {
+pub(crate) struct PagePace {
     speed: f64,
     is_paused: bool,
     /// A pair of snapshots that belong together: of the wall clock, of the run.
@@ -22,7 +22,7 @@ pub struct PagePace {
 
 impl PagePace {
     /// Goes on from `virtual_now` at `speed`.
-    pub fn new(speed: f64, wall: Instant, virtual_now: Instant) -> Self {
+    pub(crate) fn new(speed: f64, wall: Instant, virtual_now: Instant) -> Self {
         Self {
             speed: clamp(speed),
             is_paused: false,
@@ -31,17 +31,17 @@ impl PagePace {
     }
 
     /// Virtual seconds per second.
-    pub const fn speed(&self) -> f64 {
+    pub(crate) const fn speed(&self) -> f64 {
         self.speed
     }
 
     /// Whether the run stands still.
-    pub const fn is_paused(&self) -> bool {
+    pub(crate) const fn is_paused(&self) -> bool {
         self.is_paused
     }
 
     /// How far a run that is at `virtual_now` should be.
-    pub fn target(&mut self, wall: Instant, virtual_now: Instant) -> Instant {
+    pub(crate) fn target(&mut self, wall: Instant, virtual_now: Instant) -> Instant {
         if self.is_paused {
             return virtual_now;
         }
@@ -56,24 +56,24 @@ impl PagePace {
     }
 
     /// Stands still.
-    pub const fn pause(&mut self) {
+    pub(crate) const fn pause(&mut self) {
         self.is_paused = true;
     }
 
     /// Goes on.
-    pub const fn play(&mut self, wall: Instant, virtual_now: Instant) {
+    pub(crate) const fn play(&mut self, wall: Instant, virtual_now: Instant) {
         self.is_paused = false;
         self.anchor = [wall, virtual_now];
     }
 
     /// Goes on at another speed, or will once it plays again.
-    pub fn set_speed(&mut self, speed: f64, wall: Instant, virtual_now: Instant) {
+    pub(crate) fn set_speed(&mut self, speed: f64, wall: Instant, virtual_now: Instant) {
         self.speed = clamp(speed);
         self.anchor = [wall, virtual_now];
     }
 
     /// Stands still after a step of `millis`; where the step ends.
-    pub fn step(&mut self, millis: u32, virtual_now: Instant) -> Instant {
+    pub(crate) fn step(&mut self, millis: u32, virtual_now: Instant) -> Instant {
         self.is_paused = true;
         virtual_now + Duration::from_millis(u64::from(millis)).min(STEP_MAX)
     }

@@ -23,7 +23,7 @@ const RETRY: Duration = Duration::from_millis(500);
 const AT_ONCE: usize = 64;
 
 /// A PC on a port.
-pub struct Remote {
+pub(crate) struct Remote {
     hub: Arc<Hub>,
     path: PathBuf,
     line: LineConfig,
@@ -39,7 +39,7 @@ pub struct Remote {
 
 impl Remote {
     /// A PC that opens the port at `path` as soon as it can, and again whenever it was lost.
-    pub fn new(
+    pub(crate) fn new(
         station: Box<dyn RemoteStation>,
         path: &Path,
         line: LineConfig,
@@ -61,12 +61,12 @@ impl Remote {
     }
 
     /// What the station knows at `now`.
-    pub fn view(&self, now: Instant) -> StationView {
+    pub(crate) fn view(&self, now: Instant) -> StationView {
         self.station.view(now)
     }
 
     /// One turn at `now`: does what pages ask, talks to the robot, shows what it tells.
-    pub fn turn(&mut self, now: Instant) {
+    pub(crate) fn turn(&mut self, now: Instant) {
         for _ in 0..AT_ONCE {
             let Some(envelope) = self.hub.next_command() else {
                 break;

@@ -30,7 +30,7 @@ use super::snapshot::Snapshot;
 use crate::show::view;
 
 /// Most pages at once.
-pub const CLIENTS_MAX: usize = 50;
+pub(crate) const CLIENTS_MAX: usize = 50;
 /// Time for a page to take a message; one that takes longer is given up.
 const SEND_MAX: Duration = Duration::from_secs(20);
 /// Time for the run to answer a request.
@@ -46,7 +46,7 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; \
 
 /// A server under way; it ends when it is dropped.
 #[derive(Debug)]
-pub struct Server {
+pub(crate) struct Server {
     runtime: Option<Runtime>,
     address: SocketAddr,
 }
@@ -56,7 +56,7 @@ impl Server {
     ///
     /// # Errors
     /// If the address cannot be had.
-    pub fn start(listen: SocketAddr, hub: Arc<Hub>) -> io::Result<Self> {
+    pub(crate) fn start(listen: SocketAddr, hub: Arc<Hub>) -> io::Result<Self> {
         let runtime = Builder::new_multi_thread()
             .worker_threads(1)
             .thread_name("page")
@@ -78,7 +78,7 @@ impl Server {
     }
 
     /// Where it listens.
-    pub const fn address(&self) -> SocketAddr {
+    pub(crate) const fn address(&self) -> SocketAddr {
         self.address
     }
 }

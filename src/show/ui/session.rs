@@ -20,7 +20,7 @@ const BUSY_MAX: Duration = Duration::from_millis(20);
 const TURN: Duration = Duration::from_millis(5);
 
 /// A run on show, and the clock that moves it.
-pub struct Session<C> {
+pub(crate) struct Session<C> {
     scenario: Scenario,
     source: Source,
     hub: Arc<Hub>,
@@ -36,7 +36,7 @@ impl<C: Clock> Session<C> {
     ///
     /// # Errors
     /// If the scenario cannot be wired.
-    pub fn new(
+    pub(crate) fn new(
         scenario: Scenario,
         source: Source,
         hub: Arc<Hub>,
@@ -60,17 +60,17 @@ impl<C: Clock> Session<C> {
     }
 
     /// The run.
-    pub const fn run(&self) -> &Run {
+    pub(crate) const fn run(&self) -> &Run {
         &self.run
     }
 
     /// The clock.
-    pub const fn clock(&self) -> &C {
+    pub(crate) const fn clock(&self) -> &C {
         &self.clock
     }
 
     /// One turn: does what pages ask, brings the run up to where it should be, shows it, waits.
-    pub fn turn(&mut self) {
+    pub(crate) fn turn(&mut self) {
         let wall = self.clock.now();
         let mut restart = None;
         let (pace, desk) = (&mut self.pace, &mut self.desk);
