@@ -10,12 +10,14 @@ use std::path::Path;
 use core::time::Duration;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use hilrig::capture::{Limits, Recording, about};
+use hilrig::capture::{Capture, Limits, Recording, about};
 use hilrig::realtime::clock::{Clock, WallClock};
 use hilrig::run::Run;
 use hilrig::scenario::Scenario;
 use protocols::Instant;
 use rustix::time::{ClockId, clock_gettime};
+
+const CAPTURE: &str = concat!(env!("CARGO_TARGET_TMPDIR"), "/bench.pcapng");
 
 fn flat() -> Run {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/rescue-flat.toml");
@@ -25,9 +27,8 @@ fn flat() -> Run {
 
 fn captured() -> Run {
     let mut run = flat();
-    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("bench.pcapng");
     let about = about(run.scenario());
-    let recording = Recording::create(&path, &run.rig, about, Limits::default());
+    let recording = Recording::create(Path::new(CAPTURE), &run.rig, about, Limits::default());
     run.rig
         .add_tap(Box::new(recording.expect("can be written")));
     run
@@ -45,6 +46,17 @@ fn whole_loop(criterion: &mut Criterion) {
     group.bench_function("whole mission, captured", |bencher| {
         bencher.iter(|| captured().finish());
     });
+    group.finish();
+}
+
+/// Reads the capture of the whole mission: its blocks are cut out of what was read, not copied.
+fn reading_a_capture(criterion: &mut Criterion) {
+    captured().finish();
+    let bytes = std::fs::read(CAPTURE).expect("just written");
+    let mut group = criterion.benchmark_group("capture");
+    group.throughput(Throughput::Bytes(bytes.len() as u64));
+    group.sample_size(20);
+    group.bench_function("read", |bencher| bencher.iter(|| Capture::of(&bytes)));
     group.finish();
 }
 
@@ -91,5 +103,5 @@ fn cost_of_capture(_: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, whole_loop, cost_of_capture);
+criterion_group!(benches, whole_loop, reading_a_capture, cost_of_capture);
 criterion_main!(benches);

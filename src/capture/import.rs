@@ -10,6 +10,7 @@ mod sigrok;
 mod socat;
 mod text;
 
+use bytes::Bytes;
 use protocols::{Instant, LineConfig};
 
 use crate::TOOL;
@@ -148,7 +149,7 @@ impl Imported {
             at: Instant::from_nanos(nanos),
             direction,
             kind,
-            bytes: bytes.to_vec(),
+            bytes: Bytes::copy_from_slice(bytes),
             sent: None,
             pieces: Vec::new(),
             comment: String::new(),

@@ -8,6 +8,8 @@
 //! A reader of our own because a capture must be readable up to the byte at which a machine died,
 //! and because damage must be reported with its offset.
 
+use bytes::{Bytes, BytesMut};
+
 /// Begins a section; reads the same in both byte orders.
 pub(crate) const SECTION: u32 = 0x0A0D_0D0A;
 /// Describes one interface.
@@ -120,14 +122,13 @@ pub(crate) struct Block {
     /// Byte order of its numbers.
     pub order: Order,
     /// What lies between the two lengths.
-    pub body: Vec<u8>,
+    pub body: Bytes,
 }
 
 /// Cuts a stream of bytes, fed in any pieces, into blocks.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Blocks {
-    buf: Vec<u8>,
-    start: usize,
+    buf: BytesMut,
     pub(super) offset: u64,
     order: Option<Order>,
     broken: bool,
@@ -139,14 +140,12 @@ impl Blocks {
         if self.broken {
             return;
         }
-        self.buf.drain(..self.start);
-        self.start = 0;
         self.buf.extend_from_slice(bytes);
     }
 
     /// Bytes of a block that is not whole yet.
     pub(crate) fn pending(&self) -> usize {
-        self.buf.len() - self.start
+        self.buf.len()
     }
     /// The next whole block. `None` if more bytes are needed, or after an error.
     pub(crate) fn next_block(&mut self) -> Option<Result<Block, BlockError>> {
@@ -164,7 +163,7 @@ impl Blocks {
     }
 
     fn cut(&mut self) -> Result<Option<Block>, BlockFault> {
-        let bytes = &self.buf[self.start..];
+        let bytes = &self.buf[..];
         let Some(head) = bytes.first_chunk::<8>() else {
             return Ok(None);
         };
@@ -199,10 +198,9 @@ impl Blocks {
             offset: self.offset,
             kind: order.u32(kind),
             order,
-            body: bytes[8..len - 4].to_vec(),
+            body: self.buf.split_to(len).freeze().slice(8..len - 4),
         };
         self.order = Some(order);
-        self.start += len;
         self.offset += u64::from(length);
         Ok(Some(block))
     }

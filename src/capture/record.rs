@@ -6,6 +6,7 @@
 //! | seconds 4 | microseconds 4 | event 1 | control lines 1 | 0 0 | payload |   (big-endian)
 //! ```
 
+use bytes::Bytes;
 use protocols::{Instant, LineConfig, LineEvent};
 
 use super::pcapng::{self, Block, Order};
@@ -210,7 +211,7 @@ pub struct Sent {
     /// When the last bit was on the wire.
     pub at: Instant,
     /// The bytes.
-    pub bytes: Vec<u8>,
+    pub bytes: Bytes,
 }
 
 /// One thing that happened on one direction of one link.
@@ -227,7 +228,7 @@ pub struct Record {
     /// What it is.
     pub kind: Kind,
     /// The bytes as the receiver got them.
-    pub bytes: Vec<u8>,
+    pub bytes: Bytes,
     /// The bytes as sent, if those are others or left earlier.
     pub sent: Option<Sent>,
     /// Lengths of the chunks in which the bytes reached the receiver, if several: back to back, the
@@ -298,17 +299,18 @@ impl Record {
             at: interface.instant(high << 32 | low),
             direction: direction(outbound),
             kind: Kind::read(header[8], header[9]),
-            bytes: payload.to_vec(),
+            bytes: body.slice_ref(payload),
             sent: None,
             pieces: Vec::new(),
             comment: String::new(),
         };
         let options = body.get(20 + pcapng::padded(len)..).unwrap_or_default();
-        pcapng::options(order, options).for_each(|option| record.read_option(order, option));
+        pcapng::options(order, options).for_each(|option| record.read_option(block, option));
         Some(record)
     }
 
-    fn read_option(&mut self, order: Order, (code, value): (u16, &[u8])) {
+    fn read_option(&mut self, block: &Block, (code, value): (u16, &[u8])) {
+        let order = block.order;
         match code {
             pcapng::COMMENT if self.comment.is_empty() => self.comment = text(value),
             pcapng::COMMENT => {
@@ -335,7 +337,10 @@ impl Record {
                 if mark == SEQUENCE {
                     self.sequence = Some(number);
                 } else if mark == SENT {
-                    let (at, bytes) = (Instant::from_nanos(number), value[16..].to_vec());
+                    let (at, bytes) = (
+                        Instant::from_nanos(number),
+                        block.body.slice_ref(&value[16..]),
+                    );
                     self.sent = Some(Sent { at, bytes });
                 }
             }

@@ -15,6 +15,7 @@ mod file;
 use core::time::Duration;
 use std::collections::VecDeque;
 
+use bytes::Bytes;
 use protocols::{Instant, LineEvent};
 
 pub use file::{CaptureFile, FileError};
@@ -250,7 +251,7 @@ impl<C: Clock> Recorder<C> {
             at: self.epoch + (at - Instant::ZERO),
             direction,
             kind,
-            bytes: bytes.to_vec(),
+            bytes: Bytes::copy_from_slice(bytes),
             sent: None,
             pieces: Vec::new(),
             comment,

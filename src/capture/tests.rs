@@ -13,7 +13,7 @@ fn record(sequence: u64, kind: Kind, bytes: &[u8]) -> Record {
         at: Instant::from_nanos(5_000_000_123 + sequence),
         direction: Direction::ToMaster,
         kind,
-        bytes: bytes.to_vec(),
+        bytes: bytes.to_vec().into(),
         sent: None,
         pieces: Vec::new(),
         comment: String::new(),
@@ -25,7 +25,7 @@ fn damaged() -> Record {
         direction: Direction::ToDevice,
         sent: Some(Sent {
             at: Instant::from_nanos(4_999_999_000),
-            bytes: vec![1, 2, 3, 4, 5],
+            bytes: vec![1, 2, 3, 4, 5].into(),
         }),
         comment: "fault: byte 7 drop".to_owned(),
         ..record(2, Kind::Data, &[1, 2, 4, 5])
@@ -120,7 +120,7 @@ fn a_big_endian_file_with_unknown_blocks_is_read() {
     let [record] = &capture.records[..] else {
         panic!("{:?}", capture.records)
     };
-    assert_eq!(record.bytes, [0x55, 0xAA]);
+    assert_eq!(record.bytes[..], [0x55, 0xAA]);
     assert_eq!(record.at, Instant::from_micros(2));
     assert_eq!(record.direction, Direction::ToDevice);
 }

@@ -27,7 +27,7 @@ fn record(link: usize, micros: u64, direction: Direction, bytes: &[u8]) -> Recor
         at: Instant::from_micros(micros),
         direction,
         kind: Kind::Data,
-        bytes: bytes.to_vec(),
+        bytes: bytes.to_vec().into(),
         sent: None,
         pieces: Vec::new(),
         comment: String::new(),

@@ -118,7 +118,7 @@ fn of_a_capture_only_what_the_lidar_sent_is_read() {
             at: Instant::from_millis(1),
             direction,
             kind: Kind::Data,
-            bytes: bytes.to_vec(),
+            bytes: bytes.to_vec().into(),
             sent: None,
             pieces: Vec::new(),
             comment: String::new(),

@@ -74,7 +74,7 @@ fn ten_seconds_with_one_bad_packet() -> Vec<u8> {
             at: Instant::from_nanos(number * 2_222_222),
             direction: Direction::ToMaster,
             kind: Kind::Data,
-            bytes,
+            bytes: bytes.into(),
             sent: None,
             pieces: Vec::new(),
             comment: String::new(),

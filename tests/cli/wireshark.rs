@@ -40,7 +40,7 @@ impl Chunks {
             at: Instant::from_millis(self.1),
             direction,
             kind,
-            bytes: bytes.to_vec(),
+            bytes: bytes.to_vec().into(),
             sent: None,
             pieces: Vec::new(),
             comment: comment.to_owned(),

@@ -153,7 +153,7 @@ fn record(millis: u64, bytes: &[u8]) -> Record {
         at: Instant::from_millis(millis),
         direction: Direction::ToMaster,
         kind: Kind::Data,
-        bytes: bytes.to_vec(),
+        bytes: bytes.to_vec().into(),
         sent: None,
         pieces: Vec::new(),
         comment: String::new(),

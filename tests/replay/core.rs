@@ -96,9 +96,11 @@ fn one_changed_byte_is_told_at_its_place() {
         before > 800
     });
     let record = record.expect("six seconds are longer");
-    let byte = record.bytes.last_mut().expect("not empty");
+    let mut bytes = record.bytes.to_vec();
+    let byte = bytes.last_mut().expect("not empty");
     let (was, is) = (*byte, *byte ^ 0x10);
     *byte = is;
+    record.bytes = bytes.into();
     let at = record.at;
 
     let divergence = replayed(&capture, Voice::Program)

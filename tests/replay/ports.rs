@@ -30,7 +30,7 @@ fn field(path: &Path, link: &str, chunks: &[(Direction, &[u8])]) {
             at: Instant::from_secs(1_795_219_200) + core::time::Duration::from_millis(number),
             direction: *direction,
             kind: Kind::Data,
-            bytes: bytes.to_vec(),
+            bytes: bytes.to_vec().into(),
             sent: None,
             pieces: Vec::new(),
             comment: String::new(),

@@ -112,7 +112,7 @@ fn a_capture_holds_both_sides_of_every_chunk() {
                 let pieces = pieces.iter().cloned();
                 sent.extend(pieces.map(|chunk| (link, to, chunk.2 - early, chunk.3)));
             }
-            Some(left) => sent.push((link, to, left.at.as_nanos(), left.bytes.clone())),
+            Some(left) => sent.push((link, to, left.at.as_nanos(), left.bytes.to_vec())),
             None => sent.extend(pieces.iter().cloned()),
         }
         received.extend(pieces);

@@ -33,10 +33,10 @@ fn record(index: usize, bytes: &[u8]) -> Record {
         at: Instant::ZERO + Duration::from_millis(3) * u32::try_from(index).expect("few"),
         direction: [Direction::ToDevice, Direction::ToMaster][usize::from(up)],
         kind: Kind::Data,
-        bytes: bytes.to_vec(),
+        bytes: bytes.to_vec().into(),
         sent: (index == 3).then(|| Sent {
             at: Instant::ZERO,
-            bytes: vec![1, 2],
+            bytes: vec![1, 2].into(),
         }),
         pieces: vec![1; bytes.len()],
         comment: String::from(if index == 3 { "fault" } else { "" }),

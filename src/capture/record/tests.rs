@@ -10,7 +10,7 @@ fn joined_chunks_come_apart_again_at_their_times() {
         at: Instant::from_micros(1_070),
         direction: Direction::ToDevice,
         kind: Kind::Data,
-        bytes: vec![1, 2, 3, 4, 5, 6, 7],
+        bytes: vec![1, 2, 3, 4, 5, 6, 7].into(),
         sent: None,
         pieces: vec![1, 1, 1, 1, 1, 2],
         comment: String::new(),

@@ -78,7 +78,7 @@ pub(in crate::cli) fn raw_record(bytes: Vec<u8>) -> Record {
         at: Instant::ZERO,
         direction: Direction::ToMaster,
         kind: Kind::Data,
-        bytes,
+        bytes: bytes.into(),
         sent: None,
         pieces: Vec::new(),
         comment: String::new(),

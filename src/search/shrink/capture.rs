@@ -1,5 +1,7 @@
+use core::mem::take;
 use std::collections::BTreeMap;
 
+use bytes::BytesMut;
 use protocols::FrameError;
 
 use super::{Effort, fewest};
@@ -21,6 +23,13 @@ impl Unit {
     fn lane(&self) -> (usize, bool) {
         let record = &self.record;
         (record.link, record.direction == Direction::ToDevice)
+    }
+
+    /// Changes the bytes; clones that share them keep theirs.
+    fn change(&mut self, change: impl FnOnce(&mut [u8])) {
+        let mut bytes = BytesMut::from(take(&mut self.record.bytes));
+        change(&mut bytes);
+        self.record.bytes = bytes.freeze();
     }
 }
 
@@ -61,7 +70,7 @@ fn cut(lane: &[&Record]) -> Vec<Unit> {
         return lane.iter().map(|record| whole(record)).collect();
     };
     let mut units = Vec::new();
-    let mut bytes = Vec::new();
+    let mut bytes = BytesMut::new();
     // Where each record's bytes end in all bytes of the lane, to find the record of a unit's end.
     let mut ends: Vec<(usize, &Record)> = Vec::new();
     let mut stream = Stream::new(codec);
@@ -81,6 +90,7 @@ fn cut(lane: &[&Record]) -> Vec<Unit> {
         found.extend(stream.push(&record.bytes));
     }
     found.extend(stream.idle());
+    let bytes = bytes.freeze();
     let mut next = 0;
     for one in found {
         let range = [one.bytes.start, one.bytes.end].map(|at| usize::try_from(at).unwrap_or(0));
@@ -90,7 +100,7 @@ fn cut(lane: &[&Record]) -> Vec<Unit> {
         let record = ends[next].1;
         units.push(Unit {
             record: Record {
-                bytes: bytes[range[0]..range[1]].to_vec(),
+                bytes: bytes.slice(range[0]..range[1]),
                 sent: None,
                 pieces: Vec::new(),
                 comment: String::new(),
@@ -184,7 +194,7 @@ pub fn capture(
             if unit.record.bytes[at] == 0 {
                 continue;
             }
-            unit.record.bytes[at] = 0;
+            unit.change(|bytes| bytes[at] = 0);
             if repairs == Repair::Checksums {
                 repair(unit);
             }
@@ -233,7 +243,7 @@ pub enum Repair {
 
 fn repair(unit: &mut Unit) {
     if let Some(codec) = unit.frame {
-        codec.repair(&mut unit.record.bytes);
+        unit.change(|bytes| codec.repair(bytes));
     }
 }
 

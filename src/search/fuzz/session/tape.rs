@@ -32,7 +32,7 @@ impl Tape {
             at,
             direction,
             kind: Kind::Data,
-            bytes: bytes.to_vec(),
+            bytes: bytes.to_vec().into(),
             sent: None,
             pieces: Vec::new(),
             comment: String::new(),
