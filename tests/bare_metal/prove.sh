@@ -33,6 +33,8 @@ must_fail() {
 say "with std, and with a heap, it must not build"
 must_fail mutant_std 'duplicate lang item `panic_impl`'
 must_fail mutant_heap 'no global memory allocator found'
+# What a program does on a PC is no part of the board's.
+must_fail mutant_host 'no global memory allocator found'
 
 [[ ${1:-} == --host ]] && exit 0
 

@@ -2,15 +2,15 @@
 
 use core::f64::consts::TAU;
 
+use hilrig::firmware_core::growing_map::GrowingMap;
 use hilrig::firmware_core::pose::Point as Place;
 use hilrig::prelude::*;
 
 use crate::{board, turret};
 
-/// Cells of the map along x and y, their edge and the lowest corner, mm.
-const SIZE: [usize; 2] = [70, 56];
+/// Edge of a cell of the map, mm, and most cells.
 const CELL_MM: f64 = 100.0;
-const ORIGIN_MM: [f64; 2] = [-500.0, -400.0];
+const CELLS_MAX: usize = 100_000;
 
 /// What the program knows of its car.
 #[derive(Clone, Copy, Debug)]
@@ -38,7 +38,7 @@ pub struct Arc {
     count: i32,
     heard: Vec<u8>,
     decoder: turret::TurretDecoder,
-    cells: Vec<u8>,
+    map: GrowingMap,
     scan: Vec<Place>,
     next_order: Instant,
     orders: Vec<u8>,
@@ -61,7 +61,7 @@ impl Arc {
             count: 0,
             heard: Vec::new(),
             decoder: turret::TurretDecoder::default(),
-            cells: vec![127; SIZE[0] * SIZE[1]],
+            map: GrowingMap::new(CELL_MM as f32, CELLS_MAX),
             scan: Vec::new(),
             next_order: Instant::ZERO,
             orders: Vec::new(),
@@ -116,10 +116,8 @@ impl Arc {
 
     fn mark(&mut self, from: [f64; 2], angle: f64, mm: f64, value: u8) {
         let [x, y] = [from[0] + angle.cos() * mm, from[1] + angle.sin() * mm];
-        let [ix, iy] = [(x - ORIGIN_MM[0]) / CELL_MM, (y - ORIGIN_MM[1]) / CELL_MM];
-        if ix >= 0.0 && iy >= 0.0 && (ix as usize) < SIZE[0] && (iy as usize) < SIZE[1] {
-            self.cells[iy as usize * SIZE[0] + ix as usize] = value;
-        }
+        // A beam that would make the map too large is left out.
+        let _ = self.map.set(Place::new(x as f32, y as f32), value);
     }
 }
 
@@ -184,8 +182,7 @@ impl Inspect for Arc {
     }
 
     fn map(&self) -> Option<MapView<'_>> {
-        let origin = ORIGIN_MM.map(|mm| mm as f32);
-        Some(MapView::new(SIZE[0], CELL_MM as f32, origin, &self.cells))
+        Some(self.map.view())
     }
 
     fn scan(&self) -> &[Place] {

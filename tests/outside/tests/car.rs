@@ -56,7 +56,8 @@ fn it_gets_a_verdict() {
     let (_, end) = outcome.truth.last().expect("a way");
     assert!(end.y > 1.5, "{end:?}");
     let map = outcome.map.as_ref().expect("a map").view();
-    assert_eq!((map.width(), map.height()), (70, 56));
+    // Up to 6 m and 4.8 m from a start of 3.2 m either way, in steps of 6.4 m.
+    assert_eq!((map.width(), map.height()), (128, 128));
 }
 
 /// The same car, told to be slower than it is: the checker says so.
@@ -90,7 +91,7 @@ fn its_result_folder_shows_its_panels_axes_verdicts_and_map() {
         assert!(report.contains(part), "no {part:?} in the report");
     }
     let map = fs::read(place.join("map.pgm")).expect("a map");
-    assert!(map.starts_with(b"P5\n70 56\n"), "{:?}", &map[..12]);
+    assert!(map.starts_with(b"P5\n128 128\n"), "{:?}", &map[..14]);
     let junit = fs::read_to_string(place.join("junit.xml")).expect("verdicts");
     assert!(junit.contains("slow-enough"));
     // The saved case names what the dice hit, and is the same run again.

@@ -1,0 +1,178 @@
+//! An occupancy map without an edge: it grows to wherever it is written. For the part of a robot's
+//! program that runs on a PC; feature `host`.
+
+use alloc::vec::Vec;
+
+use crate::grid::UNKNOWN;
+use crate::map_view::MapView;
+use crate::pose::Point;
+
+/// Cells that the map grows by at least, so that a beam does not grow it cell by cell.
+const STEP: i32 = 64;
+
+/// Why a cell was not written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum NotWritten {
+    /// The place has no finite coordinates.
+    NoPlace,
+    /// The map would have more cells than it may.
+    TooLarge,
+}
+
+/// Cells of one size around the origin of the robot's poses, each one byte as in
+/// [`grid`](crate::grid).
+#[derive(Clone, Debug, PartialEq)]
+pub struct GrowingMap {
+    cells: Vec<u8>,
+    cell_mm: f32,
+    /// The cell of least x and y, counted from the one with its corner at the origin.
+    low: [i32; 2],
+    /// Cells along x and y.
+    size: [i32; 2],
+    cells_max: usize,
+}
+
+impl GrowingMap {
+    /// A map that knows nothing, of cells with edges of `cell_mm`, which may grow to `cells_max`
+    /// cells.
+    ///
+    /// # Panics
+    /// If the cells have no size, or not even the first `STEP` x `STEP` cells are allowed.
+    pub fn new(cell_mm: f32, cells_max: usize) -> Self {
+        let step = usize::try_from(STEP).unwrap_or(0);
+        assert!(cell_mm > 0.0 && cell_mm.is_finite(), "cells have a size");
+        assert!(cells_max >= step * step, "the map has a first part");
+        Self {
+            cells: alloc::vec![UNKNOWN; step * step],
+            cell_mm,
+            low: [-STEP / 2; 2],
+            size: [STEP; 2],
+            cells_max,
+        }
+    }
+
+    /// Edge of a cell, mm.
+    pub const fn cell_mm(&self) -> f32 {
+        self.cell_mm
+    }
+
+    /// The cell at `place`; never seen outside of what was written.
+    pub fn get(&self, place: Point) -> u8 {
+        let index = self.cell(place).and_then(|cell| self.index(cell));
+        index.map_or(UNKNOWN, |index| self.cells[index])
+    }
+
+    /// Writes the cell at `place`; the map grows until it has one.
+    ///
+    /// # Errors
+    /// If there is no such place, or the map would become too large: it stays as it was.
+    pub fn set(&mut self, place: Point, value: u8) -> Result<(), NotWritten> {
+        let cell = self.cell(place).ok_or(NotWritten::NoPlace)?;
+        if self.index(cell).is_none() {
+            self.grow(cell)?;
+        }
+        if let Some(index) = self.index(cell) {
+            self.cells[index] = value;
+        }
+        Ok(())
+    }
+
+    /// All of it for an observer.
+    pub fn view(&self) -> MapView<'_> {
+        let origin = self.low.map(|low| low as f32 * self.cell_mm);
+        let width = usize::try_from(self.size[0]).unwrap_or(1);
+        MapView::new(width, self.cell_mm, origin, &self.cells)
+    }
+
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "checked to be at most 2^30"
+    )]
+    fn cell(&self, place: Point) -> Option<[i32; 2]> {
+        let cell = [place.x_mm, place.y_mm].map(|mm| libm::floorf(mm / self.cell_mm));
+        let is_sound = |along: &f32| along.is_finite() && along.abs() < (1 << 30) as f32;
+        cell.iter()
+            .all(is_sound)
+            .then(|| cell.map(|along| along as i32))
+    }
+
+    fn index(&self, cell: [i32; 2]) -> Option<usize> {
+        let [x, y] = core::array::from_fn(|axis| cell[axis] - self.low[axis]);
+        let is_inside = (0..self.size[0]).contains(&x) && (0..self.size[1]).contains(&y);
+        is_inside.then(|| usize::try_from(y * self.size[0] + x).ok())?
+    }
+
+    /// Grows so that `cell` is inside.
+    fn grow(&mut self, cell: [i32; 2]) -> Result<(), NotWritten> {
+        let (mut low, mut size) = (self.low, self.size);
+        for axis in 0..2 {
+            let end = low[axis] + size[axis];
+            if cell[axis] < low[axis] {
+                low[axis] -= (low[axis] - cell[axis]).max(STEP);
+                size[axis] = end - low[axis];
+            } else if cell[axis] >= end {
+                size[axis] += (cell[axis] - end + 1).max(STEP);
+            }
+        }
+        let [width, height] = size.map(|cells| usize::try_from(cells).unwrap_or(usize::MAX));
+        let count = width.checked_mul(height);
+        let count = count.filter(|count| *count <= self.cells_max);
+        let mut cells = alloc::vec![UNKNOWN; count.ok_or(NotWritten::TooLarge)?];
+        let right = usize::try_from(self.low[0] - low[0]).unwrap_or(0);
+        let up = usize::try_from(self.low[1] - low[1]).unwrap_or(0);
+        for (row, old) in self.view().rows().enumerate() {
+            let from = (row + up) * width + right;
+            cells[from..from + old.len()].copy_from_slice(old);
+        }
+        (self.cells, self.low, self.size) = (cells, low, size);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::{FREE, OBSTACLE};
+
+    const fn at(x_mm: f32, y_mm: f32) -> Point {
+        Point::new(x_mm, y_mm)
+    }
+
+    /// What was written stays where it is in all directions of growth.
+    #[test]
+    fn it_grows_to_where_it_is_written_and_forgets_nothing() {
+        let mut map = GrowingMap::new(50.0, 1 << 20);
+        let places = [
+            (at(10.0, -10.0), OBSTACLE),
+            (at(9_000.0, 20.0), FREE),
+            (at(-7_000.0, -5_000.0), OBSTACLE),
+            (at(-20.0, 12_340.0), 3),
+        ];
+        for (done, (place, value)) in places.into_iter().enumerate() {
+            assert_eq!(map.get(place), UNKNOWN);
+            assert_eq!(map.set(place, value), Ok(()));
+            for (earlier, value) in &places[..=done] {
+                assert_eq!(map.get(*earlier), *value);
+            }
+        }
+        let view = map.view();
+        let known = view.cells().iter().filter(|cell| **cell != UNKNOWN);
+        assert_eq!(known.count(), 4);
+        // 10 mm is the cell from 0 to 50, -10 mm the one from -50 to 0.
+        let [x, y] = view.origin_mm();
+        let index = |mm: f32, from: f32| ((mm - from) / 50.0) as usize;
+        assert_eq!(view.get(index(0.0, x), index(-50.0, y)), Some(OBSTACLE));
+    }
+
+    #[test]
+    fn a_map_that_would_be_too_large_stays_as_it_was() {
+        let mut map = GrowingMap::new(10.0, 64 * 64);
+        let before = map.clone();
+        assert_eq!(map.set(at(400.0, 0.0), 1), Err(NotWritten::TooLarge));
+        assert_eq!(map.set(at(f32::MAX, 0.0), 1), Err(NotWritten::NoPlace));
+        assert_eq!(map.set(at(f32::NAN, 0.0), 1), Err(NotWritten::NoPlace));
+        assert_eq!(map, before);
+        assert_eq!(map.set(at(319.0, -320.0), 1), Ok(()));
+    }
+}
