@@ -33,7 +33,7 @@ pub use device::{
 };
 pub use drives::DrivesSpec;
 pub use fault::{DirectionSpec, FaultKind, FaultPlace, FaultSpec, Flaw, LinkSpec, WhenSpec};
-pub use mission::{Action, Expect, Mission, ModeSpec, Step};
+pub use mission::{Action, Expect, Mission, SetPoint, Step};
 pub use own::{
     AccessSpec, CommandSpec, OrderSpec, PeriodicSpec, RegisterSpec, RegistersSpec, SourceSpec,
     TextSpec, VariableSpec, WidthSpec,
@@ -121,9 +121,10 @@ pub struct Origin {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ProgramSpec {
-    /// Mode in which the program starts; `stop` if not given.
+    /// Mode in which the program starts, as the robot calls it; the one in which it stands if not
+    /// given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub start_mode: Option<ModeSpec>,
+    pub start_mode: Option<String>,
     /// Which algorithm maps.
     #[serde(default)]
     pub mapper: MapperSpec,

@@ -193,7 +193,7 @@ impl Operator {
 /// What our PC program writes because of a gesture.
 fn said(pc: &mut Pc, gesture: Gesture) -> Result<Vec<u8>, String> {
     let action = pc_program::answer(pc, gesture).map_err(|why| why.to_string())?;
-    let done = pc.perform(Instant::ZERO, pc_action(&action));
+    let done = pc.perform(Instant::ZERO, pc_action(&action)?);
     done.expect("answers are within the limits");
     let mut buf = [0; 2 * FRAME_MAX];
     let len = pc.transmit(Pc::AIR, &mut buf);

@@ -38,7 +38,7 @@ use crate::rig::cpu::CpuModel;
 use crate::rig::line::End;
 use crate::scenario::device::{AVR_BASE, HC06, XV11};
 use crate::scenario::{
-    Action, AvrBaseSpec, CpuSpec, DeviceSpec, MapperSpec, ModeSpec, Scenario, ScenarioError,
+    Action, AvrBaseSpec, CpuSpec, DeviceSpec, MapperSpec, Scenario, ScenarioError, SetPoint,
     Source, Step,
 };
 
@@ -299,7 +299,13 @@ fn program(
     #[expect(clippy::cast_possible_truncation, reason = "millimetres fit an f32")]
     let [x_mm, y_mm, heading] = [start.x * 1000.0, start.y * 1000.0, start.theta].map(|v| v as f32);
     mapping.start = Pose::new(x_mm, y_mm, heading);
-    let initial_mode = scenario.program.start_mode.map_or(Mode::Stop, Mode::from);
+    let initial_mode = match &scenario.program.start_mode {
+        None => Mode::Stop,
+        Some(name) => mode(name).map_err(|message| {
+            let span = source.find("start_mode");
+            source.invalid(span, "program.start_mode", message)
+        })?,
+    };
     let mut config = Config {
         checksum_order,
         mapping,
@@ -316,14 +322,20 @@ fn program(
     Ok(config)
 }
 
-impl From<ModeSpec> for Mode {
-    fn from(spec: ModeSpec) -> Self {
-        match spec {
-            ModeSpec::Stop => Self::Stop,
-            ModeSpec::Exploration => Self::Exploration,
-            ModeSpec::Waypoint => Self::Waypoint,
-        }
-    }
+/// Modes that the PC can order, by name; to drive by hand is an order of its own.
+const MODES: [(&str, Mode); 3] = [
+    ("stop", Mode::Stop),
+    ("exploration", Mode::Exploration),
+    ("waypoint", Mode::Waypoint),
+];
+
+/// The mode of that name, or what was expected.
+fn mode(name: &str) -> Result<Mode, String> {
+    let found = MODES.iter().find(|(known, _)| *known == name);
+    found.map(|(_, mode)| *mode).ok_or_else(|| {
+        let known = MODES.map(|(name, _)| name).join(", ");
+        format!("mode \"{name}\": expected one of {known}")
+    })
 }
 
 fn millimetres(waypoints: &[[f64; 2]]) -> Vec<[i16; 2]> {
@@ -352,32 +364,55 @@ fn script(scenario: &Scenario, source: &Source) -> Result<pc::Script, ScenarioEr
     let timed = mission.step.iter().filter(|step| step.at.is_some());
     let mut timed: Vec<&Step> = timed.collect();
     timed.sort_by_key(|step| step.at);
-    steps.extend(timed.into_iter().map(pc_step));
+    for (index, step) in mission.step.iter().enumerate() {
+        pc_action(&step.action).map_err(|message| {
+            let span = source.find_in_list("mission.step", index, "do");
+            source.invalid(span, format!("mission.step[{index}].do"), message)
+        })?;
+    }
+    steps.extend(timed.into_iter().filter_map(|step| pc_step(step).ok()));
     pc::Script::new(steps)
         .map_err(|error| source.invalid(source.find("mission"), "mission", error.to_string()))
 }
 
 /// A step of the mission as the PC does it.
-fn pc_step(step: &Step) -> pc::Step {
-    pc::Step {
+fn pc_step(step: &Step) -> Result<pc::Step, String> {
+    Ok(pc::Step {
         when: pc::When::At(step.at.unwrap_or_default().0),
-        action: pc_action(&step.action),
-    }
+        action: pc_action(&step.action)?,
+    })
 }
 
 /// What the PC does, in the units of the wire.
-pub(crate) fn pc_action(action: &Action) -> pc::Action {
-    match action {
+///
+/// # Errors
+/// What was expected, if the robot has no such mode or axes.
+pub(crate) fn pc_action(action: &Action) -> Result<pc::Action, String> {
+    Ok(match action {
         Action::Connect => pc::Action::Open,
         Action::Disconnect => pc::Action::Close,
         Action::WaypointsM(waypoints) => pc::Action::Waypoints(millimetres(waypoints)),
-        Action::Mode(mode) => pc::Action::Order(Order {
-            mode: (*mode).into(),
+        Action::Mode(name) => pc::Action::Order(Order {
+            mode: mode(name)?,
             set_point: [0, 0],
         }),
-        Action::Drive(set_point) => pc::Action::Order(Order {
+        Action::Drive(set_points) => pc::Action::Order(Order {
             mode: Mode::Manual,
-            set_point: *set_point,
+            set_point: wheels(set_points)?,
         }),
-    }
+    })
+}
+
+/// The wheels' set-points as the wire has them.
+fn wheels(set_points: &[SetPoint]) -> Result<[i8; 2], String> {
+    let whole = set_points.iter().map(|one| i8::try_from(one.whole()?).ok());
+    let whole: Option<Vec<i8>> = whole.collect();
+    whole.and_then(|whole| whole.try_into().ok()).ok_or_else(|| {
+        let shown: Vec<String> = set_points.iter().map(|one| one.0.to_string()).collect();
+        format!(
+            "drive [{}]: expected two set-points, left and right, whole ticks per 40 ms from -128 \
+             to 127",
+            shown.join(", ")
+        )
+    })
 }

@@ -8,14 +8,14 @@ use firmware_core::map_view::MapView;
 use protocols::{Instant, Port};
 use serde::Serialize;
 
-use crate::scenario::{Action, ModeSpec, Step};
+use crate::scenario::{Action, SetPoint, Step};
 
 /// Silence of whoever drives by hand after which the robot is stopped: a page that hangs or was
 /// closed must not go on driving.
 pub const HAND_OFF: Duration = Duration::from_millis(1000);
 
 /// What somebody wants. Places are in millimetres of the robot's map.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Gesture {
     /// Another waypoint at the end of the list.
     Add {
@@ -40,10 +40,10 @@ pub enum Gesture {
     },
     /// All waypoints are taken out.
     Clear,
-    /// What the robot shall do.
-    Mode(ModeSpec),
-    /// The axes' set-points by hand.
-    Drive([i8; 2]),
+    /// What the robot shall do: one of the station's [modes](Station::modes).
+    Mode(String),
+    /// The axes' set-points by hand, in their order and unit.
+    Drive(Vec<SetPoint>),
     /// Opens the port.
     Connect,
     /// Closes it.
@@ -70,7 +70,7 @@ pub struct StationView {
     /// Rows of the map that have not come yet.
     pub rows_missing: Option<usize>,
     /// What it was last ordered: mode and set-points.
-    pub order: Option<(&'static str, [i8; 2])>,
+    pub order: Option<(&'static str, Vec<SetPoint>)>,
     /// Bytes that came.
     pub bytes: u64,
     /// Frames, messages and rows that were damaged.
@@ -82,14 +82,33 @@ pub struct StationView {
 pub struct StationState {
     /// Its mode.
     pub mode: &'static str,
-    /// Speed of the wheels, mm/s.
-    pub speed: [i16; 2],
+    /// How fast its wheels or axes are, mm/s.
+    pub speed: Vec<SetPoint>,
     /// Set-points in force.
-    pub to: [i8; 2],
+    pub to: Vec<SetPoint>,
+}
+
+/// What keys do to the set-points of the axes, in the axes' order and unit.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DriveKeys {
+    /// What the key to go ahead adds; the one back takes it away.
+    pub ahead: Vec<SetPoint>,
+    /// What the key to turn left adds; the one to the right takes it away.
+    pub left: Vec<SetPoint>,
+    /// Greatest set-point either way, of each axis.
+    pub limit: Vec<SetPoint>,
 }
 
 /// The far end of a robot's link, steered by a mission's steps and by gestures.
 pub trait Station {
+    /// The modes that it can order.
+    fn modes(&self) -> &'static [&'static str];
+
+    /// How keys drive the robot by hand; `None` if it cannot be driven so.
+    fn keys(&self) -> Option<DriveKeys> {
+        None
+    }
+
     /// What it knows at `now`.
     fn view(&self, now: Instant) -> StationView;
 
@@ -136,18 +155,18 @@ pub trait RemoteStation: Station + Device {
 }
 
 /// Somebody's hand on the axes. Says what to order when the hand moves, and lets go by itself.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Hand {
-    held: Option<([i8; 2], Instant)>,
+    held: Option<(Vec<SetPoint>, Instant)>,
 }
 
 impl Hand {
     /// The hand asks for `set_point` at `now`, of a clock that also runs while the run is paused;
     /// what to order, if it is news.
-    pub fn hold(&mut self, now: Instant, set_point: [i8; 2]) -> Option<Gesture> {
-        let before = self.held.map(|(before, _)| before);
-        self.held = Some((set_point, now));
-        (before != Some(set_point)).then_some(Gesture::Drive(set_point))
+    pub fn hold(&mut self, now: Instant, set_points: &[SetPoint]) -> Option<Gesture> {
+        let before = self.held.replace((set_points.to_owned(), now));
+        let is_news = before.is_none_or(|(before, _)| before != set_points);
+        is_news.then(|| Gesture::Drive(set_points.to_owned()))
     }
 
     /// Somebody ordered something else.
@@ -157,11 +176,9 @@ impl Hand {
 
     /// What to order because the hand has not been felt for [`HAND_OFF`].
     pub fn tick(&mut self, now: Instant) -> Option<Gesture> {
-        let (set_point, since) = self.held?;
-        if now - since < HAND_OFF {
-            return None;
-        }
-        self.held = None;
-        (set_point != [0, 0]).then_some(Gesture::Drive([0, 0]))
+        let (mut set_points, _) = self.held.take_if(|(_, since)| now - *since >= HAND_OFF)?;
+        let is_rest = set_points.iter().all(|one| *one == SetPoint::default());
+        set_points.fill(SetPoint::default());
+        (!is_rest).then_some(Gesture::Drive(set_points))
     }
 }

@@ -103,7 +103,11 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::scenario::ModeSpec;
+    use crate::scenario::SetPoint;
+
+    fn drive(wheels: [i8; 2]) -> Action {
+        Action::Drive(SetPoint::list(wheels))
+    }
 
     fn run(more: &str) -> Run {
         let text = format!(
@@ -133,8 +137,8 @@ mod tests {
         run.command(Action::WaypointsM(vec![[1.8, 1.8], [-0.02, 0.5]]))
             .expect("has a PC");
         run.go_on_until(Instant::from_nanos(4_000_000_777));
-        run.command(Action::Drive([10, -10])).expect("has a PC");
-        run.command(Action::Drive([0, 0])).expect("has a PC");
+        run.command(drive([10, -10])).expect("has a PC");
+        run.command(drive([0, 0])).expect("has a PC");
         run.go_on_until(Instant::from_secs(8));
         run.command(Action::Disconnect).expect("has a PC");
         run.go_on_until(Instant::from_secs(10));
@@ -194,6 +198,6 @@ mod tests {
             .expect_err("56 fit");
         assert!(error.to_string().contains("57 waypoints"), "{error}");
         assert_eq!(run.case_so_far().mission.step, []);
-        assert!(run.command(Action::Mode(ModeSpec::Stop)).is_ok());
+        assert!(run.command(Action::Mode("stop".to_owned())).is_ok());
     }
 }

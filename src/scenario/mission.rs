@@ -86,22 +86,40 @@ pub enum Action {
     Disconnect,
     /// Replaces the robot's list of waypoints, metres in the world's frame, -10000 to 10000.
     WaypointsM(Vec<[f64; 2]>),
-    /// Orders a mode.
-    Mode(ModeSpec),
-    /// Orders manual mode with these set-points, left and right, in ticks per 40 ms.
-    Drive([i8; 2]),
+    /// Orders a mode by its name; which there are, the robot says.
+    Mode(String),
+    /// Drives by hand: a set-point for each of the robot's axes, in their order and unit.
+    Drive(Vec<SetPoint>),
 }
 
-/// Modes that can be ordered.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum ModeSpec {
-    /// Motors off.
-    Stop,
-    /// Drive by itself.
-    Exploration,
-    /// Visit the waypoints.
-    Waypoint,
+/// A set-point of an axis, in the axis's unit; written without a fraction if it has none.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
+#[serde(transparent)]
+pub struct SetPoint(pub f64);
+
+impl SetPoint {
+    /// Set-points of several axes.
+    pub fn list(values: impl IntoIterator<Item = impl Into<f64>>) -> Vec<Self> {
+        values.into_iter().map(|value| Self(value.into())).collect()
+    }
+
+    /// It as a whole number, if it is one that `i64` holds.
+    pub fn whole(self) -> Option<i64> {
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "whole and far below the limit"
+        )]
+        (self.0.fract() == 0.0 && self.0.abs() < 1e15).then_some(self.0 as i64)
+    }
+}
+
+impl Serialize for SetPoint {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self.whole() {
+            Some(whole) => serializer.serialize_i64(whole),
+            None => serializer.serialize_f64(self.0),
+        }
+    }
 }
 
 /// What must have come true in the end; what is not given is not demanded.

@@ -56,7 +56,7 @@ fn messages_without_sense_are_refused_in_words() {
         "{",
         "null",
         r#"{"do":"fly"}"#,
-        r#"{"do":"drive","wheels":[300,0]}"#,
+        r#"{"do":"drive","axes":[300,0]}"#,
         r#"{"do":"move","index":-1,"from":[0,0],"to":[0,0]}"#,
         r#"{"do":"delete","index":99999,"at":[0,0]}"#,
         r#"{"do":"add","at":[2000000000,-5]}"#,

@@ -8,7 +8,7 @@ use firmware_core::robots::rescue::Rescue;
 use hilrig::rig::Rig;
 use hilrig::robots::rescue::pc_program::{self, Gesture, Refusal};
 use hilrig::run::Run;
-use hilrig::scenario::ModeSpec;
+use hilrig::scenario::SetPoint;
 use protocols::Instant;
 use protocols::pcui::message::Mode;
 
@@ -77,7 +77,7 @@ fn over_a_lossy_radio_the_map_is_whole_and_right_within_three_passes() {
     assert!(pc(&run).record().counts.bad_frames > 0, "nothing was lost");
 
     // Without a lidar the robot's map stays as it is: three passes later the PC's is the same.
-    does(&mut run, Gesture::Mode(ModeSpec::Stop)).expect("connected");
+    does(&mut run, Gesture::Mode("stop".to_owned())).expect("connected");
     let cut = r#"{"link":"lidar","direction":"to-master","kind":"cut"}"#;
     run.inject(serde_json::from_str(cut).expect("a fault"))
         .expect("there is a lidar");
@@ -203,7 +203,7 @@ fn pu_12_and_14_the_longest_list_is_confirmed_within_a_second() {
 fn a_hand_drives_the_robot_until_it_is_gone() {
     let mut run = connected("");
     let before = run.rig.world.pose();
-    does(&mut run, Gesture::Drive([-10, 10])).expect("connected");
+    does(&mut run, Gesture::Drive(SetPoint::list([-10, 10]))).expect("connected");
     run.go_on_until(run.rig.now() + 3 * SECOND);
     assert_eq!(robot(&run.rig).mode(), Mode::Manual);
     // 10 ticks of 0.454 mm in 40 ms are 113 mm/s a wheel, 0.87 rad/s on an axle of 260 mm.

@@ -8,18 +8,18 @@ use protocols::pcui::message::Mode;
 use protocols::{Instant, Port};
 
 use super::pc_program::{self, waypoints};
-use super::{pc_action, pc_step};
+use super::{MODES, pc_action, pc_step};
 use crate::robots::instruments::in_metres;
-use crate::robots::station::StationState;
+use crate::robots::station::{DriveKeys, StationState};
 use crate::robots::{Gesture, RemoteStation, Station, StationView};
-use crate::scenario::{Action, Step};
+use crate::scenario::{Action, SetPoint, Step};
 
 /// A PC that opens its port as soon as it is asked.
 pub(super) fn alone() -> Pc {
     let script = Script::new(Vec::new()).expect("no steps are within the limits");
     let mut pc = Pc::new(script);
-    let open = pc_action(&Action::Connect);
-    pc.perform(Instant::ZERO, open).expect("has no limits");
+    let opened = pc.perform(Instant::ZERO, emulators::pc::Action::Open);
+    opened.expect("has no limits");
     pc
 }
 
@@ -33,12 +33,26 @@ const fn mode_name(mode: Mode) -> &'static str {
 }
 
 impl Station for Pc {
+    fn modes(&self) -> &'static [&'static str] {
+        const NAMES: [&str; MODES.len()] = [MODES[0].0, MODES[1].0, MODES[2].0];
+        &NAMES
+    }
+
+    /// Ticks per 40 ms: a third of a metre a second ahead, half of that to turn.
+    fn keys(&self) -> Option<DriveKeys> {
+        Some(DriveKeys {
+            ahead: SetPoint::list([14, 14]),
+            left: SetPoint::list([-8, 8]),
+            limit: SetPoint::list([20, 20]),
+        })
+    }
+
     fn view(&self, now: Instant) -> StationView {
         let record = self.record();
         let state = record.state.map(|(_, state)| StationState {
             mode: mode_name(state.mode),
-            speed: state.speed_mm_s,
-            to: state.set_point,
+            speed: SetPoint::list(state.speed_mm_s),
+            to: SetPoint::list(state.set_point),
         });
         let properties = record.map_properties;
         let pose = properties.map(|(_, map)| {
@@ -63,7 +77,7 @@ impl Station for Pc {
             rows_missing: self.map().map(PcMap::rows_missing),
             order: self
                 .order()
-                .map(|order| (mode_name(order.mode), order.set_point)),
+                .map(|order| (mode_name(order.mode), SetPoint::list(order.set_point))),
             bytes: record.counts.bytes,
             bad: record.counts.bad_frames + record.counts.bad_messages + record.counts.bad_rows,
         }
@@ -97,7 +111,7 @@ impl Station for Pc {
 
     fn insert_step(&mut self, mission: usize, index: usize, step: &Step) -> Result<(), String> {
         let others = self.steps().saturating_sub(mission);
-        let inserted = self.insert(others + index, pc_step(step));
+        let inserted = self.insert(others + index, pc_step(step)?);
         inserted.map_err(|error| error.to_string())
     }
 }
@@ -108,7 +122,7 @@ impl RemoteStation for Pc {
     }
 
     fn perform(&mut self, now: Instant, action: &Action) -> Result<(), String> {
-        let done = Self::perform(self, now, pc_action(action));
+        let done = Self::perform(self, now, pc_action(action)?);
         done.map_err(|error| error.to_string())
     }
 

@@ -4,7 +4,7 @@ use serde::Deserialize;
 use tokio::sync::mpsc;
 
 use crate::robots::Gesture;
-use crate::scenario::{FaultSpec, ModeSpec};
+use crate::scenario::{FaultSpec, SetPoint};
 
 /// Longest command, bytes.
 pub(super) const COMMAND_MAX: usize = 2048;
@@ -36,9 +36,9 @@ pub(super) enum Command {
     /// All waypoints go away.
     Clear,
     /// What the robot shall do.
-    Mode { mode: ModeSpec },
-    /// Set-points of the wheels by hand.
-    Drive { wheels: [i8; 2] },
+    Mode { mode: String },
+    /// Set-points of the axes by hand.
+    Drive { axes: Vec<SetPoint> },
     /// A finger on the robot's display, column and row.
     Tap { place: [u16; 2] },
     /// The PC opens its port.
@@ -67,13 +67,13 @@ impl Command {
     }
 
     /// What it wants of the robot, if that is what it is about.
-    pub(super) const fn gesture(&self) -> Option<Gesture> {
-        Some(match *self {
-            Self::Add { at } => Gesture::Add { at },
-            Self::Move { index, from, to } => Gesture::Move { index, from, to },
-            Self::Delete { index, at } => Gesture::Delete { index, at },
+    pub(super) fn gesture(&self) -> Option<Gesture> {
+        Some(match self {
+            &Self::Add { at } => Gesture::Add { at },
+            &Self::Move { index, from, to } => Gesture::Move { index, from, to },
+            &Self::Delete { index, at } => Gesture::Delete { index, at },
             Self::Clear => Gesture::Clear,
-            Self::Mode { mode } => Gesture::Mode(mode),
+            Self::Mode { mode } => Gesture::Mode(mode.clone()),
             Self::Connect => Gesture::Connect,
             Self::Disconnect => Gesture::Disconnect,
             _ => return None,

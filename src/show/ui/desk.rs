@@ -20,7 +20,7 @@ use super::timeline::{Sample, Timeline, short_pose};
 use super::wire::{Tally, Wire};
 use crate::rig::fault::FaultId;
 use crate::rig::line::Direction;
-use crate::robots::{Display, Gesture, Hand};
+use crate::robots::{Display, Gesture, Hand, Station};
 use crate::run::Run;
 use crate::scenario::Span;
 use crate::show::view;
@@ -175,8 +175,8 @@ impl Desk {
                     .map_err(|flaw| flaw.to_string())?;
             }
             Command::Tap { place } => run.tap(*place).map_err(|error| error.to_string())?,
-            Command::Drive { wheels } => {
-                if let Some(gesture) = self.hand.hold(wall, *wheels) {
+            Command::Drive { axes } => {
+                if let Some(gesture) = self.hand.hold(wall, axes) {
                     does(run, gesture).inspect_err(|_| self.hand.let_go())?;
                 }
             }
@@ -363,6 +363,7 @@ fn stage(run: &Run, number: u64, tempo: Tempo) -> Value {
         let [sender, _] = run.rig.line_configs(line);
         json!({"name": link.name, "baud": sender.baud})
     });
+    let station = run.instruments().station(&run.rig);
     json!({
         "type": "stage",
         "run": number,
@@ -376,7 +377,9 @@ fn stage(run: &Run, number: u64, tempo: Tempo) -> Value {
         "links": links.collect::<Vec<_>>(),
         "pace": tempo.is_ours,
         "speed_max": SPEED_MAX,
-        "pc": run.instruments().station(&run.rig).is_some(),
+        "pc": station.is_some(),
+        "modes": station.map(Station::modes),
+        "keys": station.and_then(Station::keys),
     })
 }
 

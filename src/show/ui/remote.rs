@@ -84,8 +84,8 @@ impl Remote {
     }
 
     fn obey(&mut self, now: Instant, command: &Command) -> Result<(), String> {
-        if let Command::Drive { wheels } = command {
-            return match self.hand.hold(now, *wheels) {
+        if let Command::Drive { axes } = command {
+            return match self.hand.hold(now, axes) {
                 Some(gesture) => self.does(now, gesture).inspect_err(|_| self.hand.let_go()),
                 None => Ok(()),
             };
@@ -218,6 +218,8 @@ impl Remote {
             "pace": false,
             "speed_max": 1,
             "pc": true,
+            "modes": self.station.modes(),
+            "keys": self.station.keys(),
         })
     }
 }

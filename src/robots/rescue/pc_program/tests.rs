@@ -13,7 +13,7 @@ use super::*;
 use protocols::Instant;
 
 use crate::robots::rescue::pc_action;
-use crate::scenario::ModeSpec;
+use crate::scenario::SetPoint;
 
 const AIR: Port = Pc::AIR;
 
@@ -84,7 +84,9 @@ impl Operator {
     /// Does a gesture; the bytes that it writes.
     fn does(&mut self, gesture: Gesture) -> Result<Vec<u8>, Refusal> {
         let action = answer(&self.pc, gesture)?;
-        let done = self.pc.perform(self.now, pc_action(&action));
+        let done = self
+            .pc
+            .perform(self.now, pc_action(&action).expect("known"));
         done.expect("answers are within the limits");
         let mut buf = [0; 2048];
         let len = self.pc.transmit(AIR, &mut buf);
@@ -374,7 +376,7 @@ fn a_gesture_at_a_waypoint_that_has_changed_is_refused() {
 fn nothing_is_asked_of_a_robot_that_is_not_there() {
     let mut desk = Operator::with_map();
     desk.does(Gesture::Disconnect).expect("always");
-    let stop = Gesture::Mode(ModeSpec::Stop);
+    let stop = Gesture::Mode("stop".to_owned());
     assert_eq!(desk.does(stop), Err(Refusal::NotConnected));
     assert_eq!(desk.add(1, 1), Err(Refusal::NotConnected));
 }
@@ -385,12 +387,21 @@ fn nothing_is_asked_of_a_robot_that_is_not_there() {
 fn a_hand_that_is_not_felt_any_more_stops_the_robot() {
     let mut hand = Hand::default();
     let at = Instant::from_millis;
-    assert_eq!(hand.hold(at(0), [10, 10]), Some(Gesture::Drive([10, 10])));
-    assert_eq!(hand.hold(at(300), [10, 10]), None);
+    assert_eq!(
+        hand.hold(at(0), &SetPoint::list([10, 10])),
+        Some(Gesture::Drive(SetPoint::list([10, 10])))
+    );
+    assert_eq!(hand.hold(at(300), &SetPoint::list([10, 10])), None);
     assert_eq!(hand.tick(at(1_299)), None);
-    assert_eq!(hand.tick(at(1_300)), Some(Gesture::Drive([0, 0])));
+    assert_eq!(
+        hand.tick(at(1_300)),
+        Some(Gesture::Drive(SetPoint::list([0, 0])))
+    );
     assert_eq!(hand.tick(at(9_000)), None);
-    assert_eq!(hand.hold(at(9_000), [0, 0]), Some(Gesture::Drive([0, 0])));
+    assert_eq!(
+        hand.hold(at(9_000), &SetPoint::list([0, 0])),
+        Some(Gesture::Drive(SetPoint::list([0, 0])))
+    );
     assert_eq!(hand.tick(at(19_000)), None);
 }
 
@@ -475,9 +486,13 @@ proptest! {
 #[test]
 fn orders_are_the_golden_ones() {
     let mut desk = Operator::with_map();
-    let bytes = desk.does(Gesture::Mode(ModeSpec::Exploration)).expect("ok");
+    let bytes = desk
+        .does(Gesture::Mode("exploration".to_owned()))
+        .expect("ok");
     assert_eq!(bytes, b"PCUI_MSG\x03\x00\x01\x00\x00\x00STA\x01\x00\x00");
-    let bytes = desk.does(Gesture::Drive([1, -2])).expect("connected");
+    let bytes = desk
+        .does(Gesture::Drive(SetPoint::list([1, -2])))
+        .expect("connected");
     // 3 + 1 + 0xFE = 0x102
     assert_eq!(bytes, b"PCUI_MSG\x03\x00\x02\x01\x00\x00STA\x03\x01\xFE");
     assert_eq!(desk.pc.order().map(|order| order.mode), Some(Mode::Manual));

@@ -82,6 +82,8 @@ function begin(stage) {
     option.textContent = link.name;
     return option;
   }));
+  offerModes(stage.modes ?? []);
+  $("drive").hidden = !stage.keys;
   $("events").replaceChildren();
   lanes.height = (2 * stage.links.length + 1) * view.laneHeight;
   goLive();
@@ -519,8 +521,16 @@ $("clear").onclick = () => send({ do: "clear" });
 
 // ---- modes and driving
 
-for (const node of document.querySelectorAll("[data-mode]")) {
-  node.onclick = () => { stopDriving(); send({ do: "mode", mode: node.dataset.mode }); };
+// A button for each mode that the robot's station can order.
+function offerModes(modes) {
+  $("modes").replaceChildren(...modes.map((mode) => {
+    const node = document.createElement("button");
+    node.type = "button";
+    node.dataset.mode = mode;
+    node.textContent = mode[0].toUpperCase() + mode.slice(1);
+    node.onclick = () => { stopDriving(); send({ do: "mode", mode }); };
+    return node;
+  }));
 }
 $("connect").onclick = () =>
   send({ do: hilrig.now?.pc?.connection === "closed" ? "connect" : "disconnect" });
@@ -528,22 +538,26 @@ $("connect").onclick = () =>
 const keys = new Set();
 let driving = null;
 const directions = {
-  ArrowUp: [14, 14], KeyW: [14, 14], ArrowDown: [-14, -14], KeyS: [-14, -14],
-  ArrowLeft: [-8, 8], KeyA: [-8, 8], ArrowRight: [8, -8], KeyD: [8, -8],
+  ArrowUp: ["ahead", 1], KeyW: ["ahead", 1], ArrowDown: ["ahead", -1], KeyS: ["ahead", -1],
+  ArrowLeft: ["left", 1], KeyA: ["left", 1], ArrowRight: ["left", -1], KeyD: ["left", -1],
 };
 
-function wheels() {
-  const sum = [0, 0];
-  for (const key of keys) directions[key].forEach((value, wheel) => { sum[wheel] += value; });
-  return sum.map((value) => Math.max(-20, Math.min(20, value)));
+// What the pressed keys come to, a set-point for each axis.
+function axes() {
+  const { limit, ...adds } = hilrig.stage.keys;
+  return limit.map((most, axis) => {
+    let sum = 0;
+    for (const key of keys) sum += adds[directions[key][0]][axis] * directions[key][1];
+    return Math.max(-most, Math.min(most, sum));
+  });
 }
 
 // Said again and again: a robot whose page is gone has to stop.
 function startDriving() {
   keys.clear();
   $("drive").setAttribute("aria-pressed", "true");
-  send({ do: "drive", wheels: [0, 0] });
-  driving = setInterval(() => send({ do: "drive", wheels: wheels() }), 250);
+  send({ do: "drive", axes: axes() });
+  driving = setInterval(() => send({ do: "drive", axes: axes() }), 250);
 }
 
 function stopDriving() {
@@ -556,18 +570,18 @@ function stopDriving() {
 
 $("drive").onclick = () => {
   if (driving === null) startDriving();
-  else { stopDriving(); send({ do: "drive", wheels: [0, 0] }); }
+  else { stopDriving(); send({ do: "drive", axes: axes() }); }
 };
 document.addEventListener("keydown", (event) => {
   if (driving === null || !(event.code in directions)) return;
   event.preventDefault();
-  if (!keys.has(event.code)) { keys.add(event.code); send({ do: "drive", wheels: wheels() }); }
+  if (!keys.has(event.code)) { keys.add(event.code); send({ do: "drive", axes: axes() }); }
 });
 document.addEventListener("keyup", (event) => {
-  if (driving !== null && keys.delete(event.code)) send({ do: "drive", wheels: wheels() });
+  if (driving !== null && keys.delete(event.code)) send({ do: "drive", axes: axes() });
 });
 window.addEventListener("blur", () => {
-  if (driving !== null && keys.size) { keys.clear(); send({ do: "drive", wheels: [0, 0] }); }
+  if (driving !== null && keys.size) { keys.clear(); send({ do: "drive", axes: axes() }); }
 });
 
 // ---- clock and faults
