@@ -98,6 +98,14 @@ pub fn earliest(deadlines: impl IntoIterator<Item = Option<Instant>>) -> Option<
     deadlines.into_iter().flatten().min()
 }
 
+/// When a device by itself is to be polled next on the way from `now` to `end`, at `end` at the
+/// latest. One that asks for a moment that has passed is polled a nanosecond later, so that time
+/// moves.
+pub fn next_poll(device: &impl Device, now: Instant, end: Instant) -> Instant {
+    let soonest = now + Duration::from_nanos(1);
+    device.poll_at().map_or(end, |at| at.max(soonest).min(end))
+}
+
 /// Moves what fits from the front of `queue` to `buf`; how many bytes that were.
 pub fn take(queue: &mut VecDeque<u8>, buf: &mut [u8]) -> usize {
     let len = buf.len().min(queue.len());

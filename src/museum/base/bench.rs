@@ -3,6 +3,7 @@ use core::time::Duration;
 use emulators::Device;
 use emulators::avr_base::profile::Profile;
 use emulators::avr_base::{AvrBase, AvrBaseConfig, Quirks};
+use emulators::device::next_poll;
 use emulators::world::{BodyConfig, Pose, Scene, Shape, World};
 use protocols::Instant;
 use protocols::avr::{BAUD, ChecksumOrder, Frame};
@@ -76,16 +77,10 @@ impl Bench {
     /// As a rig does it: from deadline to deadline.
     pub(super) fn run(&mut self, time: Duration) {
         let end = self.now + time;
-        while let Some(at) = self.base.poll_at().filter(|&at| at <= end) {
-            // One that asks for a moment that has passed still lets time move.
-            self.now = at.max(self.now + Duration::from_nanos(1)).min(end);
+        while self.now < end {
+            self.now = next_poll(&self.base, self.now, end);
             self.poll();
-            if self.now == end {
-                break;
-            }
         }
-        self.now = end;
-        self.poll();
     }
 
     fn poll(&mut self) {

@@ -2,6 +2,7 @@ use core::time::Duration;
 
 use emulators::Device;
 use emulators::avr_base::{AvrBase, AvrBaseConfig};
+use emulators::device::next_poll;
 use emulators::world::{BodyConfig, Pose, Scene, Shape, Wheel, World};
 use protocols::Instant;
 use protocols::avr::{Frame, registers};
@@ -85,16 +86,11 @@ impl<'a> Master<'a> {
     /// Lets time pass, from deadline to deadline of the base.
     fn run(&mut self, time: Duration) -> Result<(), Violation> {
         let end = self.now + time;
-        while let Some(at) = self.base.poll_at().filter(|&at| at <= end) {
-            // One that asks for a moment that has passed still lets time move.
-            self.now = at.max(self.now + Duration::from_nanos(1)).min(end);
+        while self.now < end {
+            self.now = next_poll(&self.base, self.now, end);
             self.poll()?;
-            if self.now == end {
-                return Ok(());
-            }
         }
-        self.now = end;
-        self.poll()
+        Ok(())
     }
 
     fn poll(&mut self) -> Result<(), Violation> {
