@@ -1,4 +1,26 @@
 //! One run of a scenario in virtual time: wired, driven, watched, judged.
+//!
+//! ```
+//! use hilrig::prelude::*;
+//!
+//! let (scenario, source) = Scenario::from_text(
+//!     r#"
+//!     schema = 1
+//!     name = "sonar"
+//!     robot = "none"
+//!     duration = "3s"
+//!     device.sonar.text.baud = 9600
+//!     device.sonar.text.command = []
+//!     device.sonar.text.periodic = { line = "mm=700", period = "1s" }
+//!     "#,
+//! )?;
+//! let mut run = Run::new(scenario, &source, None)?;
+//! run.go_on_until(Instant::from_millis(1_500));
+//! assert_eq!(run.rig.now(), Instant::from_millis(1_500));
+//! let outcome = run.finish();
+//! assert!(outcome.trace_hash.len() > 0 && outcome.checks.len() > 0);
+//! # Ok::<(), Box<dyn core::error::Error>>(())
+//! ```
 
 mod agenda;
 pub mod bench;

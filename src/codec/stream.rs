@@ -1,4 +1,14 @@
 //! One direction of a link, cut into frames and what is none.
+//!
+//! ```
+//! use hilrig::codec::{BUS_HIGH_FIRST, What};
+//!
+//! // A stray byte, then the golden read of ten registers from 36 (field firmware b77a6df).
+//! let bytes = [0x55, 0xAB, 0x24, 0x0A, 0x00, 0xD9];
+//! let found = BUS_HIGH_FIRST.found(&bytes);
+//! assert_eq!(found[0].bytes, 0..1);
+//! assert!(matches!(&found[1].what, What::Frame(words) if words.contains("36")));
+//! ```
 
 use core::ops::Range;
 
