@@ -56,7 +56,7 @@ use crate::slam::map::MapError;
 )]
 #[command(
     after_help = "Exit codes: 0 all expectations hold, 1 some fail, 2 usage or set-up, \
-    130 or 143 a run ended by SIGINT or SIGTERM."
+    3 some fail while the rig was too late to tell why, 130 or 143 a run ended by SIGINT or SIGTERM."
 )]
 struct Cli {
     #[command(subcommand)]
@@ -96,6 +96,8 @@ pub enum Verdict {
     Pass,
     /// An expectation failed.
     Fail,
+    /// An expectation failed while the rig was so late that nobody can say why.
+    NotJudged,
     /// Ended by this signal; what there was is judged and written.
     Interrupted(u8),
 }
@@ -223,6 +225,7 @@ pub fn main() -> ExitCode {
     match result {
         Ok(Verdict::Pass) => ExitCode::SUCCESS,
         Ok(Verdict::Fail) => ExitCode::from(1),
+        Ok(Verdict::NotJudged) => ExitCode::from(3),
         Ok(Verdict::Interrupted(signal)) => ExitCode::from(128 + signal),
         Err(error) => {
             eprintln!("error: {error}");

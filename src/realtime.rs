@@ -7,8 +7,9 @@
 //!
 //! The rig is the same as in virtual time; only who moves its clock differs. Each turn runs it up
 //! to the present, carries bytes and events across, and waits for the rig's next event or for a
-//! client. After a delay the rig catches up in small slices, so that no virtual time is skipped and
-//! a client can read and answer in between. Nothing here is exact to better than a few hundred
+//! client. After a short delay the rig catches up in small slices, so that no virtual time is skipped
+//! and a client can read and answer in between. After one of more than 20 ms rig time stood, where
+//! the clock can: nothing is poured over clients, and what they break for that is charged to nobody. Nothing here is exact to better than a few hundred
 //! microseconds, and how late it was is measured: verdicts come from virtual time.
 
 pub mod clock;
@@ -32,6 +33,7 @@ use crate::realtime::transport::{Counters, PortEvent, Transport, TransportError,
 use crate::rig::{Paced, Rig};
 use crate::robots::OpenEnd;
 
+pub(crate) use lateness::LATE;
 pub use lateness::Lateness;
 
 /// Most virtual time that passes in one turn. Late by more than this, the rig takes several turns,
@@ -44,6 +46,8 @@ const GRAIN: Duration = Duration::from_micros(200);
 const BREATH: Duration = Duration::from_millis(1);
 /// Longest wait: a port may have no way to wake us.
 const WAIT_MAX: Duration = Duration::from_millis(5);
+/// After the rig was late, clients have the same time and this more until rules count again.
+const SETTLES: Duration = Duration::from_millis(100);
 /// Bytes of a client that may wait for the line before no more are read, as in a UART's driver.
 const BACKLOG_MAX: usize = 4096;
 
@@ -52,6 +56,9 @@ pub struct Realtime<C> {
     clock: C,
     ports: Vec<Port>,
     lateness: Lateness,
+    /// How often rig time stood because the rig was late, and for how long the last time.
+    stalls: (u64, Duration),
+    is_prompt: bool,
 }
 
 /// An end of a link and the transport that it is on.
@@ -105,6 +112,8 @@ impl<C: Clock> Realtime<C> {
             clock,
             ports: Vec::new(),
             lateness: Lateness::default(),
+            stalls: (0, Duration::ZERO),
+            is_prompt: false,
         }
     }
 
@@ -127,6 +136,11 @@ impl<C: Clock> Realtime<C> {
     /// How late the rig did what was due, over all events so far.
     pub const fn lateness(&self) -> &Lateness {
         &self.lateness
+    }
+
+    /// How often rig time stood because the rig was late, and for how long the last time.
+    pub const fn stalls(&self) -> (u64, Duration) {
+        self.stalls
     }
 
     /// What passed each port so far.
@@ -173,10 +187,22 @@ impl<C: Clock> Realtime<C> {
     /// # Errors
     /// If a port went away. The rig has been told; it may go on without that port.
     pub fn turn(&mut self, paced: &mut impl Paced) -> Result<(), TransportError> {
-        let present = self.clock.now();
+        if !self.is_prompt {
+            // Not when it is made: a program that is started before the first turn keeps the
+            // system's usual slack.
+            self.is_prompt = true;
+            be_prompt();
+        }
+        let mut present = self.clock.now();
         let due = paced.rig().next_event().filter(|&due| due <= present);
         if let Some(due) = due {
-            self.lateness.record(present - due);
+            let late = present - due;
+            self.lateness.record(late);
+            if late > LATE && self.clock.slip(present - paced.rig().now()) {
+                self.stalls = (self.stalls.0 + 1, late);
+                wait_for_clients(paced.rig(), late);
+                present = self.clock.now();
+            }
         }
         let target = present.min(paced.rig().now() + SLICE);
         paced.run_until(target);
@@ -207,6 +233,31 @@ impl<C: Clock> Realtime<C> {
             self.clock.sleep_until(now + timeout);
         }
     }
+}
+
+/// Wakes this thread when it asked for it, not up to 50 us later; where the system cannot, it is as
+/// late as usual.
+#[cfg(target_os = "linux")]
+fn be_prompt() {
+    let _ = rustix::thread::set_current_timer_slack(core::num::NonZeroU64::new(1));
+}
+
+#[cfg(not(target_os = "linux"))]
+const fn be_prompt() {}
+
+/// The rig was late, and its time stood meanwhile: says so, and does not charge clients with what
+/// the bytes that they sent meanwhile break when they come all at once.
+fn wait_for_clients(rig: &mut Rig, late: Duration) {
+    let at = rig.now();
+    rig.excuse_until(at + late + SETTLES);
+    let event = Event {
+        at,
+        kind: EventKind::Note,
+        rule: "rig-late",
+        detail: format!("by {} ms: rig time stood meanwhile", late.as_millis()),
+        bytes: Vec::new(),
+    };
+    rig.log("rig", event);
 }
 
 impl Port {

@@ -68,7 +68,7 @@ const LINES: usize = 20;
 
 /// Says what a program said last.
 pub(super) fn print(seen: &ProgramEnd, passed: bool, log: &Path) {
-    if seen.was_late() {
+    if seen.lateness.is_too_much() {
         eprintln!("  the rig itself was late, so the program may not be to blame");
     }
     if !passed {

@@ -13,7 +13,6 @@ use super::show::{Show, ShowArgs};
 use super::stop::Stop;
 use super::{CliError, Verdict, default_out};
 use crate::capture::case::{Case, Judgement};
-use crate::run::Outcome;
 use crate::scenario::{Scenario, ScenarioError, Source};
 use crate::show::folder::{self, FolderError, Suite};
 
@@ -92,7 +91,7 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
             let (path, exec) = (path.display(), args.program.repeat());
             eprintln!("repeat with: hilrig run {path} --seed {seed}{exec}");
         }
-        ended.push(Ended::Run(Box::new(ran.outcome)));
+        ended.push(Ended::Run(Box::new(ran)));
         if stop.signal().is_some() {
             break;
         }
@@ -101,10 +100,12 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
         let text = folder::junit(ended.iter().map(Ended::suite), wall);
         std::fs::write(&path, text).map_err(|source| FolderError { path, source })?;
     }
-    Ok(match (stop.signal(), ended.iter().all(Ended::passed)) {
-        (Some(signal), _) => Verdict::Interrupted(signal),
-        (None, true) => Verdict::Pass,
-        (None, false) => Verdict::Fail,
+    let verdicts: Vec<Verdict> = ended.iter().map(Ended::verdict).collect();
+    Ok(match stop.signal() {
+        Some(signal) => Verdict::Interrupted(signal),
+        None if verdicts.contains(&Verdict::Fail) => Verdict::Fail,
+        None if verdicts.contains(&Verdict::NotJudged) => Verdict::NotJudged,
+        None => Verdict::Pass,
     })
 }
 
@@ -198,21 +199,22 @@ impl Runnable {
 
 /// What was run.
 enum Ended {
-    Run(Box<Outcome>),
+    Run(Box<Ran>),
     Case(Judgement),
 }
 
 impl Ended {
-    fn passed(&self) -> bool {
+    fn verdict(&self) -> Verdict {
         match self {
-            Self::Run(outcome) => outcome.passed(),
-            Self::Case(judgement) => judgement.passed(),
+            Self::Run(ran) => ran.verdict(),
+            Self::Case(judgement) if judgement.passed() => Verdict::Pass,
+            Self::Case(_) => Verdict::Fail,
         }
     }
 
     fn suite(&self) -> Suite<'_> {
         match self {
-            Self::Run(outcome) => Suite::from(&**outcome),
+            Self::Run(ran) => Suite::from(&ran.outcome),
             Self::Case(Judgement { name, checks, .. }) => {
                 let seed = None;
                 Suite { name, seed, checks }

@@ -134,11 +134,13 @@ pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
             let mut outcome = going.run.judge();
             outcome.checks.insert(0, connected(&realtime));
             let signal = None;
-            let ran = Ran {
+            let mut ran = Ran {
                 outcome,
                 wall,
                 signal,
+                is_doubtful: false,
             };
+            ran.doubt(realtime.lateness());
             write_results(ran, out)?.verdict()
         }
         None => Verdict::Pass,
@@ -284,6 +286,10 @@ fn print_report(realtime: &Realtime<Held>, run: &Run) {
     println!("ran {now} s, {}", realtime.lateness());
     for report in realtime.reports() {
         println!("  {report}");
+    }
+    if run.rig.excused() > 0 {
+        let count = run.rig.excused();
+        println!("  {count} broken rules not charged: the rig was late");
     }
     if violations > 0 {
         println!("  {violations} times a client broke a rule of its device, see the log");

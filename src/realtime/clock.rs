@@ -19,6 +19,12 @@ pub trait Clock {
     /// The time now.
     fn now(&self) -> Instant;
 
+    /// Time stands for the last `by`, as if it had not passed; whether this clock can do that.
+    fn slip(&self, by: Duration) -> bool {
+        let _ = by;
+        false
+    }
+
     /// Waits until `deadline`. Deadlines are absolute, so lateness does not add up.
     fn sleep_until(&self, deadline: Instant);
 }

@@ -26,7 +26,7 @@ use crate::realtime::control::Control;
 use crate::realtime::held::Held;
 use crate::realtime::process::{Ended, Patience, Process};
 use crate::realtime::transport::{Note, PortDir, Pty, Transport, TransportError};
-use crate::realtime::{Lateness, Realtime};
+use crate::realtime::{LATE, Lateness, Realtime};
 use crate::robots::{self, Dut, OpenEnd, PcEnd, Wired};
 use crate::run::check::Check;
 use crate::run::{Outcome, Run};
@@ -38,13 +38,14 @@ pub(crate) use verdict::{alive, childless};
 
 /// The variable by which a program is told where its ports are.
 pub(crate) const PORTS_VARIABLE: &str = "HILRIG_DIR";
-/// A rig that is later than this is not to be blamed on its program.
-const LATE: Duration = Duration::from_millis(20);
 /// Wall time without a further port after which a program that sends is taken to wait for an
 /// answer.
 const WAITS: Duration = Duration::from_secs(1);
 /// Rig time for which a run goes on when its program is gone: the devices must notice that.
 const SETTLE: Duration = Duration::from_secs(2);
+
+/// Checks about a program that hold however late the rig was.
+pub(crate) const FACTS: [&str; 3] = ["program-connected", "program-alive", "no-children-left"];
 
 /// Somebody's program, and what it may do.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -116,15 +117,6 @@ pub(crate) struct ProgramEnd {
     pub lateness: Lateness,
 }
 
-impl ProgramEnd {
-    /// Whether the rig was so late that the program may have suffered from it: by more than 20 ms
-    /// in one of a hundred events, or by more than 250 ms once.
-    pub(crate) fn was_late(&self) -> bool {
-        let max = Duration::from_millis(250);
-        self.lateness.quantile(990) > LATE || self.lateness.max() > max
-    }
-}
-
 impl Trial {
     /// Starts the program in front of `run`, whose ends are on `seats`. What it says is written
     /// to `log`.
@@ -172,6 +164,11 @@ impl Trial {
     /// Rig time on the wall clock.
     pub(crate) fn now(&self) -> Instant {
         self.realtime.clock().now()
+    }
+
+    /// How often rig time stood because the rig was late, and for how long the last time.
+    pub(crate) const fn stalls(&self) -> (u64, Duration) {
+        self.realtime.stalls()
     }
 
     /// Whether rig time runs.

@@ -106,6 +106,13 @@ impl Clock for Held {
         self.stops_at.get().map_or(now, |end| now.min(end))
     }
 
+    fn slip(&self, by: Duration) -> bool {
+        let [wall, moment] = [self.wall.now(), self.now()];
+        let moment = Instant::ZERO + (moment - Instant::ZERO).saturating_sub(by);
+        self.anchor.set([wall, moment]);
+        true
+    }
+
     fn sleep_until(&self, deadline: Instant) {
         self.wall
             .sleep_until(self.wall.now() + (deadline - self.now()));

@@ -12,6 +12,11 @@ const COARSE_STEP_US: u64 = 1_000;
 const COARSE_US: u64 = 500_000;
 const CLASSES: usize = FINE + ((COARSE_US - FINE_US) / COARSE_STEP_US) as usize + 1;
 
+/// A rig that is later than this waits, and is not to be blamed on its clients.
+pub(crate) const LATE: Duration = Duration::from_millis(20);
+/// Nor is one that was once later than this.
+const LATE_ONCE: Duration = Duration::from_millis(250);
+
 /// Lateness of many events: how many were how late.
 #[derive(Clone, Debug)]
 pub struct Lateness {
@@ -41,6 +46,12 @@ impl Lateness {
     /// Events recorded.
     pub const fn count(&self) -> u64 {
         self.count
+    }
+
+    /// Whether clients may have suffered from it: more than 20 ms in one of a hundred events, or
+    /// more than 250 ms once.
+    pub fn is_too_much(&self) -> bool {
+        self.quantile(990) > LATE || self.max > LATE_ONCE
     }
 
     /// The latest of all.

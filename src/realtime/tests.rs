@@ -1,3 +1,4 @@
+use core::cell::Cell;
 use std::path::Path;
 
 use emulators::Device;
@@ -118,6 +119,76 @@ fn after_a_delay_every_byte_comes_in_order_and_in_small_pieces() {
     assert!(received.len() >= 5_760 - 100, "half a second's worth");
     assert_eq!(received, counting(received.len()));
     assert!(realtime.lateness().max() >= Duration::from_millis(490));
+}
+
+/// A clock whose time can stand, as that of `up` can.
+#[derive(Default)]
+struct Slipping {
+    wall: SimClock,
+    stood: Cell<Duration>,
+}
+
+impl Clock for Slipping {
+    fn now(&self) -> Instant {
+        Instant::ZERO + ((self.wall.now() - Instant::ZERO) - self.stood.get())
+    }
+
+    fn slip(&self, by: Duration) -> bool {
+        self.stood.set(self.stood.get() + by);
+        true
+    }
+
+    fn sleep_until(&self, deadline: Instant) {
+        self.wall.sleep_until(deadline + self.stood.get());
+    }
+}
+
+fn breaks_a_rule(rig: &mut Rig) {
+    let event = Event {
+        at: rig.now(),
+        kind: EventKind::Violation,
+        rule: "too-soon",
+        detail: "the last one is not answered yet".to_owned(),
+        bytes: Vec::new(),
+    };
+    rig.log("counter", event);
+}
+
+/// The process was stopped for half a second: rig time stood, so nothing is poured over the client,
+/// nothing is lost, and for as long and 100 ms nothing is charged to it.
+#[test]
+fn while_the_rig_is_late_its_time_stands_and_nobody_is_blamed() {
+    let (mut rig, end) = rig();
+    let (near, mut far) = Memory::pair("counter");
+    let mut realtime = Realtime::new(Slipping::default());
+    realtime.serve(end, Box::new(near));
+    let mut received = Vec::new();
+    let mut until = |realtime: &mut Realtime<Slipping>, rig: &mut Rig, end: Instant| {
+        while rig.now() < end {
+            let before = rig.now();
+            realtime.turn(rig).expect("memory stays");
+            assert!(rig.now() - before <= SLICE, "{before}: a jump");
+            received.extend(read_all(&mut far));
+        }
+        received.len()
+    };
+    until(&mut realtime, &mut rig, Instant::from_millis(100));
+    breaks_a_rule(&mut rig);
+    assert_eq!((rig.violations(), rig.excused()), (1, 0));
+    realtime.clock().wall.advance(Duration::from_millis(500));
+    realtime.turn(&mut rig).expect("memory stays");
+    assert!(rig.now() < Instant::from_millis(110), "{}", rig.now());
+    assert_eq!(realtime.stalls().0, 1);
+    until(&mut realtime, &mut rig, Instant::from_millis(650));
+    breaks_a_rule(&mut rig);
+    assert_eq!((rig.violations(), rig.excused()), (1, 1));
+    let len = until(&mut realtime, &mut rig, Instant::from_millis(750));
+    breaks_a_rule(&mut rig);
+    assert_eq!((rig.violations(), rig.excused()), (2, 1));
+    // 750 ms at 11,520 bytes a second.
+    assert!((8_640 - 120..=8_640).contains(&len), "{len}");
+    assert_eq!(received, counting(len));
+    assert!(realtime.lateness().is_too_much());
 }
 
 #[test]

@@ -190,6 +190,37 @@ fn a_foreign_client_reads_whole_packets_from_the_lidars_port() {
     assert!(up.end().0.success());
 }
 
+/// H6: the rig is stopped for a second and a half, as a debugger or a busy machine does it. Its
+/// time stands, so a client that reads loses no packet and is blamed for nothing.
+#[test]
+fn a_rig_that_was_stopped_loses_nothing_and_blames_nobody() {
+    let dir = fresh_path("stopped");
+    let mut up = Running::up(&dir, &["--duration", "60s"]);
+    up.wait_for("locked");
+    let mut client = client_at(&dir.join("lidar"), xv11::BAUD);
+    read_packets(&mut client, 90);
+    up.signal(Signal::STOP);
+    WallClock::start().sleep_until(Instant::from_millis(1_500));
+    up.signal(Signal::CONT);
+    let late = up.wait_for("rig-late");
+    assert!(late.contains("rig time stood"), "{late}");
+    let mut decoder = xv11::Decoder::default();
+    let (mut indices, mut buf) = (Vec::new(), [0; 512]);
+    wait_until(|| {
+        let len = client.read(&mut buf).unwrap_or(0);
+        let frames = decoder.push(&buf[..len]).filter_map(Result::ok);
+        indices.extend(frames.map(|frame| frame.index()));
+        indices.len() >= 900
+    });
+    up.signal(Signal::INT);
+    let (status, said) = up.end();
+    assert!(status.success(), "{said}");
+    let follows = |pair: &[u8]| pair[1] == if pair[0] == 89 { 0 } else { pair[0] + 1 };
+    assert!(indices.windows(2).all(follows), "{indices:?}");
+    assert!(!said.contains("did not read"), "{said}");
+    assert!(!said.contains("broke a rule"), "{said}");
+}
+
 #[test]
 fn up_says_which_client_has_the_wrong_rate() {
     let dir = fresh_path("told");

@@ -1,5 +1,6 @@
 //! A run of somebody's program, judged, its result folder written.
 
+use core::time::Duration;
 use std::path::{Path, PathBuf};
 
 use protocols::Instant;
@@ -63,11 +64,13 @@ pub(super) fn judged_exec(
     let was_cut = cut_short(trial.run(), stop);
     let mut judged = trial.end();
     judged.outcome.checks.extend(was_cut);
-    let ran = Ran {
+    let mut ran = Ran {
         outcome: judged.outcome,
         wall: clock.now() - Instant::ZERO,
         signal: stop.signal(),
+        is_doubtful: false,
     };
+    ran.doubt(&judged.seen.lateness);
     let ran = write_results(ran, out)?;
     println!("  {}", judged.seen.lateness);
     let passed = ran.outcome.passed();
@@ -77,10 +80,14 @@ pub(super) fn judged_exec(
     Ok(ran)
 }
 
+/// Rig time between two words about a late rig.
+const STALLS_EVERY: Duration = Duration::from_secs(1);
+
 /// Goes on until the run is over, a signal comes or a real port is lost.
 fn follow(trial: &mut Trial, show: &mut Show, stop: &Stop) -> Result<(), TransportError> {
     let mut progress = Progress::new(Talk::Verdict);
     let mut has_begun = false;
+    let (mut stalls, mut told) = (0, Instant::ZERO);
     while !trial.is_over() && stop.signal().is_none() {
         trial.turn()?;
         let now = trial.now();
@@ -88,6 +95,14 @@ fn follow(trial: &mut Trial, show: &mut Show, stop: &Stop) -> Result<(), Transpo
         if trial.has_begun() && !has_begun {
             has_begun = true;
             eprintln!("  the program has opened its ports, rig time runs");
+        }
+        let (count, late) = trial.stalls();
+        if count > stalls && now - told >= STALLS_EVERY {
+            (stalls, told) = (count, now);
+            eprintln!(
+                "  {now} s  the rig was {} ms late, its time stood",
+                late.as_millis()
+            );
         }
         progress.print(trial.run(), now - Instant::ZERO);
     }

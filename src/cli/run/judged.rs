@@ -9,9 +9,9 @@ use crate::capture::{self, Limits, Recording, Section};
 use crate::cli::show::Show;
 use crate::cli::stop::{SIGTERM, Stop};
 use crate::cli::{CliError, Verdict};
-use crate::realtime::Realtime;
 use crate::realtime::clock::{Clock, WallClock};
-use crate::run::check::Check;
+use crate::realtime::{Lateness, Realtime, exec};
+use crate::run::check::{Check, Status};
 use crate::run::{Outcome, Run};
 use crate::scenario::{Scenario, Source};
 use crate::show::folder::{self, FolderError, Metrics};
@@ -40,13 +40,30 @@ pub(in crate::cli) struct Ran {
     pub(in crate::cli) wall: Duration,
     /// Number of the signal that ended it before its time.
     pub(in crate::cli) signal: Option<u8>,
+    /// Whether it failed in ways of which the rig's own lateness may be the cause.
+    pub(in crate::cli) is_doubtful: bool,
 }
 
 impl Ran {
+    /// What failed is doubted if the rig was too late, unless it is a fact about the program; says
+    /// so among the checks.
+    pub(in crate::cli) fn doubt(&mut self, lateness: &Lateness) {
+        let checks = &mut self.outcome.checks;
+        let mut failed = checks.iter().filter(|check| check.status == Status::Fail);
+        let is_fact = |check: &Check| exec::FACTS.contains(&&*check.name);
+        self.is_doubtful = lateness.is_too_much() && failed.all(|check| !is_fact(check));
+        if lateness.is_too_much() && !self.outcome.passed() {
+            let detail = format!("{lateness}: what failed may be its fault");
+            let checks = &mut self.outcome.checks;
+            checks.insert(0, Check::not_observed("rig-on-time", detail));
+        }
+    }
+
     pub(in crate::cli) fn verdict(&self) -> Verdict {
         match (self.signal, self.outcome.passed()) {
             (Some(signal), _) => Verdict::Interrupted(signal),
             (None, true) => Verdict::Pass,
+            (None, false) if self.is_doubtful => Verdict::NotJudged,
             (None, false) => Verdict::Fail,
         }
     }
@@ -109,6 +126,7 @@ pub(in crate::cli) fn judged_run(
         outcome,
         wall,
         signal,
+        is_doubtful: false,
     };
     let ran = write_results(ran, out)?;
     if matches!(pace, Clocking::Realtime(_)) {

@@ -9,6 +9,7 @@ use super::harness::{Harness, HarnessError};
 use super::session::{Halt, Session};
 use super::speech::{Shape, Speech};
 use crate::codec::wire::{Piece, Stream};
+use crate::realtime::LATE;
 use crate::run::Run;
 use crate::run::check::Status;
 use crate::scenario::Scenario;
@@ -27,9 +28,6 @@ pub struct TrialOutcome {
     /// Whether the rig was too late to judge what may come of that.
     pub was_late: bool,
 }
-
-/// A rig that is later than this may make a program break a rule about time, or drive into a wall.
-const LATE: Duration = Duration::from_millis(20);
 
 /// Time for an answer to a frame.
 const WINDOW: Duration = Duration::from_millis(60);
