@@ -12,6 +12,7 @@
 //! | [`pcui`] | robot to PC link: framing, map rows, waypoints, state |
 //! | [`panel`] | touch panel: drawing commands, pen reports |
 //! | [`rle`] | run-length code of the map rows |
+//! | [`rplidar`] | RPLIDAR A1 lidar: requests, answers, standard and express scans |
 //! | [`hc06`] | AT command set of the HC-06 radio |
 //! | [`line`](mod@line) | line coding and byte time |
 //!
@@ -25,6 +26,7 @@ pub mod line;
 pub mod panel;
 pub mod pcui;
 pub mod rle;
+pub mod rplidar;
 mod time;
 pub mod xv11;
 
