@@ -434,6 +434,8 @@ proptest! {
             }
         }
         let mut requests = RequestDecoder::with_format(Requests);
-        requests.push(&bytes).flatten().for_each(|request| drop(request.command()));
+        for request in requests.push(&bytes).flatten() {
+            let _ = request.command();
+        }
     }
 }
