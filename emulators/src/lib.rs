@@ -9,6 +9,7 @@
 //! | [`avr_base`] | register slave that owns motors, encoders and infrared sensors |
 //! | [`device`] | the contract of every device |
 //! | [`hc06`] | Bluetooth radio: command and data mode, finite FIFO, slow air |
+//! | [`lidar`] | what turning lidars have in common |
 //! | [`pc`] | scripted PC at the far end of the radio: sends waypoints, collects the map |
 //! | [`registers`], [`text`] | slaves described by data: a register table, a text protocol |
 //! | [`quantity`] | what the values of such slaves are |
@@ -21,6 +22,7 @@ pub mod avr_base;
 pub mod device;
 mod event_log;
 pub mod hc06;
+pub mod lidar;
 pub mod pc;
 pub mod quantity;
 pub mod registers;
