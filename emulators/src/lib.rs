@@ -13,6 +13,7 @@
 //! | [`pc`] | scripted PC at the far end of the radio: sends waypoints, collects the map |
 //! | [`registers`], [`text`] | slaves described by data: a register table, a text protocol |
 //! | [`quantity`] | what the values of such slaves are |
+//! | [`rplidar`] | RPLIDAR A1 lidar |
 //! | [`touch_panel`] | display of 480 x 272 pixels that is drawn on and touched by wire |
 //! | [`world`] | ground truth: scene, robot body, physics, ray casts |
 //! | [`xv11`] | Neato XV-11 lidar |
@@ -27,6 +28,7 @@ pub mod pc;
 pub mod quantity;
 pub mod registers;
 pub mod rng;
+pub mod rplidar;
 pub mod text;
 pub mod touch_panel;
 pub mod world;
