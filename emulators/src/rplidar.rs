@@ -45,7 +45,7 @@ use crate::lidar::Mount;
 use crate::lidar::rotor::Rotor;
 use crate::rng::Rng;
 use crate::world::World;
-use beam::Eye;
+use beam::Optics;
 use fault::Faults;
 use output::Output;
 use request::Handling;
@@ -112,7 +112,7 @@ pub struct Rplidar {
     profile: Profile,
     motor: MotorControl,
     rotor: Rotor,
-    eye: Eye,
+    optics: Optics,
     requests: RequestDecoder,
     /// When a request that has begun is given up.
     give_up_at: Option<Instant>,
@@ -144,7 +144,7 @@ impl Rplidar {
             profile: config.profile,
             motor: config.motor,
             rotor: motor::rotor(config.motor, angle_deg),
-            eye: Eye::new(config.mount, stream("beam"), stream("range")),
+            optics: Optics::new(config.mount, stream("beam"), stream("range")),
             requests: RequestDecoder::with_format(Requests),
             give_up_at: None,
             handling: Handling::default(),
@@ -211,10 +211,10 @@ impl Rplidar {
         self.rotor.stuck = self.faults.has(Fault::Stuck);
         self.rotor.unpowered = self.faults.has(Fault::Off);
         self.rotor.dust_rpm_s = self.faults.figure(Fault::Dust).unwrap_or(0.0);
-        self.eye.dark = self.faults.has(Fault::Dark);
-        self.eye.range_factor = self.faults.figure(Fault::Wrong).unwrap_or(1.0);
-        self.eye.turned_deg = self.faults.figure(Fault::Turned).unwrap_or(0.0);
-        self.eye.mirrored = self.faults.has(Fault::Mirrored);
+        self.optics.dark = self.faults.has(Fault::Dark);
+        self.optics.range_factor = self.faults.figure(Fault::Wrong).unwrap_or(1.0);
+        self.optics.turned_deg = self.faults.figure(Fault::Turned).unwrap_or(0.0);
+        self.optics.mirrored = self.faults.has(Fault::Mirrored);
     }
 
     fn power_off(&mut self, now: Instant) {

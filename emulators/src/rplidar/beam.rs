@@ -19,7 +19,7 @@ const JITTER_RAD: f64 = 0.05 * PI / 180.0;
 
 /// The optics with their noise.
 #[derive(Clone, Debug)]
-pub(super) struct Eye {
+pub(super) struct Optics {
     mount: Mount,
     /// Nothing is seen.
     pub(super) dark: bool,
@@ -33,7 +33,7 @@ pub(super) struct Eye {
     range: Rng,
 }
 
-impl Eye {
+impl Optics {
     pub(super) const fn new(mount: Mount, beam: Rng, range: Rng) -> Self {
         Self {
             mount,

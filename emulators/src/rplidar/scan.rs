@@ -19,17 +19,21 @@ use crate::world::World;
 const STANDARD_TIME: Duration = Duration::from_nanos(498_753);
 /// Time of a sample in an express scan, half of it.
 const EXPRESS_TIME: Duration = Duration::from_nanos(249_377);
-/// The rotation is looked at this often while a scan starts. A guess, ...
-const LOOK_TIME: Duration = Duration::from_millis(25);
-/// ... and is even if it changed by less than this between that many looks in a row.
+/// The rotation is checked this often while a scan starts. A guess, ...
+const CHECK_TIME: Duration = Duration::from_millis(25);
+/// ... and is even if it changed by less than this between that many checks in a row.
 const EVEN_CHANGE: f64 = 0.002;
-const EVEN_LOOKS: u8 = 4;
+const EVEN_CHECKS: u8 = 4;
 /// Slowest rotation that counts as one (LD108: 1 to 10 turns a second).
 const SPEED_MIN_RPM: f64 = 60.0;
 /// A scan pauses at a speed that differs by more than this part from the one it began with. A guess.
 const SPEED_CHANGE: f64 = 0.25;
 /// A pause that lasts this long is a Protection Stop. A guess.
 const PAUSE_TIME: Duration = Duration::from_secs(2);
+/// Current of a scan at 5 V (LD108).
+const CORE_MA: f64 = 300.0;
+/// The same while the head starts: LD108 says 500 to 600.
+const START_MA: f64 = 550.0;
 /// How far an invalid node lies ahead.
 const INVALID_AHEAD_DEG: f64 = 7.0;
 /// The same as the offset that a capsule takes off valid samples, eighths of a degree.
@@ -64,9 +68,9 @@ enum Stream {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Starting {
     stream: Stream,
-    look_at: Instant,
+    check_at: Instant,
     speed_rpm: f64,
-    even_looks: u8,
+    even_checks: u8,
     /// When the first node was sent, and since when the scan pauses.
     paused: Option<(Instant, Instant)>,
 }
@@ -92,7 +96,7 @@ impl Phase {
     pub(super) fn next_at(&self) -> Option<Instant> {
         match self {
             Self::Off | Self::Idle | Self::ProtectionStop { .. } => None,
-            Self::Starting(starting) => Some(starting.look_at),
+            Self::Starting(starting) => Some(starting.check_at),
             Self::Scanning(scanning) => Some(scanning.sample_at()),
         }
     }
@@ -181,7 +185,9 @@ impl Rplidar {
         if is_deaf {
             return;
         }
-        if self.faults.has(Fault::WeakSupply) {
+        self.rotor.advance(at);
+        let limit_ma = self.faults.figure(Fault::WeakSupply);
+        if limit_ma.is_some_and(|limit_ma| self.current_ma() > limit_ma) {
             self.restart(at, "brown-out", "the supply gives way as the scan begins");
             return;
         }
@@ -194,40 +200,48 @@ impl Rplidar {
             let node = *Node::new(false, self.profile.quality(), 5_760, 4_000).as_bytes();
             self.output.send(&node[5 - count..], &mut self.faults);
         }
-        self.rotor.advance(at);
         let speed_rpm = self.rotor.speed_rpm();
         self.phase = match stream {
             Stream::Forced => Scanning::phase(stream, at, at, speed_rpm),
             Stream::Nodes | Stream::Capsules => Phase::Starting(Starting {
                 stream,
-                look_at: at + LOOK_TIME,
+                check_at: at + CHECK_TIME,
                 speed_rpm,
-                even_looks: 0,
+                even_checks: 0,
                 paused: None,
             }),
         };
+    }
+
+    /// What a scan draws from the supply.
+    fn current_ma(&self) -> f64 {
+        if self.rotor.speed_rpm() < SPEED_MIN_RPM {
+            START_MA
+        } else {
+            CORE_MA
+        }
     }
 
     /// Does what a scan has to do at `at`.
     pub(super) fn scan(&mut self, at: Instant, world: &World) {
         self.rotor.advance(at);
         match core::mem::replace(&mut self.phase, Phase::Idle) {
-            Phase::Starting(starting) => self.look(at, starting),
-            Phase::Scanning(scanning) => self.sample(at, *scanning, world),
+            Phase::Starting(starting) => self.check_rotation(at, starting),
+            Phase::Scanning(scanning) => self.sample(at, scanning, world),
             phase => self.phase = phase,
         }
     }
 
-    /// Looks whether the rotation has become even.
-    fn look(&mut self, at: Instant, mut starting: Starting) {
+    /// Checks whether the rotation has become even.
+    fn check_rotation(&mut self, at: Instant, mut starting: Starting) {
         let speed_rpm = self.rotor.speed_rpm();
         let change = (speed_rpm - starting.speed_rpm).abs();
         let is_even = speed_rpm >= SPEED_MIN_RPM && change <= EVEN_CHANGE * speed_rpm;
-        starting.even_looks = if is_even { starting.even_looks + 1 } else { 0 };
+        starting.even_checks = if is_even { starting.even_checks + 1 } else { 0 };
         starting.speed_rpm = speed_rpm;
-        starting.look_at = at + LOOK_TIME;
+        starting.check_at = at + CHECK_TIME;
         let since = starting.paused.map(|(_, since)| since);
-        if starting.even_looks >= EVEN_LOOKS {
+        if starting.even_checks >= EVEN_CHECKS {
             let began_at = starting.paused.map_or(at, |(began_at, _)| began_at);
             self.phase = Scanning::phase(starting.stream, began_at, at, speed_rpm);
             let detail = format!("the head turns evenly at {speed_rpm:.0} rpm");
@@ -245,7 +259,7 @@ impl Rplidar {
     }
 
     /// Takes one sample.
-    fn sample(&mut self, at: Instant, mut scanning: Scanning, world: &World) {
+    fn sample(&mut self, at: Instant, mut scanning: Box<Scanning>, world: &World) {
         let starts_turn = self.wrap_angle();
         let due = self.faults.figure(Fault::ProtectionStop);
         if self.faults.has(Fault::LaserOff) {
@@ -260,22 +274,22 @@ impl Rplidar {
             self.log.note(at, "rotation-unstable", detail);
             self.phase = Phase::Starting(Starting {
                 stream: scanning.stream,
-                look_at: at + LOOK_TIME,
+                check_at: at + CHECK_TIME,
                 speed_rpm,
-                even_looks: 0,
+                even_checks: 0,
                 paused: Some((scanning.began_at, at)),
             });
             return;
         }
         let angle_deg = self.rotor.angle_deg();
         let range_max_mm = self.profile.range_max_mm();
-        let distance_q2 = self.eye.measure(world, at, angle_deg, range_max_mm);
+        let distance_q2 = self.optics.measure(world, at, angle_deg, range_max_mm);
         match scanning.stream {
             Stream::Capsules => self.fill(&mut scanning, angle_deg, distance_q2),
             Stream::Nodes | Stream::Forced => self.node(starts_turn, angle_deg, distance_q2),
         }
         scanning.sample += 1;
-        self.phase = Phase::Scanning(Box::new(scanning));
+        self.phase = Phase::Scanning(scanning);
     }
 
     /// Takes whole turns off the angle; whether there was one.

@@ -69,8 +69,8 @@ impl Decoder {
         }
     }
 
-    /// Takes one byte.
-    fn take(&mut self, byte: u8) -> Option<Result<Frame, FrameError>> {
+    /// Decodes one byte.
+    fn push_byte(&mut self, byte: u8) -> Option<Result<Frame, FrameError>> {
         if matches!(self.state, State::Hunt | State::Done) {
             if byte == START && self.state == State::Hunt {
                 self.begin();
@@ -97,11 +97,11 @@ impl Decoder {
             self.give_up();
             return Some(Err(FrameError::Escape { found: byte }));
         }
-        self.take_plain(plain)
+        self.push_plain(plain)
     }
 
-    /// Takes one byte whose escape was undone.
-    fn take_plain(&mut self, byte: u8) -> Option<Result<Frame, FrameError>> {
+    /// Decodes one byte whose escape was undone.
+    fn push_plain(&mut self, byte: u8) -> Option<Result<Frame, FrameError>> {
         match self.state {
             State::Hunt | State::Done => {}
             State::LengthHigh => {
@@ -188,7 +188,7 @@ impl Decode for Decoder {
         }
         while let Some((&byte, rest)) = input.split_first() {
             *input = rest;
-            if let Some(outcome) = self.take(byte) {
+            if let Some(outcome) = self.push_byte(byte) {
                 return Some(outcome);
             }
         }
