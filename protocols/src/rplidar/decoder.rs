@@ -52,7 +52,8 @@ impl Frame {
 /// Finds frames in the byte stream, start text and torn nodes between them.
 ///
 /// A node comes out when the one behind it holds, too (the four behind it after damage), or when
-/// its owner reports an idle line: so a lost byte costs a node or two, not the alignment.
+/// its owner reports an idle line: so a lost byte costs a node or two, not the alignment. Between
+/// nodes the line rests for a node's time, so a pause worth reporting is several of them.
 #[derive(Clone, Debug, Default)]
 pub struct Decoder(crate::Decoder<Answers, ANSWER_MAX>);
 

@@ -167,6 +167,9 @@ fn outcome(
             );
         }
     }
+    decoder.idle();
+    all.extend(decoder.push(&[]));
+    assert_eq!(decoder.pending(), 0);
     all
 }
 

@@ -94,6 +94,22 @@ fn a_request_right_behind_a_stop_is_discarded() {
     assert_eq!(bench.bytes.len(), 27);
 }
 
+/// Two requests back to back: the second is complete 0.17 ms behind the first, which is answered
+/// after 1 ms, and is discarded.
+#[test]
+fn a_request_while_another_is_handled_is_discarded() {
+    let mut bench = plain();
+    bench.send(&[0xA5, 0x50, 0xA5, 0x52]).run_ms(20);
+    assert_eq!(bench.bytes.len(), 27);
+    assert_eq!(bench.rules(), ["request-while-busy"]);
+    bench
+        .send(&[0xA5, 0x50])
+        .run_ms(2)
+        .send(&[0xA5, 0x52])
+        .run_ms(20);
+    assert_eq!(bench.bytes.len(), 27 + 27 + 10);
+}
+
 /// All bytes of a request come within 5 s, or it is discarded.
 #[test]
 fn half_a_request_is_forgotten_after_five_seconds() {
