@@ -13,8 +13,8 @@
 //! bytes (standard scan) or capsules of 84 (express scan). What an answer is depends on the
 //! descriptor before it, so the [`Decoder`] keeps what was announced last.
 //!
-//! Sources: protocol document LR001 v1.0 (2017-05-15), data sheet LD108 v1.0, the vendor's SDK where
-//! it differs from them.
+//! Sources: protocol document LR001 v1.0 (2017-05-15), data sheet LD108 v1.0, the vendor's SDK
+//! where it differs from them.
 
 mod answer;
 mod capsule;

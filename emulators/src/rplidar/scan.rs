@@ -1,8 +1,8 @@
 //! Rotation, samples, nodes and capsules.
 //!
-//! The beam leaves ahead of where the dot is seen: the sensor takes 7 degrees off the angle of the
-//! head, as long as there is a distance to do it with. So invalid nodes lie 7 degrees ahead of their
-//! neighbours (inferred from real nodes: 213, 220, 217, 222 degrees).
+//! The sensor takes 7 degrees off the angle of the head, as triangulation needs it, but only where
+//! there is a distance. So invalid nodes lie 7 degrees ahead of their neighbours (inferred from
+//! angles of a real sensor: 213, 220, 217, 222).
 
 use core::time::Duration;
 
@@ -26,7 +26,8 @@ const EVEN_CHANGE: f64 = 0.002;
 const EVEN_CHECKS: u8 = 4;
 /// Slowest rotation that counts as one (LD108: 1 to 10 turns a second).
 const SPEED_MIN_RPM: f64 = 60.0;
-/// A scan pauses at a speed that differs by more than this part from the one it began with. A guess.
+/// A scan pauses at a speed that differs from the one it began with by more than this part of it. A
+/// guess.
 const SPEED_CHANGE: f64 = 0.25;
 /// A pause that lasts this long is a Protection Stop. A guess.
 const PAUSE_TIME: Duration = Duration::from_secs(2);
@@ -159,42 +160,21 @@ impl Rplidar {
     /// A scan is asked for: the descriptor comes at once, nodes when the rotation is even.
     pub(super) fn start_scan(&mut self, at: Instant, command: Command) {
         self.end_scan();
-        let is_deaf = self
-            .starts
-            .chance(self.faults.figure(Fault::DeafStart).unwrap_or(0.0));
-        let is_torn = self
-            .starts
-            .chance(self.faults.figure(Fault::TornStart).unwrap_or(0.0));
-        let torn_bytes = 1 + self.starts.below(4);
-        let stream = match command {
-            Command::ExpressScan { mode } if !self.profile.has_express(mode) => {
-                let detail = format!("express scan of mode {mode} is not supported");
-                self.log.violation(at, "mode-not-supported", detail, &[]);
-                return;
-            }
-            Command::ExpressScan { .. } => Stream::Capsules,
-            Command::ForceScan => Stream::Forced,
-            _ => Stream::Nodes,
-        };
-        if matches!(self.phase, Phase::ProtectionStop { .. }) {
-            let detail = "a scan is asked for in Protection Stop, which ignores it".to_owned();
-            self.log
-                .violation(at, "scan-in-protection-stop", detail, &[]);
-            return;
-        }
-        if is_deaf {
-            return;
-        }
         self.rotor.advance(at);
-        let limit_ma = self.faults.figure(Fault::WeakSupply);
-        if limit_ma.is_some_and(|limit_ma| self.current_ma() > limit_ma) {
-            self.restart(at, "brown-out", "the supply gives way as the scan begins");
+        // Drawn whether they are needed or not.
+        let share = |fault| self.faults.figure(fault).unwrap_or(0.0);
+        let is_deaf = self.starts.chance(share(Fault::DeafStart));
+        let is_torn = self.starts.chance(share(Fault::TornStart));
+        let torn_bytes = 1 + self.starts.below(4);
+        if is_deaf || self.refuses_scan(at, command) {
             return;
         }
-        self.announce(match stream {
-            Stream::Capsules => Descriptor::capsules(),
-            Stream::Nodes | Stream::Forced => Descriptor::nodes(),
-        });
+        let (stream, descriptor) = match command {
+            Command::ExpressScan { .. } => (Stream::Capsules, Descriptor::capsules()),
+            Command::ForceScan => (Stream::Forced, Descriptor::nodes()),
+            _ => (Stream::Nodes, Descriptor::nodes()),
+        };
+        self.announce(descriptor);
         if is_torn {
             let count = usize::try_from(torn_bytes).expect("1 to 4");
             let node = *Node::new(false, self.profile.quality(), 5_760, 4_000).as_bytes();
@@ -211,6 +191,29 @@ impl Rplidar {
                 paused: None,
             }),
         };
+    }
+
+    /// Whether a request for a scan has no answer, for one reason or another.
+    fn refuses_scan(&mut self, at: Instant, command: Command) -> bool {
+        if let Command::ExpressScan { mode } = command
+            && !self.profile.has_express(mode)
+        {
+            let detail = format!("express scan of mode {mode} is not supported");
+            self.log.violation(at, "mode-not-supported", detail, &[]);
+            return true;
+        }
+        if matches!(self.phase, Phase::ProtectionStop { .. }) {
+            let rule = "scan-in-protection-stop";
+            let detail = "a scan is asked for in Protection Stop, which ignores it".to_owned();
+            self.log.violation(at, rule, detail, &[]);
+            return true;
+        }
+        let limit_ma = self.faults.figure(Fault::WeakSupply);
+        if limit_ma.is_some_and(|limit_ma| self.current_ma() > limit_ma) {
+            self.restart(at, "brown-out", "the supply gives way as the scan begins");
+            return true;
+        }
+        false
     }
 
     /// What a scan draws from the supply.

@@ -278,7 +278,7 @@ fn a_lost_byte_costs_at_most_ten() {
     }
 }
 
-/// A damaged check bit costs its node and the one before it, which is not to be told from a torn one;
+/// A damaged check bit costs its node and the one before it, which cannot be told from a torn one;
 /// any other bit costs nothing but its own truth.
 #[test]
 fn a_damaged_bit_costs_at_most_two_nodes() {
