@@ -132,7 +132,9 @@ impl Rplidar {
             Command::Scan | Command::ForceScan | Command::ExpressScan { .. } => {
                 self.start_scan(at, command);
             }
+            // The motor is another board's concern. That a scan goes on is a guess.
             Command::MotorPwm { pwm } => self.set_pwm(at, pwm),
+            Command::MotorSpeed { .. } => self.answer(at, command),
             _ => {
                 self.end_scan();
                 self.answer(at, command);

@@ -114,14 +114,16 @@ impl Answers {
     fn judge(self, bytes: &[u8], is_last: bool) -> Candidate {
         match self.mode {
             Mode::Answers => judge_answer(bytes),
-            Mode::Nodes if begins_answer(bytes) => judge_answer(bytes),
+            Mode::Nodes if begins_answer(bytes) && self.is_aligned => judge_answer(bytes),
+            // A capsule may begin with the same two bytes, and damage may look like them: the other
+            // five must be known ones.
+            Mode::Nodes | Mode::Capsules if begins_answer(bytes) && is_cut(bytes) => {
+                Candidate::Incomplete
+            }
+            Mode::Nodes | Mode::Capsules if bytes.first_chunk().copied().is_some_and(is_known) => {
+                judge_answer(bytes)
+            }
             Mode::Nodes => self.judge_node(bytes, is_last),
-            // A capsule may begin with the same two bytes, so the other five must be known ones.
-            Mode::Capsules if begins_answer(bytes) => match bytes.first_chunk() {
-                None => Candidate::Incomplete,
-                Some(&head) if is_known(head) => judge_answer(bytes),
-                Some(_) => judge_capsule(bytes),
-            },
             Mode::Capsules => judge_capsule(bytes),
         }
     }
@@ -192,6 +194,11 @@ impl Format for Answers {
 /// Whether a descriptor begins here. No node begins with these two bytes.
 const fn begins_answer(bytes: &[u8]) -> bool {
     matches!(*bytes, [START, ANSWER_START, ..])
+}
+
+/// Whether bytes of a descriptor are missing.
+const fn is_cut(bytes: &[u8]) -> bool {
+    bytes.len() < DESCRIPTOR_LEN
 }
 
 /// Whether this is a descriptor, and one of those that this sensor sends.

@@ -259,6 +259,25 @@ fn an_answer_ends_a_stream_of_either_kind() {
     assert_eq!(decoder.mode(), Mode::Nodes);
 }
 
+/// A descriptor of an unknown kind that announces 128 bytes, in damaged nodes: it must not swallow
+/// them. Behind sound nodes it is an answer like any other.
+#[test]
+fn damage_that_looks_like_a_descriptor_swallows_no_nodes() {
+    let fake = [0xA5, 0x5A, 0x80, 0, 0, 0, 0x33];
+    let damaged = [
+        &SCAN[..],
+        &[0x02, 0x01, 0, 0, 0, 0xFF],
+        &fake,
+        &nodes(20).concat(),
+    ]
+    .concat();
+    let (frames, _) = decode(Decoder::default(), &damaged);
+    assert!(wire(&frames).ends_with(&nodes(20).concat()));
+    let sound = [&SCAN[..], &nodes(20).concat(), &fake, &[0; 128]].concat();
+    let (frames, discarded) = decode(Decoder::default(), &sound);
+    assert_eq!((wire(&frames), discarded), (sound, 0));
+}
+
 /// YE3: after a lost byte the next frames come out after at most ten bytes.
 #[test]
 fn a_lost_byte_costs_at_most_ten() {
