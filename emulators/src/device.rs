@@ -135,6 +135,7 @@ mod tests {
             clone::<crate::hc06::Hc06>();
             clone::<crate::pc::Pc>();
             clone::<crate::registers::Registers>();
+            clone::<crate::rplidar::Rplidar>();
             clone::<crate::text::Text>();
             clone::<crate::touch_panel::TouchPanel>();
             clone::<crate::xv11::Xv11>();

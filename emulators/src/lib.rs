@@ -9,9 +9,11 @@
 //! | [`avr_base`] | register slave that owns motors, encoders and infrared sensors |
 //! | [`device`] | the contract of every device |
 //! | [`hc06`] | Bluetooth radio: command and data mode, finite FIFO, slow air |
+//! | [`lidar`] | what turning lidars have in common |
 //! | [`pc`] | scripted PC at the far end of the radio: sends waypoints, collects the map |
 //! | [`registers`], [`text`] | slaves described by data: a register table, a text protocol |
 //! | [`quantity`] | what the values of such slaves are |
+//! | [`rplidar`] | RPLIDAR A1 lidar |
 //! | [`touch_panel`] | display of 480 x 272 pixels that is drawn on and touched by wire |
 //! | [`world`] | ground truth: scene, robot body, physics, ray casts |
 //! | [`xv11`] | Neato XV-11 lidar |
@@ -21,10 +23,12 @@ pub mod avr_base;
 pub mod device;
 mod event_log;
 pub mod hc06;
+pub mod lidar;
 pub mod pc;
 pub mod quantity;
 pub mod registers;
 pub mod rng;
+pub mod rplidar;
 pub mod text;
 pub mod touch_panel;
 pub mod world;

@@ -12,7 +12,7 @@
 //!
 //! | module | is |
 //! |---|---|
-//! | `rotor` | motor, friction, what feeds them |
+//! | `motor` | figures of motor and friction |
 //! | `encoder` | the ring: where the teeth are, early and late |
 //! | `scan` | slots of a turn, packets |
 //! | `optics`, `eye` | laws of range and strength; one beam from world to reading |
@@ -25,9 +25,9 @@ mod encoder;
 mod fault;
 pub mod fidelity;
 mod firmware;
+mod motor;
 mod optics;
 mod profile;
-mod rotor;
 mod scan;
 #[cfg(test)]
 mod tests;
@@ -37,22 +37,22 @@ use protocols::{Instant, LineConfig, LineEvent, Port};
 
 use crate::device::{Device, Event, EventKind, earliest};
 use crate::event_log::EventLog;
+use crate::lidar::rotor::Rotor;
 use crate::rng::Rng;
 use crate::world::World;
 use beam::Eye;
 use encoder::Encoder;
 use fault::Faults;
 use firmware::Firmware;
-use rotor::Rotor;
 use uart::Uart;
 
+pub use crate::lidar::{Direction, MotorSupply, Mount};
 pub use fault::Fault;
+pub(crate) use motor::MOTOR;
 pub use optics::{
-    Direction, Mount, Optics, RANGE_MAX_MM, RANGE_MIN_MM, is_weak, range_sigma_mm, strength_mean,
-    strength_sigma,
+    Optics, RANGE_MAX_MM, RANGE_MIN_MM, is_weak, range_sigma_mm, strength_mean, strength_sigma,
 };
 pub use profile::Profile;
-pub use rotor::MotorSupply;
 
 /// Everything about a sensor that differs between units and robots.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -124,7 +124,7 @@ impl Xv11 {
     pub fn new(name: &str, seed: u64, config: Config) -> Self {
         let mut encoder = Encoder::new(Rng::stream(seed, &format!("{name}.encoder")));
         let angle = encoder.any_angle();
-        let mut rotor = Rotor::new(config.supply, angle);
+        let mut rotor = Rotor::new(MOTOR, config.supply, angle);
         if encoder.seek(angle) {
             rotor.wrap();
         }

@@ -83,10 +83,15 @@ pub enum FrameError {
         /// What the length field said.
         found: u32,
     },
-    /// The line went quiet before the frame was complete.
+    /// The line went quiet, or the next frame began, before the frame was complete.
     Truncated {
         /// Bytes that had arrived.
         found: u32,
+    },
+    /// An escape byte came before a byte that needs no escape.
+    Escape {
+        /// The byte behind the escape byte.
+        found: u8,
     },
 }
 
@@ -98,6 +103,7 @@ impl fmt::Display for FrameError {
             }
             Self::Length { max, found } => write!(f, "length is {found}, at most {max} allowed"),
             Self::Truncated { found } => write!(f, "line went quiet after {found} bytes"),
+            Self::Escape { found } => write!(f, "escaped byte is {found:#04x}, it needs no escape"),
         }
     }
 }
@@ -127,7 +133,14 @@ pub trait Format {
     /// mind about a prefix: more bytes never turn `Noise` or `Rejected` into something else.
     fn judge(&self, bytes: &[u8]) -> Candidate;
 
-    /// Makes the frame; called only with bytes that [`judge`](Self::judge) found complete.
+    /// Judges the non-empty `bytes` when no more will come. A format whose frames carry too few
+    /// check bits waits in [`judge`](Self::judge) for what follows a frame; here it decides
+    /// without. `Incomplete` counts as cut off.
+    fn judge_last(&self, bytes: &[u8]) -> Candidate {
+        self.judge(bytes)
+    }
+
+    /// Makes the frame; called only with bytes that were judged complete.
     fn frame(&self, bytes: &[u8]) -> Self::Frame;
 }
 
@@ -156,11 +169,27 @@ impl<F: Format, const N: usize> Decoder<F, N> {
         }
     }
 
+    /// The format.
+    pub(crate) const fn format(&self) -> &F {
+        &self.format
+    }
+
+    /// The format, to be changed for the pending bytes and what follows: for protocols whose frames
+    /// announce what comes next.
+    pub(crate) const fn format_mut(&mut self) -> &mut F {
+        &mut self.format
+    }
+
     /// Judges what is pending. `Some` if that settled anything, a plain noise byte excepted.
     fn settle(&mut self) -> Option<Result<F::Frame, FrameError>> {
         while self.start < self.end {
             let bytes = &self.buf[self.start..self.end];
-            match self.format.judge(bytes) {
+            let verdict = if self.quiet {
+                self.format.judge_last(bytes)
+            } else {
+                self.format.judge(bytes)
+            };
+            match verdict {
                 Candidate::Noise => self.discard_one(),
                 Candidate::Rejected(error) => {
                     self.discard_one();

@@ -12,7 +12,9 @@
 //! | [`pcui`] | robot to PC link: framing, map rows, waypoints, state |
 //! | [`panel`] | touch panel: drawing commands, pen reports |
 //! | [`rle`] | run-length code of the map rows |
+//! | [`rplidar`] | RPLIDAR A1 lidar: requests, answers, standard and express scans |
 //! | [`hc06`] | AT command set of the HC-06 radio |
+//! | [`telemetry`] | framing of the robot yellow and its PC, with its fielded defects |
 //! | [`line`](mod@line) | line coding and byte time |
 //!
 //! To add a protocol: one file here that implements [`Format`], one file of tests in `tests/wire`.
@@ -25,6 +27,8 @@ pub mod line;
 pub mod panel;
 pub mod pcui;
 pub mod rle;
+pub mod rplidar;
+pub mod telemetry;
 mod time;
 pub mod xv11;
 

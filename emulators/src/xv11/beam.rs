@@ -8,9 +8,10 @@ use protocols::Instant;
 use protocols::xv11::{RawReading, Reading};
 
 use super::optics::{
-    Direction, Mount, Optics, RANGE_MAX_MM, RANGE_MIN_MM, is_weak, range_sigma_mm, strength_mean,
-    strength_sigma,
+    Optics, RANGE_MAX_MM, RANGE_MIN_MM, is_weak, range_sigma_mm, strength_mean, strength_sigma,
 };
+use crate::lidar::beam::{Beam, aside, normal};
+use crate::lidar::{Direction, Mount};
 use crate::rng::Rng;
 use crate::world::{Hit, Point, World};
 
@@ -70,14 +71,6 @@ pub(super) struct Eye {
     /// True distance per degree as last seen, millimetres; infinite without a dot. Tells where a
     /// closer look is worth its ray casts. The first degrees are there again behind the last.
     seen_mm: Box<[f64; 360 + SHADOW_DEGREES]>,
-}
-
-/// A beam in the world.
-#[derive(Clone, Copy, Debug)]
-struct Beam {
-    at: Instant,
-    from: Point,
-    angle: f64,
 }
 
 impl Eye {
@@ -150,21 +143,20 @@ impl Eye {
     }
 
     fn beam_at(&self, world: &World, at: Instant, angle_deg: f64, jitter: f64) -> Beam {
-        let pose = world.pose_at(at);
         let turned = match self.optics.direction {
             Direction::CounterClockwise => angle_deg,
             Direction::Clockwise => -angle_deg,
         };
         let degrees = self.mount.yaw_deg + self.optics.index0_deg + turned;
-        let angle = pose.theta + degrees * (PI / 180.0) + JITTER_RAD * jitter;
-        let mut from = pose.point();
-        if self.mount.x_m != 0.0 || self.mount.y_m != 0.0 {
-            from = pose.offset(self.mount.x_m, self.mount.y_m);
-        }
-        if self.optics.beam_offset_mm != 0.0 {
-            from = aside(from, angle, self.optics.beam_offset_mm / 1e3);
-        }
-        Beam { at, from, angle }
+        let offset_m = self.optics.beam_offset_mm / 1e3;
+        Beam::aim(
+            world,
+            at,
+            self.mount,
+            degrees,
+            JITTER_RAD * jitter,
+            offset_m,
+        )
     }
 
     /// Looks to the sides of the dot, only where the neighbours make it worth a ray cast. `Some` if
@@ -258,21 +250,6 @@ struct Noise {
     chance: f64,
     range: f64,
     strength: f64,
-}
-
-/// Standard normal to 3.5 sigma: the sum of four 16-bit numbers. One draw, and a tenth of the time
-/// of an exact one; a sensor's noise has no longer tails.
-fn normal(rng: &mut Rng) -> f64 {
-    let bits = rng.next_u64();
-    let sum = (bits & 0xFFFF) + (bits >> 16 & 0xFFFF) + (bits >> 32 & 0xFFFF) + (bits >> 48);
-    let sum = u32::try_from(sum).expect("four 16-bit numbers fit 18 bits");
-    (f64::from(sum) - 131_070.0) * (3.0_f64.sqrt() / 65_536.0)
-}
-
-/// The point `left_m` to the left of `from`, looking along `angle`.
-fn aside(from: Point, angle: f64, left_m: f64) -> Point {
-    let (sin, cos) = libm::sincos(angle);
-    Point::new(from.x - left_m * sin, from.y + left_m * cos)
 }
 
 /// Whether the neighbours say that an edge or a corner may be in the dot.

@@ -4,7 +4,7 @@ use protocols::Instant;
 use protocols::xv11::{RawReading, Reading};
 
 use super::encoder::PHASE_SLOTS;
-use super::rotor::nanos;
+use crate::lidar::rotor::nanos;
 
 /// A measurement takes this long: at a (shown) speed of more than 320 rpm every second slot is
 /// skipped. The folklore of "sparse data above 320 rpm", and what the doubled tooth of the "hand

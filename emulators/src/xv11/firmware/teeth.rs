@@ -7,9 +7,9 @@ use protocols::Instant;
 
 use super::output::code;
 use super::{FreeRun, Phase, Resume, WAIT_TEETH};
+use crate::lidar::rotor::{DEG_PER_S, nanos};
 use crate::world::World;
 use crate::xv11::encoder::{self, Arrival, SECOND_EDGE_DEG, TEETH, TOOTH_DEG, first_slot};
-use crate::xv11::rotor::{DEG_PER_S, nanos};
 use crate::xv11::scan::Pace;
 use crate::xv11::{Fault, Xv11};
 

@@ -1,14 +1,9 @@
 //! The turning head: a small DC motor, a belt, friction, and what drives it.
 //!
 //! ```text
-//! d speed / dt = k * volts - e * speed        motor, while it pushes: it cannot brake
-//!              - c - b * speed - dust         friction
+//! d speed / dt = push * volts - back_emf * speed    motor, while it pushes: it cannot brake
+//!              - dry - viscous * speed - dust       friction
 //! ```
-//!
-//! `c` and `b` follow from the coast-down at the end of the "hand in box" capture: about 380 rpm/s
-//! around 238 rpm and 333 rpm/s around 117 rpm, stop 0.9 s after the cut. `k` and `e` follow from
-//! the reported 297 rpm at 3.3 V and a time constant of 0.5 s under drive (a guess; reports name
-//! spin-ups of 0.3 to 1 s).
 
 use protocols::Instant;
 
@@ -25,7 +20,7 @@ pub enum MotorSupply {
         /// At the motor.
         volts: f64,
     },
-    /// The host's motor drive: the last byte on [`Xv11::MOTOR`](super::Xv11::MOTOR) is its duty.
+    /// The host's motor drive: the last byte on the sensor's motor port is its duty.
     Host {
         /// Of the drive at full duty.
         volts: f64,
@@ -38,43 +33,47 @@ impl Default for MotorSupply {
     }
 }
 
-/// `k`: acceleration by voltage, rpm/s per volt.
-const PUSH_RPM_S_V: f64 = 267.3;
-/// `e`: back EMF, per second.
-const BACK_EMF_PER_S: f64 = 1.615;
-/// `c`: dry friction, rpm/s.
-const DRY_RPM_S: f64 = 288.0;
-/// `b`: viscous friction, per second.
-const VISCOUS_PER_S: f64 = 0.385;
+/// Figures of a motor with its head.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Motor {
+    /// Acceleration by voltage, rpm/s per volt.
+    pub(crate) push_rpm_s_v: f64,
+    /// Back EMF, per second.
+    pub(crate) back_emf_per_s: f64,
+    /// Dry friction, rpm/s.
+    pub(crate) dry_rpm_s: f64,
+    /// Viscous friction, per second.
+    pub(crate) viscous_per_s: f64,
+    /// Wandering of what an unregulated motor is fed with, relative.
+    pub(crate) wander: f64,
+    /// How much of it is kept from one draw to the next.
+    pub(crate) wander_kept: f64,
+}
+
 /// What a regulated supply can give at most.
 const REGULATED_VOLTS_MAX: f64 = 5.0;
 /// How fast a regulated supply lets the speed rise: 300 rpm after little more than half a second.
 const REGULATED_RISE_RPM_S: f64 = 600.0;
-/// Wandering of what an unregulated motor is fed with: gives the 0.63 rpm at 297 rpm of the
-/// capture once the motor's inertia has smoothed it, ...
-const WANDER: f64 = 0.5 / 297.0;
-/// ... with a correlation of 0.74 after 30 teeth, so this much is kept from tooth to tooth.
-const WANDER_KEPT: f64 = 0.99;
-
 const STEP_NANOS: u64 = 1_000_000;
 /// Longest look ahead. A head that needs more than this to the next tooth turns at less than
 /// 1.3 rpm and is about to stop.
 const LOOK_AHEAD_STEPS: u32 = 3_000;
 /// Degrees per second in one rpm.
-pub(super) const DEG_PER_S: f64 = 6.0;
+pub(crate) const DEG_PER_S: f64 = 6.0;
 
 /// State of the head at one instant. Between instants it follows from the supply alone, so it is
 /// only written down when a tooth passes or the drive changes.
 #[derive(Clone, Debug)]
-pub(super) struct Rotor {
-    pub(super) supply: MotorSupply,
+pub(crate) struct Rotor {
+    motor: Motor,
+    pub(crate) supply: MotorSupply,
     /// Of the host's drive, 0 to 1.
-    pub(super) duty: f64,
+    pub(crate) duty: f64,
     /// Additional friction of dust, rpm/s.
-    pub(super) dust_rpm_s: f64,
-    pub(super) stuck: bool,
+    pub(crate) dust_rpm_s: f64,
+    pub(crate) stuck: bool,
     /// Nothing feeds the motor.
-    pub(super) unpowered: bool,
+    pub(crate) unpowered: bool,
     at: Instant,
     /// Degrees; the encoder subtracts whole turns.
     angle_deg: f64,
@@ -84,8 +83,9 @@ pub(super) struct Rotor {
 }
 
 impl Rotor {
-    pub(super) fn new(supply: MotorSupply, angle_deg: f64) -> Self {
+    pub(crate) fn new(motor: Motor, supply: MotorSupply, angle_deg: f64) -> Self {
         Self {
+            motor,
             supply,
             duty: 0.0,
             dust_rpm_s: 0.0,
@@ -98,22 +98,22 @@ impl Rotor {
         }
     }
 
-    pub(super) fn speed_rpm(&self) -> f64 {
+    pub(crate) fn speed_rpm(&self) -> f64 {
         if self.stuck { 0.0 } else { self.speed_rpm }
     }
 
-    pub(super) fn angle_deg(&self) -> f64 {
+    pub(crate) fn angle_deg(&self) -> f64 {
         self.angle_deg
     }
 
     /// Takes a whole turn off the angle.
-    pub(super) fn wrap(&mut self) {
+    pub(crate) fn wrap(&mut self) {
         self.angle_deg -= 360.0;
     }
 
     /// Goes on to `at`. What follows does not depend on how often this is called in between only
     /// if it is called for reasons of the device, not of its caller.
-    pub(super) fn advance(&mut self, at: Instant) {
+    pub(crate) fn advance(&mut self, at: Instant) {
         if self.stuck {
             self.speed_rpm = 0.0;
             self.at = self.at.max(at);
@@ -133,7 +133,7 @@ impl Rotor {
     }
 
     /// When the head will be at `angle_deg` if nothing changes; `None` if it stops before.
-    pub(super) fn reaches(&self, angle_deg: f64) -> Option<Instant> {
+    pub(crate) fn reaches(&self, angle_deg: f64) -> Option<Instant> {
         let mut ahead = self.clone();
         if ahead.stuck {
             return None;
@@ -168,9 +168,14 @@ impl Rotor {
     }
 
     /// A new draw of the motor's wandering, once per tooth.
-    pub(super) fn wander(&mut self, normal: f64) {
-        let fresh = (1.0 - WANDER_KEPT * WANDER_KEPT).sqrt() * WANDER;
-        self.wander = WANDER_KEPT * self.wander + fresh * normal;
+    pub(crate) fn wander(&mut self, normal: f64) {
+        let Motor {
+            wander,
+            wander_kept: kept,
+            ..
+        } = self.motor;
+        let fresh = (1.0 - kept * kept).sqrt() * wander;
+        self.wander = kept * self.wander + fresh * normal;
     }
 
     fn step(&mut self, nanos: u64) {
@@ -205,8 +210,10 @@ impl Rotor {
             MotorSupply::Fixed { volts } => volts * (1.0 + self.wander),
             MotorSupply::Host { volts } => volts * self.duty * (1.0 + self.wander),
         };
-        let push = (PUSH_RPM_S_V * volts - BACK_EMF_PER_S * self.speed_rpm).max(0.0);
-        let friction = DRY_RPM_S + VISCOUS_PER_S * self.speed_rpm + self.dust_rpm_s;
+        let push =
+            (self.motor.push_rpm_s_v * volts - self.motor.back_emf_per_s * self.speed_rpm).max(0.0);
+        let friction =
+            self.motor.dry_rpm_s + self.motor.viscous_per_s * self.speed_rpm + self.dust_rpm_s;
         let net = push - friction;
         match self.supply {
             MotorSupply::Regulated { .. } => net.min(REGULATED_RISE_RPM_S),
@@ -216,7 +223,7 @@ impl Rotor {
 }
 
 /// Whole nanoseconds, rounded down; zero for what is no span.
-pub(super) fn nanos(seconds: f64) -> core::time::Duration {
+pub(crate) fn nanos(seconds: f64) -> core::time::Duration {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -229,9 +236,10 @@ pub(super) fn nanos(seconds: f64) -> core::time::Duration {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::xv11::MOTOR;
 
     fn spun_up(supply: MotorSupply) -> Rotor {
-        let mut rotor = Rotor::new(supply, 0.0);
+        let mut rotor = Rotor::new(MOTOR, supply, 0.0);
         rotor.duty = 1.0;
         rotor.advance(Instant::from_secs(5));
         rotor
@@ -245,7 +253,7 @@ mod tests {
     /// 600 rpm/s at first, towards the end what 5 V can give; then 1800 degrees per second.
     #[test]
     fn a_regulated_head_turns_five_times_a_second_within_a_second() {
-        let mut rotor = Rotor::new(MotorSupply::Regulated { rpm: 300.0 }, 0.0);
+        let mut rotor = Rotor::new(MOTOR, MotorSupply::Regulated { rpm: 300.0 }, 0.0);
         rotor.advance(Instant::from_millis(490));
         assert!((250.0..300.0).contains(&rotor.speed_rpm()));
         rotor.advance(Instant::from_millis(1000));

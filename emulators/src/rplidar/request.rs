@@ -1,0 +1,144 @@
+//! What comes from the host, and when it is handled.
+
+use core::time::Duration;
+
+use protocols::rplidar::{Command, Request, RequestDecoder, Requests};
+use protocols::{Decode, FrameError, Instant};
+
+use super::{Fault, LINE, Phase, Rplidar};
+use crate::device::{EventKind, byte_end, earliest};
+
+/// All bytes of a request must come within this time, or it is discarded (LR001).
+const REQUEST_TIME: Duration = Duration::from_secs(5);
+/// From the last byte of a request to its answer. A guess.
+const ANSWER_TIME: Duration = Duration::from_millis(1);
+/// After a stop no request is taken for this long (LR001: at least 1 ms).
+const STOP_TIME: Duration = Duration::from_millis(1);
+/// After a reset no request is taken for this long (LR001: at least 2 ms); the start text follows.
+const RESET_TIME: Duration = Duration::from_millis(2);
+
+/// The request being handled: there is at most one, further ones are discarded.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Handling {
+    /// What to do, and when.
+    request: Option<(Instant, Command)>,
+    /// When the start text is printed.
+    text_at: Option<Instant>,
+    /// Until when requests are discarded.
+    busy_until: Instant,
+}
+
+impl Handling {
+    pub(super) fn next_at(&self) -> Option<Instant> {
+        earliest([self.request.map(|(at, _)| at), self.text_at])
+    }
+}
+
+impl Rplidar {
+    pub(super) fn host_bytes(&mut self, now: Instant, bytes: &[u8]) {
+        if self.phase == Phase::Off {
+            return;
+        }
+        for (index, &byte) in bytes.iter().enumerate() {
+            let at = byte_end(now, LINE, index, bytes.len());
+            if self.give_up_at.is_some_and(|due| due <= at) {
+                self.give_up_request(at);
+            }
+            let was_idle = self.requests.pending() == 0;
+            let outcomes: Vec<_> = self.requests.push(&[byte]).collect();
+            if outcomes.is_empty() && was_idle && self.requests.pending() == 0 {
+                let detail = || format!("{byte:02X} begins no request");
+                let kind = EventKind::Violation;
+                self.log.repeated(at, kind, "stray-bytes", detail);
+            }
+            for outcome in outcomes {
+                match outcome {
+                    Ok(request) => self.accept(at, now, &request),
+                    Err(error) => self.reject(at, error),
+                }
+            }
+            match self.requests.pending() {
+                0 => self.give_up_at = None,
+                _ if was_idle => self.give_up_at = Some(at + REQUEST_TIME),
+                _ => {}
+            }
+        }
+    }
+
+    /// The rest of a request did not come in time: all of it is discarded.
+    pub(super) fn give_up_request(&mut self, at: Instant) {
+        let pending = self.requests.pending();
+        self.requests = RequestDecoder::with_format(Requests);
+        self.give_up_at = None;
+        let detail = format!("{pending} bytes of a request, and no more within 5 s");
+        self.log.violation(at, "request-cut", detail, &[]);
+    }
+
+    fn reject(&mut self, at: Instant, error: FrameError) {
+        let kind = EventKind::Violation;
+        let detail = || error.to_string();
+        self.log.repeated(at, kind, "request-damaged", detail);
+    }
+
+    /// Takes a request that was complete at `at`; it is handled at `now` at the earliest, as what
+    /// came before that is sent already.
+    fn accept(&mut self, at: Instant, now: Instant, request: &Request) {
+        let bytes = request.as_bytes();
+        let Some(command) = request.command() else {
+            let detail = format!("command {:02X} is not known", request.code());
+            self.log.violation(at, "request-unknown", detail, bytes);
+            return;
+        };
+        if at < self.handling.busy_until {
+            let detail = format!("{command:?} came while another request was handled");
+            self.log.violation(at, "request-while-busy", detail, bytes);
+            return;
+        }
+        let due = match command {
+            Command::Stop | Command::Reset | Command::MotorPwm { .. } => at,
+            _ => at + ANSWER_TIME + self.seconds(Fault::LateAnswers),
+        };
+        self.handling.request = Some((due.max(now), command));
+        self.handling.busy_until = match command {
+            Command::Stop => at + STOP_TIME.max(self.seconds(Fault::SlowStop)),
+            Command::Reset => at + RESET_TIME,
+            _ => due,
+        };
+    }
+
+    /// The figure of a fault as a time, zero if it is not set.
+    fn seconds(&self, fault: Fault) -> Duration {
+        let seconds = self.faults.figure(fault).unwrap_or(0.0);
+        Duration::try_from_secs_f64(seconds).unwrap_or_default()
+    }
+
+    /// Does what is due of a request at `at`.
+    pub(super) fn handle(&mut self, at: Instant) {
+        if self.handling.text_at.take_if(|due| *due <= at).is_some() {
+            let text = self.profile.start_text();
+            self.output.send(text.as_bytes(), &mut self.faults);
+            return;
+        }
+        let Some((_, command)) = self.handling.request.take() else {
+            return;
+        };
+        match command {
+            Command::Reset => {
+                self.restart(at, "reset", "the host resets the sensor");
+                self.handling.text_at = Some(at + RESET_TIME);
+                self.handling.busy_until = at + RESET_TIME;
+            }
+            Command::Stop => self.end_scan(),
+            Command::Scan | Command::ForceScan | Command::ExpressScan { .. } => {
+                self.start_scan(at, command);
+            }
+            // The motor is another board's concern. That a scan goes on is a guess.
+            Command::MotorPwm { pwm } => self.set_pwm(at, pwm),
+            Command::MotorSpeed { .. } => self.answer(at, command),
+            _ => {
+                self.end_scan();
+                self.answer(at, command);
+            }
+        }
+    }
+}

@@ -1,0 +1,257 @@
+//! Finds answers, nodes and capsules in what the sensor sends.
+
+use super::answer::{ANSWER_MAX, Answer, Descriptor, PAYLOAD_MAX, Transfer, kind};
+use super::capsule::{self, CAPSULE_LEN, Capsule};
+use super::node::{self, Head, NODE_LEN, Node};
+use super::{ANSWER_START, DESCRIPTOR_LEN, START};
+use crate::{Candidate, Decode, Format, FrameError};
+
+/// Nodes behind a node whose check bits must hold, too, where nothing sound came right before it. A
+/// quarter of all positions in a stream look like a node; five in a row are one in a thousand.
+const NODES_AHEAD: usize = 4;
+/// The same behind a sound node. The next one is looked at because a lost byte shows only there.
+const NODES_AHEAD_ALIGNED: usize = 1;
+
+/// What the sensor sends besides answers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Mode {
+    /// Nothing.
+    #[default]
+    Answers,
+    /// Nodes of a standard scan.
+    Nodes,
+    /// Capsules of an express scan.
+    Capsules,
+}
+
+/// Something that the sensor sent, verified as far as the format allows, with every bit kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Frame {
+    /// A stream begins.
+    Stream(Descriptor),
+    /// An answer that is no stream.
+    Answer(Answer),
+    /// A sample of a standard scan.
+    Node(Node),
+    /// 32 samples of an express scan.
+    Capsule(Capsule),
+}
+
+impl Frame {
+    /// The frame as on the wire.
+    pub fn as_bytes(&self) -> &[u8] {
+        match self {
+            Self::Stream(descriptor) => descriptor.as_bytes(),
+            Self::Answer(answer) => answer.as_bytes(),
+            Self::Node(node) => node.as_bytes(),
+            Self::Capsule(capsule) => capsule.as_bytes(),
+        }
+    }
+}
+
+/// Finds frames in the byte stream, start text and torn nodes between them.
+///
+/// A node comes out when the one behind it holds, too (the four behind it after damage), or when
+/// its owner reports an idle line: so a lost byte costs a node or two, not the alignment. Between
+/// nodes the line rests for a node's time, so a pause worth reporting is several of them.
+#[derive(Clone, Debug, Default)]
+pub struct Decoder(crate::Decoder<Answers, ANSWER_MAX>);
+
+impl Decoder {
+    /// Says what to look for from the next pending byte on. Needed only where the descriptor was
+    /// not seen: after a reset, or when the sensor streams already.
+    pub const fn expect(&mut self, mode: Mode) {
+        self.0.format_mut().mode = mode;
+    }
+
+    /// What is looked for.
+    pub const fn mode(&self) -> Mode {
+        self.0.format().mode
+    }
+}
+
+impl Decode for Decoder {
+    type Frame = Frame;
+
+    fn step(&mut self, input: &mut &[u8]) -> Option<Result<Frame, FrameError>> {
+        let outcome = self.0.step(input)?;
+        self.0.format_mut().is_aligned = outcome.is_ok();
+        match &outcome {
+            Ok(Frame::Stream(descriptor)) => self.expect(match descriptor.kind() {
+                kind::NODES => Mode::Nodes,
+                kind::CAPSULES => Mode::Capsules,
+                _ => Mode::Answers,
+            }),
+            Ok(Frame::Answer(_)) => self.expect(Mode::Answers),
+            Ok(Frame::Node(_) | Frame::Capsule(_)) | Err(_) => {}
+        }
+        Some(outcome)
+    }
+
+    fn idle(&mut self) {
+        self.0.idle();
+    }
+
+    fn pending(&self) -> usize {
+        self.0.pending()
+    }
+
+    fn discarded(&self) -> u64 {
+        self.0.discarded()
+    }
+}
+
+/// The format, with what was announced last.
+#[derive(Clone, Copy, Debug, Default)]
+struct Answers {
+    mode: Mode,
+    /// Whether the pending bytes begin right behind a sound frame.
+    is_aligned: bool,
+}
+
+impl Answers {
+    /// Judges `bytes`; `is_last`: no more will come.
+    fn judge(self, bytes: &[u8], is_last: bool) -> Candidate {
+        match self.mode {
+            Mode::Answers => judge_answer(bytes),
+            Mode::Nodes if begins_answer(bytes) && self.is_aligned => judge_answer(bytes),
+            // A capsule may begin with the same two bytes, and damage may look like them: the other
+            // five must be known ones.
+            Mode::Nodes | Mode::Capsules if begins_answer(bytes) && is_cut(bytes) => {
+                Candidate::Incomplete
+            }
+            Mode::Nodes | Mode::Capsules if bytes.first_chunk().copied().is_some_and(is_known) => {
+                judge_answer(bytes)
+            }
+            Mode::Nodes => self.judge_node(bytes, is_last),
+            Mode::Capsules => judge_capsule(bytes),
+        }
+    }
+
+    /// Judges a node by its check bits and by those of the nodes behind it.
+    fn judge_node(self, bytes: &[u8], is_last: bool) -> Candidate {
+        let ahead = if self.is_aligned {
+            NODES_AHEAD_ALIGNED
+        } else {
+            NODES_AHEAD
+        };
+        let mut starts = 0;
+        for at in (0..=ahead).map(|index| index * NODE_LEN) {
+            let rest = bytes.get(at..).unwrap_or_default();
+            match node::head(rest) {
+                Head::Unknown if is_last && at > 0 => break,
+                Head::Unknown => return Candidate::Incomplete,
+                Head::Sound { starts_turn } => starts += u32::from(starts_turn),
+                // The stream ends here, and an answer follows.
+                Head::NoCheck if at > 0 && begins_answer(rest) => break,
+                Head::NoStart if at == 0 && !self.is_aligned => return Candidate::Noise,
+                Head::NoStart | Head::NoCheck => {
+                    return Candidate::Rejected(node::check_bits(rest));
+                }
+            }
+            // No turn is shorter than the nodes looked at.
+            if starts > 1 {
+                let (expected, found) = (1, starts);
+                return Candidate::Rejected(FrameError::Checksum { expected, found });
+            }
+        }
+        if bytes.len() < NODE_LEN {
+            return Candidate::Incomplete;
+        }
+        Candidate::Complete(NODE_LEN)
+    }
+}
+
+impl Format for Answers {
+    type Frame = Frame;
+
+    fn judge(&self, bytes: &[u8]) -> Candidate {
+        Self::judge(*self, bytes, false)
+    }
+
+    fn judge_last(&self, bytes: &[u8]) -> Candidate {
+        Self::judge(*self, bytes, true)
+    }
+
+    fn frame(&self, bytes: &[u8]) -> Frame {
+        let head = bytes.first_chunk().copied();
+        if let &[a, b, c, d, e] = bytes {
+            return Frame::Node(Node::from_judged([a, b, c, d, e]));
+        }
+        if bytes.len() == CAPSULE_LEN && self.mode == Mode::Capsules && !head.is_some_and(is_known)
+        {
+            return Frame::Capsule(Capsule::from_judged(bytes));
+        }
+        match head.and_then(Descriptor::from_started) {
+            Some(descriptor) if descriptor.transfer() == Transfer::Stream => {
+                Frame::Stream(descriptor)
+            }
+            _ => Frame::Answer(Answer::from_judged(bytes)),
+        }
+    }
+}
+
+/// Whether a descriptor begins here. No node begins with these two bytes.
+const fn begins_answer(bytes: &[u8]) -> bool {
+    matches!(*bytes, [START, ANSWER_START, ..])
+}
+
+/// Whether bytes of a descriptor are missing.
+const fn is_cut(bytes: &[u8]) -> bool {
+    bytes.len() < DESCRIPTOR_LEN
+}
+
+/// Whether this is a descriptor, and one of those that this sensor sends.
+fn is_known(head: [u8; DESCRIPTOR_LEN]) -> bool {
+    let descriptor = Descriptor::from_started(head).filter(|_| begins_answer(&head));
+    descriptor.is_some_and(|descriptor| {
+        let lengths = descriptor.lengths();
+        lengths.is_some_and(|[least, greatest]| (least..=greatest).contains(&descriptor.length()))
+    })
+}
+
+fn judge_answer(bytes: &[u8]) -> Candidate {
+    if bytes[0] != START || bytes.get(1).is_some_and(|&byte| byte != ANSWER_START) {
+        return Candidate::Noise;
+    }
+    let Some(&head) = bytes.first_chunk::<DESCRIPTOR_LEN>() else {
+        return Candidate::Incomplete;
+    };
+    let longest = u32::try_from(PAYLOAD_MAX).expect("128");
+    let Some(descriptor) = Descriptor::from_started(head) else {
+        let found = u32::from_le_bytes([head[2], head[3], head[4], head[5]]);
+        let max = longest;
+        return Candidate::Rejected(FrameError::Length { max, found });
+    };
+    let (length, transfer) = (descriptor.length(), descriptor.transfer());
+    let [least, max] = descriptor.lengths().unwrap_or([0, longest]);
+    if !(least..=max).contains(&length) {
+        let found = length;
+        return Candidate::Rejected(FrameError::Length { max, found });
+    }
+    let end = match transfer {
+        Transfer::Stream => DESCRIPTOR_LEN,
+        Transfer::Single => DESCRIPTOR_LEN + usize::try_from(length).unwrap_or(usize::MAX),
+    };
+    if bytes.len() < end {
+        return Candidate::Incomplete;
+    }
+    Candidate::Complete(end)
+}
+
+fn judge_capsule(bytes: &[u8]) -> Candidate {
+    if !capsule::may_begin(bytes) {
+        return Candidate::Noise;
+    }
+    let Some(bytes) = bytes.first_chunk::<CAPSULE_LEN>() else {
+        return Candidate::Incomplete;
+    };
+    let (expected, found) = (capsule::checksum(bytes), capsule::found_checksum(bytes));
+    if expected == found {
+        return Candidate::Complete(CAPSULE_LEN);
+    }
+    Candidate::Rejected(FrameError::Checksum {
+        expected: u32::from(expected),
+        found: u32::from(found),
+    })
+}

@@ -1,0 +1,235 @@
+//! Frames by hand, the fielded defects, and the laws of the decoder.
+
+extern crate std;
+
+use std::vec;
+use std::vec::Vec;
+
+use proptest::collection::vec as bytes;
+use proptest::prelude::*;
+use proptest::sample::Index;
+
+use super::*;
+use crate::{Decode, FrameError};
+
+/// By hand: FF - (01 + 02) = FC.
+const PLAIN: [u8; 6] = [0x7E, 0x00, 0x02, 0x01, 0x02, 0xFC];
+/// By hand: 7E -> 7D 5E, 7D -> 7D 5D; FF - FB = 04.
+const ESCAPED: [u8; 8] = [0x7E, 0x00, 0x02, 0x7D, 0x5E, 0x7D, 0x5D, 0x04];
+
+fn encoded(payload: &[u8]) -> Vec<u8> {
+    let mut out = vec![0xA5; FRAME_MAX];
+    let len = encode(payload, &mut out).expect("fits");
+    out.truncate(len);
+    out
+}
+
+fn payloads(decoder: &mut Decoder, bytes: &[u8]) -> Vec<Vec<u8>> {
+    let frames = decoder.push(bytes).flatten();
+    frames.map(|frame| frame.payload().to_vec()).collect()
+}
+
+#[test]
+fn frames_are_laid_out_by_hand() {
+    assert_eq!(encoded(&[1, 2]), PLAIN);
+    assert_eq!(encoded(&[0x7E, 0x7D]), ESCAPED);
+    assert_eq!(encoded(&[]), [0x7E, 0, 0, 0xFF]);
+    // FF - 82 = 7D: the checksum is escaped as well. So is a length of 7E.
+    assert_eq!(encoded(&[0x82]), [0x7E, 0, 1, 0x82, 0x7D, 0x5D]);
+    assert_eq!(encoded(&[0; 0x7E])[..4], [0x7E, 0x00, 0x7D, 0x5E]);
+    let mut decoder = Decoder::default();
+    let both = [&PLAIN[..], &ESCAPED].concat();
+    assert_eq!(payloads(&mut decoder, &both), [[1, 2], [0x7E, 0x7D]]);
+}
+
+#[test]
+fn what_does_not_fit_is_not_written() {
+    let found = PAYLOAD_MAX + 1;
+    let long = vec![0; found];
+    let mut out = vec![0; FRAME_MAX];
+    assert_eq!(encode(&long, &mut out), Err(EncodeError::TooLong { found }));
+    let no_room = EncodeError::NoRoom { room: 5 };
+    assert_eq!(encode(&[1, 2], &mut out[..5]), Err(no_room));
+    assert_eq!(encode(&[1, 2], &mut out[..6]), Ok(6));
+}
+
+/// 3201 = 0C81.
+#[test]
+fn a_length_beyond_the_buffer_is_rejected() {
+    let mut decoder = Decoder::default();
+    let outcome: Vec<_> = decoder.push(&[0x7E, 0x0C, 0x81]).collect();
+    let (max, found) = (3_200, 3_201);
+    assert_eq!(outcome, [Err(FrameError::Length { max, found })]);
+    assert_eq!(decoder.discarded(), 3);
+}
+
+#[test]
+fn an_escape_before_a_plain_byte_is_rejected() {
+    let mut decoder = Decoder::default();
+    let outcome: Vec<_> = decoder.push(&[0x7E, 0, 1, 0x7D, 0x41]).collect();
+    assert_eq!(outcome, [Err(FrameError::Escape { found: 0x41 })]);
+    assert_eq!((decoder.pending(), decoder.discarded()), (0, 5));
+}
+
+#[test]
+fn a_pause_ends_a_frame_that_was_cut_off() {
+    let mut decoder = Decoder::default();
+    assert_eq!(decoder.push(&PLAIN[..4]).count(), 0);
+    decoder.idle();
+    let outcome: Vec<_> = decoder.push(&PLAIN).collect();
+    assert_eq!(outcome[0], Err(FrameError::Truncated { found: 4 }));
+    assert!(matches!(&outcome[1], Ok(frame) if frame.payload() == [1, 2]));
+}
+
+/// Defect 1: ERROR is overwritten by DONE. YE1 names it: sound ends drop the frame.
+#[test]
+fn corrupt_frames_are_delivered_only_with_the_defect() {
+    let mut corrupt = PLAIN;
+    corrupt[3] = 9;
+    // FF - (09 + 02) = F4.
+    let (expected, found) = (0xF4, 0xFC);
+    let outcome: Vec<_> = Decoder::default().push(&corrupt).collect();
+    assert_eq!(outcome, [Err(FrameError::Checksum { expected, found })]);
+    let deliver_corrupt = true;
+    let mut fielded = Decoder::new(Defects {
+        deliver_corrupt,
+        ..Defects::default()
+    });
+    let frame = fielded
+        .push(&corrupt)
+        .next()
+        .expect("delivered")
+        .expect("as a frame");
+    assert_eq!((frame.payload(), frame.is_sound()), (&[9, 2][..], false));
+    let mut out = [0; 6];
+    assert_eq!((frame.encode(&mut out), out), (Ok(6), corrupt));
+}
+
+/// Defect 2: behind a lost byte the next start byte is data; the frame behind it is lost, too.
+#[test]
+fn a_lost_byte_costs_two_frames_only_with_the_defect() {
+    let lost = [&PLAIN[..3], &PLAIN[4..]].concat();
+    let stream = [&lost[..], &PLAIN, &encoded(&[7])].concat();
+    assert_eq!(
+        payloads(&mut Decoder::default(), &stream),
+        [&[1, 2][..], &[7]]
+    );
+    let ignore_start = true;
+    let mut fielded = Decoder::new(Defects {
+        ignore_start,
+        ..Defects::default()
+    });
+    assert_eq!(payloads(&mut fielded, &stream), [[7]]);
+}
+
+/// Defect 3: what arrives while a frame waits is gone.
+#[test]
+fn bytes_behind_an_unread_frame_are_lost_only_with_the_defect() {
+    let twice = [&PLAIN[..], &PLAIN].concat();
+    assert_eq!(payloads(&mut Decoder::default(), &twice).len(), 2);
+    let deaf_while_done = true;
+    let mut fielded = Decoder::new(Defects {
+        deaf_while_done,
+        ..Defects::default()
+    });
+    assert_eq!(payloads(&mut fielded, &twice).len(), 1);
+    assert_eq!(fielded.discarded(), 6);
+    fielded.read_done();
+    assert_eq!(payloads(&mut fielded, &PLAIN).len(), 1);
+}
+
+/// Outcomes of `stream` in pieces; every byte is in a frame, discarded or pending.
+fn outcome(
+    stream: &[u8],
+    defects: Defects,
+    mut cuts: Vec<usize>,
+) -> Vec<Result<Frame, FrameError>> {
+    cuts.push(stream.len());
+    cuts.sort_unstable();
+    let mut decoder = Decoder::new(defects);
+    let (mut all, mut from, mut framed) = (Vec::new(), 0, 0);
+    let mut out = vec![0; FRAME_MAX];
+    for cut in cuts {
+        for one in decoder.push(&stream[from..cut]).collect::<Vec<_>>() {
+            let len = one
+                .as_ref()
+                .map_or(0, |frame| frame.encode(&mut out).expect("fits"));
+            framed += len;
+            all.push(one);
+        }
+        from = cut;
+        if defects == Defects::default() {
+            let discarded = usize::try_from(decoder.discarded()).expect("short");
+            assert_eq!(
+                framed + discarded + decoder.pending(),
+                cut,
+                "bytes are lost"
+            );
+        }
+    }
+    decoder.idle();
+    all.extend(decoder.push(&[]));
+    assert_eq!(decoder.pending(), 0);
+    all
+}
+
+/// Bytes that are often special.
+fn byte() -> impl Strategy<Value = u8> {
+    prop_oneof![3 => any::<u8>(), 1 => Just(START), 1 => Just(ESCAPE), 1 => 0..4_u8]
+}
+
+fn stream() -> impl Strategy<Value = Vec<u8>> {
+    let frame = bytes(byte(), 0..40).prop_map(|payload| encoded(&payload));
+    let noise = bytes(byte(), 0..30);
+    bytes(prop_oneof![frame, noise], 1..6).prop_map(|parts| parts.concat())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1_000))]
+
+    #[test]
+    fn any_cut_gives_the_same_frames(
+        stream in stream(),
+        cuts in bytes(any::<Index>(), 0..12),
+        switches in any::<[bool; 2]>(),
+    ) {
+        let [deliver_corrupt, ignore_start] = switches;
+        let defects = Defects { deliver_corrupt, ignore_start, deaf_while_done: false };
+        let cuts = cuts.iter().map(|cut| cut.index(stream.len() + 1)).collect();
+        prop_assert_eq!(outcome(&stream, defects, cuts), outcome(&stream, defects, Vec::new()));
+    }
+
+    /// YE1: any payload comes back.
+    #[test]
+    fn any_payload_comes_back(payload in bytes(byte(), 0..=PAYLOAD_MAX)) {
+        let frame = encoded(&payload);
+        prop_assert!(!frame[1..].contains(&START));
+        prop_assert_eq!(payloads(&mut Decoder::default(), &frame), [payload]);
+    }
+
+    /// YE1: one damaged byte costs its frame; the one behind it is decoded, unless the damage made
+    /// a new start byte. A sum cannot see what adds up to the same, but one flipped byte does not.
+    #[test]
+    fn one_damaged_byte_costs_one_frame(
+        payload in bytes(byte(), 1..60),
+        at in any::<Index>(),
+        flip in 1_u8..,
+    ) {
+        let mut stream = encoded(&payload);
+        let at = at.index(stream.len());
+        stream[at] ^= flip;
+        let behind = encoded(&[1, 2, 3]);
+        let got = payloads(&mut Decoder::default(), &[stream, behind].concat());
+        prop_assert_eq!(got.last(), Some(&vec![1, 2, 3]));
+        prop_assert!(!got.contains(&payload));
+    }
+
+    #[test]
+    fn the_next_sound_frame_is_found_behind_noise(
+        noise in bytes(byte(), 0..200),
+        payload in bytes(byte(), 0..60),
+    ) {
+        let got = payloads(&mut Decoder::default(), &[noise, encoded(&payload)].concat());
+        prop_assert_eq!(got.last(), Some(&payload));
+    }
+}
