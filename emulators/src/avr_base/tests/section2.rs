@@ -343,7 +343,7 @@ fn point_11_a_write_of_127_with_more_behind_crashes_in_67_of_300() {
         bench.encoder_tear = 0.0;
         let mut bench = Bench::new(bench);
         let mut flood = hex("AB 00 FF");
-        let random = |_| (rng.uniform() * 256.0) as u8;
+        let random = |_| rng.uniform().to_le_bytes()[3];
         flood.extend((0..227 + n).map(random));
         bench.send(&flood);
         bench.run(60 * MS);
