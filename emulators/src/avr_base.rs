@@ -17,6 +17,7 @@
 mod answer;
 mod battery;
 mod config;
+mod cpu;
 mod drive;
 mod fault;
 mod hand;
@@ -26,6 +27,7 @@ pub mod led;
 mod listen;
 mod memory;
 mod motors;
+mod processor;
 pub mod profile;
 mod receiver;
 mod request;
@@ -56,11 +58,12 @@ use drive::{Counter, Regulator};
 use fault::Encoders;
 use journal::{Journal, rules};
 use led::Trouble;
-use memory::Memory;
-use profile::{Bounds, Processor, Restart};
+use memory::{Memory, Tasks};
+use processor::Chip;
+use profile::{Bounds, Processor, ReceiverKind, Restart};
 use receiver::{Divider, Receiver};
 use request::Request;
-use sender::{Pace, Sender};
+use sender::Sender;
 use ticks::{ANALOG, CYCLE, DIVIDER, REGULATOR, Ticks};
 
 /// The emulated base.
@@ -87,7 +90,7 @@ pub struct AvrBase {
     watchdog_at: Option<Instant>,
     motors: Motors,
     last_frame: Instant,
-    latency: Rng,
+    chip: Chip,
     tear: Rng,
     journal: Journal,
 }
@@ -155,9 +158,6 @@ struct Motors {
 const BOOT: Duration = Duration::from_millis(30);
 /// After its own watchdog the fielded firmware waits this long before its main loop.
 const STALE_BOOT: Duration = Duration::from_secs(5);
-/// The interrupt feeds the line a byte every 11 us: replies of 8, 15 and 58 bytes took 0.11, 0.19
-/// and 0.66 ms at least.
-const BYTE_PITCH: Duration = Duration::from_micros(11);
 /// Counts of the divider for which the stop button works on.
 const BUTTON_COUNTS: u16 = 120;
 /// Counts of the divider after which the light shows that nobody speaks.
@@ -179,6 +179,8 @@ enum Job {
     Regulate,
     Analog,
     Answer,
+    /// Whatever the measured processor does.
+    Step,
 }
 
 impl AvrBase {
@@ -192,10 +194,6 @@ impl AvrBase {
         let drawn = CYCLE.mul_f64(Rng::stream(seed, "base.phase").uniform());
         let ticks = Ticks::with_phase(config.phase.unwrap_or(drawn));
         let quirks = config.quirks();
-        let pace = match quirks.processor {
-            Processor::Measured => Pace::Each(BYTE_PITCH),
-            Processor::Steady { .. } => Pace::Line(BUS_LINE.byte_time()),
-        };
         Self {
             now: Instant::ZERO,
             start: Start {
@@ -207,8 +205,8 @@ impl AvrBase {
             ticks,
             receiver: Receiver::new(&quirks),
             pending: VecDeque::new(),
-            bus: Sender::new(pace),
-            debug: Sender::new(Pace::Line(DEBUG_LINE.byte_time())),
+            bus: Sender::new(BUS_LINE.byte_time()),
+            debug: Sender::new(DEBUG_LINE.byte_time()),
             memory: Memory::new(),
             sides: [Side::default(); 2],
             regulator_at: ticks.after(Instant::ZERO, REGULATOR, 1),
@@ -224,7 +222,7 @@ impl AvrBase {
                 reason: "set-point",
             },
             last_frame: Instant::ZERO,
-            latency: Rng::stream(seed, "base.latency"),
+            chip: Chip::new(Instant::ZERO, ticks, Instant::ZERO),
             tear: Rng::stream(seed, "base.tear"),
             journal: Journal::default(),
             config,
@@ -292,6 +290,7 @@ impl AvrBase {
         };
         self.now = self.now.max(now);
         self.ticks = Ticks::started_at(now);
+        self.chip = Chip::new(now, self.ticks, self.start.up_at);
         self.receiver = Receiver::new(&self.quirks);
         self.pending.clear();
         self.memory = Memory::new();
@@ -316,27 +315,39 @@ impl AvrBase {
         }
     }
 
-    fn divider(&self) -> Divider {
-        Divider {
-            ticks: self.memory.timer_task_runs().then_some(self.ticks),
-            main_loop_from: self.start.up_at,
+    /// Whether the processor's time is modelled.
+    fn is_measured(&self) -> bool {
+        self.quirks.processor == Processor::Measured
+    }
+
+    /// When an unfinished frame is given up, unless the processor finds out by itself.
+    fn frame_deadline(&self) -> Option<Instant> {
+        if self.is_measured() && self.quirks.receiver == ReceiverKind::Interrupt {
+            return None;
         }
+        self.receiver.deadline(Divider {
+            ticks: self.ticks,
+            main_loop_from: self.start.up_at,
+        })
     }
 
     fn next_job(&self) -> (Instant, Job) {
         if let Some(at) = self.start.crashed_until {
             return (at, Job::Restart);
         }
-        let jobs = [
-            self.receiver
-                .deadline(self.divider())
-                .map(|at| (at, Job::GiveUpFrame)),
+        let waits = [
+            self.frame_deadline().map(|at| (at, Job::GiveUpFrame)),
             self.watchdog_at.map(|at| (at, Job::MotorWatchdog)),
-            Some((self.analog_at, Job::Analog)),
-            self.pending.front().map(|p| (p.due, Job::Answer)),
         ];
-        let regulate = (self.regulator_at, Job::Regulate);
-        jobs.into_iter().flatten().fold(regulate, Ord::min)
+        let first = if self.is_measured() {
+            (self.chip_at(), Job::Step)
+        } else {
+            let answer = self.pending.front().map(|p| (p.due, Job::Answer));
+            let analog = (self.analog_at, Job::Analog);
+            let tasks = analog.min((self.regulator_at, Job::Regulate));
+            answer.map_or(tasks, |answer| answer.min(tasks))
+        };
+        waits.into_iter().flatten().fold(first, Ord::min)
     }
 
     fn work(&mut self, at: Instant, job: Job, world: &mut World) {
@@ -357,9 +368,11 @@ impl AvrBase {
                 if let Some(Pending { request, .. }) = self.pending.pop_front() {
                     self.look_at_wheels(world);
                     self.main_loop_pass();
-                    self.answer(at, &request);
+                    let reply = self.answer(at, &request);
+                    self.bus.send(at, reply.as_bytes());
                 }
             }
+            Job::Step => {}
         }
     }
 
@@ -386,7 +399,7 @@ impl AvrBase {
     fn look_at_wheels(&mut self, world: &World) {
         for (side, wheel) in self.sides.iter_mut().zip(WHEELS) {
             let edges = self.encoders.count(wheel, world.encoder_ticks(wheel));
-            if self.memory.timer_task_runs() {
+            if self.memory.tasks() == Tasks::Sound {
                 side.counter
                     .look(self.quirks.odometer, self.ticks, self.now, edges);
             } else {
@@ -400,11 +413,11 @@ impl AvrBase {
         self.analog_at = self.ticks.after(self.now, ANALOG, 1);
         for sensor in infrared::BLOCKS[self.block] {
             let distance = sensor.measure(world, self.quirks.near_objects);
-            self.memory.set_i16(sensor.register, distance);
+            self.memory.feed_i16(sensor.register, distance);
         }
         self.block = (self.block + 1) % infrared::BLOCKS.len();
         self.memory
-            .set_i16(infrared::FLOOR_REGISTER, infrared::FLOOR_RAW);
+            .feed_i16(infrared::FLOOR_REGISTER, infrared::FLOOR_RAW);
         self.battery
             .sample(at, self.quirks.battery, &mut self.memory);
     }
@@ -418,6 +431,12 @@ impl Device for AvrBase {
         let mut heard = Vec::new();
         for (index, &byte) in bytes.iter().enumerate() {
             let at = byte_end(now, BUS_LINE, index, bytes.len());
+            if self.is_measured() {
+                if self.start.crashed_until.is_none() {
+                    self.chip.cpu.receive(at, byte);
+                }
+                continue;
+            }
             self.byte(at, byte, &mut heard);
             heard.drain(..).for_each(|heard| self.hear(heard));
         }
@@ -450,6 +469,10 @@ impl Device for AvrBase {
         }
         loop {
             let (at, job) = self.next_job();
+            let runs = self.is_measured() && self.start.crashed_until.is_none();
+            if runs && self.step(at.min(self.now), world) {
+                continue;
+            }
             if at > self.now {
                 break;
             }

@@ -4,12 +4,14 @@ use core::time::Duration;
 
 use protocols::Instant;
 use protocols::avr::registers::{self, Access};
-use protocols::avr::{ERROR_REGISTER, Frame};
+use protocols::avr::{self, ERROR_REGISTER, Frame};
 
 use super::config::{Announce, DebugText};
 use super::journal::rules;
 use super::memory::Memory;
-use super::profile::{Bounds, EncoderCopy, Processor, SET_POINT_MAX, SetPoints, Status};
+use super::profile::{
+    BatteryRegisters, Bounds, EncoderCopy, Processor, SET_POINT_MAX, SetPoints, Status,
+};
 use super::request::{Request, RequestKind};
 use super::{AvrBase, SET_POINT_REGISTERS};
 
@@ -25,6 +27,10 @@ const SPEED_REGISTERS: [u8; 2] = [registers::SPEED_LEFT_IS, registers::SPEED_RIG
 impl AvrBase {
     /// Fills the registers from the variables, and the set-points from their registers.
     pub(super) fn main_loop_pass(&mut self) {
+        self.memory.refill();
+        if self.quirks.battery == BatteryRegisters::HighByteOnly {
+            self.memory.refill_battery();
+        }
         let status = self.status();
         self.memory.set(registers::SYSTEM_STATUS, status);
         for (side, address) in self.sides.iter().zip(ENCODER_REGISTERS) {
@@ -62,8 +68,8 @@ impl AvrBase {
         }
     }
 
-    /// Answers `request` at `at`.
-    pub(super) fn answer(&mut self, at: Instant, request: &Request) {
+    /// Does what `request` asks at `at`; the reply.
+    pub(super) fn answer(&mut self, at: Instant, request: &Request) -> Frame {
         self.last_frame = request.at;
         self.print_debug_text(at);
         let order = self.quirks.checksum;
@@ -75,10 +81,12 @@ impl AvrBase {
                 Bounds::Refused => self.access_registers(request),
             }
         } else {
-            Frame::read(ERROR_REGISTER, 0, order)
+            let reply = Frame::read(ERROR_REGISTER, 0, order);
+            self.memory.hold_error(ERROR_REGISTER, sum(&reply));
+            reply
         };
         self.main_loop_pass();
-        self.bus.send(at, reply.as_bytes());
+        reply
     }
 
     fn print_debug_text(&mut self, at: Instant) {
@@ -86,8 +94,7 @@ impl AvrBase {
             let mut text = [b'.'; DEBUG_TEXT_LEN];
             text[..7].copy_from_slice(b"request");
             text[DEBUG_TEXT_LEN - 1] = b'\n';
-            let begun = Instant::ZERO + (at - Instant::ZERO).saturating_sub(DEBUG_TEXT_TIME);
-            self.debug.send(begun, &text);
+            self.debug.send(at, &text);
         }
     }
 
@@ -101,14 +108,23 @@ impl AvrBase {
             .hold_request(request.register(), request.bytes[2], [first, second]);
         match request.kind() {
             RequestKind::Write => {
-                self.memory.write(request.register(), request.data());
-                Frame::read(self.memory.held_register(), 0, order)
+                for (&byte, index) in request.data().iter().zip(0..) {
+                    self.memory.store(index, byte);
+                }
+                self.memory.copy_data(request.count());
+                let reply = Frame::read(self.memory.reply_register(), 0, order);
+                self.memory.hold_reply(0);
+                self.memory.hold_reply_checksum(sum(&reply));
+                reply
             }
             RequestKind::Read => {
+                self.memory.hold_reply(0x80 | request.count());
                 let torn = self.tear_encoders(request);
                 let memory = torn.as_ref().unwrap_or(&self.memory);
                 let data = memory.read(request.register(), request.count());
-                Frame::write(request.register(), data, order)
+                let reply = Frame::write(request.register(), data, order);
+                self.memory.hold_reply_checksum(sum(&reply));
+                reply
             }
         }
     }
@@ -199,6 +215,12 @@ impl AvrBase {
             }
         }
     }
+}
+
+/// Sum of a reply, as its header holds it.
+fn sum(reply: &Frame) -> u16 {
+    let bytes = reply.as_bytes();
+    avr::checksum(&bytes[..bytes.len() - 2])
 }
 
 /// Name of the first value among `count` registers from `first` on that the base itself feeds.

@@ -75,22 +75,20 @@ impl Battery {
             false => self.config.start_mv - self.config.drop_mv_per_s * gone_s,
         };
         let raw = whole(((volts_mv + 300.0) / 15.0).clamp(0.0, 1023.0));
-        memory.set_i16(BATTERY_RAW, raw);
+        memory.feed_i16(BATTERY_RAW, raw);
         let mv = (raw * 15 - 300).cast_unsigned();
         let percent = whole(0.037 * f64::from(mv) - 363.0);
-        let [low, high] = mv.to_le_bytes();
         match kind {
             BatteryRegisters::LowFirst => {
-                memory.write(registers::BATTERY_MV, &[low, high]);
+                memory.write(registers::BATTERY_MV, &mv.to_le_bytes());
                 let percent = percent.clamp(0, 100).to_le_bytes()[0];
                 memory.set(registers::BATTERY_PERCENT, percent);
             }
             BatteryRegisters::HighByteOnly => {
-                memory.set(registers::BATTERY_MV, high);
-                if mv < self.least_mv {
-                    self.least_mv = mv;
-                    memory.set(registers::BATTERY_PERCENT, percent.to_le_bytes()[0]);
-                }
+                let is_least = mv < self.least_mv;
+                self.least_mv = self.least_mv.min(mv);
+                memory.feed_battery(mv, is_least.then_some(percent.to_le_bytes()[0]));
+                memory.refill_battery();
             }
         }
     }

@@ -1,32 +1,31 @@
-//! From bytes to requests that wait for the main loop: what the base hears, what it misses while it
-//! is busy, and when it will answer.
+//! From bytes to requests that wait for the main loop: what the base hears, and what it misses
+//! while it is busy.
 
 use core::time::Duration;
 
 use protocols::Instant;
 
-use super::config::DebugText;
 use super::journal::rules;
+use super::processor::Chip;
 use super::profile::{Processor, ReceiverKind};
 use super::receiver::Heard;
 use super::request::Request;
-use super::{AvrBase, Pending, answer, ticks};
+use super::{AvrBase, Pending};
 
 /// The processor's own watchdog.
 const MCU_WATCHDOG: Duration = Duration::from_secs(1);
-/// Each byte received keeps the main loop from its work this long, each byte sent that long.
-/// Chosen so that of 20 requests back to back two are answered, as was seen.
-const RECEIVE_LOAD: Duration = Duration::from_micros(9);
-const TRANSMIT_LOAD: Duration = Duration::from_micros(4);
 /// Bytes that the ring in front of the line holds: a longer reply keeps the main loop busy.
 const RING: u32 = 31;
 
 impl AvrBase {
-    /// Until when the receive interrupt drops bytes: until the last request is answered but for
-    /// what fits the ring.
-    fn deaf_until(&self) -> Option<Instant> {
+    /// Whether the receive interrupt drops a byte that ends at `at`: until the last request is
+    /// answered but for what fits the ring.
+    fn is_deaf(&self, at: Instant) -> bool {
         if self.quirks.receiver != ReceiverKind::Interrupt {
-            return None;
+            return false;
+        }
+        if self.is_measured() {
+            return self.chip.busy;
         }
         let pitch = self.bus.byte_time();
         let mut free = self.bus.free_at();
@@ -36,7 +35,7 @@ impl AvrBase {
             free = free.max(due) + pitch * pending.request.reply_len();
         }
         let ring = Instant::ZERO + (free - Instant::ZERO).saturating_sub(pitch * RING);
-        Some(due.max(ring))
+        at <= due.max(ring)
     }
 
     pub(super) fn byte(&mut self, at: Instant, byte: u8, heard: &mut Vec<Heard>) {
@@ -52,11 +51,11 @@ impl AvrBase {
                 return;
             }
         }
-        if self.deaf_until().is_some_and(|until| at <= until) {
+        if self.is_deaf(at) {
             self.drop_byte(at, byte);
             return;
         }
-        if let Some(deadline) = self.receiver.deadline(self.divider())
+        if let Some(deadline) = self.frame_deadline()
             && deadline <= at
         {
             self.receiver.expire(deadline, &mut self.journal, heard);
@@ -64,16 +63,12 @@ impl AvrBase {
         if self.receiver.is_waiting() {
             self.judge_haste(at, byte);
         }
-        self.receiver.byte(at, byte, &mut self.journal, heard);
+        let memory = self.is_measured().then_some(&mut self.memory);
+        self.receiver
+            .byte(at, byte, memory, &mut self.journal, heard);
     }
 
-    /// The interrupt runs for a byte that it drops, and the main loop waits for it.
     fn drop_byte(&mut self, at: Instant, byte: u8) {
-        if let Some(last) = self.pending.back_mut()
-            && at < last.due
-        {
-            last.due += RECEIVE_LOAD;
-        }
         self.journal
             .violation(at, rules::BYTES_WHILE_BUSY, &[byte], || {
                 format!("byte {byte:02X} while a request was worked on is lost")
@@ -82,8 +77,8 @@ impl AvrBase {
 
     fn judge_haste(&mut self, at: Instant, byte: u8) {
         let waits = self.pending.back().is_some_and(|last| last.request.valid);
-        let ends = self.bus.free_at();
-        if waits || at < ends {
+        let replies = self.chip.cpu.is_replying() || at < self.bus.free_at();
+        if waits || replies {
             let rule = rules::REQUEST_BEFORE_REPLY;
             self.journal.violation(at, rule, &[byte], || {
                 "a frame begins before the reply to the one before has ended".into()
@@ -93,7 +88,7 @@ impl AvrBase {
 
     pub(super) fn hear(&mut self, heard: Heard) {
         match heard {
-            Heard::Crash => self.crash(),
+            Heard::Crash => self.crash(self.now),
             Heard::Request(request) => {
                 if let ReceiverKind::Buffered { queue, .. } = self.quirks.receiver {
                     self.pending.retain(|p| p.request.valid);
@@ -112,26 +107,20 @@ impl AvrBase {
         }
     }
 
-    /// When the main loop will answer `request`.
-    fn due(&mut self, request: &Request) -> Instant {
+    /// When `request` will be answered; the measured processor finds out by itself.
+    fn due(&self, request: &Request) -> Instant {
         match self.quirks.processor {
             Processor::Steady { latency } => request.at + latency,
-            Processor::Measured => {
-                let mut work = ticks::reply_work(&mut self.latency, request.kind());
-                work += TRANSMIT_LOAD * self.bus.waiting(request.at);
-                if self.config.debug_text == DebugText::On {
-                    work += answer::DEBUG_TEXT_TIME;
-                }
-                self.ticks.finish(request.at.max(self.start.up_at), work)
-            }
+            Processor::Measured => Instant::from_nanos(u64::MAX),
         }
     }
 
     /// The program runs on through memory that is none of its own. The timers drive the motors as
     /// before until the watchdog bites.
-    fn crash(&mut self) {
-        let at = self.now;
-        self.start.crashed_until = Some(at + MCU_WATCHDOG);
+    pub(super) fn crash(&mut self, at: Instant) {
+        let until = at + MCU_WATCHDOG;
+        self.start.crashed_until = Some(until);
+        self.chip = Chip::new(until, self.ticks, until);
         self.pending.clear();
         let detail = "the receiver wrote below its buffer; the watchdog will restart the processor";
         self.journal.note(at, "crashed", detail.into());

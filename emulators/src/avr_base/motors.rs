@@ -12,9 +12,8 @@ use super::ticks::{DIVIDER, REGULATOR};
 use super::{AvrBase, SET_POINT_REGISTERS, WHEELS};
 use crate::world::{Drive, World};
 
-/// The expired motor watchdog is acted on this much later: 980.6 ms were the least observed, 978.9
-/// is what the divider makes of it.
-const WATCHDOG_LAG: Duration = Duration::from_micros(1_700);
+/// A processor that answers after a fixed time acts on the expired motor watchdog this much later.
+const WATCHDOG_LAG: Duration = Duration::from_micros(42);
 
 impl AvrBase {
     /// A valid request came in and is worked on at `at`.
@@ -23,7 +22,12 @@ impl AvrBase {
             Watchdog::AnyFrame { timeout } => self.watchdog_at = Some(request.at + timeout),
             Watchdog::Divider { counts, .. } => {
                 let drives = registers::SPEED_LEFT_TO..=registers::MOTOR_STANDBY;
-                if request.kind() == RequestKind::Write && drives.contains(&request.register()) {
+                if request.kind() != RequestKind::Write || !drives.contains(&request.register()) {
+                    return;
+                }
+                if self.is_measured() {
+                    self.chip.watchdog_counts = Some(counts);
+                } else {
                     self.watchdog_at = Some(self.ticks.after(at, DIVIDER, counts) + WATCHDOG_LAG);
                 }
             }
@@ -33,9 +37,7 @@ impl AvrBase {
     /// The master has been silent for too long.
     pub(super) fn motor_watchdog(&mut self, at: Instant, world: &mut World) {
         self.watchdog_at = None;
-        if !self.memory.timer_task_runs() {
-            return;
-        }
+        self.chip.watchdog_counts = None;
         let speeds = self.set_points();
         let [left, right] = speeds;
         let mut effect = "motors stop";

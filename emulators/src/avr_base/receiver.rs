@@ -16,6 +16,7 @@ use protocols::avr::{self, ChecksumOrder};
 use protocols::{Decode, FrameError, Instant};
 
 use super::journal::{Journal, rules};
+use super::memory::Memory;
 use super::profile::{Quirks, ReceiverKind};
 use super::request::Request;
 use super::ticks::{DIVIDER, Ticks};
@@ -58,16 +59,18 @@ impl Receiver {
         }
     }
 
-    /// A byte that ended at `at`; what it led to is added to `heard`.
+    /// A byte that ended at `at`; what it led to is added to `heard`. With a memory the fielded
+    /// receiver stores the data of writes there, as they come.
     pub(super) fn byte(
         &mut self,
         at: Instant,
         byte: u8,
+        memory: Option<&mut Memory>,
         journal: &mut Journal,
         heard: &mut Vec<Heard>,
     ) {
         match self {
-            Self::Interrupt(receiver) => heard.extend(receiver.byte(at, byte, journal)),
+            Self::Interrupt(receiver) => heard.extend(receiver.byte(at, byte, memory, journal)),
             Self::Buffered(receiver) => receiver.byte(at, byte, journal, heard),
         }
     }
@@ -92,8 +95,7 @@ impl Receiver {
 /// The divider that ends unfinished frames, as the fielded receiver sees it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Divider {
-    /// `None` once the task that counts it was overwritten.
-    pub(super) ticks: Option<Ticks>,
+    pub(super) ticks: Ticks,
     /// The main loop, which looks at the result, runs from here on.
     pub(super) main_loop_from: Instant,
 }
@@ -115,6 +117,16 @@ pub(super) struct Interrupt {
     /// The frame so far; empty while waiting for a start byte.
     frame: Vec<u8>,
     last: Instant,
+    /// A write of 127 bytes: where the next byte goes, from the buffer on.
+    runaway: Option<Runaway>,
+}
+
+/// A frame whose end the receiver has missed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Runaway {
+    Data(i8),
+    /// The count itself was overwritten and has been reached: the last byte of a checksum.
+    Checksum,
 }
 
 impl Interrupt {
@@ -123,10 +135,17 @@ impl Interrupt {
             order,
             frame: Vec::new(),
             last: Instant::ZERO,
+            runaway: None,
         }
     }
 
-    fn byte(&mut self, at: Instant, byte: u8, journal: &mut Journal) -> Option<Heard> {
+    fn byte(
+        &mut self,
+        at: Instant,
+        byte: u8,
+        mut memory: Option<&mut Memory>,
+        journal: &mut Journal,
+    ) -> Option<Heard> {
         let quiet = at - self.last;
         self.last = at;
         if self.frame.is_empty() {
@@ -137,12 +156,19 @@ impl Interrupt {
             }
             return None;
         }
-        self.frame.push(byte);
         report_gap(at, quiet, &self.frame, journal);
+        if let (Some(runaway), Some(memory)) = (self.runaway, &mut memory) {
+            return self.run_away(at, runaway, byte, memory);
+        }
+        if let Some(memory) = &mut memory {
+            self.store(byte, memory);
+        }
+        self.frame.push(byte);
         let &control = self.frame.get(2)?;
         let is_write = control & 0x80 != 0;
         let count = control & 0x7F;
         if is_write && count > COUNT_MAX {
+            self.runaway = memory.map(|_| Runaway::Data(0));
             return self.overflow(at, journal);
         }
         let data = if is_write { usize::from(count) } else { 0 };
@@ -151,6 +177,47 @@ impl Interrupt {
         }
         let bytes = core::mem::take(&mut self.frame);
         Some(Heard::Request(self.request(at, bytes, journal)))
+    }
+
+    /// The count goes to its place in the memory, data and the first byte of the checksum behind
+    /// them to the receive buffer.
+    fn store(&self, byte: u8, memory: &mut Memory) {
+        match self.frame.as_slice() {
+            [_, _] => memory.hold_control(byte),
+            [_, _, control, data @ ..] if control & 0x80 != 0 => {
+                let index = i8::try_from(data.len()).unwrap_or(i8::MAX);
+                if data.len() <= usize::from(control & 0x7F) {
+                    memory.store(index, byte);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// The index wraps from 127 to -128. Below the buffer lies the request with its count: if that
+    /// is overwritten the frame comes to an end after all, with a checksum that does not hold.
+    fn run_away(
+        &mut self,
+        at: Instant,
+        runaway: Runaway,
+        byte: u8,
+        memory: &mut Memory,
+    ) -> Option<Heard> {
+        let Runaway::Data(index) = runaway else {
+            self.frame.clear();
+            self.runaway = None;
+            let bytes = vec![avr::START, avr::ERROR_REGISTER, 0, 0, 0];
+            let valid = false;
+            return Some(Heard::Request(Request { at, bytes, valid }));
+        };
+        memory.store(index, byte);
+        let count = memory.request_control() & 0x7F;
+        self.runaway = Some(if count <= COUNT_MAX && index == count.cast_signed() {
+            Runaway::Checksum
+        } else {
+            Runaway::Data(index.wrapping_add(1))
+        });
+        None
     }
 
     /// A counter that has passed 127 is negative and never reaches its end.
@@ -185,11 +252,11 @@ impl Interrupt {
     }
 
     fn deadline(&self, divider: Divider) -> Option<Instant> {
-        let ticks = divider.ticks?;
         if self.frame.is_empty() {
             return None;
         }
-        let expired = ticks
+        let expired = divider
+            .ticks
             .after(self.last, DIVIDER, 1)
             .max(divider.main_loop_from);
         Some(expired + MAIN_LOOP_PASS)
@@ -198,6 +265,7 @@ impl Interrupt {
     fn give_up(&mut self, at: Instant, journal: &mut Journal) {
         cut_off(at, &self.frame, journal);
         self.frame.clear();
+        self.runaway = None;
     }
 }
 

@@ -9,28 +9,19 @@ use protocols::Instant;
 /// Bytes that wait at most, in case nobody takes them; a queue of the longest replies fits.
 const CAPACITY: usize = 2_048;
 
-/// When the bytes of a reply follow each other.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Pace {
-    /// All are ready at once; the line takes this long for each.
-    Line(Duration),
-    /// The interrupt that feeds the line is slower than the line: one byte each time.
-    Each(Duration),
-}
-
 /// Bytes on their way out.
 #[derive(Clone, Debug)]
 pub(super) struct Sender {
-    pace: Pace,
+    byte_time: Duration,
     queue: VecDeque<(Instant, u8)>,
     /// When the line has sent all.
     free_at: Instant,
 }
 
 impl Sender {
-    pub(super) const fn new(pace: Pace) -> Self {
+    pub(super) const fn new(byte_time: Duration) -> Self {
         Self {
-            pace,
+            byte_time,
             queue: VecDeque::new(),
             free_at: Instant::ZERO,
         }
@@ -41,12 +32,8 @@ impl Sender {
         let start = at.max(self.free_at);
         let room = CAPACITY - self.queue.len().min(CAPACITY);
         for &byte in &bytes[..bytes.len().min(room)] {
-            let ready = match self.pace {
-                Pace::Line(_) => start,
-                Pace::Each(_) => self.free_at.max(start),
-            };
-            self.queue.push_back((ready, byte));
-            self.free_at = self.free_at.max(start) + self.byte_time();
+            self.queue.push_back((start, byte));
+            self.free_at = self.free_at.max(start) + self.byte_time;
         }
     }
 
@@ -71,12 +58,6 @@ impl Sender {
         self.queue.get(ready).map(|&(at, _)| at)
     }
 
-    /// Bytes that are not on the line yet at `now`.
-    pub(super) fn waiting(&self, now: Instant) -> u32 {
-        let ready = self.queue.partition_point(|&(at, _)| at <= now);
-        u32::try_from(self.queue.len() - ready).expect("at most CAPACITY")
-    }
-
     /// When the line has sent all.
     pub(super) const fn free_at(&self) -> Instant {
         self.free_at
@@ -84,9 +65,7 @@ impl Sender {
 
     /// Time of one byte in a long reply.
     pub(super) const fn byte_time(&self) -> Duration {
-        match self.pace {
-            Pace::Line(time) | Pace::Each(time) => time,
-        }
+        self.byte_time
     }
 }
 
@@ -103,21 +82,8 @@ mod tests {
     }
 
     #[test]
-    fn a_slow_interrupt_hands_out_byte_by_byte() {
-        let mut sender = Sender::new(Pace::Each(TEN_US));
-        sender.send(Instant::from_micros(100), &[1, 2, 3]);
-        assert_eq!(taken(&mut sender, 99), [0_u8; 0]);
-        assert_eq!(taken(&mut sender, 100), [1]);
-        assert_eq!(
-            sender.ready_after(Instant::from_micros(100)),
-            Some(Instant::from_micros(110))
-        );
-        assert_eq!(taken(&mut sender, 125), [2, 3]);
-    }
-
-    #[test]
     fn a_reply_waits_for_the_one_before() {
-        let mut sender = Sender::new(Pace::Line(TEN_US));
+        let mut sender = Sender::new(TEN_US);
         sender.send(Instant::from_micros(100), &[1, 2]);
         sender.send(Instant::from_micros(105), &[3]);
         assert_eq!(taken(&mut sender, 119), [1, 2]);
@@ -127,7 +93,7 @@ mod tests {
 
     #[test]
     fn a_reader_that_never_reads_costs_bounded_memory() {
-        let mut sender = Sender::new(Pace::Line(TEN_US));
+        let mut sender = Sender::new(TEN_US);
         for _ in 0..1_000 {
             sender.send(Instant::ZERO, &[0; 100]);
         }

@@ -4,6 +4,7 @@
 mod counting;
 mod defects;
 mod judge;
+mod section2;
 mod sequences;
 mod timing;
 mod vectors;

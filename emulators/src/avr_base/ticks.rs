@@ -1,5 +1,4 @@
-//! The processor's time: a tick of 1.004 ms, the divider and tasks that count it, and how long the
-//! main loop takes to answer when they are in its way.
+//! The processor's timer: a tick of 1.004 ms, and the divider and tasks that count it.
 //!
 //! ```text
 //! timer 1, 16 MHz / 64, 251 counts -> tick 1.004 ms -+- x 25 = 25.1 ms   divider of all time-outs
@@ -7,47 +6,39 @@
 //!                                                    +- x 50 = 50.2 ms   analog task, 1 ms long
 //! ```
 //!
-//! Measured on field firmware b77a6df in a simulated ATmega2560: 4980 ticks in 5000 ms; replies
-//! begin 23 / 38 / 144 us (least, median, most of 60) after a read and 35 / 49 / 1182 us after a
-//! write, the last one with a task in front.
+//! Measured on field firmware b77a6df in a simulated ATmega2560: 4980 ticks in 5000 ms, and the
+//! times of the interrupts.
 
 use core::time::Duration;
 
 use protocols::Instant;
 
-use super::request::RequestKind;
-use crate::rng::Rng;
-
-/// One tick of the scheduler, ns.
-const TICK: u64 = 1_004_000;
+/// One tick of the scheduler.
+pub(super) const TICK: Duration = Duration::from_nanos(TICK_NANOS);
+const TICK_NANOS: u64 = 1_004_000;
 /// One count of the divider behind all time-outs.
-pub(super) const DIVIDER: Duration = Duration::from_nanos(25 * TICK);
+pub(super) const DIVIDER: Duration = Duration::from_nanos(25 * TICK_NANOS);
 /// Period of the speed regulator.
-pub(super) const REGULATOR: Duration = Duration::from_nanos(40 * TICK);
+pub(super) const REGULATOR: Duration = Duration::from_nanos(40 * TICK_NANOS);
 /// Period of the analog task.
-pub(super) const ANALOG: Duration = Duration::from_nanos(50 * TICK);
+pub(super) const ANALOG: Duration = Duration::from_nanos(50 * TICK_NANOS);
 /// After this time divider and tasks meet as before: 200 ticks.
-pub(super) const CYCLE: Duration = Duration::from_nanos(200 * TICK);
+pub(super) const CYCLE: Duration = Duration::from_nanos(200 * TICK_NANOS);
 
-/// What the tasks keep the main loop from working. The sum of all is chosen so that the longest
-/// reply of the measurement (1.4 ms for ten registers) comes out; the split is a guess.
-const DIVIDER_LOAD: u64 = 30_000;
-const REGULATOR_LOAD: u64 = 60_000;
-const ANALOG_LOAD: u64 = 1_000_000;
-
-/// Distribution of the time from the end of a read to its reply without a task in the way: the
-/// main loop's place when the request came in. Points of (share, ns), straight lines between:
-/// the measured least, median and most, and the shares that a second request sent 50 and 100 us
-/// later showed (12 and 17 of 20 answered).
-const REPLY: [(f64, f64); 5] = [
-    (0.0, 23_000.0),
-    (0.5, 38_000.0),
-    (0.62, 60_000.0),
-    (0.87, 110_000.0),
-    (1.0, 144_000.0),
+/// The tick interrupt with the tasks of every tick.
+const TICK_WORK: Duration = Duration::from_nanos(97_400);
+/// The tick interrupt once its tasks are gone. A guess.
+const BARE_TICK: Duration = Duration::from_micros(10);
+/// The divider's turn more.
+const DIVIDER_WORK: Duration = Duration::from_nanos(2_700);
+/// The regulator more, with both wheels standing and driven.
+const REGULATOR_WORK: [Duration; 2] = [Duration::from_micros(34), Duration::from_micros(140)];
+/// The tick interrupt with each of the analog task's three blocks.
+const ANALOG_WORK: [Duration; 3] = [
+    Duration::from_micros(967),
+    Duration::from_micros(967),
+    Duration::from_micros(538),
 ];
-/// What a write takes longer than a read.
-const WRITE_EXTRA: Duration = Duration::from_micros(12);
 
 /// Where the tasks stand: they run at the multiples of their periods in a time that is `ahead` of
 /// the rig's.
@@ -89,64 +80,51 @@ impl Ticks {
 
     /// Ticks of the scheduler in (`from`, `to`].
     pub(super) fn ticks(self, from: Instant, to: Instant) -> u64 {
-        self.runs(from, to, Duration::from_nanos(TICK))
+        self.runs(from, to, TICK)
     }
 
-    /// When the main loop has done `work` that it begins at `start`, given that the tasks come
-    /// first whenever they are due.
-    pub(super) fn finish(self, start: Instant, work: Duration) -> Instant {
-        // From here on in the processor's own time, which is `ahead` of the rig's.
-        let mut at = start.as_nanos() + self.ahead;
-        let mut left = nanos(work);
-        let mut boundary = at / (5 * TICK) * (5 * TICK);
-        at = at.max(boundary + load(boundary));
-        // Every slice between two boundaries is longer than any load, so that work of a few
-        // milliseconds ends within a few rounds.
-        loop {
-            let next = boundary + 5 * TICK;
-            if at + left <= next {
-                return Instant::from_nanos(at + left - self.ahead);
-            }
-            left -= next - at;
-            boundary = next;
-            at = next + load(next);
+    /// The tasks of the tick that begins at `at`.
+    pub(super) fn due(self, at: Instant) -> Due {
+        let at = at.as_nanos() + self.ahead;
+        let tick = at / nanos(TICK) * nanos(TICK);
+        let due = |period: Duration| tick.is_multiple_of(nanos(period));
+        Due {
+            divider: due(DIVIDER),
+            regulator: due(REGULATOR),
+            analog: due(ANALOG),
         }
     }
 }
 
-/// What the tasks due at `boundary` take, a multiple of 5 ticks in the processor's own time: every
-/// task's period is one.
-fn load(boundary: u64) -> u64 {
-    let due = |period: Duration, load: u64| {
-        if boundary.is_multiple_of(nanos(period)) {
-            load
+/// Tasks of a tick, besides those of every tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Due {
+    pub(super) divider: bool,
+    pub(super) regulator: bool,
+    pub(super) analog: bool,
+}
+
+impl Due {
+    /// What the tick interrupt takes, with the analog task at `block`.
+    pub(super) fn work(self, block: usize, driven: bool) -> Duration {
+        let mut work = if self.analog {
+            ANALOG_WORK[block % ANALOG_WORK.len()]
         } else {
-            0
+            TICK_WORK
+        };
+        if self.divider {
+            work += DIVIDER_WORK;
         }
-    };
-    due(DIVIDER, DIVIDER_LOAD) + due(REGULATOR, REGULATOR_LOAD) + due(ANALOG, ANALOG_LOAD)
-}
-
-/// What the main loop does between the end of a request and its reply. One draw.
-pub(super) fn reply_work(rng: &mut Rng, kind: RequestKind) -> Duration {
-    let read = Duration::from_nanos(quantile(rng.uniform()));
-    match kind {
-        RequestKind::Read => read,
-        RequestKind::Write => read + WRITE_EXTRA,
+        if self.regulator {
+            work += REGULATOR_WORK[usize::from(driven)];
+        }
+        work
     }
-}
 
-fn quantile(share: f64) -> u64 {
-    let next = REPLY.partition_point(|&(at, _)| at <= share);
-    let (from, to) = (REPLY[next - 1], REPLY[next.min(REPLY.len() - 1)]);
-    let part = (share - from.0) / (to.0 - from.0).max(f64::MIN_POSITIVE);
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "between the first and the last point"
-    )]
-    let nanos = (from.1 + (to.1 - from.1) * part) as u64;
-    nanos
+    /// What a tick takes whose tasks were overwritten.
+    pub(super) const fn bare_work() -> Duration {
+        BARE_TICK
+    }
 }
 
 const fn nanos(duration: Duration) -> u64 {
@@ -195,23 +173,17 @@ mod tests {
         assert_eq!(ticks.after(now, DIVIDER, 1), now + DIVIDER);
     }
 
-    /// 1.03 ms of divider and analog task come first at 50.2 ms, and 30 us at 25.1 ms.
+    /// At 50.2 ms the analog task runs, at 25.1 ms only the divider, at 200.8 ms all of them.
     #[test]
-    fn tasks_come_before_the_main_loop() {
-        let work = Duration::from_micros(40);
-        let finish = |micros| AT_ZERO.finish(Instant::from_micros(micros), work);
-        assert_eq!(finish(10_000).as_micros(), 10_040);
-        assert_eq!(finish(50_190).as_micros(), 50_200 + 1_030 + 30);
-        assert_eq!(finish(50_200).as_micros(), 50_200 + 1_030 + 40);
-        assert_eq!(finish(51_240).as_micros(), 51_280);
-        assert_eq!(finish(25_110).as_micros(), 25_130 + 40);
-        assert_eq!(finish(200_800).as_micros(), 200_800 + 1_090 + 40);
-    }
-
-    #[test]
-    fn replies_to_reads_take_23_to_144_us_and_38_in_the_middle() {
-        assert_eq!(quantile(0.0), 23_000);
-        assert_eq!(quantile(0.5), 38_000);
-        assert_eq!(quantile(0.999_999_999), 143_999);
+    fn the_work_of_a_tick_is_that_of_its_tasks() {
+        let work = |nanos| {
+            let due = AT_ZERO.due(Instant::from_nanos(nanos));
+            due.work(0, true).as_nanos()
+        };
+        assert_eq!(work(1_004_000), 97_400);
+        assert_eq!(work(25_100_000), 97_400 + 2_700);
+        assert_eq!(work(40_160_000), 97_400 + 140_000);
+        assert_eq!(work(50_200_000), 967_000 + 2_700);
+        assert_eq!(work(200_800_000), 967_000 + 2_700 + 140_000);
     }
 }

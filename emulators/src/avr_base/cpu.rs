@@ -1,0 +1,369 @@
+//! Where the processor's time goes: a main loop that interrupts hold up.
+//!
+//! ```text
+//! receive and transmit interrupt    not interrupted themselves; receive comes first
+//!   tick interrupt                  lets those two in; a late tick runs on top of the last one
+//!     main loop                     load state, test it -> answer, or give a fragment up -> rest
+//! ```
+//!
+//! When an answer comes, which byte is lost and which fragment is given up follow from where each
+//! of the three stands. Figures: field firmware b77a6df run in a simulated ATmega2560 at 16 MHz
+//! with a byte every 10 us. Those marked as derived follow from measured latencies.
+//!
+//! This module knows only durations. What the steps do is up to its owner, who takes one
+//! [`Step`] after the other from [`Cpu::advance`].
+
+use std::collections::VecDeque;
+
+use core::time::Duration;
+
+use protocols::Instant;
+
+use super::ticks::{TICK, Ticks};
+
+/// One received byte. Measured.
+const RECEIVE: u64 = 6_400;
+/// The transmit interrupt before its byte is in the line's register, and after. Derived: 20
+/// requests without a gap get three or four answers.
+const TRANSMIT: [u64; 2] = [3_000, 3_600];
+/// The line takes this long for a byte. Measured: replies have a pitch of 10.0 to 10.2 us.
+const BYTE: u64 = 10_000;
+/// One pass of the main loop without work. Measured.
+const PASS: u64 = 24_600;
+/// From the load of the receiver's state to the test of its time-out. Derived: a frame of 5 bytes
+/// vanishes with a chance of 5e-5, see the field-bug catalogue, AV-21.
+const LOAD_TO_TEST: u64 = 800;
+/// The main loop puts one byte of a reply into the ring. Derived: a second request 20 to 40 us
+/// behind the first is answered in 5 percent of the cases.
+const PUT: u64 = 1_800;
+/// Bytes that the ring in front of the line holds; with more to send the main loop waits.
+const RING: usize = 31;
+/// The count of the divider falls this long after its tick interrupt has begun. Derived: the main
+/// loop has seen it 42 us later.
+const TICK_TO_COUNT: u64 = 66_000;
+
+/// What the processor does next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Step {
+    /// The receive interrupt has taken `byte`, which ended at `ended`.
+    Received {
+        /// End of the byte on the line.
+        ended: Instant,
+        /// The byte.
+        byte: u8,
+    },
+    /// A byte goes to the line.
+    Sent(u8),
+    /// The tick interrupt begins; it does nothing until [`Cpu::begin_tick`] says what it takes.
+    Tick,
+    /// The divider counts.
+    Count,
+    /// The main loop loads the receiver's state.
+    Load,
+    /// The main loop tests the time-outs, with the state loaded before.
+    Test,
+    /// The reply is in the ring, all of it.
+    Replied,
+}
+
+/// An interrupt that lets no other in, and ns until it is over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Interrupt {
+    Receive { left: u64, ended: Instant, byte: u8 },
+    Feed { left: u64, byte: u8 },
+    Return { left: u64 },
+}
+
+/// A reply that the main loop works on.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Reply {
+    /// Until its next byte is put into the ring, ns.
+    left: u64,
+    bytes: VecDeque<u8>,
+}
+
+/// The processor.
+#[derive(Clone, Debug)]
+pub(super) struct Cpu {
+    at: u64,
+    next_tick: u64,
+    /// Bytes that the receive interrupt has not seen, with their ends.
+    incoming: VecDeque<(Instant, u8)>,
+    interrupt: Option<Interrupt>,
+    /// Work left in tick interrupts.
+    tick_left: u64,
+    /// Work left until the divider counts.
+    count_left: Option<u64>,
+    /// The main loop does not run before.
+    main_from: u64,
+    /// Whether the main loop's next step is the load.
+    to_load: bool,
+    /// Work left until that step.
+    main_left: u64,
+    reply: Option<Reply>,
+    ring: VecDeque<u8>,
+    /// The line's register is free from here on.
+    line_free: u64,
+}
+
+/// Who has the processor until when, unless somebody comes in between.
+enum Slice {
+    Interrupt(u64),
+    Tick(u64),
+    Reply(u64),
+    Main(u64),
+    /// The main loop waits: for its start, or for room in the ring.
+    Idle,
+}
+
+impl Cpu {
+    /// A processor whose main loop begins at `main_from`.
+    pub(super) fn new(now: Instant, ticks: Ticks, main_from: Instant) -> Self {
+        Self {
+            at: now.as_nanos(),
+            next_tick: ticks.after(now, TICK, 1).as_nanos(),
+            incoming: VecDeque::new(),
+            interrupt: None,
+            tick_left: 0,
+            count_left: None,
+            main_from: main_from.as_nanos(),
+            to_load: true,
+            main_left: PASS,
+            reply: None,
+            ring: VecDeque::new(),
+            line_free: 0,
+        }
+    }
+
+    /// The processor has come to here.
+    pub(super) const fn now(&self) -> Instant {
+        Instant::from_nanos(self.at)
+    }
+
+    /// A byte that ended at `ended`.
+    pub(super) fn receive(&mut self, ended: Instant, byte: u8) {
+        self.incoming.push_back((ended, byte));
+    }
+
+    /// What the tick interrupt takes that has just begun, and whether the divider counts in it.
+    pub(super) fn begin_tick(&mut self, work: Duration, counts: bool) {
+        self.tick_left += nanos(work);
+        if counts {
+            self.count_left = Some(TICK_TO_COUNT);
+        }
+    }
+
+    /// The main loop answers: `work` until the first byte, then byte after byte.
+    pub(super) fn reply(&mut self, work: Duration, bytes: &[u8]) {
+        self.reply = Some(Reply {
+            left: nanos(work),
+            bytes: bytes.iter().copied().collect(),
+        });
+    }
+
+    /// Whether bytes of a reply are not on the line yet.
+    pub(super) fn is_replying(&self) -> bool {
+        self.reply.is_some() || !self.ring.is_empty()
+    }
+
+    /// Whether bytes or replies are on their way through the processor.
+    pub(super) fn is_busy(&self) -> bool {
+        self.is_replying() || !self.incoming.is_empty() || self.interrupt.is_some()
+    }
+
+    /// No step comes before.
+    pub(super) fn next_change(&self) -> Instant {
+        let left = match self.slice() {
+            // Whatever comes meanwhile waits for its end.
+            Slice::Interrupt(left) => return Instant::from_nanos(self.at + left),
+            Slice::Tick(left) | Slice::Reply(left) => left,
+            // A step at which nobody looked.
+            Slice::Main(0) => PASS,
+            Slice::Main(left) => left,
+            Slice::Idle => u64::MAX,
+        };
+        Instant::from_nanos(self.at.saturating_add(left).min(self.next_entry()))
+    }
+
+    /// The next step up to `limit`, and when it is. While nobody is `attentive` the main loop goes
+    /// round without steps.
+    pub(super) fn advance(&mut self, limit: Instant, attentive: bool) -> Option<(Instant, Step)> {
+        let limit = limit.as_nanos();
+        loop {
+            if self.enter() {
+                return Some((self.now(), Step::Tick));
+            }
+            let slice = self.slice();
+            if let Some(step) = self.finish(&slice, attentive) {
+                return Some((self.now(), step));
+            }
+            if matches!(slice, Slice::Interrupt(0) | Slice::Reply(0)) {
+                continue;
+            }
+            if self.at >= limit {
+                return None;
+            }
+            let end = match slice {
+                Slice::Interrupt(left) => self.at + left,
+                Slice::Tick(left) | Slice::Reply(left) => (self.at + left).min(self.next_entry()),
+                Slice::Main(left) if attentive => (self.at + left).min(self.next_entry()),
+                Slice::Main(_) | Slice::Idle => self.next_entry(),
+            };
+            self.spend(&slice, end.min(limit).saturating_sub(self.at));
+        }
+    }
+
+    /// When the next interrupt comes, later than now or at once.
+    fn next_entry(&self) -> u64 {
+        let byte = self.incoming.front().map(|(ended, _)| ended.as_nanos());
+        let line = (!self.ring.is_empty()).then_some(self.line_free);
+        let main = (self.main_from > self.at).then_some(self.main_from);
+        let next = [byte, line, main].into_iter().flatten().min();
+        next.map_or(self.next_tick, |next| next.min(self.next_tick))
+            .max(self.at)
+    }
+
+    /// Starts what may interrupt now; whether that is a tick.
+    fn enter(&mut self) -> bool {
+        if self.interrupt.is_some() {
+            return false;
+        }
+        if self.at >= self.next_tick {
+            self.next_tick += nanos(TICK);
+            return true;
+        }
+        let now = self.now();
+        if let Some(&(ended, byte)) = self.incoming.front().filter(|(ended, _)| *ended <= now) {
+            self.incoming.pop_front();
+            let left = RECEIVE;
+            self.interrupt = Some(Interrupt::Receive { left, ended, byte });
+        } else if self.line_free <= self.at
+            && let Some(byte) = self.ring.pop_front()
+        {
+            let left = TRANSMIT[0];
+            self.interrupt = Some(Interrupt::Feed { left, byte });
+        }
+        false
+    }
+
+    fn slice(&self) -> Slice {
+        match (&self.interrupt, &self.reply) {
+            (
+                Some(
+                    Interrupt::Receive { left, .. }
+                    | Interrupt::Feed { left, .. }
+                    | Interrupt::Return { left },
+                ),
+                _,
+            ) => Slice::Interrupt(*left),
+            _ if self.tick_left > 0 => {
+                let count = self.count_left.unwrap_or(self.tick_left);
+                Slice::Tick(count.min(self.tick_left))
+            }
+            _ if self.at < self.main_from => Slice::Idle,
+            (_, Some(reply)) if reply.left == 0 && self.is_blocked(reply) => Slice::Idle,
+            (_, Some(reply)) => Slice::Reply(reply.left),
+            (_, None) => Slice::Main(self.main_left),
+        }
+    }
+
+    /// Whether the reply's next byte waits for room in the ring.
+    fn is_blocked(&self, reply: &Reply) -> bool {
+        self.ring.len() >= RING && !reply.bytes.is_empty()
+    }
+
+    /// Ends what has no work left.
+    fn finish(&mut self, slice: &Slice, attentive: bool) -> Option<Step> {
+        match slice {
+            Slice::Interrupt(0) => match self.interrupt.take()? {
+                Interrupt::Receive { ended, byte, .. } => Some(Step::Received { ended, byte }),
+                Interrupt::Feed { byte, .. } => {
+                    // The register is free while the byte before is still on the line.
+                    self.line_free = self.at + BYTE - TRANSMIT[0];
+                    let left = TRANSMIT[1];
+                    self.interrupt = Some(Interrupt::Return { left });
+                    Some(Step::Sent(byte))
+                }
+                Interrupt::Return { .. } => None,
+            },
+            Slice::Tick(0) => {
+                self.count_left = None;
+                Some(Step::Count)
+            }
+            Slice::Reply(0) => self.put(),
+            Slice::Main(0) if attentive => {
+                let step = if self.to_load { Step::Load } else { Step::Test };
+                self.main_left = if self.to_load {
+                    LOAD_TO_TEST
+                } else {
+                    PASS - LOAD_TO_TEST
+                };
+                self.to_load = !self.to_load;
+                Some(step)
+            }
+            _ => None,
+        }
+    }
+
+    /// The next byte of the reply goes into the ring.
+    fn put(&mut self) -> Option<Step> {
+        let reply = self.reply.as_mut()?;
+        let Some(byte) = reply.bytes.pop_front() else {
+            self.reply = None;
+            return Some(Step::Replied);
+        };
+        // Behind the last byte the receiver listens again at once.
+        reply.left = if reply.bytes.is_empty() { 0 } else { PUT };
+        self.ring.push_back(byte);
+        None
+    }
+
+    fn spend(&mut self, slice: &Slice, time: u64) {
+        self.at += time;
+        match slice {
+            Slice::Interrupt(_) => match &mut self.interrupt {
+                Some(
+                    Interrupt::Receive { left, .. }
+                    | Interrupt::Feed { left, .. }
+                    | Interrupt::Return { left },
+                ) => *left -= time,
+                None => {}
+            },
+            Slice::Tick(_) => {
+                self.tick_left -= time;
+                self.count_left = self.count_left.map(|left| left - time);
+            }
+            Slice::Reply(_) => {
+                if let Some(reply) = &mut self.reply {
+                    reply.left -= time;
+                }
+            }
+            Slice::Main(_) => self.go_round(time),
+            Slice::Idle => {}
+        }
+    }
+
+    /// The main loop runs for `time`, past as many steps as that takes.
+    fn go_round(&mut self, time: u64) {
+        if time <= self.main_left {
+            self.main_left -= time;
+            return;
+        }
+        let step = if self.to_load { PASS } else { LOAD_TO_TEST };
+        let place = (step - self.main_left + time) % PASS;
+        (self.to_load, self.main_left) = match place {
+            0 => (true, 0),
+            _ if place < LOAD_TO_TEST => (false, LOAD_TO_TEST - place),
+            _ => (true, PASS - place),
+        };
+    }
+}
+
+const fn nanos(duration: Duration) -> u64 {
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "at most a few seconds, 2^64 ns are 584 years"
+    )]
+    let nanos = duration.as_nanos() as u64;
+    nanos
+}

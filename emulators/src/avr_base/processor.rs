@@ -1,0 +1,161 @@
+//! What the steps of the measured processor do to the base.
+
+use core::time::Duration;
+
+use protocols::Instant;
+
+use super::config::DebugText;
+use super::cpu::{Cpu, Step};
+use super::memory::Tasks;
+use super::profile::ReceiverKind;
+use super::request::{Request, RequestKind};
+use super::ticks::{Due, REGULATOR, TICK, Ticks};
+use super::{AvrBase, Pending, answer};
+use crate::world::World;
+
+/// From the load of the receiver's state to the first byte in the ring. Derived: the shortest
+/// latency of a read is 18 us, of which the receive and the transmit interrupt take 9.4.
+const READ_WORK: Duration = Duration::from_nanos(8_600);
+/// What a write takes more, and each byte of its data. Derived: short writes are answered 4 us
+/// later.
+const WRITE_WORK: [Duration; 2] = [Duration::from_nanos(1_500), Duration::from_nanos(1_000)];
+
+/// The processor, and what its main loop and interrupts tell each other.
+#[derive(Clone, Debug)]
+pub(super) struct Chip {
+    pub(super) cpu: Cpu,
+    /// The receiver is deaf: a request waits or is answered.
+    pub(super) busy: bool,
+    /// The main loop has loaded the state of a fragment and not tested it yet.
+    saw_fragment: bool,
+    /// Counts of the divider until a fragment is given up; each byte sets it to 1.
+    frame_counts: u8,
+    /// Counts of the divider until the motors time out.
+    pub(super) watchdog_counts: Option<u16>,
+}
+
+impl Chip {
+    pub(super) fn new(now: Instant, ticks: Ticks, up_at: Instant) -> Self {
+        Self {
+            cpu: Cpu::new(now, ticks, up_at),
+            busy: false,
+            saw_fragment: false,
+            frame_counts: 0,
+            watchdog_counts: None,
+        }
+    }
+}
+
+impl AvrBase {
+    /// Whether the main loop's next steps do anything.
+    fn is_attentive(&self) -> bool {
+        let fragment = !self.listens_to_a_buffer() && !self.receiver.is_waiting();
+        let expired = self.chip.watchdog_counts == Some(0);
+        fragment || expired || self.chip.saw_fragment || !self.pending.is_empty()
+    }
+
+    fn listens_to_a_buffer(&self) -> bool {
+        self.quirks.receiver != ReceiverKind::Interrupt
+    }
+
+    /// When the processor wants to be polled: at its steps while anything is on its way, else when
+    /// a task may be due.
+    pub(super) fn chip_at(&self) -> Instant {
+        let expired = self.chip.watchdog_counts == Some(0);
+        if expired || self.chip.cpu.is_busy() || !self.pending.is_empty() {
+            return self.chip.cpu.next_change();
+        }
+        // Every task's period is a multiple of five ticks.
+        self.ticks.after(self.now, 5 * TICK, 1)
+    }
+
+    /// Runs the processor to its next step, at `limit` at the latest; whether there was one.
+    pub(super) fn step(&mut self, limit: Instant, world: &mut World) -> bool {
+        let attentive = self.is_attentive();
+        let Some((at, step)) = self.chip.cpu.advance(limit, attentive) else {
+            return false;
+        };
+        match step {
+            Step::Received { ended, byte } => self.received(ended, byte),
+            Step::Sent(byte) => self.bus.send(at, &[byte]),
+            Step::Tick => self.tick(at, world),
+            Step::Count => {
+                let chip = &mut self.chip;
+                chip.frame_counts = chip.frame_counts.saturating_sub(1);
+                chip.watchdog_counts = chip.watchdog_counts.map(|n| n.saturating_sub(1));
+            }
+            Step::Load => self.load(at, world),
+            Step::Test => self.test(at, world),
+            Step::Replied => self.chip.busy = false,
+        }
+        true
+    }
+
+    fn received(&mut self, ended: Instant, byte: u8) {
+        self.chip.frame_counts = 1;
+        let mut heard = Vec::new();
+        self.byte(ended, byte, &mut heard);
+        heard.into_iter().for_each(|heard| self.hear(heard));
+        self.chip.busy |= !self.listens_to_a_buffer() && !self.pending.is_empty();
+    }
+
+    /// The tick interrupt: what it takes, and its tasks that need the world. A rig that comes late
+    /// has them run once.
+    fn tick(&mut self, at: Instant, world: &mut World) {
+        match self.memory.tasks() {
+            Tasks::Sound => {}
+            Tasks::Damaged => return self.crash(at),
+            Tasks::Gone => return self.chip.cpu.begin_tick(Due::bare_work(), false),
+        }
+        let due = self.ticks.due(at);
+        let work = due.work(self.block, self.set_points() != [0; 2]);
+        self.chip.cpu.begin_tick(work, due.divider);
+        if due.regulator && self.ticks.after(at, REGULATOR, 1) > self.now {
+            self.regulate(at, world);
+        }
+        if due.analog {
+            self.analog(at, world);
+        }
+    }
+
+    fn load(&mut self, at: Instant, world: &mut World) {
+        if let Some(Pending { request, .. }) = self.pending.pop_front() {
+            self.look_at_wheels(world);
+            self.main_loop_pass();
+            let work = self.reply_work(&request);
+            let reply = self.answer(at, &request);
+            self.chip.cpu.reply(work, reply.as_bytes());
+        } else {
+            self.chip.saw_fragment = !self.listens_to_a_buffer() && !self.receiver.is_waiting();
+        }
+    }
+
+    /// The state loaded before is taken for the state of now: a frame that was completed in
+    /// between, in a tick interrupt with a count of the divider, is given up as a fragment.
+    fn test(&mut self, at: Instant, world: &mut World) {
+        if core::mem::take(&mut self.chip.saw_fragment) && self.chip.frame_counts == 0 {
+            if let Some(Pending { request, .. }) = self.pending.pop_front() {
+                self.chip.busy = false;
+                let detail = format!("a sound frame of {} bytes", request.bytes.len());
+                self.journal.note(at, "frame-vanished", detail);
+            } else if !self.receiver.is_waiting() {
+                let mut heard = Vec::new();
+                self.receiver.expire(at, &mut self.journal, &mut heard);
+            }
+        }
+        if self.chip.watchdog_counts == Some(0) {
+            self.motor_watchdog(at, world);
+        }
+    }
+
+    fn reply_work(&self, request: &Request) -> Duration {
+        let mut work = READ_WORK;
+        if request.kind() == RequestKind::Write {
+            work += WRITE_WORK[0] + WRITE_WORK[1] * u32::from(request.count());
+        }
+        if self.config.debug_text == DebugText::On {
+            work += answer::DEBUG_TEXT_TIME;
+        }
+        work
+    }
+}

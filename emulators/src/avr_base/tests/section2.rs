@@ -1,0 +1,384 @@
+//! Twelve observations of field firmware b77a6df, run in a simulated ATmega2560 with 10 us a byte
+//! and each byte injected at its very end: one test, or more, for each of their numbers. Expected
+//! figures are the observed ones.
+
+use super::*;
+
+const US: Duration = Duration::from_micros(1);
+
+fn fielded() -> Bench {
+    Bench::new(in_phase(Profile::Rcj2015))
+}
+
+/// A base whose timer started so that the divider counts at 1005.291 ms, as in the observations.
+fn observed() -> Bench {
+    let mut bench = fielded();
+    let config = bench.base.config.clone();
+    bench.base = AvrBase::new(config, 7);
+    bench.now = Instant::ZERO;
+    let start = Instant::from_micros(1_291 - 66);
+    bench.base.reset(start, StartCause::PowerOn);
+    bench.now = start;
+    bench.poll();
+    bench
+}
+
+impl Bench {
+    /// Runs to `at`.
+    fn run_to(&mut self, at: Instant) {
+        self.run(at - self.now);
+    }
+
+    /// The same with the first byte of `bytes` ending at `first`.
+    fn send_to(&mut self, first: Instant, bytes: &str) {
+        self.run(first - self.now - BUS_LINE.byte_time());
+        self.send(&hex(bytes));
+    }
+}
+
+/// `time` before `at`.
+fn before(at: Instant, time: Duration) -> Instant {
+    Instant::ZERO + (at - Instant::ZERO).saturating_sub(time)
+}
+
+/// Each 37 us later within the cycle of all tasks, at rest before.
+fn over_phases(count: u32, judge: impl FnMut(&mut Bench)) {
+    over_phases_of(in_phase(Profile::Rcj2015), count, judge);
+}
+
+fn over_phases_of(config: AvrBaseConfig, count: u32, mut judge: impl FnMut(&mut Bench)) {
+    let mut bench = Bench::new(config);
+    for n in 0..count {
+        bench.run(PAUSE + 37 * US * (n % 97));
+        bench.sent.clear();
+        judge(&mut bench);
+    }
+}
+
+/// Latencies of a request, sorted, and their mean, us.
+fn latencies(config: AvrBaseConfig, request: &[u8]) -> (Vec<u128>, u128) {
+    let mut all = Vec::new();
+    over_phases_of(config, 8_000, |bench| {
+        bench.send(request);
+        let end = bench.now;
+        bench.run(4 * MS);
+        all.extend(bench.sent.first().map(|&(at, _)| (at - end).as_nanos()));
+    });
+    all.sort_unstable();
+    let mean = all.iter().sum::<u128>() / all.len() as u128;
+    (all, mean)
+}
+
+/// Whether `found` is within 10 percent of `expected`, both us.
+fn is_near(found: u128, expected: u128) -> bool {
+    found.abs_diff(expected * 1_000) * 10 <= expected * 1_000
+}
+
+/// p50, p75, p90 and mean of `found` against the observed ones.
+fn judge_latency((all, mean): &(Vec<u128>, u128), expected: [u128; 4]) -> Result<(), String> {
+    let at = |percent: usize| all[all.len() * percent / 100];
+    let found = [at(50), at(75), at(90), *mean];
+    let near = found.iter().zip(expected).all(|(&f, e)| is_near(f, e));
+    if near {
+        Ok(())
+    } else {
+        Err(format!("{found:?}, expected {expected:?}"))
+    }
+}
+
+#[test]
+fn point_01_reply_bytes_have_a_pitch_of_10_0_to_10_2_us() {
+    let mut bench = fielded();
+    bench.send(&hex("AB 00 35 00 E0"));
+    bench.run(4 * MS);
+    assert_eq!(bench.sent.len(), 58);
+    for pair in bench.sent.windows(2) {
+        let pitch = (pair[1].0 - pair[0].0).as_nanos();
+        assert!((10_000..=13_600).contains(&pitch), "{pitch}");
+    }
+}
+
+#[test]
+fn point_01_reply_bytes_spread_up_to_290_us_while_bytes_arrive() {
+    let mut widest = Vec::new();
+    over_phases(300, |bench| {
+        bench.send(&hex("AB 24 01 00 D0").repeat(20));
+        bench.run(MS);
+        let frames = bench.sent.chunks_exact(6);
+        let pitches = frames.flat_map(|frame| frame.windows(2).map(|w| w[1].0 - w[0].0));
+        widest.push(pitches.max().unwrap_or_default());
+    });
+    // A tick with the regulator, one of 40, or the analog task, one of 50, takes longer.
+    widest.sort_unstable();
+    let of_a_tick = widest[widest.len() * 90 / 100];
+    assert!((260 * US..=320 * US).contains(&of_a_tick), "{of_a_tick:?}");
+}
+
+#[test]
+fn point_02_the_replys_register_comes_from_59() {
+    let mut bench = fielded();
+    assert_eq!(bench.ask(&hex("AB 35 81 EE 02 4F")), hex("AB 35 00 00 E0"));
+    assert_eq!(bench.ask(&hex("AB 3B 81 9D 02 04")), hex("AB 9D 00 01 48"));
+    assert_eq!(fielded().write(50, &[0x55; 10]), hex("AB 55 00 01 00"));
+    let mut bench = fielded();
+    assert_eq!(bench.write(53, &[0x11; 126]), hex("AB 11 00 00 BC"));
+}
+
+/// The last byte goes first, so that the three below 53 go to 0x55 + 0..=2 instead.
+#[test]
+fn point_02_a_write_over_53_redirects_its_remaining_bytes() {
+    let mut bench = fielded();
+    bench.write(50, &[0, 0, 0, 0x55]);
+    bench.write(50, &[1, 2, 3, 0x80]);
+    assert_eq!(bench.read(50, 3), [0, 0, 0]);
+    assert_eq!(bench.read(0x80, 3), [1, 2, 3]);
+}
+
+#[test]
+fn point_03_the_memory_behind_the_map_is_that_of_the_2015_build() {
+    let mut bench = fielded();
+    assert_eq!(
+        bench.ask(&hex("AB 37 02 00 E4")),
+        hex("AB 37 82 ED 02 02 53")
+    );
+    bench.run(200 * MS);
+    // The floor's reading, the first distance and the battery's reading, live.
+    assert_eq!(bench.read(195, 2), bench.read(15, 2));
+    assert_eq!(bench.read(235, 2), bench.read(1, 2));
+    assert_eq!(bench.read(255, 10)[8..], bench.read(19, 2));
+    assert_eq!(bench.read(59, 2), [59, 0x82]);
+}
+
+#[test]
+fn point_04_no_write_reaches_the_task_table() {
+    let mut bench = fielded();
+    let reply = bench.ask(&hex(
+        "AB FF 8E FF FF FF FF FF FF FF FF FF FF FF FF FF FF 10 2A",
+    ));
+    assert_eq!(reply, hex("AB FF 00 01 AA"));
+    bench.run(3 * MS);
+    bench.send(&hex("AB 24"));
+    bench.run(57 * MS);
+    bench.sent.clear();
+    bench.send(&hex("AB 24 01 00 D0"));
+    bench.run(4 * MS);
+    assert_eq!(bench.take(), hex("AB 24 81 00 01 50"));
+}
+
+/// Shares of 1,000 bursts with three and with four answers, percent.
+fn burst_shares(request: &[u8]) -> [usize; 2] {
+    let mut answers = [0; 21];
+    over_phases(1_000, |bench| {
+        bench.send(&request.repeat(20));
+        bench.run(4 * MS);
+        answers[(bench.take().len() / 6).min(20)] += 1;
+    });
+    [answers[3] / 10, answers[4] / 10]
+}
+
+fn judge_burst([three, four]: [usize; 2]) -> Result<(), String> {
+    let holds = three.abs_diff(74) <= 5 && four.abs_diff(24) <= 5;
+    if holds {
+        Ok(())
+    } else {
+        Err(format!("{three} and {four} percent"))
+    }
+}
+
+#[test]
+fn point_05_of_twenty_frames_without_a_gap_three_or_four_are_answered() {
+    assert_eq!(judge_burst(burst_shares(&hex("AB 24 01 00 D0"))), Ok(()));
+}
+
+/// 122 us from the start of the burst, and 141 us with a refused read in front of fifteen zeros.
+#[test]
+fn point_05_the_answer_within_a_burst_begins_after_122_or_141_us() {
+    let firsts = |bytes: &[u8]| {
+        let mut firsts = Vec::new();
+        over_phases(500, |bench| {
+            let start = bench.now;
+            bench.send(bytes);
+            bench.run(4 * MS);
+            firsts.push((bench.sent[0].0 - start).as_micros());
+        });
+        firsts.sort_unstable();
+        firsts
+    };
+    let zeros = "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
+    let all = firsts(&hex("AB 24 01 00 D0").repeat(20));
+    assert!((115..=129).contains(&all[250]), "{}", all[250]);
+    let all = firsts(&hex(&format!("AB 5B 3F 45 23 {zeros} AB 08 00 00 B3")));
+    assert!(all.iter().any(|&at| (139..=143).contains(&at)));
+}
+
+#[test]
+fn point_05_a_frame_20_to_40_us_behind_is_answered_in_5_percent() {
+    let mut both = 0;
+    let mut gap_us = 0;
+    over_phases(2_000, |bench| {
+        gap_us = (gap_us + 13) % 21;
+        bench.send(&hex("AB 24 01 00 D0"));
+        bench.run(US * (20 + gap_us));
+        bench.send(&hex("AB 25 01 00 D1"));
+        bench.run(4 * MS);
+        both += usize::from(bench.take().len() == 12);
+    });
+    assert!((40..=160).contains(&both), "{both} of 2000");
+}
+
+/// A fragment just behind 1000.291 ms, then a frame whose first byte ends `after` the count.
+fn behind_the_even_count(after: Duration) -> bool {
+    let mut bench = observed();
+    let start = Instant::from_micros(1_000_291);
+    bench.send_to(start + 10 * US, "AB 24");
+    bench.send_to(start + 5_000 * US + after, "AB 24 01 00 D0");
+    bench.run(10 * MS);
+    !bench.take().is_empty()
+}
+
+#[test]
+fn point_06_bytes_during_the_analog_task_rescue_a_fragment() {
+    let answered = [600, 900, 1_200].map(|us| behind_the_even_count(us * US));
+    assert_eq!(answered, [false, false, true]);
+}
+
+/// The count of 1030.391 ms is odd: no analog task. 60 us behind it the fragment is forgotten.
+#[test]
+fn point_07_an_odd_count_gives_the_fragment_up_within_60_us() {
+    let answered = |after: Duration| {
+        let mut bench = observed();
+        let count = Instant::from_micros(1_030_391);
+        bench.send_to(before(count, 3 * MS), "AB 24");
+        bench.send_to(count + after, "AB 24 01 00 D0");
+        bench.run(10 * MS);
+        !bench.take().is_empty()
+    };
+    assert!(answered(60 * US));
+    assert!(!answered(20 * US));
+}
+
+#[test]
+fn point_08_registers_that_the_base_feeds_are_refilled_on_every_pass() {
+    let mut bench = fielded();
+    bench.run(200 * MS);
+    bench.send(&hex("AB 15 82 9C 23 02 01"));
+    bench.run(4 * MS);
+    bench.sent.clear();
+    bench.send(&hex("AB 15 02 00 C2"));
+    bench.run(4 * MS);
+    assert_eq!(bench.take(), hex("AB 15 82 C8 00 02 0A"));
+    for register in (1..=12).chain(15..=16).chain(19..=33).chain([35]) {
+        let before = bench.read(register, 1);
+        bench.write(register, &[0x5A]);
+        assert_eq!(bench.read(register, 1), before, "{register}");
+    }
+}
+
+/// When the motor time-out was noted, from the 40th count on, if it fell at `count`.
+fn cleared_after(count: Instant, probe: Option<Duration>) -> Duration {
+    let mut bench = observed();
+    bench.send_to(before(count, 984 * MS + 100 * US), "AB 2E 82 0B 0C 01 72");
+    if let Some(after) = probe {
+        bench.send_to(count + after, "AB 2E 02 00 DB");
+    }
+    bench.run_to(count + 2 * MS);
+    let notes = bench.notes();
+    notes
+        .iter()
+        .find(|n| n.1 == "watchdog")
+        .expect("it fires")
+        .0
+        - count
+}
+
+#[test]
+fn point_09_the_motors_time_out_42_us_after_an_odd_count() {
+    let mut bench = observed();
+    bench.send_to(Instant::from_micros(1_000_010), "AB 2E 82 0B 0C 01 72");
+    bench.run_to(Instant::from_micros(1_984_250));
+    bench.sent.clear();
+    bench.send(&hex("AB 2E 02 00 DB"));
+    bench.run(4 * MS);
+    assert_eq!(bench.take(), hex("AB 2E 82 00 00 01 5B"));
+    let after = cleared_after(Instant::from_micros(1_984_191), None);
+    assert!((30 * US..=60 * US).contains(&after), "{after:?}");
+}
+
+/// Here the analog task and a read in its time hold the main loop until after the next tick.
+#[test]
+fn point_09_the_motors_time_out_1_06_ms_after_an_even_count() {
+    let count = Instant::from_micros(1_291 + 76 * 25_100);
+    let after = cleared_after(count, Some(400 * US));
+    assert!((1_020 * US..=1_100 * US).contains(&after), "{after:?}");
+}
+
+/// A frame that ends around each of the first 10 us behind the tick interrupt's start, in steps
+/// far below the 0.8 us between load and test. Without a count nothing vanishes.
+#[test]
+fn point_10_a_sound_frame_can_vanish_at_a_count() {
+    let vanished = |count: u64| {
+        let tick = Instant::from_micros(count - 66);
+        let tries = (0..4_000_u64).filter(|n| {
+            let mut bench = fielded();
+            bench.base.reset(Instant::ZERO, StartCause::PowerOn);
+            bench.run_to(Instant::from_micros(50_260 + 7 * n / 100));
+            let first = Instant::from_nanos(tick.as_nanos() - 45_000 + 10 * n);
+            bench.send_to(first, "AB 24 01 00 D0");
+            bench.run(4 * MS);
+            bench.take().is_empty()
+        });
+        tries.count()
+    };
+    let at_a_count = vanished(75_366);
+    assert!((5..=500).contains(&at_a_count), "{at_a_count} of 4000");
+    assert_eq!(vanished(75_366 + 3_012), 0);
+}
+
+#[test]
+fn point_11_a_write_of_127_with_more_behind_crashes_in_67_of_300() {
+    let mut rng = Rng::stream(1, "test.flood");
+    let mut crashed = 0;
+    for n in 0..300_u64 {
+        let mut bench = with_phase(Profile::Rcj2015, Duration::from_micros(n * 137));
+        bench.encoder_tear = 0.0;
+        let mut bench = Bench::new(bench);
+        let mut flood = hex("AB 00 FF");
+        let random = |_| rng.uniform().to_le_bytes()[3];
+        flood.extend((0..227 + n).map(random));
+        bench.send(&flood);
+        bench.run(60 * MS);
+        crashed += usize::from(bench.notes().iter().any(|note| note.1 == "crashed"));
+    }
+    assert!((52..=82).contains(&crashed), "{crashed} of 300");
+}
+
+#[test]
+fn point_12_latencies_are_distributed_as_observed() {
+    let config = in_phase(Profile::Rcj2015);
+    let reads = latencies(config.clone(), &hex("AB 24 01 00 D0"));
+    assert_eq!(judge_latency(&reads, [33, 40, 104, 49]), Ok(()));
+    assert!(is_near(reads.0[0], 18), "{}", reads.0[0]);
+    let writes = latencies(config, &hex("AB 2E 82 00 00 01 5B"));
+    assert_eq!(judge_latency(&writes, [37, 45, 115, 54]), Ok(()));
+}
+
+/// A base whose processor always answers after 33 us has the right median and nothing else.
+#[test]
+fn the_judges_refuse_a_base_with_other_figures() {
+    let mut quirks = Profile::Rcj2015.quirks();
+    let latency = 33 * US;
+    quirks.processor = Processor::Steady { latency };
+    let mut steady = in_phase(Profile::Rcj2015);
+    steady.quirks = Some(quirks);
+    let found = latencies(steady, &hex("AB 24 01 00 D0"));
+    assert!(judge_latency(&found, [33, 40, 104, 49]).is_err());
+    let writes = latencies(in_phase(Profile::Rcj2015), &hex("AB 2E 82 00 00 01 5B"));
+    assert!(judge_latency(&writes, [33, 40, 104, 49]).is_err());
+    assert!(judge_burst([1, 0]).is_err());
+    assert!(judge_burst([60, 38]).is_err());
+    assert!(!is_near(23_000, 18));
+    // A reading of ten bytes answers at other times than one of one byte, so that a base with a
+    // longer reply fails the burst.
+    let longer = burst_shares(&hex("AB 24 0A 00 D9"));
+    assert!(judge_burst(longer).is_err());
+}
