@@ -20,7 +20,7 @@ const fn both(
     Bug::new(id, BASE, sees, BUILD_2015, show)
 }
 
-pub(super) const ROWS: [Bug; 24] = [
+pub(super) const ROWS: [Bug; 25] = [
     both(
         "AV-01",
         "a request with the documented order of the checksum gets the error frame",
@@ -38,7 +38,7 @@ pub(super) const ROWS: [Bug; 24] = [
     ),
     both(
         "AV-03b",
-        "a write to register 255 kills the timer: encoders freeze, the motors run for ever",
+        "a write behind the registers is applied, and acknowledged with the bytes of a refusal",
         frames::av_03b,
     ),
     both(
@@ -130,6 +130,11 @@ pub(super) const ROWS: [Bug; 24] = [
         "AV-20",
         "the acknowledgement of a write to register 255 is the error frame",
         frames::av_20,
+    ),
+    both(
+        "AV-21",
+        "a sound frame that ends in a tick's interrupt, between load and test, is never answered",
+        frames::av_21,
     ),
     Bug::new(
         "H-AV-1",

@@ -53,9 +53,9 @@ fn wing_holds(prefixes: &[&str]) {
 }
 
 /// Rows of the catalogue: sections a to f, and F-01 to F-13.
-const ROWS: usize = 111;
+const ROWS: usize = 112;
 
-/// 98 rows of the sections a to f: 24 of the base, 10 of the bus, 12 of the lidar, 15 of the
+/// 99 rows of the sections a to f: 25 of the base, 10 of the bus, 12 of the lidar, 15 of the
 /// mapper, 22 of the PC link, 5 of navigation, 10 of the PC program; and 13 failures told in prose.
 /// At least 85 per cent are live; each of the others has its reason.
 #[test]
@@ -67,7 +67,7 @@ fn all_rows_are_there_and_nearly_all_are_live() {
         let rows = museum::catalogue();
         rows.filter(|bug| bug.id.starts_with(wing)).count()
     });
-    assert_eq!(counts, [22, 2, 10, 12, 14, 1, 22, 5, 10, 13]);
+    assert_eq!(counts, [23, 2, 10, 12, 14, 1, 22, 5, 10, 13]);
     let rows = museum::catalogue().count();
     assert_eq!(rows, ROWS);
     let live = museum::catalogue().filter(|bug| matches!(bug.live, museum::Live::Exhibit { .. }));

@@ -97,6 +97,11 @@ impl Bench {
     /// Puts `bytes` on the wire, one every 10 us.
     pub(super) fn send(&mut self, bytes: &[u8]) {
         self.seen.bytes("master", &BUS_HIGH_FIRST, bytes);
+        self.put(bytes);
+    }
+
+    /// The same without a note of it.
+    fn put(&mut self, bytes: &[u8]) {
         let byte_time = Duration::from_nanos(10_000_000_000 / u64::from(BAUD));
         for &byte in bytes {
             self.run(byte_time);
@@ -104,6 +109,15 @@ impl Bench {
             self.poll();
         }
         self.answered_at = None;
+    }
+
+    /// Whether `bytes`, the first of which begins at `at`, are answered within 4 ms; without a note
+    /// of it.
+    pub(super) fn answers_at(&mut self, at: Instant, bytes: &[u8]) -> bool {
+        self.run(at - self.now);
+        self.put(bytes);
+        self.run(REPLY);
+        !core::mem::take(&mut self.received).is_empty()
     }
 
     /// What the base has sent since the last call.
@@ -117,6 +131,11 @@ impl Bench {
     pub(super) fn ask(&mut self, bytes: &[u8]) -> Vec<u8> {
         self.run(PAUSE);
         self.received.clear();
+        self.ask_on(bytes)
+    }
+
+    /// The same without a pause: the base's tasks have not written over what was there.
+    pub(super) fn ask_on(&mut self, bytes: &[u8]) -> Vec<u8> {
         self.send(bytes);
         self.run(REPLY);
         self.take()

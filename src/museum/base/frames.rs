@@ -4,6 +4,7 @@ use core::time::Duration;
 
 use emulators::avr_base::AvrBaseConfig;
 use emulators::avr_base::profile::Profile;
+use protocols::Instant;
 
 use super::bench::{Bench, ERROR, MS, config, read, write};
 use crate::museum::{Observation, Variant};
@@ -45,22 +46,21 @@ pub(super) fn av_03a(variant: Variant) -> Observation {
     bench.judged(leaked == 7)
 }
 
-/// Speeds are written, then the memory of the timer task; three seconds later the speeds still
-/// stand and the counts are frozen.
+/// A write behind the registers is applied and acknowledged with the very bytes of a refusal.
 pub(super) fn av_03b(variant: Variant) -> Observation {
     let mut bench = Bench::new(variant);
-    bench.write(46, &[20, 20, 0]);
     let reply = bench.write(255, &[0xFF; 14]);
-    bench.run(Duration::from_secs(3));
-    let moves = bench.moving("wheels after 3 s of silence");
-    let first = bench.left_ticks();
-    bench.run(200 * MS);
-    let second = bench.left_ticks();
-    bench.seen.figure("register 46", bench.base.register(46));
-    let frozen = first == second;
-    let counts = if frozen { "frozen" } else { "counting" };
-    bench.seen.figure("encoder over 200 ms", counts);
-    bench.judged(reply == ERROR && moves && frozen)
+    let is_refused = reply == ERROR;
+    let told = if is_refused {
+        "refused"
+    } else {
+        "something else"
+    };
+    bench.seen.figure("the write as the master reads it", told);
+    let applied = bench.ask_on(read(255, 1).as_bytes()) == write(255, &[0xFF]).as_bytes();
+    let outcome = if applied { "applied" } else { "left alone" };
+    bench.seen.figure("the memory", outcome);
+    bench.judged(is_refused && applied)
 }
 
 /// `AB 37 81 FF`: to the parser's own data pointer.
@@ -99,6 +99,26 @@ pub(super) fn av_07(variant: Variant) -> Observation {
     let replies = bench.ask(&read(36, 1).as_bytes().repeat(2)).len() / 6;
     bench.seen.figure("of two requests answered", replies);
     bench.judged(replies == 1)
+}
+
+/// Frames that end around a divider's count, one at each, in steps of 40 ns. Of those that come at
+/// any time 5 in 100,000 vanish.
+pub(super) fn av_21(variant: Variant) -> Observation {
+    const COUNT: Duration = Duration::from_micros(25_100);
+    const FRAMES: u32 = 1_000;
+    let mut bench = Bench::new(variant);
+    let frame = read(36, 1);
+    let lost = (0..FRAMES).filter(|&index| {
+        // 45 us before the count to 5 us before it, the frame itself taking 50.
+        let begins = COUNT * (index + 1) + Duration::from_nanos(40) * index;
+        let at = Instant::ZERO + (begins - Duration::from_micros(45));
+        !bench.answers_at(at, frame.as_bytes())
+    });
+    let lost = lost.count();
+    bench.seen.figure("sound frames sent", FRAMES);
+    let all = if lost == 0 { "all" } else { "not all" };
+    bench.seen.figure("of them answered", all);
+    bench.judged(lost > 0)
 }
 
 /// All 53 registers, and the next request while the reply fills the ring of 31 bytes.
@@ -154,7 +174,7 @@ pub(super) fn av_11(variant: Variant) -> Observation {
 pub(super) fn av_20(variant: Variant) -> Observation {
     let mut bench = Bench::new(variant);
     let reply = bench.write(255, &[0x55]);
-    let written = bench.read(255, 1) == [0x55];
+    let written = bench.ask_on(read(255, 1).as_bytes()) == write(255, &[0x55]).as_bytes();
     bench
         .seen
         .figure("written in spite of the error frame", written);

@@ -66,11 +66,14 @@ pub(super) fn av_13(variant: Variant) -> Observation {
 pub(super) fn av_14(variant: Variant) -> Observation {
     let mut bench = Bench::new(variant);
     bench.write(46, &[2, 0, 0]);
-    bench.run(Duration::from_micros(40_160));
-    let pulse = match bench.world.drive(Wheel::Left) {
-        Drive::Power(pulse) => pulse,
-        Drive::Brake | Drive::Coast => 0,
-    };
+    let pulse = (0..80).find_map(|_| {
+        bench.run(MS);
+        match bench.world.drive(Wheel::Left) {
+            Drive::Power(pulse) if pulse > 0 => Some(pulse),
+            Drive::Power(_) | Drive::Brake | Drive::Coast => None,
+        }
+    });
+    let pulse = pulse.unwrap_or(0);
     bench.seen.figure("first pulse of 255", pulse);
     bench.judged(pulse < 43)
 }

@@ -77,10 +77,7 @@ const FIRST: [(&str, &str); 11] = [
         "motors-stop-in-silence: after a write that began at register 46",
     ),
     ("H-AV-2", "set-points-are-as-written"),
-    (
-        "AV-03b",
-        "motors-stop-in-silence: after a write beyond the registers",
-    ),
+    ("AV-03b", "what-is-not-there-is-refused: write"),
     ("MA-02", "writes-stay-in-their-buffers: reply buffer"),
     ("MA-05", "an-answer-fits-its-question: a read"),
     ("XV-03", "writes-stay-in-their-buffers: distances"),
