@@ -8,8 +8,10 @@ use super::{STEP, Settings, Surroundings};
 const STUCK_SCANS: u8 = 40;
 /// Moving less than this is not moving.
 const MOVED_MM: f32 = 60.0;
-/// Scans for which the way out is taken.
-const ESCAPE_SCANS: u8 = 15;
+/// The way out is taken until the robot is so far from where it was stuck, or for so many scans: to
+/// turn round takes twenty.
+const ESCAPED_MM: f32 = 200.0;
+const ESCAPE_SCANS: u8 = 35;
 /// More free way than this is not better.
 const FREE_MAX_MM: f32 = 1000.0;
 
@@ -18,8 +20,9 @@ const FREE_MAX_MM: f32 = 1000.0;
 pub(super) struct Escape {
     at: Option<Point>,
     still: u8,
-    /// Heading of the way out, and for how many scans it is still taken.
+    /// Heading of the way out, where it begins, and for how many scans it is still taken.
     heading: f32,
+    from: Point,
     left: u8,
 }
 
@@ -29,6 +32,7 @@ impl Escape {
             at: None,
             still: 0,
             heading: 0.0,
+            from: Point::new(0.0, 0.0),
             left: 0,
         }
     }
@@ -56,26 +60,43 @@ impl Escape {
         if self.still >= STUCK_SCANS {
             self.still = 0;
             self.left = ESCAPE_SCANS;
+            self.from = here;
             self.heading = pose.heading + freest(settings, around);
+        }
+        if self.from.distance_mm(here) >= ESCAPED_MM {
+            self.left = 0;
         }
         self.left = self.left.checked_sub(1)?;
         Some(normalised(self.heading - pose.heading))
     }
 }
 
-/// Bearing along which most is free.
+/// Bearing along which most is free for a body that keeps its whole distance: what only just passes
+/// the thing that it is stuck at is no way out. If there is none, the nearest things may be passed
+/// as close as they are.
 fn freest(settings: &Settings, around: &Surroundings) -> f32 {
-    let mut best = (0.0, -1.0);
+    let body = &settings.body;
+    let strict = most(|bearing| around.free_by_mm(body.keep_mm(), bearing));
+    let (bearing, free) = match strict {
+        (_, free) if free > 0.0 => strict,
+        _ => most(|bearing| around.free_mm(body, bearing)),
+    };
+    if free > 0.0 { bearing } else { 0.0 }
+}
+
+/// The bearing with the most free way, and the way; of equally free ones, the one that needs the
+/// least turn.
+fn most(free: impl Fn(f32) -> f32) -> (f32, f32) {
+    let mut best = (0.0, 0.0, f32::NEG_INFINITY);
     for step in -36..36_i8 {
         let bearing = f32::from(step) * STEP;
-        let free = around.free_mm(&settings.body, bearing).min(FREE_MAX_MM);
-        // Of equally free ones, the one that needs the least turn.
+        let free = free(bearing).min(FREE_MAX_MM);
         let worth = free - bearing.abs() / PI;
-        if worth > best.1 {
-            best = (bearing, worth);
+        if worth > best.2 {
+            best = (bearing, free, worth);
         }
     }
-    best.0
+    (best.0, best.1)
 }
 
 #[cfg(test)]
@@ -104,7 +125,33 @@ mod tests {
         assert!((0..40).all(|_| step().is_none()));
         let way = step().expect("a way out");
         assert!(way.abs() > 2.0, "{way}");
-        assert_eq!((0..30).take_while(|_| step().is_some()).count(), 14);
+        // Seven seconds in all: to turn round takes four, and it has to get away.
+        assert_eq!((0..60).take_while(|_| step().is_some()).count(), 34);
+    }
+
+    #[test]
+    fn the_way_out_ends_20_cm_from_where_the_robot_was_stuck() {
+        let (mut escape, around) = (Escape::new(), niche());
+        let mut step = |x| escape.step(&SETTINGS, Pose::new(x, 0.0, 0.0), &around);
+        assert!((0..40).all(|_| step(0.0).is_none()));
+        assert!(step(0.0).is_some() && step(-190.0).is_some());
+        assert!(step(-200.0).is_none());
+    }
+
+    /// R4: the robot touches a corner at 35 degrees. A tangent to it passes by 1 mm, which the next
+    /// scan's noise takes away; the way out is one that gains distance.
+    #[test]
+    fn a_robot_at_a_corner_leaves_it_behind() {
+        let corner = Point::new(131.0, 92.0);
+        let faces = (0..40_i8).flat_map(|n| {
+            let along = f32::from(n) * 10.0;
+            let (x, y) = (corner.x_mm, corner.y_mm);
+            [Point::new(x, y + along), Point::new(x + along, y)]
+        });
+        let around = Surroundings::of(faces);
+        let way = freest(&SETTINGS, &around);
+        let away = normalised(way - libm::atan2f(corner.y_mm, corner.x_mm));
+        assert!(away.abs() > PI / 2.0, "{} degrees", away.to_degrees());
     }
 
     #[test]

@@ -80,8 +80,12 @@ impl Surroundings {
 
     /// How far the body can move along `bearing` before something comes too near.
     pub fn free_mm(&self, body: &Body, bearing: f32) -> f32 {
+        self.free_by_mm(self.keep_mm(body), bearing)
+    }
+
+    /// How far a body can move along `bearing` before something comes nearer than `keep`.
+    pub(super) fn free_by_mm(&self, keep: f32, bearing: f32) -> f32 {
         let (sin, cos) = sin_cos(bearing);
-        let keep = self.keep_mm(body);
         let mut free = f32::INFINITY;
         for (point, _) in self.points() {
             let along = cos * point.x_mm + sin * point.y_mm;

@@ -335,6 +335,7 @@ impl Rescue {
         let set_point = match self.mode() {
             Mode::Stop => HALT,
             Mode::Manual => return,
+            _ if !self.lidar.is_steady() => HALT,
             Mode::Exploration => self.navigator.explore(pose, &around),
             Mode::Waypoint => self.approach(pose, &around),
         };

@@ -46,6 +46,20 @@ fn a_robot_without_lidar_stops_and_says_so() {
     assert!(arrived, "{:?}", bench.body);
 }
 
+/// R6: a lidar that comes and goes. The robot set off 0.04 to 0.3 s after each return, and hit what
+/// it could not see when the lidar was gone again; now it waits for the first turn and two more.
+#[test]
+fn a_robot_whose_lidar_has_come_back_waits_for_two_further_turns() {
+    let mut bench = driving(1);
+    bench.lidar_is_plugged = false;
+    bench.run_for(2 * SECOND);
+    bench.lidar_is_plugged = true;
+    let before = bench.counter("lidar turns");
+    assert!(bench.run_until(5 * SECOND, |bench| bench.set_point != [0, 0]));
+    let turns = bench.counter("lidar turns") - before;
+    assert!((3..=4).contains(&turns), "{turns}");
+}
+
 /// Field defect MA-07: a silent base was noticed by nobody. The base hears nothing, answers nothing
 /// and stops by its own watchdog; when it is back the mission goes on.
 #[test]

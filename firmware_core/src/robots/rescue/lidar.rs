@@ -12,6 +12,9 @@ use crate::scan::{Turn, TurnAssembler};
 const SILENCE_MAX: Duration = Duration::from_millis(300);
 /// Time without a complete turn after which it does.
 const TURNLESS_MAX: Duration = Duration::from_millis(700);
+/// Turns behind the first one after a silence before the robot drives again: what was just found
+/// again may be lost again.
+const STEADY_TURNS: u8 = 2;
 /// Quiet time after which a half-received packet is given up. Nothing depends on it: a packet that
 /// begins inside a broken one is found anyway.
 const IDLE_GAP: Duration = Duration::from_millis(20);
@@ -31,6 +34,8 @@ pub(super) struct Lidar {
     has_turn: bool,
     /// Whether a turn was complete since the last silence.
     sees: bool,
+    /// Turns still to come before the lidar counts as steady.
+    unsteady: u8,
     /// The fielded program waits for the lidar with everything else (XV-08).
     waits: bool,
     is_blocked: bool,
@@ -73,6 +78,7 @@ impl Lidar {
             turn_at: Instant::ZERO,
             has_turn: false,
             sees: false,
+            unsteady: 0,
             waits: config.defects.own.waits_for_lidar,
             is_blocked: false,
             kicks: config.defects.own.kicks_motor,
@@ -115,6 +121,7 @@ impl Lidar {
         } else if self.sees && is_silent {
             self.sees = false;
             self.has_turn = false;
+            self.unsteady = STEADY_TURNS + 1;
             self.counters.silences = self.counters.silences.saturating_add(1);
         }
     }
@@ -132,6 +139,11 @@ impl Lidar {
 
     pub(super) const fn sees(&self) -> bool {
         self.sees
+    }
+
+    /// Whether the lidar has been there for a turn or two.
+    pub(super) const fn is_steady(&self) -> bool {
+        self.unsteady == 0
     }
 
     /// Whether the program stands still because no packet comes.
@@ -187,6 +199,7 @@ impl Lidar {
             self.counters.skipped_turns = self.counters.skipped_turns.saturating_add(1);
         }
         self.has_turn = true;
+        self.unsteady = self.unsteady.saturating_sub(1);
         self.sees = true;
         self.turn_at = at;
     }
