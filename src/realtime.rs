@@ -29,7 +29,7 @@ use protocols::{LineConfig, LineEvent};
 
 use crate::realtime::clock::Clock;
 use crate::realtime::transport::{Counters, PortEvent, Transport, TransportError, wait};
-use crate::rig::{Paced, Rig};
+use crate::rig::{Paced, PortRate, Rig};
 use crate::robots::OpenEnd;
 
 pub use lateness::Lateness;
@@ -259,7 +259,7 @@ impl Port {
             }
             PortEvent::BaudChanged(baud) => {
                 self.baud = baud;
-                if baud > 0 {
+                if baud > 0 && self.end.rate == PortRate::OfLine {
                     let line = LineConfig {
                         baud,
                         ..self.end.line
@@ -273,7 +273,8 @@ impl Port {
 
     fn judge_baud(&self, rig: &mut Rig) {
         let expected = self.end.line.baud;
-        if self.is_open && self.baud != expected {
+        let is_judged = self.is_open && self.end.rate == PortRate::OfLine;
+        if is_judged && self.baud != expected {
             let baud = self.baud;
             let detail = format!("client at {baud} baud, expected {expected}: it reads garbage");
             self.log(rig, "wrong-baud", detail);

@@ -26,7 +26,7 @@ use crate::rig::fault::Budget;
 use crate::rig::line::{Direction, End, Line};
 use crate::rig::trace::{Tap, Trace};
 pub use disturb::Disturbance;
-pub use link_kind::LinkKind;
+pub use link_kind::{LinkKind, PortRate};
 pub use node::{AnyDevice, Program};
 use node::{Body, Node, Outside};
 pub use paced::Paced;
