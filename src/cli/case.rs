@@ -54,6 +54,7 @@ pub(super) fn run(args: CaseArgs) -> Result<Verdict, CliError> {
     let capture = super::replay::read(&args.file)?;
     let (scenario, source) = super::replay::robot(&capture, &args.file, args.scenario.as_deref())?;
     let recorded = Recorded::of(&capture, args.until.map(|until| until.0));
+    let recorded = super::replay::shortened(&args.file, recorded);
     let stem = args
         .out
         .file_stem()
