@@ -198,6 +198,11 @@ impl Rig {
         self.taps.push(tap);
     }
 
+    /// What has stopped a tap since the last call, in words, so that it can be told at once.
+    pub fn take_tap_trouble(&mut self) -> Option<String> {
+        self.taps.iter_mut().find_map(|tap| tap.take_trouble())
+    }
+
     /// Ends what the taps write; the first thing that could not be written, if any.
     pub fn finish_taps(&mut self) -> std::io::Result<()> {
         self.taps.iter_mut().try_for_each(|tap| tap.finish())

@@ -9,7 +9,7 @@ use super::run::{Ran, write_results};
 use super::show::{Show, ShowArgs};
 use super::stop::Stop;
 use super::{CliError, Verdict};
-use crate::capture::{self, Limits, Recording};
+use crate::capture::{self, Existing, Limits, Recording};
 use crate::realtime::clock::{Clock, utc};
 use crate::realtime::control::Control;
 use crate::realtime::exec;
@@ -68,7 +68,8 @@ pub(super) struct Up {
     /// [default: hilrig-out/NAME-up.toml, if there were any]
     #[arg(long, value_name = "FILE")]
     case: Option<PathBuf>,
-    /// Write every byte of every link with its time to this file, for Wireshark and decode
+    /// Write every byte of every link with its time to this file, for Wireshark and decode; a
+    /// capture that is there already is put aside under the next number
     #[arg(long, value_name = "FILE")]
     capture: Option<PathBuf>,
     /// Size at which the capture is put aside as FILE.1.pcapng, .2 and so on, and begun anew
@@ -178,6 +179,9 @@ fn go(
         show.turn(&mut going.run, Instant::ZERO + clock.waited());
         exec::log_contacts(&mut going.run);
         log.follow(&going.run);
+        if let Some(trouble) = going.run.rig.take_tap_trouble() {
+            eprintln!("  {} {trouble}", going.run.rig.now());
+        }
     }
     Ok(())
 }
@@ -242,6 +246,11 @@ fn record(args: &Up, run: &mut Run) -> Result<Option<PathBuf>, CliError> {
     let limits = Limits {
         file_bytes: args.capture_max_mb << 20,
         files: args.capture_files,
+        // A result folder is written anew as a whole.
+        existing: match args.capture {
+            Some(_) => Existing::SetAside,
+            None => Existing::Replaced,
+        },
     };
     let about = capture::about_live(run.scenario(), utc());
     let recording = Recording::create(&path, &run.rig, about, limits);
