@@ -103,7 +103,7 @@ fn a_day_of_silence_in_a_capture_is_played_as_a_minute() {
     ] {
         let (_, said, told) = hilrig(&folder, command);
         if command[0] != "export" {
-            let expected = "capture.pcapng: nothing for 86399 s from ";
+            let expected = "capture.pcapng: nothing for 86400 s from ";
             assert!(told.contains(expected), "{command:?}: {said}{told}");
             assert!(told.contains("s on; played as 60 s"), "{told}");
         }

@@ -214,7 +214,7 @@ fn what_stops_a_recording_is_told_while_the_run_goes_on() {
     // What was gathered is written each half second, at most four pieces ahead of the disk.
     let mut trouble = None;
     for second in 1..=10 {
-        run.run_until(Instant::from_secs(second));
+        run.go_on_until(Instant::from_secs(second));
         trouble = trouble.or(run.rig.take_tap_trouble());
     }
     let trouble = trouble.expect("it was stopped in the first seconds");

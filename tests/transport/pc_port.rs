@@ -62,7 +62,7 @@ fn fielded_client<P: Read + Write>(name: &str, open: impl FnOnce(&Path) -> P) ->
             match frame {
                 Ok(frame) => {
                     frames += 1;
-                    echoes += usize::from(frame.id() == *b"WPD" && has_clicked);
+                    echoes += usize::from(frame.id() == *b"LWP" && has_clicked);
                 }
                 Err(_) => bad_frames += 1,
             }
