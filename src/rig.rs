@@ -8,6 +8,7 @@ pub mod line;
 mod link_kind;
 mod node;
 mod paced;
+mod reach;
 pub(crate) mod resample;
 mod round;
 mod swap;

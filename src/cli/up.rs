@@ -17,7 +17,7 @@ use crate::realtime::held::Held;
 use crate::realtime::transport::{Note, PortDir};
 use crate::realtime::{PortReport, Realtime};
 use crate::rig::Paced;
-use crate::rig::Rig;
+use crate::rig::{Logged, Rig};
 use crate::robots::{self, Dut, PcEnd};
 use crate::run::Run;
 use crate::run::check::Check;
@@ -28,7 +28,9 @@ use crate::show::folder::FolderError;
 ///
 /// The robot's ends of the links appear in a directory as pseudo-terminals that behave like serial
 /// ports. A client should set the baud rate that the table names: at another one it reads garbage,
-/// as on a wire. When the run ends the ports are removed. Without --out nothing is judged.
+/// as on a wire; `any` is no UART, and no rate is wrong. The PC's end is among the ports with --pc,
+/// and if the mission gives no orders. When the run ends the ports are removed. Without --out
+/// nothing is judged.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig up scenarios/rescue-flat.toml --dir /tmp/robot\n  \
@@ -149,7 +151,6 @@ pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
 
 /// Whether anybody used a port: of a robot without a program nothing is to be said.
 fn connected(realtime: &Realtime<Held>) -> Check {
-    let is_used = |report: &PortReport| report.traffic.to_client + report.traffic.from_client > 0;
     let used: Vec<String> = realtime
         .reports()
         .filter(is_used)
@@ -289,14 +290,29 @@ impl Paced for Going {
 }
 
 fn print_report(realtime: &Realtime<Held>, run: &Run) {
-    let (now, violations) = (run.rig.now(), run.rig.violations());
-    println!("ran {now} s, {}", realtime.lateness());
-    for report in realtime.reports() {
+    println!("ran {} s, {}", run.rig.now(), realtime.lateness());
+    let reports: Vec<PortReport> = realtime.reports().collect();
+    for report in &reports {
         println!("  {report}");
     }
+    // What the scenario's PC misses of a robot that nobody plays is nobody's fault.
+    let used = reports.iter().filter(|report| is_used(report));
+    let used: Vec<&str> = used.map(|report| &*report.name).collect();
+    let of_clients =
+        |logged: &&Logged| logged.is_violation() && run.rig.reaches(&used, &logged.source);
+    let violations = run.rig.events().iter().filter(of_clients).count();
+    let at_least = match run.rig.events_dropped() {
+        0 => "",
+        _ => "at least ",
+    };
     if violations > 0 {
-        println!("  {violations} times a client broke a rule of its device, see the log");
+        println!("  {at_least}{violations} times a client broke a rule of its device, see the log");
     }
+}
+
+/// Whether anything passed a port.
+const fn is_used(report: &PortReport) -> bool {
+    report.traffic.to_client + report.traffic.from_client > 0
 }
 
 /// Says what happens while it happens.
