@@ -26,7 +26,7 @@ use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::Path;
 
-pub use files::Limits;
+pub use files::{Existing, Limits};
 pub(crate) use join::event_words;
 use pcapng::{Block, BlockError, Blocks};
 pub use record::{Interface, Kind, Record, Section, Sent};

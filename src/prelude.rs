@@ -53,7 +53,7 @@ pub use crate::capture::Capture;
 pub use crate::codec::wire::{Choices, Wire};
 pub use crate::codec::{Codec, register as register_codec};
 pub use crate::rig::line::{Direction, End};
-pub use crate::rig::{AnyDevice, LinkKind, Logged, Program, Rig};
+pub use crate::rig::{AnyDevice, LinkKind, Logged, PortRate, Program, Rig};
 pub use crate::robots::{
     Alone, Axis, Check, Checker, Dut, Instruments, Look, OpenEnd, Panel, PanelRow, PcEnd, Robot,
     Status, WirePlan, Wired, register as register_robot,

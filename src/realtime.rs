@@ -30,7 +30,7 @@ use protocols::{LineConfig, LineEvent};
 
 use crate::realtime::clock::Clock;
 use crate::realtime::transport::{Counters, PortEvent, Transport, TransportError, wait};
-use crate::rig::{Paced, Rig};
+use crate::rig::{Paced, PortRate, Rig};
 use crate::robots::OpenEnd;
 
 pub(crate) use lateness::LATE;
@@ -310,7 +310,7 @@ impl Port {
             }
             PortEvent::BaudChanged(baud) => {
                 self.baud = baud;
-                if baud > 0 {
+                if baud > 0 && self.end.rate == PortRate::OfLine {
                     let line = LineConfig {
                         baud,
                         ..self.end.line
@@ -324,7 +324,8 @@ impl Port {
 
     fn judge_baud(&self, rig: &mut Rig) {
         let expected = self.end.line.baud;
-        if self.is_open && self.baud != expected {
+        let is_judged = self.is_open && self.end.rate == PortRate::OfLine;
+        if is_judged && self.baud != expected {
             let baud = self.baud;
             let detail = format!("client at {baud} baud, expected {expected}: it reads garbage");
             self.log(rig, "wrong-baud", detail);

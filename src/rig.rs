@@ -8,6 +8,7 @@ pub mod line;
 mod link_kind;
 mod node;
 mod paced;
+mod reach;
 pub(crate) mod resample;
 mod round;
 mod swap;
@@ -26,7 +27,7 @@ use crate::rig::fault::Budget;
 use crate::rig::line::{Direction, End, Line};
 use crate::rig::trace::{Tap, Trace};
 pub use disturb::Disturbance;
-pub use link_kind::LinkKind;
+pub use link_kind::{LinkKind, PortRate};
 pub use node::{AnyDevice, Program};
 use node::{Body, Node, Outside};
 pub use paced::Paced;
@@ -201,6 +202,11 @@ impl Rig {
     /// Adds someone who sees every chunk.
     pub fn add_tap(&mut self, tap: Box<dyn Tap>) {
         self.taps.push(tap);
+    }
+
+    /// What has stopped a tap since the last call, in words, so that it can be told at once.
+    pub fn take_tap_trouble(&mut self) -> Option<String> {
+        self.taps.iter_mut().find_map(|tap| tap.take_trouble())
     }
 
     /// Ends what the taps write; the first thing that could not be written, if any.

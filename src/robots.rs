@@ -32,7 +32,7 @@ pub use crate::registry::NameTaken;
 use crate::registry::{Named, Registry};
 use crate::rig::fault::FaultId;
 use crate::rig::line::End;
-use crate::rig::{Program, Rig};
+use crate::rig::{PortRate, Program, Rig};
 use crate::scenario::{DeviceSpec, Scenario, ScenarioError, Source};
 
 /// A kind of robot: how a scenario of it becomes a rig.
@@ -188,8 +188,10 @@ pub struct OpenEnd {
     pub link: String,
     /// Node of the rig, see [`Rig::inject`].
     pub node: usize,
-    /// Coding that a client should set.
+    /// Coding that its port begins with.
     pub line: LineConfig,
+    /// Which baud rates of a client are right.
+    pub rate: PortRate,
     /// Who is to connect, for people.
     pub connect: &'static str,
     /// Whether a robot can do without.
@@ -224,6 +226,17 @@ impl Wired {
         }
     }
 
+    /// The same end, at whose port clients are right at `rate`.
+    pub fn set_rate(&mut self, end: End, rate: PortRate) {
+        let ends = self.open_ends.iter_mut();
+        for open in ends.filter(|open| open.node == end.node) {
+            open.rate = rate;
+            if let PortRate::Any { usual } = rate {
+                open.line = usual;
+            }
+        }
+    }
+
     /// Adds an end that is served from outside, for the link `name`; `connect` says who is to be
     /// there.
     pub fn open_end(&mut self, name: &str, line: LineConfig, connect: &'static str) -> End {
@@ -234,6 +247,7 @@ impl Wired {
             link,
             node,
             line,
+            rate: PortRate::OfLine,
             connect,
             is_optional: false,
         });
@@ -354,6 +368,7 @@ fn add_devices(
             };
             let master = wired.open_end(&link, info.line, info.connect);
             wired.set_optional(master, info.is_optional);
+            wired.set_rate(master, info.rate);
             let device = End {
                 node,
                 port: info.port,

@@ -215,15 +215,14 @@ impl Scenario {
 
     /// Reads a scenario from `text`; `path` is for messages and relative files.
     pub fn parse(path: &Path, text: String) -> Result<(Self, Source), ScenarioError> {
-        let mut scenario = Self::deserialized(&text).map_err(|mut source| {
-            source.set_input(Some(&text));
-            let (path, source) = (path.to_owned(), Box::new(source));
+        let path = path.to_owned();
+        let source = Source { path, text };
+        limits::check_text(&source)?;
+        let mut scenario = Self::deserialized(&source.text).map_err(|mut error| {
+            error.set_input(Some(&source.text));
+            let (path, source) = (source.path.clone(), Box::new(error));
             ScenarioError::Parse { path, source }
         })?;
-        let source = Source {
-            path: path.to_owned(),
-            text,
-        };
         if scenario.world.is_nowhere() && scenario.robot != NO_ROBOT {
             let message = "is missing, expected a table with the robot's start and what is solid";
             return Err(source.invalid(None, "world", message));

@@ -39,7 +39,7 @@ pub use error::WorldError;
 pub use geometry::{Bounds, Point, Pose, wrap_angle};
 pub use occupancy::OccupancyImage;
 pub use path::{Path, Repeat, Waypoint};
-pub use scene::{Cause, Fixture, Hit, Obstacle, Part, Scene, SceneError, Shape};
+pub use scene::{Cause, Fixture, Hit, Obstacle, PRIMITIVES_MAX, Part, Scene, SceneError, Shape};
 
 /// Steps whose motion is remembered: a lidar's packet holds beams of the last few milliseconds,
 /// one whole revolution lasts 200 ms.

@@ -6,7 +6,7 @@
 //! [expect]                    what must hold when the bytes are played to the program
 //! [[link]]                    bytes of each link, one line a moment:
 //! to_program = "1070000 AB 24 0A"   nanoseconds since the start, then hex
-//! [scenario]                  which robot it is
+//! [scenario]                  which robot it is; none: only decoders are tested
 //! ```
 //!
 //! Within a line, groups of digits are chunks that arrived back to back at the link's rate, the
@@ -14,6 +14,7 @@
 //! seed that could lose its meaning: later versions go on reading it.
 
 mod bytes;
+mod decoder;
 mod foreign;
 
 use core::fmt;
@@ -30,6 +31,8 @@ use crate::capture::replay::{Arrival, Passage, Recorded, Replay, ReplayError, Re
 use crate::rig::Program;
 use crate::run::check::{Check, Status};
 use crate::scenario::{Scenario, ScenarioError, Source};
+
+pub use decoder::Decoded;
 
 /// The only version so far.
 pub const VERSION: u32 = 1;
@@ -51,13 +54,23 @@ pub struct Case {
     pub tool: String,
     /// How long it is, ns.
     pub end_ns: u64,
+    /// Whether the captured program was none of ours: a robot's own program is tested in its place,
+    /// unless the case is run with somebody's program.
+    #[serde(default, rename = "foreign", skip_serializing_if = "is_false")]
+    pub is_foreign: bool,
     /// What must hold.
     pub expect: Expectation,
     /// The bytes.
     #[serde(default)]
     pub link: Vec<LinkBytes>,
-    /// The robot.
-    pub scenario: Scenario,
+    /// The robot whose program is tested; none: only decoders are.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scenario: Option<Scenario>,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it so")]
+const fn is_false(flag: &bool) -> bool {
+    !*flag
 }
 
 /// What must hold when the bytes of a case are played to the program.
@@ -76,6 +89,9 @@ pub struct Expectation {
     /// Checks of every run that must pass, e.g. `memory-intact`.
     #[serde(default)]
     pub checks: Vec<String>,
+    /// What decoders make of the bytes.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub decoder: Vec<Decoded>,
 }
 
 /// What passed one link.
@@ -123,6 +139,12 @@ pub enum CaseError {
     /// It cannot be played.
     #[error(transparent)]
     Replay(ReplayError),
+    /// It expects something of a program and has none.
+    #[error("{}: expected a [scenario] that says whose program is meant", .path.display())]
+    NoRobot {
+        /// The file.
+        path: PathBuf,
+    },
 }
 
 /// Silence at the end after which a program that used to talk is taken to have stopped.
@@ -211,14 +233,16 @@ impl Case {
             description: String::new(),
             tool: format!("{TOOL} {}", env!("CARGO_PKG_VERSION")),
             end_ns: recorded.end.as_nanos(),
+            is_foreign: false,
             expect: Expectation {
                 same_outputs: never.is_empty() && !fell_silent && is_sound,
                 talks,
                 never: never.into_iter().collect(),
                 checks: checks.map(|check| check.name.clone()).collect(),
+                decoder: Vec::new(),
             },
             link: links.into_iter().map(LinkBytes::of).collect(),
-            scenario: scenario.clone(),
+            scenario: Some(scenario.clone()),
         })
     }
 
@@ -259,15 +283,42 @@ impl Case {
         program: impl FnOnce(Box<dyn Program>) -> Box<dyn Program>,
     ) -> Result<Judgement, CaseError> {
         let recorded = self.recorded(&source.path)?;
-        let replay = Replay::new(&recorded, &self.scenario, source, Voice::Program);
+        let decoded = self.expect.decoder.iter();
+        let mut checks: Vec<Check> = decoded.flat_map(|one| one.judge(&recorded)).collect();
+        let Some(scenario) = &self.scenario else {
+            let ran = recorded.end - Instant::ZERO;
+            return match self.expect.needs_program() {
+                true => Err(CaseError::NoRobot {
+                    path: source.path.clone(),
+                }),
+                false => Ok(self.judgement(checks, ran)),
+            };
+        };
+        let replay = Replay::new(&recorded, scenario, source, Voice::Program);
         let mut replay = replay.map_err(CaseError::Replay)?;
         replay.replace_program(program);
         let replayed = replay.finish();
+        checks.extend(self.expect.judge(&replayed, recorded.end));
+        let note = self.is_foreign.then(|| {
+            let robot = &scenario.robot;
+            format!(
+                "tested is the built-in program of the robot {robot}, not the captured one: \
+                 --exec CMD tests that"
+            )
+        });
         Ok(Judgement {
-            name: self.name.clone(),
-            checks: self.expect.judge(&replayed, recorded.end),
-            ran: replayed.ran,
+            note,
+            ..self.judgement(checks, replayed.ran)
         })
+    }
+
+    fn judgement(&self, checks: Vec<Check>, ran: Duration) -> Judgement {
+        Judgement {
+            name: self.name.clone(),
+            note: None,
+            checks,
+            ran,
+        }
     }
 }
 
@@ -289,6 +340,12 @@ fn is_silent(sent: &Track, end: Instant) -> bool {
 }
 
 impl Expectation {
+    /// Whether anything is expected of a program.
+    fn needs_program(&self) -> bool {
+        let lists = [&self.talks, &self.never, &self.checks];
+        self.same_outputs || lists.iter().any(|list| !list.is_empty())
+    }
+
     fn judge(&self, replayed: &Replayed, end: Instant) -> Vec<Check> {
         let mut checks = self.judge_links(&replayed.links, end);
         for forbidden in &self.never {
@@ -318,6 +375,8 @@ impl Expectation {
 pub struct Judgement {
     /// Name of the case.
     pub name: String,
+    /// What must be known to read the verdicts.
+    pub note: Option<String>,
     /// All verdicts.
     pub checks: Vec<Check>,
     /// Length in virtual time.
@@ -337,6 +396,9 @@ impl fmt::Display for Judgement {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let verdict = if self.passed() { "PASS" } else { "FAIL" };
         write!(f, "{verdict} {}", self.name)?;
+        if let Some(note) = &self.note {
+            write!(f, "\n  {note}")?;
+        }
         for check in &self.checks {
             write!(f, "\n  {check}")?;
         }

@@ -79,7 +79,8 @@ pub(crate) struct Belief {
 }
 
 impl Belief {
-    /// Replays `recorded` and asks the program every few milliseconds, as a run does.
+    /// Replays `recorded` and asks the program every few milliseconds, as a run does. Long
+    /// silences are played shorter; the times of the way are those of the capture all the same.
     ///
     /// # Errors
     /// If it cannot be replayed.
@@ -88,11 +89,13 @@ impl Belief {
         scenario: &Scenario,
         source: &Source,
     ) -> Result<Self, ReplayError> {
-        let mut replay = Replay::new(recorded, scenario, source, Voice::Program)?;
+        let (recorded, silences) = recorded.clone().shortened();
+        let mut replay = Replay::new(&recorded, scenario, source, Voice::Program)?;
         let mut way: Vec<(Instant, Pose)> = Vec::new();
         while !replay.is_over() {
             replay.run_for(LOOK_EVERY);
             if let Some((at, pose)) = replay.instruments().estimate(replay.rig())
+                && let at = silences.captured_at(at)
                 && way.last().is_none_or(|&(last, _)| last < at)
             {
                 way.push((at, pose));

@@ -1,9 +1,11 @@
 //! The files of a recording: the newest has the plain name, older ones are put aside, the oldest
-//! go.
+//! go. Somebody may move or delete those at any time; a recording does without.
 
 use std::fs::{self, File};
-use std::io::{self, Write as _};
+use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};
+
+use super::pcapng::SECTION;
 
 /// How much a recording may take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -12,6 +14,17 @@ pub struct Limits {
     pub file_bytes: u64,
     /// Files put aside that are kept; older ones are deleted.
     pub files: u64,
+    /// What becomes of files that are there already.
+    pub existing: Existing,
+}
+
+/// What becomes of a file that has a recording's name already.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Existing {
+    /// It is replaced.
+    Replaced,
+    /// It is put aside as if this recording had written it, and numbers go on where they were.
+    SetAside,
 }
 
 impl Default for Limits {
@@ -20,6 +33,7 @@ impl Default for Limits {
         Self {
             file_bytes: 256 << 20,
             files: 7,
+            existing: Existing::Replaced,
         }
     }
 }
@@ -38,13 +52,21 @@ pub(super) struct Files {
 impl Files {
     /// Begins the first file with `head`, as each file begins.
     pub(super) fn create(path: &Path, head: Vec<u8>, limits: Limits) -> io::Result<Self> {
+        let mut set_aside = 0;
+        if limits.existing == Existing::SetAside {
+            set_aside = last_number(path)?;
+            if holds_capture(path)? {
+                set_aside += 1;
+                fs::rename(path, aside(path, set_aside))?;
+            }
+        }
         let mut files = Self {
             file: File::create(path)?,
             path: path.to_owned(),
             limits,
             head,
             written: 0,
-            set_aside: 0,
+            set_aside,
         };
         files.begin()?;
         Ok(files)
@@ -70,20 +92,78 @@ impl Files {
         Ok(())
     }
 
-    /// `capture.1.pcapng` is the first put aside.
+    /// `capture.1.pcapng` is the first put aside. One that is gone needs neither be named nor
+    /// deleted.
     fn rotate(&mut self) -> io::Result<()> {
         self.set_aside += 1;
-        fs::rename(&self.path, self.aside(self.set_aside))?;
+        or_gone(fs::rename(&self.path, aside(&self.path, self.set_aside)))?;
         if let Some(old) = self.set_aside.checked_sub(self.limits.files)
             && old > 0
         {
-            fs::remove_file(self.aside(old))?;
+            or_gone(fs::remove_file(aside(&self.path, old)))?;
         }
         self.file = File::create(&self.path)?;
         self.begin()
     }
+}
 
-    fn aside(&self, number: u64) -> PathBuf {
-        self.path.with_extension(format!("{number}.pcapng"))
+/// The file with this number among those put aside.
+fn aside(path: &Path, number: u64) -> PathBuf {
+    path.with_extension(format!("{number}.{EXTENSION}"))
+}
+
+const EXTENSION: &str = "pcapng";
+
+fn or_gone(done: io::Result<()>) -> io::Result<()> {
+    match done {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+        other => other,
     }
 }
+
+/// The highest number of a file put aside; 0 if there is none.
+fn last_number(path: &Path) -> io::Result<u64> {
+    let folder = match path.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
+    };
+    let mut last = 0;
+    for entry in fs::read_dir(folder)? {
+        let name = PathBuf::from(entry?.file_name());
+        let number = name.file_stem().map(Path::new).and_then(Path::extension);
+        let number = number.and_then(|number| number.to_str()?.parse().ok());
+        let is_ours = |number| aside(path, number).file_name() == Some(name.as_os_str());
+        if let Some(number) = number.filter(|&number| is_ours(number)) {
+            last = last.max(number);
+        }
+    }
+    Ok(last)
+}
+
+/// Whether an earlier recording is at `path`.
+///
+/// # Errors
+/// If something else is there, which must not be touched.
+fn holds_capture(path: &Path) -> io::Result<bool> {
+    let meta = match fs::metadata(path) {
+        Ok(meta) => meta,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
+        Err(error) => return Err(error),
+    };
+    // A pipe, say, into which somebody else looks.
+    if !meta.is_file() || meta.len() == 0 {
+        return Ok(false);
+    }
+    let mut head = [0; 4];
+    let read = File::open(path)?.read_exact(&mut head);
+    match read.is_ok() && head == SECTION.to_le_bytes() {
+        true => Ok(true),
+        false => Err(io::Error::new(
+            io::ErrorKind::AlreadyExists,
+            "the file there is no capture, expected one or a free name",
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -62,6 +62,12 @@ impl Section {
         });
     }
 
+    /// Whether the program whose bytes these are was in this process: only such a run's clock is
+    /// virtual.
+    pub fn is_of_own_program(&self) -> bool {
+        self.fact("clock") == Some("virtual")
+    }
+
     /// When the run began: zero in virtual time; on the wall clock, since 1970, UTC.
     pub fn start(&self) -> Instant {
         let nanos = self.fact("start_ns").and_then(|nanos| nanos.parse().ok());

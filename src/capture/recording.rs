@@ -45,11 +45,15 @@ fn about_in(scenario: &Scenario, clock: &str) -> Section {
     }
 }
 
-/// A tap that writes a capture. An error stops it, not the run; [`Tap::finish`] tells.
+/// A tap that writes a capture. An error stops it, not the run; [`Tap::take_trouble`] tells at once,
+/// [`Tap::finish`] in the end.
 #[derive(Debug)]
 pub struct Recording {
     scribe: WriterThread,
     is_stopped: bool,
+    /// Why it stopped, if not by itself.
+    error: Option<io::Error>,
+    is_told: bool,
     /// In a live run only: when what was gathered was last written.
     flushed_at: Option<Instant>,
 }
@@ -76,8 +80,19 @@ impl Recording {
         Ok(Self {
             scribe: WriterThread::start(Joiner::new(rig, section.start()), files, piece)?,
             is_stopped: false,
+            error: None,
+            is_told: false,
             flushed_at: is_live.then_some(Instant::ZERO),
         })
+    }
+}
+
+impl Recording {
+    fn stop_unless(&mut self, can_go_on: bool) {
+        if !can_go_on {
+            self.is_stopped = true;
+            self.error = self.scribe.finish().err();
+        }
     }
 }
 
@@ -110,7 +125,8 @@ impl Tap for Recording {
                 batch.single(line, at, Kind::Data, bytes, Extra { sent, comment });
             }
         }
-        self.is_stopped = !self.scribe.relieve();
+        let can_go_on = self.scribe.relieve();
+        self.stop_unless(can_go_on);
     }
 
     fn line_event(&mut self, link: usize, direction: Direction, at: Instant, event: LineEvent) {
@@ -122,19 +138,27 @@ impl Tap for Recording {
         let line = line_of(link, direction);
         let extra = Extra { sent, comment };
         self.scribe.batch.single(line, at, kind, &[], extra);
-        self.is_stopped = !self.scribe.relieve();
+        let can_go_on = self.scribe.relieve();
+        self.stop_unless(can_go_on);
     }
 
     fn reached(&mut self, now: Instant) {
         if !self.is_stopped && self.flushed_at.is_some_and(|at| now - at >= FLUSH_EVERY) {
             self.flushed_at = Some(now);
-            self.is_stopped = !self.scribe.reached(now);
+            let can_go_on = self.scribe.reached(now);
+            self.stop_unless(can_go_on);
         }
+    }
+
+    fn take_trouble(&mut self) -> Option<String> {
+        let error = self.error.as_ref().filter(|_| !self.is_told)?;
+        self.is_told = true;
+        Some(format!("the capture ends here: {error}"))
     }
 
     fn finish(&mut self) -> io::Result<()> {
         self.is_stopped = true;
-        self.scribe.finish()
+        self.error.take().map_or_else(|| self.scribe.finish(), Err)
     }
 }
 

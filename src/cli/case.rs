@@ -3,9 +3,10 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Subcommand};
 
 use super::{CliError, Verdict};
+use crate::capture::Section;
 use crate::capture::case::{Case, Judgement};
 use crate::capture::replay::Recorded;
-use crate::scenario::Span;
+use crate::scenario::{Source, Span};
 
 /// Make regression tests from captures.
 #[derive(Debug, Args)]
@@ -24,7 +25,10 @@ enum Command {
 /// The case holds the bytes that reached the program, and what is expected of it: if the captured
 /// program broke a rule of a device, that it does not again; if it stopped talking, that it talks
 /// to the end; if it failed a check of every run, that it passes; else that it sends the same
-/// bytes. `hilrig run` runs the case.
+/// bytes. `hilrig run` runs the case, with the robot's built-in program or with --exec CMD.
+///
+/// A dump of one direction says nothing of a program: its case tests the decoder. Expected are the
+/// frames that it finds today, the bytes outside of them, and the diagnosis.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig case from hilrig-out/rescue-flat-1/capture.pcapng -o case.toml\n  \
@@ -52,14 +56,24 @@ struct From {
 pub(super) fn run(args: CaseArgs) -> Result<Verdict, CliError> {
     let Command::From(args) = args.command;
     let capture = super::replay::read(&args.file)?;
-    let (scenario, source) = super::replay::robot(&capture, &args.file, args.scenario.as_deref())?;
     let recorded = Recorded::of(&capture, args.until.map(|until| until.0));
+    let recorded = super::replay::shortened(&args.file, recorded);
     let stem = args
         .out
         .file_stem()
         .and_then(|stem| stem.to_str())
         .unwrap_or("case");
-    let mut case = Case::of(stem, &recorded, &scenario, &source)?;
+    let (mut case, source) = match recorded.is_one_way() {
+        true => decoder_case(&args, stem, &recorded)?,
+        false => {
+            let given = args.scenario.as_deref();
+            let (scenario, source) = super::replay::robot(&capture, &args.file, given)?;
+            let mut case = Case::of(stem, &recorded, &scenario, &source)?;
+            let is_own = |section: &Section| section.is_of_own_program();
+            case.is_foreign = !capture.sections.iter().all(is_own);
+            (case, source)
+        }
+    };
     case.description = format!("made of {}", args.file.display());
     write(&args.out, &case.to_toml())?;
     if let Some(path) = &args.test {
@@ -68,6 +82,19 @@ pub(super) fn run(args: CaseArgs) -> Result<Verdict, CliError> {
     let now = case.run(&source)?;
     report(&args, &case, &now);
     Ok(Verdict::Pass)
+}
+
+fn decoder_case(args: &From, stem: &str, recorded: &Recorded) -> Result<(Case, Source), CliError> {
+    let case = Case::of_decoders(stem, recorded)?.ok_or_else(|| {
+        let error = "goes one way only and has no frame of any known protocol: expected both ways, \
+                     or frames";
+        CliError::content(&args.file, error)
+    })?;
+    let source = Source {
+        path: args.out.clone(),
+        text: String::new(),
+    };
+    Ok((case, source))
 }
 
 fn write(path: &Path, text: &str) -> Result<(), CliError> {
@@ -87,6 +114,11 @@ fn report(args: &From, case: &Case, now: &Judgement) {
     }
     for check in &case.expect.checks {
         println!("  passes: {check}");
+    }
+    for decoded in &case.expect.decoder {
+        let (link, direction, of) = (&decoded.link, &decoded.direction, &decoded.protocol);
+        let lines = decoded.found.lines().count();
+        println!("  the decoder of {of} finds the same in {link} {direction}: {lines} lines");
     }
     println!("today: {now}");
     println!("run it with: hilrig run {}", args.out.display());

@@ -6,7 +6,7 @@ use super::CliError;
 use super::place::{self, NamedPort};
 use crate::realtime::exec::Seat;
 use crate::realtime::transport::{PortDir, Pty, Serial, Transport};
-use crate::rig::Rig;
+use crate::rig::{PortRate, Rig};
 use crate::robots::{Instruments, OpenEnd, Wired};
 
 /// Links that are on real ports.
@@ -66,7 +66,9 @@ impl EndArgs {
             let name = &end.name;
             CliError::Usage(format!("--device-at {name}: expected a link with a device"))
         })?;
-        rig.set_line_config(node, end.line);
+        if end.rate == PortRate::OfLine {
+            rig.set_line_config(node, end.line);
+        }
         let end = OpenEnd {
             name: format!("{} (device)", end.name),
             node,
@@ -89,7 +91,10 @@ pub(super) fn print_table(seats: &[Seat]) {
             [
                 end.name.clone(),
                 transport.path().display().to_string(),
-                end.line.baud.to_string(),
+                match end.rate {
+                    PortRate::OfLine => end.line.baud.to_string(),
+                    PortRate::Any { .. } => "any".to_owned(),
+                },
                 end.connect.to_owned(),
             ]
         })

@@ -29,7 +29,7 @@ pub(super) struct RecordArgs {
     /// Baud rate, of all links or of the one named
     #[arg(long, value_name = "[A=]N")]
     baud: Vec<Baud>,
-    /// Capture to write
+    /// Capture to write; a file that is there already is not overwritten
     #[arg(short, long, value_name = "FILE")]
     out: PathBuf,
     /// End by itself after this time, e.g. 60s or 5min [default: at SIGINT or SIGTERM]
@@ -65,6 +65,15 @@ impl core::str::FromStr for Baud {
 const BAUD: u32 = 115_200;
 
 pub(super) fn run(args: RecordArgs) -> Result<Verdict, CliError> {
+    // A pipe or a device is no file that could be lost.
+    if args.out.is_file() {
+        let out = args.out.display();
+        let error = format!(
+            "--out {out}: there is a file already, expected a free name: move it away or choose \
+             another"
+        );
+        return Err(CliError::Usage(error));
+    }
     let stop = Stop::new(args.duration.map(|duration| duration.0))?;
     let mut ports = Ports::default();
     let wires = wires(&args, &mut ports)?;

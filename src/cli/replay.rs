@@ -17,7 +17,8 @@ use super::{CliError, Verdict};
 use crate::capture::Capture;
 use crate::capture::divergence::Divergence;
 use crate::capture::replay::{
-    Playback, PlayedSide, Recorded, Replay, ReplayPace, Replayed, Socket, Voice, scenario_of,
+    Playback, PlayedSide, Recorded, Replay, ReplayPace, Replayed, SILENCE_MAX, Silence, Socket,
+    Voice, scenario_of,
 };
 use crate::hex::pairs;
 use crate::realtime::clock::{Clock, WallClock};
@@ -35,7 +36,7 @@ pub(super) use exec::judge_case;
 /// the devices, or of the program. With --exec that program is somebody's: it is started on new
 /// ports, told what the captured one was told, and must live to the end. With --expect, what comes
 /// back is compared with the capture, and the first difference is told: time, link, byte, and its
-/// frame in words.
+/// frame in words. A silence of all links longer than a minute is played as a minute, and told.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig replay hilrig-out/rescue-flat-1/capture.pcapng --expect\n  \
@@ -95,6 +96,7 @@ fn speed(text: &str) -> Result<f64, String> {
 pub(super) fn run(args: ReplayArgs) -> Result<Verdict, CliError> {
     let capture = read(&args.file)?;
     let recorded = Recorded::of(&capture, args.until.map(|until| until.0));
+    let recorded = shortened(&args.file, recorded);
     if let Some(foreign) = args.program.foreign() {
         return exec::into_foreign(&args, &foreign, &capture, &recorded);
     }
@@ -128,6 +130,23 @@ pub(super) fn read(path: &Path) -> Result<Capture, CliError> {
         ));
     }
     Ok(capture)
+}
+
+/// Long silences that are told one by one.
+const SILENCES_TOLD: usize = 3;
+
+/// The same with its long silences played shorter, which are told.
+pub(super) fn shortened(path: &Path, recorded: Recorded) -> Recorded {
+    let (recorded, silences) = recorded.shortened();
+    let (path, max) = (path.display(), SILENCE_MAX.as_secs());
+    for Silence { from, lasted, .. } in silences.all().iter().take(SILENCES_TOLD) {
+        let lasted = lasted.as_secs();
+        eprintln!("{path}: nothing for {lasted} s from {from} s on; played as {max} s");
+    }
+    if let Some(more @ 1..) = silences.all().len().checked_sub(SILENCES_TOLD) {
+        eprintln!("{path}: {more} more silences played as {max} s");
+    }
+    recorded
 }
 
 /// The robot whose program a capture is for.

@@ -9,7 +9,7 @@ use super::run::{Ran, write_results};
 use super::show::{Show, ShowArgs};
 use super::stop::Stop;
 use super::{CliError, Verdict};
-use crate::capture::{self, Limits, Recording};
+use crate::capture::{self, Existing, Limits, Recording};
 use crate::realtime::clock::{Clock, utc};
 use crate::realtime::control::Control;
 use crate::realtime::exec;
@@ -17,7 +17,7 @@ use crate::realtime::held::Held;
 use crate::realtime::transport::{Note, PortDir};
 use crate::realtime::{PortReport, Realtime};
 use crate::rig::Paced;
-use crate::rig::Rig;
+use crate::rig::{Logged, Rig};
 use crate::robots::{self, Dut, PcEnd};
 use crate::run::Run;
 use crate::run::check::Check;
@@ -28,7 +28,9 @@ use crate::show::folder::FolderError;
 ///
 /// The robot's ends of the links appear in a directory as pseudo-terminals that behave like serial
 /// ports. A client should set the baud rate that the table names: at another one it reads garbage,
-/// as on a wire. When the run ends the ports are removed. Without --out nothing is judged.
+/// as on a wire; `any` is no UART, and no rate is wrong. The PC's end is among the ports with --pc,
+/// and if the mission gives no orders. When the run ends the ports are removed. Without --out
+/// nothing is judged.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig up scenarios/rescue-flat.toml --dir /tmp/robot\n  \
@@ -68,7 +70,8 @@ pub(super) struct Up {
     /// [default: hilrig-out/NAME-up.toml, if there were any]
     #[arg(long, value_name = "FILE")]
     case: Option<PathBuf>,
-    /// Write every byte of every link with its time to this file, for Wireshark and decode
+    /// Write every byte of every link with its time to this file, for Wireshark and decode; a
+    /// capture that is there already is put aside under the next number
     #[arg(long, value_name = "FILE")]
     capture: Option<PathBuf>,
     /// Size at which the capture is put aside as FILE.1.pcapng, .2 and so on, and begun anew
@@ -150,7 +153,6 @@ pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
 
 /// Whether anybody used a port: of a robot without a program nothing is to be said.
 fn connected(realtime: &Realtime<Held>) -> Check {
-    let is_used = |report: &PortReport| report.traffic.to_client + report.traffic.from_client > 0;
     let used: Vec<String> = realtime
         .reports()
         .filter(is_used)
@@ -180,6 +182,9 @@ fn go(
         show.turn(&mut going.run, Instant::ZERO + clock.waited());
         exec::log_contacts(&mut going.run);
         log.follow(&going.run);
+        if let Some(trouble) = going.run.rig.take_tap_trouble() {
+            eprintln!("  {} {trouble}", going.run.rig.now());
+        }
     }
     Ok(())
 }
@@ -244,6 +249,11 @@ fn record(args: &Up, run: &mut Run) -> Result<Option<PathBuf>, CliError> {
     let limits = Limits {
         file_bytes: args.capture_max_mb << 20,
         files: args.capture_files,
+        // A result folder is written anew as a whole.
+        existing: match args.capture {
+            Some(_) => Existing::SetAside,
+            None => Existing::Replaced,
+        },
     };
     let about = capture::about_live(run.scenario(), utc());
     let recording = Recording::create(&path, &run.rig, about, limits);
@@ -282,18 +292,33 @@ impl Paced for Going {
 }
 
 fn print_report(realtime: &Realtime<Held>, run: &Run) {
-    let (now, violations) = (run.rig.now(), run.rig.violations());
-    println!("ran {now} s, {}", realtime.lateness());
-    for report in realtime.reports() {
+    println!("ran {} s, {}", run.rig.now(), realtime.lateness());
+    let reports: Vec<PortReport> = realtime.reports().collect();
+    for report in &reports {
         println!("  {report}");
     }
     if run.rig.excused() > 0 {
         let count = run.rig.excused();
         println!("  {count} broken rules not charged: the rig was late");
     }
+    // What the scenario's PC misses of a robot that nobody plays is nobody's fault.
+    let used = reports.iter().filter(|report| is_used(report));
+    let used: Vec<&str> = used.map(|report| &*report.name).collect();
+    let of_clients =
+        |logged: &&Logged| logged.is_violation() && run.rig.reaches(&used, &logged.source);
+    let violations = run.rig.events().iter().filter(of_clients).count();
+    let at_least = match run.rig.events_dropped() {
+        0 => "",
+        _ => "at least ",
+    };
     if violations > 0 {
-        println!("  {violations} times a client broke a rule of its device, see the log");
+        println!("  {at_least}{violations} times a client broke a rule of its device, see the log");
     }
+}
+
+/// Whether anything passed a port.
+const fn is_used(report: &PortReport) -> bool {
+    report.traffic.to_client + report.traffic.from_client > 0
 }
 
 /// Says what happens while it happens.

@@ -62,6 +62,7 @@ fn rig() -> (Rig, OpenEnd) {
         link: "counter".to_owned(),
         node,
         line: LINE,
+        rate: PortRate::OfLine,
         connect: "a test",
         is_optional: false,
     };

@@ -144,6 +144,16 @@ pub enum TransportError {
         /// Where.
         path: PathBuf,
     },
+    /// A link stands where a rig would write a file of its own.
+    #[error(
+        "{}: expected a file of hilrig's or nothing, found a link: it may lead to a \
+         file of somebody else's; remove it or choose another directory",
+        .path.display()
+    )]
+    LinkInTheWay {
+        /// Where.
+        path: PathBuf,
+    },
     /// The system gave no pseudo-terminal.
     #[error("{}: the system gave no pseudo-terminal: {source}", .path.display())]
     Pty {

@@ -1,6 +1,8 @@
-//! What a link is made of, which decides what can go wrong with it.
+//! What a link is made of, which decides what can go wrong with it, and at which rate its ports are.
 
 use core::fmt;
+
+use protocols::LineConfig;
 
 /// What a link is made of.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -34,6 +36,19 @@ impl LinkKind {
     pub const fn carries_messages(self) -> bool {
         matches!(self, Self::I2c | Self::Datagram)
     }
+}
+
+/// Which baud rates are right at a port of a link.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PortRate {
+    /// The line's own: a client at another one reads garbage.
+    #[default]
+    OfLine,
+    /// Any: there is no UART behind the port, e.g. at the PC's end of a Bluetooth link.
+    Any {
+        /// What the port is set to until a client sets something else.
+        usual: LineConfig,
+    },
 }
 
 impl fmt::Display for LinkKind {

@@ -52,6 +52,12 @@ pub trait Tap {
     /// The run has come to `now`: whatever was due before has been told. Called now and then.
     fn reached(&mut self, _now: Instant) {}
 
+    /// What has stopped it since the last call, in words; the same error comes from
+    /// [`finish`](Self::finish) again.
+    fn take_trouble(&mut self) -> Option<String> {
+        None
+    }
+
     /// The run is over; an error is one that also stopped an earlier record.
     fn finish(&mut self) -> std::io::Result<()> {
         Ok(())

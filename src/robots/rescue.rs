@@ -6,7 +6,7 @@
 //! | `motor` | XV-11 motor pin | program, one byte a duty |
 //! | `base` | AVR base | program, 1 Mbaud |
 //! | `radio` | HC-06 UART | program, 460800 baud |
-//! | `pc` | HC-06 air end | PC |
+//! | `pc` | HC-06 air end | PC, at any rate |
 //! | `display` | touch panel | program, 1 Mbaud; only if the scenario has a device `display` |
 
 mod arena;
@@ -20,7 +20,7 @@ mod view;
 use core::time::Duration;
 
 use emulators::avr_base::{self, AvrBaseConfig};
-use emulators::hc06::{self, Hc06};
+use emulators::hc06::Hc06;
 use emulators::pc::{self, Pc};
 use firmware_core::pose::Pose;
 use firmware_core::robots::rescue::{Config, Rescue};
@@ -123,7 +123,8 @@ impl Robot for RescueRobot {
     }
 
     fn remote(&self) -> Option<(Box<dyn RemoteStation>, LineConfig)> {
-        Some((Box::new(station::alone()), hc06::AIR_LINE))
+        let line = LineConfig::new_8n1(protocols::pcui::BAUD);
+        Some((Box::new(station::alone()), line))
     }
 }
 
@@ -151,6 +152,7 @@ fn wire(plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
         ("base", base.ports[0], Rescue::BASE),
         ("radio", radio.ports[0], Rescue::RADIO),
     ];
+    let radio_air = radio.ports[1];
     let lidar_node = rig.add_boxed_device("lidar", lidar.device);
     let base_node = rig.add_boxed_device("base", base.device);
     let radio_node = rig.add_boxed_device("radio", radio.device);
@@ -176,6 +178,7 @@ fn wire(plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
         // Without orders nobody needs the radio.
         let is_idle = name == "radio" && !scenario.mission.gives_orders();
         wired.set_optional(master, info.is_optional || is_idle);
+        wired.set_rate(master, info.rate);
         let rig = &mut wired.rig;
         rig.connect_by(info.kind, name, device, master, info.piece);
     }
@@ -193,8 +196,9 @@ fn wire(plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
                 port: Pc::AIR,
             }
         }
-        PcEnd::External => wired.open_end("pc", hc06::AIR_LINE, "a PC program"),
+        PcEnd::External => wired.open_end("pc", radio_air.line, radio_air.connect),
     };
+    wired.set_rate(far, radio_air.rate);
     wired.set_optional(far, !scenario.mission.gives_orders());
     wired.rig.connect("pc", air, far, 64);
     display::connect(&mut wired, scenario, source, program)?;

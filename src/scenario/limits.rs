@@ -1,11 +1,29 @@
 //! Figures of a scenario that nothing else would refuse.
 
+use emulators::world::PRIMITIVES_MAX;
+
 use super::{Action, Scenario, ScenarioError, Source};
 
 /// Farther from the origin nothing is, metres.
 const FAR_M: f64 = 10_000.0;
 /// More turns than ten are a mistake, degrees.
 const TURN_DEG: f64 = 3_600.0;
+
+/// Whether `source` is a text that may be read: a shape costs kilobytes on its way to the scene that
+/// would refuse it.
+pub(super) fn check_text(source: &Source) -> Result<(), ScenarioError> {
+    // Each shape has one of these keys, however its table is written.
+    let keys = ["path_m", "corners_m", "at_m"];
+    let found: usize = keys
+        .iter()
+        .map(|key| source.text.matches(key).count())
+        .sum();
+    if found > PRIMITIVES_MAX {
+        let message = format!("has {found} shapes, expected at most {PRIMITIVES_MAX}");
+        return Err(source.invalid(source.find("world"), "world", message));
+    }
+    Ok(())
+}
 
 /// Whether the start and all waypoints are on this side of the horizon.
 pub(super) fn check(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError> {
@@ -93,6 +111,21 @@ mod tests {
         insta::assert_snapshot!(
             refused("{ x_m = 1, y_m = 1, heading_deg = inf }", ""),
             @r#"t.toml:7: world.start.heading_deg: is inf, expected -3600 to 3600"#
+        );
+    }
+
+    /// It took 3.2 GB for a million of them to be refused.
+    #[test]
+    fn more_walls_than_a_scene_can_have_are_refused_before_they_are_read() {
+        let walls = "[[world.wall]]\npath_m = [[0, 0], [1, 0]]\n".repeat(200_001);
+        let text = format!(
+            "schema = 1\nname = \"t\"\nrobot = \"rescue\"\nduration = \"1s\"\n\
+             [world]\nstart = {START}\n{walls}"
+        );
+        let parsed = Scenario::parse(Path::new("t.toml"), text);
+        insta::assert_snapshot!(
+            parsed.expect_err("refused"),
+            @"t.toml:5: world: has 200001 shapes, expected at most 200000"
         );
     }
 

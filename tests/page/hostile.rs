@@ -40,6 +40,15 @@ fn foreign_origins_and_hosts_are_refused() {
         assert_eq!(foreign.0, 403, "{path}");
         assert_eq!(server.ask(path, &["Host: evil.example"]).0, 403, "{path}");
     }
+    // The first of two may be sound, and the second the one that counts for somebody between.
+    let own = format!("Origin: http://{}", server.host);
+    assert_eq!(server.ask("/", &[&host, &own]).0, 200);
+    for doubled in [
+        &[&*host, "Host: evil.example"][..],
+        &[&host, &own, "Origin: http://evil.example"],
+    ] {
+        assert_eq!(server.ask("/case.toml", doubled).0, 403, "{doubled:?}");
+    }
     let port = server.host.rsplit_once(':').expect("a port").1;
     let rebound = format!("Host: evil.example:{port}");
     assert_eq!(server.ask("/", &[&rebound]).0, 403);

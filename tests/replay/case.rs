@@ -10,7 +10,9 @@ use firmware_core::robots::rescue::Rescue;
 use firmware_core::{Inspect, Master, Work};
 use hilrig::capture::case::{Case, Judgement};
 use hilrig::capture::replay::{Recorded, scenario_of};
+use hilrig::capture::{Capture, Section};
 use hilrig::rig::Program;
+use hilrig::rig::line::Direction;
 use proptest::prelude::*;
 use protocols::{Instant, LineConfig, Port};
 
@@ -282,6 +284,124 @@ fn a_case_of_version_1_still_runs() {
     let judgement = case.run(&source).expect("it can be played");
     assert!(judgement.passed(), "{judgement}");
     assert!(judgement.checks.len() >= 2, "{judgement}");
+}
+
+/// Writes `capture` to `path`.
+fn write(capture: &Capture, path: &Path) {
+    let mut bytes = Vec::new();
+    capture.sections[0].write(&mut bytes);
+    capture.links.iter().for_each(|link| link.write(&mut bytes));
+    for record in &capture.records {
+        record.write(u32::try_from(record.link).expect("few links"), &mut bytes);
+    }
+    fs::write(path, bytes).expect("writable");
+}
+
+/// Three seconds of what a lidar said, as somebody's dump of one wire: no scenario, no answers. The
+/// third packet has a wrong bit.
+fn lidar_dump(folder: &Path) {
+    let path = folder.join("dump.pcapng");
+    let (mut capture, _) = captured(in_a_room("3s", ""), &path, |_| {});
+    capture.sections[0] = Section::default();
+    capture.records.retain(|record| {
+        capture.links[record.link].name == "lidar" && record.direction == Direction::ToMaster
+    });
+    let packets = capture.records.iter_mut();
+    let third = packets
+        .filter(|record| record.bytes.first() == Some(&0xFA))
+        .nth(2);
+    let third = third.expect("three seconds are longer");
+    let mut bytes = third.bytes.to_vec();
+    bytes[5] ^= 1;
+    third.bytes = bytes.into();
+    write(&capture, &path);
+}
+
+/// Nobody answered in a dump of one wire, so it says nothing of a program: what can break again is
+/// the decoder.
+#[test]
+fn a_dump_of_one_direction_becomes_a_case_of_its_decoder() {
+    let folder = folder("case-decoder");
+    lidar_dump(&folder);
+    let (status, said, told) = hilrig(&folder, &["case", "from", "dump.pcapng", "-o", "d.toml"]);
+    assert_eq!(status.code(), Some(0), "{told}");
+    assert!(
+        said.contains("the decoder of xv11 finds the same in lidar to-master"),
+        "{said}"
+    );
+    assert!(said.contains("today: PASS d"), "{said}");
+    let (status, said, _) = hilrig(&folder, &["run", "d.toml"]);
+    assert_eq!(status.code(), Some(0), "{said}");
+
+    let text = fs::read_to_string(folder.join("d.toml")).expect("written");
+    assert!(
+        text.contains(" BAD 22 bytes ") && text.contains("checksum"),
+        "{text}"
+    );
+    // Another decoder, as the expectation sees it: it finds other words, or another cause.
+    let other = text.replacen(" rpm, from 8 deg: ", " rpm, from 9 deg: ", 1);
+    assert_ne!(other, text);
+    fs::write(folder.join("d.toml"), other).expect("writable");
+    let (status, said, _) = hilrig(&folder, &["run", "d.toml"]);
+    assert_eq!(status.code(), Some(1), "{said}");
+    assert!(said.contains("FAIL decodes-lidar-to-master "), "{said}");
+    assert!(
+        said.contains("from 9 deg") && said.contains("from 8 deg"),
+        "{said}"
+    );
+    let cause = text.replacen(
+        "diagnosis = []",
+        "diagnosis = [\"what is sent comes back\"]",
+        1,
+    );
+    assert_ne!(cause, text);
+    fs::write(folder.join("d.toml"), cause).expect("writable");
+    let (status, said, _) = hilrig(&folder, &["run", "d.toml"]);
+    assert_eq!(status.code(), Some(1), "{said}");
+    assert!(said.contains("FAIL diagnosis-lidar-to-master"), "{said}");
+}
+
+/// A decoder's case has no robot; what is expected of a program needs one.
+#[test]
+fn a_case_without_a_robot_expects_nothing_of_a_program() {
+    let folder = folder("case-no-robot");
+    lidar_dump(&folder);
+    let (status, _, told) = hilrig(&folder, &["case", "from", "dump.pcapng", "-o", "d.toml"]);
+    assert_eq!(status.code(), Some(0), "{told}");
+    let text = fs::read_to_string(folder.join("d.toml")).expect("written");
+    let text = text.replacen("same_outputs = false", "same_outputs = true", 1);
+    fs::write(folder.join("d.toml"), text).expect("writable");
+    let (status, _, told) = hilrig(&folder, &["run", "d.toml"]);
+    assert_eq!(status.code(), Some(2), "{told}");
+    assert_eq!(
+        told,
+        "error: d.toml: expected a [scenario] that says whose program is meant\n"
+    );
+}
+
+/// The program of a live run was somebody's. Its case can be run with that one; without it the
+/// robot's own is tested, which must not go without a word.
+#[test]
+fn a_case_of_a_foreign_program_says_which_program_it_tests() {
+    let folder = folder("case-foreign");
+    let path = folder.join("live.pcapng");
+    let (mut capture, _) = captured(in_a_room("2s", ""), &path, |_| {});
+    let about = capture.sections[0]
+        .about
+        .replace("clock=virtual", "clock=utc");
+    capture.sections[0].about = about;
+    write(&capture, &path);
+    let expected = "tested is the built-in program of the robot rescue, not the captured one: \
+                    --exec CMD tests that";
+    for command in [
+        &["case", "from", "live.pcapng", "-o", "live.toml"][..],
+        &["run", "live.toml"],
+    ] {
+        let (_, said, told) = hilrig(&folder, command);
+        assert!(said.contains(expected), "{command:?}: {said}{told}");
+    }
+    let (case, _) = Case::read(&folder.join("live.toml")).expect("written");
+    assert!(case.is_foreign);
 }
 
 #[test]

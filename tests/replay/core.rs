@@ -7,6 +7,7 @@ use hilrig::capture::replay::{Recorded, Replay, Replayed, Voice, scenario_of};
 use hilrig::capture::{Capture, Kind};
 use hilrig::rig::Logged;
 use hilrig::rig::line::Direction;
+use protocols::Instant;
 
 use crate::support::*;
 
@@ -74,6 +75,48 @@ fn a_runs_own_capture_replays_without_a_difference() {
     let judged = replayed(&capture, Voice::Capture);
     let found: Vec<String> = judged.violations.iter().map(Logged::to_string).collect();
     assert_eq!(found, violations(&events));
+}
+
+/// A recorder that slept, or a clock that was set, in the middle of a run: the program is not run
+/// through a whole day of nothing, and that is told.
+#[test]
+fn a_day_of_silence_in_a_capture_is_played_as_a_minute() {
+    let folder = folder("day");
+    let path = folder.join("capture.pcapng");
+    let (mut capture, _) = captured(in_a_room("2s", ""), &path, |_| {});
+    let (middle, day) = (Instant::from_secs(1), Duration::from_secs(86_400));
+    let late = capture.records.iter_mut();
+    late.filter(|record| record.at > middle)
+        .for_each(|record| record.at = record.at + day);
+    let mut bytes = Vec::new();
+    capture.sections[0].write(&mut bytes);
+    capture.links.iter().for_each(|link| link.write(&mut bytes));
+    for record in &capture.records {
+        let link = u32::try_from(record.link).expect("few links");
+        record.write(link, &mut bytes);
+    }
+    std::fs::write(&path, bytes).expect("writable");
+    for command in [
+        &["replay", "capture.pcapng"][..],
+        &["export", "capture.pcapng", "-o", "way.tum"],
+        &["case", "from", "capture.pcapng", "-o", "case.toml"],
+    ] {
+        let (_, said, told) = hilrig(&folder, command);
+        if command[0] != "export" {
+            let expected = "capture.pcapng: nothing for 86400 s from ";
+            assert!(told.contains(expected), "{command:?}: {said}{told}");
+            assert!(told.contains("s on; played as 60 s"), "{told}");
+        }
+    }
+    // Poses behind the silence keep the capture's own times.
+    let way = std::fs::read_to_string(folder.join("way.tum")).expect("written");
+    let last = way.lines().last().and_then(|line| line.split(' ').next());
+    let last: f64 = last.and_then(|at| at.parse().ok()).expect("a time");
+    assert!(last > 86_400.0, "{last}");
+    let case = std::fs::read_to_string(folder.join("case.toml")).expect("written");
+    let end = case.lines().find_map(|line| line.strip_prefix("end_ns = "));
+    let end: u64 = end.and_then(|end| end.parse().ok()).expect("a number");
+    assert!((61_000_000_000..63_000_000_000).contains(&end), "{end}");
 }
 
 /// A byte in the middle of what the program sent to its base is changed in the capture.

@@ -115,6 +115,25 @@ fn a_signal_ends_a_recording_with_a_whole_file() {
     assert!(bytes(&capture, Direction::ToMaster).len() >= heard.len());
 }
 
+/// Hours of another recording must not be lost to a command from the shell's history.
+#[test]
+fn a_file_that_is_there_already_is_not_overwritten() {
+    let folder = folder("again");
+    let path = folder.join("field.pcapng");
+    std::fs::write(&path, "precious").expect("writable");
+    let name = path.to_str().expect("UTF-8");
+    let (status, _, said) = recording(&folder, name).end();
+    assert_eq!(status.code(), Some(2));
+    assert_eq!(
+        said,
+        format!(
+            "error: --out {name}: there is a file already, expected a free name: \
+             move it away or choose another\n"
+        )
+    );
+    assert_eq!(std::fs::read(&path).expect("there"), b"precious");
+}
+
 #[test]
 fn a_disk_without_room_is_told_at_once() {
     let folder = folder("full");

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::rc::Rc;
 
-use hilrig::capture::{Capture, Kind, Limits, Recording, about};
+use hilrig::capture::{Capture, Kind, Limits, Recording, about, about_live};
 use hilrig::rig::fault::{Damage, FaultId, Strike, Window};
 use hilrig::rig::line::Direction;
 use hilrig::rig::trace::{Side, Tap};
@@ -175,6 +175,7 @@ fn a_long_recording_puts_files_aside_and_keeps_the_newest() {
     let limits = Limits {
         file_bytes: 20_000,
         files: 2,
+        ..Limits::default()
     };
     record(faulty_run(), &path, limits);
     let mut numbers = Vec::new();
@@ -192,6 +193,35 @@ fn a_long_recording_puts_files_aside_and_keeps_the_newest() {
         numbers.extend(capture.records.iter().filter_map(|record| record.sequence));
     }
     assert!(numbers.is_sorted_by(|a, b| a + 1 == *b));
+}
+
+/// A file that cannot be put aside stands for any trouble of a disk: whoever watches a live run must
+/// hear of it while it goes on, not hours later at its end.
+#[test]
+fn what_stops_a_recording_is_told_while_the_run_goes_on() {
+    let dir = folder("capture-trouble");
+    fs::create_dir_all(dir.join("capture.1.pcapng/in the way")).expect("writable");
+    let limits = Limits {
+        file_bytes: 20_000,
+        ..Limits::default()
+    };
+    let (scenario, source) = in_a_room("60s", "[expect]\n");
+    let mut run = Run::new(scenario, &source, None).expect("wired");
+    let about = about_live(run.scenario(), Instant::from_secs(1));
+    let recording = Recording::create(&dir.join("capture.pcapng"), &run.rig, about, limits);
+    run.rig
+        .add_tap(Box::new(recording.expect("can be written")));
+    // What was gathered is written each half second, at most four pieces ahead of the disk.
+    let mut trouble = None;
+    for second in 1..=10 {
+        run.go_on_until(Instant::from_secs(second));
+        trouble = trouble.or(run.rig.take_tap_trouble());
+    }
+    let trouble = trouble.expect("it was stopped in the first seconds");
+    assert!(trouble.starts_with("the capture ends here: "), "{trouble}");
+    assert_eq!(run.rig.take_tap_trouble(), None, "told once");
+    let error = run.rig.finish_taps().expect_err("and again at the end");
+    assert!(trouble.ends_with(&error.to_string()), "{error}");
 }
 
 /// Wireshark is the judge of the format: names, rates, direction, nanoseconds, comments, payload.

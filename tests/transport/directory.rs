@@ -3,7 +3,7 @@
 use std::fs;
 use std::os::unix::fs::symlink;
 
-use hilrig::realtime::transport::{PortDir, Pty, Transport};
+use hilrig::realtime::transport::{Note, PortDir, Pty, Transport, TransportError};
 
 use crate::support::*;
 
@@ -81,6 +81,82 @@ fn links_of_a_killed_rig_are_replaced() {
     drop(dir);
     let left: Vec<_> = fs::read_dir(&path).expect("there").collect();
     assert!(left.is_empty(), "dead links go too: {left:?}");
+}
+
+/// A directory in which a link stands at `name`, and the file of somebody else's that it leads to.
+fn trapped_dir(name: &str, link: &str) -> (std::path::PathBuf, std::path::PathBuf) {
+    let path = fresh_path(name);
+    fs::create_dir_all(&path).expect("writable");
+    let victim = fresh_path(&format!("{name}_victim"));
+    fs::write(&victim, "precious").expect("writable");
+    symlink(&victim, path.join(link)).expect("writable");
+    (path, victim)
+}
+
+fn assert_untouched(victim: &std::path::Path, error: &TransportError, link: &str) {
+    let text = error.to_string();
+    assert!(
+        text.contains(&format!("/{link}: expected a file of hilrig's or nothing")),
+        "{text}"
+    );
+    assert_eq!(fs::read_to_string(victim).expect("there"), "precious");
+    fs::remove_file(victim).expect("ours");
+}
+
+/// Somebody else may have prepared a directory of which a user with more rights makes a rig's.
+#[test]
+fn a_note_is_not_written_through_a_link() {
+    let link = ".hilrig-scenario.toml";
+    let (path, victim) = trapped_dir("note_link", link);
+    let mut dir = PortDir::open(&path).expect("free");
+    let error = dir
+        .leave_note(Note::Scenario, "schema = 1")
+        .expect_err("a link");
+    assert_untouched(&victim, &error, link);
+}
+
+/// The same of the name under which a note is made before it gets its own.
+#[test]
+fn a_note_in_the_making_follows_no_link() {
+    let (path, victim) = trapped_dir("note_new_link", ".hilrig-scenario.toml.new");
+    let mut dir = PortDir::open(&path).expect("free");
+    dir.leave_note(Note::Scenario, "schema = 1")
+        .expect("the link goes");
+    assert_eq!(fs::read_to_string(&victim).expect("there"), "precious");
+    let note = fs::read_to_string(path.join(".hilrig-scenario.toml"));
+    assert_eq!(note.expect("there"), "schema = 1");
+    fs::remove_file(victim).expect("ours");
+}
+
+#[test]
+fn the_record_is_not_written_through_a_link() {
+    let (path, victim) = trapped_dir("record_link", ".hilrig-ports");
+    let error = PortDir::open(&path).expect_err("a link");
+    assert_untouched(&victim, &error, ".hilrig-ports");
+}
+
+/// A second name of a file is as good as a link to it.
+#[test]
+fn the_record_is_not_written_into_a_file_that_has_another_name_too() {
+    let (path, victim) = trapped_dir("record_hard_link", "unused");
+    fs::hard_link(&victim, path.join(".hilrig-ports")).expect("the same file system");
+    let error = PortDir::open(&path).expect_err("a link");
+    assert_untouched(&victim, &error, ".hilrig-ports");
+}
+
+/// What a killed rig left is replaced.
+#[test]
+fn a_note_that_was_left_behind_is_replaced() {
+    let path = fresh_path("old_note");
+    fs::create_dir_all(&path).expect("writable");
+    let note = path.join(".hilrig-scenario.toml");
+    fs::write(&note, "old").expect("writable");
+    let mut dir = PortDir::open(&path).expect("free");
+    dir.leave_note(Note::Scenario, "new").expect("writable");
+    assert_eq!(fs::read_to_string(&note).expect("there"), "new");
+    drop(dir);
+    let left: Vec<_> = fs::read_dir(&path).expect("there").collect();
+    assert!(left.is_empty(), "notes go with the rig: {left:?}");
 }
 
 #[test]

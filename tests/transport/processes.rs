@@ -334,6 +334,54 @@ fn ports_that_cannot_be_had_are_named_and_the_exit_code_is_2() {
     );
 }
 
+/// The PC's end is the scenario's own unless somebody wants it, and has no rate.
+#[test]
+fn the_table_names_the_pcs_end_only_if_it_is_wanted() {
+    let dir = fresh_path("table");
+    let table = |more: &[&str]| {
+        let up = Running::up(&dir, more);
+        up.signal(Signal::INT);
+        let (status, said) = up.end();
+        assert!(status.success(), "{said}");
+        let rows = said.lines().filter(|line| line.contains("/table-"));
+        let first_and_third = |row: &str| {
+            let mut words = row.split_ascii_whitespace();
+            format!(
+                "{} {}",
+                words.next().unwrap_or(""),
+                words.nth(1).unwrap_or("")
+            )
+        };
+        rows.map(first_and_third).collect::<Vec<_>>()
+    };
+    let own = ["lidar 115200", "motor any", "base 1000000", "radio 460800"];
+    assert_eq!(table(&[]), own);
+    assert_eq!(table(&["--pc"]), [&own[..], &["pc any"]].concat());
+}
+
+/// A rig that is started again by the same command keeps what it recorded before.
+#[test]
+fn a_rig_that_is_started_again_overwrites_no_capture() {
+    let dir = fresh_path("again-capture");
+    let path = dir.with_extension("pcapng");
+    let aside = dir.with_extension("1.pcapng");
+    let file = path.to_str().expect("plain");
+    let record = || {
+        let up = Running::up(&dir, &["--capture", file]);
+        up.signal(Signal::INT);
+        let (status, said) = up.end();
+        assert!(status.success(), "{said}");
+    };
+    record();
+    let first = std::fs::read(&path).expect("written");
+    record();
+    assert_eq!(std::fs::read(&aside).expect("put aside"), first);
+    assert!(Capture::read(&path).expect("readable").broken.is_none());
+    for file in [path, aside] {
+        std::fs::remove_file(file).expect("ours");
+    }
+}
+
 /// What a killed process leaves: whole blocks, up to less than a second before its end, which our
 /// reader and Wireshark's read. The stream in it is the lidar's: the clock of the run begins at
 /// its boot text.

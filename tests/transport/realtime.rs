@@ -8,8 +8,8 @@ use emulators::{Device, Event};
 use hilrig::realtime::Realtime;
 use hilrig::realtime::clock::{Clock, SimClock, WallClock};
 use hilrig::realtime::transport::{PortDir, Pty, Serial, Transport};
-use hilrig::rig::Rig;
 use hilrig::rig::line::End;
+use hilrig::rig::{PortRate, Rig};
 use hilrig::robots::OpenEnd;
 use hilrig::run::Run;
 use hilrig::scenario::Scenario;
@@ -89,6 +89,7 @@ impl Station {
             link: "counter".to_owned(),
             node,
             line: LINE,
+            rate: PortRate::OfLine,
             connect: "a test",
             is_optional: false,
         };

@@ -14,7 +14,7 @@ pub use error::{Cause, Part, SceneError};
 /// Coordinates beyond this are taken for a mistake (a floor plan in millimetres, say).
 const COORDINATE_MAX_M: f64 = 1_000.0;
 /// Walls and circles in one scene; a building of 100 m x 100 m at 5 cm needs some ten thousand.
-const PRIMITIVES_MAX: usize = 200_000;
+pub const PRIMITIVES_MAX: usize = 200_000;
 /// Faster obstacles are taken for a mistake, and would pass through the robot between two steps.
 const OBSTACLE_SPEED_MAX_M_S: f64 = 20.0;
 

@@ -1,7 +1,5 @@
 //! A case judged by what a program said at its ports, wherever that program is.
 
-use core::time::Duration;
-
 use protocols::Instant;
 
 use super::{Case, Expectation, Judgement, is_silent};
@@ -20,13 +18,13 @@ impl Case {
     ) -> (Judgement, Vec<String>) {
         let mut checks: Vec<Check> = own.into_iter().collect();
         checks.extend(self.expect.judge_links(links, end));
-        let judgement = Judgement {
-            name: self.name.clone(),
-            checks,
-            ran: Duration::from_nanos(end.as_nanos()),
-        };
+        let judgement = self.judgement(checks, end - Instant::ZERO);
         let rules = self.expect.never.iter().map(|rule| format!("never {rule}"));
-        let unjudged = rules.chain(self.expect.checks.iter().cloned());
+        let decoders = self.expect.decoder.iter();
+        let decoders = decoders.map(|one| format!("decodes-{}-{}", one.link, one.direction));
+        let unjudged = rules
+            .chain(self.expect.checks.iter().cloned())
+            .chain(decoders);
         (judgement, unjudged.collect())
     }
 }

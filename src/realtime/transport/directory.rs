@@ -4,11 +4,16 @@
 //! holds a lock on the record file, which lists the links that were made. So after a rig was
 //! killed the next one knows which links are its predecessor's, replaces those, and touches
 //! nothing else. Links are made in one step; a client sees either none or one that works.
+//!
+//! Somebody else may have prepared the directory: files are written without following links.
 
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Read, Write};
-use std::os::unix::fs::{MetadataExt, symlink};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt, symlink};
 use std::path::{Path, PathBuf};
+
+use rustix::fs::OFlags;
+use rustix::io::Errno;
 
 use super::TransportError;
 
@@ -61,12 +66,7 @@ impl PortDir {
         fs::create_dir_all(path).map_err(fail)?;
         let record_path = path.join(RECORD);
         for _ in 0..TRIES {
-            let mut record = File::options()
-                .read(true)
-                .append(true)
-                .create(true)
-                .open(&record_path)
-                .map_err(fail)?;
+            let mut record = open_record(&record_path)?;
             match record.try_lock() {
                 Ok(()) => {}
                 Err(TryLockError::WouldBlock) => {
@@ -101,10 +101,13 @@ impl PortDir {
     /// Leaves a note for clients that know of this tool, gone when the directory is given up.
     ///
     /// # Errors
-    /// If it cannot be written.
+    /// If it cannot be written, or if a link is in its place.
     pub fn leave_note(&mut self, note: Note, text: &str) -> Result<(), TransportError> {
         let path = note.path_in(&self.path);
-        fs::write(&path, text).map_err(|source| TransportError::Directory {
+        if path.is_symlink() {
+            return Err(TransportError::LinkInTheWay { path });
+        }
+        replace_file(&path, text).map_err(|source| TransportError::Directory {
             path: self.path.clone(),
             source,
         })?;
@@ -161,6 +164,51 @@ impl Drop for PortDir {
             let _ = fs::remove_dir(&self.path);
         }
     }
+}
+
+/// Opens the record, or makes it. What is not a file of its own may lead to a file of somebody
+/// else's.
+fn open_record(path: &Path) -> Result<File, TransportError> {
+    let flags = OFlags::NOFOLLOW | OFlags::NONBLOCK;
+    let opened = File::options()
+        .read(true)
+        .append(true)
+        .create(true)
+        .custom_flags(flags.bits().cast_signed())
+        .open(path);
+    let in_the_way = || TransportError::LinkInTheWay {
+        path: path.to_owned(),
+    };
+    let fail = |source: io::Error| match source.raw_os_error().map(Errno::from_raw_os_error) {
+        Some(Errno::LOOP) => in_the_way(),
+        _ => TransportError::Directory {
+            path: path.parent().unwrap_or(path).to_owned(),
+            source,
+        },
+    };
+    let record = opened.map_err(fail)?;
+    let meta = record.metadata().map_err(fail)?;
+    // No link at all: removed by its owner right now, which the caller notices.
+    match meta.is_file() && meta.nlink() <= 1 {
+        true => Ok(record),
+        false => Err(in_the_way()),
+    }
+}
+
+/// Writes a new file beside `path` and lets it take that name.
+fn replace_file(path: &Path, text: &str) -> io::Result<()> {
+    let mut beside = path.as_os_str().to_owned();
+    beside.push(".new");
+    let beside = Path::new(&beside);
+    // Of a rig that was killed. A link goes itself, not what it leads to.
+    match fs::remove_file(beside) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+        _ => {}
+    }
+    let mut file = File::create_new(beside)?;
+    let written = file.write_all(text.as_bytes());
+    let renamed = written.and_then(|()| fs::rename(beside, path));
+    renamed.inspect_err(|_| drop(fs::remove_file(beside)))
 }
 
 /// A published name; gone when dropped.

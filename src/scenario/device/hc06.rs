@@ -81,7 +81,9 @@ impl DeviceKind for Hc06Kind {
             device: Box::new(Hc06::new(profile, context.seed)),
             ports: vec![
                 PortInfo::uart("uart", Hc06::UART, line, "the robot's radio UART").in_pieces(16),
-                PortInfo::uart("air", Hc06::AIR, AIR_LINE, "a PC program").in_pieces(64),
+                PortInfo::uart("air", Hc06::AIR, AIR_LINE, "a PC program")
+                    .in_pieces(64)
+                    .at_any_rate(LineConfig::new_8n1(protocols::pcui::BAUD)),
             ],
         })
     }

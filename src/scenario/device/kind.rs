@@ -10,7 +10,7 @@ use serde::de::DeserializeOwned;
 use toml::de::ValueDeserializer;
 
 use crate::codec::Codec;
-use crate::rig::{AnyDevice, LinkKind, Rig};
+use crate::rig::{AnyDevice, LinkKind, PortRate, Rig};
 use crate::scenario::device::scan::ScanDecoder;
 use crate::scenario::{ScenarioError, Source};
 
@@ -179,7 +179,7 @@ pub struct PortInfo {
     pub name: &'static str,
     /// The device's number for it.
     pub port: Port,
-    /// Coding that a client at the far end should set.
+    /// Coding of its line.
     pub line: LineConfig,
     /// Bytes that are delivered at once, see [`Line::piece`](crate::rig::line::Line::piece).
     pub piece: usize,
@@ -189,6 +189,8 @@ pub struct PortInfo {
     pub is_optional: bool,
     /// What its link is made of.
     pub kind: LinkKind,
+    /// Which baud rates of a client at the far end are right.
+    pub rate: PortRate,
     /// What is spoken there, if that is fixed.
     pub codec: Option<&'static Codec>,
 }
@@ -209,6 +211,7 @@ impl PortInfo {
             connect,
             is_optional: false,
             kind: LinkKind::Uart,
+            rate: PortRate::OfLine,
             codec: None,
         }
     }
@@ -232,6 +235,12 @@ impl PortInfo {
             codec: Some(codec),
             ..self
         }
+    }
+
+    /// The same where a client is right at any rate; its port is at `usual` until it sets one.
+    pub const fn at_any_rate(self, usual: LineConfig) -> Self {
+        let rate = PortRate::Any { usual };
+        Self { rate, ..self }
     }
 
     /// The same on a link of `kind`.

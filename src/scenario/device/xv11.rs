@@ -169,7 +169,8 @@ impl DeviceKind for Xv11Kind {
                     .speaking(spec.codec()),
                 PortInfo::uart("motor", Xv11::MOTOR, PIN, drive)
                     .optional()
-                    .on(LinkKind::Pin),
+                    .on(LinkKind::Pin)
+                    .at_any_rate(PIN),
             ],
         })
     }

@@ -297,6 +297,7 @@ fn record(run: &mut Run, path: &Path) -> Result<(), HarnessError> {
     let limits = Limits {
         file_bytes: CAPTURE_MAX,
         files: 1,
+        ..Limits::default()
     };
     let recording = Recording::create(path, &run.rig, about, limits);
     let recording = recording.map_err(|source| HarnessError::File(path.to_owned(), source))?;

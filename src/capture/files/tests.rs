@@ -1,0 +1,90 @@
+use super::*;
+
+/// A recording's first bytes; each file begins with them.
+fn head() -> Vec<u8> {
+    [&SECTION.to_le_bytes()[..], b"head"].concat()
+}
+
+/// A folder of its own.
+fn folder(name: &str) -> PathBuf {
+    let name = format!("hilrig-files-{name}-{}", std::process::id());
+    let folder = std::env::temp_dir().join(name);
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir_all(&folder).expect("writable");
+    folder
+}
+
+/// A recording whose files are full with each block, of which one put aside is kept.
+fn files(folder: &Path) -> io::Result<Files> {
+    let limits = Limits {
+        file_bytes: 10,
+        files: 1,
+        existing: Existing::SetAside,
+    };
+    Files::create(&folder.join("live.pcapng"), head(), limits)
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let entries = fs::read_dir(folder).expect("there");
+    let name = |entry: io::Result<fs::DirEntry>| entry.expect("there").file_name();
+    let mut names: Vec<String> = entries
+        .map(|entry| name(entry).to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    names
+}
+
+/// Whoever fetches the files while they are written takes them away.
+#[test]
+fn a_file_that_was_moved_away_ends_nothing() {
+    let folder = folder("moved");
+    let mut files = files(&folder).expect("writable");
+    files.write(b"first block").expect("room");
+    fs::remove_file(folder.join("live.1.pcapng")).expect("put aside");
+    files
+        .write(b"second block")
+        .expect("the file to delete is gone");
+    fs::remove_file(folder.join("live.pcapng")).expect("the one that is written");
+    files
+        .write(b"third block")
+        .expect("the file to put aside is gone");
+    assert_eq!(names(&folder), ["live.pcapng"]);
+    files.write(b"fourth block").expect("it goes on");
+    assert_eq!(names(&folder), ["live.4.pcapng", "live.pcapng"]);
+    fs::remove_dir_all(folder).expect("ours");
+}
+
+/// A rig that is started again numbers on and overwrites nothing.
+#[test]
+fn a_recording_of_the_same_name_keeps_what_is_there() {
+    let folder = folder("again");
+    drop(files(&folder).expect("writable"));
+    fs::write(folder.join("live.7.pcapng"), "kept").expect("writable");
+    fs::write(folder.join("other.9.pcapng"), "another's").expect("writable");
+    drop(files(&folder).expect("writable"));
+    let expected = [
+        "live.7.pcapng",
+        "live.8.pcapng",
+        "live.pcapng",
+        "other.9.pcapng",
+    ];
+    assert_eq!(names(&folder), expected);
+    assert_eq!(
+        fs::read(folder.join("live.8.pcapng")).expect("there"),
+        head()
+    );
+    fs::remove_dir_all(folder).expect("ours");
+}
+
+#[test]
+fn a_file_that_is_no_capture_is_left_alone() {
+    let folder = folder("foreign");
+    fs::write(folder.join("live.pcapng"), "my thesis").expect("writable");
+    let error = files(&folder).expect_err("not ours");
+    assert_eq!(
+        error.to_string(),
+        "the file there is no capture, expected one or a free name"
+    );
+    assert_eq!(names(&folder), ["live.pcapng"]);
+    fs::remove_dir_all(folder).expect("ours");
+}

@@ -1,0 +1,128 @@
+//! The PC's end of the air as a port: no UART is behind it, so it has no baud rate.
+
+use core::time::Duration;
+use std::fs::File;
+use std::io::{self, ErrorKind, Read, Write};
+use std::path::Path;
+
+use hilrig::realtime::Realtime;
+use hilrig::realtime::clock::{Clock, SimClock};
+use hilrig::realtime::transport::{Pty, Transport};
+use hilrig::robots::rescue::pc_program::fielded::Client;
+use hilrig::robots::{self, Dut, PcEnd};
+use hilrig::run::Run;
+use hilrig::scenario::Scenario;
+use protocols::{Decode, Instant, pcui};
+use rustix::fs::{OFlags, fcntl_setfl};
+use serialport::TTYPort;
+
+use crate::support::*;
+
+/// What a client at the port hears and says.
+struct Heard {
+    frames: u32,
+    bad_frames: u32,
+    waypoints: usize,
+    log: String,
+}
+
+/// What a client that keeps still would hear is nothing: the read fails instead.
+fn read(port: &mut impl Read, buf: &mut [u8]) -> usize {
+    match port.read(buf) {
+        Ok(len) => len,
+        Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => 0,
+        Err(error) => panic!("client: {error}"),
+    }
+}
+
+/// Six seconds of a mission whose PC is the fielded program at a port that `open` opens. It clicks
+/// twice once it knows the map; a sound robot tells it both waypoints with their numbers.
+fn fielded_client<P: Read + Write>(name: &str, open: impl FnOnce(&Path) -> P) -> Heard {
+    let text = include_str!("short.toml").to_owned();
+    let (scenario, source) = Scenario::parse("short.toml".as_ref(), text).expect("sound");
+    let wired = robots::wire(&scenario, &source, Dut::Internal, PcEnd::External);
+    let mut wired = wired.expect("can be wired");
+    let dir = fresh_dir(name);
+    let end = wired.open_ends.remove(0);
+    let transport = Pty::open(&dir, &end.name, end.line).expect("a free name");
+    let mut port = open(transport.path());
+    let mut run = Run::with_rig(scenario, wired.rig, wired.instruments);
+    let mut realtime = Realtime::new(SimClock::default());
+    realtime.serve(end, Box::new(transport));
+
+    let (mut client, mut decoder) = (Client::default(), pcui::Decoder::default());
+    let (mut frames, mut bad_frames, mut has_clicked, mut echoes) = (0, 0, false, 0);
+    let mut buf = [0; 4096];
+    while realtime.clock().now() < Instant::from_secs(6) {
+        realtime.turn(&mut run).expect("the port stays");
+        realtime.clock().advance(Duration::from_millis(5));
+        let len = read(&mut port, &mut buf);
+        client.receive(&buf[..len]);
+        for frame in decoder.push(&buf[..len]) {
+            match frame {
+                Ok(frame) => {
+                    frames += 1;
+                    echoes += usize::from(frame.id() == *b"LWP" && has_clicked);
+                }
+                Err(_) => bad_frames += 1,
+            }
+        }
+        if !has_clicked && frames > 50 {
+            client.click([1200, 1200]);
+            let list = client.click([2200, 1200]);
+            port.write_all(&list).expect("room");
+            has_clicked = true;
+        }
+    }
+    assert!(echoes > 0, "the robot never told its waypoints");
+    let log = run.rig.events().iter().map(ToString::to_string);
+    Heard {
+        frames,
+        bad_frames,
+        waypoints: client.waypoints().len(),
+        log: log.collect::<Vec<_>>().join("\n"),
+    }
+}
+
+impl Heard {
+    /// Everything came through, and nobody blames the client for its rate.
+    fn assert_whole(&self) {
+        assert!(self.frames > 100, "only {} frames", self.frames);
+        assert_eq!(self.bad_frames, 0);
+        assert_eq!(self.waypoints, 2, "the robot repeats what it was sent");
+        assert!(!self.log.contains("wrong-baud"), "{}", self.log);
+        assert!(!self.log.contains("garbage"), "{}", self.log);
+    }
+}
+
+fn at_baud(path: &Path, baud: u32) -> TTYPort {
+    let builder = serialport::new(path.to_string_lossy(), baud).timeout(Duration::from_micros(1));
+    TTYPort::open(&builder).expect("the port is free")
+}
+
+/// The fielded program has this rate in its source.
+#[test]
+fn a_pc_program_at_460800_reads_every_frame() {
+    fielded_client("pc_460800", |path| at_baud(path, 460_800)).assert_whole();
+}
+
+/// Any other rate is as right: nothing behind the port has one.
+#[test]
+fn a_pc_program_at_115200_reads_every_frame() {
+    fielded_client("pc_115200", |path| at_baud(path, 115_200)).assert_whole();
+}
+
+/// `cat` and the like set nothing.
+#[test]
+fn a_pc_program_that_sets_no_rate_reads_every_frame() {
+    fielded_client("pc_untouched", open_untouched).assert_whole();
+}
+
+fn open_untouched(path: &Path) -> File {
+    let open = || -> io::Result<File> {
+        let file = File::options().read(true).write(true).open(path)?;
+        fcntl_setfl(&file, OFlags::NONBLOCK)?;
+        Ok(file)
+    };
+    open().expect("the port is free")
+}
