@@ -12,6 +12,7 @@
 //! the clock can: nothing is poured over clients, and what they break for that is charged to nobody. Nothing here is exact to better than a few hundred
 //! microseconds, and how late it was is measured: verdicts come from virtual time.
 
+mod adapter;
 pub mod clock;
 pub mod control;
 pub(crate) mod exec;
@@ -32,7 +33,9 @@ use crate::realtime::clock::Clock;
 use crate::realtime::transport::{Counters, PortEvent, Transport, TransportError, wait};
 use crate::rig::{Paced, PortRate, Rig};
 use crate::robots::OpenEnd;
+use crate::scenario::Scenario;
 
+use adapter::Adapter;
 pub(crate) use lateness::LATE;
 pub use lateness::Lateness;
 
@@ -68,6 +71,7 @@ struct Port {
     traffic: Traffic,
     is_open: bool,
     baud: u32,
+    adapter: Option<Adapter>,
 }
 
 /// What passed a port.
@@ -125,7 +129,22 @@ impl<C: Clock> Realtime<C> {
             transport,
             traffic: Traffic::default(),
             is_open: false,
+            adapter: None,
         });
+    }
+
+    /// Puts the adapters that `scenario` names between the ports served so far and their clients.
+    pub(crate) fn plug_in(&mut self, scenario: &Scenario, rig: &mut Rig) {
+        for (name, spec) in &scenario.link {
+            let ports = self.ports.iter_mut().filter(|port| port.end.link == *name);
+            for port in ports {
+                port.adapter = Adapter::new(spec.adapter, name, scenario.seed, rig.now());
+                // It cuts between bytes, so they have to come one by one.
+                if let Some(link) = rig.link_mut(name).filter(|_| port.adapter.is_some()) {
+                    link.lines.iter_mut().for_each(|line| line.piece = 1);
+                }
+            }
+        }
     }
 
     /// The clock.
@@ -220,7 +239,13 @@ impl<C: Clock> Realtime<C> {
     /// Waits for the next event, but at least `earliest`, unless a client sends.
     fn wait(&self, rig: &Rig, earliest: Duration) {
         let now = self.clock.now();
-        let next = rig.next_event().map_or(WAIT_MAX, |next| next - now);
+        let adapters = self.ports.iter().filter_map(|port| port.adapter.as_ref());
+        let next = rig.next_event();
+        let next = next
+            .into_iter()
+            .chain(adapters.map(Adapter::expires_at))
+            .min();
+        let next = next.map_or(WAIT_MAX, |next| next - now);
         let timeout = next.min(WAIT_MAX).max(earliest);
         let mut fds = Vec::new();
         for port in &self.ports {
@@ -288,8 +313,13 @@ impl Port {
     /// What the rig has for the client.
     fn carry_out(&mut self, rig: &mut Rig) {
         let bytes = rig.take_output(self.end.node);
-        if !bytes.is_empty() {
-            self.traffic.to_client += self.transport.write(&bytes) as u64;
+        let pieces = match &mut self.adapter {
+            Some(adapter) => adapter.pass(rig.now(), &bytes),
+            None if bytes.is_empty() => return,
+            None => vec![bytes],
+        };
+        for piece in pieces {
+            self.traffic.to_client += self.transport.write(&piece) as u64;
         }
     }
 

@@ -32,7 +32,9 @@ pub use device::{
     Xv11Spec,
 };
 pub use drives::DrivesSpec;
-pub use fault::{DirectionSpec, FaultKind, FaultPlace, FaultSpec, Flaw, LinkSpec, WhenSpec};
+pub use fault::{
+    AdapterSpec, DirectionSpec, FaultKind, FaultPlace, FaultSpec, Flaw, LinkSpec, WhenSpec,
+};
 pub use mission::{Action, Expect, Mission, SetPoint, Step};
 pub use own::{
     AccessSpec, CommandSpec, OrderSpec, PeriodicSpec, RegisterSpec, RegistersSpec, SourceSpec,

@@ -118,6 +118,8 @@ pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
     for seat in seats {
         realtime.serve(seat.end, seat.transport);
     }
+    let scenario = going.run.scenario().clone();
+    realtime.plug_in(&scenario, &mut going.run.rig);
     control.offer(realtime.places());
     realtime.clock().let_go();
     let ended = go(&mut going, &mut realtime, &mut control, &mut show, &stop);

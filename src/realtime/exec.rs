@@ -124,7 +124,7 @@ impl Trial {
     /// # Errors
     /// If it cannot be started, or needs a port that there is not.
     pub(crate) fn start(
-        run: Run,
+        mut run: Run,
         seats: Vec<Seat>,
         mut dir: PortDir,
         foreign: Foreign,
@@ -138,6 +138,8 @@ impl Trial {
         for seat in seats {
             realtime.serve(seat.end, seat.transport);
         }
+        let scenario = run.scenario().clone();
+        realtime.plug_in(&scenario, &mut run.rig);
         control.offer(realtime.places());
         let process = Process::start(&foreign.command, &env, Some(log));
         Ok(Self {

@@ -24,6 +24,32 @@ pub struct LinkSpec {
     /// Time between the last bit on the wire and the receiver seeing it, both ways.
     #[serde(default)]
     pub latency: Span,
+    /// What the client's end of the link is plugged into, in real time: what it reads is gathered
+    /// and cut as that does it. In virtual time it changes nothing.
+    #[serde(default, skip_serializing_if = "AdapterSpec::is_direct")]
+    pub adapter: AdapterSpec,
+}
+
+/// An adapter between a UART and its client.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum AdapterSpec {
+    /// None: bytes come as the device sends them.
+    #[default]
+    Direct,
+    /// 62 bytes or what there is each 16 ms.
+    Ftdi,
+    /// 64 bytes or what there is each 4 ms.
+    Cp2102,
+    /// 32 bytes or what there is each millisecond.
+    Ch340,
+}
+
+impl AdapterSpec {
+    /// Whether there is none.
+    pub fn is_direct(&self) -> bool {
+        *self == Self::Direct
+    }
 }
 
 /// Declares the keys of a fault: each is optional, and which are given can be listed.

@@ -125,7 +125,13 @@ pub(crate) fn scenario(base: &Scenario, vary: Vary, dice: &mut Dice) -> Scenario
             .filter(|&name| Some(name) != targets.hasty())
         {
             let latency = Span::from_millis(dice.timing.between(0, 12));
-            made.link.insert(name.to_owned(), LinkSpec { latency });
+            made.link.insert(
+                name.to_owned(),
+                LinkSpec {
+                    latency,
+                    ..LinkSpec::default()
+                },
+            );
         }
     }
     if vary.faults {

@@ -430,3 +430,43 @@ fn a_capture_is_readable_after_the_process_was_killed() {
     }
     let _ = std::fs::remove_file(&path);
 }
+
+/// H5: what a client reads through an FTDI adapter is cut anywhere: at least half of the reads end
+/// inside a packet, a port opened in mid-stream begins inside one, and the stream is whole.
+#[test]
+fn a_client_behind_an_adapter_reads_pieces_of_packets() {
+    let dir = fresh_path("adapter");
+    let text = std::fs::read_to_string(SHORT).expect("shipped");
+    let scenario = fresh_path("adapter.toml");
+    let text = format!("{text}\n[link.lidar]\nadapter = \"ftdi\"\n");
+    std::fs::write(&scenario, text).expect("can be written");
+    let [dir_text, scenario] = [&dir, &scenario].map(|path| path.to_str().expect("plain"));
+    let mut up = Running::start(&["up", scenario, "--dir", dir_text, "--duration", "60s"]);
+    up.wait_for("locked");
+    let (mut reads, mut inside, mut begun, mut indices) = (0_u32, 0_u32, 0, Vec::new());
+    // Where a client comes in is chance; one place of 22 is a packet's first byte.
+    for _ in 0..6 {
+        let mut client = client_at(&dir.join("lidar"), xv11::BAUD);
+        let (mut decoder, mut buf, mut first) = (xv11::Decoder::default(), [0; 512], None);
+        indices.clear();
+        wait_until(|| {
+            let len = client.read(&mut buf).unwrap_or(0);
+            first = first.or(buf[..len].first().copied());
+            let frames = decoder.push(&buf[..len]).filter_map(Result::ok);
+            indices.extend(frames.map(|frame| frame.index()));
+            reads += u32::from(len > 0);
+            inside += u32::from(len > 0 && decoder.pending() > 0);
+            indices.len() >= 90
+        });
+        begun += u32::from(first != Some(xv11::START) && decoder.discarded() > 0);
+    }
+    up.signal(Signal::INT);
+    assert!(up.end().0.success());
+    assert!(
+        inside * 2 >= reads,
+        "{inside} of {reads} reads end inside a packet"
+    );
+    assert!(begun > 0, "each began with a packet's first byte");
+    let follows = |pair: &[u8]| pair[1] == if pair[0] == 89 { 0 } else { pair[0] + 1 };
+    assert!(indices.windows(2).all(follows), "{indices:?}");
+}
