@@ -45,8 +45,8 @@ fn about_in(scenario: &Scenario, clock: &str) -> Section {
     }
 }
 
-/// A tap that writes a capture. An error stops it, not the run; [`Tap::take_trouble`] tells at once,
-/// [`Tap::finish`] in the end.
+/// A tap that writes a capture. An error stops it, not the run; [`Tap::take_trouble`] tells at
+/// once, [`Tap::finish`] in the end.
 #[derive(Debug)]
 pub struct Recording {
     scribe: WriterThread,

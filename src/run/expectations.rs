@@ -35,7 +35,7 @@ impl Run {
             rms.map(|e| e.rms_deg),
             "deg",
         );
-        let from_last = self.progress.from_last_mm();
+        let from_last = self.progress.distance_from_last_mm();
         at_most(
             "returned",
             expect.return_within_mm,

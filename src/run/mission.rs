@@ -100,7 +100,7 @@ impl Progress {
     }
 
     /// Distance from the last waypoint, mm.
-    pub fn from_last_mm(&self) -> Option<f64> {
+    pub fn distance_from_last_mm(&self) -> Option<f64> {
         Some(self.waypoints.last()?.distance(self.last?) * 1000.0)
     }
 }

@@ -87,7 +87,7 @@ fn a_day_of_silence_in_a_capture_is_played_as_a_minute() {
     let (middle, day) = (Instant::from_secs(1), Duration::from_secs(86_400));
     let late = capture.records.iter_mut();
     late.filter(|record| record.at > middle)
-        .for_each(|record| record.at = record.at + day);
+        .for_each(|record| record.at += day);
     let mut bytes = Vec::new();
     capture.sections[0].write(&mut bytes);
     capture.links.iter().for_each(|link| link.write(&mut bytes));

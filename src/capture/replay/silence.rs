@@ -1,8 +1,8 @@
 //! Long silences of a capture, which are played shorter.
 //!
-//! A program has to be run through every silence, and a clock that was set, or a recorder that slept,
-//! makes one of days. Nothing in a robot waits for longer than [`SILENCE_MAX`], so what comes after
-//! that would be no other after a day.
+//! A program has to be run through every silence, and a clock that was set, or a recorder that
+//! slept, makes one of days. Nothing in a robot waits for longer than [`SILENCE_MAX`], so what
+//! comes after that would be no other after a day.
 
 use core::time::Duration;
 
