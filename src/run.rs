@@ -60,6 +60,7 @@ use agenda::Agenda;
 pub use command::CommandError;
 pub use condition::Watch;
 pub use contacts::Contacts;
+pub(crate) use expectations::is_of_the_end;
 pub use faults::{FAULTS_MAX, FaultReport, FaultState};
 use line_watch::LineWatches;
 use steps::Steps;

@@ -2,6 +2,9 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
 
+use super::exec::ExecArgs;
+use super::replay::judge_case;
+use super::stop::Stop;
 use super::{CliError, Verdict};
 use crate::capture::Section;
 use crate::capture::case::{Case, Judgement};
@@ -34,6 +37,7 @@ enum Command {
     hilrig case from hilrig-out/rescue-flat-1/capture.pcapng -o case.toml\n  \
     hilrig case from field.pcapng --scenario scenarios/rescue-flat.toml --until 20s \\\n    \
     -o tests/cases/stall.toml --test tests/stall.rs\n  \
+    hilrig case from field.pcapng --exec 'python3 my_robot.py'\n  \
     hilrig run case.toml")]
 struct From {
     /// Capture to take the bytes from
@@ -51,6 +55,8 @@ struct From {
     /// Write a Rust test that runs the case
     #[arg(long, value_name = "FILE")]
     test: Option<PathBuf>,
+    #[command(flatten)]
+    program: ExecArgs,
 }
 
 pub(super) fn run(args: CaseArgs) -> Result<Verdict, CliError> {
@@ -63,7 +69,7 @@ pub(super) fn run(args: CaseArgs) -> Result<Verdict, CliError> {
         .file_stem()
         .and_then(|stem| stem.to_str())
         .unwrap_or("case");
-    let (mut case, source) = match recorded.is_one_way() {
+    let (mut case, source) = match recorded.is_one_way() && args.program.exec.is_none() {
         true => decoder_case(&args, stem, &recorded)?,
         false => {
             let given = args.scenario.as_deref();
@@ -79,7 +85,14 @@ pub(super) fn run(args: CaseArgs) -> Result<Verdict, CliError> {
     if let Some(path) = &args.test {
         write(path, &test(stem, &args.out))?;
     }
-    let now = case.run(&source)?;
+    let now = match args.program.foreign() {
+        Some(foreign) if case.expect.decoder.is_empty() => {
+            let out = Path::new("hilrig-out").join(stem);
+            let both = (case.clone(), source);
+            judge_case(&both, &foreign, &out, &Stop::new(None)?)?
+        }
+        _ => case.run(&source)?,
+    };
     report(&args, &case, &now);
     Ok(Verdict::Pass)
 }
@@ -121,7 +134,8 @@ fn report(args: &From, case: &Case, now: &Judgement) {
         println!("  the decoder of {of} finds the same in {link} {direction}: {lines} lines");
     }
     println!("today: {now}");
-    println!("run it with: hilrig run {}", args.out.display());
+    let (out, exec) = (args.out.display(), args.program.repeat());
+    println!("run it with: hilrig run {out}{exec}");
 }
 
 /// A test that runs the case at `path`.

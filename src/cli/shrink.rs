@@ -119,7 +119,7 @@ fn shrink_case(args: &ShrinkArgs) -> Result<Verdict, CliError> {
         .rev()
         .find(&mut fails);
     let start = start.ok_or_else(|| not_bad(&args.file, "passes"))?;
-    let small = shrink::scenario(&start, &mut fails, &mut effort);
+    let small = shrink::scenario(&start, &cause, &mut fails, &mut effort);
     let faults = [expanded.fault.len(), small.fault.len()];
     put(&path, small.to_toml().as_bytes())?;
     let said = shrink::in_words(&small);

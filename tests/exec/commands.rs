@@ -43,6 +43,24 @@ fn a_capture_is_replayed_to_a_program_which_must_live() {
     assert!(!bench.folder.join("replayed/ports").exists());
 }
 
+/// A capture of somebody's program as a case: what it is today is asked of that program.
+#[test]
+fn a_case_is_made_with_the_program_that_it_is_of() {
+    let bench = Bench::new("case-from", "1s", READER);
+    let ended = bench.run(&[]);
+    assert_eq!(ended.code, Some(0), "{}", ended.said);
+    let from = ["case", "from", "out/capture.pcapng", "-o", "made.toml"];
+    let exec = ["--exec", "python3 program.py", "--exec-wait", "60s"];
+    let (code, said) = hilrig(
+        &bench,
+        &[&from[..], &exec, &["--exec-needs", "sonar"]].concat(),
+    );
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("program-alive"), "{said}");
+    let again = "run it with: hilrig run made.toml --exec 'python3 program.py'";
+    assert!(said.contains(again), "{said}");
+}
+
 #[test]
 fn a_campaign_runs_each_seed_with_the_program_and_groups_what_fails() {
     let python = "\

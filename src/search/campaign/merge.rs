@@ -178,7 +178,7 @@ fn minimise(
     };
     // A foreign program is not here to be asked: `hilrig shrink --exec` does so.
     let tries = if plan.exec.is_some() { 0 } else { TRIES };
-    let small = shrink::scenario(&case, fails, &mut Effort::tries(tries));
+    let small = shrink::scenario(&case, &cause, fails, &mut Effort::tries(tries));
     let name = format!("groups/{number:02}.toml");
     let dir = out.join("groups");
     fs::create_dir_all(&dir).map_err(failed(&dir))?;

@@ -155,7 +155,8 @@ impl Subject for Missions {
         let start = expanded.filter(|case| effort.spend() && fails(case));
         let start = start.unwrap_or(made);
         let kind = Kind::of(&start, fails);
-        let small = shrink::scenario(&start, |case| kind.is_alike(case, &start, fails), effort);
+        let is_alike = |case: &Scenario| kind.is_alike(case, &start, fails);
+        let small = shrink::scenario(&start, &fault.cause, is_alike, effort);
         let fault = self.judged(&small).0.unwrap_or_else(|| fault.clone());
         Kept {
             fault: Violation {

@@ -1,10 +1,8 @@
 use core::time::Duration;
 
 use super::{Effort, fewest};
+use crate::run::is_of_the_end;
 use crate::scenario::{Scenario, Span};
-
-/// No mission is done in this time.
-const MOMENT: Span = Span::from_millis(100);
 
 /// The smallest scenario found for which `fails` still holds: fewer faults first, because they are
 /// what the cause is read from, then a shorter run, fewer orders and waypoints, less in the world,
@@ -12,13 +10,14 @@ const MOMENT: Span = Span::from_millis(100);
 ///
 /// If `start` does not fail without its faults, neither does what it is shrunk to: a mission that
 /// nobody could complete in its time says nothing of what kept the robot from it. For the same
-/// reason a run that fails of what is not done in the end keeps its time if no fault is to blame,
-/// and a mission that has waypoints keeps one.
+/// reason a run whose `cause`, the name of the check that fails, is about what is not done in the
+/// end keeps its time if no fault is to blame, and its mission keeps a waypoint.
 ///
 /// `fails` holds for `start`. Random faults cannot be thinned out without becoming others; give
 /// the case of a run, in which they are written out as the bytes that they hit.
 pub fn scenario(
     start: &Scenario,
+    cause: &str,
     mut fails: impl FnMut(&Scenario) -> bool,
     effort: &mut Effort<'_>,
 ) -> Scenario {
@@ -28,15 +27,10 @@ pub fn scenario(
     };
     let are_faults_to_blame =
         !start.fault.is_empty() && effort.spend() && !fails(&without_faults(start));
-    // What has not been done after a moment cannot have been prevented by anything.
-    let moment = Scenario {
-        duration: MOMENT,
-        ..start.clone()
-    };
-    let keeps_time = !are_faults_to_blame && effort.spend() && fails(&moment);
-    let had_waypoints = !start.mission.waypoints_m.is_empty();
+    let keeps_time = is_of_the_end(cause) && !are_faults_to_blame;
+    let keeps_waypoint = keeps_time && !start.mission.waypoints_m.is_empty();
     let mut fails = |case: &Scenario| {
-        if had_waypoints && case.mission.waypoints_m.is_empty() {
+        if keeps_waypoint && case.mission.waypoints_m.is_empty() {
             return false;
         }
         let is_about_faults = !are_faults_to_blame || !case.fault.is_empty();
@@ -233,8 +227,8 @@ mod tests {
         case
     }
 
-    fn smallest(fails: impl FnMut(&Scenario) -> bool) -> Scenario {
-        scenario(&case(), fails, &mut Effort::tries(1000))
+    fn smallest(cause: &str, fails: impl FnMut(&Scenario) -> bool) -> Scenario {
+        scenario(&case(), cause, fails, &mut Effort::tries(1000))
     }
 
     fn has_pillar(case: &Scenario) -> bool {
@@ -247,7 +241,8 @@ mod tests {
     #[test]
     fn a_mission_that_a_thing_prevents_keeps_its_time_and_the_thing() {
         let is_short = |case: &Scenario| case.duration.0 < Duration::from_secs(40);
-        let small = smallest(|case| is_short(case) || has_pillar(case));
+        let fails = |case: &Scenario| is_short(case) || has_pillar(case);
+        let small = smallest("waypoints-visited", fails);
         assert_eq!(small.duration, Span::from_millis(60_000));
         assert!(has_pillar(&small) && small.world.pillar.len() == 1);
         assert_eq!(small.mission.waypoints_m.len(), 1);
@@ -256,7 +251,8 @@ mod tests {
     /// A contact at 12 s has nothing to do with how long the run is behind it.
     #[test]
     fn what_happens_on_the_way_is_shown_by_a_shorter_run() {
-        let small = smallest(|case| case.duration.0 > Duration::from_secs(12) && has_pillar(case));
+        let fails = |case: &Scenario| case.duration.0 > Duration::from_secs(12) && has_pillar(case);
+        let small = smallest("no-collision-at-speed", fails);
         assert!(
             small.duration <= Span::from_millis(12_200),
             "{}",
