@@ -1,4 +1,4 @@
-//! What a link is made of, which decides what can go wrong with it, and at which rate its ports are.
+//! What a link is made of, which decides what can go wrong with it; which rates its ports take.
 
 use core::fmt;
 

@@ -9,8 +9,8 @@ const FAR_M: f64 = 10_000.0;
 /// More turns than ten are a mistake, degrees.
 const TURN_DEG: f64 = 3_600.0;
 
-/// Whether `source` is a text that may be read: a shape costs kilobytes on its way to the scene that
-/// would refuse it.
+/// Whether `source` is a text that may be read: a shape costs kilobytes on its way to the scene
+/// that would refuse it.
 pub(super) fn check_text(source: &Source) -> Result<(), ScenarioError> {
     // Each shape has one of these keys, however its table is written.
     let keys = ["path_m", "corners_m", "at_m"];

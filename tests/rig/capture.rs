@@ -195,8 +195,8 @@ fn a_long_recording_puts_files_aside_and_keeps_the_newest() {
     assert!(numbers.is_sorted_by(|a, b| a + 1 == *b));
 }
 
-/// A file that cannot be put aside stands for any trouble of a disk: whoever watches a live run must
-/// hear of it while it goes on, not hours later at its end.
+/// A file that cannot be put aside stands for any trouble of a disk: whoever watches a live run
+/// must hear of it while it goes on, not hours later at its end.
 #[test]
 fn what_stops_a_recording_is_told_while_the_run_goes_on() {
     let dir = folder("capture-trouble");

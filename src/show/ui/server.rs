@@ -133,8 +133,8 @@ async fn guarded(State(listen): State<SocketAddr>, request: Request, next: Next)
     response
 }
 
-/// An origin that cannot be read is a foreign one. A header that comes twice is none of a browser's,
-/// and whoever stands between may believe the other one.
+/// An origin that cannot be read is a foreign one. A header that comes twice is none of a
+/// browser's, and whoever stands between may believe the other one.
 fn is_admitted(listen: SocketAddr, headers: &HeaderMap) -> bool {
     let is_doubled = |name: HeaderName| headers.get_all(name).iter().nth(1).is_some();
     if is_doubled(header::HOST) || is_doubled(header::ORIGIN) {
