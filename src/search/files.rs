@@ -1,0 +1,41 @@
+//! Files that a kill at any moment leaves whole: read with what is expected, replaced in one step.
+
+use std::fs::{self, File};
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+
+use super::error::{StoreError, failed};
+
+/// The bytes of the file `path`, which should be `expected`.
+///
+/// # Errors
+/// If there is none, it cannot be read, or something else has its name, like a folder.
+pub(super) fn read(path: &Path, expected: &'static str) -> Result<Vec<u8>, StoreError> {
+    let unreadable = |source| StoreError::Unreadable {
+        path: path.to_owned(),
+        source,
+        expected,
+    };
+    // A pipe would be waited for, without end.
+    if !fs::metadata(path).map_err(unreadable)?.is_file() {
+        return Err(unreadable(io::Error::other("is not a file")));
+    }
+    fs::read(path).map_err(unreadable)
+}
+
+/// Writes `bytes` beside `path` and renames: a kill or a power cut leaves the old file or the new
+/// one.
+///
+/// # Errors
+/// If the folder cannot be written, or a folder has one of the two names.
+pub(super) fn replace(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+    let mut beside = path.as_os_str().to_owned();
+    beside.push(".new");
+    let beside = PathBuf::from(beside);
+    let written = File::create(&beside).and_then(|mut file| {
+        file.write_all(bytes)?;
+        file.sync_data()
+    });
+    written.map_err(failed(&beside))?;
+    fs::rename(&beside, path).map_err(failed(path))
+}
