@@ -14,9 +14,9 @@ pub enum StoreError {
         /// What the system said.
         source: io::Error,
     },
-    /// Nothing that can be read has the name of a file that is needed.
+    /// What is needed cannot be used, like a folder in the place of a file.
     #[error("{}: {source}, expected {expected}", .path.display())]
-    Unreadable {
+    Unusable {
         /// Which.
         path: PathBuf,
         /// What the system said.

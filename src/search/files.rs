@@ -11,16 +11,16 @@ use super::error::{StoreError, failed};
 /// # Errors
 /// If there is none, it cannot be read, or something else has its name, like a folder.
 pub(super) fn read(path: &Path, expected: &'static str) -> Result<Vec<u8>, StoreError> {
-    let unreadable = |source| StoreError::Unreadable {
+    let unusable = |source| StoreError::Unusable {
         path: path.to_owned(),
         source,
         expected,
     };
     // A pipe would be waited for, without end.
-    if !fs::metadata(path).map_err(unreadable)?.is_file() {
-        return Err(unreadable(io::Error::other("is not a file")));
+    if !fs::metadata(path).map_err(unusable)?.is_file() {
+        return Err(unusable(io::Error::other("is not a file")));
     }
-    fs::read(path).map_err(unreadable)
+    fs::read(path).map_err(unusable)
 }
 
 /// Writes `bytes` beside `path` and renames: a kill or a power cut leaves the old file or the new
@@ -29,6 +29,13 @@ pub(super) fn read(path: &Path, expected: &'static str) -> Result<Vec<u8>, Store
 /// # Errors
 /// If the folder cannot be written, or a folder has one of the two names.
 pub(super) fn replace(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+    if path.is_dir() {
+        return Err(StoreError::Unusable {
+            path: path.to_owned(),
+            source: io::ErrorKind::IsADirectory.into(),
+            expected: "a file",
+        });
+    }
     let mut beside = path.as_os_str().to_owned();
     beside.push(".new");
     let beside = PathBuf::from(beside);
@@ -38,4 +45,16 @@ pub(super) fn replace(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
     });
     written.map_err(failed(&beside))?;
     fs::rename(&beside, path).map_err(failed(path))
+}
+
+/// Makes the folder `path` if there is none.
+///
+/// # Errors
+/// If something else has its name, or it cannot be made.
+pub(super) fn make_folder(path: &Path) -> Result<(), StoreError> {
+    fs::create_dir_all(path).map_err(|source| StoreError::Unusable {
+        path: path.to_owned(),
+        source,
+        expected: "a folder that can be written",
+    })
 }

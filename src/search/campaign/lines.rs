@@ -39,3 +39,73 @@ fn is_torn_line(bytes: &[u8]) -> bool {
     let written = &bytes[..bytes.len() - zeros];
     written.starts_with(START) || START.starts_with(written)
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::collection::{btree_set, vec};
+    use proptest::prelude::*;
+
+    use super::*;
+
+    prop_compose! {
+        /// A run with any text in its words, line ends among it.
+        fn any_record()(
+            scenario in "[a-z.-]{1,8}",
+            seed: u64,
+            words in proptest::option::of((any::<String>(), "[\n\"{}\u{e4}\0]{0,9}")),
+            ran_ms: u64,
+            trace in "[0-9a-f]{0,16}",
+            reached in btree_set("[a-z ]{1,9}", 0..3),
+        ) -> Record {
+            let (cause, detail) = words.unzip();
+            Record { scenario, seed, cause, detail, ran_ms, trace, reached }
+        }
+    }
+
+    proptest! {
+        /// A kill cuts the file anywhere, a power cut may leave zeros behind the cut.
+        #[test]
+        fn every_whole_line_before_a_cut_is_kept(
+            records in vec(any_record(), 0..6),
+            cut: prop::sample::Index,
+            zeros in 0_usize..40,
+        ) {
+            let mut bytes = records.iter().map(line).collect::<String>().into_bytes();
+            bytes.truncate(cut.index(bytes.len() + 1));
+            let whole: Vec<&Record> = records
+                .iter()
+                .scan(0, |end, record| {
+                    *end += line(record).len();
+                    Some((*end, record))
+                })
+                .take_while(|(end, _)| *end <= bytes.len())
+                .map(|(_, record)| record)
+                .collect();
+            let whole_len: usize = whole.iter().map(|record| line(record).len()).sum();
+            bytes.resize(bytes.len() + zeros, 0);
+
+            let (read, len) = parse(&bytes).expect("what a kill leaves is no error");
+
+            prop_assert_eq!(read.iter().collect::<Vec<_>>(), whole);
+            prop_assert_eq!(len, whole_len);
+        }
+
+        #[test]
+        fn any_bytes_are_runs_or_refused_with_their_line(bytes in vec(any::<u8>(), 1..200)) {
+            if let Err(message) = parse(&bytes) {
+                prop_assert!(message.starts_with("line "), "{}", message);
+                prop_assert!(message.contains("expected"), "{}", message);
+            }
+        }
+    }
+
+    /// What is cut away was begun by a campaign: a stranger's file without a line end is none.
+    #[test]
+    fn the_end_of_another_file_is_not_cut_away() {
+        let refused = |bytes: &[u8]| parse(bytes).is_err();
+        assert!(refused(b"notes of today"));
+        assert!(refused(b"{\"seed\":1"));
+        assert!(!refused(b"{\"scena"));
+        assert!(!refused(b""));
+    }
+}

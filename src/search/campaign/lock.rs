@@ -38,13 +38,11 @@ impl Lock {
         let path = dir.join(NAME);
         let mut options = OpenOptions::new();
         options.read(true).write(true).create(true).truncate(false);
-        let mut file = options
-            .open(&path)
-            .map_err(|source| StoreError::Unreadable {
-                path: path.clone(),
-                source,
-                expected: "the lock of a campaign",
-            })?;
+        let mut file = options.open(&path).map_err(|source| StoreError::Unusable {
+            path: path.clone(),
+            source,
+            expected: "the lock of a campaign",
+        })?;
         wait_for(&file, dir)?;
         if !is_lock(&content(&file).map_err(failed(&path))?) {
             return Err(StoreError::Content {

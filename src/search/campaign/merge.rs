@@ -1,5 +1,4 @@
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
@@ -7,7 +6,7 @@ use serde::Serialize;
 use super::judge::situations_of;
 use super::{CampaignPlan, Comparison, Record, Store, compare, page, run};
 use crate::scenario::Scenario;
-use crate::search::error::{StoreError, failed};
+use crate::search::error::StoreError;
 use crate::search::files;
 use crate::search::shrink::{self, Effort};
 
@@ -193,8 +192,7 @@ fn minimise(group: &mut Group, number: u32, store: &Store) -> Result<(), StoreEr
     };
     let small = shrink::scenario(&case, fails, &mut Effort::tries(tries));
     let name = format!("groups/{number:02}.toml");
-    let dir = store.dir().join("groups");
-    fs::create_dir_all(&dir).map_err(failed(&dir))?;
+    files::make_folder(&store.dir().join("groups"))?;
     files::replace(&store.dir().join(&name), small.to_toml().as_bytes())?;
     group.left = Some(shrink::in_words(&small));
     group.case = Some(name);

@@ -48,7 +48,7 @@ impl Store {
     /// # Errors
     /// If it cannot be written, belongs to another campaign, or another process works in it.
     pub(crate) fn create(dir: &Path, plan: &CampaignPlan) -> Result<Self, StoreError> {
-        fs::create_dir_all(dir).map_err(failed(dir))?;
+        files::make_folder(dir)?;
         let lock = Lock::take(dir)?;
         let wrong = |path: &Path, message: &str| StoreError::Content {
             path: path.to_owned(),
@@ -67,8 +67,7 @@ impl Store {
         } else {
             plan.write(&plan_path)?;
         }
-        let cases = dir.join(CASES);
-        fs::create_dir_all(&cases).map_err(failed(&cases))?;
+        files::make_folder(&dir.join(CASES))?;
         let (mut store, whole) = Self::read(dir, plan.clone())?;
         let lines = append_to(&runs_path)?;
         let cut = lines.metadata().and_then(|file| {
