@@ -332,8 +332,8 @@ fn report(merged: &Merged, out: &Path, all_situations: bool) -> Verdict {
 
 fn report_comparison(comparison: &Comparison) {
     println!("{}", comparison.in_words());
-    for name in &comparison.differing_scenarios {
-        println!("  {name} or --vary differs: its runs are not compared");
+    for note in comparison.left_out() {
+        println!("  {note}");
     }
     for cause in &comparison.causes {
         println!("  {}: {}", cause.change, cause.cause);

@@ -38,7 +38,8 @@ impl fmt::Display for Change {
     }
 }
 
-/// Some runs, by what they came to in the other campaign.
+/// Some runs that fail for a cause, by what they came to in the other campaign: the rest of them
+/// fails alike there.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub(crate) struct Elsewhere {
     /// How many they are.
@@ -69,39 +70,39 @@ pub(crate) struct CauseChange {
 impl CauseChange {
     /// How often it came up, in words.
     pub(crate) fn in_words(&self) -> String {
-        let Elsewhere { runs: now, .. } = self.now;
-        let Elsewhere { runs: earlier, .. } = self.earlier;
+        let (now, earlier) = (self.now.runs, self.earlier.runs);
         let counts = match self.change {
-            Change::New => with_rest(now, "", &self.now, ["passed", "failed otherwise"]),
+            Change::New => format!("{now} runs{}", self.now.in_words("before")),
             Change::StillFailing => {
-                let words = ["passes now", "fails otherwise now"];
-                let earlier = with_rest(earlier, " before", &self.earlier, words);
-                format!("{now} runs, {earlier}")
+                format!(
+                    "{now} runs, {earlier} before{}",
+                    self.earlier.in_words("now")
+                )
             }
             Change::NotKnown | Change::Fixed => {
-                let words = ["passes now", "fails otherwise now"];
-                with_rest(earlier, " before", &self.earlier, words)
+                format!("{earlier} runs before{}", self.earlier.in_words("now"))
             }
         };
         let (scenario, seed) = &self.first;
-        format!("{counts}; first {scenario} seed {seed}")
+        format!("{counts}, first {scenario} seed {seed}")
     }
 }
 
-/// `count` and, in parentheses, what those runs came to in the other campaign.
-fn with_rest(count: usize, when: &str, other: &Elsewhere, words: [&str; 2]) -> String {
-    let parts = [
-        (other.pass, words[0]),
-        (other.fail_otherwise, words[1]),
-        (other.not_run, "not run"),
-    ];
-    let parts = parts.iter().filter(|(count, _)| *count > 0);
-    let parts: Vec<String> = parts
-        .map(|(count, what)| format!("{what}: {count}"))
-        .collect();
-    match parts[..] {
-        [] => format!("{count} runs{when}"),
-        _ => format!("{count} runs{when} ({})", parts.join(", ")),
+impl Elsewhere {
+    /// What the runs came to in the other campaign, which was run `when`.
+    fn in_words(self, when: &str) -> String {
+        let alike = self.runs - self.pass - self.fail_otherwise - self.not_run;
+        let parts = [
+            (alike, "fail alike"),
+            (self.pass, "pass"),
+            (self.fail_otherwise, "fail otherwise"),
+            (self.not_run, "not run"),
+        ];
+        let parts = parts.iter().filter(|(count, _)| *count > 0);
+        let parts: Vec<String> = parts
+            .map(|(count, what)| format!("{count} {what}"))
+            .collect();
+        format!(" ({when}: {})", parts.join(", "))
     }
 }
 
@@ -114,6 +115,8 @@ pub(crate) struct Comparison {
     pub tool: String,
     /// Runs that were done in both.
     pub runs_in_both: usize,
+    /// Whether `--vary` differs, so that no run says anything of one in the other campaign.
+    pub vary_differs: bool,
     /// Scenarios of both that differ, so that their runs say nothing of each other.
     pub differing_scenarios: Vec<String>,
     /// What became of each cause.
@@ -138,11 +141,26 @@ impl Comparison {
         let counts = counts.join(", ");
         format!("compared with {against} ({tool}): {counts}; {both} runs in both")
     }
+
+    /// What was not compared, and why.
+    pub(crate) fn left_out(&self) -> Vec<String> {
+        if self.vary_differs {
+            return vec!["--vary differs: no run is compared".to_owned()];
+        }
+        let names = self.differing_scenarios.iter();
+        names
+            .map(|name| format!("scenario {name} differs: its runs are not compared"))
+            .collect()
+    }
 }
 
 /// Says what has changed from `earlier`, whose folder was given as `against`, to `now`.
 pub(crate) fn compare(now: &Store, earlier: &Store, against: &Path) -> Comparison {
-    let (same, differing) = scenarios_in_both(now.plan(), earlier.plan());
+    let (mut same, differing) = scenarios_in_both(now.plan(), earlier.plan());
+    let vary_differs = now.plan().vary != earlier.plan().vary;
+    if vary_differs {
+        same.clear();
+    }
     let causes: BTreeSet<&str> = [now, earlier].into_iter().flat_map(causes_of).collect();
     let now_by_cause = elsewhere(now, earlier, &same);
     let earlier_by_cause = elsewhere(earlier, now, &same);
@@ -180,6 +198,7 @@ pub(crate) fn compare(now: &Store, earlier: &Store, against: &Path) -> Compariso
         against: against.display().to_string(),
         tool: earlier.plan().tool.clone(),
         runs_in_both: in_both.count(),
+        vary_differs,
         differing_scenarios: differing.into_iter().map(str::to_owned).collect(),
         causes,
     }
@@ -198,8 +217,7 @@ fn scenarios_in_both<'a>(
         let before = earlier.scenarios.get(name)?;
         Some((name.as_str(), is_same(text, before)))
     });
-    let (same, differing): (Vec<_>, Vec<_>) =
-        both.partition(|(_, is_same)| *is_same && now.vary == earlier.vary);
+    let (same, differing): (Vec<_>, Vec<_>) = both.partition(|(_, is_same)| *is_same);
     let names = |pairs: Vec<(&'a str, bool)>| pairs.into_iter().map(|(name, _)| name).collect();
     (names(same), names(differing))
 }

@@ -86,12 +86,8 @@ fn write_comparison(comparison: &Comparison, out: &mut String) -> fmt::Result {
         "<h2>Since the earlier campaign</h2><p>{}",
         Escaped(&words)
     )?;
-    for name in &comparison.differing_scenarios {
-        let name = Escaped(name);
-        write!(
-            out,
-            "<p class=\"bad\">{name} or --vary differs: its runs are not compared."
-        )?;
+    for note in comparison.left_out() {
+        write!(out, "<p class=\"bad\">{}", Escaped(&note))?;
     }
     out.write_str("<table><tr><th>cause<th>is<th>runs now<th>runs before<th>how often")?;
     for cause in &comparison.causes {
