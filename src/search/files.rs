@@ -23,12 +23,30 @@ pub(super) fn read(path: &Path, expected: &'static str) -> Result<Vec<u8>, Store
     fs::read(path).map_err(unusable)
 }
 
-/// Writes `bytes` beside `path` and renames: a kill or a power cut leaves the old file or the new
-/// one.
+/// Writes `bytes` beside `path` and renames: a kill leaves the old file or the new one. For what
+/// the same command makes again, because after a power cut there may be neither.
 ///
 /// # Errors
 /// If the folder cannot be written, or a folder has one of the two names.
 pub(super) fn replace(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+    replace_after(path, |file| file.write_all(bytes))
+}
+
+/// As [`replace`], and a power cut leaves the old file or the new one as well.
+///
+/// # Errors
+/// As [`replace`].
+pub(super) fn replace_for_good(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+    replace_after(path, |file| {
+        file.write_all(bytes)?;
+        file.sync_data()
+    })
+}
+
+fn replace_after(
+    path: &Path,
+    write: impl FnOnce(&mut File) -> io::Result<()>,
+) -> Result<(), StoreError> {
     if path.is_dir() {
         return Err(StoreError::Unusable {
             path: path.to_owned(),
@@ -39,10 +57,7 @@ pub(super) fn replace(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
     let mut beside = path.as_os_str().to_owned();
     beside.push(".new");
     let beside = PathBuf::from(beside);
-    let written = File::create(&beside).and_then(|mut file| {
-        file.write_all(bytes)?;
-        file.sync_data()
-    });
+    let written = File::create(&beside).and_then(|mut file| write(&mut file));
     written.map_err(failed(&beside))?;
     fs::rename(&beside, path).map_err(failed(path))
 }

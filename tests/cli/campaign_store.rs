@@ -129,7 +129,7 @@ fn a_kill_at_any_moment_loses_no_finished_run() {
 fn a_torn_line_is_cut_away_and_its_run_done_again() {
     let session = Session::new("campaign-torn");
     calm(&session);
-    let campaign = "campaign calm.toml --seeds 0..3 --out night --shard 0/1 --jobs 1";
+    let campaign = "campaign calm.toml --seeds 0..6 --out night --shard 0/2 --jobs 1";
     hilrig(&session, campaign);
     let runs = session.read("night/runs.jsonl");
     let sorted = |text: &str| text.lines().map(str::to_owned).collect::<BTreeSet<_>>();

@@ -110,6 +110,6 @@ impl CampaignPlan {
     /// If it cannot be written.
     pub(super) fn write(&self, path: &Path) -> Result<(), StoreError> {
         let text = serde_json::to_string_pretty(self).expect("plain data");
-        files::replace(path, (text + "\n").as_bytes())
+        files::replace_for_good(path, (text + "\n").as_bytes())
     }
 }

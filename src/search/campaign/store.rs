@@ -164,7 +164,7 @@ impl Store {
         let replaced = match &record.cause {
             Some(cause) if self.first.get(cause).is_none_or(|first| key < *first) => {
                 if let Some(case) = case {
-                    files::replace(&self.case(&key.0, key.1), case.to_toml().as_bytes())?;
+                    files::replace_for_good(&self.case(&key.0, key.1), case.to_toml().as_bytes())?;
                 }
                 self.first.insert(cause.clone(), key.clone())
             }
@@ -202,13 +202,13 @@ impl Store {
             let mut cases = cases.map(|other| other.case(scenario, *seed));
             if let Some(from) = cases.find(|path| path.exists()) {
                 let case = files::read(&from, "a case")?;
-                files::replace(&self.case(scenario, *seed), &case)?;
+                files::replace_for_good(&self.case(scenario, *seed), &case)?;
             }
         }
         if let Some(writer) = &mut self.writer {
             let path = self.dir.join(RUNS);
             let lines: Vec<String> = self.records.values().map(line).collect();
-            files::replace(&path, lines.concat().as_bytes())?;
+            files::replace_for_good(&path, lines.concat().as_bytes())?;
             writer.lines = append_to(&path)?;
         }
         let needed: BTreeSet<&RunKey> = self.first.values().collect();
