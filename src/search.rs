@@ -2,6 +2,7 @@
 
 pub(crate) mod campaign;
 mod error;
+mod files;
 pub mod fuzz;
 pub(crate) mod generate;
 pub mod shrink;

@@ -15,7 +15,7 @@ use crate::realtime::clock::{Clock, WallClock};
 use crate::realtime::exec::Foreign;
 use crate::run::Outcome;
 use crate::scenario::{Scenario, Source, Span};
-use crate::search::campaign::{self, CampaignPlan, Merged, Record, Shard, Store};
+use crate::search::campaign::{self, CampaignPlan, Comparison, Merged, Record, Shard, Store};
 use crate::search::generate::{self, Dice, Vary};
 use crate::show::folder::FolderError;
 
@@ -31,6 +31,7 @@ use crate::show::folder::FolderError;
     hilrig campaign scenarios/empty-room.toml --seeds 0..200 --vary all --out night\n  \
     hilrig campaign scenarios/*.toml --seeds 0..1000 --shard 3/16 --budget 2h --out shard-3\n  \
     hilrig campaign merge shard-* --out all     # table in all/campaign.html\n  \
+    hilrig campaign scenarios/*.toml --seeds 0..1000 --against last-week --out today\n  \
     hilrig campaign scenarios/empty-room.toml --seeds 0..20 --exec './my-robot \"$HILRIG_DIR\"'"
 )]
 pub(super) struct CampaignArgs {
@@ -59,6 +60,9 @@ pub(super) struct CampaignArgs {
     /// Folder of the results, to be gone on with if it exists
     #[arg(long, value_name = "DIR", default_value = "hilrig-out/campaign")]
     out: PathBuf,
+    /// Folder of an earlier campaign: say what is new, fixed and still failing since then
+    #[arg(long, value_name = "FOLDER", conflicts_with = "shard")]
+    against: Option<PathBuf>,
     /// Fail also if a situation never came up of which each campaign should have seen one
     #[arg(long)]
     all_situations: bool,
@@ -72,12 +76,15 @@ enum CampaignCommand {
 /// Merge the folders of shards: failures by cause, a minimised case for each, an HTML table
 #[derive(Debug, Args)]
 struct MergeArgs {
-    /// Folders of shards
+    /// Folders of shards, or of what was merged before
     #[arg(value_name = "DIR", required = true)]
     dirs: Vec<PathBuf>,
-    /// Folder for the result
+    /// Folder for the result, which can be gone on with and merged again
     #[arg(long, value_name = "DIR", default_value = "hilrig-out/campaign")]
     out: PathBuf,
+    /// Folder of an earlier campaign: say what is new, fixed and still failing since then
+    #[arg(long, value_name = "FOLDER")]
+    against: Option<PathBuf>,
     /// Fail also if a situation never came up of which each campaign should have seen one
     #[arg(long)]
     all_situations: bool,
@@ -94,22 +101,22 @@ fn seeds(text: &str) -> Result<Range<u64>, String> {
 /// Time between two lines of progress.
 const PROGRESS: Duration = Duration::from_secs(5);
 
+/// The earlier campaign in `dir`, if one was named.
+fn earlier(dir: Option<&Path>) -> Result<Option<(PathBuf, Store)>, CliError> {
+    let Some(dir) = dir else { return Ok(None) };
+    Ok(Some((dir.to_owned(), Store::open(dir)?)))
+}
+
 pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
     if let Some(CampaignCommand::Merge(args)) = args.merge {
-        let merged = campaign::merge(&args.dirs, &args.out)?;
-        return report(&merged, &args.out, args.all_situations);
+        let earlier = earlier(args.against.as_deref())?;
+        let store = campaign::merge(&args.dirs, &args.out)?;
+        let merged = campaign::summarise(&store, earlier.as_ref())?;
+        return Ok(report(&merged, &args.out, args.all_situations));
     }
-    let mut read = BTreeMap::new();
-    for path in &args.scenarios {
-        let (scenario, source) = Scenario::read(path)?;
-        let name = scenario.name.clone();
-        if read.insert(name.clone(), (scenario, source)).is_some() {
-            let message = format!("{}: a second scenario \"{name}\"", path.display());
-            return Err(CliError::Usage(format!(
-                "{message}, expected each name once"
-            )));
-        }
-    }
+    // Before the first run, so that nobody waits a night for the error.
+    let earlier = earlier(args.against.as_deref())?;
+    let read = read_all(&args.scenarios)?;
     let texts = read
         .iter()
         .map(|(name, (_, source))| (name.clone(), source.text.clone()));
@@ -140,8 +147,8 @@ pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
         );
     }
     if args.shard == Shard::WHOLE {
-        let merged = campaign::merge(core::slice::from_ref(&args.out), &args.out)?;
-        return report(&merged, &args.out, args.all_situations);
+        let merged = campaign::summarise(&store, earlier.as_ref())?;
+        return Ok(report(&merged, &args.out, args.all_situations));
     }
     let failed = store
         .records()
@@ -154,6 +161,22 @@ pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
     } else {
         Verdict::Fail
     })
+}
+
+/// The scenarios in `paths` by their names.
+fn read_all(paths: &[PathBuf]) -> Result<BTreeMap<String, (Scenario, Source)>, CliError> {
+    let mut read = BTreeMap::new();
+    for path in paths {
+        let (scenario, source) = Scenario::read(path)?;
+        let name = scenario.name.clone();
+        if read.insert(name.clone(), (scenario, source)).is_some() {
+            let message = format!("{}: a second scenario \"{name}\"", path.display());
+            return Err(CliError::Usage(format!(
+                "{message}, expected each name once"
+            )));
+        }
+    }
+    Ok(read)
 }
 
 /// A run that ended: what it came to, and its case if it failed.
@@ -273,7 +296,7 @@ impl Worker<'_> {
     }
 }
 
-fn report(merged: &Merged, out: &Path, all_situations: bool) -> Result<Verdict, CliError> {
+fn report(merged: &Merged, out: &Path, all_situations: bool) -> Verdict {
     let hours = merged.ran_ms as f64 / 3.6e6;
     println!(
         "{} runs, {hours:.1} h of virtual time, {} failed, {} missing, trace {}",
@@ -290,6 +313,9 @@ fn report(merged: &Merged, out: &Path, all_situations: bool) -> Result<Verdict, 
             println!("         repeat with: hilrig run {}{exec}", case.display());
         }
     }
+    if let Some(comparison) = &merged.comparison {
+        report_comparison(comparison);
+    }
     let mut all_came_up = true;
     for count in merged.situations.iter().filter(|count| count.runs == 0) {
         println!("  never came up: {}", count.situation);
@@ -297,9 +323,20 @@ fn report(merged: &Merged, out: &Path, all_situations: bool) -> Result<Verdict, 
     }
     println!("table in {}", out.join("campaign.html").display());
     let all_hold = merged.failed == 0 && merged.missing == 0 && (all_came_up || !all_situations);
-    Ok(if all_hold {
+    if all_hold {
         Verdict::Pass
     } else {
         Verdict::Fail
-    })
+    }
+}
+
+fn report_comparison(comparison: &Comparison) {
+    println!("{}", comparison.in_words());
+    for note in comparison.left_out() {
+        println!("  {note}");
+    }
+    for cause in &comparison.causes {
+        println!("  {}: {}", cause.change, cause.cause);
+        println!("         {}", cause.in_words());
+    }
 }

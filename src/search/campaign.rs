@@ -1,17 +1,23 @@
 //! Many runs of some scenarios, one for each seed, on all processors and on many machines: what
-//! they came to, grouped by cause.
+//! they came to, grouped by cause, and what has changed since an earlier campaign.
 //!
 //! A shard is stateless: it takes every n-th run of the list, keeps what each came to in a file of
 //! lines, and goes on where it stopped. Shards are merged by sorting, so that it makes no
 //! difference how a campaign was cut, or in which order the runs ended.
 
+mod compare;
 mod judge;
+mod lines;
+mod lock;
 mod merge;
 mod page;
+mod plan;
 mod store;
 
+pub(crate) use compare::{Change, Comparison, compare};
 pub(crate) use judge::{Record, run, run_foreign};
 pub(crate) use judge::{without_figures, words_of_panic};
-pub(crate) use merge::{Merged, merge};
+pub(crate) use merge::{Merged, merge, summarise};
 pub(crate) use page::page;
-pub(crate) use store::{CampaignPlan, Shard, Store};
+pub(crate) use plan::{CampaignPlan, Shard};
+pub(crate) use store::Store;

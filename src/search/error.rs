@@ -14,6 +14,27 @@ pub enum StoreError {
         /// What the system said.
         source: io::Error,
     },
+    /// What is needed cannot be used, like a folder in the place of a file.
+    #[error("{}: {source}, expected {expected}", .path.display())]
+    Unusable {
+        /// Which.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+        /// What should be there.
+        expected: &'static str,
+    },
+    /// Another process works in the folder.
+    #[error(
+        "{}: {} works in this folder, expected none: wait for its end or give another --out",
+        .dir.display(), .pid.map_or("another process".to_owned(), |pid| format!("process {pid}"))
+    )]
+    Locked {
+        /// Which.
+        dir: PathBuf,
+        /// Number of that process, if its lock says so.
+        pid: Option<i32>,
+    },
     /// A file does not say what it should.
     #[error("{}: {message}", .path.display())]
     Content {

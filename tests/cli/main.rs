@@ -2,6 +2,9 @@
 
 mod bugs;
 mod campaign;
+mod campaign_against;
+mod campaign_folder;
+mod campaign_store;
 mod cookbook;
 mod decode;
 mod errors;

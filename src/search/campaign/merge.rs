@@ -1,14 +1,13 @@
-use std::collections::BTreeMap;
-use std::fs;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
 use super::judge::situations_of;
-use super::store::read_plan;
-use super::{CampaignPlan, Record, Store, page, run};
+use super::{CampaignPlan, Comparison, Record, Store, compare, page, run};
 use crate::scenario::Scenario;
-use crate::search::error::{StoreError, failed};
+use crate::search::error::StoreError;
+use crate::search::files;
 use crate::search::shrink::{self, Effort};
 
 /// Most seeds named for a group.
@@ -65,48 +64,58 @@ pub(crate) struct Merged {
     pub groups: Vec<Group>,
     /// Situations that must come up at least once in a campaign, and how often they did.
     pub situations: Vec<SituationCount>,
+    /// What has changed since an earlier campaign, if one was named.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub comparison: Option<Comparison>,
 }
 
-/// Merges the shards in `dirs`, and writes `campaign.json`, `campaign.html` and a minimised case
-/// for each cause into `out`.
+/// Merges the shards in `dirs` into the folder `out`, with what it has already if it belongs to the
+/// same campaign; then `out` can be gone on with, or be merged in its turn.
 ///
 /// # Errors
 /// If a folder cannot be read, the shards are of different campaigns, or `out` cannot be written.
-pub(crate) fn merge(dirs: &[PathBuf], out: &Path) -> Result<Merged, StoreError> {
-    let mut stores = Vec::new();
-    let mut plan: Option<CampaignPlan> = None;
-    for dir in dirs {
-        let read = read_plan(dir)?;
-        let known = plan.get_or_insert_with(|| read.clone());
-        if *known != read {
-            return Err(StoreError::Content {
-                path: dir.clone(),
-                message: format!("is of another campaign than {}", dirs[0].display()),
-            });
-        }
-        stores.push(Store::open(dir)?);
-    }
-    let plan = plan.ok_or_else(|| StoreError::Content {
+pub(crate) fn merge(dirs: &[PathBuf], out: &Path) -> Result<Store, StoreError> {
+    let stores = dirs.iter().map(|dir| Store::open(dir));
+    let stores: Vec<Store> = stores.collect::<Result<_, _>>()?;
+    let first = stores.first().ok_or_else(|| StoreError::Content {
         path: out.to_owned(),
         message: "nothing to merge, expected at least one folder".to_owned(),
     })?;
-    let records: BTreeMap<(&str, u64), &Record> = stores
-        .iter()
-        .flat_map(Store::records)
-        .map(|record| ((record.scenario.as_str(), record.seed), record))
-        .collect();
-    let mut merged = count(plan, &records);
-    for (number, group) in (1..).zip(&mut merged.groups) {
-        minimise(group, number, (&merged.plan, &stores), out)?;
+    if let Some(other) = stores.iter().find(|store| store.plan() != first.plan()) {
+        return Err(StoreError::Content {
+            path: other.dir().to_owned(),
+            message: format!("is of another campaign than {}", first.dir().display()),
+        });
     }
-    write(&merged, out)?;
+    let mut merged = Store::create(out, first.plan())?;
+    merged.take_over(&stores)?;
     Ok(merged)
 }
 
-fn count(plan: CampaignPlan, records: &BTreeMap<(&str, u64), &Record>) -> Merged {
+/// Sums up `store`, compared with `earlier` and the folder that it is from, if that is given:
+/// writes `campaign.json`, `campaign.html` and a minimised case for each cause into its folder.
+///
+/// # Errors
+/// If a case cannot be read, or the folder cannot be written.
+pub(crate) fn summarise(
+    store: &Store,
+    earlier: Option<&(PathBuf, Store)>,
+) -> Result<Merged, StoreError> {
+    let mut merged = count(store);
+    for (number, group) in (1..).zip(&mut merged.groups) {
+        minimise(group, number, store)?;
+    }
+    merged.comparison = earlier.map(|(dir, earlier)| compare(store, earlier, dir));
+    write(&merged, store.dir())?;
+    Ok(merged)
+}
+
+fn count(store: &Store) -> Merged {
+    let plan = store.plan();
+    let records: Vec<&Record> = store.records().collect();
     let mut groups: BTreeMap<&str, Group> = BTreeMap::new();
     let mut traces = String::new();
-    for record in records.values() {
+    for record in &records {
         traces += &record.trace;
         let Some(cause) = &record.cause else { continue };
         let place = (record.scenario.clone(), record.seed);
@@ -133,41 +142,40 @@ fn count(plan: CampaignPlan, records: &BTreeMap<(&str, u64), &Record>) -> Merged
         parsed.ok().map(|(scenario, _)| situations_of(&scenario))
     });
     let mut names: Vec<&str> = wanted.flatten().copied().collect();
-    names.dedup();
+    let mut known = BTreeSet::new();
+    names.retain(|&name| known.insert(name));
     let situations = names.into_iter().map(|name| SituationCount {
         situation: name.to_owned(),
         runs: records
-            .values()
+            .iter()
             .filter(|record| record.reached.contains(name))
             .count(),
     });
     Merged {
         runs: records.len(),
-        missing: plan.runs().count().saturating_sub(records.len()),
+        missing: plan.len().saturating_sub(records.len()),
         failed: records
-            .values()
+            .iter()
             .filter(|record| record.cause.is_some())
             .count(),
-        ran_ms: records.values().map(|record| record.ran_ms).sum(),
+        ran_ms: records
+            .iter()
+            .fold(0, |sum, record| sum.saturating_add(record.ran_ms)),
         trace: crate::rig::trace::fingerprint(traces.as_bytes()),
         situations: situations.collect(),
         groups,
-        plan,
+        plan: plan.clone(),
+        comparison: None,
     }
 }
 
 /// Finds the smallest case that fails for the cause of `group`, and writes it.
-fn minimise(
-    group: &mut Group,
-    number: u32,
-    (plan, stores): (&CampaignPlan, &[Store]),
-    out: &Path,
-) -> Result<(), StoreError> {
+fn minimise(group: &mut Group, number: u32, store: &Store) -> Result<(), StoreError> {
     let (scenario, seed) = &group.first;
-    let paths = stores.iter().map(|store| store.case(scenario, *seed));
-    let Some(path) = paths.into_iter().find(|path| path.exists()) else {
+    let path = store.case(scenario, *seed);
+    if !path.exists() {
         return Ok(());
-    };
+    }
     let (case, source) = Scenario::read(&path).map_err(|error| StoreError::Content {
         path,
         message: error.to_string(),
@@ -177,24 +185,22 @@ fn minimise(
         run(case, &source).is_ok_and(|(record, _)| record.cause.as_deref() == Some(&cause))
     };
     // A foreign program is not here to be asked: `hilrig shrink --exec` does so.
-    let tries = if plan.exec.is_some() { 0 } else { TRIES };
+    let tries = if store.plan().exec.is_some() {
+        0
+    } else {
+        TRIES
+    };
     let small = shrink::scenario(&case, &cause, fails, &mut Effort::tries(tries));
     let name = format!("groups/{number:02}.toml");
-    let dir = out.join("groups");
-    fs::create_dir_all(&dir).map_err(failed(&dir))?;
-    let path = out.join(&name);
-    fs::write(&path, small.to_toml()).map_err(failed(&path))?;
+    files::make_folder(&store.dir().join("groups"))?;
+    files::replace(&store.dir().join(&name), small.to_toml().as_bytes())?;
     group.left = Some(shrink::in_words(&small));
     group.case = Some(name);
     Ok(())
 }
 
 fn write(merged: &Merged, out: &Path) -> Result<(), StoreError> {
-    fs::create_dir_all(out).map_err(failed(out))?;
     let json = serde_json::to_string_pretty(merged).expect("plain data") + "\n";
-    for (name, text) in [("campaign.json", json), ("campaign.html", page(merged))] {
-        let path = out.join(name);
-        fs::write(&path, text).map_err(failed(&path))?;
-    }
-    Ok(())
+    files::replace(&out.join("campaign.json"), json.as_bytes())?;
+    files::replace(&out.join("campaign.html"), page(merged).as_bytes())
 }

@@ -2,7 +2,7 @@
 
 use core::fmt::{self, Write as _};
 
-use super::Merged;
+use super::{Change, Comparison, Merged};
 use crate::html::Escaped;
 
 const HEAD: &str = "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\">\
@@ -66,11 +66,45 @@ fn write_page(merged: &Merged, out: &mut String) -> fmt::Result {
             write!(out, "<code>hilrig run {case}</code>")?;
         }
     }
-    out.write_str("</table><h2>Situations that must come up</h2><table><tr><th>what<th>runs")?;
+    out.write_str("</table>")?;
+    if let Some(comparison) = &merged.comparison {
+        write_comparison(comparison, out)?;
+    }
+    out.write_str("<h2>Situations that must come up</h2><table><tr><th>what<th>runs")?;
     for count in &merged.situations {
         let class = if count.runs == 0 { "n bad" } else { "n" };
         let name = Escaped(&count.situation);
         write!(out, "<tr><td>{name}<td class=\"{class}\">{}", count.runs)?;
     }
     out.write_str("</table></html>\n")
+}
+
+fn write_comparison(comparison: &Comparison, out: &mut String) -> fmt::Result {
+    let words = comparison.in_words();
+    write!(
+        out,
+        "<h2>Since the earlier campaign</h2><p>{}",
+        Escaped(&words)
+    )?;
+    for note in comparison.left_out() {
+        write!(out, "<p class=\"bad\">{}", Escaped(&note))?;
+    }
+    out.write_str("<table><tr><th>cause<th>is<th>runs now<th>runs before<th>how often")?;
+    for cause in &comparison.causes {
+        let class = match cause.change {
+            Change::New | Change::StillFailing => "bad",
+            Change::NotKnown => "",
+            Change::Fixed => "good",
+        };
+        write!(
+            out,
+            "<tr><td>{}<td class=\"{class}\">{}<td class=\"n\">{}<td class=\"n\">{}<td>{}",
+            Escaped(&cause.cause),
+            cause.change,
+            cause.now.runs,
+            cause.earlier.runs,
+            Escaped(&cause.in_words())
+        )?;
+    }
+    out.write_str("</table>")
 }

@@ -1,165 +1,139 @@
 //! What a shard leaves in its folder: the plan, a line for each run, and a case for each cause.
+//!
+//! Nothing that is finished is ever at risk: runs are appended, all else is written beside and
+//! renamed, and one process at a time writes.
 
-use core::ops::Range;
-use core::str::FromStr;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, OpenOptions};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
-
-use super::Record;
+use super::lines::{line, parse};
+use super::lock::Lock;
+use super::{CampaignPlan, Record};
 use crate::scenario::Scenario;
 use crate::search::error::{StoreError, failed};
+use crate::search::files;
 
-/// Which part of a campaign: every `of`-th run, from `index` on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Shard {
-    /// Number of this shard, from 0.
-    pub index: usize,
-    /// How many there are.
-    pub of: usize,
-}
+/// A run of a campaign: name of its scenario, seed.
+type RunKey = (String, u64);
 
-impl Shard {
-    /// All of it.
-    pub(crate) const WHOLE: Self = Self { index: 0, of: 1 };
-
-    /// Whether the run with this number in the list belongs to it.
-    pub(crate) const fn has(self, number: usize) -> bool {
-        number % self.of == self.index
-    }
-}
-
-impl FromStr for Shard {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let parsed = text.split_once('/').and_then(|(index, of)| {
-            let (index, of) = (index.parse().ok()?, of.parse().ok()?);
-            (index < of).then_some(Self { index, of })
-        });
-        parsed.ok_or_else(|| "expected I/N with I from 0 to N-1, e.g. 0/4".to_owned())
-    }
-}
-
-/// What a campaign runs: equal plans may be merged.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct CampaignPlan {
-    /// Tool and version.
-    pub tool: String,
-    /// Name and text of each scenario.
-    pub scenarios: BTreeMap<String, String>,
-    /// First seed, and the one after the last.
-    pub seeds: Range<u64>,
-    /// What is made anew for each seed, as on the command line.
-    pub vary: String,
-    /// Options that name somebody's program, as on the command line, if it is one: its runs are in
-    /// real time, so that no two are the same.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub exec: Option<String>,
-}
-
-impl CampaignPlan {
-    /// All runs in order: number, name of the scenario, seed.
-    pub(crate) fn runs(&self) -> impl Iterator<Item = (usize, &str, u64)> {
-        let pairs = self.scenarios.keys().flat_map(|name| {
-            let seeds = self.seeds.clone();
-            seeds.map(move |seed| (name.as_str(), seed))
-        });
-        pairs
-            .enumerate()
-            .map(|(number, (name, seed))| (number, name, seed))
-    }
-}
-
-/// The folder of a shard.
+/// The folder of a shard, or of shards that were merged.
 #[derive(Debug)]
 pub(crate) struct Store {
     dir: PathBuf,
-    lines: Option<File>,
-    records: BTreeMap<(String, u64), Record>,
+    plan: CampaignPlan,
+    records: BTreeMap<RunKey, Record>,
     /// For each cause the first run in order that has it.
-    first: BTreeMap<String, (String, u64)>,
+    first: BTreeMap<String, RunKey>,
+    /// `None` if it is only read.
+    writer: Option<Writer>,
+}
+
+/// What only the process has that works in the folder.
+#[derive(Debug)]
+struct Writer {
+    lines: File,
+    _lock: Lock,
 }
 
 const PLAN: &str = "plan.json";
 const RUNS: &str = "runs.jsonl";
+const CASES: &str = "cases";
 
 impl Store {
-    /// Opens `dir`, or makes it, to go on with `plan`.
+    /// Opens `dir`, or makes it, to go on with `plan`, and keeps other processes out of it. A line
+    /// that was cut off is cut away.
     ///
     /// # Errors
-    /// If it cannot be written, or belongs to another campaign.
+    /// If it cannot be written, belongs to another campaign, or another process works in it.
     pub(crate) fn create(dir: &Path, plan: &CampaignPlan) -> Result<Self, StoreError> {
-        fs::create_dir_all(dir.join("cases")).map_err(failed(dir))?;
-        let path = dir.join(PLAN);
-        if path.exists() {
-            if &read_plan(dir)? != plan {
+        files::make_folder(dir)?;
+        let lock = Lock::take(dir)?;
+        let wrong = |path: &Path, message: &str| StoreError::Content {
+            path: path.to_owned(),
+            message: message.to_owned(),
+        };
+        let (plan_path, runs_path) = (dir.join(PLAN), dir.join(RUNS));
+        if plan_path.exists() {
+            if &CampaignPlan::read(&plan_path)? != plan {
                 let message = "is of another campaign, expected the same scenarios, seeds, --vary, \
                     --exec and version, or another --out";
-                return Err(StoreError::Content {
-                    path,
-                    message: message.to_owned(),
-                });
+                return Err(wrong(&plan_path, message));
             }
+        } else if runs_path.exists() {
+            let message = "has no plan.json beside it, expected both or another --out";
+            return Err(wrong(&runs_path, message));
         } else {
-            let text = serde_json::to_string_pretty(plan).expect("plain data");
-            fs::write(&path, text + "\n").map_err(failed(&path))?;
+            plan.write(&plan_path)?;
         }
-        let mut store = Self::open(dir)?;
-        let path = dir.join(RUNS);
-        // What a kill left of a line is dropped with the file written anew.
-        let known: Vec<String> = store.records.values().map(line).collect();
-        fs::write(&path, known.concat()).map_err(failed(&path))?;
-        let lines = OpenOptions::new().append(true).open(&path);
-        store.lines = Some(lines.map_err(failed(&path))?);
+        files::make_folder(&dir.join(CASES))?;
+        let (mut store, whole) = Self::read(dir, plan.clone())?;
+        let lines = append_to(&runs_path)?;
+        let cut = lines.metadata().and_then(|file| {
+            let is_torn = file.len() > whole;
+            if is_torn {
+                lines.set_len(whole)
+            } else {
+                Ok(())
+            }
+        });
+        cut.map_err(failed(&runs_path))?;
+        store.writer = Some(Writer { lines, _lock: lock });
         Ok(store)
     }
 
     /// Reads what a shard left in `dir`. A last line that was cut off is left out.
+    ///
+    /// # Errors
+    /// If it is not the folder of a campaign, or one of its files cannot be read.
     pub(crate) fn open(dir: &Path) -> Result<Self, StoreError> {
-        let mut store = Self {
-            dir: dir.to_owned(),
-            lines: None,
-            records: BTreeMap::new(),
-            first: BTreeMap::new(),
-        };
-        let path = dir.join(RUNS);
-        if !path.exists() {
-            return Ok(store);
-        }
-        let text = fs::read_to_string(&path).map_err(failed(&path))?;
-        let whole = text
-            .split_inclusive('\n')
-            .filter(|line| line.ends_with('\n'));
-        for (number, line) in (1..).zip(whole) {
-            let record = serde_json::from_str(line).map_err(|error| StoreError::Content {
-                path: path.clone(),
-                message: format!("line {number}: {error}, expected a run"),
-            })?;
-            store.note(record);
-        }
-        Ok(store)
+        let plan = CampaignPlan::read(&dir.join(PLAN))?;
+        Ok(Self::read(dir, plan)?.0)
     }
 
-    /// Keeps `record` in memory; whether it is the first of its cause.
-    fn note(&mut self, record: Record) -> bool {
-        let key = (record.scenario.clone(), record.seed);
-        let mut is_first = false;
-        if let Some(cause) = &record.cause {
-            let first = self
-                .first
-                .entry(cause.clone())
-                .or_insert_with(|| key.clone());
-            *first = key.clone().min(first.clone());
-            is_first = *first == key;
+    /// Reads the runs of `plan` in `dir`, and how long their lines are in bytes.
+    fn read(dir: &Path, plan: CampaignPlan) -> Result<(Self, u64), StoreError> {
+        let path = dir.join(RUNS);
+        let bytes = if path.exists() {
+            files::read(&path, "the runs of a campaign")?
+        } else {
+            Vec::new()
+        };
+        let wrong = |message| StoreError::Content {
+            path: path.clone(),
+            message,
+        };
+        let (read, whole) = parse(&bytes).map_err(wrong)?;
+        let mut records = BTreeMap::new();
+        for (number, record) in (1..).zip(read) {
+            let (scenario, seed) = (&record.scenario, record.seed);
+            if !plan.has(scenario, seed) {
+                return Err(wrong(format!(
+                    "line {number}: {scenario:?} seed {seed} is not in plan.json, expected a run \
+                     of this campaign"
+                )));
+            }
+            records.insert((scenario.clone(), seed), record);
         }
-        self.records.insert(key, record);
-        is_first
+        let store = Self {
+            dir: dir.to_owned(),
+            plan,
+            first: first_of_causes(&records),
+            records,
+            writer: None,
+        };
+        Ok((store, whole as u64))
+    }
+
+    /// The campaign that it belongs to.
+    pub(crate) const fn plan(&self) -> &CampaignPlan {
+        &self.plan
+    }
+
+    /// Where it is.
+    pub(crate) fn dir(&self) -> &Path {
+        &self.dir
     }
 
     /// Whether this run is done.
@@ -172,54 +146,97 @@ impl Store {
         self.records.values()
     }
 
+    /// What this run came to, if it is done.
+    pub(super) fn record(&self, scenario: &str, seed: u64) -> Option<&Record> {
+        self.records.get(&(scenario.to_owned(), seed))
+    }
+
     /// Adds what a run came to; its `case` is kept if it is the first of its cause.
+    ///
+    /// # Errors
+    /// If the folder cannot be written.
     pub(crate) fn add(
         &mut self,
         record: Record,
         case: Option<&Scenario>,
     ) -> Result<(), StoreError> {
-        let path = self.dir.join(RUNS);
-        let text = line(&record);
-        let case_path = case_path(&self.dir, &record.scenario, record.seed);
-        let before = record
-            .cause
-            .as_ref()
-            .and_then(|cause| self.first.get(cause).cloned());
-        if self.note(record)
-            && let Some(case) = case
-        {
-            fs::write(&case_path, case.to_toml()).map_err(failed(&case_path))?;
-            if let Some((scenario, seed)) = before {
-                // The other one was first until now; its case is of no use any more.
-                let _ = fs::remove_file(self::case_path(&self.dir, &scenario, seed));
+        let key = (record.scenario.clone(), record.seed);
+        let replaced = match &record.cause {
+            Some(cause) if self.first.get(cause).is_none_or(|first| key < *first) => {
+                if let Some(case) = case {
+                    files::replace_for_good(&self.case(&key.0, key.1), case.to_toml().as_bytes())?;
+                }
+                self.first.insert(cause.clone(), key.clone())
+            }
+            _ => None,
+        };
+        // After the case: a run that has its line has its case as well.
+        if let Some(writer) = &mut self.writer {
+            let written = writer.lines.write_all(line(&record).as_bytes());
+            written.map_err(failed(&self.dir.join(RUNS)))?;
+        }
+        self.records.insert(key, record);
+        if let Some((scenario, seed)) = replaced {
+            // It was the first until now; its case is of no use any more.
+            let _ = fs::remove_file(self.case(&scenario, seed));
+        }
+        Ok(())
+    }
+
+    /// Takes over what `others` have done, with the cases of causes; of two results of one run the
+    /// later counts. The lines are in order then, whatever was merged in which order.
+    ///
+    /// # Errors
+    /// If a case cannot be read or the folder cannot be written.
+    pub(super) fn take_over(&mut self, others: &[Self]) -> Result<(), StoreError> {
+        for other in others {
+            let records = other.records.iter();
+            self.records
+                .extend(records.map(|(key, record)| (key.clone(), record.clone())));
+        }
+        let before = core::mem::replace(&mut self.first, first_of_causes(&self.records));
+        for (scenario, seed) in self.first.values() {
+            let record = self.record(scenario, *seed);
+            let has_it = |other: &&Self| other.record(scenario, *seed) == record;
+            let cases = others.iter().filter(has_it);
+            let mut cases = cases.map(|other| other.case(scenario, *seed));
+            if let Some(from) = cases.find(|path| path.exists()) {
+                let case = files::read(&from, "a case")?;
+                files::replace_for_good(&self.case(scenario, *seed), &case)?;
             }
         }
-        let Some(lines) = &mut self.lines else {
-            return Ok(());
-        };
-        lines.write_all(text.as_bytes()).map_err(failed(&path))
+        if let Some(writer) = &mut self.writer {
+            let path = self.dir.join(RUNS);
+            let lines: Vec<String> = self.records.values().map(line).collect();
+            files::replace_for_good(&path, lines.concat().as_bytes())?;
+            writer.lines = append_to(&path)?;
+        }
+        let needed: BTreeSet<&RunKey> = self.first.values().collect();
+        for key in before.values().filter(|key| !needed.contains(key)) {
+            let _ = fs::remove_file(self.case(&key.0, key.1));
+        }
+        Ok(())
     }
 
     /// The case of a run that was the first of its cause in this shard.
     pub(crate) fn case(&self, scenario: &str, seed: u64) -> PathBuf {
-        case_path(&self.dir, scenario, seed)
+        let name = format!("{scenario}-{seed}.toml");
+        self.dir.join(CASES).join(name)
     }
 }
 
-fn case_path(dir: &Path, scenario: &str, seed: u64) -> PathBuf {
-    dir.join("cases").join(format!("{scenario}-{seed}.toml"))
+/// For each cause the first run in order that has it.
+fn first_of_causes(records: &BTreeMap<RunKey, Record>) -> BTreeMap<String, RunKey> {
+    let mut first = BTreeMap::new();
+    for (key, record) in records {
+        if let Some(cause) = &record.cause {
+            first.entry(cause.clone()).or_insert_with(|| key.clone());
+        }
+    }
+    first
 }
 
-fn line(record: &Record) -> String {
-    serde_json::to_string(record).expect("plain data") + "\n"
-}
-
-/// The plan of the shard in `dir`.
-pub(super) fn read_plan(dir: &Path) -> Result<CampaignPlan, StoreError> {
-    let path = dir.join(PLAN);
-    let text = fs::read_to_string(&path).map_err(failed(&path))?;
-    serde_json::from_str(&text).map_err(|error| StoreError::Content {
-        path,
-        message: format!("{error}, expected the plan of a campaign"),
-    })
+fn append_to(path: &Path) -> Result<File, StoreError> {
+    let file = OpenOptions::new().append(true).create(true).open(path);
+    file.map_err(failed(path))
 }

@@ -1,0 +1,75 @@
+//! Files that a kill at any moment leaves whole: read with what is expected, replaced in one step.
+
+use std::fs::{self, File};
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+
+use super::error::{StoreError, failed};
+
+/// The bytes of the file `path`, which should be `expected`.
+///
+/// # Errors
+/// If there is none, it cannot be read, or something else has its name, like a folder.
+pub(super) fn read(path: &Path, expected: &'static str) -> Result<Vec<u8>, StoreError> {
+    let unusable = |source| StoreError::Unusable {
+        path: path.to_owned(),
+        source,
+        expected,
+    };
+    // A pipe would be waited for, without end.
+    if !fs::metadata(path).map_err(unusable)?.is_file() {
+        return Err(unusable(io::Error::other("is not a file")));
+    }
+    fs::read(path).map_err(unusable)
+}
+
+/// Writes `bytes` beside `path` and renames: a kill leaves the old file or the new one. For what
+/// the same command makes again, because after a power cut there may be neither.
+///
+/// # Errors
+/// If the folder cannot be written, or a folder has one of the two names.
+pub(super) fn replace(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+    replace_after(path, |file| file.write_all(bytes))
+}
+
+/// As [`replace`], and a power cut leaves the old file or the new one as well.
+///
+/// # Errors
+/// As [`replace`].
+pub(super) fn replace_for_good(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+    replace_after(path, |file| {
+        file.write_all(bytes)?;
+        file.sync_data()
+    })
+}
+
+fn replace_after(
+    path: &Path,
+    write: impl FnOnce(&mut File) -> io::Result<()>,
+) -> Result<(), StoreError> {
+    if path.is_dir() {
+        return Err(StoreError::Unusable {
+            path: path.to_owned(),
+            source: io::ErrorKind::IsADirectory.into(),
+            expected: "a file",
+        });
+    }
+    let mut beside = path.as_os_str().to_owned();
+    beside.push(".new");
+    let beside = PathBuf::from(beside);
+    let written = File::create(&beside).and_then(|mut file| write(&mut file));
+    written.map_err(failed(&beside))?;
+    fs::rename(&beside, path).map_err(failed(path))
+}
+
+/// Makes the folder `path` if there is none.
+///
+/// # Errors
+/// If something else has its name, or it cannot be made.
+pub(super) fn make_folder(path: &Path) -> Result<(), StoreError> {
+    fs::create_dir_all(path).map_err(|source| StoreError::Unusable {
+        path: path.to_owned(),
+        source,
+        expected: "a folder that can be written",
+    })
+}
