@@ -13,8 +13,8 @@ struct Golden {
 }
 
 /// First packet of the capture "hand in box"; a turn with one distance; vectors of the fielded
-/// base, in both orders; the fielded robot's row of unknown cells; a pen with an independent CRC; the
-/// info of a real A1M8; telemetry by hand, FF - (01 + 02) = FC.
+/// base, in both orders; the fielded robot's row of unknown cells; a pen with an independent CRC;
+/// the info of a real A1M8; telemetry by hand, FF - (01 + 02) = FC.
 fn golden() -> [Golden; 8] {
     let write = "46: speed_left_to=20 ticks/40 ms speed_right_to=-20 ticks/40 ms motor_standby=0";
     let mut turn = b"\x5A\xA5\x00\xC0\x94\xD1".to_vec();

@@ -16,6 +16,7 @@ mod mutants;
 mod own_device;
 mod pc_program;
 mod report;
+mod rplidar;
 mod silence;
 
 use std::path::Path;

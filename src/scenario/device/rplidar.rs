@@ -34,8 +34,8 @@ pub struct RplidarSpec {
     /// program is not told.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mount: Option<MountSpec>,
-    /// What the supply can give, mA at 5 V, 0 to 5000; always enough if not given. A scan draws 300,
-    /// and 550 while the head starts; with less the sensor starts again.
+    /// What the supply can give, mA at 5 V, 0 to 5000; always enough if not given. A scan draws
+    /// 300, and 550 while the head starts; with less the sensor starts again.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 5000.0))]
     pub supply_ma: Option<f64>,
@@ -71,9 +71,6 @@ impl From<MotorSpec> for MotorControl {
         }
     }
 }
-
-/// Duty and DTR are levels, not messages: they get through at once.
-const PIN: LineConfig = LineConfig::new_8n1(10_000_000);
 
 const EXAMPLE: &str = r#"[device.scanner.rplidar]
 profile = "fw1.29"
@@ -126,8 +123,9 @@ impl DeviceKind for RplidarKind {
         let uart = PortInfo::uart("uart", Rplidar::UART, line, "the robot's lidar input")
             .in_pieces(NODE_LEN)
             .speaking(&codec::RPLIDAR);
+        // A level takes a byte's time at the same rate, 87 us, to get through.
         let pin = |name, port, connect| {
-            let info = PortInfo::uart(name, port, PIN, connect);
+            let info = PortInfo::uart(name, port, line, connect);
             info.optional().on(LinkKind::Pin)
         };
         let drive = match motor {
