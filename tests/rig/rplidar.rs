@@ -195,7 +195,7 @@ fn settings_that_cannot_be_are_refused() {
         );
         let read = Scenario::parse(Path::new("<test>"), text);
         let bench = read.and_then(|(scenario, source)| Bench::new(scenario, &source));
-        bench.err().expect("refused").to_string()
+        bench.expect_err("refused").to_string()
     };
     let supply = refused("supply_ma = -1");
     assert!(
