@@ -32,7 +32,9 @@ mod lua;
 mod panel;
 mod pcui;
 mod row;
+mod rplidar;
 mod stream;
+mod telemetry;
 pub mod wire;
 pub(crate) mod words;
 mod xv11;
@@ -44,15 +46,25 @@ pub use lua::{Lua, LuaField, field};
 pub use panel::{PANEL, Panel};
 pub use pcui::{PCUI, Pcui};
 pub use row::{Answers, Codec, IDLE, OtherOrder};
+pub use rplidar::{RPLIDAR, Rplidar};
 pub use stream::{BAD_MAX, Count, Counter, Stream, Stretch, What};
+pub use telemetry::{TELEMETRY, Telemetry};
 pub use xv11::{XV11, Xv11};
 pub use xv11_turn::{XV11_TURN, Xv11Turns};
 
 use crate::registry::{NameTaken, Registry};
 use wire::Target;
 
-static CODECS: Registry<Codec> =
-    Registry::new(&[&XV11, &XV11_TURN, &BUS, &BUS_HIGH_FIRST, &PCUI, &PANEL]);
+static CODECS: Registry<Codec> = Registry::new(&[
+    &XV11,
+    &XV11_TURN,
+    &BUS,
+    &BUS_HIGH_FIRST,
+    &PCUI,
+    &PANEL,
+    &RPLIDAR,
+    &TELEMETRY,
+]);
 
 /// All rows: those that are built in, then those that were registered.
 pub fn all() -> Vec<&'static Codec> {

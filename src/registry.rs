@@ -4,6 +4,7 @@
 //! plain `&'static T` that is copied, compared and kept without anybody owning it. The order is
 //! always the same: what is built in first, then what was added, as it was added.
 
+use core::fmt;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// What a [`Registry`] can hold.
@@ -64,12 +65,21 @@ impl<T: ?Sized + Named> Registry<T> {
 }
 
 /// Something with this name is there already.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("there is something called \"{name}\" already")]
+///
+/// Written by hand, because the fuzzers' build of the codecs has no dependency for it.
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NameTaken {
     /// The name.
     pub name: String,
 }
+
+impl fmt::Display for NameTaken {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "there is something called \"{}\" already", self.name)
+    }
+}
+
+impl core::error::Error for NameTaken {}
 
 impl NameTaken {
     pub(crate) fn new(name: &str) -> Self {

@@ -28,8 +28,8 @@ pub use condition::{
     Op, PoseCondition, RegisterCondition,
 };
 pub use device::{
-    AvrBaseSpec, DeviceSpec, Hc06Spec, MountSpec, SupplySpec, TapSpec, TouchPanelSpec, TurnSpec,
-    Xv11Spec,
+    AvrBaseSpec, DeviceSpec, Hc06Spec, MotorSpec, MountSpec, RplidarSpec, SupplySpec, TapSpec,
+    TouchPanelSpec, TurnSpec, Xv11Spec,
 };
 pub use drives::DrivesSpec;
 pub use fault::{

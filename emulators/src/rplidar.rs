@@ -298,8 +298,8 @@ impl Device for Rplidar {
         earliest([self.next_at(), self.log.poll_at()])
     }
 
-    fn line_config(&self, _port: Port) -> LineConfig {
-        if self.faults.has(Fault::WrongRate) {
+    fn line_config(&self, port: Port) -> LineConfig {
+        if port == Self::UART && self.faults.has(Fault::WrongRate) {
             WRONG_LINE
         } else {
             LINE

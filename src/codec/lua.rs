@@ -7,7 +7,7 @@ pub struct Lua {
     /// Local functions; rows with the same text share them.
     pub source: &'static str,
     /// A function that says how long the frame at the start of a string is: 0 for none, nil if that
-    /// takes more bytes.
+    /// takes more bytes. Its second argument is the line's own table.
     pub judge: &'static str,
     /// A function that returns a frame's title and a list of fields and values.
     pub tell: &'static str,

@@ -13,8 +13,9 @@ struct Golden {
 }
 
 /// First packet of the capture "hand in box"; a turn with one distance; vectors of the fielded
-/// base, in both orders; the fielded robot's row of unknown cells; a pen with an independent CRC.
-fn golden() -> [Golden; 6] {
+/// base, in both orders; the fielded robot's row of unknown cells; a pen with an independent CRC;
+/// the info of a real A1M8; telemetry by hand, FF - (01 + 02) = FC.
+fn golden() -> [Golden; 8] {
     let write = "46: speed_left_to=20 ticks/40 ms speed_right_to=-20 ticks/40 ms motor_standby=0";
     let mut turn = b"\x5A\xA5\x00\xC0\x94\xD1".to_vec();
     turn.extend(b"\x35\x80\x00\x00".repeat(360));
@@ -52,6 +53,14 @@ fn golden() -> [Golden; 6] {
             "pen down at 291,2748",
             6,
         ),
+        row(
+            &RPLIDAR,
+            b"\xA5\x5A\x14\x00\x00\x00\x04\x18\x1D\x01\x07\x92\xD8\xED\x93\xC0\xEA\x98\xC9\xA5\xE6\x98\
+                \xF2\x07\x06\x46\x69",
+            "model 18, firmware 1.29, hardware 7, serial 92D8ED93C0EA98C9A5E698F207064669",
+            1,
+        ),
+        row(&TELEMETRY, b"\x7E\x00\x02\x01\x02\xFC", "2 bytes: 01 02", 3),
     ]
 }
 

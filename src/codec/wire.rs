@@ -51,6 +51,13 @@ pub trait Wire {
     /// without the code on trial.
     fn frame_at(bytes: &[u8]) -> Option<usize>;
 
+    /// The length of the frame that `bytes` begins with if it is one whatever came before it: such
+    /// a frame is never thrown away. Any is, unless a format has frames that only another frame
+    /// tells apart from noise.
+    fn unmistakable_at(bytes: &[u8]) -> Option<usize> {
+        Self::frame_at(bytes)
+    }
+
     /// Whether a frame means what its parts say: made again of them, it is the same.
     ///
     /// # Errors

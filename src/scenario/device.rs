@@ -3,8 +3,11 @@
 mod avr_base;
 mod hc06;
 mod kind;
+mod mount;
 mod read;
 mod registers;
+mod rplidar;
+pub mod rplidar_scans;
 pub mod scan;
 mod text;
 mod touch_panel;
@@ -31,9 +34,11 @@ pub use hc06::{HC06, Hc06Spec};
 pub use kind::{
     BuildContext, Built, DeviceKind, PortInfo, Settings, ValueRow, read_settings, schema_of,
 };
+pub use mount::MountSpec;
 pub(super) use read::read_devices;
+pub use rplidar::{MotorSpec, RPLIDAR, RplidarSpec};
 pub use touch_panel::{TOUCH_PANEL, TapSpec, TouchPanelSpec};
-pub use xv11::{MountSpec, SupplySpec, TurnSpec, XV11, Xv11Spec};
+pub use xv11::{SupplySpec, TurnSpec, XV11, Xv11Spec};
 
 impl Named for dyn DeviceKind {
     fn name(&self) -> &str {
@@ -46,6 +51,7 @@ static KINDS: Registry<dyn DeviceKind> = Registry::new(&[
     AVR_BASE,
     HC06,
     TOUCH_PANEL,
+    RPLIDAR,
     registers::REGISTERS,
     text::TEXT,
 ]);

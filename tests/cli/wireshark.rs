@@ -268,6 +268,68 @@ fn frames_of_a_panel_show_window_pixels_and_pen() {
     assert_eq!(lines, expected);
 }
 
+/// Requests one way; the other way a scan of a real A1M8's first nodes (199.1 and 201.2 degrees; a
+/// third one by hand, 1000 mm at 90 degrees) in two records, and the health that ends it.
+#[test]
+fn a_scan_of_an_rplidar_shows_angles_distances_and_requests() {
+    let session = Session::new("wireshark-rplidar");
+    let mut chunks = Chunks::of(&["lidar"]);
+    chunks.add(0, DOWN, b"\xA5\x50\xA5\xF0\x02\x94\x02\xC1");
+    chunks.add(0, UP, b"\xA5\x5A\x05\x00\x00\x40\x81\x02\x8F\x63\x00");
+    chunks.add(
+        0,
+        UP,
+        b"\x00\x3E\x9B\x64\x00\x00\xBD\x01\x2D\xA0\x0F\xA5\x5A\x03\x00\x00\x00\x06\x00\x00\x00",
+    );
+    let fields = [
+        "hilrig.protocol",
+        "hilrig.rplidar.command",
+        "hilrig.rplidar.kind",
+        "hilrig.rplidar.distance",
+        "hilrig.rplidar.quality",
+        "hilrig.bad",
+    ];
+    let Some(lines) = dissect(&session, &chunks, &fields) else {
+        return;
+    };
+    let expected = [
+        "rplidar,rplidar|0x50,0xf0||||",
+        "rplidar||0x81|||",
+        "rplidar,rplidar,rplidar,rplidar||0x06|0,0,1000|0,15,47|",
+    ];
+    assert_eq!(lines, expected);
+    let lines = dissect(&session, &chunks, &["hilrig.rplidar.angle"]).expect("it was there");
+    let angles = lines[2].split(',').map(|angle| angle.parse::<f64>());
+    let angles: Vec<f64> = angles.map(|angle| angle.expect("a number")).collect();
+    // 12743, 12877 and 5760 in 64ths.
+    let expected = [199.109_375, 201.203_125, 90.0];
+    assert_eq!(angles.len(), 3);
+    assert!(
+        angles
+            .iter()
+            .zip(expected)
+            .all(|(found, angle)| (found - angle).abs() < 1e-3)
+    );
+}
+
+/// By hand: FF - (7E + 01) = 80; 7E is sent as 7D 5E. Then a frame whose checksum is wrong.
+#[test]
+fn frames_of_telemetry_show_their_payload_without_escapes() {
+    let session = Session::new("wireshark-telemetry");
+    let mut chunks = Chunks::of(&["radio"]);
+    chunks.add(0, UP, b"\x7E\x00\x02\x7D\x5E\x01\x80");
+    chunks.add(0, UP, b"\x7E\x00\x02\x03\x01\x80\x7E\x00\x00\xFF");
+    let fields = [
+        "hilrig.telemetry.length",
+        "hilrig.telemetry.payload",
+        "hilrig.bad",
+    ];
+    let Some(lines) = dissect(&session, &chunks, &fields) else {
+        return;
+    };
+    assert_eq!(lines, ["2|7E 01|", "0||6"]);
+}
+
 /// The rates of the seed report's links, as Wireshark's own tool reads them from a run's capture.
 #[test]
 fn a_runs_capture_tells_the_rate_of_each_link() {

@@ -17,6 +17,7 @@ mod own_device;
 mod pc_program;
 mod report;
 mod robot;
+mod rplidar;
 mod silence;
 
 use std::path::Path;

@@ -26,7 +26,7 @@ const BOTTOM: [&str; 5] = ["hex", "html", "picture", "registry", "TOOL"];
 const ROOTS: [&str; 4] = ["src", "protocols/src", "emulators/src", "firmware_core/src"];
 
 /// Files above the robots that name one all the same, and why.
-const NAMED: [(&str, &str); 7] = [
+const NAMED: [(&str, &str); 8] = [
     ("src/search/fuzz/session", "benches of those very programs"),
     (
         "src/capture/export/scans.rs",
@@ -40,6 +40,7 @@ const NAMED: [(&str, &str); 7] = [
         "src/scenario/device.rs",
         "the table of the kinds that are built in",
     ),
+    ("src/scenario/device/rplidar", "a kind's own files"),
     ("src/scenario/device/xv11.rs", "a kind's own file"),
     ("src/scenario/device/xv11_scans.rs", "a kind's own file"),
     ("src/scenario/schema/examples.rs", "examples for people"),
@@ -307,7 +308,10 @@ fn names_a_robot(file: &File) -> Findings {
     }
     let names = |line: &str| {
         let line = line.trim_start().to_lowercase();
-        !line.starts_with("//") && ["rescue", "xv11"].iter().any(|name| line.contains(name))
+        !line.starts_with("//")
+            && ["rescue", "xv11", "rplidar"]
+                .iter()
+                .any(|name| line.contains(name))
     };
     let lines = file.product_lines().filter(|(_, line)| names(line));
     lines

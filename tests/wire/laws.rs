@@ -322,3 +322,5 @@ laws!(avr_high_byte_first, crate::avr::HighFirst);
 laws!(pcui, crate::pcui::Pcui);
 laws!(panel_commands, crate::panel::Commands);
 laws!(panel_reports, crate::panel::Reports);
+laws!(rplidar_requests, crate::rplidar::Requests);
+laws!(telemetry, crate::telemetry::Telemetry);

@@ -15,6 +15,8 @@ mod panel;
 mod pcui;
 mod protocol;
 mod rle;
+mod rplidar;
+mod telemetry;
 mod xv11;
 
 #[path = "../support/captures.rs"]

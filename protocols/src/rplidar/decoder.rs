@@ -1,8 +1,9 @@
-//! Finds answers, nodes and capsules in what the sensor sends.
+//! Finds answers, nodes and capsules in what the sensor sends; if wished, requests as well.
 
 use super::answer::{ANSWER_MAX, Answer, Descriptor, PAYLOAD_MAX, Transfer, kind};
 use super::capsule::{self, CAPSULE_LEN, Capsule};
 use super::node::{self, Head, NODE_LEN, Node};
+use super::request::{PAYLOAD, Request, Requests};
 use super::{ANSWER_START, DESCRIPTOR_LEN, START};
 use crate::{Candidate, Decode, Format, FrameError};
 
@@ -35,6 +36,8 @@ pub enum Frame {
     Node(Node),
     /// 32 samples of an express scan.
     Capsule(Capsule),
+    /// What the host asks for; only of a decoder of [both ways](Decoder::of_both_ways).
+    Request(Request),
 }
 
 impl Frame {
@@ -45,6 +48,7 @@ impl Frame {
             Self::Answer(answer) => answer.as_bytes(),
             Self::Node(node) => node.as_bytes(),
             Self::Capsule(capsule) => capsule.as_bytes(),
+            Self::Request(request) => request.as_bytes(),
         }
     }
 }
@@ -58,6 +62,17 @@ impl Frame {
 pub struct Decoder(crate::Decoder<Answers, ANSWER_MAX>);
 
 impl Decoder {
+    /// A decoder that finds requests, too, where no stream was announced: for a listener that does
+    /// not know which way the bytes go. Two bytes without a checksum are a request only if the
+    /// command is a known one, and a payload is at most as long as that of an answer.
+    pub const fn of_both_ways() -> Self {
+        Self(crate::Decoder::with_format(Answers {
+            mode: Mode::Answers,
+            is_aligned: false,
+            has_requests: true,
+        }))
+    }
+
     /// Says what to look for from the next pending byte on. Needed only where the descriptor was
     /// not seen: after a reset, or when the sensor streams already.
     pub const fn expect(&mut self, mode: Mode) {
@@ -83,7 +98,7 @@ impl Decode for Decoder {
                 _ => Mode::Answers,
             }),
             Ok(Frame::Answer(_)) => self.expect(Mode::Answers),
-            Ok(Frame::Node(_) | Frame::Capsule(_)) | Err(_) => {}
+            Ok(Frame::Node(_) | Frame::Capsule(_) | Frame::Request(_)) | Err(_) => {}
         }
         Some(outcome)
     }
@@ -107,12 +122,15 @@ struct Answers {
     mode: Mode,
     /// Whether the pending bytes begin right behind a sound frame.
     is_aligned: bool,
+    /// Whether requests are looked for.
+    has_requests: bool,
 }
 
 impl Answers {
     /// Judges `bytes`; `is_last`: no more will come.
     fn judge(self, bytes: &[u8], is_last: bool) -> Candidate {
         match self.mode {
+            Mode::Answers if self.has_requests => judge_both(bytes),
             Mode::Answers => judge_answer(bytes),
             Mode::Nodes if begins_answer(bytes) && self.is_aligned => judge_answer(bytes),
             // A capsule may begin with the same two bytes, and damage may look like them: the other
@@ -175,6 +193,9 @@ impl Format for Answers {
 
     fn frame(&self, bytes: &[u8]) -> Frame {
         let head = bytes.first_chunk().copied();
+        if self.mode == Mode::Answers && !begins_answer(bytes) {
+            return Frame::Request(Request::from_bytes(bytes));
+        }
         if let &[a, b, c, d, e] = bytes {
             return Frame::Node(Node::from_judged([a, b, c, d, e]));
         }
@@ -237,6 +258,27 @@ fn judge_answer(bytes: &[u8]) -> Candidate {
         return Candidate::Incomplete;
     }
     Candidate::Complete(end)
+}
+
+/// Judges an answer or a request: the second byte of an answer is no command.
+fn judge_both(bytes: &[u8]) -> Candidate {
+    match *bytes {
+        [START, ANSWER_START, ..] => judge_answer(bytes),
+        [START, command, size, ..] if command & PAYLOAD != 0 && usize::from(size) > PAYLOAD_MAX => {
+            Candidate::Rejected(FrameError::Length {
+                max: u32::try_from(PAYLOAD_MAX).expect("128"),
+                found: u32::from(size),
+            })
+        }
+        [START, command, ..] if command & PAYLOAD == 0 => {
+            let request = Request::plain(command);
+            match request.command() {
+                Some(_) => Candidate::Complete(request.as_bytes().len()),
+                None => Candidate::Noise,
+            }
+        }
+        _ => Requests.judge(bytes),
+    }
 }
 
 fn judge_capsule(bytes: &[u8]) -> Candidate {

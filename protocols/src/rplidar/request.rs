@@ -32,7 +32,7 @@ pub mod code {
 }
 
 /// Bit of the command byte that announces a payload.
-const PAYLOAD: u8 = 0x80;
+pub(super) const PAYLOAD: u8 = 0x80;
 /// Bytes around a payload.
 const OVERHEAD: usize = 4;
 /// Most payload bytes: one byte of size.
@@ -184,7 +184,7 @@ impl Request {
         &self.bytes[..self.len]
     }
 
-    fn from_bytes(bytes: &[u8]) -> Self {
+    pub(super) fn from_bytes(bytes: &[u8]) -> Self {
         let mut request = Self {
             bytes: [0; REQUEST_MAX],
             len: bytes.len(),

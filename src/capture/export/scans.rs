@@ -5,7 +5,9 @@ use protocols::xv11::{self, Reading};
 use protocols::{Decode as _, Instant};
 
 use crate::capture::replay::{Passage, Recorded};
-use crate::codec::{self, XV11};
+use crate::codec::{self, RPLIDAR, XV11};
+use crate::scenario::device::rplidar_scans::RplidarScans;
+use crate::scenario::device::scan::{Beam, ScanDecoder as _};
 
 /// Readings of a turn, one a degree.
 pub(super) const READINGS: usize = 360;
@@ -15,30 +17,67 @@ pub(super) const READINGS: usize = 360;
 pub(crate) struct Scan {
     /// Name of its link.
     pub link: String,
-    /// When its last packet had arrived, from the beginning of the capture.
+    /// When its last bytes had arrived, from the beginning of the capture.
     pub at: Instant,
     /// Bearing of the first reading, radians counter-clockwise from ahead; the others follow by a
     /// degree each.
     pub start: f64,
     /// Metres; `None`: nothing measured, or its packet did not arrive.
     pub ranges: Vec<Option<f64>>,
-    /// Strength of each measured reading, 0 for the others.
+    /// Strength of each measured reading, 0 for the others and for a lidar that tells none.
     pub strengths: Vec<f64>,
 }
 
 /// The turns on all links that carry a lidar's packets, in order of time. A turn with fewer than
-/// half its packets is left out.
+/// half its packets is left out, as is one that was not seen from its beginning.
 pub(crate) fn scans(recorded: &Recorded) -> Vec<Scan> {
-    let links = recorded.links.iter().filter(|one| is_lidar(one));
-    let mut scans: Vec<Scan> = links.flat_map(turns).collect();
+    let mut scans: Vec<Scan> = recorded.links.iter().flat_map(turns).collect();
     scans.sort_by_key(|scan| scan.at);
     scans
 }
 
-fn is_lidar(passage: &Passage) -> bool {
+/// The turns on a link, if it is a lidar's.
+fn turns(passage: &Passage) -> Vec<Scan> {
     let first = passage.arrivals.iter().flat_map(|one| &one.bytes).copied();
     let first: Vec<u8> = first.take(1 << 16).collect();
-    codec::guess(&first) == Some(&XV11)
+    match codec::guess(&first) {
+        Some(codec) if *codec == XV11 => turns_of_packets(passage),
+        Some(codec) if *codec == RPLIDAR => turns_of_nodes(passage),
+        _ => Vec::new(),
+    }
+}
+
+/// Turns of an RPLIDAR whose angle 0 looks ahead: in each degree the nearest of what was measured.
+fn turns_of_nodes(passage: &Passage) -> Vec<Scan> {
+    let mut decoder = RplidarScans::new(0.0);
+    let mut scans = Vec::new();
+    for arrival in &passage.arrivals {
+        scans.extend(decoder.push(&arrival.bytes).map(|beams| Scan {
+            link: passage.link.clone(),
+            at: arrival.at,
+            start: 0.0,
+            ranges: nearest(&beams),
+            strengths: vec![0.0; READINGS],
+        }));
+    }
+    scans
+}
+
+/// The nearest beam in each degree counter-clockwise from ahead, metres.
+fn nearest(beams: &[Beam]) -> Vec<Option<f64>> {
+    let mut ranges: Vec<Option<f64>> = vec![None; READINGS];
+    for beam in beams {
+        let degree = beam.bearing.to_degrees().round();
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "a whole number of one turn"
+        )]
+        #[expect(clippy::cast_sign_loss, reason = "not negative")]
+        let index = degree.rem_euclid(READINGS as f64) as usize % READINGS;
+        let known = ranges[index].unwrap_or(f64::INFINITY);
+        ranges[index] = Some(known.min(beam.distance_m));
+    }
+    ranges
 }
 
 struct Turn {
@@ -57,7 +96,7 @@ impl Turn {
     }
 }
 
-fn turns(passage: &Passage) -> Vec<Scan> {
+fn turns_of_packets(passage: &Passage) -> Vec<Scan> {
     let mut decoder = xv11::Decoder::default();
     let mut scans = Vec::new();
     let (mut turn, mut last, mut heard) = (Turn::new(), 0, Instant::ZERO);
@@ -101,4 +140,51 @@ fn whole(link: &str, at: Instant, turn: Turn) -> Option<Scan> {
         ranges: turn.ranges,
         strengths: turn.strengths,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use protocols::rplidar::{Descriptor, Node};
+
+    use super::*;
+    use crate::capture::replay::Arrival;
+
+    /// Clockwise from ahead on the wire, counter-clockwise in the scan: 90 degrees become 270. The
+    /// turn ends with the first node of the next.
+    #[test]
+    fn nodes_of_an_rplidar_become_degrees_to_the_left() {
+        let node =
+            |starts, degrees: u16, mm: u16| *Node::new(starts, 15, degrees * 64, mm * 4).as_bytes();
+        let nodes = [
+            node(true, 0, 1000),
+            node(false, 90, 2000),
+            node(false, 90, 1500),
+            node(false, 180, 0),
+            node(true, 0, 1000),
+            node(false, 1, 1000),
+        ];
+        let whole = [&Descriptor::nodes().as_bytes()[..], nodes.as_flattened()].concat();
+        let arrivals = (0..).zip(whole.chunks(5)).map(|(ms, bytes)| Arrival {
+            at: Instant::from_millis(ms),
+            bytes: bytes.to_vec(),
+        });
+        let passage = Passage {
+            link: "lidar".to_owned(),
+            arrivals: arrivals.collect(),
+            ..Passage::default()
+        };
+        let links = vec![passage];
+        let scans = scans(&Recorded {
+            links,
+            ..Recorded::default()
+        });
+        let [scan] = &scans[..] else {
+            panic!("{scans:?}");
+        };
+        let measured = (0..)
+            .zip(&scan.ranges)
+            .filter_map(|(k, range)| Some((k, (*range)?)));
+        let measured: Vec<(usize, f64)> = measured.collect();
+        assert_eq!(measured, [(0, 1.0), (270, 1.5)]);
+    }
 }

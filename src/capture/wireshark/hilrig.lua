@@ -41,9 +41,10 @@ end
 
 -- Formats ----------------------------------------------------------------------------------------
 --
--- judge(s) says how long the frame at the start of s is; 0 for none, nil for "more". tell(s)
--- returns a title and a list of { field, value }. Each row: name, judge, tell, seconds of silence
--- after which half a frame is given up.
+-- judge(s, state) says how long the frame at the start of s is; 0 for none, nil for "more"; state is
+-- the line's own table, for formats whose frames say what the next ones are. tell(s) returns a title
+-- and a list of { field, value }. Each row: name, judge, tell, seconds of silence after which half a
+-- frame is given up.
 
 --@SOURCES
 local FORMATS = {
@@ -54,7 +55,7 @@ local FORMATS = {
 
 local QUIET = 0.05
 local PENDING_MAX = 4096
-local FRAME_MAX = 1446
+local FRAME_MAX = 6407
 local lines, told = {}, {}
 
 function proto.init() lines, told = {}, {} end
@@ -81,7 +82,7 @@ end
 local function cut(line, out, quiet)
   local format, at, from = line.format, 1, 1
   while at <= #line.buf do
-    local length = format[2](line.buf:sub(at, at + FRAME_MAX - 1))
+    local length = format[2](line.buf:sub(at, at + FRAME_MAX - 1), line.state)
     if length == nil and not quiet then break end
     if length and length > 0 then
       tell_bad(out, line.buf:sub(from, at - 1))
@@ -102,9 +103,9 @@ end
 local function guess(buf)
   local best, most = nil, 0
   for _, format in ipairs(FORMATS) do
-    local at, framed = 1, 0
+    local at, framed, state = 1, 0, {}
     while at <= #buf do
-      local length = format[2](buf:sub(at, at + FRAME_MAX - 1))
+      local length = format[2](buf:sub(at, at + FRAME_MAX - 1), state)
       if length and length > 0 then framed = framed + length end
       at = at + math.max(length or 1, 1)
     end
@@ -147,7 +148,7 @@ function proto.dissector(tvb, pinfo, tree)
   if not kind or tvb:len() <= 12 then return end
   if not told[pinfo.number] then
     local key = field_text(interface) .. "/" .. field_text(direction)
-    lines[key] = lines[key] or { buf = "" }
+    lines[key] = lines[key] or { buf = "", state = {} }
     local bytes = tvb:range(12):bytes():raw()
     told[pinfo.number] = take(lines[key], bytes, tonumber(tostring(pinfo.abs_ts)))
   end

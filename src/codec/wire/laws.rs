@@ -73,7 +73,7 @@ impl<W: Wire> Listener<W> {
 /// - every byte is in a frame, discarded or pending;
 /// - a frame is what stood on the wire where it was found, is one by the format read slowly, and
 ///   made again of its parts it is the same;
-/// - nothing that is a frame is thrown away;
+/// - nothing that is a frame is thrown away, see [`Wire::unmistakable_at`];
 /// - pieces change nothing;
 /// - after a pause nothing is pending.
 pub fn keeps_the_laws<W: Wire>(stream: &Stream) -> Result<(), Broken> {
@@ -144,7 +144,7 @@ fn judge_stretch<W: Wire>(
 
 /// Nothing between `from` and `to`, which was thrown away, began a frame.
 fn nothing_lost<W: Wire>(stretch: &[u8], from: usize, to: usize) -> Result<(), Broken> {
-    match (from..to).find(|&at| W::frame_at(&stretch[at..]).is_some()) {
+    match (from..to).find(|&at| W::unmistakable_at(&stretch[at..]).is_some()) {
         None => Ok(()),
         Some(at) => {
             let detail = format!(

@@ -2,6 +2,7 @@
 
 use core::any::Any;
 use core::fmt::Debug;
+use core::ops::RangeInclusive;
 
 use emulators::world::World;
 use protocols::{LineConfig, Port};
@@ -143,6 +144,26 @@ impl BuildContext<'_> {
     /// Its place in the scenario, e.g. `device.lidar.xv11`.
     pub fn key(&self) -> String {
         format!("device.{}.{}", self.name, self.kind)
+    }
+
+    /// Whether the setting `key` is within `range`, if it is given.
+    ///
+    /// # Errors
+    /// If it is not, or no number; with the key and the range.
+    pub fn within(
+        &self,
+        key: &str,
+        value: Option<f64>,
+        range: RangeInclusive<f64>,
+    ) -> Result<(), ScenarioError> {
+        let Some(found) = value.filter(|found| !range.contains(found)) else {
+            return Ok(());
+        };
+        let (least, most) = (*range.start(), *range.end());
+        let message = format!("is {found}, expected {least} to {most}");
+        let name = key.split('.').next().unwrap_or(key);
+        let (source, at) = (self.source, self.key());
+        Err(source.invalid(source.find(name), format!("{at}.{key}"), message))
     }
 }
 

@@ -1,7 +1,6 @@
 //! `xv11`: the Neato XV-11 lidar.
 
 use core::any::Any;
-use core::ops::RangeInclusive;
 
 use emulators::xv11::{Config, Direction, Fault, Mount, Profile, Xv11};
 use protocols::LineConfig;
@@ -9,7 +8,9 @@ use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Serialize};
 use toml::de::ValueDeserializer;
 
-use super::{BuildContext, Built, DeviceKind, PortInfo, Settings, read_settings, schema_of};
+use super::{
+    BuildContext, Built, DeviceKind, MountSpec, PortInfo, Settings, read_settings, schema_of,
+};
 use crate::codec::{self, Codec};
 use crate::rig::LinkKind;
 use crate::scenario::ScenarioError;
@@ -70,21 +71,6 @@ pub enum SupplySpec {
     FixedV(f64),
     /// The host's drive, this voltage at full duty, volts.
     HostV(f64),
-}
-
-/// Where a sensor sits on the robot, in the robot's own axes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct MountSpec {
-    /// Ahead of the middle of the robot, metres, -10 to 10; behind it if negative.
-    #[schemars(range(min = -10.0, max = 10.0))]
-    pub x_m: f64,
-    /// To the left of the middle of the robot, metres, -10 to 10; to the right if negative.
-    #[schemars(range(min = -10.0, max = 10.0))]
-    pub y_m: f64,
-    /// How far it is turned, degrees counter-clockwise seen from above, -360 to 360.
-    #[schemars(range(min = -360.0, max = 360.0))]
-    pub heading_deg: f64,
 }
 
 impl From<SupplySpec> for emulators::xv11::MotorSupply {
@@ -217,21 +203,8 @@ impl Xv11Spec {
 
     /// Whether all figures are in their ranges.
     fn check(&self, context: &BuildContext<'_>) -> Result<(), ScenarioError> {
-        let (source, at) = (context.source, context.key());
-        let within = |key: &str, value: Option<f64>, range: RangeInclusive<f64>| match value {
-            Some(found) if !range.contains(&found) => {
-                let (least, most) = (*range.start(), *range.end());
-                let message = format!("is {found}, expected {least} to {most}");
-                let name = key.split('.').next().unwrap_or(key);
-                Err(source.invalid(source.find(name), format!("{at}.{key}"), message))
-            }
-            _ => Ok(()),
-        };
-        within("index0_deg", self.index0_deg, -360.0..=360.0)?;
-        within("beam_offset_mm", self.beam_offset_mm, 0.0..=100.0)?;
-        let mount = self.mount.unwrap_or_default();
-        within("mount.x_m", Some(mount.x_m), -10.0..=10.0)?;
-        within("mount.y_m", Some(mount.y_m), -10.0..=10.0)?;
-        within("mount.heading_deg", Some(mount.heading_deg), -360.0..=360.0)
+        context.within("index0_deg", self.index0_deg, -360.0..=360.0)?;
+        context.within("beam_offset_mm", self.beam_offset_mm, 0.0..=100.0)?;
+        self.mount.unwrap_or_default().check(context)
     }
 }

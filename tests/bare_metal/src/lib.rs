@@ -14,7 +14,7 @@ use core::ptr::{read_volatile, write_volatile};
 use firmware_core::Master;
 use firmware_core::robots::rescue::{Config, Rescue};
 use protocols::avr::{self, ChecksumOrder};
-use protocols::{Decode, Instant, Port, hc06, pcui, rle, xv11};
+use protocols::{Decode, Instant, Port, hc06, pcui, rle, rplidar, telemetry, xv11};
 
 /// The robot's only memory besides the stack.
 struct Robot(UnsafeCell<Rescue>);
@@ -71,11 +71,17 @@ extern "C" fn decode_everything() {
     let mut document = avr::Decoder::new(ChecksumOrder::LowFirst);
     let mut fielded = avr::Decoder::new(ChecksumOrder::HighFirst);
     let mut frames = pcui::Decoder::default();
+    let mut scans = rplidar::Decoder::default();
+    let mut requests = rplidar::RequestDecoder::default();
+    let mut messages = telemetry::Decoder::default();
     while let Some(byte) = received(Port(0)) {
         drain(&mut packets, byte);
         drain(&mut turns, byte);
         drain(&mut document, byte);
         drain(&mut fielded, byte);
+        drain(&mut scans, byte);
+        drain(&mut requests, byte);
+        drain(&mut messages, byte);
         for frame in frames.push(&[byte]).flatten() {
             send(Port(1), u8::from(frame.message().is_ok()));
         }

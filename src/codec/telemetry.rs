@@ -1,0 +1,186 @@
+//! `telemetry`: escaped frames of the robot yellow's link, both ways.
+
+use protocols::{Decode, FrameError, telemetry};
+use telemetry::{ESCAPE, PAYLOAD_MAX, START};
+
+use super::lua::{Lua, LuaField, field};
+use super::row::{Answers, Codec};
+use super::wire::{Broken, Choices, Wire, made_again};
+use crate::hex;
+
+/// Frames of the telemetry link.
+pub static TELEMETRY: Codec =
+    Codec::of::<Telemetry>("Telemetry of the robot yellow, escaped frames behind 7E")
+        .with_answers(Answers {
+            // The tag of the message's first field.
+            kind: |frame| frame.get(3..4).unwrap_or_default(),
+            head: 3,
+            ..Answers::PLAIN
+        })
+        .with_lua(Lua {
+            source: include_str!("lua/telemetry.lua"),
+            judge: "judge_telemetry",
+            tell: "tell_telemetry",
+            fields: &FIELDS,
+        });
+
+const FIELDS: [LuaField; 2] = [
+    field(
+        "tele_length",
+        "uint16",
+        "hilrig.telemetry.length",
+        "Payload length",
+    ),
+    field(
+        "tele_payload",
+        "string",
+        "hilrig.telemetry.payload",
+        "Payload",
+    ),
+];
+
+/// Payload bytes that are told.
+const TOLD_MAX: usize = 16;
+
+/// The telemetry link.
+#[derive(Clone, Copy, Debug)]
+pub struct Telemetry;
+
+/// A frame with its escapes.
+#[derive(Clone, Debug)]
+pub struct Escaped {
+    frame: telemetry::Frame,
+    bytes: Vec<u8>,
+}
+
+/// Finds frames and keeps their escapes.
+#[derive(Clone, Debug, Default)]
+pub struct Decoder(telemetry::Decoder);
+
+impl Decode for Decoder {
+    type Frame = Escaped;
+
+    fn step(&mut self, input: &mut &[u8]) -> Option<Result<Escaped, FrameError>> {
+        let outcome = self.0.step(input)?;
+        Some(outcome.map(|frame| {
+            let bytes = encoded(frame.payload());
+            Escaped { frame, bytes }
+        }))
+    }
+
+    fn idle(&mut self) {
+        self.0.idle();
+    }
+
+    fn pending(&self) -> usize {
+        self.0.pending()
+    }
+
+    fn discarded(&self) -> u64 {
+        self.0.discarded()
+    }
+}
+
+impl Wire for Telemetry {
+    type Decoder = Decoder;
+    const NAME: &'static str = "telemetry";
+
+    fn decoder() -> Decoder {
+        Decoder::default()
+    }
+
+    fn bytes(frame: &Escaped) -> &[u8] {
+        &frame.bytes
+    }
+
+    fn words(frame: &Escaped) -> String {
+        let payload = frame.frame.payload();
+        let told = hex::pairs(&payload[..payload.len().min(TOLD_MAX)]);
+        let more = if payload.len() > TOLD_MAX { " .." } else { "" };
+        format!("{} bytes: {told}{more}", payload.len())
+    }
+
+    fn build(choices: &mut Choices<'_>, out: &mut Vec<u8>) {
+        let len = match choices.byte() {
+            most @ 0..240 => usize::from(most % 24),
+            most => 200 * usize::from(most - 239),
+        };
+        let mut payload = choices.take(len).to_vec();
+        payload.resize(len, START);
+        out.extend(encoded(&payload));
+    }
+
+    fn repair(frame: &mut [u8]) {
+        let plain = unescaped(frame.get(1..).unwrap_or_default());
+        let Some(payload) = plain.len().checked_sub(1).and_then(|end| plain.get(2..end)) else {
+            return;
+        };
+        // What needs more escapes or fewer than there are stays as it is.
+        let made = encoded(payload);
+        if made.len() == frame.len() {
+            frame.copy_from_slice(&made);
+        }
+    }
+
+    fn frame_at(bytes: &[u8]) -> Option<usize> {
+        let mut rest = bytes.strip_prefix(&[0x7E])?.iter();
+        let mut next = || match rest.next()? {
+            0x7E => None,
+            0x7D => match rest.next()? {
+                0x5E => Some((2, 0x7E)),
+                0x5D => Some((2, 0x7D)),
+                _ => None,
+            },
+            &plain => Some((1, plain)),
+        };
+        let ((high_len, high), (low_len, low)) = (next()?, next()?);
+        let payload_len = 256 * usize::from(high) + usize::from(low);
+        if payload_len > 3_200 {
+            return None;
+        }
+        let (mut len, mut sum) = (1 + high_len + low_len, 0_u8);
+        for _ in 0..=payload_len {
+            let (wire_len, plain) = next()?;
+            len += wire_len;
+            sum = sum.wrapping_add(plain);
+        }
+        // With the checksum all comes to FF.
+        (sum == 0xFF).then_some(len)
+    }
+
+    fn means_itself(frame: &Escaped) -> Result<(), Broken> {
+        let mut decoder = telemetry::Decoder::default();
+        let again = decoder.push(&frame.bytes).find_map(Result::ok);
+        let payload = again.as_ref().map(telemetry::Frame::payload);
+        made_again(frame.frame.payload(), payload.unwrap_or_default())
+    }
+
+    fn kind(frame: &Escaped) -> u64 {
+        let (len, escapes) = (frame.frame.payload().len(), frame.bytes.len());
+        let size = u64::from(usize::BITS - len.leading_zeros());
+        size << 8 | u64::from(escapes > len + 4)
+    }
+}
+
+/// The frame of `payload`; nothing if that is too long.
+fn encoded(payload: &[u8]) -> Vec<u8> {
+    let mut bytes = vec![0; 1 + 2 * (payload.len().min(PAYLOAD_MAX) + 3)];
+    let len = telemetry::encode(payload, &mut bytes).unwrap_or_default();
+    bytes.truncate(len);
+    bytes
+}
+
+/// `bytes` without escapes, sound or not.
+fn unescaped(bytes: &[u8]) -> Vec<u8> {
+    let mut plain = Vec::new();
+    let mut bytes = bytes.iter().copied();
+    while let Some(byte) = bytes.next() {
+        let is_escape = byte == ESCAPE;
+        plain.extend(if is_escape {
+            bytes.next().map(|byte| byte ^ 0x20)
+        } else {
+            Some(byte)
+        });
+    }
+    plain
+}
