@@ -161,8 +161,13 @@ mod tests {
         assert_eq!(known.count(), 4);
         // 10 mm is the cell from 0 to 50, -10 mm the one from -50 to 0.
         let [x, y] = view.origin_mm();
-        let index = |mm: f32, from: f32| ((mm - from) / 50.0) as usize;
-        assert_eq!(view.get(index(0.0, x), index(-50.0, y)), Some(OBSTACLE));
+        let corners = view.rows().enumerate().flat_map(|(iy, row)| {
+            let cells = row.iter().enumerate();
+            let obstacles = cells.filter(|(_, cell)| **cell == OBSTACLE);
+            obstacles.map(move |(ix, _)| [x + ix as f32 * 50.0, y + iy as f32 * 50.0])
+        });
+        let corners: Vec<_> = corners.collect();
+        assert_eq!(corners, [[-7_000.0, -5_000.0], [0.0, -50.0]]);
     }
 
     #[test]
