@@ -7,10 +7,11 @@
 //!
 //! The rig is the same as in virtual time; only who moves its clock differs. Each turn runs it up
 //! to the present, carries bytes and events across, and waits for the rig's next event or for a
-//! client. After a short delay the rig catches up in small slices, so that no virtual time is skipped
-//! and a client can read and answer in between. After one of more than 20 ms rig time stood, where
-//! the clock can: nothing is poured over clients, and what they break for that is charged to nobody. Nothing here is exact to better than a few hundred
-//! microseconds, and how late it was is measured: verdicts come from virtual time.
+//! client. After a short delay the rig catches up in small slices, so that no virtual time is
+//! skipped and a client can read and answer in between. After one of more than 20 ms rig time stood
+//! meanwhile, where the clock can: nothing is poured over clients, and what they break for that is
+//! charged to nobody. Nothing here is exact to better than a few hundred microseconds, and how late
+//! it was is measured: verdicts come from virtual time.
 
 mod adapter;
 pub mod clock;

@@ -49,15 +49,16 @@ fn a_case_is_made_with_the_program_that_it_is_of() {
     let bench = Bench::new("case-from", "1s", READER);
     let ended = bench.run(&[]);
     assert_eq!(ended.code, Some(0), "{}", ended.said);
+    let program = "import os\nfd = os.open(os.environ['HILRIG_PORT_LIDAR'], os.O_RDWR)\n\
+                   while True:\n    os.read(fd, 100)\n";
+    std::fs::write(bench.folder.join("lidar.py"), program).expect("a fresh file");
     let from = ["case", "from", "out/capture.pcapng", "-o", "made.toml"];
-    let exec = ["--exec", "python3 program.py", "--exec-wait", "60s"];
-    let (code, said) = hilrig(
-        &bench,
-        &[&from[..], &exec, &["--exec-needs", "sonar"]].concat(),
-    );
+    let exec = ["--exec", "python3 lidar.py", "--exec-wait", "60s"];
+    let needs = ["--exec-needs", "lidar"];
+    let (code, said) = hilrig(&bench, &[&from[..], &exec, &needs].concat());
     assert_eq!(code, Some(0), "{said}");
     assert!(said.contains("program-alive"), "{said}");
-    let again = "run it with: hilrig run made.toml --exec 'python3 program.py'";
+    let again = "run it with: hilrig run made.toml --exec 'python3 lidar.py'";
     assert!(said.contains(again), "{said}");
 }
 

@@ -13,8 +13,8 @@ end
 
 local PLAIN = { [0x20] = 1, [0x21] = 1, [0x25] = 1, [0x40] = 1, [0x50] = 1, [0x52] = 1, [0x59] = 1 }
 -- Least and greatest length of what an answer of this kind announces.
-local SINGLE = { [0x04] = { 20, 20 }, [0x06] = { 3, 3 }, [0x15] = { 4, 4 }, [0x20] = { 4, 128 },
-  [0xFF] = { 4, 4 } }
+local SINGLE = { [0x04] = { 20, 20 }, [0x06] = { 3, 3 }, [0x15] = { 4, 4 }, [0xFF] = { 4, 4 },
+    [0x20] = { 4, 128 } }
 local STREAM = { [0x81] = { 5, 5 }, [0x82] = { 84, 84 } }
 
 -- How long the answer is; known is true if its kind and length are.

@@ -123,10 +123,10 @@ impl DeviceKind for RplidarKind {
         let uart = PortInfo::uart("uart", Rplidar::UART, line, "the robot's lidar input")
             .in_pieces(NODE_LEN)
             .speaking(&codec::RPLIDAR);
-        // A level takes a byte's time at the same rate, 87 us, to get through.
+        // A level takes a byte's time at the UART's rate, 87 us, to get through.
         let pin = |name, port, connect| {
             let info = PortInfo::uart(name, port, line, connect);
-            info.optional().on(LinkKind::Pin)
+            info.optional().on(LinkKind::Pin).at_any_rate(line)
         };
         let drive = match motor {
             MotorControl::Pwm => {
