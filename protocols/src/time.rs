@@ -114,6 +114,23 @@ mod tests {
         );
     }
 
+    /// T1: 2 s, 345 ms, 678 us and 901 ns, in each unit, the rest cut off.
+    #[test]
+    fn conversions_agree_with_arithmetic_by_hand() {
+        let instant = Instant::from_nanos(2_345_678_901);
+        assert_eq!(instant.as_nanos(), 2_345_678_901);
+        assert_eq!(instant.as_micros(), 2_345_678);
+        assert_eq!(instant.as_millis(), 2_345);
+        assert!((instant.as_secs_f64() - 2.345_678_901).abs() < 1e-12);
+        assert_eq!(Instant::from_secs(7).as_nanos(), 7_000_000_000);
+        assert_eq!(Instant::from_millis(7).as_nanos(), 7_000_000);
+        assert_eq!(Instant::from_micros(7).as_nanos(), 7_000);
+        let mut later = instant;
+        later += Duration::from_nanos(99);
+        assert_eq!(later.as_nanos(), 2_345_679_000);
+        assert_eq!(later - instant, Duration::from_nanos(99));
+    }
+
     #[test]
     fn an_instant_reads_as_seconds_with_six_decimals() {
         let instant = Instant::from_micros(12_000_034) + Duration::from_nanos(999);

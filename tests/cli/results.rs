@@ -1,5 +1,7 @@
 //! What a run leaves behind, and what its exit code says.
 
+use std::process::Command;
+
 use hilrig::picture::Picture;
 
 use super::{Session, shipped, text};
@@ -103,6 +105,28 @@ fn a_failed_expectation_is_exit_code_1_and_tells_how_to_repeat() {
     let junit = session.read("junit.xml");
     assert!(junit.contains("failures=\"1\""), "{junit}");
     assert!(junit.contains("waypoints-visited"), "{junit}");
+}
+
+/// R11: the disk is full while the capture is written. That is told at once, the verdicts are
+/// printed all the same, and the exit code says that not everything could be kept.
+#[test]
+fn a_full_disk_costs_the_files_and_not_the_verdicts() {
+    let session = Session::new("full");
+    session.write("s.toml", &shipped("empty-room"));
+    // No file may be longer than 50 kB, and to try is an error rather than the end.
+    let full = "trap '' XFSZ; ulimit -f 100; exec \"$0\" run s.toml --out out";
+    let mut command = Command::new("sh");
+    command.args(["-c", full, env!("CARGO_BIN_EXE_hilrig")]);
+    let output = command.current_dir(&session.folder).output();
+    let output = output.expect("there is a shell");
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output.stderr));
+    let (said, told) = (text(&output.stdout), text(&output.stderr));
+    assert!(
+        said.contains("PASS empty-room") && said.contains("waypoints-visited"),
+        "{said}"
+    );
+    assert!(told.contains("the capture ends here"), "{told}");
+    assert!(told.contains("cannot write"), "{told}");
 }
 
 /// Trajectories in TUM form have exactly eight columns; evo refuses anything else.

@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use protocols::Instant;
 
 use super::judged::{
-    Progress, Ran, Talk, cut_short, finish_capture, make_folder, record_to, write_results,
+    Progress, Ran, Talk, cut_short, finish_capture, make_folder, record_to, report_trouble,
+    write_results,
 };
 use crate::capture;
 use crate::cli::CliError;
@@ -96,6 +97,7 @@ fn follow(trial: &mut Trial, show: &mut Show, stop: &Stop) -> Result<(), Transpo
             has_begun = true;
             eprintln!("  the program has opened its ports, rig time runs");
         }
+        report_trouble(trial.run());
         let (count, late) = trial.stalls();
         if count > stalls && now - told >= STALLS_EVERY {
             (stalls, told) = (count, now);

@@ -114,10 +114,11 @@ pub(in crate::cli) fn judged_run(
                 show.turn(&mut run, clock.now());
             }
         }
+        report_trouble(&mut run);
         progress.print(&run, clock.now() - Instant::ZERO);
     }
     let was_cut = cut_short(&run, stop);
-    finish_capture(run.rig.finish_taps(), out)?;
+    let recorded = run.rig.finish_taps();
     let mut outcome = run.judge();
     outcome.checks.extend(was_cut);
     let wall = clock.now() - Instant::ZERO;
@@ -129,6 +130,7 @@ pub(in crate::cli) fn judged_run(
         is_doubtful: false,
     };
     let ran = write_results(ran, out)?;
+    finish_capture(recorded, out)?;
     if matches!(pace, Clocking::Realtime(_)) {
         println!("  {}", realtime.lateness());
     }
@@ -180,6 +182,13 @@ pub(super) fn cut_short(run: &Run, stop: &Stop) -> Option<Check> {
 }
 
 /// What came of the capture in `out`.
+/// Says at once what is wrong with the capture: later it is too late to make room for it.
+pub(super) fn report_trouble(run: &mut Run) {
+    if let Some(trouble) = run.rig.take_tap_trouble() {
+        eprintln!("  {trouble}");
+    }
+}
+
 pub(super) fn finish_capture(recorded: std::io::Result<()>, out: &Path) -> Result<(), FolderError> {
     recorded.map_err(|source| FolderError {
         path: out.join("capture.pcapng"),
@@ -189,8 +198,10 @@ pub(super) fn finish_capture(recorded: std::io::Result<()>, out: &Path) -> Resul
 
 /// Writes the result folder of a run and prints its verdicts.
 pub(in crate::cli) fn write_results(ran: Ran, out: &Path) -> Result<Ran, FolderError> {
-    folder::write(out, &ran.outcome, ran.wall)?;
+    let written = folder::write(out, &ran.outcome, ran.wall);
+    // Also if the disk is full: what came of the run is known.
     print_summary(&ran.outcome, ran.wall, out);
+    written?;
     Ok(ran)
 }
 
