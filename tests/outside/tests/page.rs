@@ -5,6 +5,9 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
+/// Most looks at the page, each a second or more.
+const LOOKS: usize = 30;
+
 /// Ends with the test, whatever becomes of it.
 struct Served(Child);
 
@@ -56,8 +59,17 @@ fn its_panels_and_axes_are_on_the_page() {
         .read_line(&mut line)
         .expect("says where it is");
     let url = line.trim().strip_prefix("page at ").expect("an address");
-    let Some(page) = shown(url) else { return };
-    for part in ["servo board", "bad packets", "steering", "deg"] {
+    // The browser's time does not wait for the run's: the page is looked at until it shows them.
+    let parts = ["servo board", "bad packets", "steering", "deg"];
+    let mut page = String::new();
+    for _ in 0..LOOKS {
+        let Some(now) = shown(url) else { return };
+        page = now;
+        if parts.iter().all(|part| page.contains(part)) {
+            break;
+        }
+    }
+    for part in parts {
         assert!(page.contains(part), "no {part:?} on the page:\n{page}");
     }
     // A robot without a station has no buttons for modes.
