@@ -5,8 +5,8 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
-/// Most looks at the page, each a second or more.
-const LOOKS: usize = 30;
+/// Most looks at the page, each a second or more: on a busy machine one in twenty sees the panels.
+const LOOKS: usize = 200;
 
 /// Ends with the test, whatever becomes of it.
 struct Served(Child);
