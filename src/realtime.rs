@@ -28,7 +28,7 @@ use core::time::Duration;
 use std::path::Path;
 
 use emulators::{Event, EventKind};
-use protocols::{LineConfig, LineEvent};
+use protocols::{Instant, LineConfig, LineEvent};
 
 use crate::realtime::clock::Clock;
 use crate::realtime::transport::{Counters, PortEvent, Transport, TransportError, wait};
@@ -52,6 +52,8 @@ const BREATH: Duration = Duration::from_millis(1);
 const WAIT_MAX: Duration = Duration::from_millis(5);
 /// After the rig was late, clients have the same time and this more until rules count again.
 const SETTLES: Duration = Duration::from_millis(100);
+/// Rig time between two notes of that: a rig that is late all the time must not fill the log.
+const NOTES_EVERY: Duration = Duration::from_secs(1);
 /// Bytes of a client that may wait for the line before no more are read, as in a UART's driver.
 const BACKLOG_MAX: usize = 4096;
 
@@ -62,6 +64,8 @@ pub struct Realtime<C> {
     lateness: Lateness,
     /// How often rig time stood because the rig was late, and for how long the last time.
     stalls: (u64, Duration),
+    /// When the log last said so.
+    noted_at: Option<Instant>,
     is_prompt: bool,
 }
 
@@ -118,6 +122,7 @@ impl<C: Clock> Realtime<C> {
             ports: Vec::new(),
             lateness: Lateness::default(),
             stalls: (0, Duration::ZERO),
+            noted_at: None,
             is_prompt: false,
         }
     }
@@ -208,10 +213,10 @@ impl<C: Clock> Realtime<C> {
     /// If a port went away. The rig has been told; it may go on without that port.
     pub fn turn(&mut self, paced: &mut impl Paced) -> Result<(), TransportError> {
         if !self.is_prompt {
-            // Not when it is made: a program that is started before the first turn keeps the
-            // system's usual slack.
+            // Not when it is made: a program that is started before the first turn keeps what is
+            // usual.
             self.is_prompt = true;
-            be_prompt();
+            clock::be_prompt();
         }
         let mut present = self.clock.now();
         let due = paced.rig().next_event().filter(|&due| due <= present);
@@ -220,7 +225,7 @@ impl<C: Clock> Realtime<C> {
             self.lateness.record(late);
             if late > LATE && self.clock.slip(present - paced.rig().now()) {
                 self.stalls = (self.stalls.0 + 1, late);
-                wait_for_clients(paced.rig(), late);
+                self.wait_for_clients(paced.rig(), late);
                 present = self.clock.now();
             }
         }
@@ -235,6 +240,25 @@ impl<C: Clock> Realtime<C> {
         let earliest = if target < present { BREATH } else { GRAIN };
         self.wait(paced.rig(), earliest);
         Ok(())
+    }
+
+    /// The rig was late, and its time stood meanwhile: says so, and does not charge clients with
+    /// what the bytes that they sent meanwhile break when they come all at once.
+    fn wait_for_clients(&mut self, rig: &mut Rig, late: Duration) {
+        let at = rig.now();
+        rig.excuse_until(at + late + SETTLES);
+        if self.noted_at.is_some_and(|noted| at - noted < NOTES_EVERY) {
+            return;
+        }
+        self.noted_at = Some(at);
+        let event = Event {
+            at,
+            kind: EventKind::Note,
+            rule: "rig-late",
+            detail: format!("by {} ms: rig time stood meanwhile", late.as_millis()),
+            bytes: Vec::new(),
+        };
+        rig.log("rig", event);
     }
 
     /// Waits for the next event, but at least `earliest`, unless a client sends.
@@ -259,31 +283,6 @@ impl<C: Clock> Realtime<C> {
             self.clock.sleep_until(now + timeout);
         }
     }
-}
-
-/// Wakes this thread when it asked for it, not up to 50 us later; where the system cannot, it is as
-/// late as usual.
-#[cfg(target_os = "linux")]
-fn be_prompt() {
-    let _ = rustix::thread::set_current_timer_slack(core::num::NonZeroU64::new(1));
-}
-
-#[cfg(not(target_os = "linux"))]
-const fn be_prompt() {}
-
-/// The rig was late, and its time stood meanwhile: says so, and does not charge clients with what
-/// the bytes that they sent meanwhile break when they come all at once.
-fn wait_for_clients(rig: &mut Rig, late: Duration) {
-    let at = rig.now();
-    rig.excuse_until(at + late + SETTLES);
-    let event = Event {
-        at,
-        kind: EventKind::Note,
-        rule: "rig-late",
-        detail: format!("by {} ms: rig time stood meanwhile", late.as_millis()),
-        bytes: Vec::new(),
-    };
-    rig.log("rig", event);
 }
 
 impl Port {

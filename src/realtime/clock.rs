@@ -76,6 +76,25 @@ impl Clock for WallClock {
     }
 }
 
+/// Wakes this thread when it asked for it, not up to 50 us later; where the system cannot, it is as
+/// late as usual.
+#[cfg(target_os = "linux")]
+pub(super) fn be_prompt() {
+    let _ = rustix::thread::set_current_timer_slack(core::num::NonZeroU64::new(1));
+}
+
+#[cfg(not(target_os = "linux"))]
+pub(super) const fn be_prompt() {}
+
+/// Wakes this thread as late as usual again: whoever is started by it inherits that.
+#[cfg(target_os = "linux")]
+pub(super) fn be_usual() {
+    let _ = rustix::thread::set_current_timer_slack(None);
+}
+
+#[cfg(not(target_os = "linux"))]
+pub(super) const fn be_usual() {}
+
 /// The time of the world now: nanoseconds since 1970, UTC. Zero if the system's calendar is wrong.
 #[expect(
     clippy::disallowed_methods,

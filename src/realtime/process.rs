@@ -20,7 +20,7 @@ use std::thread::{self, JoinHandle};
 use protocols::Instant;
 use rustix::process::{Pid, Signal};
 
-use super::clock::{Clock, WallClock};
+use super::clock::{self, Clock, WallClock};
 
 use group::Group;
 pub(crate) use group::Left;
@@ -148,6 +148,7 @@ impl Process {
                 None => Stdio::null(),
             })
             .stderr(Stdio::from(mouth));
+        clock::be_usual();
         let child = shell.spawn()?;
         // It holds our copies of the pipe's mouth: as long as it does, nobody falls silent.
         drop(shell);
