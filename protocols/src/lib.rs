@@ -11,10 +11,11 @@
 //! | [`avr`] | register bus of the AVR base, and its register map |
 //! | [`pcui`] | robot to PC link: framing, map rows, waypoints, state |
 //! | [`panel`] | touch panel: drawing commands, pen reports |
+//! | [`peripherals`] | what a microcontroller has without a serial port: counters, PWM, ADC |
 //! | [`rle`] | run-length code of the map rows |
 //! | [`rplidar`] | RPLIDAR A1 lidar: requests, answers, standard and express scans |
 //! | [`hc06`] | AT command set of the HC-06 radio |
-//! | [`telemetry`] | framing of the robot yellow and its PC, with its fielded defects |
+//! | [`telemetry`] | robot yellow and its PC: framing with its defects, protobuf messages |
 //! | [`line`](mod@line) | line coding and byte time |
 //!
 //! To add a protocol: one file here that implements [`Format`], one file of tests in `tests/wire`.
@@ -26,6 +27,7 @@ pub mod hc06;
 pub mod line;
 pub mod panel;
 pub mod pcui;
+pub mod peripherals;
 pub mod rle;
 pub mod rplidar;
 pub mod telemetry;

@@ -13,6 +13,7 @@
 //! `SerialServer` and `SerialEncoder`, whose three defects are [`Defects`].
 
 mod decoder;
+pub mod message;
 #[cfg(test)]
 mod tests;
 
