@@ -1,6 +1,6 @@
-//! How late is the rig in real time? `hilrig up` as users start it, with nobody at its ports, with a
-//! program that reads the lidar, and with a whole robot at work; each as `up` itself tells when it
-//! ends, beside the goals for a quiet machine: 0.05, 0.2 and 2 ms.
+//! How late is the rig in real time? `hilrig up` as users start it, with nobody at its ports, with
+//! a program that reads the lidar, and with a whole robot at work; each as `up` itself tells when
+//! it ends, beside the goals for a quiet machine: 0.05, 0.2 and 2 ms.
 //!
 //! The host alone comes first, a thread that sleeps from one millisecond to the next: what it is
 //! late by no rig on this machine can be better than. Nothing is judged: whatever else the machine
@@ -108,7 +108,9 @@ fn read_to_the_end(port: &Path) {
 fn main() {
     let arguments: Vec<String> = std::env::args().collect();
     let is_bench = arguments.iter().any(|argument| argument == "--bench");
-    let given = arguments.iter().skip_while(|argument| *argument != "--seconds");
+    let given = arguments
+        .iter()
+        .skip_while(|argument| *argument != "--seconds");
     let given = given.skip(1).find_map(|seconds| seconds.parse().ok());
     let seconds = given.unwrap_or(if is_bench { 10 } else { 1 });
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("lateness");
@@ -117,7 +119,10 @@ fn main() {
     let mut tell = |who: &str, what: &str| {
         writeln!(out, "{who:<24} {what}").expect("someone listens");
     };
-    tell("goal, quiet machine", "0.05 ms (p50), 0.20 ms (p99), 2.00 ms (max)");
+    tell(
+        "goal, quiet machine",
+        "0.05 ms (p50), 0.20 ms (p99), 2.00 ms (max)",
+    );
     let host = host(seconds).to_string();
     tell("host alone", host.trim_start_matches("late by "));
     for (who, clients) in [

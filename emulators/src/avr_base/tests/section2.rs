@@ -243,7 +243,9 @@ fn assert_held_for(found: u128, work_ns: u128) {
 #[test]
 fn point_05_ticks_hold_an_answer_up_for_their_work() {
     let mut bench = fielded();
-    let plain = (0..400).map(|n| 20 + 5 * n).filter(|n| n % 25 != 0 && n % 40 != 0);
+    let plain = (0..400)
+        .map(|n| 20 + 5 * n)
+        .filter(|n| n % 25 != 0 && n % 40 != 0);
     let [least, most] = held_up(&mut bench, plain);
     assert_held_for(least, 97_400);
     assert!((most - least).abs_diff(24_600) <= 1_000, "{least} {most}");
