@@ -19,6 +19,7 @@ mod report;
 mod robot;
 mod rplidar;
 mod silence;
+mod turns;
 
 use std::path::Path;
 

@@ -1,6 +1,7 @@
 //! The PC's end of the air as a port: no UART is behind it, so it has no baud rate.
 
 use core::time::Duration;
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{self, ErrorKind, Read, Write};
 use std::path::Path;
@@ -12,17 +13,31 @@ use hilrig::robots::rescue::pc_program::fielded::Client;
 use hilrig::robots::{self, Dut, PcEnd};
 use hilrig::run::Run;
 use hilrig::scenario::Scenario;
-use protocols::{Decode, Instant, pcui};
+use protocols::pcui::Message;
+use protocols::{Decode, FrameError, Instant, pcui};
 use rustix::fs::{OFlags, fcntl_setfl};
 use serialport::TTYPort;
 
 use crate::support::*;
 
+/// Rows of the robot's map: 6 m in cells of 20 mm.
+const ROWS: usize = 300;
+/// Both waypoints are on a straight way of 1.4 m.
+const MISSION_MAX: Instant = Instant::from_secs(40);
+
 /// What a client at the port hears and says.
+#[derive(Default)]
 struct Heard {
     frames: u32,
     bad_frames: u32,
+    /// Rows of the map, by their y.
+    rows: BTreeSet<u16>,
+    /// Lists of waypoints that the robot told after the click.
+    echoes: u32,
+    /// Waypoints that the client shows in the end.
     waypoints: usize,
+    /// Waypoints that the robot was at, of those in the scenario, which are the clicked ones.
+    visited: usize,
     log: String,
 }
 
@@ -35,8 +50,9 @@ fn read(port: &mut impl Read, buf: &mut [u8]) -> usize {
     }
 }
 
-/// Six seconds of a mission whose PC is the fielded program at a port that `open` opens. It clicks
-/// twice once it knows the map; a sound robot tells it both waypoints with their numbers.
+/// A mission whose PC is the fielded program at a port that `open` opens, until both waypoints are
+/// visited and the map is whole. It clicks twice once it knows the map; a sound robot tells it both
+/// waypoints with their numbers.
 fn fielded_client<P: Read + Write>(name: &str, open: impl FnOnce(&Path) -> P) -> Heard {
     let text = include_str!("short.toml").to_owned();
     let (scenario, source) = Scenario::parse("short.toml".as_ref(), text).expect("sound");
@@ -51,47 +67,60 @@ fn fielded_client<P: Read + Write>(name: &str, open: impl FnOnce(&Path) -> P) ->
     realtime.serve(end, Box::new(transport));
 
     let (mut client, mut decoder) = (Client::default(), pcui::Decoder::default());
-    let (mut frames, mut bad_frames, mut has_clicked, mut echoes) = (0, 0, false, 0);
+    let (mut heard, mut has_clicked) = (Heard::default(), false);
     let mut buf = [0; 4096];
-    while realtime.clock().now() < Instant::from_secs(6) {
+    while !heard.is_whole() && realtime.clock().now() < MISSION_MAX {
         realtime.turn(&mut run).expect("the port stays");
         realtime.clock().advance(Duration::from_millis(5));
         let len = read(&mut port, &mut buf);
         client.receive(&buf[..len]);
         for frame in decoder.push(&buf[..len]) {
-            match frame {
-                Ok(frame) => {
-                    frames += 1;
-                    echoes += usize::from(frame.id() == *b"LWP" && has_clicked);
-                }
-                Err(_) => bad_frames += 1,
-            }
+            heard.take(frame, has_clicked);
         }
-        if !has_clicked && frames > 50 {
+        if !has_clicked && heard.frames > 50 {
             client.click([1200, 1200]);
             let list = client.click([2200, 1200]);
             port.write_all(&list).expect("room");
             has_clicked = true;
         }
+        heard.visited = run.progress().visits().len();
     }
-    assert!(echoes > 0, "the robot never told its waypoints");
+    heard.waypoints = client.waypoints().len();
     let log = run.rig.events().iter().map(ToString::to_string);
-    Heard {
-        frames,
-        bad_frames,
-        waypoints: client.waypoints().len(),
-        log: log.collect::<Vec<_>>().join("\n"),
-    }
+    heard.log = log.collect::<Vec<_>>().join("\n");
+    heard
 }
 
 impl Heard {
+    fn take(&mut self, frame: Result<pcui::Frame, FrameError>, has_clicked: bool) {
+        let Ok(frame) = frame else {
+            self.bad_frames += 1;
+            return;
+        };
+        self.frames += 1;
+        match frame.message() {
+            Ok(Message::Row(row) | Message::CodedRow(row)) => {
+                self.rows.insert(row.y);
+            }
+            Ok(Message::Waypoints(_)) => self.echoes += u32::from(has_clicked),
+            _ => {}
+        }
+    }
+
+    fn is_whole(&self) -> bool {
+        self.rows.len() == ROWS && self.visited == 2
+    }
+
     /// Everything came through, and nobody blames the client for its rate.
     fn assert_whole(&self) {
-        assert!(self.frames > 100, "only {} frames", self.frames);
         assert_eq!(self.bad_frames, 0);
+        assert_eq!(self.rows.len(), ROWS, "of {} frames", self.frames);
+        assert!(self.echoes > 0, "the robot never told its waypoints");
         assert_eq!(self.waypoints, 2, "the robot repeats what it was sent");
-        assert!(!self.log.contains("wrong-baud"), "{}", self.log);
-        assert!(!self.log.contains("garbage"), "{}", self.log);
+        assert_eq!(self.visited, 2, "{}", self.log);
+        for blame in ["wrong-baud", "garbage", "did not read"] {
+            assert!(!self.log.contains(blame), "{blame}: {}", self.log);
+        }
     }
 }
 

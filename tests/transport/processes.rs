@@ -202,21 +202,22 @@ fn a_rig_that_was_stopped_loses_nothing_and_blames_nobody() {
     up.signal(Signal::STOP);
     WallClock::start().sleep_until(Instant::from_millis(1_500));
     up.signal(Signal::CONT);
-    let late = up.wait_for("rig-late");
-    assert!(late.contains("rig time stood"), "{late}");
+    // The port holds 186 packets of before at most.
     let mut decoder = xv11::Decoder::default();
     let (mut indices, mut buf) = (Vec::new(), [0; 512]);
     wait_until(|| {
         let len = client.read(&mut buf).unwrap_or(0);
         let frames = decoder.push(&buf[..len]).filter_map(Result::ok);
         indices.extend(frames.map(|frame| frame.index()));
-        indices.len() >= 900
+        indices.len() >= 270
     });
     up.signal(Signal::INT);
     let (status, said) = up.end();
     assert!(status.success(), "{said}");
     let follows = |pair: &[u8]| pair[1] == if pair[0] == 89 { 0 } else { pair[0] + 1 };
     assert!(indices.windows(2).all(follows), "{indices:?}");
+    // On a busy machine the note may be of a moment before: there is one a second.
+    assert!(said.contains("rig time stood meanwhile"), "{said}");
     assert!(!said.contains("did not read"), "{said}");
     assert!(!said.contains("broke a rule"), "{said}");
 }
