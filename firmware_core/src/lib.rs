@@ -8,6 +8,7 @@
 #[cfg(feature = "host")]
 extern crate alloc;
 
+pub mod ackermann;
 pub mod base_link;
 pub mod display;
 pub mod fifo;
