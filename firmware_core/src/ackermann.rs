@@ -305,7 +305,10 @@ mod tests {
     #[test]
     fn a_straight_way_and_no_way_are_arcs_too() {
         let ahead = CAR.front_arc(0.0, -2.0);
-        assert_eq!((ahead.ahead_m, ahead.left_m, ahead.turn_rad), (-2.0, 0.0, 0.0));
+        assert_eq!(
+            (ahead.ahead_m, ahead.left_m, ahead.turn_rad),
+            (-2.0, 0.0, 0.0)
+        );
         assert_eq!(CAR.front_inverse(3.0, 0.0), Some((0.0, 3.0)));
         assert_eq!(CAR.front_inverse(0.0, 0.0), None);
         assert_eq!(CAR.front_inverse(f64::NAN, 1.0), None);

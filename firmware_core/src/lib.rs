@@ -10,11 +10,15 @@ extern crate alloc;
 
 pub mod ackermann;
 pub mod base_link;
+#[cfg(feature = "host")]
+pub mod costmap;
 pub mod display;
 pub mod fifo;
 pub mod grid;
 #[cfg(feature = "host")]
 pub mod growing_map;
+#[cfg(feature = "host")]
+pub mod lattice;
 pub mod lidar_motor;
 pub mod map_view;
 mod master;
