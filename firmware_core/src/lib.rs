@@ -26,8 +26,11 @@ pub mod memory;
 pub mod navigation;
 pub mod odometry;
 pub mod packets;
+#[cfg(feature = "host")]
+pub mod particles;
 pub mod pc_link;
 pub mod pose;
+mod random;
 pub mod robots;
 pub mod scan;
 pub mod slam;
