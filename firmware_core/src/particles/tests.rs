@@ -14,7 +14,7 @@ fn is_wall(x: f64, y: f64) -> bool {
 }
 
 fn walls() -> Vec<bool> {
-    let cells = (0..100 * 90).map(|at| ((at % 100) as f64, (at / 100) as f64));
+    let cells = (0..100 * 90).map(|at| (f64::from(at % 100), f64::from(at / 100)));
     cells
         .map(|(x, y)| is_wall((x + 0.5) * 0.05, (y + 0.5) * 0.05))
         .collect()
@@ -48,7 +48,7 @@ fn distances_are_those_to_the_next_obstacle() {
     let obstacles: Vec<bool> = (0..40 * 30).map(|_| random.below(40) == 0).collect();
     let field = LikelihoodField::new(40, 0.1, [-1.0, 3.0], &obstacles, 1.0);
     for at in 0..40 * 30 {
-        let (x, y) = ((at % 40) as f64, (at / 40) as f64);
+        let (x, y) = (f64::from(at % 40), f64::from(at / 40));
         let others = obstacles.iter().enumerate().filter(|(_, is)| **is);
         let far = |other: usize| libm::hypot((other % 40) as f64 - x, (other / 40) as f64 - y);
         let least = others.map(|(other, _)| far(other)).fold(10.0, f64::min);
@@ -118,7 +118,12 @@ fn drive(seed: u64, weighs: bool) -> [f64; 2] {
     let start = CarPose {
         x_m: truth.x_m + 0.5 * libm::cos(to),
         y_m: truth.y_m + 0.5 * libm::sin(to),
-        heading_rad: truth.heading_rad + if seed % 2 == 0 { 0.262 } else { -0.262 },
+        heading_rad: truth.heading_rad
+            + if seed.is_multiple_of(2) {
+                0.262
+            } else {
+                -0.262
+            },
     };
     let settings = Settings::default();
     let mut localiser = Localiser::new(
