@@ -9,8 +9,8 @@
 //!
 //! Lines end in CR LF, fields in `*`. Figures of `Seed`, `AsCoded` and `Raw` are printed with two
 //! decimals in the Arduino's way, see [`print_float`]: the last digit of a sum need not be the sum
-//! of last digits, and from 131 s on a 32-bit float of milliseconds does not even have hundredths. So
-//! a host that compares sums exactly throws most lines of a curve away; [`Dialect::read`] allows
+//! of last digits, and from 131 s on a 32-bit float of milliseconds does not even have hundredths.
+//! So a host that compares sums exactly throws most lines of a curve away; [`Dialect::read`] allows
 //! for what rounding can do.
 //!
 //! Sources: report (`Seed`), sketch of March 2016 (`AsCoded`), later sketch (`Raw`; its units are

@@ -20,10 +20,10 @@ fn content(line: &Text) -> &str {
     str::from_utf8(line.content()).unwrap()
 }
 
-/// By hand; the last two of the small ones also by a second implementation of 32-bit arithmetic.
-/// 2.125 is exact and rounds up, where C's `printf` rounds to even. 0.865 is 0.8650000095 in 32
-/// bits and should be 0.87, but 0.86999999 times ten loses the last digit. 20000.125 has 1/512 as its
-/// last place: 0.005 more is 67 of 512.
+/// By hand, 0.865 also by a second implementation of 32-bit arithmetic. 2.125 is exact and rounds
+/// up, where C's `printf` rounds to even. 0.865 is 0.8650000095 in 32 bits and should be 0.87, but
+/// 0.86999999 times ten loses the last digit. 20000.125 has 1/512 as its last place: 0.005 more is
+/// 67 of 512.
 #[test]
 fn floats_are_printed_in_the_arduino_way() {
     let cases = [
