@@ -13,6 +13,7 @@
 //! | [`car_board`] | board of a model car: a byte a command, frames without a checksum |
 //! | [`odometer`] | text lines of a microcontroller that measures way and heading |
 //! | [`panel`] | touch panel: drawing commands, pen reports |
+//! | [`perception`] | rows of depths, scans and markers as messages of a network |
 //! | [`peripherals`] | what a microcontroller has without a serial port: counters, PWM, ADC |
 //! | [`rle`] | run-length code of the map rows |
 //! | [`rplidar`] | RPLIDAR A1 lidar: requests, answers, standard and express scans |
@@ -32,6 +33,7 @@ pub mod line;
 pub mod odometer;
 pub mod panel;
 pub mod pcui;
+pub mod perception;
 pub mod peripherals;
 pub mod rle;
 pub mod rplidar;
