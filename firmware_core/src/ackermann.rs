@@ -11,7 +11,7 @@
 //! ```
 //!
 //! Two points of a car are used as its place, the middles of its axles; each runs along an arc
-//! about the same centre. Source of the front axle's equations: seed 003, chapter on odometry, which
+//! about the same centre. Source of the front axle's equations: seed 003, chapter on odometry; it
 //! has three signs wrong in their inverse; those are corrected here and kept as tests that fail.
 //! Double precision: on the car this runs on a PC.
 

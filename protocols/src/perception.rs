@@ -6,7 +6,7 @@
 //! marker     4D | id u16 | x i32 | y i32 | z i32 | normal x, z i16  mm, ten-thousandths
 //! ```
 //!
-//! Little-endian, one message a datagram, so there is no sync and no checksum: the network has both.
+//! Little-endian, one message a datagram: the network has sync and checksum of its own.
 //! The first depth is the leftmost column's; a depth or range of 0 was not measured. A marker's
 //! place is the camera's: x to the right, y down, z ahead; so is its normal, whose y is left out.
 //! In the car of seed 003 these are messages of ROS between programs on its PC; this form is the

@@ -100,7 +100,8 @@ fn a_guess_moves_as_the_odometry_says() {
 /// A circle of 1 m: tan(0.245) = 0.25 / 1.
 const STEERING: f64 = 0.245;
 
-/// One drive of 5 m round a circle of 1 m; how far the estimate is off at its end, metres and degrees.
+/// One drive of 5 m round a circle of 1 m; how far the estimate is off at its end, in metres and in
+/// degrees.
 fn drive(seed: u64, weighs: bool) -> [f64; 2] {
     let car = CarGeometry {
         wheelbase_m: 0.25,

@@ -6,9 +6,18 @@
 
 pub mod arbiter;
 #[cfg(feature = "host")]
+pub mod floor;
+#[cfg(feature = "host")]
 pub mod follower;
 #[cfg(feature = "host")]
 pub mod gates;
 pub mod gyro_odometry;
+#[cfg(feature = "host")]
+pub mod pilot;
+#[cfg(feature = "host")]
+mod program;
 pub mod steering;
 pub mod wall;
+
+#[cfg(feature = "host")]
+pub use program::{Apollo13, Config, Defects};

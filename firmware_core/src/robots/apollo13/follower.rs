@@ -1,8 +1,8 @@
 //! Drives along a plan: pure pursuit of a point ahead on it, forwards or backwards.
 //!
 //! The fielded follower turns towards the next pose by three times the error of the heading, which
-//! is a turn rate and is taken for a steering angle. This one steers along the arc through its point
-//! ahead, which is what a car can drive.
+//! is a turn rate and is taken for a steering angle. This one steers along the arc through its
+//! point ahead, which is what a car can drive.
 
 use alloc::vec::Vec;
 

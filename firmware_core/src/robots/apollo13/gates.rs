@@ -118,12 +118,8 @@ impl Gates {
     /// The next gate to drive through from `pose`: the nearest that fits and was not passed.
     /// `is_free` says whether the car can be somewhere.
     pub fn next(&self, pose: CarPose, is_free: impl Fn(CarPose) -> bool) -> Option<Passage> {
-        let markers: Vec<(u32, [f64; 2])> = self.markers().collect();
-        let pairs = markers.iter().enumerate().flat_map(|(index, one)| {
-            let others = markers[index + 1..].iter();
-            others.map(move |other| (*one, *other))
-        });
-        let passages = pairs.filter_map(|(one, other)| self.passage(pose, one, other));
+        let pairs = self.pairs().into_iter();
+        let passages = pairs.filter_map(|[one, other]| self.passage(pose, one, other));
         let possible = passages.filter(|passage| {
             let is_new = !self.passed.contains(&passage.gate);
             is_new
@@ -137,19 +133,38 @@ impl Gates {
 
     /// The car has moved; the gate that it crossed on the way, which is passed now.
     pub fn moved(&mut self, from: CarPose, to: CarPose) -> Option<Gate> {
-        let markers: Vec<(u32, [f64; 2])> = self.markers().collect();
         let (a, b) = ([from.x_m, from.y_m], [to.x_m, to.y_m]);
-        for (index, (id, one)) in markers.iter().enumerate() {
-            for (other_id, other) in &markers[index + 1..] {
-                let gate = [*id, *other_id];
-                let is_gate = self.is_gate(libm::hypot(other[0] - one[0], other[1] - one[1]));
-                if is_gate && !self.passed.contains(&gate) && do_cross(a, b, *one, *other) {
-                    self.passed.push(gate);
-                    return Some(gate);
-                }
+        for [(id, one), (other_id, other)] in self.pairs() {
+            let gate = [id, other_id];
+            let is_gate = self.is_gate(libm::hypot(other[0] - one[0], other[1] - one[1]));
+            if is_gate && !self.passed.contains(&gate) && do_cross(a, b, one, other) {
+                self.passed.push(gate);
+                return Some(gate);
             }
         }
         None
+    }
+
+    /// Markers that belong together: each is the other's nearest. As fielded, any two.
+    fn pairs(&self) -> Vec<[(u32, [f64; 2]); 2]> {
+        let markers: Vec<(u32, [f64; 2])> = self.markers().collect();
+        let nearest = |one: &(u32, [f64; 2])| {
+            let others = markers.iter().filter(|other| other.0 != one.0);
+            let far =
+                |other: &(u32, [f64; 2])| libm::hypot(other.1[0] - one.1[0], other.1[1] - one.1[1]);
+            let nearest = others.min_by(|a, b| far(a).total_cmp(&far(b)));
+            nearest.map(|nearest| nearest.0)
+        };
+        let mut pairs = Vec::new();
+        for (index, one) in markers.iter().enumerate() {
+            for other in &markers[index + 1..] {
+                let is_mutual = nearest(one) == Some(other.0) && nearest(other) == Some(one.0);
+                if is_mutual || self.settings.as_fielded {
+                    pairs.push([*one, *other]);
+                }
+            }
+        }
+        pairs
     }
 
     fn is_gate(&self, width_m: f64) -> bool {

@@ -121,8 +121,8 @@ mod tests {
         assert!(found.distance_m(truth) < 0.001);
     }
 
-    /// Half a circle at 15 degrees: each step of `ds` is laid `3/2 ds turn` to the wrong side, which
-    /// adds up to three steps of 4.9 mm.
+    /// Half a circle at 15 degrees: each step of `ds` is laid `3/2 ds turn` to the wrong side, and
+    /// that adds up to three steps of 4.9 mm.
     #[test]
     fn ap7_the_fielded_signs_cost_a_centimetre_and_a_half() {
         let step = 0.22 / 45.0;
