@@ -8,12 +8,17 @@
 #[cfg(feature = "host")]
 extern crate alloc;
 
+pub mod ackermann;
 pub mod base_link;
+#[cfg(feature = "host")]
+pub mod costmap;
 pub mod display;
 pub mod fifo;
 pub mod grid;
 #[cfg(feature = "host")]
 pub mod growing_map;
+#[cfg(feature = "host")]
+pub mod lattice;
 pub mod lidar_motor;
 pub mod map_view;
 mod master;
@@ -21,8 +26,11 @@ pub mod memory;
 pub mod navigation;
 pub mod odometry;
 pub mod packets;
+#[cfg(feature = "host")]
+pub mod particles;
 pub mod pc_link;
 pub mod pose;
+mod random;
 pub mod robots;
 pub mod scan;
 pub mod slam;

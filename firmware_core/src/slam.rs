@@ -11,7 +11,6 @@ mod effort;
 mod evidence;
 mod matching;
 mod prior;
-mod random;
 mod refine;
 mod relocate;
 mod row;
@@ -33,12 +32,12 @@ pub use settings::{
 
 use crate::grid::{Grid, SIDE};
 use crate::pose::{Point, Pose, PoseChange};
+use crate::random::Pcg32;
 use crate::scan::{BEAMS, Scan};
 use budget::Regulator;
 use effort::Effort;
 use matching::{EndPoints, Placement, tally};
 use prior::{Prior, Travel};
-use random::Pcg32;
 use relocate::{Answer, relocate};
 use row::POINTS_MAX;
 use tracking::{DOUBTFUL, SUSPICIOUS};

@@ -93,6 +93,13 @@ pub enum FrameError {
         /// The byte behind the escape byte.
         found: u8,
     },
+    /// A value that no such device has, where the format has no checksum.
+    Implausible {
+        /// Place of its first byte in the frame; behind the frame if what follows is no frame.
+        at: u32,
+        /// The value.
+        found: u32,
+    },
 }
 
 impl fmt::Display for FrameError {
@@ -104,6 +111,9 @@ impl fmt::Display for FrameError {
             Self::Length { max, found } => write!(f, "length is {found}, at most {max} allowed"),
             Self::Truncated { found } => write!(f, "line went quiet after {found} bytes"),
             Self::Escape { found } => write!(f, "escaped byte is {found:#04x}, it needs no escape"),
+            Self::Implausible { at, found } => {
+                write!(f, "value at byte {at} is {found}, implausible")
+            }
         }
     }
 }

@@ -2,10 +2,10 @@
 //! thirds of the tries a better one becomes the base and halves the spread.
 
 use super::matching::{Placement, Tally, tally, whole};
-use super::random::Pcg32;
 use super::settings::{Defects, Settings};
 use crate::grid::Grid;
 use crate::pose::{Pose, normalised, sin_cos};
+use crate::random::Pcg32;
 
 /// What a search found.
 #[derive(Clone, Copy, Debug)]

@@ -1,6 +1,8 @@
-/// The search's random numbers: PCG XSH-RR 64/32, small, and the same everywhere.
+//! Random numbers of a program: small, and the same everywhere.
+
+/// Random numbers of a program: PCG XSH-RR 64/32, small, and the same everywhere.
 #[derive(Clone, Debug)]
-pub(super) struct Pcg32 {
+pub(crate) struct Pcg32 {
     state: u64,
 }
 
@@ -8,7 +10,7 @@ const MULTIPLIER: u64 = 6_364_136_223_846_793_005;
 const INCREMENT: u64 = 1_442_695_040_888_963_407;
 
 impl Pcg32 {
-    pub(super) const fn new(seed: u64) -> Self {
+    pub(crate) const fn new(seed: u64) -> Self {
         let state = seed
             .wrapping_add(INCREMENT)
             .wrapping_mul(MULTIPLIER)
@@ -21,7 +23,7 @@ impl Pcg32 {
         clippy::cast_possible_truncation,
         reason = "PCG keeps 32 of the bits on purpose"
     )]
-    pub(super) const fn next_u32(&mut self) -> u32 {
+    pub(crate) const fn next_u32(&mut self) -> u32 {
         let old = self.state;
         self.state = old.wrapping_mul(MULTIPLIER).wrapping_add(INCREMENT);
         let shifted = (((old >> 18) ^ old) >> 27) as u32;
@@ -31,13 +33,29 @@ impl Pcg32 {
     /// A number below `limit`, or any number if `limit` is 0: what a remainder by zero gives on
     /// the microcontroller, whose division answers 0.
     #[inline]
-    pub(super) fn below(&mut self, limit: u32) -> u32 {
+    pub(crate) fn below(&mut self, limit: u32) -> u32 {
         let drawn = self.next_u32();
         if limit == 0 {
             drawn >> 1
         } else {
             ((u64::from(drawn) * u64::from(limit)) >> 32) as u32
         }
+    }
+}
+
+/// Draws that only programs on a PC make.
+#[cfg(feature = "host")]
+impl Pcg32 {
+    /// A number from 0 up to 1.
+    pub(crate) fn unit(&mut self) -> f64 {
+        f64::from(self.next_u32()) / (f64::from(u32::MAX) + 1.0)
+    }
+
+    /// A number of the normal distribution around 0 with this standard deviation, by Box and
+    /// Muller.
+    pub(crate) fn normal(&mut self, sigma: f64) -> f64 {
+        let radius = libm::sqrt(-2.0 * libm::log(1.0 - self.unit()));
+        sigma * radius * libm::cos(core::f64::consts::TAU * self.unit())
     }
 }
 
@@ -56,5 +74,22 @@ mod tests {
         }
         assert_eq!(seen, [true; 20]);
         assert!(Pcg32::new(7).next_u32() != Pcg32::new(8).next_u32());
+    }
+
+    /// Mean 0, the square's mean 4, a third of them beyond one deviation: within 4 standard errors.
+    #[cfg(feature = "host")]
+    #[test]
+    fn normal_numbers_are_normal() {
+        let mut random = Pcg32::new(3);
+        let (mut sum, mut squares, mut beyond) = (0.0, 0.0, 0.0);
+        for _ in 0..10_000 {
+            let drawn = random.normal(2.0);
+            sum += drawn;
+            squares += drawn * drawn;
+            beyond += f64::from(u8::from(drawn.abs() > 2.0));
+        }
+        assert!((sum / 1e4_f64).abs() < 0.08, "{sum}");
+        assert!((squares / 1e4 - 4.0_f64).abs() < 0.23, "{squares}");
+        assert!((beyond / 1e4 - 0.3173_f64).abs() < 0.019, "{beyond}");
     }
 }

@@ -1,0 +1,245 @@
+//! What it costs a robot to be in a cell: obstacles, and the space around them into which its
+//! outline must not get. For the part of a program that runs on a PC; feature `host`.
+//!
+//! ```text
+//! 20  obstacle                 the outline must not touch it
+//! 19  within the inscribed     the reference point must not get there: the outline would touch an
+//!     radius of an obstacle    obstacle at every heading
+//! ..  falls with the distance  the nearer to an obstacle, the dearer
+//!  0  farther than the inflation radius, or nobody knows
+//! ```
+//!
+//! The scale is that of the lattice planner of seed 003 (sbpl): values of its costmap, 0 to 254,
+//! divided by 14 and rounded. Unknown cells cost nothing there, so it plans through them; so does
+//! this one.
+
+use alloc::vec::Vec;
+
+/// Cost of an obstacle.
+pub const LETHAL: u8 = 20;
+/// Cost of the reference point's place from which on the outline touches an obstacle.
+pub const INSCRIBED: u8 = 19;
+/// How fast the cost falls beyond the inscribed radius, per metre: the default of the costmap that
+/// seed 003 used.
+const FALL_PER_M: f64 = 10.0;
+
+/// How far around an obstacle it costs something, metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Inflation {
+    /// Radius of the largest circle inside the robot's outline.
+    pub inscribed_m: f64,
+    /// Beyond this there is no cost.
+    pub radius_m: f64,
+}
+
+/// Cells in rows of equal y, lowest y first.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Costmap {
+    width: usize,
+    cell_m: f64,
+    origin_m: [f64; 2],
+    obstacles: Vec<bool>,
+    costs: Vec<u8>,
+}
+
+impl Costmap {
+    /// A map of `obstacles`, in rows of `width` cells with edges of `cell_m`, whose corner of least
+    /// x and y is `origin_m`. An unfinished last row is left out.
+    ///
+    /// # Panics
+    /// If `width` is 0 or the cells have no size.
+    pub fn new(
+        width: usize,
+        cell_m: f64,
+        origin_m: [f64; 2],
+        mut obstacles: Vec<bool>,
+        inflation: Inflation,
+    ) -> Self {
+        assert!(width > 0, "a row has cells");
+        assert!(cell_m > 0.0 && cell_m.is_finite(), "cells have a size");
+        obstacles.truncate(obstacles.len() / width * width);
+        let costs = inflated(width, cell_m, &obstacles, inflation);
+        Self {
+            width,
+            cell_m,
+            origin_m,
+            obstacles,
+            costs,
+        }
+    }
+
+    /// Cells along x.
+    pub const fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Cells along y.
+    pub const fn height(&self) -> usize {
+        self.costs.len() / self.width
+    }
+
+    /// Edge of a cell, metres.
+    pub const fn cell_m(&self) -> f64 {
+        self.cell_m
+    }
+
+    /// The corner of least x and y, metres.
+    pub const fn origin_m(&self) -> [f64; 2] {
+        self.origin_m
+    }
+
+    /// All costs, row by row.
+    pub fn costs(&self) -> &[u8] {
+        &self.costs
+    }
+
+    /// Cost of a cell; outside is as an obstacle.
+    pub fn cost(&self, [x, y]: [i32; 2]) -> u8 {
+        self.index([x, y]).map_or(LETHAL, |index| self.costs[index])
+    }
+
+    /// Whether a cell is an obstacle, or outside.
+    pub fn is_obstacle(&self, cell: [i32; 2]) -> bool {
+        self.index(cell).is_none_or(|index| self.obstacles[index])
+    }
+
+    /// The cell at a place, metres, inside or not; `None` if there is no such place.
+    pub fn cell(&self, [x_m, y_m]: [f64; 2]) -> Option<[i32; 2]> {
+        let along = |m: f64, origin_m: f64| libm::floor((m - origin_m) / self.cell_m);
+        let cell = [along(x_m, self.origin_m[0]), along(y_m, self.origin_m[1])];
+        let is_sound = |along: &f64| along.is_finite() && along.abs() < f64::from(1 << 30);
+        #[expect(clippy::cast_possible_truncation, reason = "below 2^30")]
+        cell.iter()
+            .all(is_sound)
+            .then(|| cell.map(|along| along as i32))
+    }
+
+    /// Middle of a cell, metres.
+    pub fn middle_m(&self, cell: [i32; 2]) -> [f64; 2] {
+        core::array::from_fn(|axis| {
+            self.origin_m[axis] + (f64::from(cell[axis]) + 0.5) * self.cell_m
+        })
+    }
+
+    fn index(&self, [x, y]: [i32; 2]) -> Option<usize> {
+        let (x, y) = (usize::try_from(x).ok()?, usize::try_from(y).ok()?);
+        (x < self.width && y < self.height()).then_some(y * self.width + x)
+    }
+}
+
+/// The costs that these obstacles make.
+fn inflated(width: usize, cell_m: f64, obstacles: &[bool], inflation: Inflation) -> Vec<u8> {
+    let mut costs = alloc::vec![0; obstacles.len()];
+    let height = obstacles.len() / width;
+    let stamp = stamp(cell_m, inflation);
+    for (at, _) in obstacles.iter().enumerate().filter(|(_, is)| **is) {
+        let (x, y) = (at % width, at / width);
+        // Inside a solid wall nothing is new: all its neighbours are obstacles too.
+        let is_inner = |dx: usize, dy: usize| {
+            let (x, y) = ((x + dx).wrapping_sub(1), (y + dy).wrapping_sub(1));
+            x < width && y < height && obstacles[y * width + x]
+        };
+        costs[at] = LETHAL;
+        if is_inner(0, 1) && is_inner(2, 1) && is_inner(1, 0) && is_inner(1, 2) {
+            continue;
+        }
+        for &([dx, dy], cost) in &stamp {
+            let (Some(x), Some(y)) = (x.checked_add_signed(dx), y.checked_add_signed(dy)) else {
+                continue;
+            };
+            if x < width && y < height {
+                let slot = &mut costs[y * width + x];
+                *slot = cost.max(*slot);
+            }
+        }
+    }
+    costs
+}
+
+/// Cost of the cells around an obstacle.
+fn stamp(cell_m: f64, inflation: Inflation) -> Vec<([isize; 2], u8)> {
+    #[expect(clippy::cast_possible_truncation, reason = "at most 1000 cells")]
+    let reach = libm::floor(inflation.radius_m / cell_m).clamp(0.0, 1_000.0) as isize;
+    let mut stamp = Vec::new();
+    for dy in -reach..=reach {
+        for dx in -reach..=reach {
+            let cells = libm::sqrt((dx * dx + dy * dy) as f64);
+            let cost = cost_at(cells * cell_m, inflation);
+            if cost > 0 {
+                stamp.push(([dx, dy], cost));
+            }
+        }
+    }
+    stamp
+}
+
+/// Cost at this distance from an obstacle's middle.
+fn cost_at(distance_m: f64, inflation: Inflation) -> u8 {
+    if distance_m > inflation.radius_m {
+        return 0;
+    }
+    if distance_m <= inflation.inscribed_m {
+        return INSCRIBED;
+    }
+    let of_252 = 252.0 * libm::exp(-FALL_PER_M * (distance_m - inflation.inscribed_m));
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "at most 18"
+    )]
+    let cost = (libm::floor(of_252) / 14.0 + 0.5) as u8;
+    cost
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CAR: Inflation = Inflation {
+        inscribed_m: 0.165,
+        radius_m: 0.40,
+    };
+
+    /// One obstacle in the middle of 21 x 21 cells. At 0.20 m: 252 exp(-0.35) = 177.6, and 177 by
+    /// 14 is 12.6; at 0.30 m: exp(-1.35), 65.3 and 4.6; at 0.40 m: exp(-2.35), 24.03 and 1.7; each
+    /// rounded.
+    #[test]
+    fn the_cost_falls_with_the_distance() {
+        let mut obstacles = alloc::vec![false; 21 * 21 + 3];
+        obstacles[10 * 21 + 10] = true;
+        let map = Costmap::new(21, 0.05, [-1.0, 2.0], obstacles, CAR);
+        assert_eq!((map.width(), map.height()), (21, 21));
+        let along: [u8; 10] = [10, 11, 12, 13, 14, 15, 16, 17, 18, 19].map(|x| map.cost([x, 10]));
+        assert_eq!(along, [20, 19, 19, 19, 13, 8, 5, 3, 2, 0]);
+        assert_eq!(map.cost([10, 6]), 13);
+        assert_eq!(map.cost([-1, 0]), LETHAL);
+        assert_eq!(map.cost([0, 21]), LETHAL);
+        assert!(map.is_obstacle([10, 10]) && !map.is_obstacle([10, 11]));
+        assert_eq!(map.cell([-0.99, 2.06]), Some([0, 1]));
+        assert_eq!(map.cell([f64::INFINITY, 0.0]), None);
+        let [x, y] = map.middle_m([0, 1]);
+        assert!((x + 0.975).abs() < 1e-12 && (y - 2.075).abs() < 1e-12);
+    }
+
+    /// Solid walls are stamped by their rim only; the costs are those of all their cells.
+    #[test]
+    fn a_solid_block_costs_what_all_its_cells_cost() {
+        let is_block = |x: usize, y: usize| (8..14).contains(&x) && (9..13).contains(&y);
+        let cells = |is: &dyn Fn(usize, usize) -> bool| {
+            (0..30 * 30)
+                .map(|at| is(at % 30, at / 30))
+                .collect::<Vec<_>>()
+        };
+        let map = Costmap::new(30, 0.05, [0.0; 2], cells(&is_block), CAR);
+        for (at, cost) in map.costs().iter().enumerate() {
+            let (x, y) = ((at % 30) as f64, (at / 30) as f64);
+            let nearest = |v: f64, low: f64, high: f64| v - v.clamp(low, high);
+            let off = libm::hypot(nearest(x, 8.0, 13.0), nearest(y, 9.0, 12.0)) * 0.05;
+            let expected = match off == 0.0 {
+                true => LETHAL,
+                false => cost_at(off, CAR),
+            };
+            assert_eq!(*cost, expected, "at {x}, {y}");
+        }
+    }
+}

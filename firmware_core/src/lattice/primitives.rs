@@ -1,0 +1,294 @@
+//! The motions of which plans are made.
+
+use core::f64::consts::{FRAC_PI_4, TAU};
+use core::fmt;
+
+use alloc::vec::Vec;
+
+/// Speed at which a primitive's length is timed, m/s.
+const NOMINAL_M_S: f64 = 0.4;
+/// Time for a turn by 45 degrees, seconds.
+const TURN_45_S: f64 = 0.6;
+/// Poses of a generated primitive.
+const POSES: usize = 10;
+
+/// One motion.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Primitive {
+    /// Its number among those of the same heading.
+    pub id: u32,
+    /// Heading that it begins with, of [`PrimitiveSet::angles`].
+    pub start: u32,
+    /// Where it ends: cells along x and y from its first cell, and the heading there.
+    pub end: ([i32; 2], u32),
+    /// How much dearer it is than its time.
+    pub multiplier: u32,
+    /// Poses on the way, the first and last included: metres from the middle of its first cell,
+    /// and the heading, radians.
+    pub poses: Vec<[f64; 3]>,
+}
+
+/// Primitives for each heading, equally many.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PrimitiveSet {
+    resolution_m: f64,
+    angles: u32,
+    primitives: Vec<Primitive>,
+}
+
+/// Why primitives are not a set.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum PrimitiveError {
+    /// Cells without a size, or not 4 to 256 headings in quarters.
+    Grid,
+    /// The last pose is not in the cell and heading that it is said to end in.
+    End {
+        /// Which primitive, from 0.
+        index: usize,
+    },
+    /// The primitive begins with a heading that does not exist, has no poses, costs nothing, or
+    /// ends where it begins.
+    Empty {
+        /// Which primitive, from 0.
+        index: usize,
+    },
+    /// Headings have different numbers of primitives.
+    Uneven {
+        /// The first heading that has another number than heading 0.
+        angle: u32,
+    },
+}
+
+impl fmt::Display for PrimitiveError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Grid => write!(
+                f,
+                "expected cells with a size and 4 to 256 headings, by fours"
+            ),
+            Self::End { index } => {
+                write!(f, "primitive {index} does not end where its last pose is")
+            }
+            Self::Empty { index } => write!(f, "primitive {index} leads nowhere"),
+            Self::Uneven { angle } => {
+                write!(
+                    f,
+                    "heading {angle} has another number of primitives than heading 0"
+                )
+            }
+        }
+    }
+}
+
+impl core::error::Error for PrimitiveError {}
+
+impl PrimitiveSet {
+    /// A set of `primitives` for cells of `resolution_m` and `angles` headings.
+    ///
+    /// # Errors
+    /// If they do not fit together.
+    pub fn new(
+        resolution_m: f64,
+        angles: u32,
+        primitives: Vec<Primitive>,
+    ) -> Result<Self, PrimitiveError> {
+        let is_size = resolution_m.is_finite() && (1e-3..1e3).contains(&resolution_m);
+        if !is_size || !(4..=256).contains(&angles) || !angles.is_multiple_of(4) {
+            return Err(PrimitiveError::Grid);
+        }
+        let set = Self {
+            resolution_m,
+            angles,
+            primitives,
+        };
+        for (index, primitive) in set.primitives.iter().enumerate() {
+            set.check(index, primitive)?;
+        }
+        let count = |angle| set.of(angle).count();
+        match (0..angles).find(|angle| count(*angle) != count(0)) {
+            Some(angle) => Err(PrimitiveError::Uneven { angle }),
+            None => Ok(set),
+        }
+    }
+
+    /// The primitives of the car of seed 003: per heading one short and one long straight, or one
+    /// of them twice where the lattice has no short one, one straight back at ten times the cost,
+    /// and two curves at twice the cost. Cells of 5 cm, 16 headings.
+    ///
+    /// # Panics
+    /// Never: the table is sound.
+    pub fn car() -> Self {
+        let mut primitives = Vec::new();
+        for start in 0..16_u32 {
+            let (quarter, base) = (start / 4, start % 4);
+            for (id, (template, multiplier)) in (0_u32..).zip(CAR[[0, 1, 2, 1][base as usize]]) {
+                let ([x, y], end) = template;
+                // Heading 3 is the mirror of heading 1 at the diagonal.
+                let (cell, end) = match base {
+                    3 => ([y, x], 4 - end),
+                    _ => ([x, y], end),
+                };
+                let cell = (0..quarter).fold(cell, |[x, y], _| [-y, x]);
+                let end = (end + 4 * i32::try_from(quarter).unwrap_or(0)).rem_euclid(16);
+                let end = u32::try_from(end).unwrap_or(0);
+                primitives.push(Primitive {
+                    id,
+                    start,
+                    end: (cell, end),
+                    multiplier,
+                    poses: poses(0.05, 16, start, cell, end),
+                });
+            }
+        }
+        Self::new(0.05, 16, primitives).expect("the table is sound")
+    }
+
+    /// Edge of a cell, metres.
+    pub const fn resolution_m(&self) -> f64 {
+        self.resolution_m
+    }
+
+    /// Number of headings.
+    pub const fn angles(&self) -> u32 {
+        self.angles
+    }
+
+    /// All primitives.
+    pub fn all(&self) -> &[Primitive] {
+        &self.primitives
+    }
+
+    /// The primitives that begin with heading `angle`.
+    pub fn of(&self, angle: u32) -> impl Iterator<Item = &Primitive> {
+        self.primitives.iter().filter(move |one| one.start == angle)
+    }
+
+    /// The heading nearest to `heading_rad`.
+    pub fn angle(&self, heading_rad: f64) -> u32 {
+        let count = f64::from(self.angles);
+        let index = libm::round(heading_rad / TAU * count);
+        let index = index - count * libm::floor(index / count);
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "0 up to the number of headings"
+        )]
+        let index = index as u32;
+        index % self.angles
+    }
+
+    /// Radians of a heading, in [0, 2 pi).
+    pub fn heading_rad(&self, angle: u32) -> f64 {
+        f64::from(angle) * TAU / f64::from(self.angles)
+    }
+
+    fn check(&self, index: usize, primitive: &Primitive) -> Result<(), PrimitiveError> {
+        let (cell, angle) = primitive.end;
+        let is_there = primitive.start < self.angles && angle < self.angles;
+        let is_motion = cell != [0; 2] || angle != primitive.start;
+        let is_finite = primitive
+            .poses
+            .iter()
+            .flatten()
+            .all(|value| value.is_finite());
+        let Some([x, y, heading]) = primitive.poses.last().copied() else {
+            return Err(PrimitiveError::Empty { index });
+        };
+        if !is_there || !is_motion || !is_finite || primitive.multiplier == 0 {
+            return Err(PrimitiveError::Empty { index });
+        }
+        let ends = [x, y].map(|m| libm::floor(m / self.resolution_m + 0.5));
+        let is_end = ends == cell.map(f64::from) && self.angle(heading) == angle;
+        is_end.then_some(()).ok_or(PrimitiveError::End { index })
+    }
+}
+
+impl Primitive {
+    /// Length of its way, metres.
+    pub fn length_m(&self) -> f64 {
+        let steps = self.poses.windows(2);
+        let lengths =
+            steps.map(|pair| libm::hypot(pair[1][0] - pair[0][0], pair[1][1] - pair[0][1]));
+        lengths.sum()
+    }
+
+    /// Its cost where all cells are free: milliseconds at the nominal speeds, rounded up, times the
+    /// multiplier.
+    pub fn base_cost(&self) -> u32 {
+        let turned = self.poses.first().zip(self.poses.last());
+        let turned = turned.map_or(0.0, |(first, last)| last[2] - first[2]);
+        let turned = crate::ackermann::wrapped(turned).abs();
+        let seconds = (self.length_m() / NOMINAL_M_S).max(turned / FRAC_PI_4 * TURN_45_S);
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "saturates"
+        )]
+        // What is a whole number in decimal is none in binary.
+        let cost = libm::ceil(1_000.0 * seconds - 1e-9) as u32;
+        cost.max(1).saturating_mul(self.multiplier)
+    }
+}
+
+/// Where a template ends, and how much dearer it is.
+type Template = (([i32; 2], i32), u32);
+
+/// The car's primitives for headings 0, 22.5 and 45 degrees.
+const CAR: [[Template; 5]; 3] = [
+    [
+        (([1, 0], 0), 1),
+        (([7, 0], 0), 1),
+        (([-1, 0], 0), 10),
+        (([14, 2], 1), 2),
+        (([14, -2], -1), 2),
+    ],
+    [
+        (([5, 2], 1), 1),
+        (([5, 2], 1), 1),
+        (([-5, -2], 1), 10),
+        (([14, 8], 2), 2),
+        (([14, 3], 0), 2),
+    ],
+    [
+        (([5, 5], 2), 1),
+        (([5, 5], 2), 1),
+        (([-5, -5], 2), 10),
+        (([10, 13], 3), 2),
+        (([13, 9], 1), 2),
+    ],
+];
+
+/// Poses of a primitive: a straight, or a straight and then an arc that ends in the right place
+/// with the right heading.
+fn poses(cell_m: f64, angles: u32, start: u32, end: [i32; 2], end_angle: u32) -> Vec<[f64; 3]> {
+    let [x, y] = end.map(|cells| f64::from(cells) * cell_m);
+    let first = f64::from(start) * TAU / f64::from(angles);
+    let turn = f64::from(end_angle) * TAU / f64::from(angles) - first;
+    let turn = crate::ackermann::wrapped(turn);
+    let parts = (0..POSES).map(|index| index as f64 / (POSES - 1) as f64);
+    if turn == 0.0 {
+        return parts.map(|part| [x * part, y * part, first]).collect();
+    }
+    // [x y] = l [cos0 sin0] + r [sin1 - sin0, cos0 - cos1], for l and r.
+    let ((sin0, cos0), (sin1, cos1)) = (libm::sincos(first), libm::sincos(first + turn));
+    let (a, b) = (sin1 - sin0, cos0 - cos1);
+    let det = cos0 * b - sin0 * a;
+    let straight = (x * b - y * a) / det;
+    let radius = (cos0 * y - sin0 * x) / det;
+    let length = straight + radius * turn;
+    let place = |part: f64| {
+        let way = part * length;
+        if way <= straight {
+            return [way * cos0, way * sin0, first];
+        }
+        let heading = first + (way - straight) / radius;
+        let (sin, cos) = libm::sincos(heading);
+        [
+            straight * cos0 + radius * (sin - sin0),
+            straight * sin0 + radius * (cos0 - cos),
+            heading,
+        ]
+    };
+    parts.map(place).collect()
+}

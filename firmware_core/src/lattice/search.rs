@@ -1,0 +1,412 @@
+//! The search for a plan: anytime repairing A* (ARA*, Likhachev, Gordon and Thrun 2003).
+//!
+//! A first pass overrates the estimate of the way that is left by a factor and is quick; further
+//! passes repair what it found with smaller factors. The cost that a pass returns is at most its
+//! factor times the least one. Each pass keeps the costs of the one before: OPEN goes on, and what
+//! became cheaper after it was closed (INCONS) joins it.
+
+use core::cmp::Reverse;
+
+use alloc::collections::BinaryHeap;
+use alloc::vec::Vec;
+
+use super::sweep::Lattice;
+use crate::ackermann::CarPose;
+use crate::costmap::{Costmap, INSCRIBED};
+
+/// Nominal cost of a metre: milliseconds at 0.4 m/s.
+const COST_PER_M: f64 = 2_500.0;
+const UNKNOWN: u32 = u32::MAX;
+
+/// How long to search.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Factor of the first pass, 1 at least.
+    pub first_bound: f64,
+    /// By how much each pass lowers it.
+    pub bound_step: f64,
+    /// Poses that are expanded in all passes together; whatever was found by then is the plan.
+    pub expansions_max: usize,
+}
+
+impl Default for Limits {
+    /// As the car of seed 003: from 5 by 0.2 down to 1.
+    fn default() -> Self {
+        Self {
+            first_bound: 5.0,
+            bound_step: 0.2,
+            expansions_max: 2_000_000,
+        }
+    }
+}
+
+/// Where to go.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Goal {
+    /// The pose, brought to the nearest cell and heading.
+    pub pose: CarPose,
+    /// Whether the heading there matters.
+    pub with_heading: bool,
+}
+
+/// A way that the robot can drive.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// Poses of the reference point, from the start's cell to the goal's.
+    pub poses: Vec<CarPose>,
+    /// Primitives in their order, as places in the set.
+    pub primitives: Vec<usize>,
+    /// What it costs.
+    pub cost: u32,
+    /// The cost is at most this many times the least one.
+    pub bound: f64,
+    /// Factor and cost of each pass.
+    pub passes: Vec<(f64, u32)>,
+    /// Poses that were expanded.
+    pub expansions: usize,
+}
+
+/// Why there is no plan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum NoPlan {
+    /// The map's cells are not those of the primitives.
+    Resolution,
+    /// The robot cannot be where it begins: off the map, or in an obstacle.
+    Start,
+    /// The robot cannot be at its goal.
+    Goal,
+    /// There is no way.
+    NoWay,
+    /// None was found within the limits.
+    Limit,
+}
+
+impl core::fmt::Display for NoPlan {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(match self {
+            Self::Resolution => "the map has other cells than the primitives",
+            Self::Start => "the robot cannot be where it begins",
+            Self::Goal => "the robot cannot be at its goal",
+            Self::NoWay => "there is no way",
+            Self::Limit => "no way was found within the limits",
+        })
+    }
+}
+
+impl core::error::Error for NoPlan {}
+
+impl Lattice {
+    /// Plans from `start` to `goal`.
+    ///
+    /// # Errors
+    /// If there is none.
+    pub fn plan(
+        &self,
+        map: &Costmap,
+        start: CarPose,
+        goal: Goal,
+        limits: Limits,
+    ) -> Result<Plan, NoPlan> {
+        let resolution_m = self.set().resolution_m();
+        if (map.cell_m() - resolution_m).abs() > 1e-6 * resolution_m {
+            return Err(NoPlan::Resolution);
+        }
+        let place = |pose: CarPose| {
+            let cell = map.cell([pose.x_m, pose.y_m])?;
+            pose.heading_rad
+                .is_finite()
+                .then(|| (cell, self.set().angle(pose.heading_rad)))
+        };
+        let (start, start_angle) = place(start).ok_or(NoPlan::Start)?;
+        let (goal_cell, goal_angle) = place(goal.pose).ok_or(NoPlan::Goal)?;
+        let angles = self.set().angles();
+        let mut goals = match goal.with_heading {
+            true => goal_angle..goal_angle + 1,
+            false => 0..angles,
+        };
+        if !self.is_free(map, start, start_angle) {
+            return Err(NoPlan::Start);
+        }
+        if !goals.any(|angle| self.is_free(map, goal_cell, angle)) {
+            return Err(NoPlan::Goal);
+        }
+        let mut search = Search::new(self, map, goal_cell);
+        let begin = search.state(start, start_angle).ok_or(NoPlan::Start)?;
+        if search.left(begin) == UNKNOWN {
+            return Err(NoPlan::NoWay);
+        }
+        let target = goal.with_heading.then_some(goal_angle);
+        search.run(begin, (goal_cell, target), limits)
+    }
+}
+
+struct Search<'a> {
+    lattice: &'a Lattice,
+    map: &'a Costmap,
+    angles: u32,
+    /// Least cost of the way from each cell to the goal's.
+    left: Vec<u32>,
+    cost: Vec<u32>,
+    /// State and action from which each was reached.
+    from: Vec<(u32, u8)>,
+    /// The pass in which each was closed.
+    closed: Vec<u16>,
+    open: BinaryHeap<Reverse<(u64, u32)>>,
+    inconsistent: Vec<u32>,
+    expansions: usize,
+}
+
+impl<'a> Search<'a> {
+    fn new(lattice: &'a Lattice, map: &'a Costmap, goal: [i32; 2]) -> Self {
+        let angles = lattice.set().angles();
+        let states = map.costs().len() * angles as usize;
+        Self {
+            lattice,
+            map,
+            angles,
+            left: ways_to(map, goal, lattice.detour()),
+            cost: alloc::vec![UNKNOWN; states],
+            from: alloc::vec![(UNKNOWN, 0); states],
+            closed: alloc::vec![0; states],
+            open: BinaryHeap::new(),
+            inconsistent: Vec::new(),
+            expansions: 0,
+        }
+    }
+
+    fn state(&self, [x, y]: [i32; 2], angle: u32) -> Option<u32> {
+        let (x, y) = (u32::try_from(x).ok()?, u32::try_from(y).ok()?);
+        let width = u32::try_from(self.map.width()).ok()?;
+        let is_inside = x < width && usize::try_from(y).ok()? < self.map.height();
+        is_inside.then(|| (y * width + x) * self.angles + angle)
+    }
+
+    fn cell(&self, state: u32) -> [i32; 2] {
+        let cell = (state / self.angles) as usize;
+        let whole = |value: usize| i32::try_from(value).unwrap_or(i32::MAX);
+        [
+            whole(cell % self.map.width()),
+            whole(cell / self.map.width()),
+        ]
+    }
+
+    fn left(&self, state: u32) -> u32 {
+        self.left[(state / self.angles) as usize]
+    }
+
+    /// What a pass sorts by: cost so far, and the rest as the factor, in 1000ths, overrates it.
+    fn key(&self, state: u32, factor: u64) -> u64 {
+        u64::from(self.cost[state as usize]) * 1_000 + u64::from(self.left(state)) * factor
+    }
+
+    fn run(
+        &mut self,
+        begin: u32,
+        (goal, angle): ([i32; 2], Option<u32>),
+        limits: Limits,
+    ) -> Result<Plan, NoPlan> {
+        self.cost[begin as usize] = 0;
+        self.inconsistent.push(begin);
+        let mut bound = match limits.first_bound.is_finite() {
+            true => limits.first_bound.clamp(1.0, 1_000.0),
+            false => 1_000.0,
+        };
+        let step = limits.bound_step.max(0.01);
+        let mut passes = Vec::new();
+        let mut found = None;
+        for pass in 1..=u16::MAX {
+            let is_whole = self.pass(pass, bound, (goal, angle), limits.expansions_max);
+            let end = self.goal(goal, angle);
+            let cost = end.map(|end| self.cost[end as usize]);
+            if let (true, Some(end), Some(cost)) = (is_whole, end, cost) {
+                passes.push((bound, cost));
+                found = Some((end, cost, bound, self.way(begin, end)));
+            }
+            if !is_whole && found.is_none() {
+                // A way that no bound is known of is better than none.
+                let limited = end.zip(cost).ok_or(NoPlan::Limit)?;
+                found = Some((
+                    limited.0,
+                    limited.1,
+                    f64::INFINITY,
+                    self.way(begin, limited.0),
+                ));
+            }
+            if !is_whole || bound <= 1.0 || end.is_none() {
+                break;
+            }
+            bound = (bound - step).max(1.0);
+        }
+        let (_, cost, bound, primitives) = found.ok_or(NoPlan::NoWay)?;
+        Ok(Plan {
+            poses: self.poses(begin, &primitives),
+            primitives,
+            cost,
+            bound,
+            passes,
+            expansions: self.expansions,
+        })
+    }
+
+    /// The cheapest of the goal's states that was reached.
+    fn goal(&self, goal: [i32; 2], angle: Option<u32>) -> Option<u32> {
+        let angles = angle.map_or(0..self.angles, |angle| angle..angle + 1);
+        let states = angles.filter_map(|angle| self.state(goal, angle));
+        let reached = states.filter(|state| self.cost[*state as usize] != UNKNOWN);
+        reached.min_by_key(|state| self.cost[*state as usize])
+    }
+
+    /// One pass; whether it came to its end.
+    fn pass(
+        &mut self,
+        pass: u16,
+        bound: f64,
+        (goal, angle): ([i32; 2], Option<u32>),
+        expansions_max: usize,
+    ) -> bool {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "1 to 1000 times 1000"
+        )]
+        let factor = libm::round(bound * 1_000.0) as u64;
+        let waiting = self.open.drain().map(|Reverse((_, state))| state);
+        let mut waiting: Vec<u32> = waiting.chain(self.inconsistent.drain(..)).collect();
+        waiting.sort_unstable();
+        waiting.dedup();
+        let keys = waiting
+            .iter()
+            .map(|state| Reverse((self.key(*state, factor), *state)));
+        self.open = keys.collect();
+        loop {
+            let best = self.goal(goal, angle).map(|end| self.cost[end as usize]);
+            let Some(&Reverse((key, state))) = self.open.peek() else {
+                return true;
+            };
+            if best.is_some_and(|best| u64::from(best) * 1_000 <= key) {
+                return true;
+            }
+            if self.expansions >= expansions_max {
+                return false;
+            }
+            self.open.pop();
+            // It has become cheaper since, and stands in the queue with its new key.
+            if self.closed[state as usize] == pass || key > self.key(state, factor) {
+                continue;
+            }
+            self.closed[state as usize] = pass;
+            self.expansions += 1;
+            self.expand(state, pass, factor);
+        }
+    }
+
+    fn expand(&mut self, state: u32, pass: u16, factor: u64) {
+        let (cell, lattice) = (self.cell(state), self.lattice);
+        for (number, action) in (0..).zip(lattice.actions(state % self.angles)) {
+            let end = [cell[0] + action.end[0], cell[1] + action.end[1]];
+            let Some(next) = self.state(end, action.end_angle) else {
+                continue;
+            };
+            let known = self.cost[next as usize];
+            let so_far = self.cost[state as usize];
+            if known <= so_far.saturating_add(action.base_cost) || self.left(next) == UNKNOWN {
+                continue;
+            }
+            let Some(step) = action.cost(self.map, cell) else {
+                continue;
+            };
+            let cost = so_far.saturating_add(step);
+            if cost >= known {
+                continue;
+            }
+            self.cost[next as usize] = cost;
+            self.from[next as usize] = (state, number);
+            match self.closed[next as usize] == pass {
+                true => self.inconsistent.push(next),
+                false => self.open.push(Reverse((self.key(next, factor), next))),
+            }
+        }
+    }
+
+    /// The primitives that lead to `end`.
+    fn way(&self, begin: u32, end: u32) -> Vec<usize> {
+        let (mut at, mut way) = (end, Vec::new());
+        while at != begin {
+            let (from, number) = self.from[at as usize];
+            let actions = self.lattice.actions(from % self.angles);
+            way.push(actions[usize::from(number)].primitive);
+            at = from;
+        }
+        way.reverse();
+        way
+    }
+
+    fn poses(&self, begin: u32, primitives: &[usize]) -> Vec<CarPose> {
+        let set = self.lattice.set();
+        let mut cell = self.cell(begin);
+        let [x_m, y_m] = self.map.middle_m(cell);
+        let mut poses = alloc::vec![CarPose {
+            x_m,
+            y_m,
+            heading_rad: crate::ackermann::wrapped(set.heading_rad(begin % self.angles)),
+        }];
+        for primitive in primitives.iter().map(|index| &set.all()[*index]) {
+            let [x_m, y_m] = self.map.middle_m(cell);
+            let further = primitive.poses.iter().skip(1);
+            poses.extend(further.map(|[x, y, heading]| CarPose {
+                x_m: x_m + x,
+                y_m: y_m + y,
+                heading_rad: crate::ackermann::wrapped(*heading),
+            }));
+            cell = [cell[0] + primitive.end.0[0], cell[1] + primitive.end.0[1]];
+        }
+        poses
+    }
+}
+
+/// Least cost of a way of the reference point alone from each cell to `goal`, as the search may
+/// rely on: what the lattice costs is never less.
+fn ways_to(map: &Costmap, goal: [i32; 2], detour: f64) -> Vec<u32> {
+    let mut left = alloc::vec![UNKNOWN; map.costs().len()];
+    let width = map.width();
+    let index = |[x, y]: [i32; 2]| {
+        let (x, y) = (usize::try_from(x).ok()?, usize::try_from(y).ok()?);
+        (x < width && y < map.height()).then_some(y * width + x)
+    };
+    let step = map.cell_m() * COST_PER_M / detour;
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "rounded down, as an estimate must be"
+    )]
+    let steps = [step as u32, (step * core::f64::consts::SQRT_2) as u32];
+    let mut open = BinaryHeap::new();
+    if let Some(at) = index(goal) {
+        left[at] = 0;
+        open.push(Reverse((0, goal)));
+    }
+    while let Some(Reverse((cost, cell))) = open.pop() {
+        if index(cell).is_none_or(|at| left[at] < cost) {
+            continue;
+        }
+        let here = map.cost(cell);
+        for dy in -1..=1 {
+            for dx in -1..=1 {
+                let next = [cell[0] + dx, cell[1] + dy];
+                let Some(at) = index(next) else { continue };
+                let there = map.costs()[at];
+                if there >= INSCRIBED {
+                    continue;
+                }
+                let length = steps[usize::from(dx != 0 && dy != 0)];
+                let cost = cost.saturating_add(length * (1 + u32::from(here.min(there))));
+                if cost < left[at] {
+                    left[at] = cost;
+                    open.push(Reverse((cost, next)));
+                }
+            }
+        }
+    }
+    left
+}

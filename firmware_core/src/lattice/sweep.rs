@@ -1,0 +1,255 @@
+//! Which cells a primitive passes: those of the reference point and those that the outline sweeps.
+
+use alloc::collections::BTreeSet;
+use alloc::vec::Vec;
+
+use super::primitives::{Primitive, PrimitiveSet};
+use crate::ackermann::wrapped;
+use crate::costmap::{Costmap, INSCRIBED};
+
+/// A robot's outline: a convex polygon around its reference point, metres, x ahead and y to the
+/// left.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outline(Vec<[f64; 2]>);
+
+impl Outline {
+    /// A rectangle that reaches this far ahead, behind and to each side of the reference point.
+    pub fn rectangle(ahead_m: f64, behind_m: f64, side_m: f64) -> Self {
+        Self(alloc::vec![
+            [ahead_m, side_m],
+            [-behind_m, side_m],
+            [-behind_m, -side_m],
+            [ahead_m, -side_m],
+        ])
+    }
+
+    /// Whether the outline at this pose overlaps the square of side `edge_m` around `middle_m`;
+    /// sides that only touch do not.
+    pub fn overlaps(&self, pose: [f64; 3], middle_m: [f64; 2], edge_m: f64) -> bool {
+        let corners = self.placed(pose);
+        let half = edge_m / 2.0;
+        let square = [[-half, -half], [half, -half], [half, half], [-half, half]];
+        let square = square.map(|[x, y]| [middle_m[0] + x, middle_m[1] + y]);
+        // Two convex shapes are apart if a side of one has the other beyond it.
+        let normals = (0..corners.len()).map(|index| {
+            let ([x0, y0], [x1, y1]) = (corners[index], corners[(index + 1) % corners.len()]);
+            [y1 - y0, x0 - x1]
+        });
+        let mut axes = normals.chain([[1.0, 0.0], [0.0, 1.0]]);
+        let span = |shape: &[[f64; 2]], [nx, ny]: [f64; 2]| {
+            let along = shape.iter().map(|[x, y]| x * nx + y * ny);
+            along.fold((f64::MAX, f64::MIN), |(low, high), value| {
+                (low.min(value), high.max(value))
+            })
+        };
+        !axes.any(|axis| {
+            let (a, b) = (span(&corners, axis), span(&square, axis));
+            let touch = 1e-9 * edge_m * libm::hypot(axis[0], axis[1]);
+            a.1 <= b.0 + touch || b.1 <= a.0 + touch
+        })
+    }
+
+    /// Cells of `cell_m` that the outline covers or cuts at this pose, seen from the cell in whose
+    /// middle the coordinates begin.
+    fn cells(&self, pose: [f64; 3], cell_m: f64) -> impl Iterator<Item = [i32; 2]> {
+        let corners = self.placed(pose);
+        let range = |axis: usize| {
+            let values = corners.iter().map(move |corner| corner[axis] / cell_m);
+            let (low, high) = values.fold((f64::MAX, f64::MIN), |(low, high), value| {
+                (low.min(value), high.max(value))
+            });
+            #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+            let cells = (libm::floor(low) as i32, libm::ceil(high) as i32);
+            cells.0..=cells.1
+        };
+        let xs = range(0);
+        let cells = range(1).flat_map(move |y| xs.clone().map(move |x| [x, y]));
+        cells.filter(move |cell| self.overlaps(pose, cell.map(|at| f64::from(at) * cell_m), cell_m))
+    }
+
+    fn placed(&self, [x, y, heading]: [f64; 3]) -> Vec<[f64; 2]> {
+        let (sin, cos) = libm::sincos(heading);
+        let corners = self.0.iter();
+        corners
+            .map(|[ahead, left]| [x + cos * ahead - sin * left, y + sin * ahead + cos * left])
+            .collect()
+    }
+}
+
+/// A primitive with all that the search asks of it.
+#[derive(Clone, Debug)]
+pub(super) struct Action {
+    /// Its place in [`PrimitiveSet::all`].
+    pub(super) primitive: usize,
+    pub(super) end: [i32; 2],
+    pub(super) end_angle: u32,
+    pub(super) base_cost: u32,
+    /// Cells of the reference point after the first one.
+    middle: Vec<[i32; 2]>,
+    /// Cells of the outline that are not among those it covers at the beginning.
+    swept: Vec<[i32; 2]>,
+}
+
+/// Primitives and an outline: what plans are made with.
+#[derive(Clone, Debug)]
+pub struct Lattice {
+    set: PrimitiveSet,
+    /// By heading; what does the same as another is left out.
+    actions: Vec<Vec<Action>>,
+    /// Cells of the outline at rest, by heading.
+    at_rest: Vec<Vec<[i32; 2]>>,
+    /// By how much the way through cells is longer than the way itself, at most.
+    detour: f64,
+}
+
+impl Lattice {
+    /// Plans for a robot of this outline, whose reference point the primitives move.
+    pub fn new(set: PrimitiveSet, outline: &Outline) -> Self {
+        let cell_m = set.resolution_m();
+        let at_rest = (0..set.angles()).map(|angle| {
+            let pose = [0.0, 0.0, set.heading_rad(angle)];
+            outline.cells(pose, cell_m).collect()
+        });
+        let at_rest: Vec<Vec<[i32; 2]>> = at_rest.collect();
+        let mut actions: Vec<Vec<Action>> = Vec::new();
+        let mut detour = 1.0_f64;
+        for angle in 0..set.angles() {
+            let mut of_angle: Vec<Action> = Vec::new();
+            for (primitive, one) in set.all().iter().enumerate() {
+                if one.start != angle {
+                    continue;
+                }
+                let action = action(primitive, one, outline, cell_m, &at_rest[angle as usize]);
+                detour = detour.max(octile(&action.middle) * cell_m / one.length_m().max(1e-9));
+                let is_same = |known: &Action| {
+                    (known.end, known.end_angle) == (action.end, action.end_angle)
+                        && known.base_cost <= action.base_cost
+                        && known.middle == action.middle
+                };
+                if !of_angle.iter().any(is_same) {
+                    of_angle.push(action);
+                }
+            }
+            actions.push(of_angle);
+        }
+        Self {
+            set,
+            actions,
+            at_rest,
+            detour,
+        }
+    }
+
+    /// The primitives.
+    pub const fn set(&self) -> &PrimitiveSet {
+        &self.set
+    }
+
+    pub(super) fn actions(&self, angle: u32) -> &[Action] {
+        &self.actions[angle as usize]
+    }
+
+    pub(super) const fn detour(&self) -> f64 {
+        self.detour
+    }
+
+    /// Whether the robot can be in this cell with this heading.
+    pub fn is_free(&self, map: &Costmap, [x, y]: [i32; 2], angle: u32) -> bool {
+        let outline = self.at_rest.get(angle as usize);
+        map.cost([x, y]) < INSCRIBED
+            && outline.is_some_and(|cells| {
+                let mut cells = cells.iter();
+                cells.all(|[dx, dy]| !map.is_obstacle([x + dx, y + dy]))
+            })
+    }
+}
+
+impl Action {
+    /// What it costs from the cell `from`; `None` if the robot would touch something.
+    pub(super) fn cost(&self, map: &Costmap, from: [i32; 2]) -> Option<u32> {
+        let at = |[dx, dy]: [i32; 2]| [from[0].wrapping_add(dx), from[1].wrapping_add(dy)];
+        let mut dearest = map.cost(from);
+        for cell in &self.middle {
+            let cost = map.cost(at(*cell));
+            if cost >= INSCRIBED {
+                return None;
+            }
+            dearest = dearest.max(cost);
+        }
+        // Far from everything the outline is free with its middle.
+        if dearest > 0 {
+            for cell in &self.swept {
+                if map.is_obstacle(at(*cell)) {
+                    return None;
+                }
+                dearest = dearest.max(map.cost(at(*cell)).min(INSCRIBED - 1));
+            }
+        }
+        Some(self.base_cost.saturating_mul(1 + u32::from(dearest)))
+    }
+}
+
+fn action(
+    primitive: usize,
+    one: &Primitive,
+    outline: &Outline,
+    cell_m: f64,
+    at_rest: &[[i32; 2]],
+) -> Action {
+    let mut middle = Vec::new();
+    let mut swept = BTreeSet::new();
+    for pose in on_the_way(&one.poses, cell_m / 4.0) {
+        let cell = [pose[0], pose[1]].map(|m| {
+            #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+            let cell = libm::floor(m / cell_m + 0.5) as i32;
+            cell
+        });
+        if middle.last().copied().unwrap_or_default() != cell {
+            middle.push(cell);
+        }
+        swept.extend(outline.cells(pose, cell_m));
+    }
+    Action {
+        primitive,
+        end: one.end.0,
+        end_angle: one.end.1,
+        base_cost: one.base_cost(),
+        middle,
+        swept: swept
+            .into_iter()
+            .filter(|cell| !at_rest.contains(cell))
+            .collect(),
+    }
+}
+
+/// The poses and enough between them that neighbours are not farther apart than `step_m`.
+fn on_the_way(poses: &[[f64; 3]], step_m: f64) -> Vec<[f64; 3]> {
+    let mut all: Vec<[f64; 3]> = poses.first().copied().into_iter().collect();
+    for pair in poses.windows(2) {
+        let [x, y] = [pair[1][0] - pair[0][0], pair[1][1] - pair[0][1]];
+        let turn = wrapped(pair[1][2] - pair[0][2]);
+        let parts = libm::ceil(libm::hypot(x, y) / step_m).clamp(1.0, 1e4);
+        let mut part = 1.0;
+        while part <= parts {
+            let share = part / parts;
+            all.push([
+                pair[0][0] + x * share,
+                pair[0][1] + y * share,
+                pair[0][2] + turn * share,
+            ]);
+            part += 1.0;
+        }
+    }
+    all
+}
+
+/// Length of the way from the cell 0, 0 through these cells, in cells.
+fn octile(cells: &[[i32; 2]]) -> f64 {
+    let (mut from, mut length) = ([0, 0], 0.0);
+    for cell in cells {
+        let [dx, dy] = [0, 1].map(|axis: usize| f64::from((cell[axis] - from[axis]).abs()));
+        length += dx.max(dy) + (core::f64::consts::SQRT_2 - 1.0) * dx.min(dy);
+        from = *cell;
+    }
+    length
+}

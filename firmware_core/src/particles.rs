@@ -1,0 +1,315 @@
+//! Where a robot is on a map that it has, by Monte-Carlo localisation: many guesses, moved as the
+//! odometry says, weighed by how well the scan fits, drawn anew. For the part of a program that
+//! runs on a PC; feature `host`.
+//!
+//! Facts: `amcl` as seed 003 set it up (differential odometry model, likelihood field, 500 to 2,000
+//! particles by the KLD criterion, no recovery); see [`Settings`]. Its odometry noise is far larger
+//! than the car's; so it stays robust against slip, and so does this.
+
+mod field;
+mod motion;
+#[cfg(test)]
+mod tests;
+
+use core::f64::consts::PI;
+
+use alloc::collections::{BTreeMap, BTreeSet};
+use alloc::vec::Vec;
+
+pub use field::LikelihoodField;
+pub use motion::Noise;
+
+use crate::ackermann::{CarPose, wrapped};
+use crate::random::Pcg32;
+
+/// Edges of the boxes in which guesses are counted: metres, metres, radians.
+const BOX: [f64; 3] = [0.5, 0.5, PI / 18.0];
+
+/// How to weigh and how many guesses to keep.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Least and greatest number of guesses.
+    pub count: [usize; 2],
+    /// The number is such that the guesses tell the truth's distribution up to this error..
+    pub kld_error: f64,
+    /// ..in all but a part of the cases: the quantile of the normal distribution for 99 % is 2.326.
+    pub kld_quantile: f64,
+    /// Noise of the odometry.
+    pub noise: Noise,
+    /// Beams of a scan that are weighed, evenly chosen.
+    pub beams: usize,
+    /// Weight of what is measured as it should be, and of anything; together 1.
+    pub hit_and_random: [f64; 2],
+    /// Standard deviation of a beam's end about the next obstacle, metres.
+    pub hit_sigma_m: f64,
+    /// Ranges that count, metres.
+    pub range_m: [f64; 2],
+    /// Least way and turn after which a scan is weighed, metres and radians.
+    pub moved: [f64; 2],
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            count: [500, 2_000],
+            kld_error: 0.05,
+            kld_quantile: 2.326,
+            noise: Noise::default(),
+            beams: 60,
+            hit_and_random: [0.5, 0.5],
+            hit_sigma_m: 0.2,
+            range_m: [0.15, 6.0],
+            moved: [0.05, 0.05],
+        }
+    }
+}
+
+/// A guess.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Particle {
+    /// Where the robot might be.
+    pub pose: CarPose,
+    /// How likely; all together 1.
+    pub weight: f64,
+}
+
+/// A reading of the scanner.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Beam {
+    /// Direction in the robot's frame, radians counter-clockwise from ahead.
+    pub bearing_rad: f64,
+    /// Metres.
+    pub range_m: f64,
+}
+
+/// Where the robot most likely is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate {
+    /// Mean of the heaviest heap of guesses.
+    pub pose: CarPose,
+    /// Standard deviation of its guesses' places, metres.
+    pub spread_m: f64,
+    /// Part of all weight that lies in this heap.
+    pub share: f64,
+}
+
+/// The guesses.
+#[derive(Clone, Debug)]
+pub struct Localiser {
+    field: LikelihoodField,
+    settings: Settings,
+    particles: Vec<Particle>,
+    random: Pcg32,
+    /// The odometry's pose when a scan was last weighed.
+    odometry: Option<CarPose>,
+    /// Place of the scanner on the robot.
+    scanner: CarPose,
+}
+
+impl Localiser {
+    /// Guesses around `start`, normally distributed by `sigma`: metres, metres, radians. The
+    /// scanner sits at `scanner` on the robot.
+    pub fn new(
+        field: LikelihoodField,
+        settings: Settings,
+        scanner: CarPose,
+        start: CarPose,
+        sigma: [f64; 3],
+        seed: u64,
+    ) -> Self {
+        let mut localiser = Self {
+            field,
+            settings,
+            particles: Vec::new(),
+            random: Pcg32::new(seed),
+            odometry: None,
+            scanner,
+        };
+        localiser.place(start, sigma);
+        localiser
+    }
+
+    /// Forgets all guesses: somebody says where the robot is.
+    pub fn place(&mut self, start: CarPose, sigma: [f64; 3]) {
+        let count = self.settings.count[1].max(1);
+        let weight = 1.0 / count as f64;
+        let random = &mut self.random;
+        let particles = (0..count).map(|_| Particle {
+            pose: CarPose {
+                x_m: start.x_m + random.normal(sigma[0]),
+                y_m: start.y_m + random.normal(sigma[1]),
+                heading_rad: wrapped(start.heading_rad + random.normal(sigma[2])),
+            },
+            weight,
+        });
+        self.particles = particles.collect();
+        self.odometry = None;
+    }
+
+    /// All guesses.
+    pub fn particles(&self) -> &[Particle] {
+        &self.particles
+    }
+
+    /// A scan, and where the odometry says that the robot was then. Whether it was weighed: only
+    /// when the robot has moved since the last one.
+    pub fn update(&mut self, odometry: CarPose, scan: &[Beam]) -> bool {
+        if let Some(before) = self.odometry {
+            let motion = before.motion_to(odometry);
+            let way = libm::hypot(motion.ahead_m, motion.left_m);
+            let [least_way, least_turn] = self.settings.moved;
+            if way < least_way && motion.turn_rad.abs() < least_turn {
+                return false;
+            }
+            let noise = self.settings.noise;
+            for particle in &mut self.particles {
+                particle.pose = noise.moved(particle.pose, motion, &mut self.random);
+            }
+        }
+        self.odometry = Some(odometry);
+        self.weigh(scan);
+        self.draw_anew();
+        true
+    }
+
+    /// Where the robot most likely is.
+    pub fn estimate(&self) -> Estimate {
+        let mut boxes: BTreeMap<[i64; 3], f64> = BTreeMap::new();
+        for particle in &self.particles {
+            *boxes.entry(in_box(particle.pose)).or_default() += particle.weight;
+        }
+        let heaviest = boxes.iter().max_by(|one, other| one.1.total_cmp(other.1));
+        let heap = heaviest.map(|(heap, _)| *heap).unwrap_or_default();
+        let is_near = |particle: &&Particle| {
+            let at = in_box(particle.pose);
+            (at[0] - heap[0]).abs() <= 1
+                && (at[1] - heap[1]).abs() <= 1
+                && turned_boxes(at[2], heap[2]) <= 1
+        };
+        let near = || self.particles.iter().filter(is_near);
+        let share: f64 = near().map(|one| one.weight).sum();
+        let mean = |of: &dyn Fn(&Particle) -> f64| {
+            near().map(|one| one.weight * of(one)).sum::<f64>() / share
+        };
+        let (x_m, y_m) = (mean(&|one| one.pose.x_m), mean(&|one| one.pose.y_m));
+        let sin = mean(&|one| libm::sin(one.pose.heading_rad));
+        let cos = mean(&|one| libm::cos(one.pose.heading_rad));
+        let pose = CarPose {
+            x_m,
+            y_m,
+            heading_rad: libm::atan2(sin, cos),
+        };
+        let square = mean(&|one| libm::pow(one.pose.distance_m(pose), 2.0));
+        Estimate {
+            pose,
+            spread_m: libm::sqrt(square.max(0.0)),
+            share,
+        }
+    }
+
+    fn weigh(&mut self, scan: &[Beam]) {
+        let beams = self.usable(scan);
+        let [hit, random] = self.settings.hit_and_random;
+        let sigma = self.settings.hit_sigma_m;
+        let [_, range_max] = self.settings.range_m;
+        let mut whole = 0.0;
+        for particle in &mut self.particles {
+            let mut likelihood = 1.0;
+            for [ahead_m, left_m] in &beams {
+                let end = particle.pose.then(crate::ackermann::Motion {
+                    ahead_m: *ahead_m,
+                    left_m: *left_m,
+                    turn_rad: 0.0,
+                });
+                let off = self.field.distance_m([end.x_m, end.y_m]);
+                let fits = libm::exp(-off * off / (2.0 * sigma * sigma));
+                let one = hit * fits + random / range_max;
+                // As amcl does: the beams are not independent, so their cubes are summed.
+                likelihood += one * one * one;
+            }
+            particle.weight *= likelihood;
+            whole += particle.weight;
+        }
+        let even = 1.0 / self.particles.len() as f64;
+        for particle in &mut self.particles {
+            particle.weight = match whole > 0.0 && whole.is_finite() {
+                true => particle.weight / whole,
+                false => even,
+            };
+        }
+    }
+
+    /// Ends of the beams that are weighed, in the robot's frame.
+    fn usable(&self, scan: &[Beam]) -> Vec<[f64; 2]> {
+        let [near, far] = self.settings.range_m;
+        let step = (scan.len() / self.settings.beams.max(1)).max(1);
+        let beams = scan.iter().step_by(step);
+        let beams = beams.filter(|beam| beam.range_m >= near && beam.range_m < far);
+        let end = |beam: &Beam| {
+            let (sin, cos) = libm::sincos(beam.bearing_rad);
+            let end = self.scanner.then(crate::ackermann::Motion {
+                ahead_m: beam.range_m * cos,
+                left_m: beam.range_m * sin,
+                turn_rad: 0.0,
+            });
+            [end.x_m, end.y_m]
+        };
+        beams.map(end).collect()
+    }
+
+    /// Draws as many guesses as are needed, the heavier the more often.
+    fn draw_anew(&mut self) {
+        let mut sums = Vec::with_capacity(self.particles.len());
+        let mut sum = 0.0;
+        for particle in &self.particles {
+            sum += particle.weight;
+            sums.push(sum);
+        }
+        let [least, most] = self.settings.count;
+        let mut drawn: Vec<Particle> = Vec::new();
+        let mut boxes = BTreeSet::new();
+        while drawn.len() < most.max(1) {
+            let place = self.random.unit() * sum;
+            let index = sums.partition_point(|sum| *sum <= place);
+            let particle = self.particles[index.min(self.particles.len() - 1)];
+            boxes.insert(in_box(particle.pose));
+            drawn.push(particle);
+            if drawn.len() >= least.max(self.needed(boxes.len())) {
+                break;
+            }
+        }
+        let weight = 1.0 / drawn.len() as f64;
+        drawn.iter_mut().for_each(|one| one.weight = weight);
+        self.particles = drawn;
+    }
+
+    /// Guesses that are needed when they lie in so many boxes (Fox 2001).
+    fn needed(&self, boxes: usize) -> usize {
+        if boxes < 2 {
+            return 0;
+        }
+        let k = (boxes - 1) as f64;
+        let b = 2.0 / (9.0 * k);
+        let root = 1.0 - b + libm::sqrt(b) * self.settings.kld_quantile;
+        let count = k / (2.0 * self.settings.kld_error) * root * root * root;
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "saturates"
+        )]
+        let count = libm::ceil(count) as usize;
+        count
+    }
+}
+
+fn in_box(pose: CarPose) -> [i64; 3] {
+    let along = [pose.x_m, pose.y_m, pose.heading_rad];
+    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+    core::array::from_fn(|axis| libm::floor(along[axis] / BOX[axis]) as i64)
+}
+
+/// How many boxes of heading lie between two, the shorter way round.
+fn turned_boxes(one: i64, other: i64) -> i64 {
+    let off = (one - other).rem_euclid(36);
+    off.min(36 - off)
+}

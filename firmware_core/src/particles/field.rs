@@ -1,0 +1,114 @@
+//! How far it is from each place of a map to the next obstacle.
+
+use alloc::vec::Vec;
+
+/// Distances to the next obstacle, for each cell of a map.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LikelihoodField {
+    width: usize,
+    cell_m: f64,
+    origin_m: [f64; 2],
+    farthest_m: f64,
+    distances_m: Vec<f32>,
+}
+
+impl LikelihoodField {
+    /// Of a map of `obstacles` in rows of `width` cells with edges of `cell_m`, whose corner of
+    /// least x and y is `origin_m`. Nothing is farther than `farthest_m`, and outside everything
+    /// is that far.
+    ///
+    /// # Panics
+    /// If `width` is 0.
+    pub fn new(
+        width: usize,
+        cell_m: f64,
+        origin_m: [f64; 2],
+        obstacles: &[bool],
+        farthest_m: f64,
+    ) -> Self {
+        assert!(width > 0, "a row has cells");
+        let height = obstacles.len() / width;
+        let far = libm::pow(farthest_m / cell_m, 2.0);
+        let start = |is: &bool| if *is { 0.0 } else { far };
+        let mut squares: Vec<f64> = obstacles[..width * height].iter().map(start).collect();
+        for row in squares.chunks_exact_mut(width) {
+            transform(row);
+        }
+        let mut column = alloc::vec![0.0; height];
+        for x in 0..width {
+            for y in 0..height {
+                column[y] = squares[y * width + x];
+            }
+            transform(&mut column);
+            for y in 0..height {
+                squares[y * width + x] = column[y];
+            }
+        }
+        #[expect(clippy::cast_possible_truncation, reason = "a distance needs 24 bits")]
+        let metres = |square: &f64| (libm::sqrt(square.min(far)) * cell_m) as f32;
+        Self {
+            width,
+            cell_m,
+            origin_m,
+            farthest_m,
+            distances_m: squares.iter().map(metres).collect(),
+        }
+    }
+
+    /// Distance from the cell at a place to the next obstacle, metres.
+    pub fn distance_m(&self, [x_m, y_m]: [f64; 2]) -> f64 {
+        let x = (x_m - self.origin_m[0]) / self.cell_m;
+        let y = (y_m - self.origin_m[1]) / self.cell_m;
+        if !(x >= 0.0 && y >= 0.0) {
+            return self.farthest_m;
+        }
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "not below 0, saturates"
+        )]
+        let (x, y) = (x as usize, y as usize);
+        if x >= self.width {
+            return self.farthest_m;
+        }
+        let at = y.checked_mul(self.width).and_then(|row| row.checked_add(x));
+        let distance = at.and_then(|at| self.distances_m.get(at));
+        distance.map_or(self.farthest_m, |distance| f64::from(*distance))
+    }
+}
+
+/// Replaces each value by the least of `value[j] + (i - j)^2`: the lower envelope of parabolas
+/// (Felzenszwalb and Huttenlocher 2012), which makes the squares of distances of a line.
+fn transform(values: &mut [f64]) {
+    let given = values.to_vec();
+    // The parabolas of the envelope, and from where on each is the lowest.
+    let mut lowest: Vec<(usize, f64)> = Vec::new();
+    for (at, value) in given.iter().enumerate() {
+        let meets = |other: usize| {
+            let (p, q) = (other as f64, at as f64);
+            (value + q * q - given[other] - p * p) / (2.0 * (q - p))
+        };
+        let mut from = f64::NEG_INFINITY;
+        while let Some((other, begins)) = lowest.last().copied() {
+            from = meets(other);
+            if from > begins {
+                break;
+            }
+            lowest.pop();
+            from = f64::NEG_INFINITY;
+        }
+        lowest.push((at, from));
+    }
+    let mut index = 0;
+    for (at, value) in values.iter_mut().enumerate() {
+        while lowest
+            .get(index + 1)
+            .is_some_and(|(_, from)| *from < at as f64)
+        {
+            index += 1;
+        }
+        let (other, _) = lowest[index];
+        let off = at as f64 - other as f64;
+        *value = given[other] + off * off;
+    }
+}

@@ -1,0 +1,23 @@
+//! The program of the car of seed 003: an Ackermann chassis, two serial boards, ultrasound, gyro,
+//! depth camera, a phone as remote.
+//!
+//! In the seed it runs on a PC under ROS; so its numbers are doubles, and what needs a heap (gates,
+//! and the planner and localisation beside this folder) is behind the feature `host`.
+
+pub mod arbiter;
+#[cfg(feature = "host")]
+pub mod floor;
+#[cfg(feature = "host")]
+pub mod follower;
+#[cfg(feature = "host")]
+pub mod gates;
+pub mod gyro_odometry;
+#[cfg(feature = "host")]
+pub mod pilot;
+#[cfg(feature = "host")]
+mod program;
+pub mod steering;
+pub mod wall;
+
+#[cfg(feature = "host")]
+pub use program::{Apollo13, Config, Defects};

@@ -1,0 +1,151 @@
+use super::*;
+use crate::ackermann::Motion;
+use crate::costmap::{Costmap, Inflation};
+use crate::lattice::{Goal, Lattice, Limits, Outline, PrimitiveSet};
+use crate::random::Pcg32;
+use crate::robots::apollo13::steering;
+
+/// The car's covered floor around the middle of its rear axle.
+fn outline() -> Outline {
+    Outline::rectangle(0.359, 0.101, 0.165)
+}
+
+/// A hall of 6 m by 5 m with two pillars and a wall, in cells of 5 cm.
+fn hall() -> Costmap {
+    let is_wall = |x: f64, y: f64| {
+        let is_outside = !(0.1..5.9).contains(&x) || !(0.1..4.9).contains(&y);
+        let is_pillar = |px: f64, py: f64| (x - px).abs() < 0.2 && (y - py).abs() < 0.2;
+        is_outside || is_pillar(2.0, 1.8) || is_pillar(4.4, 3.2) || (x - 3.0).abs() < 0.1 && y > 3.4
+    };
+    let cells = (0..120 * 100).map(|at| (f64::from(at % 120), f64::from(at / 120)));
+    let cells = cells.map(|(x, y)| is_wall((x + 0.5) * 0.05, (y + 0.5) * 0.05));
+    let inflation = Inflation {
+        inscribed_m: 0.101,
+        radius_m: 0.40,
+    };
+    Costmap::new(120, 0.05, [0.0; 2], cells.collect(), inflation)
+}
+
+fn touches(map: &Costmap, pose: CarPose) -> bool {
+    let cell = map.cell([pose.x_m, pose.y_m]).unwrap();
+    let around = (-9..=9).flat_map(|y| (-9..=9).map(move |x| [cell[0] + x, cell[1] + y]));
+    let mut obstacles = around.filter(|cell| map.is_obstacle(*cell));
+    let pose = [pose.x_m, pose.y_m, pose.heading_rad];
+    obstacles.any(|cell| outline().overlaps(pose, map.middle_m(cell), 0.05))
+}
+
+/// Drives along the path by a car of 0.258 m whose speed lags by 0.3 s and whose angles are those
+/// of the table; told poses are 1 cm and half a degree off. Where it ends, and whether it touched
+/// anything.
+fn drive(map: &Costmap, path: Vec<CarPose>, random: &mut Pcg32) -> (Step, CarPose, bool) {
+    let car = CarGeometry {
+        wheelbase_m: 0.258,
+        track_m: 0.155,
+    };
+    let mut truth = path[0];
+    let mut follower = Follower::new(path, Settings::default());
+    let (mut speed, mut has_touched) = (0.0, false);
+    for _ in 0..4_000 {
+        let told = CarPose {
+            x_m: truth.x_m + random.normal(0.01),
+            y_m: truth.y_m + random.normal(0.01),
+            heading_rad: wrapped(truth.heading_rad + random.normal(0.009)),
+        };
+        let Step::Drive {
+            speed_m_s,
+            steering_rad,
+        } = follower.step(told)
+        else {
+            return (follower.step(told), truth, has_touched);
+        };
+        let value = steering::value_for(steering_rad.to_degrees()).unwrap();
+        let angle = steering::angle_deg(value).to_radians();
+        speed += (speed_m_s - speed) * 0.05 / 0.3;
+        truth = truth.then(car.rear_arc(angle, speed * 0.05));
+        has_touched |= touches(map, truth);
+    }
+    (Step::Lost, truth, has_touched)
+}
+
+/// AP12: 20 goals at random: within 0.30 m and 0.30 rad, nothing touched, in 95 % at least.
+#[test]
+fn ap12_goals_are_reached() {
+    let (map, mut random) = (hall(), Pcg32::new(11));
+    // Planned with 3 cm to spare on all sides, driven with the car's own outline.
+    let roomy = Outline::rectangle(0.389, 0.131, 0.195);
+    let lattice = Lattice::new(PrimitiveSet::car(), &roomy);
+    let (mut tried, mut reached) = (0, 0);
+    while tried < 20 {
+        let mut place = || CarPose {
+            x_m: 0.3 + random.unit() * 5.4,
+            y_m: 0.3 + random.unit() * 4.4,
+            heading_rad: wrapped(random.unit() * core::f64::consts::TAU),
+        };
+        let (start, goal) = (place(), place());
+        let to = Goal {
+            pose: goal,
+            with_heading: true,
+        };
+        let Ok(plan) = lattice.plan(&map, start, to, Limits::default()) else {
+            continue;
+        };
+        tried += 1;
+        let (end, pose, has_touched) = drive(&map, plan.poses, &mut random);
+        let turned = wrapped(pose.heading_rad - goal.heading_rad).abs();
+        let is_there = pose.distance_m(goal) <= 0.30 && turned <= 0.30;
+        reached += i32::from(end == Step::Arrived && is_there && !has_touched);
+    }
+    assert!(reached >= 19, "{reached} of {tried}");
+}
+
+/// Ahead for a metre, then back for half of one: where it turns is not cut short.
+#[test]
+fn a_path_with_a_turning_point_is_driven_both_ways() {
+    let at = |x_m: f64| CarPose {
+        x_m,
+        ..CarPose::default()
+    };
+    let ahead = (0..=10).map(|step| at(f64::from(step) * 0.1));
+    let back = (1..=5).map(|step| at(1.0 - f64::from(step) * 0.1));
+    let mut follower = Follower::new(ahead.chain(back).collect(), Settings::default());
+    let speed = |step: Step| match step {
+        Step::Drive { speed_m_s, .. } => speed_m_s,
+        _ => 0.0,
+    };
+    assert_eq!(speed(follower.step(at(0.0))), 0.22);
+    assert_eq!(speed(follower.step(at(0.6))), 0.22);
+    assert_eq!(speed(follower.step(at(0.97))), -0.22);
+    assert_eq!(speed(follower.step(at(0.8))), -0.22);
+    assert_eq!(follower.step(at(0.53)), Step::Arrived);
+    let aside = CarPose::default().then(Motion {
+        left_m: 0.7,
+        ..Motion::default()
+    });
+    assert_eq!(follower.step(aside), Step::Lost);
+    assert_eq!(
+        Follower::new(Vec::new(), Settings::default()).step(aside),
+        Step::Arrived
+    );
+}
+
+/// By hand: a point 0.3 m ahead on a parallel 0.1 m to the left lies at 0.3, 0.1: curvature
+/// 2 * 0.1 / 0.1 = 2, times 0.25 m: atan(0.5) = 26.6 degrees, cut to 25; to the right to 18.
+#[test]
+fn the_car_steers_along_the_arc_through_its_point() {
+    let path = |y_m: f64| {
+        let poses = (0..=20).map(move |step| CarPose {
+            x_m: f64::from(step) * 0.1,
+            y_m,
+            heading_rad: 0.0,
+        });
+        Follower::new(poses.collect(), Settings::default())
+    };
+    let steering = |y_m: f64| match path(y_m).step(CarPose::default()) {
+        Step::Drive { steering_rad, .. } => steering_rad,
+        other => panic!("{other:?}"),
+    };
+    assert!((steering(0.1) - 0.436).abs() < 1e-9);
+    assert!((steering(-0.1) + 0.314).abs() < 1e-9);
+    // 2 * 0.02 / (0.09 + 0.0004) = 0.4425; times 0.25: 6.31 degrees.
+    assert!((steering(0.02).to_degrees() - 6.31).abs() < 0.01);
+}

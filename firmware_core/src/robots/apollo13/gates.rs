@@ -1,0 +1,331 @@
+//! Drives through gates: pairs of markers that the camera recognises.
+//!
+//! Facts: seed 003, mission II, and its published code, which sends the car to the middle between
+//! the nearest two markers that are 0.3 m apart or more, with the heading that it happens to have;
+//! narrower than the car, and also to gates behind it. Here a gate is wide enough for the car, lies
+//! ahead, is driven at along its normal, and is passed when the car has crossed it.
+
+use alloc::collections::BTreeMap;
+use alloc::vec::Vec;
+
+use crate::ackermann::{CarPose, wrapped};
+
+/// What makes a gate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Least width: 0.33 m of the car and 5 cm to each side.
+    pub width_min_m: f64,
+    /// Greatest width: farther apart two markers are of different gates.
+    pub width_max_m: f64,
+    /// How far before the gate the car is to stand on its normal, and how far behind it to go.
+    pub approach_m: f64,
+    /// As fielded: the heading of the goal is that of the car, behind is ahead, and markers stay
+    /// where they were seen first.
+    pub as_fielded: bool,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            width_min_m: 0.43,
+            width_max_m: 1.5,
+            approach_m: 0.6,
+            as_fielded: false,
+        }
+    }
+}
+
+impl Settings {
+    /// The published code's.
+    pub const fn fielded() -> Self {
+        Self {
+            width_min_m: 0.30,
+            width_max_m: f64::INFINITY,
+            approach_m: 0.0,
+            as_fielded: true,
+        }
+    }
+}
+
+/// Numbers of a gate's two markers, the smaller first.
+pub type Gate = [u32; 2];
+
+/// The way through a gate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Passage {
+    /// Its markers.
+    pub gate: Gate,
+    /// Where to be before it.
+    pub before: CarPose,
+    /// The middle of the gate.
+    pub middle: CarPose,
+    /// Where to be behind it.
+    pub behind: CarPose,
+}
+
+/// Mean of where a marker was seen.
+#[derive(Clone, Copy, Debug, Default)]
+struct Marker {
+    sum_m: [f64; 2],
+    seen: u32,
+}
+
+/// Markers that were seen and gates that were passed.
+#[derive(Clone, Debug)]
+pub struct Gates {
+    settings: Settings,
+    markers: BTreeMap<u32, Marker>,
+    passed: Vec<Gate>,
+}
+
+impl Gates {
+    /// Nothing was seen.
+    pub const fn new(settings: Settings) -> Self {
+        Self {
+            settings,
+            markers: BTreeMap::new(),
+            passed: Vec::new(),
+        }
+    }
+
+    /// The camera saw the marker `id` at this place of the map, metres. Whether it is a new one.
+    pub fn see(&mut self, id: u32, [x_m, y_m]: [f64; 2]) -> bool {
+        if !x_m.is_finite() || !y_m.is_finite() {
+            return false;
+        }
+        let marker = self.markers.entry(id).or_default();
+        let is_new = marker.seen == 0;
+        if is_new || !self.settings.as_fielded {
+            marker.sum_m = [marker.sum_m[0] + x_m, marker.sum_m[1] + y_m];
+            marker.seen += 1;
+        }
+        is_new
+    }
+
+    /// Gates that were passed, in their order.
+    pub fn passed(&self) -> &[Gate] {
+        &self.passed
+    }
+
+    /// Where the markers are, metres.
+    pub fn markers(&self) -> impl Iterator<Item = (u32, [f64; 2])> {
+        let mean = |marker: &Marker| marker.sum_m.map(|sum| sum / f64::from(marker.seen));
+        self.markers
+            .iter()
+            .map(move |(id, marker)| (*id, mean(marker)))
+    }
+
+    /// The next gate to drive through from `pose`: the nearest that fits and was not passed.
+    /// `is_free` says whether the car can be somewhere.
+    pub fn next(&self, pose: CarPose, is_free: impl Fn(CarPose) -> bool) -> Option<Passage> {
+        let pairs = self.pairs().into_iter();
+        let passages = pairs.filter_map(|[one, other]| self.passage(pose, one, other));
+        let possible = passages.filter(|passage| {
+            let is_new = !self.passed.contains(&passage.gate);
+            is_new
+                && [passage.before, passage.middle, passage.behind]
+                    .into_iter()
+                    .all(&is_free)
+        });
+        let far = |passage: &Passage| pose.distance_m(passage.middle);
+        possible.min_by(|one, other| far(one).total_cmp(&far(other)))
+    }
+
+    /// The car has moved; the gate that it crossed on the way, which is passed now.
+    pub fn moved(&mut self, from: CarPose, to: CarPose) -> Option<Gate> {
+        let (a, b) = ([from.x_m, from.y_m], [to.x_m, to.y_m]);
+        for [(id, one), (other_id, other)] in self.pairs() {
+            let gate = [id, other_id];
+            let is_gate = self.is_gate(libm::hypot(other[0] - one[0], other[1] - one[1]));
+            if is_gate && !self.passed.contains(&gate) && do_cross(a, b, one, other) {
+                self.passed.push(gate);
+                return Some(gate);
+            }
+        }
+        None
+    }
+
+    /// Markers that belong together: each is the other's nearest. As fielded, any two.
+    fn pairs(&self) -> Vec<[(u32, [f64; 2]); 2]> {
+        let markers: Vec<(u32, [f64; 2])> = self.markers().collect();
+        let nearest = |one: &(u32, [f64; 2])| {
+            let others = markers.iter().filter(|other| other.0 != one.0);
+            let far =
+                |other: &(u32, [f64; 2])| libm::hypot(other.1[0] - one.1[0], other.1[1] - one.1[1]);
+            let nearest = others.min_by(|a, b| far(a).total_cmp(&far(b)));
+            nearest.map(|nearest| nearest.0)
+        };
+        let mut pairs = Vec::new();
+        for (index, one) in markers.iter().enumerate() {
+            for other in &markers[index + 1..] {
+                let is_mutual = nearest(one) == Some(other.0) && nearest(other) == Some(one.0);
+                if is_mutual || self.settings.as_fielded {
+                    pairs.push([*one, *other]);
+                }
+            }
+        }
+        pairs
+    }
+
+    fn is_gate(&self, width_m: f64) -> bool {
+        (self.settings.width_min_m..=self.settings.width_max_m).contains(&width_m)
+    }
+
+    fn passage(
+        &self,
+        pose: CarPose,
+        (id, [x0, y0]): (u32, [f64; 2]),
+        (other, [x1, y1]): (u32, [f64; 2]),
+    ) -> Option<Passage> {
+        if !self.is_gate(libm::hypot(x1 - x0, y1 - y0)) {
+            return None;
+        }
+        let (x_m, y_m) = ((x0 + x1) / 2.0, (y0 + y1) / 2.0);
+        let ahead = pose.motion_to(CarPose {
+            x_m,
+            y_m,
+            heading_rad: 0.0,
+        });
+        let heading_rad = match self.settings.as_fielded {
+            true => pose.heading_rad,
+            false => {
+                // The normal that leads away from the side on which the car is.
+                let normal = libm::atan2(x1 - x0, y0 - y1);
+                let bearing = libm::atan2(y_m - pose.y_m, x_m - pose.x_m);
+                match libm::cos(normal - bearing) >= 0.0 {
+                    true => wrapped(normal),
+                    false => wrapped(normal + core::f64::consts::PI),
+                }
+            }
+        };
+        let middle = CarPose {
+            x_m,
+            y_m,
+            heading_rad,
+        };
+        (self.settings.as_fielded || ahead.ahead_m > 0.0).then(|| Passage {
+            gate: [id, other],
+            before: middle.shifted(-self.settings.approach_m),
+            middle,
+            behind: middle.shifted(self.settings.approach_m),
+        })
+    }
+}
+
+/// Whether two pieces of line cross.
+fn do_cross(a: [f64; 2], b: [f64; 2], c: [f64; 2], d: [f64; 2]) -> bool {
+    let side = |p: [f64; 2], q: [f64; 2], r: [f64; 2]| {
+        (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]) > 0.0
+    };
+    side(a, b, c) != side(a, b, d) && side(c, d, a) != side(c, d, b)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ORIGIN: CarPose = CarPose {
+        x_m: 0.0,
+        y_m: 0.0,
+        heading_rad: 0.0,
+    };
+
+    fn anywhere(_: CarPose) -> bool {
+        true
+    }
+
+    fn seen(settings: Settings, markers: &[(u32, [f64; 2])]) -> Gates {
+        let mut gates = Gates::new(settings);
+        for (id, place) in markers {
+            assert!(gates.see(*id, *place));
+        }
+        gates
+    }
+
+    /// A gate of 0.8 m at 45 degrees: through its middle, along its normal.
+    #[test]
+    fn ap14_a_gate_is_driven_at_along_its_normal() {
+        let gates = seen(Settings::default(), &[(10, [2.0, 0.4]), (11, [2.0, -0.4])]);
+        let passage = gates.next(ORIGIN, anywhere).unwrap();
+        assert_eq!(
+            (passage.gate, passage.middle),
+            ([10, 11], CarPose { x_m: 2.0, ..ORIGIN })
+        );
+        assert!((passage.before.x_m - 1.4).abs() < 1e-9 && (passage.behind.x_m - 2.6).abs() < 1e-9);
+        // From the other side it leads back.
+        let other = CarPose {
+            x_m: 4.0,
+            heading_rad: 3.0,
+            ..ORIGIN
+        };
+        let passage = gates.next(other, anywhere).unwrap();
+        assert!((passage.middle.heading_rad.abs() - core::f64::consts::PI).abs() < 1e-9);
+    }
+
+    /// 0.35 m is wider than the car by a centimetre to each side: the fielded rule takes it.
+    #[test]
+    fn ap14_a_gate_that_is_too_narrow_is_refused() {
+        let markers = [(10, [2.0, 0.175]), (11, [2.0, -0.175])];
+        assert_eq!(
+            seen(Settings::default(), &markers).next(ORIGIN, anywhere),
+            None
+        );
+        assert!(
+            seen(Settings::fielded(), &markers)
+                .next(ORIGIN, anywhere)
+                .is_some()
+        );
+    }
+
+    #[test]
+    fn ap14_a_gate_behind_the_car_is_not_ahead() {
+        let markers = [(10, [-2.0, 0.4]), (11, [-2.0, -0.4])];
+        assert_eq!(
+            seen(Settings::default(), &markers).next(ORIGIN, anywhere),
+            None
+        );
+        let fielded = seen(Settings::fielded(), &markers)
+            .next(ORIGIN, anywhere)
+            .unwrap();
+        assert_eq!(fielded.middle.heading_rad, 0.0);
+    }
+
+    /// The nearest first, each once; what is not free is left out; markers of two gates make none.
+    #[test]
+    fn ap14_gates_are_passed_once_in_the_order_of_their_distance() {
+        let markers = [
+            (10, [4.0, 0.4]),
+            (11, [4.0, -0.4]),
+            (12, [1.5, 0.4]),
+            (13, [1.5, -0.4]),
+            (16, [7.0, 0.4]),
+            (17, [7.0, -0.4]),
+        ];
+        let mut gates = seen(Settings::default(), &markers);
+        let mut pose = ORIGIN;
+        let mut order = Vec::new();
+        while let Some(passage) = gates.next(pose, |pose| pose.x_m < 7.2) {
+            order.push(passage.gate);
+            assert_eq!(gates.moved(pose, passage.before), None);
+            assert_eq!(
+                gates.moved(passage.before, passage.behind),
+                Some(passage.gate)
+            );
+            assert_eq!(gates.moved(passage.before, passage.behind), None);
+            pose = passage.behind;
+        }
+        assert_eq!(order, [[12, 13], [10, 11]]);
+        assert_eq!(gates.passed(), order);
+    }
+
+    /// Each marker is recognised once, and lies at the mean of where it was seen.
+    #[test]
+    fn d1_a_marker_is_recognised_once() {
+        for (settings, mean) in [(Settings::default(), 1.5), (Settings::fielded(), 1.0)] {
+            let mut gates = Gates::new(settings);
+            assert!(gates.see(10, [1.0, 0.0]));
+            assert!(!gates.see(10, [2.0, 0.0]) && !gates.see(12, [f64::NAN, 0.0]));
+            assert_eq!(gates.markers().collect::<Vec<_>>(), [(10, [mean, 0.0])]);
+        }
+    }
+}

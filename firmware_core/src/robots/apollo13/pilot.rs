@@ -1,0 +1,222 @@
+//! Drives to a goal: plans, follows, and plans anew when something is in the way.
+
+use alloc::vec::Vec;
+use core::time::Duration;
+
+use protocols::Instant;
+
+use super::follower::{Follower, Settings as FollowerSettings, Step};
+use crate::ackermann::{CarPose, wrapped};
+use crate::costmap::Costmap;
+use crate::lattice::{Goal, Lattice, Limits, NoPlan, Outline, PrimitiveSet};
+
+/// How often the way ahead is looked at.
+const LOOKS_EVERY: Duration = Duration::from_millis(200);
+/// Plans in a row that do not help before the goal is given up.
+const PLANS_MAX: u8 = 8;
+/// Way after which plans that failed are forgotten, metres.
+const GOT_ON_M: f64 = 0.3;
+/// Time between two plans that failed.
+const RETRY: Duration = Duration::from_secs(1);
+
+/// What became of a goal.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum GoalState {
+    /// There is none.
+    #[default]
+    None,
+    /// The car is on its way.
+    Driving,
+    /// It stands and looks for a way.
+    Planning,
+    /// It is there.
+    Reached,
+    /// There is no way, or none that could be driven.
+    GivenUp,
+}
+
+/// A plan and the goal that it is for.
+#[derive(Clone, Debug)]
+pub struct Pilot {
+    lattice: Lattice,
+    settings: FollowerSettings,
+    goal: Option<CarPose>,
+    follower: Option<Follower>,
+    state: GoalState,
+    plans: u64,
+    failed: u8,
+    failed_at: Option<CarPose>,
+    looked: Option<Instant>,
+}
+
+impl Pilot {
+    /// A pilot of a car with these primitives and this outline, planned with room to spare.
+    pub fn new(set: PrimitiveSet, outline: &Outline, settings: FollowerSettings) -> Self {
+        Self {
+            lattice: Lattice::new(set, outline),
+            settings,
+            goal: None,
+            follower: None,
+            state: GoalState::None,
+            plans: 0,
+            failed: 0,
+            failed_at: None,
+            looked: None,
+        }
+    }
+
+    /// Another goal, or none.
+    pub fn set_goal(&mut self, goal: Option<CarPose>) {
+        self.goal = goal;
+        self.follower = None;
+        self.failed = 0;
+        self.failed_at = None;
+        self.looked = None;
+        self.state = match goal {
+            Some(_) => GoalState::Planning,
+            None => GoalState::None,
+        };
+    }
+
+    /// Another goal, to which a way is known: it is followed as it is.
+    pub fn follow(&mut self, path: Vec<CarPose>) {
+        self.set_goal(path.last().copied());
+        if !path.is_empty() {
+            self.follower = Some(Follower::new(path, self.settings));
+            self.state = GoalState::Driving;
+        }
+    }
+
+    /// The goal.
+    pub const fn goal(&self) -> Option<CarPose> {
+        self.goal
+    }
+
+    /// What became of it.
+    pub const fn state(&self) -> GoalState {
+        self.state
+    }
+
+    /// Plans that were made.
+    pub const fn plans(&self) -> u64 {
+        self.plans
+    }
+
+    /// The way that is followed.
+    pub fn path(&self) -> &[CarPose] {
+        self.follower.as_ref().map_or(&[], Follower::path)
+    }
+
+    /// Whether the car can be at this pose.
+    pub fn is_free(&self, map: &Costmap, pose: CarPose) -> bool {
+        let cell = map.cell([pose.x_m, pose.y_m]);
+        let angle = self.lattice.set().angle(pose.heading_rad);
+        cell.is_some_and(|cell| self.lattice.is_free(map, cell, angle))
+    }
+
+    /// Speed and steering angle at `now`, m/s and radians to the left; `None`: stand. `costs` is
+    /// asked for only when a plan is made or looked at; without a map there are no plans.
+    pub fn drive(
+        &mut self,
+        now: Instant,
+        pose: CarPose,
+        costs: impl FnOnce() -> Option<Costmap>,
+    ) -> Option<[f64; 2]> {
+        let goal = self.goal?;
+        if matches!(self.state, GoalState::Reached | GoalState::GivenUp) {
+            return None;
+        }
+        if self.follower.is_none() && self.is_there(pose, goal) {
+            self.state = GoalState::Reached;
+            return None;
+        }
+        let every = if self.follower.is_some() {
+            LOOKS_EVERY
+        } else {
+            RETRY
+        };
+        if self.looked.is_none_or(|looked| now - looked >= every) {
+            self.looked = Some(now);
+            match costs() {
+                Some(map) if self.follower.is_none() || self.is_blocked(&map, pose) => {
+                    self.plan(&map, pose, goal);
+                }
+                None if self.follower.is_none() => self.state = GoalState::GivenUp,
+                _ => {}
+            }
+        }
+        match self.follower.as_mut()?.step(pose) {
+            Step::Drive {
+                speed_m_s,
+                steering_rad,
+            } => Some([speed_m_s, steering_rad]),
+            Step::Arrived => {
+                self.state = GoalState::Reached;
+                None
+            }
+            Step::Lost => {
+                self.fail(pose);
+                None
+            }
+        }
+    }
+
+    /// Whether the goal is near enough, wherever the way to it ends.
+    fn is_there(&self, pose: CarPose, goal: CarPose) -> bool {
+        let [near_m, near_rad] = self.settings.tolerance;
+        let turned = wrapped(goal.heading_rad - pose.heading_rad).abs();
+        pose.distance_m(goal) <= near_m && turned <= near_rad
+    }
+
+    /// The way that is followed is not free: another one, after a while.
+    pub fn plan_anew(&mut self) {
+        if self.state == GoalState::Driving {
+            self.follower = None;
+            self.state = GoalState::Planning;
+        }
+    }
+
+    fn plan(&mut self, map: &Costmap, pose: CarPose, goal: CarPose) {
+        let to = Goal {
+            pose: goal,
+            with_heading: true,
+        };
+        self.plans += 1;
+        match self.lattice.plan(map, pose, to, Limits::default()) {
+            Ok(plan) => {
+                self.follower = Some(Follower::new(plan.poses, self.settings));
+                self.state = GoalState::Driving;
+            }
+            // Something may stand there for a while only.
+            Err(NoPlan::Resolution) => self.state = GoalState::GivenUp,
+            Err(_) => self.fail(pose),
+        }
+    }
+
+    /// A plan was not made or not driven; where the car has got on since, that counts anew.
+    fn fail(&mut self, pose: CarPose) {
+        self.follower = None;
+        if self
+            .failed_at
+            .is_none_or(|at| at.distance_m(pose) > GOT_ON_M)
+        {
+            self.failed_at = Some(pose);
+            self.failed = 0;
+        }
+        self.failed += 1;
+        self.state = match self.failed >= PLANS_MAX {
+            true => GoalState::GivenUp,
+            false => GoalState::Planning,
+        };
+    }
+
+    /// Whether the next metre and a half of the way is not free any more.
+    fn is_blocked(&self, map: &Costmap, pose: CarPose) -> bool {
+        let path = self.path();
+        let near = |index: &usize| pose.distance_m(path[*index]);
+        let nearest = (0..path.len()).min_by(|one, other| near(one).total_cmp(&near(other)));
+        let ahead = nearest.map_or(&[][..], |nearest| &path[nearest..]);
+        let near = ahead.iter().take_while(|at| pose.distance_m(**at) < 1.5);
+        near.skip(1).any(|at| !self.is_free(map, *at))
+    }
+}

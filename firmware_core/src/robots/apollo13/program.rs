@@ -1,0 +1,491 @@
+//! The whole program: what it hears on its five ports, what it decides, what it sends.
+//!
+//! | port | speaks |
+//! |---|---|
+//! | [`CAR`](Apollo13::CAR) | the car's board: commands out, ultrasound, hall, battery in |
+//! | [`ODOMETER`](Apollo13::ODOMETER) | text lines of encoder and gyroscope, in |
+//! | [`SCAN`](Apollo13::SCAN) | depth rows or scans of the camera, messages, in |
+//! | [`MARKERS`](Apollo13::MARKERS) | markers that were recognised, messages, in |
+//! | [`REMOTE`](Apollo13::REMOTE) | Open Sound Control of the phone, packets, in |
+
+mod senses;
+#[cfg(test)]
+mod tests;
+
+use alloc::collections::VecDeque;
+use core::time::Duration;
+
+use protocols::{Instant, LineConfig, Port, car_board, odometer};
+
+use super::arbiter::{self, Arbiter, Drive, Mode};
+use super::floor::{Floor, FloorPlan};
+use super::follower;
+use super::gates::{self, Gates, Passage};
+use super::gyro_odometry::{self, GyroOdometry};
+use super::pilot::{GoalState, Pilot};
+use super::steering;
+use super::wall::{Gains, Side, WallDistance};
+use crate::ackermann::CarPose;
+use crate::costmap::Inflation;
+use crate::lattice::{Outline, PrimitiveSet};
+use crate::map_view::MapView;
+use crate::particles::{LikelihoodField, Localiser, Noise, Settings as ParticleSettings};
+use crate::pose::{Point, Pose};
+use crate::{Inspect, Master, Work};
+
+/// How often commands are sent.
+const SEND_EVERY: Duration = Duration::from_millis(20);
+/// The fielded program sends both bytes each millisecond.
+const FIELDED_SEND_EVERY: Duration = Duration::from_millis(1);
+/// Nearer ahead than this the car does not drive on, metres.
+const TOO_NEAR_M: f64 = 0.25;
+/// Where the camera sits before the rear axle's middle, metres.
+const CAMERA_AHEAD_M: f64 = 0.18 + 0.129;
+/// Where the ultrasonic sensor ahead sits before the rear axle's middle.
+const FRONT_AHEAD_M: f64 = 0.175 + 0.129;
+
+/// What is wrong with the fielded program; nothing by default.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Defects {
+    /// Of who drives.
+    pub arbiter: arbiter::Defects,
+    /// Of the odometry.
+    pub odometry: gyro_odometry::Defects,
+    /// Frames of the board by the fielded parser, which loses `00 00 0F`.
+    pub loses_frames: bool,
+    /// Carriage returns are read as newlines on the board's port.
+    pub reads_cr_as_nl: bool,
+    /// Lines of the odometer count only if their sum holds exactly, in 32-bit floats.
+    pub sums_exactly: bool,
+    /// Both bytes are sent each millisecond.
+    pub floods: bool,
+    /// Gates by the fielded rule.
+    pub gates_as_fielded: bool,
+}
+
+/// How the program is set up.
+#[derive(Clone, Debug)]
+pub struct Config {
+    /// Where the car is told to begin: the rear axle's middle.
+    pub start: CarPose,
+    /// The map that it has; without one it drives by odometry and cannot plan.
+    pub floor: FloorPlan,
+    /// What the odometer's lines mean.
+    pub dialect: odometer::Dialect,
+    /// The wall that is followed in autonomous driving without a goal, and the distance, metres.
+    pub wall: Option<(Side, f64)>,
+    /// Of the localisation's dice.
+    pub seed: u64,
+    /// What is wrong with it.
+    pub defects: Defects,
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self {
+            start: CarPose::default(),
+            floor: FloorPlan::default(),
+            dialect: odometer::Dialect::Fixed,
+            wall: None,
+            seed: 0,
+            defects: Defects::default(),
+        }
+    }
+}
+
+/// What happened, for reports.
+#[derive(Clone, Copy, Debug, Default)]
+struct Counters {
+    frames: u64,
+    bad_frames: u64,
+    lines: u64,
+    bad_lines: u64,
+    scans: u64,
+    bad_messages: u64,
+    packets: u64,
+    bad_packets: u64,
+    too_near: u64,
+}
+
+/// The program.
+#[derive(Clone, Debug)]
+pub struct Apollo13 {
+    config: Config,
+    board: Board,
+    lines: odometer::Decoder,
+    arbiter: Arbiter,
+    odometry: GyroOdometry,
+    localiser: Option<Localiser>,
+    /// Where the odometry's origin lies on the map.
+    origin: CarPose,
+    floor: Floor,
+    pilot: Pilot,
+    gates: Gates,
+    passage: Option<Passage>,
+    wall: Option<WallDistance>,
+    wall_heard: Option<Instant>,
+    wall_angle_rad: f64,
+    board_heard: Option<Instant>,
+    ultrasound_m: [Option<f64>; 3],
+    battery_mv: u16,
+    scan: alloc::vec::Vec<Point>,
+    sent: Option<Instant>,
+    drive: Drive,
+    out: VecDeque<u8>,
+    now: Instant,
+    counters: Counters,
+}
+
+/// Finds the board's frames.
+#[derive(Clone, Debug)]
+enum Board {
+    Sound(car_board::Decoder),
+    Fielded(car_board::FieldedDecoder),
+}
+
+impl Apollo13 {
+    /// The car's board, [`car_board::BAUD`].
+    pub const CAR: Port = Port(0);
+    /// The odometer, [`odometer::BAUD`].
+    pub const ODOMETER: Port = Port(1);
+    /// The camera's scans.
+    pub const SCAN: Port = Port(2);
+    /// Markers.
+    pub const MARKERS: Port = Port(3);
+    /// The phone.
+    pub const REMOTE: Port = Port(4);
+
+    /// A program that begins now.
+    pub fn new(config: Config) -> Self {
+        let defects = config.defects;
+        let floor = Floor::new(config.floor.clone(), INFLATION);
+        let localiser = floor.is_known().then(|| localiser(&config));
+        let outline = Outline::rectangle(0.359 + ROOM_M, 0.101 + ROOM_M, 0.165 + ROOM_M);
+        let rules = match defects.gates_as_fielded {
+            true => gates::Settings::fielded(),
+            false => gates::Settings::default(),
+        };
+        let wall = config.wall;
+        let wall = wall.map(|(side, wanted_m)| WallDistance::new(side, wanted_m, Gains::default()));
+        Self {
+            board: match defects.loses_frames {
+                true => Board::Fielded(car_board::FieldedDecoder::default()),
+                false => Board::Sound(car_board::Decoder::default()),
+            },
+            lines: odometer::Decoder::default(),
+            arbiter: Arbiter::new(defects.arbiter),
+            odometry: GyroOdometry::new(CarPose::default(), defects.odometry),
+            localiser,
+            origin: config.start,
+            floor,
+            pilot: Pilot::new(PrimitiveSet::car(), &outline, follower::Settings::default()),
+            gates: Gates::new(rules),
+            passage: None,
+            wall,
+            wall_heard: None,
+            wall_angle_rad: 0.0,
+            board_heard: None,
+            ultrasound_m: [None; 3],
+            battery_mv: 0,
+            scan: alloc::vec::Vec::new(),
+            sent: None,
+            drive: Drive::STOP,
+            out: VecDeque::new(),
+            now: Instant::ZERO,
+            counters: Counters::default(),
+            config,
+        }
+    }
+
+    /// Where the car believes to be on its map: the rear axle's middle.
+    pub fn pose(&self) -> CarPose {
+        let moved = CarPose::default().motion_to(self.odometry.pose());
+        self.origin.then(moved)
+    }
+
+    /// A goal on the map, or none.
+    pub fn set_goal(&mut self, goal: Option<CarPose>) {
+        self.pilot.set_goal(goal);
+    }
+
+    /// Somebody says where the car is.
+    pub fn set_pose(&mut self, pose: CarPose) {
+        if let Some(localiser) = &mut self.localiser {
+            localiser.place(pose, [0.3, 0.3, 0.17]);
+        }
+        self.move_origin(pose);
+    }
+
+    /// The way to the goal.
+    pub const fn pilot(&self) -> &Pilot {
+        &self.pilot
+    }
+
+    /// Markers and gates.
+    pub const fn gates(&self) -> &Gates {
+        &self.gates
+    }
+
+    /// The guesses of where the car is.
+    pub fn particles(&self) -> &[crate::particles::Particle] {
+        self.localiser.as_ref().map_or(&[], Localiser::particles)
+    }
+
+    /// What was sent to the board last.
+    pub const fn drive(&self) -> Drive {
+        self.drive
+    }
+
+    /// Ultrasonic ranges ahead, to the right and to the left, metres, as last heard.
+    pub const fn ultrasound_m(&self) -> [Option<f64>; 3] {
+        self.ultrasound_m
+    }
+
+    /// The battery's voltage as last heard, millivolts; 0: not yet.
+    pub const fn battery_mv(&self) -> u16 {
+        self.battery_mv
+    }
+
+    /// Puts the odometry's origin where the car is at `pose`.
+    fn move_origin(&mut self, pose: CarPose) {
+        let back = self.odometry.pose().motion_to(CarPose::default());
+        self.origin = pose.then(back);
+    }
+
+    /// What the planner wants: to pass gates, to get to the goal, or along the wall.
+    fn planned(&mut self) -> Option<Drive> {
+        let pose = self.pose();
+        match self.arbiter.mode() {
+            Mode::Gates => self.choose_gate(pose),
+            Mode::Autonomous => {}
+            _ => return None,
+        }
+        let is_driving = self.pilot.goal().is_some();
+        let [speed_m_s, angle_rad] = match is_driving {
+            true => {
+                let floor = &self.floor;
+                self.pilot.drive(self.now, pose, || floor.costs())?
+            }
+            false if self.wall.is_some() => [0.22, self.wall_angle_rad],
+            false => return None,
+        };
+        if speed_m_s > 0.0 && self.is_too_near() {
+            self.counters.too_near += 1;
+            // What is there is on the map by now: another way, or none.
+            if is_driving {
+                self.pilot.plan_anew();
+            }
+            return Some(Drive::STOP);
+        }
+        Some(Drive {
+            level: steering::level_for(speed_m_s),
+            steering: steering::value_for(angle_rad.to_degrees()).unwrap_or(steering::STRAIGHT),
+        })
+    }
+
+    fn is_too_near(&self) -> bool {
+        self.ultrasound_m[0].is_some_and(|range_m| range_m < TOO_NEAR_M)
+    }
+
+    /// Goes on to the next part of a passage, or to the next gate.
+    fn choose_gate(&mut self, pose: CarPose) {
+        let is_done = match self.pilot.state() {
+            GoalState::None | GoalState::Reached => true,
+            GoalState::GivenUp => {
+                self.passage = None;
+                true
+            }
+            _ => false,
+        };
+        if !is_done {
+            return;
+        }
+        let at = self.pilot.goal();
+        match self.passage {
+            Some(passage) if at == Some(passage.before) => self.pilot.follow(through(passage)),
+            _ => {
+                let costs = self.floor.costs();
+                let is_free = |pose| {
+                    costs
+                        .as_ref()
+                        .is_none_or(|costs| self.pilot.is_free(costs, pose))
+                };
+                self.passage = self.gates.next(pose, is_free);
+                self.pilot
+                    .set_goal(self.passage.map(|passage| passage.before));
+            }
+        }
+    }
+
+    fn send(&mut self) {
+        let planned = self.planned();
+        self.drive = self.arbiter.decide(self.now, planned);
+        let Drive { level, steering } = self.drive;
+        let level = car_board::Level::new(level.into()).unwrap_or(car_board::Level::STOP);
+        self.out
+            .push_back(car_board::Command::Motor(level).encode());
+        if let Ok(steering) = car_board::Steering::new(steering.into()) {
+            self.out
+                .push_back(car_board::Command::Steering(steering).encode());
+        }
+        // What the line has not taken is old: only the newest pair counts.
+        while self.out.len() > 2 {
+            self.out.pop_front();
+        }
+    }
+
+    const fn send_every(&self) -> Duration {
+        match self.config.defects.floods {
+            true => FIELDED_SEND_EVERY,
+            false => SEND_EVERY,
+        }
+    }
+}
+
+/// Room that plans keep around the car, metres: what following may be off.
+const ROOM_M: f64 = 0.03;
+/// The rear end is the outline's nearest side, as its reference point is the rear axle's middle.
+const INFLATION: Inflation = Inflation {
+    inscribed_m: 0.101 + ROOM_M,
+    radius_m: 0.40,
+};
+
+/// Of the odometry: a fifth of what it tells. With the seed's figures, ten times that, the guesses
+/// spread over the hall while the camera looks at a box that is on no map.
+const NOISE: Noise = Noise {
+    turn_by_turn: 0.04,
+    turn_by_way: 0.04,
+    way_by_way: 0.04,
+    way_by_turn: 0.04,
+};
+
+fn localiser(config: &Config) -> Localiser {
+    let floor = &config.floor;
+    let field = LikelihoodField::new(
+        floor.width,
+        floor.cell_m,
+        floor.origin_m,
+        &floor.obstacles,
+        2.0,
+    );
+    let camera = CarPose::default().shifted(CAMERA_AHEAD_M);
+    let sigma = [0.05, 0.05, 0.02];
+    let settings = ParticleSettings {
+        noise: NOISE,
+        ..ParticleSettings::default()
+    };
+    Localiser::new(field, settings, camera, config.start, sigma, config.seed)
+}
+
+/// The straight way through a gate, a pose each 5 cm.
+fn through(passage: Passage) -> alloc::vec::Vec<CarPose> {
+    let length = passage.before.distance_m(passage.behind);
+    let steps = libm::ceil(length / 0.05).clamp(1.0, 1_000.0);
+    let mut path = alloc::vec::Vec::new();
+    let mut step = 0.0;
+    while step <= steps {
+        path.push(passage.before.shifted(length * step / steps));
+        step += 1.0;
+    }
+    path
+}
+
+impl Master for Apollo13 {
+    fn receive(&mut self, port: Port, now: Instant, bytes: &[u8]) {
+        self.now = self.now.max(now);
+        match port {
+            Self::CAR => self.hear_board(bytes),
+            Self::ODOMETER => self.hear_odometer(bytes),
+            Self::SCAN | Self::MARKERS => self.see(bytes),
+            Self::REMOTE => self.hear_phone(bytes),
+            _ => {}
+        }
+    }
+
+    fn poll(&mut self, now: Instant) {
+        self.now = self.now.max(now);
+        self.let_board_idle();
+        if self
+            .sent
+            .is_none_or(|sent| self.now - sent >= self.send_every())
+        {
+            self.sent = Some(self.now);
+            self.send();
+        }
+    }
+
+    fn transmit(&mut self, port: Port, buf: &mut [u8]) -> usize {
+        if port != Self::CAR {
+            return 0;
+        }
+        let len = buf.len().min(self.out.len());
+        for (slot, byte) in buf.iter_mut().zip(self.out.drain(..len)) {
+            *slot = byte;
+        }
+        len
+    }
+
+    fn poll_at(&self) -> Option<Instant> {
+        Some(
+            self.sent
+                .map_or(Instant::ZERO, |sent| sent + self.send_every()),
+        )
+    }
+
+    fn line_config(&self, port: Port) -> LineConfig {
+        LineConfig::new_8n1(match port {
+            Self::CAR => car_board::BAUD,
+            Self::ODOMETER => odometer::BAUD,
+            // Wireless, in the seed: 54 Mbit/s at best.
+            _ => 20_000_000,
+        })
+    }
+
+    fn take_work(&mut self) -> Work {
+        // It runs on a PC.
+        Work::NONE
+    }
+}
+
+impl Inspect for Apollo13 {
+    fn estimate(&self) -> Option<(Instant, Pose)> {
+        let pose = self.pose();
+        #[expect(clippy::cast_possible_truncation, reason = "an observer needs 24 bits")]
+        let [x_mm, y_mm, heading] =
+            [pose.x_m * 1_000.0, pose.y_m * 1_000.0, pose.heading_rad].map(|value| value as f32);
+        Some((self.now, Pose::new(x_mm, y_mm, heading)))
+    }
+
+    fn map(&self) -> Option<MapView<'_>> {
+        self.floor.view()
+    }
+
+    fn scan(&self) -> &[Point] {
+        &self.scan
+    }
+
+    fn mode(&self) -> &'static str {
+        match self.arbiter.mode() {
+            Mode::Remote => "remote",
+            Mode::Autonomous => "autonomous",
+            Mode::Gates => "gates",
+            Mode::Contradiction => "contradiction",
+            Mode::Killed => "killed",
+        }
+    }
+
+    fn counters(&self, report: &mut dyn FnMut(&'static str, u64)) {
+        let counters = &self.counters;
+        report("board frames", counters.frames);
+        report("board bad frames", counters.bad_frames);
+        report("odometer lines", counters.lines);
+        report("odometer bad lines", counters.bad_lines);
+        report("scans", counters.scans);
+        report("messages without meaning", counters.bad_messages);
+        report("remote packets", counters.packets);
+        report("remote bad packets", counters.bad_packets);
+        report("plans", self.pilot.plans());
+        report("obstacles too near", counters.too_near);
+        report("gates passed", self.gates.passed().len() as u64);
+    }
+}

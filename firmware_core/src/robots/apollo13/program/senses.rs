@@ -1,0 +1,270 @@
+//! What the program hears and sees.
+
+use alloc::vec::Vec;
+
+use protocols::perception::{Marker, Message};
+use protocols::tty::InputMode;
+use protocols::{Decode as _, car_board, odometer};
+use rosc::{OscMessage, OscPacket, OscType};
+
+use super::{Apollo13, Board, CAMERA_AHEAD_M, FRONT_AHEAD_M};
+use crate::ackermann::{CarPose, Motion};
+use crate::particles::Beam;
+use crate::pose::Point;
+use crate::robots::apollo13::wall::Side;
+
+/// Readings beyond this are none, metres: what the fielded program publishes.
+const ULTRASOUND_MAX_M: f64 = 3.0;
+/// Depths that the camera can measure, metres: defaults of the fielded conversion.
+const DEPTH_M: [f64; 2] = [0.45, 10.0];
+
+impl Apollo13 {
+    pub(super) fn hear_board(&mut self, bytes: &[u8]) {
+        let mode = match self.config.defects.reads_cr_as_nl {
+            true => InputMode::CrToNl,
+            false => InputMode::Raw,
+        };
+        let mut frames = Vec::new();
+        for byte in bytes.iter().map(|byte| mode.read(*byte)) {
+            match &mut self.board {
+                Board::Fielded(decoder) => frames.extend(decoder.push(byte)),
+                Board::Sound(decoder) => {
+                    for outcome in decoder.push(&[byte]) {
+                        match outcome {
+                            Ok(frame) => frames.push(frame),
+                            Err(_) => self.counters.bad_frames += 1,
+                        }
+                    }
+                }
+            }
+        }
+        self.board_heard = Some(self.now);
+        frames
+            .into_iter()
+            .for_each(|frame| self.take_readings(frame.readings()));
+    }
+
+    /// A frame that came is given out when the line has been quiet behind it.
+    pub(super) fn let_board_idle(&mut self) {
+        let is_quiet = |heard| self.now - heard >= car_board::IDLE_GAP;
+        if !self.board_heard.is_some_and(is_quiet) {
+            return;
+        }
+        self.board_heard = None;
+        let Board::Sound(decoder) = &mut self.board else {
+            return;
+        };
+        decoder.idle();
+        let frames: Vec<_> = decoder.push(&[]).collect();
+        for outcome in frames {
+            match outcome {
+                Ok(frame) => self.take_readings(frame.readings()),
+                Err(_) => self.counters.bad_frames += 1,
+            }
+        }
+    }
+
+    fn take_readings(&mut self, readings: car_board::Readings) {
+        self.counters.frames += 1;
+        self.battery_mv = readings.battery_mv;
+        let words = [readings.front_cm, readings.right_cm, readings.left_cm];
+        for (slot, word) in self.ultrasound_m.iter_mut().zip(words) {
+            // 0: nothing new.
+            if word > 0 {
+                let range_m = f64::from(word) / 100.0;
+                *slot = (range_m <= ULTRASOUND_MAX_M).then_some(range_m);
+            }
+        }
+        if let (Some(range_m), true) = (self.ultrasound_m[0], readings.front_cm > 0) {
+            let sensor = self.pose().shifted(FRONT_AHEAD_M);
+            self.floor.hear(sensor, range_m);
+        }
+        self.steer_along_wall(readings);
+    }
+
+    fn steer_along_wall(&mut self, readings: car_board::Readings) {
+        let (Some(wall), Some((side, _))) = (&mut self.wall, self.config.wall) else {
+            return;
+        };
+        let word = match side {
+            Side::Left => readings.left_cm,
+            Side::Right => readings.right_cm,
+        };
+        if word == 0 {
+            return;
+        }
+        let before = self.wall_heard.replace(self.now);
+        let passed_s = before.map_or(0.067, |before| (self.now - before).as_secs_f64());
+        self.wall_angle_rad = wall.update(f64::from(word) / 100.0, passed_s);
+    }
+
+    pub(super) fn hear_odometer(&mut self, bytes: &[u8]) {
+        let lines: Vec<_> = self.lines.push(bytes).flatten().collect();
+        for line in lines {
+            let content = line.content();
+            // Behind a terminal driver that makes LF of CR, each second line is empty.
+            if content.is_empty() {
+                continue;
+            }
+            let is_taken = !self.config.defects.sums_exactly || odometer::passes_exact_sum(content);
+            let dialect = self.config.dialect;
+            match dialect.read(content).ok().filter(|_| is_taken) {
+                Some(reading) => {
+                    self.counters.lines += 1;
+                    let before = self.pose();
+                    self.odometry.update(reading.distance_m, reading.yaw_rad);
+                    self.gates.moved(before, self.pose());
+                }
+                None => self.counters.bad_lines += 1,
+            }
+        }
+    }
+
+    pub(super) fn see(&mut self, message: &[u8]) {
+        match Message::decode(message) {
+            Ok(Message::DepthRow(row)) => {
+                let focal = f64::from(row.focal_tenths) / 10.0;
+                let depths: Vec<u16> = row.depths_mm().collect();
+                self.take_scan(&beams(focal, &depths));
+            }
+            Ok(Message::Scan(scan)) => {
+                let bearing = |index: usize| {
+                    let urad =
+                        f64::from(scan.first_urad) + f64::from(scan.step_urad) * index as f64;
+                    urad / 1e6
+                };
+                let ranges = scan.ranges_mm().enumerate().filter(|(_, mm)| *mm > 0);
+                let scan: Vec<Beam> = ranges
+                    .map(|(index, mm)| Beam {
+                        bearing_rad: bearing(index),
+                        range_m: f64::from(mm) / 1e3,
+                    })
+                    .collect();
+                self.take_scan(&scan);
+            }
+            Ok(Message::Marker(marker)) => self.take_marker(marker),
+            Err(_) => self.counters.bad_messages += 1,
+        }
+    }
+
+    fn take_scan(&mut self, beams: &[Beam]) {
+        self.counters.scans += 1;
+        if let Some(localiser) = &mut self.localiser
+            && localiser.update(self.odometry.pose(), beams)
+        {
+            let pose = localiser.estimate().pose;
+            self.move_origin(pose);
+        }
+        let camera = self.pose().shifted(CAMERA_AHEAD_M);
+        self.floor.see(camera, beams);
+        let point = |beam: &Beam| {
+            let (sin, cos) = libm::sincos(beam.bearing_rad);
+            let along = [CAMERA_AHEAD_M + beam.range_m * cos, beam.range_m * sin];
+            #[expect(clippy::cast_possible_truncation, reason = "an observer needs 24 bits")]
+            let [x_mm, y_mm] = along.map(|m| (m * 1_000.0) as f32);
+            Point::new(x_mm, y_mm)
+        };
+        self.scan = beams.iter().map(point).collect();
+    }
+
+    fn take_marker(&mut self, marker: Marker) {
+        // The camera's axes: to the right, down, ahead.
+        let [right, _, ahead] = marker.place_mm.map(|mm| f64::from(mm) / 1e3);
+        let place = self.pose().shifted(CAMERA_AHEAD_M).then(Motion {
+            ahead_m: ahead,
+            left_m: -right,
+            turn_rad: 0.0,
+        });
+        self.gates.see(marker.id.into(), [place.x_m, place.y_m]);
+    }
+
+    pub(super) fn hear_phone(&mut self, packet: &[u8]) {
+        match rosc::decoder::decode_udp(packet) {
+            Ok((_, packet)) => self.take_packet(packet, 0),
+            Err(_) => self.counters.bad_packets += 1,
+        }
+    }
+
+    fn take_packet(&mut self, packet: OscPacket, depth: u8) {
+        match packet {
+            OscPacket::Message(message) => match self.take_message(&message) {
+                true => self.counters.packets += 1,
+                false => self.counters.bad_packets += 1,
+            },
+            // Bundles may lie in bundles, but nobody nests them for long.
+            OscPacket::Bundle(bundle) if depth < 8 => {
+                for inner in bundle.content {
+                    self.take_packet(inner, depth + 1);
+                }
+            }
+            OscPacket::Bundle(_) => self.counters.bad_packets += 1,
+        }
+    }
+
+    /// A control of the phone, or what in the seed is done by mouse on the PC: a goal or a pose,
+    /// as x, y in metres and a heading in radians.
+    fn take_message(&mut self, message: &OscMessage) -> bool {
+        let values: Option<Vec<f32>> = message.args.iter().map(number).collect();
+        let Some(values) = values else {
+            return false;
+        };
+        let pose = |values: &[f32]| match values {
+            [x, y, heading] if values.iter().all(|value| value.is_finite()) => Some(CarPose {
+                x_m: f64::from(*x),
+                y_m: f64::from(*y),
+                heading_rad: crate::ackermann::wrapped(f64::from(*heading)),
+            }),
+            _ => None,
+        };
+        match (message.addr.as_str(), &values[..]) {
+            ("/goal", []) => self.set_goal(None),
+            ("/goal", values) => match pose(values) {
+                Some(goal) => self.set_goal(Some(goal)),
+                None => return false,
+            },
+            ("/pose", values) => match pose(values) {
+                Some(pose) => self.set_pose(pose),
+                None => return false,
+            },
+            (address, []) => return self.arbiter.hear(self.now, address, 0.0),
+            (address, [value, ..]) if value.is_finite() => {
+                return self.arbiter.hear(self.now, address, *value);
+            }
+            _ => return false,
+        }
+        true
+    }
+}
+
+/// A number of a message, whatever its type.
+fn number(value: &OscType) -> Option<f32> {
+    #[expect(clippy::cast_possible_truncation, reason = "controls need few digits")]
+    match value {
+        OscType::Float(value) => Some(*value),
+        OscType::Double(value) => Some(*value as f32),
+        OscType::Int(value) => Some(*value as f32),
+        OscType::Bool(value) => Some(f32::from(u8::from(*value))),
+        _ => None,
+    }
+}
+
+/// The beams of a row of depths: column by column, the nearest of those in the same direction.
+fn beams(focal: f64, depths_mm: &[u16]) -> Vec<Beam> {
+    if focal <= 0.0 {
+        return Vec::new();
+    }
+    let middle = (depths_mm.len() as f64 - 1.0) / 2.0;
+    let columns = depths_mm.iter().enumerate().filter(|(_, mm)| **mm > 0);
+    let beam = |(column, mm): (usize, &u16)| {
+        let depth = f64::from(*mm) / 1e3;
+        let right = (column as f64 - middle) * depth / focal;
+        Beam {
+            bearing_rad: libm::atan2(-right, depth),
+            range_m: libm::hypot(depth, right),
+        }
+    };
+    let beams = columns.map(beam);
+    beams
+        .filter(|beam| (DEPTH_M[0]..=DEPTH_M[1]).contains(&beam.range_m))
+        .collect()
+}

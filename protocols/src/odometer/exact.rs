@@ -1,0 +1,20 @@
+//! The fielded host's way to verify a line.
+
+/// Whether the car's own program accepts a line: five figures, the sum of the first four, added up
+/// from the left in 32 bits, exactly equal to the fifth. A line with fewer figures makes that
+/// program read beyond its list; here it is refused.
+pub fn passes_exact_sum(content: &[u8]) -> bool {
+    let mut fields = content.split(|byte| *byte == b'*');
+    let mut figures = [0.0_f32; 5];
+    for figure in &mut figures {
+        let text = fields.next().and_then(|field| str::from_utf8(field).ok());
+        let Some(Ok(value)) = text.map(str::parse) else {
+            return false;
+        };
+        *figure = value;
+    }
+    let [distance, rate, yaw, time, sum] = figures;
+    #[expect(clippy::float_cmp, reason = "the defect that this is about")]
+    let equal = ((distance + rate) + yaw) + time == sum;
+    equal
+}
