@@ -356,6 +356,20 @@ fn inverted_dtr_stops_the_motor_at_the_start() {
     });
 }
 
+/// Before anybody sets it DTR is low, which stops the head of an inverted adapter; the level counts
+/// when the polarity changes, too.
+#[test]
+fn inverted_dtr_counts_from_the_start() {
+    let adapter = config(Profile::Fw129, MotorControl::Dtr);
+    let [mut inverted, mut sound] = pair(Fault::DtrInverted, None, &adapter);
+    let speed = |bench: &mut Bench| bench.run_ms(3_000).scan().lidar.speed_rpm();
+    assert_eq!(speed(&mut inverted), 0.0);
+    assert!(speed(&mut sound) > 400.0);
+    let now = inverted.now;
+    inverted.lidar.clear_fault(now, Fault::DtrInverted);
+    assert!(speed(&mut inverted) > 400.0);
+}
+
 /// Field bug 16: an index of 360 and more.
 #[test]
 fn angles_pass_360_degrees() {
