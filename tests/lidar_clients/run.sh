@@ -11,6 +11,7 @@ cd "$(dirname "$0")"
 target=$(realpath -m "${CARGO_TARGET_DIR:-../../target}")
 export CARGO_TARGET_DIR=$target
 seconds=${1:-6}
+export PYTHONDONTWRITEBYTECODE=1
 
 fail() {
     echo "tests/lidar_clients: $1: nothing was judged" >&2
