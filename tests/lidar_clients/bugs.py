@@ -65,7 +65,10 @@ def word(outcome, number):
     if outcome.code is None:
         return "hangs"
     if outcome.code != 0:
-        return f"ends: {outcome.error}"
+        # Which one is said depends on the bits at that place.
+        torn = "^(New scan flags mismatch|Check bit not equal to 1)$"
+        error = re.sub(torn, "torn node", outcome.error)
+        return f"ends: {error}"
     if not end or end[-1].at < outcome.ended_at - 2:
         told = "passed over" in outcome.talk
         return "silence, told" if told else "silence"

@@ -94,7 +94,7 @@ class Outcome:
             return signal.Signals(-self.code).name
         lines = [line for line in self.talk.splitlines() if line.strip()]
         last = lines[-1] if lines else "says nothing"
-        return re.sub(r"^(Error: |rplidar\.RPLidarException: |adafruit_rplidar\.\w+: )", "", last)
+        return re.sub(r"^(Error: |rplidar\.RPLidarException: |adafruit_rplidar\.\w+: )", "", last).strip('"')
 
     def end(self, length=3):
         """The last turns."""
