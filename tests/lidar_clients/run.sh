@@ -4,7 +4,8 @@
 #
 # usage: tests/lidar_clients/run.sh [SECONDS]    of scan a client, 6 if not given
 #
-# HILRIG and TELEMETRY may name the program and the example of `protocols` if they are built already.
+# HILRIG and TELEMETRY may name the program and the example of `protocols` where they are built
+# already.
 set -euo pipefail
 cd "$(dirname "$0")"
 # The same folder as the workspace, so that third parties' crates are compiled once.
