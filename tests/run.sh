@@ -53,7 +53,8 @@ cargo --version
 step "format"
 cargo fmt --all --check
 rustfmt --edition 2024 --check tests/bare_metal/src/lib.rs tests/every_build/src/main.rs \
-    tests/outside/src/lib.rs tests/outside/tests/*.rs fuzz/src/lib.rs fuzz/src/bin/corpus.rs \
+    tests/outside/src/lib.rs tests/outside/tests/*.rs tests/lidar_clients/rust/src/main.rs \
+    fuzz/src/lib.rs fuzz/src/bin/corpus.rs \
     fuzz/fuzz_targets/*.rs
 
 step "bare metal: no std, no heap, 128 KiB"
@@ -88,6 +89,11 @@ done
 
 step "a robot in a crate of its own"
 CARGO_TARGET_DIR=$(realpath "$target") bash tests/outside/run.sh
+
+step "the lidar and the telemetry, judged by what pip and cargo give"
+built=$(realpath "$target")/debug
+CARGO_TARGET_DIR=$(realpath "$target") HILRIG=$built/hilrig TELEMETRY=$built/examples/telemetry \
+    bash tests/lidar_clients/run.sh
 
 step "demo"
 # Without the page and MCAP, which have no part in it and take two minutes to compile.

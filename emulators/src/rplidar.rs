@@ -112,6 +112,8 @@ pub struct Rplidar {
     profile: Profile,
     motor: MotorControl,
     rotor: Rotor,
+    /// Level of DTR; low before anybody has opened the adapter's port.
+    dtr_high: bool,
     optics: Optics,
     requests: RequestDecoder,
     /// When a request that has begun is given up.
@@ -144,6 +146,7 @@ impl Rplidar {
             profile: config.profile,
             motor: config.motor,
             rotor: motor::rotor(config.motor, angle_deg),
+            dtr_high: false,
             optics: Optics::new(config.mount, stream("beam"), stream("range")),
             requests: RequestDecoder::with_format(Requests),
             give_up_at: None,
@@ -208,6 +211,7 @@ impl Rplidar {
 
     fn faults_changed(&mut self, now: Instant) {
         self.rotor.advance(now);
+        self.drive_by_dtr(now);
         self.rotor.stuck = self.faults.has(Fault::Stuck);
         self.rotor.unpowered = self.faults.has(Fault::Off);
         self.rotor.dust_rpm_s = self.faults.figure(Fault::Dust).unwrap_or(0.0);

@@ -1,7 +1,7 @@
 //! What is answered to requests that are no scans.
 
 use protocols::Instant;
-use protocols::rplidar::{Answer, Command, Conf, Descriptor, Health, Status, kind};
+use protocols::rplidar::{Answer, Command, Conf, ConfKey, Descriptor, Health, Status, kind};
 
 use super::{Fault, MotorControl, Phase, Rplidar};
 
@@ -15,11 +15,7 @@ impl Rplidar {
             Command::Health => self.health().answer(),
             Command::SampleRate => self.profile.sample_rate().answer(),
             Command::Conf { key, mode } if self.profile.has_conf() => {
-                let is_empty = self.faults.has(Fault::ConfEmpty);
-                let value = match is_empty {
-                    true => Vec::new(),
-                    false => self.profile.conf(key, mode),
-                };
+                let value = self.conf(key, mode);
                 Conf { key, value: &value }.answer()
             }
             Command::AccBoard => {
@@ -41,6 +37,26 @@ impl Rplidar {
             false => answer,
         };
         self.send_answer(answer.as_bytes());
+    }
+
+    /// The value of a piece of configuration, as it is told.
+    fn conf(&self, key: u32, mode: Option<u16>) -> Vec<u8> {
+        let emptied = self.faults.figure(Fault::ConfEmpty);
+        if emptied.is_some_and(|only| only == 0.0 || only == f64::from(key)) {
+            return Vec::new();
+        }
+        match self.faults.figure(Fault::TypicalMode) {
+            Some(mode) if key == ConfKey::TypicalMode as u32 => {
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "a cast of a float saturates"
+                )]
+                let mode = mode as u16;
+                mode.to_le_bytes().to_vec()
+            }
+            _ => self.profile.conf(key, mode),
+        }
     }
 
     /// Sends the descriptor of a stream.

@@ -47,8 +47,12 @@ pub enum Fault {
     DescriptorLength,
     /// Scan requests are ignored (RPLIDAR clients #10: works 70 % of starts). Figure: share.
     DeafStart,
-    /// Answers about the configuration hold no value (rplidar_sdk #150).
+    /// Answers about the configuration hold no value (rplidar_sdk #150). Figure: the number of the
+    /// key, 0 all keys.
     ConfEmpty,
+    /// The mode that is told to be the typical one is not streamed: its request is ignored
+    /// (robopeak/rplidar_ros #68). Figure: number of the mode.
+    TypicalMode,
     /// Answers hold nothing (pyrplidar #3).
     EmptyAnswer,
     /// Answers come late (rplidar_ros #5, #36, #77, #110). Figure: seconds.
@@ -72,7 +76,7 @@ pub enum Fault {
 
 impl Fault {
     /// Every fault.
-    pub const ALL: [Self; 28] = [
+    pub const ALL: [Self; 29] = [
         Self::Off,
         Self::Restart,
         Self::Stuck,
@@ -92,6 +96,7 @@ impl Fault {
         Self::DescriptorLength,
         Self::DeafStart,
         Self::ConfEmpty,
+        Self::TypicalMode,
         Self::EmptyAnswer,
         Self::LateAnswers,
         Self::WrongRate,
@@ -125,6 +130,7 @@ impl Fault {
             Self::DescriptorLength => "descriptor-length",
             Self::DeafStart => "deaf-start",
             Self::ConfEmpty => "conf-empty",
+            Self::TypicalMode => "typical-mode",
             Self::EmptyAnswer => "empty-answer",
             Self::LateAnswers => "late-answers",
             Self::WrongRate => "wrong-rate",
@@ -154,6 +160,9 @@ impl Fault {
             Self::UncleanStop => 8.0,
             Self::TornStart => 0.8,
             Self::DeafStart => 0.3,
+            Self::ConfEmpty => 0.0,
+            // Boost, which needs capsules of another kind.
+            Self::TypicalMode => 2.0,
             Self::LateAnswers => 2.0,
             Self::WeakSupply => 400.0,
             Self::SlowStop => 0.5,
@@ -163,8 +172,8 @@ impl Fault {
     }
 
     /// The names of all faults, and `slow`, which is what enough dust does.
-    pub(super) const NAMES: [&str; 29] = {
-        let mut names = ["slow"; 29];
+    pub(super) const NAMES: [&str; 30] = {
+        let mut names = ["slow"; 30];
         let mut index = 0;
         while index < Self::ALL.len() {
             names[index + 1] = Self::ALL[index].name();

@@ -78,11 +78,19 @@ impl Rplidar {
 
     /// The level of DTR.
     pub(super) fn set_dtr(&mut self, now: Instant, high: bool) {
-        let runs = high == self.faults.has(Fault::DtrInverted);
+        self.dtr_high = high;
         match self.motor {
-            MotorControl::Dtr if runs => self.drive_motor(now, ADAPTER_DUTY),
-            MotorControl::Dtr => self.drive_motor(now, 0.0),
+            MotorControl::Dtr => self.drive_by_dtr(now),
             _ => self.motor_not_wired(now, "DTR"),
+        }
+    }
+
+    /// The adapter's part, if it is what drives the motor: called when the level or the adapter's
+    /// polarity may have changed.
+    pub(super) fn drive_by_dtr(&mut self, now: Instant) {
+        if self.motor == MotorControl::Dtr {
+            let runs = self.dtr_high == self.faults.has(Fault::DtrInverted);
+            self.drive_motor(now, if runs { ADAPTER_DUTY } else { 0.0 });
         }
     }
 

@@ -265,6 +265,36 @@ fn an_empty_conf_holds_the_key_only() {
     });
 }
 
+/// Field bug 1 as it was reported: key 01 (speed and duty) is empty, 7C (the typical mode, 1) is not.
+#[test]
+fn one_key_may_be_empty_alone() {
+    let [mut bench, _] = pair(Fault::ConfEmpty, Some(1.0), &fw129());
+    let mut ask = |key| bench.ask(Command::Conf { key, mode: None });
+    assert_eq!(ask(0x01), [0xA5, 0x5A, 4, 0, 0, 0, 0x20, 1, 0, 0, 0]);
+    assert_eq!(
+        ask(0x7C),
+        [0xA5, 0x5A, 6, 0, 0, 0, 0x20, 0x7C, 0, 0, 0, 1, 0]
+    );
+}
+
+/// Field bug 15: mode 2 is told, and a request for it has no answer.
+#[test]
+fn a_typical_mode_may_be_one_that_is_not_streamed() {
+    shows(Fault::TypicalMode, |bench| {
+        let (key, mode) = (0x7C, None);
+        bench.ask(Command::Conf { key, mode })
+            == [0xA5, 0x5A, 6, 0, 0, 0, 0x20, 0x7C, 0, 0, 0, 2, 0]
+    });
+    let [mut bench, _] = pair(Fault::TypicalMode, None, &fw129());
+    assert!(bench.ask(Command::ExpressScan { mode: 2 }).is_empty());
+    let (key, mode) = (0x70, None);
+    // How many modes there are is told as before: 3.
+    assert_eq!(
+        bench.ask(Command::Conf { key, mode }),
+        [0xA5, 0x5A, 6, 0, 0, 0, 0x20, 0x70, 0, 0, 0, 3, 0]
+    );
+}
+
 /// Field bug 10.
 #[test]
 fn an_empty_answer_is_a_descriptor_only() {
@@ -324,6 +354,20 @@ fn inverted_dtr_stops_the_motor_at_the_start() {
         bench.lidar.receive(Rplidar::DTR, bench.now, &[0]);
         bench.run_ms(3_000).scan().lidar.speed_rpm() == 0.0
     });
+}
+
+/// Before anybody sets it DTR is low, which stops the head of an inverted adapter; the level counts
+/// when the polarity changes, too.
+#[test]
+fn inverted_dtr_counts_from_the_start() {
+    let adapter = config(Profile::Fw129, MotorControl::Dtr);
+    let [mut inverted, mut sound] = pair(Fault::DtrInverted, None, &adapter);
+    let speed = |bench: &mut Bench| bench.run_ms(3_000).scan().lidar.speed_rpm();
+    assert_eq!(speed(&mut inverted), 0.0);
+    assert!(speed(&mut sound) > 400.0);
+    let now = inverted.now;
+    inverted.lidar.clear_fault(now, Fault::DtrInverted);
+    assert!(speed(&mut inverted) > 400.0);
 }
 
 /// Field bug 16: an index of 360 and more.
