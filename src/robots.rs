@@ -79,7 +79,8 @@ pub trait Robot: Sync {
         Ok(None)
     }
 
-    /// The room for missions that are made by chance; `None`: only in the scenario's own world.
+    /// What suits it, for worlds and missions that are made by chance; `None`: only the scenario's
+    /// own world and mission do.
     fn arena(&self) -> Option<Arena> {
         None
     }
@@ -278,17 +279,17 @@ fn plan_links(rig: &mut Rig, scenario: &Scenario, source: &Source) -> Result<(),
     Ok(())
 }
 
-/// A room that suits a robot, for missions that are made by chance. It looks different from each
-/// place and in each direction: a robot that was lost can find out where it is.
+/// What suits a robot, for worlds and missions that are made by chance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Arena {
-    /// Side of the world, metres.
+    /// Side of the square from the origin that its map holds, metres.
     pub side_m: f64,
-    /// The wall, from corner to corner.
-    pub wall_m: &'static [[f64; 2]],
-    /// Places for the robot, its waypoints and obstacles: six at least, so far apart that the
-    /// robot gets past an obstacle.
-    pub places_m: &'static [[f64; 2]],
+    /// What it needs beside its body to get along, metres.
+    pub margin_m: f64,
+    /// How far it gets in a second at least, metres: with its turns, stops and ways around.
+    pub pace_m_s: f64,
+    /// Least and greatest width of a door or corridor.
+    pub passage_mm: [u64; 2],
     /// Least and greatest radius of an obstacle.
     pub obstacle_mm: [u64; 2],
 }

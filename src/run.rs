@@ -138,6 +138,8 @@ pub struct Outcome {
     pub violations: u64,
     /// Waypoints visited and demanded.
     pub waypoints: [usize; 2],
+    /// When the robot first ran into something in earnest.
+    pub collided_at: Option<Instant>,
     /// Fingerprint of all bytes.
     pub trace_hash: String,
 }
@@ -411,6 +413,7 @@ impl Run {
             events: self.rig.events().to_vec(),
             violations: self.rig.violations(),
             waypoints: [self.progress.visits().len(), self.progress.waypoints()],
+            collided_at: self.contacts.first_in_earnest(),
             trace_hash: self.rig.trace_hash(),
             history: self.history,
             truth: self.truth,

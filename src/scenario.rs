@@ -44,6 +44,7 @@ pub use phases::{BudgetSpec, PhasesSpec};
 pub use source::{ScenarioError, Source};
 pub use span::Span;
 pub use world::WorldSpec;
+pub(crate) use world::{PillarSpec, StartSpec, WallSpec};
 
 /// The only schema so far. Later versions go on reading it.
 pub const SCHEMA: u32 = 1;

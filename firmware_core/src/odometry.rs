@@ -72,6 +72,10 @@ impl Defects {
 const TICKS_SLACK: u32 = 16;
 /// Unbelievable readings in a row after which the counters must have been restarted.
 const RESTART_AFTER: u8 = 3;
+/// Counters that are no higher after a silence begin anew.
+const RESTARTED_TICKS: i32 = 2;
+/// How long wheels run at most that nobody commands: the base's watchdog takes a second.
+const RUNS_ON_MAX: Duration = Duration::from_millis(1_500);
 /// Samples of the past that are kept.
 const SAMPLES: usize = 16;
 /// Longest time that the last motion is continued beyond the newest sample.
@@ -98,6 +102,10 @@ pub struct Odometry {
     len: usize,
     disbelieved_in_a_row: u8,
     disbelieved: u32,
+    /// The next reading is the first one after a silence.
+    resumes: bool,
+    /// Motion was left out, or only its sum is known.
+    has_gap: bool,
 }
 
 impl Odometry {
@@ -125,6 +133,8 @@ impl Odometry {
             len: 0,
             disbelieved_in_a_row: 0,
             disbelieved: 0,
+            resumes: false,
+            has_gap: false,
         }
     }
 
@@ -144,10 +154,18 @@ impl Odometry {
             ticks[0].wrapping_sub(last_ticks[0]),
             ticks[1].wrapping_sub(last_ticks[1]),
         ];
-        if !self.is_believable(now - newest.at, step) {
-            self.disbelieved = self.disbelieved.saturating_add(1);
+        let resumes = core::mem::take(&mut self.resumes);
+        let elapsed = match resumes {
+            true => (now - newest.at).min(RUNS_ON_MAX),
+            false => now - newest.at,
+        };
+        let is_restarted = resumes && ticks.iter().all(|count| count.abs() <= RESTARTED_TICKS);
+        if is_restarted || !self.is_believable(elapsed, step) {
+            let unbelievable = u32::from(!is_restarted);
+            self.disbelieved = self.disbelieved.saturating_add(unbelievable);
             self.disbelieved_in_a_row += 1;
-            if self.disbelieved_in_a_row >= RESTART_AFTER {
+            if resumes || self.disbelieved_in_a_row >= RESTART_AFTER {
+                self.has_gap = true;
                 self.disbelieved_in_a_row = 0;
                 self.last_ticks = Some(ticks);
                 self.push(Sample {
@@ -172,11 +190,18 @@ impl Odometry {
         change
     }
 
-    /// Forgets the counters, so that wheel turns up to the next reading are not integrated: for a
-    /// drive that was switched off or restarted.
-    pub const fn resynchronise(&mut self) {
-        self.last_ticks = None;
+    /// The drive answers again after a silence. It may have been restarted, and its counters with
+    /// it: then wheel turns up to the next reading are not integrated. If it was not, they tell how
+    /// far it ran on.
+    pub const fn resume(&mut self) {
+        self.resumes = true;
+        self.has_gap = true;
         self.disbelieved_in_a_row = 0;
+    }
+
+    /// Whether motion was left out since the last call, or only where it led to is known.
+    pub const fn take_gap(&mut self) -> bool {
+        core::mem::replace(&mut self.has_gap, false)
     }
 
     /// The dead-reckoned pose at the newest reading.
@@ -371,6 +396,38 @@ mod tests {
         assert!(near(curve.left_mm, -1.48, 0.01), "{curve:?}");
         assert!(near(curve.turn, -22.689 / 260.0, 1e-5));
         assert!(near(DRIVE.arc([100, 99]).distance_mm(), 45.15, 0.01));
+    }
+
+    /// The base was silent for a second, in which the robot went on turning: 450 ticks of each wheel
+    /// are a quarter turn. What it did meanwhile is known, but not when.
+    #[test]
+    fn what_the_counters_went_on_counting_in_a_silence_is_motion() {
+        let mut odometry = Odometry::new(DRIVE);
+        odometry.update(at(0), [300, 300]);
+        assert!(!odometry.take_gap());
+        odometry.resume();
+        odometry.update(at(1000), [-150, 750]);
+        assert!(near(odometry.pose().heading, FRAC_PI_2, 0.01));
+        assert!(odometry.take_gap() && !odometry.take_gap());
+    }
+
+    /// Restarted counters are no motion: from 300 to 0 would be 136 mm backwards. Nor is what no
+    /// wheel does that runs on for a second and a half, however long the silence.
+    #[test]
+    fn counters_that_begin_anew_after_a_silence_are_no_motion() {
+        let mut odometry = Odometry::new(DRIVE);
+        odometry.update(at(0), [300, 300]);
+        odometry.resume();
+        odometry.update(at(1000), [0, 0]);
+        odometry.update(at(1040), [10, 10]);
+        assert!(
+            near(odometry.pose().x_mm, 4.54, 0.01),
+            "{:?}",
+            odometry.pose()
+        );
+        odometry.resume();
+        odometry.update(at(60_000), [2_000, 2_000]);
+        assert!(near(odometry.pose().x_mm, 4.54, 0.01));
     }
 
     /// A quarter circle on the spot: each wheel runs 130 mm * pi / 2 = 204.2 mm = 450 ticks.

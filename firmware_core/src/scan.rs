@@ -84,6 +84,8 @@ pub struct Turn {
     pub end: Instant,
     /// Packets that arrived.
     pub packets: u8,
+    /// The most packets in a row that did not: a direction that was not looked at.
+    pub gap: u8,
 }
 
 impl Turn {
@@ -92,6 +94,7 @@ impl Turn {
         start: Instant::ZERO,
         end: Instant::ZERO,
         packets: 0,
+        gap: 0,
     };
 }
 
@@ -144,6 +147,8 @@ impl TurnAssembler {
         {
             ended = self.close(at);
         }
+        let before = self.last.map_or(0, |last| last.index + 1);
+        self.building.gap = self.building.gap.max(index.saturating_sub(before));
         self.speed = packet.speed();
         self.store(index, packet.readings());
         let arrival = Arrival { at, index };
@@ -187,12 +192,13 @@ impl TurnAssembler {
         let is_whole = !self.defects.synchronised_by_packet_0 || first.index == 0;
         let fresh = is_whole && now - last.at < TURN_MAX && last.at - first.at < TURN_MAX;
         if fresh {
+            self.building.gap = self.building.gap.max(PACKETS - 1 - last.index);
             (self.building.start, self.building.end) = self.span(first, last);
             self.finished = self.building.clone();
         } else {
             self.abandoned = self.abandoned.saturating_add(1);
         }
-        self.building.packets = 0;
+        (self.building.packets, self.building.gap) = (0, 0);
         if !self.defects.stale_distances {
             self.building.distances_mm = [0; BEAMS];
         }
@@ -433,6 +439,19 @@ mod tests {
             assembler.push(arrival(turn, *index), &packet).is_some()
         })
         .count()
+    }
+
+    /// Two, three and one packets in a row are missing: at the beginning, in the middle, at the end.
+    #[test]
+    fn the_gap_of_a_turn_is_its_longest_run_of_missing_packets() {
+        let mut assembler = TurnAssembler::new(MOUNTING);
+        feed(&mut assembler, 0, 1000, &[0, 1, 40, 41, 42]);
+        assert_eq!(assembler.turn().gap, 3);
+        feed(&mut assembler, 1, 1000, &[0, 1, 40]);
+        assert_eq!(assembler.turn().gap, 2);
+        feed(&mut assembler, 2, 1000, &[86, 87, 88, 89]);
+        feed(&mut assembler, 3, 1000, &[]);
+        assert_eq!(assembler.turn().gap, 0);
     }
 
     #[test]

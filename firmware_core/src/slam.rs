@@ -9,6 +9,7 @@ mod budget;
 mod correlate;
 mod effort;
 mod evidence;
+mod lost;
 mod matching;
 mod prior;
 mod refine;
@@ -36,6 +37,7 @@ use crate::random::Pcg32;
 use crate::scan::{BEAMS, Scan};
 use budget::Regulator;
 use effort::Effort;
+use lost::Lost;
 use matching::{EndPoints, Placement, tally};
 use prior::{Prior, Travel};
 use relocate::{Answer, relocate};
@@ -87,8 +89,6 @@ const WIDE: bool = cfg!(all(target_arch = "x86_64", not(feature = "portable")));
 
 /// Points of the core's refinement.
 const DENSE_POINTS: usize = 180;
-/// Scans in doubt before the whole map is searched.
-const DOUBTS_MAX: u8 = 2;
 /// Agreement of a scan after a push that ends the matter.
 const SETTLED: f32 = 0.85;
 /// Scans that need not fit well after a push; then the world has changed as well.
@@ -117,7 +117,7 @@ pub struct Mapper<const W: usize = SIDE, const H: usize = SIDE> {
     travel: Travel,
     /// Motion that the fielded code takes up with the next scan that is drawn (SL-14).
     saved_up: PoseChange,
-    doubts: u8,
+    lost: Lost,
     /// Scans since the robot was found elsewhere, until one fits there.
     unsettled: Option<u8>,
     scans: u32,
@@ -140,7 +140,7 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
             dense: EndPoints::EMPTY,
             travel: Travel::NONE,
             saved_up: PoseChange::NONE,
-            doubts: 0,
+            lost: Lost::NONE,
             unsettled: None,
             scans: 0,
             drawn_at: settings.start,
@@ -182,7 +182,7 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
         self.pose = self.settings.start;
         self.travel = Travel::NONE;
         self.saved_up = PoseChange::NONE;
-        self.doubts = 0;
+        self.lost = Lost::NONE;
         self.unsettled = None;
         self.scans = 0;
     }
@@ -203,6 +203,13 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
     /// because the base did not answer: the next search trusts its prediction that much less.
     pub fn doubt(&mut self, unseen_mm: f32, unseen_rad: f32) {
         self.travel.doubt(unseen_mm, unseen_rad);
+    }
+
+    /// The robot may have moved by so much, millimetres and radians, while neither its wheels nor
+    /// its lidar told, but by no more than `most` since its pose was sure: it is looked for there,
+    /// and nowhere else, until a scan fits.
+    pub const fn lose_track(&mut self, by: [f32; 2], most: [f32; 2]) {
+        self.lost.lose(by, most);
     }
 
     /// Finds the pose at which `scan` fits the map, and draws the scan from there, unless it
@@ -354,37 +361,49 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
             dense: self.dense.all(),
             prior: Prior::new(self.pose, self.travel, motion, *resolution_mm),
             pushes: *pushes,
-            suspicious: self.unsettled.map_or(SUSPICIOUS, |_| SETTLED),
+            suspicious: match self.unsettled {
+                Some(_) => SETTLED,
+                None if self.lost.unseen_rad() > 0.0 => SETTLED,
+                None => SUSPICIOUS,
+            },
+            unseen_rad: self.lost.unseen_rad(),
         };
         let mut effort = Effort::default();
         let mut place = tracking::track(&self.grid, &task, &mut effort);
         let mut certainty = Certainty::Sure;
-        if place.evidence.agreement() >= DOUBTFUL {
-            self.doubts = 0;
+        let agreement = place.evidence.agreement();
+        if agreement >= DOUBTFUL {
             let rest_mm = SETTLED_CELLS * self.settings.resolution_mm;
             let is_at_rest = self.pose.change_to(place.pose).distance_mm() <= rest_mm;
             self.unsettled = unsettled_by(&place, is_at_rest, self.unsettled);
-            if self.unsettled.is_some() {
+            if agreement >= task.suspicious {
+                self.lost.found();
+            }
+            if self.lost.half_found() || self.unsettled.is_some() {
                 certainty = Certainty::Moved;
             }
         } else {
-            certainty = Certainty::Doubtful;
-            self.doubts = self.doubts.saturating_add(1);
             place.pose = self.pose;
-        }
-        if self.doubts >= DOUBTS_MAX {
-            match relocate(&self.grid, task.sparse, &mut effort) {
-                Some(Answer::Here(best)) => {
-                    let found = tracking::settle(&self.grid, &task, &best, &mut effort);
-                    if found.evidence.is_broad() && found.evidence.agreement() >= FOUND_AGAIN {
-                        place = found;
-                        certainty = Certainty::Moved;
-                        self.doubts = 0;
-                        self.unsettled = Some(0);
-                    }
+            let answer = self.lost.doubted().then(|| {
+                let bound = self.lost.bound(self.pose);
+                relocate(&self.grid, task.sparse, bound, &mut effort)
+            });
+            if let Some(answer) = answer {
+                let is_ambiguous = matches!(answer, Some(Answer::Ambiguous(_)));
+                self.lost.set_ambiguous(is_ambiguous);
+            }
+            certainty = match self.lost.is_ambiguous() {
+                true => Certainty::Ambiguous,
+                false => Certainty::Doubtful,
+            };
+            if let Some(Some(Answer::Here(best))) = answer {
+                let found = tracking::settle(&self.grid, &task, &best, &mut effort);
+                if found.evidence.is_broad() && found.evidence.agreement() >= FOUND_AGAIN {
+                    place = found;
+                    certainty = Certainty::Moved;
+                    self.lost.found();
+                    self.unsettled = Some(0);
                 }
-                Some(Answer::Ambiguous(_)) => certainty = Certainty::Ambiguous,
-                None => {}
             }
         }
         Outcome {

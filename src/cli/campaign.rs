@@ -135,7 +135,8 @@ pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
         .collect();
     let made = |name: &str, seed| {
         let (scenario, source) = &read[name];
-        let mut scenario = generate::scenario(scenario, args.vary, &mut Dice::of_seed(seed));
+        let mut dice = Dice::of_seed(seed, name);
+        let mut scenario = generate::scenario(scenario, args.vary, &mut dice);
         scenario.seed = seed;
         (scenario, source)
     };

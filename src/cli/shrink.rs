@@ -14,13 +14,14 @@ use crate::realtime::exec::Foreign;
 use crate::run::Outcome;
 use crate::scenario::{Scenario, Source};
 use crate::search::campaign::{self, Record};
-use crate::search::shrink::{self, Effort, Repair, Unit};
+use crate::search::shrink::{self, Effort, Judged, Repair, Unit};
 use crate::show::folder::FolderError;
 
 /// Make a failing case or a capture smaller while it still fails for the same reason.
 ///
-/// A case keeps failing the same check and, if devices complain, the same rule. A capture keeps the
-/// first thing that is wrong with its bytes. With --while a command of yours decides instead: it
+/// A case keeps failing the same check, in the same manner (standing still, to and fro, pose lost)
+/// or, if devices complain, by the same rule; and what it fails for, faults or a thing in the way,
+/// stays in it: without that it passes. A capture keeps the first thing that is wrong with its bytes. With --while a command of yours decides instead: it
 /// gets the file as its last argument and exits with 0 as long as the file is still bad.
 ///
 /// With --exec somebody's program is what fails: each try is a run in real time, 100 at most, and
@@ -113,13 +114,12 @@ fn shrink_case(args: &ShrinkArgs) -> Result<Verdict, CliError> {
     let path = args.out.join("case.toml");
     let tries = if foreign.is_some() { TRIES_EXEC } else { TRIES };
     let mut effort = Effort::until(tries, &is_over);
-    let mut fails = judge(args, &source, &cause, &path, &is_over);
-    let start = [scenario, expanded.clone()]
+    let mut judge = judge(args, &source, &cause, &path, &is_over);
+    let start = [expanded.clone(), scenario]
         .into_iter()
-        .rev()
-        .find(&mut fails);
+        .find(|case| judge(case) == Judged::FailsAlike);
     let start = start.ok_or_else(|| not_bad(&args.file, "passes"))?;
-    let small = shrink::scenario(&start, &cause, &mut fails, &mut effort);
+    let small = shrink::scenario(&start, &cause, &mut judge, &mut effort);
     let faults = [expanded.fault.len(), small.fault.len()];
     put(&path, small.to_toml().as_bytes())?;
     let said = shrink::in_words(&small);
@@ -165,23 +165,32 @@ fn run_foreign(
     )?)
 }
 
-/// Whether a candidate still fails for the same reason.
+/// What a candidate comes to, compared with `cause`.
 fn judge<'a>(
     args: &'a ShrinkArgs,
     source: &'a Source,
     cause: &'a str,
     path: &'a Path,
     is_over: &'a dyn Fn() -> bool,
-) -> impl FnMut(&Scenario) -> bool + 'a {
+) -> impl FnMut(&Scenario) -> Judged + 'a {
     let foreign = args.program.foreign();
+    let of = |record: Record| Judged::of(record.cause.as_deref(), cause);
     move |candidate| match (&args.command, &foreign) {
-        (_, Some(foreign)) => run_foreign(args, foreign, candidate, source, is_over)
-            .is_ok_and(|ran| ran.is_some_and(|(one, _)| one.cause.as_deref() == Some(cause))),
+        (_, Some(foreign)) => match run_foreign(args, foreign, candidate, source, is_over) {
+            Ok(Some((record, _))) => of(record),
+            _ => Judged::FailsOtherwise,
+        },
         (Some(command), None) => {
-            fs::write(path, candidate.to_toml()).is_ok() && is_bad(command, path)
+            let is_written = fs::write(path, candidate.to_toml()).is_ok();
+            match is_written && is_bad(command, path) {
+                true => Judged::FailsAlike,
+                false => Judged::Passes,
+            }
         }
-        (None, None) => campaign::run(candidate, source)
-            .is_ok_and(|(record, _)| record.cause.as_deref() == Some(cause)),
+        (None, None) => match campaign::run(candidate, source) {
+            Ok((record, _)) => of(record),
+            Err(_) => Judged::FailsOtherwise,
+        },
     }
 }
 

@@ -149,7 +149,7 @@ pub struct NoCollisionAtSpeed {
 }
 
 /// A touch slower than this does no harm, m/s.
-const HARMLESS_M_S: f64 = 0.05;
+pub(super) const HARMLESS_M_S: f64 = 0.05;
 
 impl Checker for NoCollisionAtSpeed {
     fn observe(&mut self, look: &Look<'_>) {

@@ -3,6 +3,9 @@
 use std::collections::VecDeque;
 
 use emulators::world::Contact;
+use protocols::Instant;
+
+use super::check::HARMLESS_M_S;
 
 /// Contacts that are kept; older ones are only counted.
 const CONTACTS_MAX: usize = 1000;
@@ -13,6 +16,7 @@ pub struct Contacts {
     kept: VecDeque<Contact>,
     count: u64,
     taken: u64,
+    first_in_earnest: Option<Instant>,
 }
 
 impl Contacts {
@@ -28,8 +32,16 @@ impl Contacts {
         self.kept.iter().skip(skip)
     }
 
+    /// When the first of all was that may have done harm.
+    pub const fn first_in_earnest(&self) -> Option<Instant> {
+        self.first_in_earnest
+    }
+
     pub(super) fn extend(&mut self, contacts: Vec<Contact>) {
         self.count += contacts.len() as u64;
+        let mut in_earnest = contacts.iter().filter(|one| one.speed_m_s > HARMLESS_M_S);
+        let first = in_earnest.next().map(|one| one.at);
+        self.first_in_earnest = self.first_in_earnest.or(first);
         self.kept.extend(contacts);
         let surplus = self.kept.len().saturating_sub(CONTACTS_MAX);
         self.kept.drain(..surplus);
@@ -45,7 +57,6 @@ impl Contacts {
 #[cfg(test)]
 mod tests {
     use emulators::world::Point;
-    use protocols::Instant;
 
     use super::*;
 

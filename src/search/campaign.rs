@@ -9,6 +9,7 @@ mod compare;
 mod judge;
 mod lines;
 mod lock;
+mod manner;
 mod merge;
 mod page;
 mod plan;

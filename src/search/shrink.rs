@@ -4,12 +4,35 @@
 //! the effort is over the best so far is the result.
 
 mod capture;
+mod culprit;
 mod list;
 mod scenario;
 
 pub use capture::{Repair, Unit, capture, fault_of, to_bytes, units, with_units};
 pub use list::fewest;
 pub use scenario::{in_words, scenario};
+
+/// What a try came to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Judged {
+    /// Nothing is wrong.
+    Passes,
+    /// It fails for the cause that is looked for.
+    FailsAlike,
+    /// It fails for another one.
+    FailsOtherwise,
+}
+
+impl Judged {
+    /// Of a run that failed for `found`, or passed, when `wanted` is looked for.
+    pub fn of(found: Option<&str>, wanted: &str) -> Self {
+        match found {
+            None => Self::Passes,
+            Some(found) if found == wanted => Self::FailsAlike,
+            Some(_) => Self::FailsOtherwise,
+        }
+    }
+}
 
 /// How much may be spent.
 pub struct Effort<'a> {
@@ -59,3 +82,6 @@ impl<'a> Effort<'a> {
         true
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -38,7 +38,7 @@ fn four_shards_merged_are_the_whole_campaign() {
         assert_eq!(read("whole"), read("merged"), "{file}");
     }
     let json = session.read("merged/campaign.json");
-    assert!(json.contains("\"cause\": \"waypoints-visited\""), "{json}");
+    assert!(json.contains("\"cause\": \"waypoints-visited: "), "{json}");
     assert!(json.contains("\"missing\": 0"), "{json}");
 }
 

@@ -16,6 +16,7 @@ mod config;
 mod defects;
 mod drive;
 mod lidar;
+mod lost;
 mod orders;
 mod report;
 mod screen;
@@ -39,6 +40,7 @@ use crate::waypoints::{Waypoint, Waypoints};
 use crate::{Master, Work};
 use drive::Drive;
 use lidar::Lidar;
+use lost::Lost;
 use screen::{Screen, Switches};
 
 /// How long a decision holds if no other one follows: three turns.
@@ -53,13 +55,8 @@ const FOR_EVER: Duration = Duration::from_secs(1_000_000);
 const BLOCKED_LOOK: Duration = Duration::from_millis(10);
 /// How long a turn waits for the encoders' reading behind it.
 const WHEELS_WAIT: Duration = Duration::from_millis(30);
-
 /// Encoders older than this at a turn's end do not tell how the robot moved.
 const WHEELS_STALE: Duration = Duration::from_millis(60);
-
-/// How far the robot may roll and turn meanwhile, from one turn to the next: it drives 45 mm.
-const UNSEEN_MM: f32 = 50.0;
-const UNSEEN_RAD: f32 = 0.1;
 
 /// Where a turn is on its way to a decision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,6 +86,7 @@ pub struct Rescue {
     /// When the pose was last found by matching, and where the wheels put the robot then: a search
     /// of the whole map takes longer than the odometry remembers.
     matched: Option<(Instant, Pose)>,
+    lost: Lost,
     attend_at: Instant,
     motor_duty: Option<u8>,
     switches: Switches,
@@ -147,6 +145,7 @@ impl Rescue {
             ordered_at: Instant::ZERO,
             phase: Phase::Waiting,
             matched: None,
+            lost: Lost::new(),
             attend_at: Instant::ZERO,
             motor_duty: None,
             switches: Switches::AT_START,
@@ -163,10 +162,10 @@ impl Rescue {
     }
 
     /// What the robot does: nothing while its base does not answer or, driving by itself, while it
-    /// sees nothing.
+    /// sees nothing or, driving to a place, does not know where it is.
     pub fn mode(&self) -> Mode {
         let blind = !self.lidar.sees() && self.mode != Mode::Manual;
-        if self.drive.is_silent() || blind {
+        if self.drive.is_silent() || blind || self.is_lost() {
             Mode::Stop
         } else {
             self.mode
@@ -300,6 +299,7 @@ impl Rescue {
 
     /// Matches and draws the turn that is complete.
     fn map_turn(&mut self) {
+        let has_gap = self.drive.odometry.take_gap();
         let odometry = &self.drive.odometry;
         let turn = self.lidar.take_turn();
         self.scan = Scan::deskewed(turn, &self.config.mounting, odometry);
@@ -312,15 +312,14 @@ impl Rescue {
         let knows_motion = odometry
             .updated_at()
             .is_some_and(|at| at + WHEELS_STALE >= end);
-        if !knows_motion {
-            self.mapper.doubt(UNSEEN_MM, UNSEEN_RAD);
-        }
+        Lost::before(&mut self.mapper, knows_motion, has_gap);
         let outcome = if knows_motion && self.switches.mapping {
             let speed = self.drive.speed().map(i16::from);
             self.mapper.integrate(&self.scan, speed)
         } else {
             self.mapper.locate(&self.scan)
         };
+        self.lost.after(&mut self.mapper, outcome.certainty);
         self.counters.scans = self.counters.scans.saturating_add(1);
         self.work.scans += 1;
         self.work.tries = self.work.tries.saturating_add(outcome.tries);

@@ -40,6 +40,24 @@ const APART_HEADINGS: i32 = 8;
 /// The sums do not tell: a map is drawn better where the robot was nearer.
 const AMBIGUOUS: f32 = 0.92;
 
+/// Where a robot is that was lost on a way of which only the length is known.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Bound {
+    /// Where it was lost.
+    pub(super) centre: Pose,
+    /// How far from there it is at most.
+    pub(super) mm: f32,
+    /// How far it has turned at most.
+    pub(super) rad: f32,
+}
+
+impl Bound {
+    fn holds(&self, pose: Pose) -> bool {
+        self.centre.position().distance_mm(pose.position()) <= self.mm
+            && normalised(self.centre.heading - pose.heading).abs() <= self.rad
+    }
+}
+
 /// Block maxima of a grid: each the greatest value of its block and its three neighbours to the
 /// right and above, so that it bounds every cell that a point can reach from within a block.
 struct Coarse {
@@ -161,10 +179,11 @@ impl Shortlist {
     }
 }
 
-/// Searches the whole map; `None` without points.
+/// Searches the whole map; `None` without points, or if nothing fits within `bound`.
 pub(super) fn relocate<const W: usize, const H: usize>(
     grid: &Grid<W, H>,
     points: &[[i16; 2]],
+    bound: Option<Bound>,
     effort: &mut Effort,
 ) -> Option<Answer> {
     let points = &points[..points.len().min(POINTS_MAX)];
@@ -190,7 +209,9 @@ pub(super) fn relocate<const W: usize, const H: usize>(
             heading_of(candidate.heading),
         );
         let best = search(grid, points, centre, &window, &Prior::none(centre), effort);
-        *found = Some((best, Evidence::of(grid, points, best.pose)));
+        if bound.is_none_or(|bound| bound.holds(best.pose)) {
+            *found = Some((best, Evidence::of(grid, points, best.pose)));
+        }
     }
     let (first, evidence) = found.iter().flatten().max_by_key(|(best, _)| best.sum)?;
     let is_rival = |(best, other): &(Best, Evidence)| {

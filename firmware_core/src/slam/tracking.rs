@@ -1,6 +1,8 @@
 //! The core's way to the pose: the window that the odometry leaves, searched whole, then between
 //! the cells. A scan that contradicts the map widens the window: the robot may have been pushed.
 
+use core::f32::consts::PI;
+
 use super::correlate::{Best, search};
 use super::effort::Effort;
 use super::evidence::Evidence;
@@ -24,6 +26,8 @@ pub(super) struct Task<'a> {
     pub(super) pushes: Pushes,
     /// Agreement below which other places are looked at.
     pub(super) suspicious: f32,
+    /// How far the robot may have turned unseen.
+    pub(super) unseen_rad: f32,
 }
 
 /// Where a scan belongs.
@@ -52,6 +56,8 @@ const WIDE_TURNS: i32 = 24;
 
 /// Heading steps to each side, of two [`TURN_STEP_DEG`], of a search farther away.
 const FAR_TURNS: i32 = 6;
+/// Heading step of a search for an unseen turn, in degrees.
+const UNSEEN_STEP_DEG: f32 = 2.0;
 /// The places of the windows around the middle one.
 const AROUND: [[f32; 2]; 8] = [
     [-1.0, -1.0],
@@ -93,6 +99,9 @@ pub(super) fn track<const W: usize, const H: usize>(
     if evidence.agreement() < task.suspicious {
         consider(nearby(grid, task, effort), &mut evidence);
     }
+    if evidence.agreement() < task.suspicious && task.unseen_rad > 0.0 {
+        consider(turned(grid, task, effort), &mut evidence);
+    }
     if task.pushes == Pushes::Followed
         && (DOUBTFUL..task.suspicious).contains(&evidence.agreement())
     {
@@ -127,6 +136,39 @@ fn nearby<const W: usize, const H: usize>(
         task.prior.predicted,
         &wide,
         &task.prior,
+        effort,
+    )
+}
+
+/// All headings that an unseen turn may have led to, in steps so wide that they take no longer than
+/// a turn of the lidar, and then those between them.
+fn turned<const W: usize, const H: usize>(
+    grid: &Grid<W, H>,
+    task: &Task<'_>,
+    effort: &mut Effort,
+) -> Best {
+    let predicted = task.prior.predicted;
+    let step = UNSEEN_STEP_DEG.to_radians();
+    #[expect(clippy::cast_possible_truncation, reason = "at most half a turn")]
+    let turns = libm::ceilf(task.unseen_rad.min(PI) / step) as i32;
+    let wide = Window {
+        reach: REACH_MAX,
+        turns,
+        turn_step: step,
+    };
+    let prior = Prior::none(predicted);
+    let best = search(grid, task.sparse, predicted, &wide, &prior, effort);
+    let fine = Window {
+        reach: 4,
+        turns: 4,
+        turn_step: TURN_STEP_DEG.to_radians(),
+    };
+    search(
+        grid,
+        task.sparse,
+        best.pose,
+        &fine,
+        &Prior::none(best.pose),
         effort,
     )
 }

@@ -116,6 +116,7 @@ impl<const W: usize, const H: usize> Lab<W, H> {
             start,
             end: start + TURN,
             packets: 90,
+            gap: 0,
         };
         for (beam, slot) in (0..360_u16).zip(&mut turn.distances_mm) {
             let at = start + TURN * u32::from(beam) / 360;

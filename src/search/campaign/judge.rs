@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use super::manner;
 use crate::realtime::exec::{self, ExecError, Foreign};
 use crate::robots;
 use crate::run::check::Status;
@@ -113,14 +114,15 @@ pub(crate) fn words_of_panic(panic: &(dyn Any + Send)) -> (String, String) {
     (format!("panic: {}", without_figures(text)), text.to_owned())
 }
 
-/// The first check that failed, without and with its figures: checkers of the whole run come
+/// The first check that failed and how, without and with its figures: checkers of the whole run come
 /// before what was to be true in the end.
 pub(crate) fn cause_of(outcome: &Outcome) -> Option<(String, String)> {
     let failed = |check: &&crate::run::check::Check| check.status == Status::Fail;
     let check = outcome.checks.iter().find(failed)?;
     let detail = format!("{}: {}", check.name, check.detail);
-    let cause = match first_rule(&check.name, outcome) {
-        Some(rule) => format!("{}: {rule}", check.name),
+    let how = manner::of(&check.name, outcome).map(str::to_owned);
+    let cause = match how.or_else(|| first_rule(&check.name, outcome)) {
+        Some(how) => format!("{}: {how}", check.name),
         None => check.name.clone(),
     };
     Some((cause, detail))

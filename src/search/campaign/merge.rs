@@ -8,7 +8,7 @@ use super::{CampaignPlan, Comparison, Record, Store, compare, page, run};
 use crate::scenario::Scenario;
 use crate::search::error::StoreError;
 use crate::search::files;
-use crate::search::shrink::{self, Effort};
+use crate::search::shrink::{self, Effort, Judged};
 
 /// Most seeds named for a group.
 const SEEDS_MAX: usize = 20;
@@ -181,8 +181,10 @@ fn minimise(group: &mut Group, number: u32, store: &Store) -> Result<(), StoreEr
         message: error.to_string(),
     })?;
     let cause = group.cause.clone();
-    let fails = |case: &Scenario| {
-        run(case, &source).is_ok_and(|(record, _)| record.cause.as_deref() == Some(&cause))
+    let judge = |case: &Scenario| {
+        run(case, &source).map_or(Judged::FailsOtherwise, |(record, _)| {
+            Judged::of(record.cause.as_deref(), &cause)
+        })
     };
     // A foreign program is not here to be asked: `hilrig shrink --exec` does so.
     let tries = if store.plan().exec.is_some() {
@@ -190,7 +192,7 @@ fn minimise(group: &mut Group, number: u32, store: &Store) -> Result<(), StoreEr
     } else {
         TRIES
     };
-    let small = shrink::scenario(&case, &cause, fails, &mut Effort::tries(tries));
+    let small = shrink::scenario(&case, &cause, judge, &mut Effort::tries(tries));
     let name = format!("groups/{number:02}.toml");
     files::make_folder(&store.dir().join("groups"))?;
     files::replace(&store.dir().join(&name), small.to_toml().as_bytes())?;

@@ -5,7 +5,7 @@ use crate::run::Outcome;
 use crate::scenario::{Scenario, Source, Span};
 use crate::search::campaign::{self, Record};
 use crate::search::generate::{self, Dice, Vary};
-use crate::search::shrink::{self, Effort};
+use crate::search::shrink::{self, Effort, Judged};
 
 /// A scenario: world, mission, timing and faults made of choices, run with everything that watches
 /// a run.
@@ -155,8 +155,12 @@ impl Subject for Missions {
         let start = expanded.filter(|case| effort.spend() && fails(case));
         let start = start.unwrap_or(made);
         let kind = Kind::of(&start, fails);
-        let is_alike = |case: &Scenario| kind.is_alike(case, &start, fails);
-        let small = shrink::scenario(&start, &fault.cause, is_alike, effort);
+        let judge = |case: &Scenario| match self.judged(case).0 {
+            None => Judged::Passes,
+            Some(_) if kind.is_alike(case, &start, fails) => Judged::FailsAlike,
+            Some(_) => Judged::FailsOtherwise,
+        };
+        let small = shrink::scenario(&start, &fault.cause, judge, effort);
         let fault = self.judged(&small).0.unwrap_or_else(|| fault.clone());
         Kept {
             fault: Violation {

@@ -10,11 +10,12 @@ pub(crate) struct Dice {
 }
 
 impl Dice {
-    /// Named streams of `seed`.
-    pub(crate) fn of_seed(seed: u64) -> Self {
-        let stream = |name: &str| Draw::Stream(Rng::stream(seed, &format!("generate.{name}")));
+    /// Named streams of `seed` for the scenario called `name`: no two scenarios get the same made-up
+    /// world.
+    pub(crate) fn of_seed(seed: u64, name: &str) -> Self {
+        let stream = |part: &str| Draw::Stream(Rng::stream(seed, &format!("generate.{part}")));
         Self {
-            world: stream("world"),
+            world: stream(&format!("world.{name}")),
             mission: stream("mission"),
             timing: stream("timing"),
             faults: stream("faults"),

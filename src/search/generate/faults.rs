@@ -1,6 +1,6 @@
 use super::dice::Draw;
 use super::fault_targets::{Device, FaultTargets};
-use super::{ADVERSITY_FROM_MS, ADVERSITY_UNTIL_MS, RECOVERY_MS, mission};
+use super::{ADVERSITY_FROM_MS, ADVERSITY_UNTIL_MS, mission};
 use crate::scenario::{
     BudgetSpec, DirectionSpec, FaultKind, FaultPlace, FaultSpec, PhasesSpec, Scenario, Span,
     WhenSpec,
@@ -77,10 +77,10 @@ impl Adversity {
         }
     }
 
-    /// Lets it happen in `mission`, which must succeed afterwards.
-    pub(super) fn apply(self, mission: &mut Scenario) {
-        let recovery = mission.duration.0.max(Span::from_millis(RECOVERY_MS).0);
-        mission.duration = Span(Span::from_millis(ADVERSITY_UNTIL_MS).0 + recovery);
+    /// Lets it happen in `mission`, which must succeed within `recovery` afterwards.
+    pub(super) fn apply(self, mission: &mut Scenario, recovery: Span) {
+        let recovery = mission.duration.max(recovery);
+        mission.duration = Span(Span::from_millis(ADVERSITY_UNTIL_MS).0 + recovery.0);
         let once_more = mission::once_more(&mission.mission.waypoints_m);
         mission.mission.step.extend(once_more);
         mission.fault = self.faults;

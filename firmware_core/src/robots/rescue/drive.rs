@@ -240,7 +240,7 @@ impl Drive {
             if self.was_silent && done.outcome != Outcome::Failed {
                 // It may have been restarted, and its counters with it.
                 self.was_silent = false;
-                self.odometry.resynchronise();
+                self.odometry.resume();
             }
             self.apply(&done);
         }

@@ -15,6 +15,9 @@ const TURNLESS_MAX: Duration = Duration::from_millis(700);
 /// Turns behind the first one after a silence before the robot drives again: what was just found
 /// again may be lost again.
 const STEADY_TURNS: u8 = 2;
+/// Packets missing in a row, of 90 a turn, with which the robot still drives: what is narrower than
+/// these 40 degrees at the distance that it keeps, a scan or two ago showed.
+const GAP_MAX: u8 = 10;
 /// Quiet time after which a half-received packet is given up. Nothing depends on it: a packet that
 /// begins inside a broken one is found anyway.
 const IDLE_GAP: Duration = Duration::from_millis(20);
@@ -141,9 +144,9 @@ impl Lidar {
         self.sees
     }
 
-    /// Whether the lidar has been there for a turn or two.
+    /// Whether the lidar has been there for a turn or two, and has looked everywhere.
     pub(super) const fn is_steady(&self) -> bool {
-        self.unsteady == 0
+        self.unsteady == 0 && self.assembler.turn().gap <= GAP_MAX
     }
 
     /// Whether the program stands still because no packet comes.

@@ -29,6 +29,7 @@ impl Inspect for Rescue {
             Mode::Manual => "manual",
             _ if !self.lidar.sees() => "lidar silent",
             Mode::Exploration => "exploration",
+            _ if self.is_lost() => "lost",
             Mode::Waypoint => "waypoint",
         }
     }

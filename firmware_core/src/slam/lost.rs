@@ -1,0 +1,124 @@
+//! What a mapper knows about being lost: how far the robot may have moved without being seen, and
+//! when the whole map is worth a search, which takes a second.
+
+use super::relocate::Bound;
+use crate::pose::Pose;
+
+/// Scans in doubt before the whole map is searched; then at twice as many, and so on.
+const DOUBTS_MAX: u8 = 2;
+/// And from so many on, each time that as many have passed again.
+const PATIENCE: u8 = 32;
+/// Scans for which an unseen motion is looked for where half of what is seen fits: then the world
+/// has changed as well.
+const SEARCHES_MAX: u8 = 8;
+/// How far beyond its unseen motion a robot is looked for: its pose was no surer before.
+const MARGIN_MM: f32 = 150.0;
+const MARGIN_RAD: f32 = 0.2;
+
+/// See the module.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Lost {
+    unseen_mm: f32,
+    unseen_rad: f32,
+    searches: u8,
+    doubts: u8,
+    is_ambiguous: bool,
+}
+
+impl Lost {
+    /// Not lost.
+    pub(super) const NONE: Self = Self {
+        unseen_mm: 0.0,
+        unseen_rad: 0.0,
+        searches: 0,
+        doubts: 0,
+        is_ambiguous: false,
+    };
+
+    /// The robot may have moved by so much more, at most `most` in all, without being seen.
+    pub(super) const fn lose(&mut self, [mm, rad]: [f32; 2], most: [f32; 2]) {
+        self.unseen_mm = (self.unseen_mm + mm).min(most[0]);
+        self.unseen_rad = (self.unseen_rad + rad).min(most[1]);
+        self.searches = 0;
+    }
+
+    /// How far the robot may be turned away from where it is believed to look; 0 if its motion was
+    /// seen.
+    pub(super) const fn unseen_rad(&self) -> f32 {
+        self.unseen_rad
+    }
+
+    /// Where to look for a robot that was lost at `pose`; anywhere if nobody knows how.
+    pub(super) fn bound(&self, pose: Pose) -> Option<Bound> {
+        (self.unseen_rad > 0.0).then(|| Bound {
+            centre: pose,
+            mm: self.unseen_mm + MARGIN_MM,
+            rad: self.unseen_rad + MARGIN_RAD,
+        })
+    }
+
+    /// The scan fits where the robot is believed to be.
+    pub(super) const fn found(&mut self) {
+        *self = Self::NONE;
+    }
+
+    /// Half of the scan fits. Whether an unseen motion is still looked for.
+    pub(super) fn half_found(&mut self) -> bool {
+        self.doubts = 0;
+        self.is_ambiguous = false;
+        self.searches += 1;
+        if self.searches > SEARCHES_MAX {
+            self.found();
+        }
+        self.unseen_rad > 0.0
+    }
+
+    /// The scan fits nowhere near. Whether it is time to search the whole map.
+    pub(super) const fn doubted(&mut self) -> bool {
+        self.doubts += 1;
+        if self.doubts == 2 * PATIENCE {
+            self.doubts = PATIENCE;
+        }
+        self.doubts >= DOUBTS_MAX && self.doubts.is_power_of_two()
+    }
+
+    /// Several places fit, or only one does.
+    pub(super) const fn set_ambiguous(&mut self, is_ambiguous: bool) {
+        self.is_ambiguous = is_ambiguous;
+    }
+
+    /// Whether the last search of the whole map found several places that fit.
+    pub(super) const fn is_ambiguous(&self) -> bool {
+        self.is_ambiguous
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The whole map takes a second to search: a robot that stands gains nothing by doing so five
+    /// times a second.
+    #[test]
+    fn the_whole_map_is_searched_ever_more_rarely() {
+        let mut lost = Lost::NONE;
+        let searched = (1..=130_u32).filter(|_| lost.doubted());
+        let searched: [u32; 9] = {
+            let mut all = [0; 9];
+            all.iter_mut().zip(searched).for_each(|(to, at)| *to = at);
+            all
+        };
+        assert_eq!(searched, [2, 4, 8, 16, 32, 64, 96, 128, 0]);
+    }
+
+    #[test]
+    fn an_unseen_motion_is_looked_for_until_a_scan_fits_or_the_world_has_changed() {
+        let mut lost = Lost::NONE;
+        lost.lose([300.0, 2.0], [280.0, 1.0]);
+        assert!(lost.unseen_rad() <= 1.0);
+        assert_eq!((0..20).take_while(|_| lost.half_found()).count(), 8);
+        lost.lose([10.0, 0.1], [280.0, 1.0]);
+        lost.found();
+        assert!(lost.bound(Pose::default()).is_none());
+    }
+}
