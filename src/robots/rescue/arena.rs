@@ -6,8 +6,8 @@ use crate::robots::Arena;
 /// cells of 3 cm. A third of its speed of 227 mm/s leaves time for turns and second thoughts.
 pub(super) const ARENA: Arena = Arena {
     side_m: 3.0,
-    margin_m: 0.1,
+    margin_m: 0.13,
     pace_m_s: 0.075,
-    passage_mm: [620, 900],
+    passage_mm: [700, 1000],
     obstacle_mm: [25, 120],
 };
