@@ -466,4 +466,16 @@ mod tests {
         };
         assert_eq!(decoded.message(), Err(error));
     }
+
+    /// T2: 2 bytes and 9 a waypoint: none, one, two.
+    #[test]
+    fn a_list_knows_how_long_it_is() {
+        let lens = [0_u8, 1, 2].map(|count| {
+            let mut payload = [0; 20];
+            payload[0] = count;
+            let list = waypoints(&payload[..2 + 9 * usize::from(count)]).expect("sound");
+            (list.len(), list.is_empty(), list.iter().count())
+        });
+        assert_eq!(lens, [(0, true, 0), (1, false, 1), (2, false, 2)]);
+    }
 }
