@@ -193,7 +193,7 @@ mod tests {
         // Before it was saved the run would have failed.
         let failed =
             |check: &&Check| check.name == "waypoints-visited" && check.status == Status::Fail;
-        assert!(run.finish().checks.iter().any(|check| failed(&check)));
+        assert!(run.judge().checks.iter().any(|check| failed(&check)));
     }
 
     /// Taps of the scenario and by hand, also faster than a finger can: done again to the byte.
