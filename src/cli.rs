@@ -1,5 +1,8 @@
 //! The command line: one file per command.
 
+#[macro_use]
+mod out;
+
 mod bugs;
 mod campaign;
 mod case;

@@ -238,4 +238,24 @@ mod tests {
         assert_eq!(decoder.push(&[]).filter(Result::is_ok).count(), 1);
         assert_eq!((decoder.discarded(), decoder.pending()), (3, 0));
     }
+
+    /// W is the highest bit of the count byte, whatever the other seven are.
+    #[test]
+    fn w_alone_tells_a_write_from_a_read() {
+        let [read, write] = [
+            Frame::read(0, 127, LowFirst),
+            Frame::write(0, &[1], LowFirst),
+        ];
+        assert_eq!(
+            (read.is_write(), read.count(), read.data().len()),
+            (false, 127, 0)
+        );
+        assert_eq!(
+            (write.is_write(), write.count(), write.data()),
+            (true, 1, &[1][..])
+        );
+        let empty = Frame::write(0, &[], LowFirst);
+        assert_eq!((empty.is_write(), empty.count()), (true, 0));
+        assert!(!Frame::read(0, 0, LowFirst).is_write());
+    }
 }

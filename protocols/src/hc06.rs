@@ -195,4 +195,77 @@ mod tests {
             Some(Command::Name(b"rescue"))
         );
     }
+
+    /// Every command of the two older families, as their sheets spell it.
+    #[test]
+    fn each_command_has_its_words() {
+        let cases: [(&[u8], Command<'_>); 12] = [
+            (b"AT", Command::Attention),
+            (b"AT+VERSION", Command::Version),
+            (b"AT+NAMEa b", Command::Name(b"a b")),
+            (b"AT+PIN0079", Command::Pin(*b"0079")),
+            (b"AT+BAUD1", Command::Baud(1_200)),
+            (b"AT+PN", Command::Parity(Parity::None)),
+            (b"AT+PO", Command::Parity(Parity::Odd)),
+            (b"AT+PE", Command::Parity(Parity::Even)),
+            (b"AT+ROLE=S", Command::Role(Role::Slave)),
+            (b"AT+ROLE=M", Command::Role(Role::Master)),
+            (b"AT+LED0", Command::Led(Led::Off)),
+            (b"AT+LED1", Command::Led(Led::On)),
+        ];
+        for (bytes, command) in cases {
+            assert_eq!(Command::parse(bytes), Some(command));
+            let mut out = [0; 40];
+            let len = command.encode(&mut out).expect("fits");
+            assert_eq!(&out[..len], bytes);
+            assert_eq!(command.encode(&mut out[..bytes.len() - 1]), None);
+        }
+    }
+
+    /// Names of 20 characters, PINs of four digits; what cannot be said is not written.
+    #[test]
+    fn arguments_have_their_limits() {
+        assert_eq!(
+            Command::parse(b"AT+NAME01234567890123456789"),
+            Some(Command::Name(b"01234567890123456789"))
+        );
+        assert_eq!(Command::parse(b"AT+NAME012345678901234567890"), None);
+        assert_eq!(Command::parse(b"AT+PIN123"), None);
+        assert_eq!(Command::parse(b"AT+PIN12a4"), None);
+        assert_eq!(Command::parse(b"AT+BAUD0"), None);
+        assert_eq!(Command::parse(b"AT+BAUD12"), None);
+        let mut out = [0; 60];
+        assert_eq!(Command::Name(&[b'x'; 21]).encode(&mut out), None);
+        assert_eq!(Command::Pin(*b"12a4").encode(&mut out), None);
+        assert_eq!(Command::Baud(9_601).encode(&mut out), None);
+    }
+
+    /// The digits of the sheets, each with its rate.
+    #[test]
+    fn each_digit_is_a_rate() {
+        let digits = *b"123456789ABC";
+        let rates = digits.map(|digit| baud_of(digit).expect("a digit"));
+        assert_eq!(rates[..4], [1_200, 2_400, 4_800, 9_600]);
+        assert_eq!(rates[4..8], [19_200, 38_400, 57_600, 115_200]);
+        assert_eq!(rates[8..], [230_400, 460_800, 921_600, 1_382_400]);
+        assert_eq!(rates.map(|rate| digit_of(rate).expect("a rate")), digits);
+        assert_eq!([b'0', b':', b'@', b'D', b'a'].map(baud_of), [None; 5]);
+    }
+
+    /// T2: names as a scenario spells them.
+    #[test]
+    fn families_have_names() {
+        let names = Family::ALL.map(Family::name);
+        assert_eq!(names, ["linvor-1.8", "hc01-2.0", "3.0-20170609"]);
+    }
+
+    /// Role and LED came with 2.0; 3.0 knows none of these commands.
+    #[test]
+    fn commands_are_known_to_their_families() {
+        let known = |command: Command<'_>| Family::ALL.map(|family| command.is_known_to(family));
+        assert_eq!(known(Command::Attention), [true, true, false]);
+        assert_eq!(known(Command::Name(b"x")), [true, true, false]);
+        assert_eq!(known(Command::Role(Role::Slave)), [false, true, false]);
+        assert_eq!(known(Command::Led(Led::Off)), [false, true, false]);
+    }
 }

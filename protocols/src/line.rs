@@ -124,4 +124,64 @@ mod tests {
         let map = LineConfig::new_8n1(460_800).bytes_time(300 * 300);
         assert_eq!(map, Duration::from_micros(1_953_125));
     }
+
+    /// T1: start, 8 data, parity, 2 stop; start, 5 data, 1 stop.
+    #[test]
+    fn every_bit_of_a_character_is_counted() {
+        let line = |data_bits, parity, stop_bits| LineConfig {
+            baud: 1_000_000,
+            data_bits,
+            parity,
+            stop_bits,
+        };
+        assert_eq!(line(8, Parity::Even, 2).bits_per_byte(), 12);
+        assert_eq!(line(8, Parity::Odd, 1).bits_per_byte(), 11);
+        assert_eq!(line(5, Parity::None, 1).bits_per_byte(), 7);
+        let byte_time = line(8, Parity::Odd, 1).byte_time();
+        assert_eq!(byte_time, Duration::from_micros(11));
+    }
+
+    /// T1: a tenth of a bit over ten bits is 1 %, which is still read; 960 of 96,000.
+    #[test]
+    fn lines_agree_up_to_one_per_cent() {
+        let sender = LineConfig::new_8n1(96_000);
+        let at = |baud| sender.agrees_with(LineConfig::new_8n1(baud));
+        assert!(at(96_000) && at(96_960) && at(95_040));
+        assert!(!at(96_961) && !at(95_039));
+        // The share is of the sender's rate.
+        assert!(!LineConfig::new_8n1(95_040).agrees_with(sender));
+    }
+
+    /// T1: each part of the coding by itself.
+    #[test]
+    fn lines_of_another_coding_never_agree() {
+        let sender = LineConfig::new_8n1(9_600);
+        let others = [
+            LineConfig {
+                data_bits: 7,
+                ..sender
+            },
+            LineConfig {
+                parity: Parity::Even,
+                ..sender
+            },
+            LineConfig {
+                stop_bits: 2,
+                ..sender
+            },
+        ];
+        assert!(sender.agrees_with(sender));
+        assert!(others.iter().all(|&other| !sender.agrees_with(other)));
+    }
+
+    /// Three bytes of 10 us behind one whose successors end at 100 us; 11 bytes behind it would
+    /// have begun before the run.
+    #[test]
+    fn the_end_of_a_byte_follows_from_those_behind_it() {
+        let line = LineConfig::new_8n1(1_000_000);
+        let end = Instant::from_micros(100);
+        assert_eq!(line.byte_end(end, 0), end);
+        assert_eq!(line.byte_end(end, 3), Instant::from_micros(70));
+        assert_eq!(line.byte_end(end, 11), Instant::ZERO);
+    }
 }

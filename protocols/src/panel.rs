@@ -364,4 +364,158 @@ mod tests {
         assert_eq!(frame.pen(), Some(pen));
         assert_eq!(frame.command(), None);
     }
+
+    /// A frame as a decoder of up to `N` bytes gives it.
+    fn decoded<const N: usize>(bytes: &[u8]) -> Result<Frame<N>, FrameError> {
+        let mut decoder = crate::Decoder::<Framing<N>, N>::with_format(Framing);
+        crate::Decode::push(&mut decoder, bytes)
+            .next()
+            .expect("it is complete")
+    }
+
+    /// T2: checksums bit by bit with the polynomial 1021.
+    #[test]
+    fn on_and_off_are_told_apart() {
+        let [on, off] = [ON, OFF].map(encode_switch);
+        assert_eq!(on, [0x7E, 0x29, 0, 0, 0x18, 0x57]);
+        assert_eq!(off, [0x7E, 0x28, 0, 0, 0x2F, 0x67]);
+        let command = |bytes: &[u8]| {
+            decoded::<FRAME_MAX>(bytes).map(|frame| frame.command() == Some(Command::On))
+        };
+        assert_eq!((command(&on), command(&off)), (Ok(true), Ok(false)));
+        let frame = decoded::<FRAME_MAX>(&off).expect("sound");
+        assert_eq!(frame.command(), Some(Command::Off));
+    }
+
+    /// T2: runs are three bytes, pixels two; a switch carries nothing.
+    #[test]
+    fn ragged_payloads_mean_nothing() {
+        let means = |op, len| {
+            let mut frame = [0; 40];
+            let len = seal(&mut frame, op, len).expect("fits");
+            let frame = decoded::<FRAME_MAX>(&frame[..len]).expect("sound");
+            frame.command().is_some()
+        };
+        assert_eq!([8, 11, 14].map(|len| means(RUNS, len)), [true; 3]);
+        assert_eq!([7, 9, 10, 12, 13].map(|len| means(RUNS, len)), [false; 5]);
+        assert_eq!([8, 10, 12].map(|len| means(WRITE, len)), [true; 3]);
+        assert_eq!([7, 9, 11].map(|len| means(WRITE, len)), [false; 3]);
+        assert_eq!([ON, OFF].map(|op| means(op, 0)), [true; 2]);
+        assert_eq!([ON, OFF].map(|op| means(op, 1)), [false; 2]);
+        assert_eq!([ON, OFF].map(|op| means(op, 8)), [false; 2]);
+    }
+
+    /// T2: 4 bytes in front and 2 behind. A buffer that is 1 to 3 bytes short holds nothing.
+    #[test]
+    fn a_frame_needs_all_its_room() {
+        let sealed = |room: usize| seal(&mut [0; 1000][..room], ON, 5);
+        assert_eq!([8, 9, 10, 11].map(sealed), [None, None, None, Some(11)]);
+        let longest = |len| seal(&mut [0; 1000], WRITE, len);
+        assert_eq!(
+            (longest(PAYLOAD_MAX), longest(PAYLOAD_MAX + 1)),
+            (Some(974), None)
+        );
+    }
+
+    /// T2: a row of 480 pixels is the longest that goes out pixel by pixel.
+    #[test]
+    fn pixels_end_with_their_frame() {
+        let row: [u16; 482] = core::array::from_fn(|x| u16::from(x % 2 == 0));
+        let window = |width: u16| Window {
+            columns: [0, width - 1],
+            rows: [0, 0],
+        };
+        let mut frame = [0; 1000];
+        let mut encoded = |width: u16, room: usize| {
+            encode_pixels(
+                window(width),
+                &row[..usize::from(width)],
+                &mut frame[..room],
+            )
+        };
+        assert_eq!(encoded(480, 1000), Some(4 + 8 + 960 + 2));
+        assert_eq!((encoded(480, 974), encoded(480, 973)), (Some(974), None));
+        assert_eq!(encoded(482, 1000), None);
+        let mut counted = [0; 40];
+        assert_eq!(encode_pixels(window(3), &row[..2], &mut counted), None);
+        assert_eq!(encode_pixels(window(2), &row[..3], &mut counted), None);
+    }
+
+    /// T2: 256 equal pixels are runs of 255 and 1. Two runs are as long as three pixels: runs.
+    #[test]
+    fn runs_hold_255_pixels() {
+        let window = |width: u16| Window {
+            columns: [1, width],
+            rows: [5, 5],
+        };
+        let mut frame = [0; 40];
+        let len = encode_pixels(window(256), &[7; 256], &mut frame).expect("fits");
+        assert_eq!((len, frame[1]), (4 + 8 + 6 + 2, RUNS));
+        assert_eq!(frame[12..18], [255, 0, 7, 1, 0, 7]);
+        let len = encode_pixels(window(3), &[7, 7, 9], &mut frame).expect("fits");
+        assert_eq!((len, frame[1]), (20, RUNS));
+        // Too little room for the pixels, which 2 runs do not need.
+        assert_eq!(
+            encode_pixels(window(256), &[7; 256], &mut frame[..20]),
+            Some(20)
+        );
+        assert_eq!(
+            encode_pixels(window(256), &[7; 256], &mut frame[..19]),
+            None
+        );
+    }
+
+    /// T2: a pen report is 11 bytes; one with a byte more is refused by a decoder of 11.
+    #[test]
+    fn a_frame_too_long_for_its_decoder_is_told() {
+        let mut frame = [0; 40];
+        let len = seal(&mut frame, PEN, 5).expect("fits");
+        assert!(decoded::<PEN_LEN>(&frame[..len]).is_ok());
+        let len = seal(&mut frame, PEN, 6).expect("fits");
+        let error = FrameError::Length { max: 5, found: 6 };
+        assert_eq!(decoded::<PEN_LEN>(&frame[..len]), Err(error));
+        assert!(decoded::<FRAME_MAX>(&frame[..len]).is_ok());
+        let error = FrameError::Length {
+            max: 968,
+            found: 969,
+        };
+        let too_long = [START, WRITE, 0x03, 0xC9];
+        assert_eq!(decoded::<FRAME_MAX>(&too_long), Err(error));
+    }
+
+    /// 12 bits a reading; other values of the first byte are neither touch nor lift.
+    #[test]
+    fn a_pen_report_has_its_limits() {
+        let pen = |payload: &[u8]| {
+            let mut frame = [0; 40];
+            frame[HEADER_LEN..HEADER_LEN + payload.len()].copy_from_slice(payload);
+            let len = seal(&mut frame, PEN, payload.len()).expect("fits");
+            decoded::<FRAME_MAX>(&frame[..len]).expect("sound").pen()
+        };
+        let lifted = Pen {
+            contact: Contact::Up,
+            reading: [0x0FFF, 0],
+        };
+        assert_eq!(pen(&[0, 0x0F, 0xFF, 0, 0]), Some(lifted));
+        assert_eq!(pen(&[0, 0x10, 0x00, 0, 0]), None);
+        assert_eq!(pen(&[0, 0, 0, 0x10, 0x00]), None);
+        assert_eq!(pen(&[2, 0, 0, 0, 0]), None);
+        assert_eq!(pen(&[1, 0, 0, 0]), None);
+        let clamped = encode_pen(Pen {
+            reading: [4096, 4095],
+            ..lifted
+        });
+        assert_eq!(clamped[4..9], [0, 0x0F, 0xFF, 0x0F, 0xFF]);
+    }
+
+    /// 3 columns and 2 rows; one place; corners exchanged; all that there is, which saturates.
+    #[test]
+    fn the_area_is_columns_times_rows() {
+        let area = |columns, rows| Window { columns, rows }.area();
+        assert_eq!(area([4, 6], [1, 2]), 6);
+        assert_eq!(area([9, 9], [9, 9]), 1);
+        assert_eq!((area([5, 4], [0, 0]), area([0, 0], [5, 4])), (0, 0));
+        assert_eq!(area([0, 0xFFFF], [0, 0xFFFF]), u32::MAX);
+        assert_eq!(area([0, 0xFFFF], [0, 0xFFFE]), 0xFFFF_0000);
+    }
 }

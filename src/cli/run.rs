@@ -2,6 +2,7 @@ mod exec;
 mod judged;
 
 use core::time::Duration;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -71,6 +72,7 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
         .map(|path| Ok((path, Runnable::read(path)?)));
     let files = files.collect::<Result<Vec<_>, CliError>>()?;
     check(&args)?;
+    check_folders(&args, &files)?;
     let mut show = args.show.start()?;
     let stop = Stop::new(None)?;
     let several = files.len() > 1;
@@ -174,6 +176,32 @@ fn check(args: &RunArgs) -> Result<(), CliError> {
         () => return Ok(()),
     };
     Err(CliError::Usage(wrong.to_owned()))
+}
+
+/// Refuses two runs that would write into the same folder; says which file leaves none.
+fn check_folders(args: &RunArgs, files: &[(&PathBuf, Runnable)]) -> Result<(), CliError> {
+    let mut taken = BTreeMap::new();
+    for (path, file) in files {
+        match file {
+            Runnable::Scenario(scenario) => {
+                let seed = args.seed.unwrap_or(scenario.0.seed);
+                let first = taken.insert((&scenario.0.name, seed), path);
+                if let Some(first) = first {
+                    let (name, first, path) = (&scenario.0.name, first.display(), path.display());
+                    return Err(CliError::Usage(format!(
+                        "{first} and {path} are both \"{name}\" with seed {seed}: the result of one \
+                         would take the place of the other's"
+                    )));
+                }
+            }
+            Runnable::Case(_) if args.out.is_some() && args.program.exec.is_none() => {
+                let path = path.display();
+                eprintln!("{path}: a case of bytes leaves no folder, so --out is not used for it");
+            }
+            Runnable::Case(_) => {}
+        }
+    }
+    Ok(())
 }
 
 /// A file that can be run.

@@ -169,11 +169,22 @@ impl Operator {
         }
     }
 
-    /// The map's cells as they are painted.
+    /// The map's cells as they are held, row by row.
     fn cells(&self) -> &[u8] {
         match &self.program {
-            Program::Fielded(client) => &client.painting().cells,
+            Program::Fielded(client) => client.held().map_or(&[], |held| &held.cells),
             Program::Sound(pc) => pc.map().map_or(&[], |map| &map.pixels),
+        }
+    }
+
+    /// The map as it is painted, its last row first.
+    fn painting(&self) -> Vec<u8> {
+        match &self.program {
+            Program::Fielded(client) => client.painting(),
+            Program::Sound(pc) => {
+                let rows = pc.map().map(|map| map.pixels.chunks(map.width));
+                rows.map_or(Vec::new(), |rows| rows.rev().flatten().copied().collect())
+            }
         }
     }
 
@@ -201,7 +212,7 @@ fn said(pc: &mut Pc, gesture: Gesture) -> Result<Vec<u8>, String> {
 }
 
 /// A frame with the map's properties and the robot's pose.
-fn properties(
+pub(super) fn properties(
     resolution_mm: u8,
     size_mm: [u16; 2],
     position_mm: [i16; 2],

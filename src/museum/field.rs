@@ -76,7 +76,7 @@ pub(super) const ROWS: [Bug; 13] = [
         "F-08",
         MAPPING,
         "pushed by 400 mm at rest, the robot believes to be where it was",
-        "the word of the wheels alone",
+        "a mapper that never searches",
         place::f_08,
     ),
     told(
@@ -90,21 +90,21 @@ pub(super) const ROWS: [Bug; 13] = [
         "F-10",
         "field report, navigation",
         "a robot that follows the walls never comes to what stands free in the room",
-        "exploration in place of waypoints",
+        "exploration that no list of waypoints ends",
         stack::f_10,
     ),
     told(
         "F-11",
         MAPPING,
         "on debris a wheel slips while it counts on: the pose leaves the robot",
-        "the word of the wheels alone",
+        "a mapper that never searches",
         place::f_11,
     ),
     told(
         "F-12",
         PC_LINK,
         "the radio was away for a while: the PC program has to be started again",
-        "a PC program that opens its port once",
+        "the fielded PC program, which opens its port once",
         stack::f_12,
     ),
     Bug {

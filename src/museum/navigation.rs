@@ -2,7 +2,9 @@
 
 use core::time::Duration;
 
-use firmware_core::navigation::Steering;
+use firmware_core::grid::Grid;
+use firmware_core::navigation::{Goal, HALT, Navigator, Settings, Steering, Step, Surroundings};
+use firmware_core::pose::{Point, Pose, sin_cos};
 use protocols::pcui::message::Mode;
 
 use super::frames::{chain, order};
@@ -45,14 +47,49 @@ pub(super) const ROWS: [Bug; 5] = [
     ),
 ];
 
-/// What the program steers at heading `psi`, with a waypoint in the direction `target`.
-fn steer(variant: Variant, id: &str, [psi, target]: [f32; 2]) -> [i8; 2] {
-    let defects = config(variant, id).navigation.defects;
-    if defects.wraps_one_side || defects.counts_turns {
-        Steering::DOCUMENT.towards_psi(psi, target)
-    } else {
-        Steering::DOCUMENT.towards((psi - target).to_radians())
+/// Nothing nearer than three metres, all around.
+fn open_floor() -> Surroundings {
+    Surroundings::of((0..360_u16).map(|degree| {
+        let (sin, cos) = sin_cos(f32::from(degree).to_radians());
+        Point::new(3000.0 * cos, 3000.0 * sin)
+    }))
+}
+
+/// psi is counted clockwise from the negative x axis.
+fn heading(psi_deg: f32) -> f32 {
+    (180.0 - psi_deg).to_radians()
+}
+
+/// What the program steers in the end, with the seed report's steering: its navigator goes through
+/// the headings `psis`, 100 mm on with each, and has a waypoint a metre away in the direction in
+/// which psi would be `target`.
+fn steer(variant: Variant, id: &str, psis: impl Iterator<Item = f32>, target: f32) -> [i8; 2] {
+    let mut navigator = Navigator::new(Settings {
+        steering: Steering::DOCUMENT,
+        ..config(variant, id).navigation
+    });
+    let (map, around) = (Box::new(Grid::new(10.0)), open_floor());
+    let (sin, cos) = sin_cos(heading(target));
+    let mut wheels = HALT;
+    let mut x_mm = 0.0;
+    for psi in psis {
+        x_mm += 100.0;
+        let pose = Pose::new(x_mm, 0.0, heading(psi));
+        let goal = Goal {
+            position: Point::new(x_mm + 1000.0 * cos, 1000.0 * sin),
+            is_last: false,
+        };
+        if let Step::Drive(speeds) = navigator.approach(&map, pose, goal, &around) {
+            wheels = speeds;
+        }
     }
+    wheels
+}
+
+/// The psi of a robot that turns from 90 to `end`, 30 degrees at a time.
+fn turning_to(end: i16) -> impl Iterator<Item = f32> {
+    let steps = (end - 90) / 30;
+    (0..=steps.abs()).map(move |step| f32::from(90 + 30 * step * steps.signum()))
 }
 
 fn note_wheels(seen: &mut Observation, name: &'static str, [left, right]: [i8; 2]) {
@@ -66,16 +103,16 @@ fn note_wheels(seen: &mut Observation, name: &'static str, [left, right]: [i8; 2
 
 fn nv_01(variant: Variant) -> Observation {
     let mut seen = Observation::default();
-    let wheels = steer(variant, "NV-01", [-170.0, 170.0]);
+    let wheels = steer(variant, "NV-01", [-170.0].into_iter(), 170.0);
     note_wheels(&mut seen, "wheels at psi -170 towards 170", wheels);
     seen.judged(wheels == [20, -20])
 }
 
 fn nv_02(variant: Variant) -> Observation {
     let mut seen = Observation::default();
-    let wheels = steer(variant, "NV-02", [810.0, 90.0]);
+    let wheels = steer(variant, "NV-02", turning_to(810), 90.0);
     note_wheels(&mut seen, "wheels at psi 810 towards 90", wheels);
-    let back = steer(variant, "NV-02", [-270.0, 90.0]);
+    let back = steer(variant, "NV-02", turning_to(-270), 90.0);
     note_wheels(&mut seen, "wheels at psi -270 towards 90", back);
     seen.judged(wheels == [-20, 20] && back == [20, -20])
 }

@@ -4,7 +4,7 @@
 use protocols::Instant;
 
 use super::Run;
-use crate::scenario::{Action, Scenario, Span, Step, TapSpec};
+use crate::scenario::{Action, Expect, Scenario, Span, Step, TapSpec};
 
 impl Run {
     /// Lets the PC do `action`, within a millisecond, to which the run goes on. The action becomes
@@ -64,11 +64,23 @@ impl Run {
         Ok(())
     }
 
-    /// The run so far as a scenario that does it again, up to now and no further.
+    /// The run so far as a scenario that does it again, up to now and no further. What the mission
+    /// is to come to is expected only if it was over: a run that is cut short cannot have done it.
     pub fn case_so_far(&self) -> Scenario {
         let mut case = self.case();
         case.duration = Span(self.rig.now() - Instant::ZERO);
         case.mission.to_the_end = true;
+        let [done, wanted] = [self.progress.visits().len(), self.progress.waypoints()];
+        if done < wanted {
+            case.expect = Expect {
+                visit_within_mm: None,
+                return_within_mm: None,
+                settle: None,
+                wall_overlap_min: None,
+                map_received: None,
+                ..case.expect
+            };
+        }
         case
     }
 }
@@ -103,6 +115,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
+    use crate::run::check::{Check, Status};
     use crate::scenario::SetPoint;
 
     fn drive(wheels: [i8; 2]) -> Action {
@@ -154,6 +167,33 @@ mod tests {
         let outcome = again(&case).finish();
         assert_eq!(outcome.trace_hash, run.rig.trace_hash());
         assert_eq!(outcome.ran.as_nanos(), 10_000_000_000);
+    }
+
+    /// U11: a session that is saved two seconds after the start has been nowhere yet. Run again it
+    /// must not fail of that; what holds at any time is still asked for.
+    #[test]
+    fn u11_a_session_saved_early_does_not_fail_of_its_mission() {
+        let mut run = run(
+            "[mission]\nwaypoints_m = [[2.0, 2.0], [1.0, 2.0]]\n[expect]\nvisit_within_mm = 100\n\
+             return_within_mm = 100\nsettle = \"1s\"\nwall_overlap_min = 0.9\n\
+             map_received = true\nviolations_max = 0",
+        );
+        run.go_on_until(Instant::from_secs(2));
+        let case = run.case_so_far();
+        let outcome = again(&case).finish();
+        let names = |status| {
+            let of = outcome
+                .checks
+                .iter()
+                .filter(move |check| check.status == status);
+            of.map(|check| check.name.clone()).collect::<Vec<_>>()
+        };
+        assert_eq!(names(Status::Fail), [""; 0]);
+        assert!(names(Status::Pass).contains(&"violations".to_owned()));
+        // Before it was saved the run would have failed.
+        let failed =
+            |check: &&Check| check.name == "waypoints-visited" && check.status == Status::Fail;
+        assert!(run.judge().checks.iter().any(|check| failed(&check)));
     }
 
     /// Taps of the scenario and by hand, also faster than a finger can: done again to the byte.

@@ -45,6 +45,7 @@ impl core::str::FromStr for Span {
                 "\"{text}\" is no time, expected a number with its unit such as \"90s\" or \"200ms\""
             )
         };
+        let too_long = || format!("\"{text}\" is too long, expected a week at most");
         let text = text.trim();
         let split = text
             .find(|c: char| c.is_ascii_alphabetic())
@@ -60,18 +61,16 @@ impl core::str::FromStr for Span {
             return total
                 .filter(|&total| total <= MAX)
                 .map(Self)
-                .ok_or_else(error);
+                .ok_or_else(too_long);
         }
         let plain = number.bytes().all(|b| b.is_ascii_digit() || b == b'.');
-        let total = number
-            .parse::<f64>()
-            .ok()
-            .filter(|_| plain)
-            .and_then(|n| Duration::try_from_secs_f64(n * (nanos as f64 / 1e9)).ok());
+        let count = number.parse::<f64>().ok().filter(|_| plain);
+        let seconds = count.ok_or_else(error)? * (nanos as f64 / 1e9);
+        let total = Duration::try_from_secs_f64(seconds).ok();
         total
             .filter(|&total| total <= MAX)
             .map(Self)
-            .ok_or_else(error)
+            .ok_or_else(too_long)
     }
 }
 
@@ -150,6 +149,29 @@ mod tests {
         assert!(nanos("infs").is_err());
         assert!(nanos("9999999h").is_err());
         assert!(nanos("5 parsecs").is_err());
+    }
+
+    /// U10: seven days are 604,800 s. What is longer says so; what is no number does not.
+    #[test]
+    fn u10_a_span_beyond_a_week_names_its_limit() {
+        let read = |text: &str| text.parse::<Span>();
+        assert_eq!(read("604800s"), Ok(Span(MAX)));
+        assert_eq!(read("604800.0s"), Ok(Span(MAX)));
+        for text in [
+            "604801s",
+            "604800.1s",
+            "1000000000000000000s",
+            "9999999999.5h",
+        ] {
+            let error = read(text).expect_err(text);
+            assert!(
+                error.ends_with("is too long, expected a week at most"),
+                "{error}"
+            );
+        }
+        for text in ["1e18s", "90", "5 parsecs", "..s"] {
+            assert!(read(text).expect_err(text).contains("is no time"), "{text}");
+        }
     }
 
     #[test]

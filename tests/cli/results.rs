@@ -1,6 +1,6 @@
 //! What a run leaves behind, and what its exit code says.
 
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 use hilrig::picture::Picture;
 
@@ -167,4 +167,66 @@ fn unknown_stays_unknown_in_the_ros_map() {
     let corner = map.get(299, 299).expect("inside");
     let occupancy = f64::from(255 - corner) / 255.0;
     assert!(occupancy > 0.196 && occupancy < 0.65, "{corner}");
+}
+
+/// U4: a reader who has seen enough, such as `head -1`, ends no command and no panic is told. The
+/// pipe is closed before anything is written to it, and the exit code is that of the work.
+#[test]
+fn u4_a_reader_who_has_seen_enough_ends_no_command() {
+    let session = Session::new("pipe");
+    session.write("s.toml", &shipped("empty-room"));
+    session.hilrig(&["run", "s.toml", "--out", "out"]);
+    let commands: [&[&str]; 3] = [
+        &["run", "s.toml", "--out", "again"],
+        &["fidelity", "xv11"],
+        &["map", "diff", "out/map.yaml", "out/map.yaml"],
+    ];
+    for arguments in commands {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_hilrig"))
+            .args(arguments)
+            .current_dir(&session.folder)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("starts");
+        drop(child.stdout.take());
+        let output = child.wait_with_output().expect("ends");
+        let told = text(&output.stderr);
+        assert!(!told.contains("panicked"), "{arguments:?}: {told}");
+        assert_eq!(output.status.code(), Some(0), "{arguments:?}: {told}");
+    }
+    let verdict = session.read("again/result.json");
+    assert!(verdict.contains("waypoints-visited"), "{verdict}");
+}
+
+/// U10: one scenario given twice has one folder, and the second result would overwrite the first.
+#[test]
+fn u10_two_runs_never_share_a_folder() {
+    let session = Session::new("twice");
+    session.write("s.toml", &shipped("empty-room"));
+    let output = session.hilrig(&["run", "s.toml", "s.toml", "--out", "dup"]);
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output.stdout));
+    let told = text(&output.stderr);
+    assert!(
+        told.contains("s.toml and s.toml are both \"empty-room\" with seed"),
+        "{told}"
+    );
+    assert!(!session.path("dup").exists());
+}
+
+/// U10: on a full disk, one of 50 kB here, an import leaves what was there before.
+#[test]
+fn u10_an_import_is_whole_or_not_there() {
+    let session = Session::new("torn");
+    session.write("dump.bin", &"x".repeat(200_000));
+    session.write("c.pcapng", "the earlier one");
+    let full = "trap '' XFSZ; ulimit -f 100; \
+        exec \"$0\" import dump.bin --format raw --baud 9600 -o c.pcapng";
+    let mut command = Command::new("sh");
+    command.args(["-c", full, env!("CARGO_BIN_EXE_hilrig")]);
+    let output = command.current_dir(&session.folder).output();
+    let output = output.expect("there is a shell");
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output.stderr));
+    assert_eq!(session.read("c.pcapng"), "the earlier one");
+    assert!(!session.path("c.pcapng.part").exists());
 }

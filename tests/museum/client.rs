@@ -56,9 +56,9 @@ fn clicks_without_a_place_are_sent() {
 fn rows_and_columns_are_lost() {
     assert_figure(
         "UI-09",
-        "cells, row by row",
-        "9, 9, 1, 2, 3, 4, 0, 0",
-        "9, 9, 9, 9, 1, 2, 3, 4",
+        "pixels from the top",
+        "1, 2, 9, 9, 9, 9, 0, 0",
+        "1, 2, 3, 4, 9, 9, 9, 9",
     );
     assert_figure("UI-10", "column 299, not told", "0", "127");
 }

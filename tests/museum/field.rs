@@ -67,7 +67,7 @@ fn a_blackout_makes_the_next_scan_last_a_second() {
 #[test]
 fn a_client_that_opens_its_port_once_stays_alone() {
     let f_12 = shown("F-12");
-    let name = "connected again after the radio is back, ms";
+    let name = "the pose shown is true again after, ms";
     assert_eq!(figure(&f_12.defective, name), "never");
     let after: u32 = figure(&f_12.sound, name).parse().expect("milliseconds");
     assert!(after <= 2000, "{after}");

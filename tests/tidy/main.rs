@@ -4,5 +4,6 @@
 mod crates;
 mod data;
 mod files;
+mod findings;
 mod rooms;
 mod text;

@@ -797,3 +797,54 @@ fn a_line_end_becomes_part_of_the_name() {
     assert_eq!(bench.radio.settings().name, b"bot\r\n");
     assert_eq!(bench.violations(), ["line-end-after-command"]);
 }
+
+/// T3: the fault by its name is the lost radio: nothing goes over, what fits the FIFO of 700 bytes
+/// arrives once it ends, and nobody was disconnected within the 20 s.
+#[test]
+fn out_of_reach_begins_and_ends_by_its_name() {
+    let mut bench = Bench::connected(at(BAUD));
+    bench.radio.set_fault(bench.now, "out-of-reach", None, true);
+    assert_eq!(bench.radio.radio(), Radio::Lost);
+    bench.robot_sends(&numbered(700));
+    bench.host_sends(&numbered(10));
+    bench.run_for(5 * SECOND);
+    assert_eq!((bench.host.len(), bench.robot.len()), (0, 0));
+    bench
+        .radio
+        .set_fault(bench.now, "out-of-reach", None, false);
+    assert_eq!(bench.radio.radio(), Radio::InReach);
+    bench.run_for(60 * SECOND);
+    assert_eq!((bench.host.len(), bench.robot.len()), (700, 10));
+    assert_eq!(bench.radio.mode(), Mode::Data);
+}
+
+/// T3: of 1,000 bytes 700 wait, the others are lost, told once and then counted.
+#[test]
+fn an_overflow_is_told_with_its_size() {
+    let mut bench = Bench::connected(at(BAUD));
+    bench.radio.set_fault(bench.now, "out-of-reach", None, true);
+    bench.robot_sends(&numbered(700));
+    assert_eq!(bench.violations(), [""; 0]);
+    bench.robot_sends(&numbered(1));
+    assert_eq!(bench.violations(), ["fifo-overflow"]);
+    let told = bench.events.last().map(|event| event.detail.as_str());
+    assert_eq!(told, Some("a byte was lost: 700 B wait for the radio"));
+    assert_eq!(bench.radio.up().lost, 1);
+}
+
+/// T3: without a carrier the air has nothing to do by itself, and with one again at once.
+#[test]
+fn a_lost_carrier_needs_no_poll() {
+    let mut bench = Bench::connected(at(BAUD));
+    bench.radio.set_fault(bench.now, "out-of-reach", None, true);
+    bench.robot_sends(&numbered(3));
+    bench.run_for(2 * SECOND);
+    // The supervision time is all that is left to wait for.
+    let next = bench.radio.poll_at().expect("the supervision time");
+    assert!(next - bench.now > 17 * SECOND, "{next}");
+    bench
+        .radio
+        .set_fault(bench.now, "out-of-reach", None, false);
+    let next = bench.radio.poll_at().expect("bytes to move");
+    assert!(next - bench.now < SECOND / 10, "{next}");
+}

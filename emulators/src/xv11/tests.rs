@@ -811,3 +811,88 @@ fn a_mount_shifts_and_turns_what_the_sensor_sees() {
     at(&turned, 90, 1155);
     assert_eq!(Mount::turned(0.0, 0.0, 0.0), Mount::default());
 }
+
+/// L7: a square room has its corners at 45 degrees and three times 90 on, which are beams. A dot in
+/// a corner is double in 8 of 71 turns, 113 of 1,000; the four corners of 1,000 turns are 4,000
+/// readings, so 451, +-5 sigma of 20.
+#[test]
+fn l7_a_beam_that_meets_a_corner_is_a_double_dot_in_8_of_71_turns() {
+    let mut bench = plain();
+    bench.skip_to(millis(2_000)).run_to(millis(202_000));
+    let corner = |degree: usize| degree % 90 == 45;
+    let doubles = |wanted: bool| {
+        let readings = bench.readings();
+        let double = |reading| matches!(reading, Reading::Invalid { code: 0x02, .. });
+        let all = readings
+            .iter()
+            .filter(|(degree, _)| corner(*degree) == wanted);
+        all.filter(|(_, reading)| double(*reading)).count()
+    };
+    let in_corners = doubles(true);
+    assert!((350..=550).contains(&in_corners), "{in_corners}");
+    assert_eq!(doubles(false), 0);
+}
+
+/// T4: at 300 rpm a tooth takes 13.333 ms. The one after a doubled tooth shows the mistake; the one
+/// behind it is not even with the half time that was believed, and fifteen even ones are a turn:
+/// 17 teeth, 226.67 ms.
+#[test]
+fn a_lock_takes_fifteen_even_teeth() {
+    let mut bench = plain();
+    bench.skip_to(millis(2_000));
+    bench.lidar.take_events();
+    bench.lidar.set_fault(millis(2_000), Fault::FalseDoubling);
+    bench.run_to(millis(3_500));
+    let events = bench.lidar.take_events();
+    let times: Vec<_> = events.iter().map(|event| (event.rule, event.at)).collect();
+    let [
+        ("tooth-doubled", doubled),
+        ("encoder-lost", lost),
+        ("locked", locked),
+    ] = times[..]
+    else {
+        panic!("{times:?}");
+    };
+    let micros = |span: Duration| span.as_micros();
+    assert!(
+        micros(lost - doubled).abs_diff(13_333) < 150,
+        "{lost} {doubled}"
+    );
+    assert!(
+        micros(locked - doubled).abs_diff(226_667) < 150,
+        "{locked} {doubled}"
+    );
+}
+
+/// T4: the slots behind a doubled tooth are numbered a tooth too far, and the five up to the second
+/// edge are left out: tooth k begins slot 24 k + 3, so packets go on at 24 (k + 1) + 8, index 2
+/// (mod 6). They show 600 rpm.
+#[test]
+fn after_a_doubled_tooth_slots_are_a_tooth_ahead() {
+    let bench = with(Fault::FalseDoubling);
+    let frames = bench.frames();
+    let measured = |frame: &&Frame| {
+        frame.speed_rpm() > 590.0 && matches!(frame.readings()[0], Reading::Range { .. })
+    };
+    let first = frames.iter().find(measured).expect("a doubled tooth");
+    assert_eq!(first.index() % 6, 2);
+}
+
+/// T4: a tooth that does not come is waited for one and a half tooth times, 20 ms at 300 rpm, and
+/// what was measured last lies at most a tooth before.
+#[test]
+fn a_head_that_stops_is_given_up_after_20_ms() {
+    let mut bench = plain();
+    bench.skip_to(millis(2_000));
+    bench.lidar.take_events();
+    bench.lidar.set_fault(millis(2_000), Fault::Stuck);
+    bench.run_to(millis(2_500));
+    let lost = bench.lidar.take_events()[0].clone();
+    assert_eq!(lost.rule, "encoder-lost");
+    // The last tooth came within 13.4 ms before the head stopped.
+    let after = lost.at - millis(2_000);
+    assert!(
+        after > Duration::from_micros(6_500) && after < Duration::from_micros(20_150),
+        "{after:?}"
+    );
+}

@@ -271,3 +271,25 @@ proptest! {
         prop_assert!(frames <= 3 * submitted);
     }
 }
+
+/// T5: what an idle line frees is judged like everything else: a damaged count hid a sound frame of
+/// another register, which is no answer. It is counted, and the request goes out again.
+#[test]
+fn a_frame_that_an_idle_line_frees_must_be_the_answer() {
+    let mut link = asked();
+    link.receive(at(250), &[0xAB, 0x24, 0xFF]);
+    link.receive(at(260), Frame::write(33, &[7; 10], HighFirst).as_bytes());
+    link.tick(at(5_000));
+    assert_eq!(link.take_completion(), None);
+    assert_eq!(link.counters().unsolicited, 1);
+    assert_eq!(sent(&mut link), READ);
+    // The answer itself, hidden in the same way, is taken.
+    link.receive(at(5_100), &[0xAB, 0x24, 0xFF]);
+    link.receive(at(5_110), &REPLY);
+    link.tick(at(10_000));
+    let done = link.take_completion().expect("the answer");
+    assert_eq!(
+        (done.request, matches!(done.outcome, Outcome::Data(_))),
+        (WHEELS, true)
+    );
+}

@@ -150,3 +150,87 @@ fn front_mm(settings: &Settings, around: &Surroundings) -> (f32, f32) {
     }
     nearest
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::navigation::Body;
+    use crate::pose::Point;
+
+    /// The seed report's law; what is ahead counts within 160 + 45 / 2 = 182.5 mm of the middle.
+    const SETTINGS: Settings = {
+        let mut settings = Settings::new(Body {
+            radius_mm: 160.0,
+            clearance_mm: 45.0,
+            tick_mm_s: 11.345,
+            axle_mm: 260.0,
+        });
+        settings.wall = WallFollowing::DOCUMENT;
+        settings
+    };
+
+    fn seen(points: &[(f32, f32)]) -> Surroundings {
+        Surroundings::of(points.iter().map(|&(x, y)| Point::new(x, y)))
+    }
+
+    fn front(points: &[(f32, f32)]) -> (f32, f32) {
+        front_mm(&SETTINGS, &seen(points))
+    }
+
+    /// T5: 3-4-5 triangles. Beside the body's width and behind the robot nothing counts.
+    #[test]
+    fn the_nearest_ahead_is_told_for_each_side() {
+        const NONE: f32 = f32::INFINITY;
+        assert_eq!(front(&[(240.0, 180.0), (400.0, 0.0)]), (300.0, NONE));
+        assert_eq!(front(&[(240.0, -180.0), (400.0, 0.0)]), (400.0, 300.0));
+        assert_eq!(front(&[(240.0, 182.0), (240.0, -183.0)]).1, NONE);
+        assert!(front(&[(240.0, 182.0), (240.0, -183.0)]).0 < 302.0);
+        assert_eq!(front(&[(-50.0, 100.0), (-50.0, -100.0)]), (NONE, NONE));
+        assert_eq!(front(&[(0.0, 100.0), (0.0, -90.0)]), (100.0, 90.0));
+    }
+
+    /// T5: from 300 mm on it turns, away from the nearer side, until 360 mm are free; meanwhile it
+    /// keeps to its side.
+    #[test]
+    fn what_is_near_ahead_is_turned_away_from() {
+        let mut explorer = Explorer::new();
+        let mut turn = |left: f32, right: f32| {
+            explorer.turn_away(&SETTINGS, &seen(&[(left, 0.0), (right, -1.0)]))
+        };
+        assert_eq!(turn(300.0, 500.0), None);
+        assert_eq!(turn(299.0, 500.0), Some([10, -10]));
+        assert_eq!(turn(500.0, 250.0), Some([10, -10]));
+        assert_eq!(turn(359.0, 500.0), Some([10, -10]));
+        assert_eq!(turn(360.0, 500.0), None);
+        assert_eq!(turn(359.0, 500.0), None);
+        assert_eq!(turn(500.0, 290.0), Some([-10, 10]));
+        assert_eq!(turn(200.0, 500.0), Some([-10, 10]));
+        assert_eq!(turn(500.0, 500.0), None);
+    }
+
+    #[test]
+    fn both_sides_alike_turn_to_the_right() {
+        let mut explorer = Explorer::new();
+        let around = seen(&[(240.0, 100.0), (240.0, -100.0)]);
+        assert_eq!(explorer.turn_away(&SETTINGS, &around), Some([10, -10]));
+    }
+
+    /// T5: 360 mm along the beam at 50 degrees are 100 too many: left 10, right 20. Beams within
+    /// three degrees help, others do not, and without a wall it drives straight on.
+    #[test]
+    fn the_beam_at_50_degrees_is_followed() {
+        let step = |degrees: f32, length: f32| {
+            let (sin, cos) = crate::pose::sin_cos(degrees.to_radians());
+            Explorer::new().step(&SETTINGS, &seen(&[(length * cos, length * sin)]))
+        };
+        assert_eq!(
+            [50.0, 47.1, 52.9].map(|degrees| step(degrees, 360.0)),
+            [[10, 20]; 3]
+        );
+        assert_eq!(
+            [46.9, 53.1, -50.0].map(|degrees| step(degrees, 360.0)),
+            [[20, 20]; 3]
+        );
+        assert_eq!(step(50.0, 310.0), [15, 20]);
+    }
+}

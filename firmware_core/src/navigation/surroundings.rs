@@ -136,3 +136,45 @@ impl Surroundings {
             })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BODY: Body = Body {
+        radius_mm: 160.0,
+        clearance_mm: 45.0,
+        tick_mm_s: 11.345,
+        axle_mm: 260.0,
+    };
+
+    /// T5: a post 100 mm beside the way stops a body of 205 mm where the rest of the square over
+    /// 205 is 178.96: 121.04 mm on. 205 mm beside it, it is no longer in the way.
+    #[test]
+    fn a_post_beside_the_way_is_reached_later() {
+        let free = |y| Surroundings::of(core::iter::once(Point::new(300.0, y))).free_mm(&BODY, 0.0);
+        assert!((free(100.0) - 121.04).abs() < 0.01, "{}", free(100.0));
+        assert!((free(-100.0) - 121.04).abs() < 0.01);
+        assert!((free(0.0) - 95.0).abs() < 0.01);
+        assert_eq!((free(204.9) > 290.0, free(204.9) < 300.0), (true, true));
+        assert_eq!((free(205.0), free(-205.0)), (f32::INFINITY, f32::INFINITY));
+    }
+
+    /// T5: with the left wheel at rest the robot turns about it: 226.9 mm on a circle of 260 mm,
+    /// of which the middle does half: 130 sin 0.8727 and 130 (1 - cos 0.8727).
+    #[test]
+    fn an_arc_ends_on_its_circle() {
+        let is_at = |set_point, seconds, [x, y]: [f32; 2]| {
+            let end = arc_end(&BODY, set_point, seconds);
+            (end.x_mm - x).abs() < 0.05 && (end.y_mm - y).abs() < 0.05
+        };
+        assert!(is_at([0, 20], 1.0, [99.59, 46.44]));
+        assert!(is_at([20, 0], 1.0, [99.59, -46.44]));
+        assert!(is_at([20, 20], 0.5, [113.45, 0.0]));
+        assert!(is_at([-20, -20], 0.5, [-113.45, 0.0]));
+        assert!(is_at([10, -10], 1.0, [0.0, 0.0]));
+        assert!(is_at([20, 19], 1.0, [221.16, -4.83]));
+        // With the first wheel slower than the other, half the time is half the way.
+        assert!(is_at([0, 20], 0.0, [0.0, 0.0]));
+    }
+}

@@ -165,3 +165,85 @@ proptest! {
         }
     }
 }
+
+/// T5, NV-01 and NV-02: left = 20 + err / 3, right = 20 - err / 3, each within +-20; an error of
+/// more than 180 degrees, and of that sign only, is brought back by one turn.
+#[test]
+fn the_fielded_law_brings_one_side_back() {
+    let law = |psi, target| Steering::DOCUMENT.towards_psi(psi, target);
+    assert_eq!(law(90.0, 90.0), [20, 20]);
+    assert_eq!(law(90.0, 0.0), [-10, 20]);
+    assert_eq!(law(0.0, 90.0), [20, -10]);
+    assert_eq!(law(180.0, 0.0), [-20, 20]);
+    // 181 becomes -179.
+    assert_eq!(law(181.0, 0.0), [20, -20]);
+    assert_eq!(law(-170.0, 170.0), [20, -20]);
+    assert_eq!(law(170.0, -170.0), [20, 13]);
+    // 720 becomes 360.
+    assert_eq!(law(810.0, 90.0), [-20, 20]);
+}
+
+/// The way that is free around a post 300 mm away at `degrees`, `side` having been taken before.
+/// A body of 205 mm passes it at asin(205 / 300) = 43.1 degrees to either side of it.
+fn around_a_post(degrees: f32, side: f32) -> f32 {
+    let (sin, cos) = sin_cos(degrees.to_radians());
+    let around = Surroundings::of(core::iter::once(Point::new(300.0 * cos, 300.0 * sin)));
+    let mut navigator = Navigator::new(Settings::new(BODY));
+    navigator.side = side;
+    let way = navigator.free_way(&BODY, &around, 0.0, 1000.0);
+    assert_eq!(navigator.side, way.signum());
+    libm::roundf(way.to_degrees())
+}
+
+/// T5: at 10 degrees the post is passed at -33.1 or 53.1, in steps of five: -35 or 55. Who went
+/// left before goes on so, as the right is only 20 better and 40 are asked for.
+#[test]
+fn a_side_once_taken_is_kept_unless_the_other_is_much_better() {
+    assert_eq!(
+        [0.0, -1.0, 1.0].map(|side| around_a_post(10.0, side)),
+        [-35.0, -35.0, 55.0]
+    );
+    assert_eq!(
+        [0.0, 1.0, -1.0].map(|side| around_a_post(-10.0, side)),
+        [35.0, 35.0, -55.0]
+    );
+    // 17 degrees: -26.1 or 60.1, so -30 + 40 or 65; 25 degrees: -18.1 or 68.1, so -20 + 40 or 70.
+    assert_eq!([17.0, 25.0].map(|at| around_a_post(at, 1.0)), [65.0, -20.0]);
+}
+
+/// Nothing in the way forgets the side, and only then; a way shorter than 450 mm needs no more than
+/// its own length.
+#[test]
+fn the_straight_way_is_taken_if_it_is_long_enough() {
+    let around = wall(600.0);
+    let mut navigator = Navigator::new(Settings::new(BODY));
+    navigator.side = 1.0;
+    // 395 mm are free ahead.
+    assert_eq!(navigator.free_way(&BODY, &around, 0.0, 390.0), 0.0);
+    assert_eq!(navigator.side, 0.0);
+    assert_ne!(navigator.free_way(&BODY, &around, 0.0, 1000.0), 0.0);
+    assert_ne!(navigator.side, 0.0);
+}
+
+/// T5: 15 scans without 10 mm of progress, and a goal within 160 mm counts as reached; one farther
+/// away never does.
+#[test]
+fn a_goal_that_comes_no_nearer_is_reached_after_three_seconds() {
+    let map = std::boxed::Box::new(Grid::new(10.0));
+    let around = wall(2000.0);
+    let scans = |distance: f32, step: f32| {
+        let mut navigator = Navigator::new(Settings::new(BODY));
+        let goal = Goal {
+            position: Point::new(distance, 0.0),
+            is_last: true,
+        };
+        let poses = (0..40_u8).map(|scan| Pose::new(f32::from(scan) * step, 0.0, 0.0));
+        let mut steps = poses.map(|pose| navigator.approach(&map, pose, goal, &around));
+        steps.position(|step| step == Step::Arrived)
+    };
+    assert_eq!((scans(160.0, 0.0), scans(161.0, 0.0)), (Some(15), None));
+    assert_eq!((scans(80.0, 0.0), scans(81.0, 0.0)), (Some(0), Some(15)));
+    // 1 mm a scan is 10 mm each ten scans and one more: never stalled, so 150 mm away it drives on
+    // until 80 mm are left, which takes longer than 40 scans.
+    assert_eq!(scans(150.0, 1.0), None);
+}

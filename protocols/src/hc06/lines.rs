@@ -276,4 +276,91 @@ mod tests {
             Some(LineCommand::Uart(line))
         );
     }
+
+    /// T2: every question and order without an argument, with and without a question mark.
+    #[test]
+    fn each_question_has_its_word() {
+        let cases: [(&[u8], LineCommand<'_>); 9] = [
+            (b"AT", LineCommand::Attention),
+            (b"AT+VERSION", LineCommand::Version),
+            (b"AT+NAME", LineCommand::AskName),
+            (b"AT+PSWD", LineCommand::AskPin),
+            (b"AT+UART", LineCommand::AskUart),
+            (b"AT+ROLE", LineCommand::AskRole),
+            (b"AT+ADDR", LineCommand::AskAddress),
+            (b"AT+ORGL", LineCommand::Restore),
+            (b"AT+RESET", LineCommand::Reset),
+        ];
+        for (line, command) in cases {
+            assert_eq!(LineCommand::parse(line), Some(command));
+            let mut out = [0; 40];
+            let len = command.encode(&mut out).expect("fits");
+            assert_eq!((&out[..len - 2], &out[len - 2..len]), (line, &b"\r\n"[..]));
+        }
+        assert_eq!(LineCommand::parse(b"AT+ROLE?"), Some(LineCommand::AskRole));
+        assert_eq!(LineCommand::parse(b"AT+ROLE??"), None);
+        assert_eq!(LineCommand::parse(b"AT+ROLE:1"), None);
+        assert_eq!(LineCommand::parse(b"AT+role"), None);
+    }
+
+    /// T2: two stop bits are 1, parity odd is 1 and even 2; others do not exist.
+    #[test]
+    fn a_line_coding_has_three_figures() {
+        let line = |parity, stop_bits| LineConfig {
+            parity,
+            stop_bits,
+            ..LineConfig::new_8n1(9_600)
+        };
+        let parsed = |bytes| match LineCommand::parse(bytes) {
+            Some(LineCommand::Uart(line)) => Some(line),
+            _ => None,
+        };
+        assert_eq!(parsed(b"AT+UART=9600,1,0"), Some(line(Parity::None, 2)));
+        assert_eq!(parsed(b"AT+UART=9600,0,1"), Some(line(Parity::Odd, 1)));
+        assert_eq!(parsed(b"AT+UART=9600,0,2"), Some(line(Parity::Even, 1)));
+        assert_eq!(parsed(b"AT+UART=9600,2,0"), None);
+        assert_eq!(parsed(b"AT+UART=9600,0,3"), None);
+        assert_eq!(parsed(b"AT+UART=9600,0"), None);
+        assert_reply(
+            LineReply::Uart(line(Parity::Odd, 2)),
+            "+UART:9600,1,1\r\nOK\r\n",
+        );
+        assert_eq!(
+            LineReply::Uart(line(Parity::None, 0)).encode(&mut [0; 40]),
+            None
+        );
+    }
+
+    /// T2: each half of each byte.
+    #[test]
+    fn an_address_is_twelve_digits() {
+        let address = LineReply::Address([0x98, 0xD3, 0x31, 0xF0, 0xA1, 0xB2]);
+        assert_reply(address, "+ADDR:98d3:31:f0a1b2\r\nOK\r\n");
+        let address = LineReply::Address([0x01, 0x23, 0x45, 0x67, 0x8C, 0xEF]);
+        assert_reply(address, "+ADDR:0123:45:678cef\r\nOK\r\n");
+    }
+
+    #[test]
+    fn short_replies_have_their_words() {
+        assert_reply(LineReply::Done, "OK\r\n");
+        assert_reply(LineReply::Unknown, "ERROR:(0)\r\n");
+        assert_reply(LineReply::Name(b"abc"), "+NAME:abc\r\nOK\r\n");
+        assert_reply(LineReply::Role(Role::Slave), "+ROLE:0\r\nOK\r\n");
+        assert_reply(LineReply::Role(Role::Master), "+ROLE:1\r\nOK\r\n");
+    }
+
+    /// A name has 1 to 20 characters and no line end; a PIN is four digits in quotes.
+    #[test]
+    fn settings_have_their_limits() {
+        let parse = LineCommand::parse;
+        assert!(parse(b"AT+NAME=01234567890123456789").is_some());
+        assert_eq!(parse(b"AT+NAME=012345678901234567890"), None);
+        assert_eq!((parse(b"AT+NAME="), parse(b"AT+NAME=a\rb")), (None, None));
+        assert_eq!(parse(b"AT+PSWD=\"12a4\""), None);
+        assert_eq!(parse(b"AT+PSWD=\"123\""), None);
+        assert_eq!(parse(b"AT+PSWD:\"1234\""), None);
+        let mut out = [0; 40];
+        assert_eq!(LineCommand::Name(b"a\nb").encode(&mut out), None);
+        assert_eq!(LineCommand::Pin(*b"12a4").encode(&mut out), None);
+    }
 }

@@ -179,4 +179,17 @@ mod tests {
         assert_eq!(decimal(0, &mut [0; DIGITS_MAX]), b"0");
         assert_eq!(decimal(u32::MAX, &mut [0; DIGITS_MAX]), b"4294967295");
     }
+
+    /// Words of the sheets, family by family.
+    #[test]
+    fn each_reply_has_its_words() {
+        let parities = [Parity::None, Parity::Even, Parity::Odd].map(Reply::Parity);
+        assert_replies(&parities, &Texts::LINVOR, "OK NoneOK EvenOK Odd");
+        assert_replies(&parities, &Texts::HC01, "OK NONEOK EVENOK ODD");
+        let rest = [Led::Off, Led::On].map(Reply::Led);
+        assert_replies(&rest, &Texts::HC01, "LED OFFLED ON");
+        assert_replies(&[Reply::Role(Role::Master)], &Texts::HC01, "OK+ROLE:M");
+        let versions = Family::ALL.map(|family| Texts::of(family).version);
+        assert_eq!(versions, ["OKlinvorV1.8", "hc01.comV2.0", "3.0-20170609"]);
+    }
 }

@@ -466,4 +466,45 @@ mod tests {
         };
         assert_eq!(decoded.message(), Err(error));
     }
+
+    /// T2: 2 bytes and 9 a waypoint: none, one, two.
+    #[test]
+    fn a_list_knows_how_long_it_is() {
+        let lens = [0_u8, 1, 2].map(|count| {
+            let mut payload = [0; 20];
+            payload[0] = count;
+            let list = waypoints(&payload[..2 + 9 * usize::from(count)]).expect("sound");
+            (list.len(), list.is_empty(), list.iter().count())
+        });
+        assert_eq!(lens, [(0, true, 0), (1, false, 1), (2, false, 2)]);
+    }
+
+    /// Modes 0 to 3; 4 is none.
+    #[test]
+    fn each_mode_has_its_number() {
+        let modes = [Mode::Stop, Mode::Exploration, Mode::Manual, Mode::Waypoint];
+        for known in modes {
+            assert_eq!(mode(known as u8), Ok(known));
+        }
+        assert_eq!(mode(4), Err(MessageError::Mode(4)));
+        assert_eq!(mode(255), Err(MessageError::Mode(255)));
+    }
+
+    /// Field-bug catalogue, PU-07: two waypoints as the fielded PC program sent them.
+    #[test]
+    fn a_list_is_written_as_the_fielded_one() {
+        let waypoint = |at, id, previous| Waypoint {
+            position_mm: [at, at],
+            layer: 0,
+            id,
+            previous,
+        };
+        let list = [waypoint(2, 1, -1), waypoint(5, 0, 1)];
+        let mut frame = [0xA5; 64];
+        let len = encode_waypoints(list.into_iter(), &mut frame).expect("fits");
+        let golden = b"PCUI_MSG\x14\x00\x10\x02\x00\x00LWP\x02\x00\
+            \x02\x00\x02\x00\x00\x01\x00\xFF\xFF\x05\x00\x05\x00\x00\x00\x00\x01\x00";
+        assert_eq!(frame[..len], golden[..]);
+        assert_eq!(encode_waypoints(list.into_iter(), &mut frame[..36]), None);
+    }
 }

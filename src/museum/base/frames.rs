@@ -63,14 +63,21 @@ pub(super) fn av_03b(variant: Variant) -> Observation {
     bench.judged(is_refused && applied)
 }
 
-/// `AB 37 81 FF`: to the parser's own data pointer.
+/// `AB 37 81 FF`: to the parser's own data pointer, 02ED. As the last of six bytes it makes that
+/// 02FF, 83 behind the map's 02AC, and the bytes before it are taken from there: those of the
+/// registers 50 to 52, and what 53 and 54 hold themselves, register 50 and count 6 with W.
 pub(super) fn av_03c(variant: Variant) -> Observation {
     let mut bench = Bench::new(variant);
     let reply = bench.write(55, &[0xFF]);
     let accepted = reply == read(55, 0).as_bytes();
     let outcome = if accepted { "acknowledged" } else { "refused" };
     bench.seen.figure("a write behind the registers", outcome);
-    bench.judged(accepted)
+    bench.write(83, &[0xA1, 0xA2, 0xA3, 50, 0x86]);
+    bench.write(50, &[1, 2, 3, 50, 0x86, 0xFF]);
+    let registers = bench.read(50, 3);
+    let told = format!("{registers:02X?}");
+    bench.seen.figure("registers 50 to 52 after 01 02 03", told);
+    bench.judged(accepted && registers == [0xA1, 0xA2, 0xA3])
 }
 
 pub(super) fn av_04(variant: Variant) -> Observation {

@@ -78,15 +78,15 @@ pub(super) fn ui_08(variant: Variant) -> Observation {
     desk.judged(shown.is_none())
 }
 
-/// Four columns and two rows; the second is told.
+/// Four columns and two rows, of which the second is at the top of the screen.
 pub(super) fn ui_09(variant: Variant) -> Observation {
     let mut desk = Operator::new(variant);
     desk.take(&properties(10, [40, 20], [0, 0], 0));
     desk.take(&frame(b"MAP", &[0, 0, 0, 9, 9, 9, 9]));
     desk.receive(&frame(b"MAP", &[0, 1, 0, 1, 2, 3, 4]));
-    let cells = joined(desk.cells());
-    desk.seen.figure("cells, row by row", &cells);
-    desk.judged(cells == "9, 9, 1, 2, 3, 4, 0, 0")
+    let pixels = joined(&desk.painting());
+    desk.seen.figure("pixels from the top", &pixels);
+    desk.judged(pixels == "1, 2, 9, 9, 9, 9, 0, 0")
 }
 
 /// The fielded robot's code of a row: its last pixel is never counted.

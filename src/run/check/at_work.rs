@@ -110,3 +110,56 @@ impl Checker for AtWorkAgain {
         Check::new(name, silent.is_empty() && !lost, detail)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::run::check::Status;
+
+    const fn window(from_s: u64, until_s: u64) -> Window {
+        Window {
+            from: Instant::from_secs(from_s),
+            until: Instant::from_secs(until_s),
+        }
+    }
+
+    /// The verdict on one line of which `quarters` were delivered in the quarters of the second
+    /// half of a warm-up of 8 s, and `more` in the judgement.
+    fn verdict(quarters: [u64; 4], more: u64) -> (Status, String) {
+        let phases = [window(0, 8), window(8, 10), window(10, 12), window(12, 20)];
+        let mut checker = AtWorkAgain::new(phases);
+        let mut sum = 100;
+        checker.delivered[0] = vec![sum];
+        for (seen, count) in checker.delivered[1..].iter_mut().zip(quarters) {
+            sum += count;
+            *seen = vec![sum];
+        }
+        checker.delivered[5] = vec![500];
+        checker.delivered[6] = vec![500 + more];
+        checker.names = vec!["base to-master".to_owned()];
+        checker.was_judged = true;
+        let check = checker.verdict();
+        (check.status, check.detail)
+    }
+
+    /// T6: a quarter is 1 s, in which a busy line carries ten bytes. One with nine in one quarter
+    /// was not busy, so there is nothing to be judged.
+    #[test]
+    fn t6_ten_bytes_a_second_all_the_time_are_busy() {
+        assert_eq!(verdict([10; 4], 1).0, Status::Pass);
+        assert_eq!(
+            verdict([10; 4], 0),
+            (
+                Status::Fail,
+                "silent in the judgement: base to-master".to_owned()
+            )
+        );
+        for quarter in 0..4 {
+            let mut quarters = [10; 4];
+            quarters[quarter] = 9;
+            let (status, detail) = verdict(quarters, 1);
+            assert_eq!(status, Status::Fail);
+            assert!(detail.starts_with("no line was busy"), "{detail}");
+        }
+    }
+}

@@ -8,12 +8,13 @@ use crate::world::{
 };
 use crate::xv11::{Config, MotorSupply, Mount, Profile, Xv11};
 
-/// Corners of the box as the capture shows them: angle in degrees and distance in metres.
+/// Corners of the box as the capture shows them, by straight lines through its walls: angle in
+/// degrees, put right by how unevenly the teeth lie there, and distance in metres.
 const CORNERS: [(f64, f64); 4] = [
-    (56.0, 0.467),
-    (142.4, 0.556),
-    (229.5, 0.605),
-    (309.6, 0.524),
+    (56.22, 0.465),
+    (141.89, 0.547),
+    (229.55, 0.597),
+    (309.12, 0.516),
 ];
 /// Outline of the hand: slanting sides, as (nearly) flat things have that are not held upright.
 const HAND_M: [(f64, f64); 6] = [

@@ -11,24 +11,36 @@ use emulators::pc::CELLS_MAX;
 use protocols::pcui::message::{NO_WAYPOINT, Waypoint};
 use protocols::pcui::{HEADER_LEN, MAGIC, PAYLOAD_MAX, checksum};
 
-/// The map as it is painted.
+/// The map as the program holds it: made when the first size is told, and kept whatever size is
+/// told later.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Painting {
+pub struct Held {
     /// Columns.
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Values row by row, each row as long as there are rows (UI-09); 0 until they are told.
+    /// Values layer by layer and row by row; 0 until they are told.
     pub cells: Vec<u8>,
+}
+
+impl Held {
+    /// Index of a cell; `None` is the exception of a column, a row or a layer that is not there.
+    fn index(&self, layer: usize, x: usize, y: usize) -> Option<usize> {
+        let at = (layer * self.height + y) * self.width + x;
+        (x < self.width && y < self.height && at < self.cells.len()).then_some(at)
+    }
 }
 
 /// The program at its desk.
 #[derive(Clone, Debug, Default)]
 pub struct Client {
-    held: Vec<u8>,
+    pending: Vec<u8>,
     is_deaf: bool,
+    is_left_alone: bool,
     resolution_mm: Option<u8>,
-    painting: Painting,
+    /// Columns and rows as told last.
+    size: [usize; 2],
+    held: Option<Held>,
     pose: Option<[i32; 3]>,
     waypoints: Vec<Waypoint>,
     next_id: i16,
@@ -45,9 +57,35 @@ impl Client {
         self.pose
     }
 
-    /// The map.
-    pub const fn painting(&self) -> &Painting {
-        &self.painting
+    /// The map as it is held, once a size was told.
+    pub const fn held(&self) -> Option<&Held> {
+        self.held.as_ref()
+    }
+
+    /// The picture of the map, as many pixels as the size told last has cells. Rows are painted
+    /// from the top of the screen, which is the map's last row, each as many pixels behind the one
+    /// above as there are rows (UI-09).
+    pub fn painting(&self) -> Vec<u8> {
+        let [width, height] = self.size;
+        let mut pixels = vec![0; width * height];
+        let Some(held) = &self.held else {
+            return pixels;
+        };
+        for (above, y) in (0..height).rev().enumerate() {
+            for x in 0..width {
+                let value = held.index(0, x, y).map(|at| held.cells[at]);
+                if let (Some(pixel), Some(value)) = (pixels.get_mut(above * height + x), value) {
+                    *pixel = value;
+                }
+            }
+        }
+        pixels
+    }
+
+    /// The far end has closed the port: it was opened when the program began, and nothing opens it
+    /// again (F-12).
+    pub const fn closed_by_far_end(&mut self) {
+        self.is_left_alone = true;
     }
 
     /// The waypoints with their numbers.
@@ -65,7 +103,7 @@ impl Client {
     /// Takes bytes of the robot.
     pub fn receive(&mut self, bytes: &[u8]) {
         for &byte in bytes {
-            if self.is_deaf {
+            if self.is_deaf || self.is_left_alone {
                 return;
             }
             let Some((id, payload)) = self.collect(byte) else {
@@ -129,21 +167,21 @@ impl Client {
     /// A frame's id and payload, once `byte` completes it. Only the payload is covered by the sum
     /// (UI-01), and a byte that breaks the start word off cannot begin it anew (UI-08).
     fn collect(&mut self, byte: u8) -> Option<([u8; 3], Vec<u8>)> {
-        if let Some(&expected) = MAGIC.get(self.held.len()) {
+        if let Some(&expected) = MAGIC.get(self.pending.len()) {
             if byte == expected {
-                self.held.push(byte);
+                self.pending.push(byte);
             } else {
-                self.held.clear();
+                self.pending.clear();
             }
             return None;
         }
-        self.held.push(byte);
-        let header: &[u8; HEADER_LEN] = self.held.first_chunk()?;
+        self.pending.push(byte);
+        let header: &[u8; HEADER_LEN] = self.pending.first_chunk()?;
         let len = usize::from(u16::from_le_bytes([header[8], header[9]]));
-        if len <= PAYLOAD_MAX && self.held.len() < HEADER_LEN + len {
+        if len <= PAYLOAD_MAX && self.pending.len() < HEADER_LEN + len {
             return None;
         }
-        let frame = core::mem::take(&mut self.held);
+        let frame = core::mem::take(&mut self.pending);
         let payload = &frame[HEADER_LEN..];
         let sum = u32::from_le_bytes([frame[10], frame[11], frame[12], frame[13]]);
         let is_sound = payload.len() == len && checksum(payload) == sum;
@@ -159,17 +197,17 @@ impl Client {
                 let resolution = byte(0)?;
                 let [width, height] = [word(1)?, word(3)?];
                 let cells = |mm: u16| mm.checked_div(u16::from(resolution)).map(usize::from);
-                self.resize(cells(width)?, cells(height)?)?;
+                self.resize([cells(width)?, cells(height)?], usize::from(byte(5)?))?;
                 self.resolution_mm = Some(resolution);
                 self.pose = Some([word(6)?, word(8)?, word(11)?].map(i32::from));
             }
             b"MAP" => {
-                let y = usize::from(word(1)?);
-                for x in 0..self.painting.width {
-                    *self.cell(x, y)? = byte(3 + x)?;
+                let (layer, y) = (usize::from(byte(0)?), usize::from(word(1)?));
+                for (x, &value) in payload[3..].iter().enumerate() {
+                    *self.cell(layer, x, y)? = value;
                 }
             }
-            b"MAR" => self.read_runs(usize::from(word(1)?), payload)?,
+            b"MAR" => self.read_runs(usize::from(byte(0)?), usize::from(word(1)?), payload)?,
             b"LWP" => {
                 let list = (0..usize::from(word(0)?)).map(|index| {
                     let at = 2 + 9 * index;
@@ -188,40 +226,46 @@ impl Client {
         Some(())
     }
 
-    /// Pairs of count and value, up to the last column but one (UI-10).
-    fn read_runs(&mut self, y: usize, payload: &[u8]) -> Option<()> {
+    /// Pairs of count and value, up to the last column but one (UI-10). The value of a count of 0
+    /// is not looked at.
+    fn read_runs(&mut self, layer: usize, y: usize, payload: &[u8]) -> Option<()> {
         let mut x = 0;
         for pair in payload[3..].chunks(2) {
-            let &[count, value] = pair else { return None };
-            for _ in 0..count {
-                if x + 1 >= self.painting.width {
+            for _ in 0..pair[0] {
+                if x + 1 >= self.size[0] {
                     return Some(());
                 }
-                *self.cell(x, y)? = value;
+                *self.cell(layer, x, y)? = *pair.get(1)?;
                 x += 1;
             }
         }
         Some(())
     }
 
-    fn resize(&mut self, width: usize, height: usize) -> Option<()> {
-        if [self.painting.width, self.painting.height] != [width, height] {
-            if width * height > CELLS_MAX {
+    /// The picture's size, and the map's if it is the first; no memory is an exception as well.
+    fn resize(&mut self, [width, height]: [usize; 2], layers: usize) -> Option<()> {
+        let is_too_large = |cells: usize| cells > CELLS_MAX;
+        if is_too_large(width * height) {
+            return None;
+        }
+        self.size = [width, height];
+        if self.held.is_none() {
+            if is_too_large(width * height * layers) {
                 return None;
             }
-            let cells = vec![0; width * height];
-            self.painting = Painting {
+            self.held = Some(Held {
                 width,
                 height,
-                cells,
-            };
+                cells: vec![0; width * height * layers],
+            });
         }
         Some(())
     }
 
-    fn cell(&mut self, x: usize, y: usize) -> Option<&mut u8> {
-        let at = y * self.painting.height + x;
-        self.painting.cells.get_mut(at)
+    fn cell(&mut self, layer: usize, x: usize, y: usize) -> Option<&mut u8> {
+        let held = self.held.as_mut()?;
+        let at = held.index(layer, x, y)?;
+        held.cells.get_mut(at)
     }
 }
 
@@ -265,10 +309,91 @@ mod tests {
               \x14\x70\x17\x70\x17\x01\xE8\x03\xE8\x03\x00\x5A\x00",
         );
         assert_eq!(client.pose(), Some([1000, 1000, 90]));
-        assert_eq!(
-            (client.painting().width, client.painting().height),
-            (300, 300)
-        );
+        let held = client.held().expect("a size was told");
+        assert_eq!((held.width, held.height), (300, 300));
+    }
+
+    /// A program that was told of `width` x `height` cells of 10 mm in one layer.
+    fn told(width: u16, height: u16) -> Client {
+        let mut client = Client::default();
+        client.size_is(width, height);
+        client
+    }
+
+    impl Client {
+        fn size_is(&mut self, width: u16, height: u16) {
+            let [width, height] = [width, height].map(|cells| (cells * 10).to_le_bytes());
+            let start = [10, width[0], width[1], height[0], height[1], 1];
+            self.hear(b"MPD", &[&start[..], &[0; 7]].concat());
+        }
+
+        fn hear(&mut self, id: &[u8; 3], payload: &[u8]) {
+            let mut frame = [0; FRAME_MAX];
+            frame[HEADER_LEN..HEADER_LEN + payload.len()].copy_from_slice(payload);
+            let len = seal(&mut frame, *id, payload.len()).expect("it fits");
+            self.receive(&frame[..len]);
+        }
+
+        fn cells(&self) -> &[u8] {
+            &self.held().expect("a size was told").cells
+        }
+    }
+
+    /// P5: four columns, two rows. The upper row of the screen is painted at pixel 0, the lower one
+    /// two pixels on instead of four.
+    #[test]
+    fn p5_a_map_that_is_not_square_is_painted_over_itself() {
+        let mut client = told(4, 2);
+        client.hear(b"MAP", &[0, 0, 0, 9, 9, 9, 9]);
+        client.hear(b"MAP", &[0, 1, 0, 1, 2, 3, 4]);
+        assert_eq!(client.painting(), [1, 2, 9, 9, 9, 9, 0, 0]);
+        assert_eq!(client.cells(), [9, 9, 9, 9, 1, 2, 3, 4]);
+    }
+
+    /// P5: as many pixels as the payload has are painted; one more than the row ends the handler,
+    /// as do a layer and a row that are not there.
+    #[test]
+    fn p5_a_plain_row_is_as_long_as_it_is() {
+        let mut client = told(300, 300);
+        client.hear(b"MAP", &[0, 7, 0, 5, 6]);
+        assert_eq!(client.cells()[7 * 300..][..3], [5, 6, 0]);
+        client.hear(b"MAP", &[&[0, 8, 0][..], &[4; 300]].concat());
+        assert_eq!(client.cells()[9 * 300 - 1], 4);
+        assert!(!client.is_deaf());
+        for payload in [
+            &[&[0, 9, 0][..], &[4; 301]].concat()[..],
+            &[1, 9, 0, 4],
+            &[0, 0x2C, 1, 4],
+        ] {
+            let mut client = client.clone();
+            client.hear(b"MAP", payload);
+            assert!(client.is_deaf(), "{:?}", &payload[..4]);
+        }
+        client.hear(b"MAR", &[1, 9, 0, 1, 4]);
+        assert!(client.is_deaf());
+    }
+
+    /// P5: without a pixel to paint, the value that is missing is never looked for.
+    #[test]
+    fn p5_a_coded_row_may_end_in_a_lone_count_of_0() {
+        let mut client = told(4, 4);
+        client.hear(b"MAR", &[0, 1, 0, 2, 8, 0]);
+        assert_eq!(client.cells()[4..8], [8, 8, 0, 0]);
+        assert!(!client.is_deaf());
+        client.hear(b"MAR", &[0, 1, 0, 2, 8, 1]);
+        assert!(client.is_deaf());
+    }
+
+    /// P5: the map is made once. A smaller size told later is painted of the old one's cells.
+    #[test]
+    fn p5_a_second_size_keeps_the_map() {
+        let mut client = told(4, 4);
+        client.hear(b"MAP", &[0, 0, 0, 1, 2, 3, 4]);
+        client.hear(b"MAP", &[0, 1, 0, 5, 6, 7, 8]);
+        client.size_is(2, 2);
+        let held = client.held().expect("a size was told");
+        assert_eq!((held.width, held.height), (4, 4));
+        assert_eq!(client.painting(), [5, 6, 1, 2]);
     }
 
     proptest! {

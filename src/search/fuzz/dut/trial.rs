@@ -10,6 +10,7 @@ use super::session::{Halt, Session};
 use super::speech::{Shape, Speech};
 use crate::codec::wire::{Piece, Stream};
 use crate::realtime::LATE;
+use crate::rig::Logged;
 use crate::run::Run;
 use crate::run::check::Status;
 use crate::scenario::Scenario;
@@ -204,7 +205,8 @@ pub(super) fn judge(
     let counts = |cause: &Cause| {
         (harness.is_strict || !cause.is_about_time()) && !(was_late && cause.may_be_lateness())
     };
-    causes.extend(broken(run).into_iter().filter(counts));
+    let opens: Vec<&str> = known.opens.iter().map(String::as_str).collect();
+    causes.extend(broken(run, &opens).into_iter().filter(counts));
     Ok(TrialOutcome {
         causes,
         said,
@@ -214,10 +216,13 @@ pub(super) fn judge(
     })
 }
 
-/// The rules that were broken, each once, and the checkers that failed.
-fn broken(run: Run) -> Vec<Cause> {
+/// The rules that were broken, each once, and the checkers that failed. A device that cannot be
+/// reached from a port of `opens`, those that the program opened, tells nothing of the program.
+fn broken(run: Run, opens: &[&str]) -> Vec<Cause> {
     let mut causes: Vec<Cause> = Vec::new();
-    for logged in run.rig.events().iter().filter(|one| one.is_violation()) {
+    let events = run.rig.events().iter();
+    let is_its_own = |one: &&Logged| one.is_violation() && run.rig.reaches(opens, &one.source);
+    for logged in events.filter(is_its_own) {
         let cause = Cause::Rule {
             device: logged.source.clone(),
             rule: logged.event.rule.to_owned(),
@@ -237,4 +242,41 @@ fn broken(run: Run) -> Vec<Cause> {
             }),
     );
     causes
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use protocols::Instant;
+
+    use super::*;
+    use crate::robots::{self, Dut, PcEnd};
+    use crate::scenario::Scenario;
+
+    /// Rules that were broken in a run in which nobody is at the ports, as far as a program that
+    /// opened `opens` can be meant.
+    fn rules(opens: &[&str]) -> Vec<String> {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/empty-room.toml");
+        let (scenario, source) = Scenario::read(&path).expect("sound");
+        let wired = robots::wire(&scenario, &source, Dut::External, PcEnd::Scripted);
+        let wired = wired.expect("can be wired");
+        let mut run = Run::with_rig(scenario, wired.rig, wired.instruments);
+        run.go_on_until(Instant::from_secs(30));
+        let rule = |cause| match cause {
+            Cause::Rule { rule, .. } => Some(rule),
+            _ => None,
+        };
+        broken(run, opens).into_iter().filter_map(rule).collect()
+    }
+
+    /// U5: the scenario's PC tells that nobody confirms its waypoints. That is the fault of who
+    /// opened the radio, and of nobody else.
+    #[test]
+    fn u5_a_rule_is_broken_only_by_who_can_reach_its_device() {
+        let rule = "waypoints-not-confirmed".to_owned();
+        assert!(rules(&["radio"]).contains(&rule), "{:?}", rules(&["radio"]));
+        assert_eq!(rules(&["lidar"]), [""; 0]);
+        assert_eq!(rules(&[]), [""; 0]);
+    }
 }

@@ -246,7 +246,7 @@ impl Operator {
     fn row(&self, y: usize) -> Option<&[u8]> {
         let (cells, width) = match &self.program {
             Program::Sound(pc, _) => (&pc.map()?.pixels, pc.map()?.width),
-            Program::Fielded(client) => (&client.painting().cells, client.painting().width),
+            Program::Fielded(client) => (&client.held()?.cells, client.held()?.width),
         };
         cells.get(y * width..(y + 1) * width)
     }

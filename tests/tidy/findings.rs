@@ -1,0 +1,204 @@
+//! What users, attackers and measurements found, and the test that failed before it was mended.
+//!
+//! The numbers are those of the list of findings; comments name them. A finding that is no fault,
+//! or left as it is, has a heading in FIDELITY.md instead.
+
+use crate::files::all;
+
+/// How a finding is kept from coming back.
+enum Kept {
+    /// By these tests.
+    Tests(&'static [&'static str]),
+    /// It is left, for the reason below this heading of FIDELITY.md.
+    Left(&'static str),
+}
+
+use Kept::{Left, Tests};
+
+/// Number, what it was, and how it is kept.
+#[rustfmt::skip]
+const FINDINGS: &[(&str, &str, Kept)] = &[
+    ("U3", "a case of a one-way dump was red for ever, one of a foreign program tested ours", Tests(&[
+        "a_dump_of_one_direction_becomes_a_case_of_its_decoder",
+        "a_case_of_a_foreign_program_says_which_program_it_tests",
+    ])),
+    ("U4", "a closed pipe was a panic", Tests(&["u4_a_reader_who_has_seen_enough_ends_no_command"])),
+    ("U5", "fuzz --exec blamed programs for devices beyond their ports, and for reading slowly", Tests(&[
+        "u5_a_rule_is_broken_only_by_who_can_reach_its_device",
+        "who_reads_slowly_but_steadily_does_not_hang",
+    ])),
+    ("U9", "starts and waypoints at infinity were taken", Tests(&[
+        "a_start_beyond_the_horizon_is_refused", "a_waypoint_beyond_the_horizon_is_refused",
+    ])),
+    ("U10", "results overwritten in silence, torn imports, cut captures, a limit not named", Tests(&[
+        "u10_two_runs_never_share_a_folder", "u10_an_import_is_whole_or_not_there",
+        "u10_a_span_beyond_a_week_names_its_limit",
+        "a_cut_or_broken_capture_is_told_up_to_the_damage",
+        "an_interrupted_run_without_a_program_leaves_its_folder_too",
+    ])),
+    ("U11", "keys on no page, and sessions that always failed if saved early", Tests(&[
+        "every_key_of_the_schema_stands_on_the_page",
+        "u11_a_session_saved_early_does_not_fail_of_its_mission",
+    ])),
+    ("R3", "a campaign lost finished runs, two processes did the same ones", Tests(&[
+        "a_kill_at_any_moment_loses_no_finished_run",
+        "a_second_process_is_refused_until_the_first_is_dead",
+    ])),
+    ("R4", "the robot dithered at a corner", Tests(&[
+        "a_robot_at_a_corner_finds_its_way_round", "a_robot_at_a_corner_leaves_it_behind",
+    ])),
+    ("R6", "it drove off right after its lidar came back", Tests(&[
+        "a_robot_whose_lidar_has_come_back_waits_for_two_further_turns",
+    ])),
+    ("R7", "recordings died of a moved file and overwrote others", Tests(&[
+        "a_file_that_was_moved_away_ends_nothing", "a_rig_that_is_started_again_overwrites_no_capture",
+        "a_file_that_is_there_already_is_not_overwritten", "a_disk_without_room_is_told_at_once",
+    ])),
+    ("R8", "notes beside the ports were written through links", Tests(&[
+        "a_note_is_not_written_through_a_link", "the_record_is_not_written_through_a_link",
+    ])),
+    ("R9", "a day of silence looked like a hang", Tests(&[
+        "a_day_of_silence_in_a_capture_is_played_as_a_minute",
+        "a_day_of_silence_is_played_as_a_minute_and_told",
+    ])),
+    ("R11", "memory, connections and verdicts without bounds", Tests(&[
+        "more_walls_than_a_scene_can_have_are_refused_before_they_are_read",
+        "silent_clients_keep_nobody_out", "foreign_origins_and_hosts_are_refused",
+        "a_full_disk_costs_the_files_and_not_the_verdicts",
+    ])),
+    ("R12", "a replay threw verdicts away, checks passed with nothing to watch", Tests(&[
+        "a_runs_capture_is_replayed_by_the_command",
+    ])),
+    ("L2", "a character of the next header in the boot text", Tests(&[
+        "the_boot_text_ends_where_a_turn_begins",
+    ])),
+    ("L3", "a capture's own blocks were read as the lidar's bytes", Tests(&[
+        "of_a_capture_only_what_the_lidar_sent_is_read",
+    ])),
+    ("L4", "the unfinished tail was in no count", Tests(&[
+        "every_byte_is_in_a_frame_or_outside_also_at_the_end",
+    ])),
+    ("L5", "clients were blamed for the scenario's own PC", Tests(&[
+        "a_client_reaches_what_hangs_on_its_port_and_nothing_else",
+    ])),
+    ("L7", "a corner that a beam meets was nearly always a double dot", Tests(&[
+        "l7_a_beam_that_meets_a_corner_is_a_double_dot_in_8_of_71_turns",
+        "l7_where_a_corner_lies_in_the_dot_decides_how_often_it_is_double",
+    ])),
+    ("P3", "a frame cut at the end was in no count", Tests(&[
+        "every_byte_is_in_a_frame_or_outside_also_at_the_end",
+    ])),
+    ("P4", "exhibits that passed without their defect", Tests(&[
+        "exhibits_read_no_switch_themselves", "every_defect_of_navigation_shows_and_only_with_its_switch",
+        "a_write_takes_its_data_from_where_its_last_byte_points",
+    ])),
+    ("P5", "the model of the fielded PC program differed from it", Tests(&[
+        "p5_a_map_that_is_not_square_is_painted_over_itself", "p5_a_plain_row_is_as_long_as_it_is",
+        "p5_a_coded_row_may_end_in_a_lone_count_of_0", "p5_a_second_size_keeps_the_map",
+    ])),
+    ("P6", "docs of functions without their errors, figures without unit", Left("Docs of items")),
+    ("T1", "conversions of time, parity, and the limit of two rates", Tests(&[
+        "conversions_agree_with_arithmetic_by_hand", "every_bit_of_a_character_is_counted",
+        "lines_agree_up_to_one_per_cent", "lines_of_another_coding_never_agree",
+    ])),
+    ("T2", "words, digits and limits of panel, radio and PC link", Tests(&[
+        "on_and_off_are_told_apart", "ragged_payloads_mean_nothing", "a_frame_needs_all_its_room",
+        "pixels_end_with_their_frame", "a_frame_too_long_for_its_decoder_is_told",
+        "each_question_has_its_word", "an_address_is_twelve_digits", "a_line_coding_has_three_figures",
+        "families_have_names", "a_list_knows_how_long_it_is",
+    ])),
+    ("T3", "the radio out of reach, its overflow; torn reads and mounts of the base", Tests(&[
+        "out_of_reach_begins_and_ends_by_its_name", "an_overflow_is_told_with_its_size",
+        "a_lost_carrier_needs_no_poll", "a_carry_during_the_copy_tears_the_count",
+        "each_sensor_looks_where_its_name_says",
+    ])),
+    ("T4", "late and doubled teeth, edges of the dot", Tests(&[
+        "a_lock_takes_fifteen_even_teeth", "after_a_doubled_tooth_slots_are_a_tooth_ahead",
+        "a_head_that_stops_is_given_up_after_20_ms", "the_dot_on_an_edge_is_what_the_draw_says",
+        "a_dot_that_hardly_touches_is_seen_in_between",
+    ])),
+    ("T5", "the wall law, sides, stalls, arcs, and what an idle line frees", Tests(&[
+        "what_is_near_ahead_is_turned_away_from", "the_nearest_ahead_is_told_for_each_side",
+        "a_side_once_taken_is_kept_unless_the_other_is_much_better",
+        "a_goal_that_comes_no_nearer_is_reached_after_three_seconds",
+        "the_fielded_law_brings_one_side_back", "an_arc_ends_on_its_circle",
+        "a_frame_that_an_idle_line_frees_must_be_the_answer", "a_post_beside_the_way_is_reached_later",
+    ])),
+    ("T6", "the least traffic that counts as busy", Tests(&[
+        "t6_ten_bytes_a_second_all_the_time_are_busy",
+    ])),
+];
+
+/// What of a finding's keeping is not there.
+fn missing(kept: &Kept, sources: &str, fidelity: &str) -> Vec<String> {
+    match kept {
+        Tests(names) => names
+            .iter()
+            .filter(|name| !sources.contains(&format!("fn {name}(")))
+            .map(|name| (*name).to_owned())
+            .collect(),
+        Left(heading) => {
+            let line = format!("## {heading}");
+            let is_there = fidelity.lines().any(|other| other == line);
+            Vec::from_iter((!is_there).then_some(line))
+        }
+    }
+}
+
+#[test]
+fn every_finding_has_its_test_or_its_reason() {
+    let sample = "fn a_test() {}";
+    assert!(missing(&Tests(&["a_test"]), sample, "").is_empty());
+    assert_eq!(missing(&Tests(&["a_test", "gone"]), sample, ""), ["gone"]);
+    assert!(missing(&Left("Why"), sample, "# F\n## Why\n").is_empty());
+    assert_eq!(missing(&Left("Why"), sample, "## Why not\n"), ["## Why"]);
+
+    let sources: String = all(&[".rs"]).into_iter().map(|file| file.text).collect();
+    let pages = all(&["FIDELITY.md"]);
+    for (number, what, kept) in FINDINGS {
+        let gone = missing(kept, &sources, &pages[0].text);
+        assert!(gone.is_empty(), "{number}, {what}: there is no {gone:?}");
+        let is_empty = matches!(kept, Tests([]));
+        assert!(!is_empty && !what.is_empty(), "{number}");
+    }
+    let mut numbers: Vec<_> = FINDINGS.iter().map(|(number, ..)| number).collect();
+    numbers.dedup();
+    assert_eq!(numbers.len(), FINDINGS.len());
+}
+
+/// Where a line of an exhibit reads a switch of the program, which it should only hand on.
+fn reads_switch(line: &str) -> bool {
+    const FIELDS: [&str; 3] = ["defects.", ".defects)", "Defects::FIELDED"];
+    let code = line.trim_start();
+    let is_code = !code.starts_with("//");
+    let after = |field: &str| code.split_once(field).map(|(_, rest)| rest.to_owned());
+    // `if`, `match` and operators look at a value; handing it to a program as a whole does not.
+    let looks = ["if ", "match ", "||", "&&", "!", "=="]
+        .iter()
+        .any(|word| code.contains(word));
+    is_code && looks && FIELDS.iter().any(|field| after(field).is_some())
+}
+
+/// P4: an exhibit that looks at a switch and does by itself what the program would, goes on showing
+/// the defect when the program has lost it.
+#[test]
+fn exhibits_read_no_switch_themselves() {
+    assert!(reads_switch(
+        "    if defects.wraps_one_side || defects.counts_turns {"
+    ));
+    assert!(!reads_switch(
+        "        let defects = config(variant, id).defects.base;"
+    ));
+    let files = all(&[".rs"]);
+    let museum = files
+        .iter()
+        .filter(|file| file.path.starts_with("src/museum/"));
+    let mut looked_at = 0;
+    for file in museum {
+        looked_at += 1;
+        for (number, line) in file.product_lines() {
+            assert!(!reads_switch(line), "{}:{number}: {line}", file.path);
+        }
+    }
+    assert!(looked_at > 10, "{looked_at}");
+}
