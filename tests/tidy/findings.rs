@@ -40,12 +40,24 @@ const FINDINGS: &[(&str, &str, Kept)] = &[
         "every_key_of_the_schema_stands_on_the_page",
         "u11_a_session_saved_early_does_not_fail_of_its_mission",
     ])),
+    ("R1", "all scenarios repeated the same missions in one room", Tests(&[
+        "worlds_are_the_scenarios_own_or_made_up_and_every_mission_can_be_done",
+    ])),
+    ("R2", "minimised cases lost their cause", Tests(&[
+        "encoders_that_stick_stay_to_blame", "a_radio_that_is_cut_for_ever_stays_to_blame",
+        "an_obstacle_in_the_door_stays_to_blame", "a_blinded_lidar_stays_to_blame",
+        "a_drive_that_is_off_stays_to_blame",
+    ])),
     ("R3", "a campaign lost finished runs, two processes did the same ones", Tests(&[
         "a_kill_at_any_moment_loses_no_finished_run",
         "a_second_process_is_refused_until_the_first_is_dead",
     ])),
     ("R4", "the robot dithered at a corner", Tests(&[
         "a_robot_at_a_corner_finds_its_way_round", "a_robot_at_a_corner_leaves_it_behind",
+    ])),
+    ("R5", "a lost pose was never found again", Tests(&[
+        "the_whole_map_is_searched_ever_more_rarely",
+        "an_unseen_motion_is_looked_for_until_a_scan_fits_or_the_world_has_changed",
     ])),
     ("R6", "it drove off right after its lidar came back", Tests(&[
         "a_robot_whose_lidar_has_come_back_waits_for_two_further_turns",
@@ -61,6 +73,9 @@ const FINDINGS: &[(&str, &str, Kept)] = &[
         "a_day_of_silence_in_a_capture_is_played_as_a_minute",
         "a_day_of_silence_is_played_as_a_minute_and_told",
     ])),
+    ("R10", "clients were blamed for a late rig", Tests(&[
+        "a_rig_that_was_stopped_loses_nothing_and_blames_nobody",
+    ])),
     ("R11", "memory, connections and verdicts without bounds", Tests(&[
         "more_walls_than_a_scene_can_have_are_refused_before_they_are_read",
         "silent_clients_keep_nobody_out", "foreign_origins_and_hosts_are_refused",
@@ -68,6 +83,9 @@ const FINDINGS: &[(&str, &str, Kept)] = &[
     ])),
     ("R12", "a replay threw verdicts away, checks passed with nothing to watch", Tests(&[
         "a_runs_capture_is_replayed_by_the_command",
+    ])),
+    ("L1", "lidar clients were blamed for a late rig", Tests(&[
+        "a_rig_that_was_stopped_loses_nothing_and_blames_nobody",
     ])),
     ("L2", "a character of the next header in the boot text", Tests(&[
         "the_boot_text_ends_where_a_turn_begins",
@@ -81,9 +99,19 @@ const FINDINGS: &[(&str, &str, Kept)] = &[
     ("L5", "clients were blamed for the scenario's own PC", Tests(&[
         "a_client_reaches_what_hangs_on_its_port_and_nothing_else",
     ])),
+    ("L6", "a port handed over whole packets only", Tests(&[
+        "a_client_behind_an_adapter_reads_pieces_of_packets",
+        "an_rplidars_turns_do_not_depend_on_where_its_stream_is_cut",
+    ])),
     ("L7", "a corner that a beam meets was nearly always a double dot", Tests(&[
         "l7_a_beam_that_meets_a_corner_is_a_double_dot_in_8_of_71_turns",
         "l7_where_a_corner_lies_in_the_dot_decides_how_often_it_is_double",
+    ])),
+    ("P1", "the fielded PC program could not read its port", Tests(&[
+        "a_pc_program_that_sets_no_rate_reads_every_frame",
+    ])),
+    ("P2", "the PC's port was promised where there is none", Tests(&[
+        "the_table_names_the_pcs_end_only_if_it_is_wanted",
     ])),
     ("P3", "a frame cut at the end was in no count", Tests(&[
         "every_byte_is_in_a_frame_or_outside_also_at_the_end",
