@@ -8,13 +8,23 @@
 #[cfg(feature = "host")]
 extern crate alloc;
 
+#[cfg(feature = "host")]
+pub mod astar;
 pub mod base_link;
+#[cfg(feature = "host")]
+pub mod cell_map;
 pub mod display;
 pub mod fifo;
+#[cfg(feature = "host")]
+pub mod frontier;
 pub mod grid;
 #[cfg(feature = "host")]
 pub mod growing_map;
 pub mod lidar_motor;
+#[cfg(feature = "host")]
+pub mod local_map;
+#[cfg(feature = "host")]
+pub mod localise;
 pub mod map_view;
 mod master;
 pub mod memory;
@@ -23,9 +33,13 @@ pub mod odometry;
 pub mod packets;
 pub mod pc_link;
 pub mod pose;
+#[cfg(feature = "host")]
+pub mod prm;
 pub mod robots;
 pub mod scan;
 pub mod slam;
+#[cfg(feature = "host")]
+pub mod walls;
 pub mod waypoints;
 
 pub use master::{Inspect, Master, Work};

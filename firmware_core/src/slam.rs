@@ -11,7 +11,7 @@ mod effort;
 mod evidence;
 mod matching;
 mod prior;
-mod random;
+pub(crate) mod random;
 mod refine;
 mod relocate;
 mod row;

@@ -1,6 +1,6 @@
 /// The search's random numbers: PCG XSH-RR 64/32, small, and the same everywhere.
 #[derive(Clone, Debug)]
-pub(super) struct Pcg32 {
+pub(crate) struct Pcg32 {
     state: u64,
 }
 
@@ -8,7 +8,7 @@ const MULTIPLIER: u64 = 6_364_136_223_846_793_005;
 const INCREMENT: u64 = 1_442_695_040_888_963_407;
 
 impl Pcg32 {
-    pub(super) const fn new(seed: u64) -> Self {
+    pub(crate) const fn new(seed: u64) -> Self {
         let state = seed
             .wrapping_add(INCREMENT)
             .wrapping_mul(MULTIPLIER)
@@ -31,7 +31,7 @@ impl Pcg32 {
     /// A number below `limit`, or any number if `limit` is 0: what a remainder by zero gives on
     /// the microcontroller, whose division answers 0.
     #[inline]
-    pub(super) fn below(&mut self, limit: u32) -> u32 {
+    pub(crate) fn below(&mut self, limit: u32) -> u32 {
         let drawn = self.next_u32();
         if limit == 0 {
             drawn >> 1
