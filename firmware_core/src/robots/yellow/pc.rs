@@ -1,18 +1,30 @@
 //! What runs on the PC for the robot: the four functions of its window (reactive drive, mapping,
 //! localisation, navigation), stop and driving by hand, over the telemetry link.
 
+mod atlas;
 mod config;
+mod drive;
+mod explore;
+mod find;
+mod link;
+mod look;
+mod run;
 
 use core::fmt;
 
-use alloc::boxed::Box;
-use alloc::vec::Vec;
+use core::time::Duration;
 
 use protocols::telemetry::{self, message::Telemetry};
 use protocols::{Instant, LineConfig, Port};
 
-pub use config::{Following, Localising, Mapping, NextView, PcConfig, Planning, Sending};
+use atlas::Atlas;
+pub use config::{Following, Mapping, NextView, PcConfig, Planning, Sending};
+use link::{Heard, Link, Tell};
+use run::Run;
 
+pub use crate::localise::{Estimate, Votes};
+
+use crate::growing_map::NotWritten;
 use crate::map_view::MapView;
 use crate::pose::{Point, Pose};
 use crate::{Master, Work};
@@ -131,8 +143,6 @@ impl Failure {
 pub enum Refused {
     /// Something else goes on; it has to be stopped first.
     Busy(Task),
-    /// The robot was not heard yet.
-    NotHeard,
     /// There is no map.
     NoMap,
     /// A number is none.
@@ -143,7 +153,6 @@ impl fmt::Display for Refused {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Busy(task) => write!(f, "still busy: {task:?}"),
-            Self::NotHeard => write!(f, "the robot was not heard yet"),
             Self::NoMap => write!(f, "there is no map"),
             Self::NoNumber => write!(f, "a number is not finite"),
         }
@@ -152,14 +161,25 @@ impl fmt::Display for Refused {
 
 impl core::error::Error for Refused {}
 
+/// How often a task looks after itself, besides at each message.
+const TICK: Duration = Duration::from_millis(50);
+/// A task gives up on a robot that is silent for longer.
+const SILENT_MAX: Duration = Duration::from_secs(10);
+
 /// The PC's program.
 #[derive(Clone, Debug)]
 pub struct PcProgram {
-    config: PcConfig,
+    link: Link,
+    atlas: Atlas,
     task: Option<Task>,
     state: TaskState,
-    heard: Option<(Instant, Box<Telemetry>)>,
-    path: Vec<Point>,
+    run: Option<Run>,
+    /// The pose at the beginning, until the robot has it.
+    start: Option<Pose>,
+    telling: Option<Tell>,
+    /// When the robot was heard last, or the task began.
+    alive: Instant,
+    tick: Option<Instant>,
 }
 
 impl PcProgram {
@@ -169,21 +189,83 @@ impl PcProgram {
     /// A program at its start.
     pub fn new(config: PcConfig) -> Self {
         Self {
-            config,
+            link: Link::new(&config),
+            atlas: Atlas::new(&config),
             task: None,
             state: TaskState::Standby,
-            heard: None,
-            path: Vec::new(),
+            run: None,
+            start: config.start,
+            telling: None,
+            alive: Instant::ZERO,
+            tick: None,
         }
     }
 
-    /// Takes a command.
+    /// Takes a command. A task that needs the robot waits until it is heard.
     ///
     /// # Errors
     /// If it cannot be taken now: nothing changes.
-    pub fn command(&mut self, _now: Instant, _command: PcCommand) -> Result<(), Refused> {
-        let _ = self.config;
-        Err(Refused::NotHeard)
+    pub fn command(&mut self, now: Instant, command: PcCommand) -> Result<(), Refused> {
+        self.check(command)?;
+        if let Some((task, run)) = Run::new(now, &self.link, command) {
+            self.task = Some(task);
+            self.state = TaskState::InProgress;
+            self.run = Some(run);
+            self.alive = now;
+            self.tick = Some(now);
+        } else {
+            self.atlas.clear();
+            if self.run.is_none() {
+                (self.task, self.state) = (None, TaskState::Standby);
+            }
+        }
+        Ok(())
+    }
+
+    fn check(&self, command: PcCommand) -> Result<(), Refused> {
+        let is_sound = match command {
+            PcCommand::Reactive { speed_m_s } => speed_m_s.is_finite(),
+            PcCommand::Manual {
+                linear_m_s,
+                angular_rad_s,
+            } => linear_m_s.is_finite() && angular_rad_s.is_finite(),
+            PcCommand::Navigate {
+                x_m,
+                y_m,
+                heading_rad,
+            } => x_m.is_finite() && y_m.is_finite() && heading_rad.is_none_or(f32::is_finite),
+            PcCommand::SetPose {
+                x_m,
+                y_m,
+                heading_rad,
+            } => x_m.is_finite() && y_m.is_finite() && heading_rad.is_finite(),
+            _ => true,
+        };
+        let busy = self.task.filter(|task| {
+            let is_long = matches!(task, Task::Mapping | Task::Localising | Task::Navigating);
+            is_long && self.run.is_some()
+        });
+        let needs_map = matches!(command, PcCommand::Localise | PcCommand::Navigate { .. });
+        match (is_sound, busy, command) {
+            (false, ..) => Err(Refused::NoNumber),
+            (_, _, PcCommand::Stop) | (_, None, _) => {
+                let is_missing = needs_map && self.atlas.global.view().is_none();
+                if is_missing {
+                    Err(Refused::NoMap)
+                } else {
+                    Ok(())
+                }
+            }
+            (_, Some(task), _) => Err(Refused::Busy(task)),
+        }
+    }
+
+    /// Takes over a map that was saved, of cells of 10 cm.
+    ///
+    /// # Errors
+    /// If it is too large, or lies nowhere: there is no whole map then.
+    pub fn load_map(&mut self, map: &MapView<'_>) -> Result<(), NotWritten> {
+        self.atlas.load(map)
     }
 
     /// The last task.
@@ -200,6 +282,7 @@ impl PcProgram {
     pub const fn status(&self) -> &'static str {
         match self.state {
             TaskState::Standby => "standby",
+            TaskState::InProgress if self.link.is_silent() => "in progress: robot is silent",
             TaskState::InProgress => "in progress",
             TaskState::Done => "done",
             TaskState::Failed(failure) => failure.name(),
@@ -208,52 +291,125 @@ impl PcProgram {
 
     /// What was heard last, and when.
     pub fn telemetry(&self) -> Option<(Instant, &Telemetry)> {
-        self.heard.as_ref().map(|(at, heard)| (*at, &**heard))
+        let heard = self.link.heard();
+        heard.map(|heard| (heard.at, &*heard.message))
     }
 
-    /// Where the robot says that it is, in the map's frame.
+    /// Where the robot says that it is: in the map's frame if it knows.
     pub fn believed_pose(&self) -> Option<Pose> {
-        None
+        self.link.heard().and_then(Heard::pose)
     }
 
-    /// What the last scan showed.
+    /// What the last look showed.
     pub fn local_map(&self) -> Option<MapView<'_>> {
-        None
+        self.atlas.local.as_ref()?.view()
     }
 
     /// All that is known.
     pub fn global_map(&self) -> Option<MapView<'_>> {
-        None
+        self.atlas.global.view()
     }
 
     /// The last roadmap: vertices, edges as pairs of vertices, and the way that was chosen; places
     /// in the map's frame.
     pub fn roadmap(&self) -> (&[Point], &[(usize, usize)], &[Point]) {
-        (&[], &[], &self.path)
+        let Atlas {
+            vertices,
+            edges,
+            way,
+            ..
+        } = &self.atlas;
+        (vertices, edges, way)
     }
 
-    /// Whether the robot was heard once and is no more, for 1 s.
-    pub fn is_silent(&self) -> bool {
-        false
+    /// What the last localisation said, also where places looked alike.
+    pub const fn estimate(&self) -> Option<Estimate> {
+        self.atlas.estimate
+    }
+
+    /// Whether the robot was heard once, but not for 0.9 s.
+    pub const fn is_silent(&self) -> bool {
+        self.link.is_silent()
     }
 
     /// Names every counter with its value, always in the same order.
     pub fn counters(&self, report: &mut dyn FnMut(&'static str, u64)) {
-        report("frames", 0);
+        let counts = self.link.counts;
+        report("frames", counts.frames);
+        report("bad frames", counts.bad_frames);
+        report("bad messages", counts.bad_messages);
+        report("commands", counts.commands);
+        report("requests", counts.requests);
+        report("re-sends", counts.resends);
+        report("lost in queue", counts.lost_in_queue);
+        report("silences", counts.silences);
+        report("views", self.atlas.views);
+        report("ambiguous", self.atlas.ambiguous);
+    }
+
+    /// Does what is due of the task; the robot was heard.
+    fn step(&mut self, now: Instant) -> Result<bool, Failure> {
+        if let Some(heard) = self.link.heard() {
+            self.alive = self.alive.max(heard.at);
+        }
+        if now - self.alive > SILENT_MAX {
+            return Err(Failure::Silent);
+        }
+        if self.link.heard().is_none() {
+            return Ok(false);
+        }
+        if let Some(pose) = self.start.take() {
+            self.telling = Some(Tell::new(&self.link, pose));
+        }
+        if let Some(telling) = &mut self.telling {
+            if !telling.step(now, &mut self.link)? {
+                return Ok(false);
+            }
+            self.telling = None;
+        }
+        match &mut self.run {
+            Some(run) => run.step(now, &mut self.link, &mut self.atlas),
+            None => Ok(false),
+        }
+    }
+
+    /// Whether something is to be done without being asked.
+    const fn is_active(&self) -> bool {
+        self.run.is_some() || self.telling.is_some()
     }
 }
 
 impl Master for PcProgram {
-    fn receive(&mut self, _port: Port, _now: Instant, _bytes: &[u8]) {}
+    fn receive(&mut self, port: Port, now: Instant, bytes: &[u8]) {
+        if port == Self::TELEMETRY {
+            self.link.receive(now, bytes);
+        }
+    }
 
-    fn poll(&mut self, _now: Instant) {}
+    fn poll(&mut self, now: Instant) {
+        if self.is_active() || self.start.is_some() {
+            let outcome = self.step(now);
+            if !matches!(outcome, Ok(false)) {
+                self.telling = None;
+                let ended = outcome.map_or_else(TaskState::Failed, |_| TaskState::Done);
+                if self.run.take().is_some() {
+                    self.state = ended;
+                }
+            }
+        }
+        self.link.poll(now);
+        self.tick = self.is_active().then_some(now + TICK);
+    }
 
-    fn transmit(&mut self, _port: Port, _buf: &mut [u8]) -> usize {
-        0
+    fn transmit(&mut self, port: Port, buf: &mut [u8]) -> usize {
+        if port != Self::TELEMETRY {
+            return 0;
+        }
+        self.link.transmit(buf)
     }
 
     fn poll_at(&self) -> Option<Instant> {
-        None
+        self.tick.into_iter().chain(self.link.poll_at()).min()
     }
 
     fn line_config(&self, _port: Port) -> LineConfig {

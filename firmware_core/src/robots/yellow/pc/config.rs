@@ -3,6 +3,7 @@
 
 use protocols::telemetry::Defects;
 
+use crate::localise::Votes;
 use crate::pose::Pose;
 
 /// Settings of the PC's program; the default is ours in everything but where the course's report is
@@ -27,7 +28,7 @@ pub struct PcConfig {
     /// How goals are followed.
     pub following: Following,
     /// How the robot finds itself on the map.
-    pub localising: Localising,
+    pub votes: Votes,
 }
 
 /// Ways of the fielded program to send commands; all off by default. Source: published client code
@@ -86,15 +87,4 @@ pub enum Following {
     /// The course's: a robot that moved less than 1 cm is told again, for ever; one that stopped
     /// halfway never.
     Moved,
-}
-
-/// How the votes of all angles become one place.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Localising {
-    /// The course's report: votes are added.
-    #[default]
-    Added,
-    /// The fielded program: votes multiply, and the heading is that of the single best match,
-    /// wherever it was.
-    Multiplied,
 }
