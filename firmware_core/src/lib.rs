@@ -9,17 +9,27 @@
 extern crate alloc;
 
 pub mod ackermann;
+#[cfg(feature = "host")]
+pub mod astar;
 pub mod base_link;
+#[cfg(feature = "host")]
+pub mod cell_map;
 #[cfg(feature = "host")]
 pub mod costmap;
 pub mod display;
 pub mod fifo;
+#[cfg(feature = "host")]
+pub mod frontier;
 pub mod grid;
 #[cfg(feature = "host")]
 pub mod growing_map;
 #[cfg(feature = "host")]
 pub mod lattice;
 pub mod lidar_motor;
+#[cfg(feature = "host")]
+pub mod local_map;
+#[cfg(feature = "host")]
+pub mod localise;
 pub mod map_view;
 mod master;
 pub mod memory;
@@ -30,10 +40,14 @@ pub mod packets;
 pub mod particles;
 pub mod pc_link;
 pub mod pose;
+#[cfg(feature = "host")]
+pub mod prm;
 mod random;
 pub mod robots;
 pub mod scan;
 pub mod slam;
+#[cfg(feature = "host")]
+pub mod walls;
 pub mod waypoints;
 
 pub use master::{Inspect, Master, Work};

@@ -2,3 +2,4 @@
 
 pub mod apollo13;
 pub mod rescue;
+pub mod yellow;

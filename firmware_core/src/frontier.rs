@@ -1,0 +1,231 @@
+//! Where to look next, and when everything has been seen. For the part of a robot's program that
+//! runs on a PC; feature `host`.
+//!
+//! The course's report calls a map complete when "all white is enclosed by black". That is: no free
+//! cell that the robot can come near has an unknown neighbour. Such cells are the map's open edges.
+
+use alloc::collections::{BTreeMap, BTreeSet, VecDeque};
+use alloc::vec::Vec;
+
+use crate::cell_map::{Cell, CellMap};
+use crate::grid::{FREE, OBSTACLE, UNKNOWN};
+use crate::pose::sin_cos;
+use crate::prm::{Dice, escape};
+
+/// Fewer cells that hang together are no open edge, but a crack.
+pub const EDGE_CELLS_MIN: usize = 3;
+/// Rays of a view, as in the course's program.
+const RAYS: u16 = 36;
+/// Cells that a ray reaches: 5 m, as far as the lidar counts.
+const REACH: u16 = 50;
+/// Unknown cells that a ray counts: 1.5 m.
+const UNKNOWN_MAX: u32 = 15;
+/// Unknown cells that a cell of the way costs.
+const WAY_WEIGHT: f32 = 2.0;
+
+/// A place to look from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct View {
+    /// Where.
+    pub place: Cell,
+    /// The open edges to be seen from there.
+    pub edges: BTreeSet<Cell>,
+}
+
+/// The open edges that a robot at `start` can come near, as wide as three cells; those of
+/// `given_up` do not count.
+pub fn open_edges(map: &CellMap, start: Cell, given_up: &BTreeSet<Cell>) -> BTreeSet<Cell> {
+    let reach = reach(map, &map.eroded(), start);
+    let is_edge = |cell: &Cell| {
+        let is_open = map.is_free(*cell) && !given_up.contains(cell);
+        is_open && cell.neighbours().any(|near| map.get(near) == UNKNOWN)
+    };
+    let near = reach.keys().flat_map(|cell| cell.block());
+    let mut left: BTreeSet<Cell> = near.filter(is_edge).collect();
+    let mut edges = BTreeSet::new();
+    while let Some(first) = left.pop_first() {
+        let mut edge = alloc::vec![first];
+        let mut at = 0;
+        while let Some(cell) = edge.get(at).copied() {
+            edge.extend(cell.neighbours().filter(|near| left.remove(near)));
+            at += 1;
+        }
+        if edge.len() >= EDGE_CELLS_MIN {
+            edges.extend(edge);
+        }
+    }
+    edges
+}
+
+/// The best place to see what is behind `edges`: much that is unknown, and a short way. `None` if
+/// the robot can go nowhere, or there are no edges.
+pub fn next_view(map: &CellMap, start: Cell, edges: &BTreeSet<Cell>) -> Option<View> {
+    let reach = reach(map, &map.eroded(), start);
+    let scored = reach.iter().filter_map(|(place, way)| {
+        let (unknown, seen) = look(map, *place, edges);
+        let score = unknown as f32 - WAY_WEIGHT * *way as f32;
+        (unknown > 0).then_some((score, *place, seen))
+    });
+    let best = scored.max_by(|one, other| one.0.total_cmp(&other.0));
+    if let Some((_, place, edges)) = best {
+        return Some(View { place, edges });
+    }
+    // No ray hits them: right in front of one.
+    let beside = |cell: &Cell| cell.block().find(|near| reach.contains_key(near));
+    let (edge, place) = edges.iter().find_map(|edge| Some((edge, beside(edge)?)))?;
+    let edges = BTreeSet::from([*edge]);
+    Some(View { place, edges })
+}
+
+/// The course's choice: of a twentieth of the free cells, drawn by chance, the one whose rays meet
+/// most unknown cells, also those behind others. `None` if they meet none: the map counts as
+/// complete.
+pub fn random_view(map: &CellMap, open: &CellMap, dice: &mut Dice) -> Option<Cell> {
+    let free = open.iter().filter(|(_, value)| *value == FREE);
+    let free: Vec<Cell> = free.map(|(cell, _)| cell).collect();
+    let drawn = (0..free.len().div_ceil(20)).map(|_| free[dice.index(free.len())]);
+    let scored = drawn.map(|place| (all_unknown(map, place), place));
+    let best = scored.max_by_key(|(unknown, _)| *unknown);
+    best.filter(|(unknown, _)| *unknown > 0)
+        .map(|(_, place)| place)
+}
+
+/// Cells that the robot's middle can get to, with the steps to there.
+fn reach(map: &CellMap, open: &CellMap, start: Cell) -> BTreeMap<Cell, u32> {
+    let mut reach = BTreeMap::new();
+    let first = escape(map, open, start).and_then(|way| way.last().copied());
+    let mut next: VecDeque<Cell> = first.into_iter().collect();
+    reach.extend(first.map(|cell| (cell, 0)));
+    while let Some(cell) = next.pop_front() {
+        let way = reach[&cell] + 1;
+        for near in cell.edge_neighbours() {
+            if open.is_free(near) && !reach.contains_key(&near) {
+                reach.insert(near, way);
+                next.push_back(near);
+            }
+        }
+    }
+    reach
+}
+
+/// The cells of a ray, the first one beside `place`.
+fn ray(place: Cell, ray: u16) -> impl Iterator<Item = Cell> {
+    let (sin, cos) = sin_cos((f32::from(ray) * 10.0 + 1.0).to_radians());
+    #[expect(clippy::cast_possible_truncation, reason = "at most 50")]
+    let along = |far: u16, part: f32| libm::roundf(f32::from(far) * part) as i32;
+    (1..=REACH).map(move |far| Cell::new(place.x + along(far, cos), place.y + along(far, sin)))
+}
+
+/// How many unknown cells are seen behind `edges` from `place`, and behind which.
+fn look(map: &CellMap, place: Cell, edges: &BTreeSet<Cell>) -> (u32, BTreeSet<Cell>) {
+    let (mut sum, mut seen) = (0, BTreeSet::new());
+    for index in 0..RAYS {
+        let (mut unknown, mut last) = (0, place);
+        for cell in ray(place, index) {
+            match map.get(cell) {
+                FREE if unknown == 0 => last = cell,
+                UNKNOWN if unknown > 0 || edges.contains(&last) => unknown += 1,
+                // Behind the unknown there is nothing to be sure of.
+                _ => break,
+            }
+            if unknown == UNKNOWN_MAX {
+                break;
+            }
+        }
+        if unknown > 0 {
+            seen.insert(last);
+            sum += unknown;
+        }
+    }
+    (sum, seen)
+}
+
+fn all_unknown(map: &CellMap, place: Cell) -> usize {
+    let (width, height) = map.size();
+    let low = map.low();
+    let is_inside = |cell: &Cell| {
+        (0..width).contains(&(cell.x - low.x)) && (0..height).contains(&(cell.y - low.y))
+    };
+    let unknown = (0..RAYS).map(|index| {
+        ray(place, index)
+            .take_while(|cell| is_inside(cell) && map.get(*cell) != OBSTACLE)
+            .filter(|cell| map.get(*cell) == UNKNOWN)
+            .count()
+    });
+    unknown.sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A room of 9 x 9 free cells between walls, with a door of `door` cells in the right one.
+    fn room(door: i32) -> CellMap {
+        let mut map = CellMap::new(100.0, 2, 10_000);
+        for y in 0..=10 {
+            for x in 0..=10 {
+                let is_door = x == 10 && (4..4 + door).contains(&y);
+                let is_wall = [0, 10].contains(&x) || [0, 10].contains(&y);
+                let value = if is_wall && !is_door { OBSTACLE } else { FREE };
+                map.set(Cell::new(x, y), value).expect("fits");
+            }
+        }
+        map
+    }
+
+    const MIDDLE: Cell = Cell::new(5, 5);
+
+    fn edges(map: &CellMap) -> BTreeSet<Cell> {
+        open_edges(map, MIDDLE, &BTreeSet::new())
+    }
+
+    /// B7: fewer than three cells are no open edge.
+    #[test]
+    fn a_room_is_complete_when_white_is_enclosed_by_black() {
+        assert_eq!(edges(&room(0)), BTreeSet::new());
+        assert_eq!(edges(&room(2)), BTreeSet::new());
+        let door: BTreeSet<Cell> = (4..7).map(|y| Cell::new(10, y)).collect();
+        assert_eq!(edges(&room(3)), door);
+        assert_eq!(open_edges(&room(3), MIDDLE, &door), BTreeSet::new());
+    }
+
+    /// Free cells in the corner have two unknown neighbours at most: a crack. In the middle of a wall
+    /// three have one.
+    #[test]
+    fn fewer_than_three_cells_are_a_crack() {
+        let mut map = room(0);
+        for cell in [Cell::new(10, 10), Cell::new(10, 9)] {
+            map.set(cell, UNKNOWN).expect("inside");
+        }
+        assert_eq!(edges(&map), BTreeSet::new());
+        map.set(Cell::new(10, 5), UNKNOWN).expect("inside");
+        let edge: BTreeSet<Cell> = (4..7).map(|y| Cell::new(9, y)).collect();
+        assert_eq!(edges(&map), edge);
+    }
+
+    /// An open edge behind a wall that the robot cannot pass is none of its.
+    #[test]
+    fn what_cannot_be_reached_does_not_count() {
+        let mut map = room(3);
+        for y in 0..=10 {
+            map.set(Cell::new(8, y), OBSTACLE).expect("fits");
+        }
+        assert_eq!(edges(&map), BTreeSet::new());
+        assert_eq!(next_view(&map, MIDDLE, &edges(&map)), None);
+    }
+
+    #[test]
+    fn the_next_view_looks_through_the_door() {
+        let map = room(3);
+        let view = next_view(&map, MIDDLE, &edges(&map)).expect("there is one");
+        assert!(view.place.x >= 5 && !view.edges.is_empty(), "{view:?}");
+        let open = map.eroded();
+        assert!(open.is_free(view.place));
+        // The course's rays find it, too, or draw no cell that sees it.
+        let found = (0..20).filter_map(|seed| random_view(&map, &open, &mut Dice::new(seed)));
+        assert!(found.count() > 0);
+        let closed = room(0);
+        let none = random_view(&closed, &closed.eroded(), &mut Dice::new(1));
+        assert_eq!(none, None);
+    }
+}

@@ -1,0 +1,507 @@
+//! Where on a map a robot stands that sees some walls. For the part of a robot's program that runs
+//! on a PC; feature `host`.
+//!
+//! The walls are laid on the map in each of 360 headings and at each free cell; a place scores by
+//! how many of them fall on walls of the map, less how often a wall of the map stands where the
+//! robot looks through. Only few cells are looked at, those of walls in whole rows, so a map of 128 x 128
+//! cells takes a fraction of a second.
+
+use alloc::vec::Vec;
+use core::f32::consts::TAU;
+
+use crate::cell_map::{Cell, CellMap};
+use crate::grid::{FREE, OBSTACLE};
+use crate::local_map::{CELL_MM, Segment};
+use crate::pose::{Point, Pose, PoseChange, normalised, sin_cos};
+
+/// Headings that are tried, one a degree.
+pub const HEADINGS: usize = 360;
+/// Beyond this ratio of the second best score to the best, the place is not certain.
+pub const AMBIGUOUS_RATIO: f32 = 0.9;
+/// A second place is another one if it lies farther, in cells,
+const APART_CELLS: f32 = 3.0;
+/// or looks elsewhere, in degrees.
+const APART_DEG: usize = 30;
+/// Votes within these degrees of the best one make the heading.
+const MEAN_DEG: usize = 10;
+/// Distance of points that are looked through, mm, and how far before a wall they end.
+const THROUGH_MM: f32 = 200.0;
+const BEFORE_MM: f32 = 200.0;
+/// Walls farther than this are not looked at: the lidar's range, in cells.
+const REACH: i32 = 60;
+/// A place that fits with fewer than one in so many is out of the question already: what it looks
+/// through need not be counted.
+const FEW_PARTS: i32 = 2;
+/// As a score: what fits later, too, fits at least so well.
+const FEW: u8 = 100;
+/// Weight of a wall, and of a cell beside one.
+const ON_WALL: i16 = 2;
+const BESIDE: i16 = 1;
+
+/// How the scores of all headings become one place.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Votes {
+    /// The best score of all wins; the headings that fit there nearly as well make the heading.
+    /// Votes of all headings find half of the places only: most of them are cast for nothing.
+    #[default]
+    Best,
+    /// Each heading votes for its best cell with the score there, and with less for the eight
+    /// around it; votes are added: the course's report.
+    Added,
+    /// As [`Added`](Self::Added), but votes multiply, and the heading is that of the single best
+    /// match, wherever it was: the fielded program.
+    Multiplied,
+}
+
+/// Where the robot may be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate {
+    /// The place of most votes; in the middle of a cell.
+    pub pose: Pose,
+    /// How well it fits, at most 1.
+    pub score: f32,
+    /// The best other place.
+    pub second: Pose,
+    /// How far that is, in cells.
+    pub second_cells: f32,
+    /// Its score as a part of the first one's.
+    pub ratio: f32,
+}
+
+impl Estimate {
+    /// Whether the second place fits nearly as well.
+    pub fn is_ambiguous(&self) -> bool {
+        self.ratio > AMBIGUOUS_RATIO
+    }
+}
+
+/// How well each place and heading fits.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Matches {
+    low: Cell,
+    width: usize,
+    height: usize,
+    /// For each cell its place, if it is free.
+    places: Vec<Option<u32>>,
+    free: Vec<Cell>,
+    /// For each place the scores of all headings; 255 is 1.
+    scores: Vec<u8>,
+}
+
+impl Matches {
+    /// How well `lines`, in the robot's frame, fit everywhere on `map`; `None` if there are no
+    /// lines, or no place is free.
+    pub fn new(map: &CellMap, lines: &[Segment]) -> Option<Self> {
+        let mut matches = Self::of(map)?;
+        let walls = Walls::new(map);
+        let mut sums = alloc::vec![0_i16; matches.width * matches.height];
+        for heading in 0..HEADINGS {
+            let seen = Seen::new(lines, heading);
+            let most = i32::try_from(seen.walls.len()).ok()? * i32::from(ON_WALL);
+            if most == 0 {
+                return None;
+            }
+            sums.fill(0);
+            for cell in &seen.walls {
+                walls.add(*cell, &mut sums, matches.width);
+            }
+            for (place, cell) in matches.free.iter().enumerate() {
+                let mut sum = matches
+                    .index(*cell)
+                    .map_or(0, |index| i32::from(sums[index]));
+                if sum * FEW_PARTS > most {
+                    sum -= walls.crossed(*cell, &seen.through);
+                }
+                let score = (sum * 255 / most).clamp(0, 255);
+                matches.scores[place * HEADINGS + heading] = u8::try_from(score).unwrap_or(0);
+            }
+        }
+        Some(matches)
+    }
+
+    fn of(map: &CellMap) -> Option<Self> {
+        let (width, height) = map.size();
+        let (mut places, mut free) = (Vec::new(), Vec::new());
+        for (cell, value) in map.iter() {
+            let place = u32::try_from(free.len()).ok();
+            places.push(place.filter(|_| value == FREE));
+            if value == FREE {
+                free.push(cell);
+            }
+        }
+        let scores = alloc::vec![0; free.len() * HEADINGS];
+        let matches = Self {
+            low: map.low(),
+            width: usize::try_from(width).ok()?,
+            height: usize::try_from(height).ok()?,
+            places,
+            free,
+            scores,
+        };
+        (!matches.free.is_empty()).then_some(matches)
+    }
+
+    fn index(&self, cell: Cell) -> Option<usize> {
+        let along = |at: i32, low: i32, size: usize| {
+            let along = usize::try_from(at - low).ok();
+            along.filter(|along| *along < size)
+        };
+        let x = along(cell.x, self.low.x, self.width)?;
+        Some(along(cell.y, self.low.y, self.height)? * self.width + x)
+    }
+
+    fn place(&self, cell: Cell) -> Option<usize> {
+        let place = self.places[self.index(cell)?]?;
+        usize::try_from(place).ok()
+    }
+
+    fn score(&self, place: usize, heading: usize) -> u8 {
+        self.scores[place * HEADINGS + heading]
+    }
+
+    /// These matches after the robot moved by `change` and saw what gives `later`: what fits both
+    /// times.
+    #[must_use]
+    pub fn then(&self, change: PoseChange, later: &Self) -> Self {
+        let mut both = later.clone();
+        #[expect(clippy::cast_possible_truncation, reason = "at most 360")]
+        let turn = libm::roundf(change.turn.to_degrees()) as i32;
+        for heading in 0..HEADINGS {
+            let before = turned_by(heading, -turn);
+            let (sin, cos) = sin_cos((before as f32).to_radians());
+            let shift = [
+                cos * change.forward_mm - sin * change.left_mm,
+                sin * change.forward_mm + cos * change.left_mm,
+            ];
+            #[expect(clippy::cast_possible_truncation, reason = "metres")]
+            let [x, y] = shift.map(|mm| libm::roundf(mm / CELL_MM) as i32);
+            for (place, cell) in later.free.iter().enumerate() {
+                let new = later.score(place, heading);
+                let old = match new > FEW {
+                    true => self.best_near(Cell::new(cell.x - x, cell.y - y), before),
+                    false => 0,
+                };
+                let product = u16::from(old) * u16::from(new) / 255;
+                let product = u8::try_from(product).unwrap_or(u8::MAX);
+                both.scores[place * HEADINGS + heading] = product;
+            }
+        }
+        both
+    }
+
+    /// The best score near a place: odometry and rounding are not exact.
+    fn best_near(&self, cell: Cell, heading: usize) -> u8 {
+        let places = cell.block().filter_map(|near| self.place(near));
+        let turns = [-2, 0, 2].map(|turn| turned_by(heading, turn));
+        places
+            .flat_map(|place| turns.map(|heading| self.score(place, heading)))
+            .max()
+            .unwrap_or(0)
+    }
+
+    /// Where the robot is.
+    pub fn estimate(&self, votes: Votes) -> Option<Estimate> {
+        let peaks: Vec<(usize, u8)> = (0..HEADINGS)
+            .map(|heading| {
+                let scored = (0..self.free.len()).map(|place| (place, self.score(place, heading)));
+                scored.fold((0, 0), |best, one| if one.1 > best.1 { one } else { best })
+            })
+            .collect();
+        let best = (0..HEADINGS).max_by_key(|heading| peaks[*heading].1)?;
+        let (winner, heading) = match votes {
+            Votes::Best => {
+                let winner = peaks[best].0;
+                (winner, mean(best, |heading| self.fit(winner, heading)))
+            }
+            Votes::Added => {
+                let winner = self.winner(&peaks, votes);
+                let vote = |heading: usize| self.vote(peaks[heading], winner);
+                let order = |one: &usize, other: &usize| vote(*one).total_cmp(&vote(*other));
+                let best = (0..HEADINGS).max_by(order)?;
+                (winner, mean(best, vote))
+            }
+            Votes::Multiplied => (self.winner(&peaks, votes), (best as f32).to_radians()),
+        };
+        let pose = self.pose(winner, heading);
+        #[expect(clippy::cast_possible_truncation, reason = "at most 360")]
+        #[expect(clippy::cast_sign_loss, reason = "brought above 0")]
+        let degrees = libm::roundf(heading.to_degrees() + 360.0) as usize % HEADINGS;
+        let score = [-1, 0, 1].map(|turn| self.score(winner, turned_by(degrees, turn)));
+        let score = score.into_iter().max()?.max(1);
+        let (second, place, other) = self.second(winner, degrees);
+        Some(Estimate {
+            pose,
+            score: f32::from(score) / 255.0,
+            second: self.pose(place, (other as f32).to_radians()),
+            second_cells: self.free[place].distance(self.free[winner]),
+            ratio: f32::from(second) / f32::from(score),
+        })
+    }
+
+    fn winner(&self, peaks: &[(usize, u8)], votes: Votes) -> usize {
+        let mut belief = alloc::vec![1.0_f32; self.free.len()];
+        for (peak, score) in peaks {
+            let score = f32::from(*score) / 255.0;
+            for cell in self.free[*peak].block() {
+                let vote = score * kernel(self.free[*peak], cell);
+                if let Some(place) = self.place(cell) {
+                    match votes {
+                        Votes::Multiplied => belief[place] *= 1.0 + vote,
+                        _ => belief[place] += vote,
+                    }
+                }
+            }
+        }
+        let order = |one: &usize, other: &usize| belief[*one].total_cmp(&belief[*other]);
+        (0..belief.len()).max_by(order).unwrap_or(0)
+    }
+
+    /// How well a heading fits at a place, such that only the good ones count.
+    fn fit(&self, place: usize, heading: usize) -> f32 {
+        libm::powf(f32::from(self.score(place, heading)) / 255.0, 4.0)
+    }
+
+    /// A heading's vote for `winner`.
+    fn vote(&self, (peak, score): (usize, u8), winner: usize) -> f32 {
+        f32::from(score) * kernel(self.free[peak], self.free[winner])
+    }
+
+    /// The best score, place and heading that are not the winner's.
+    fn second(&self, winner: usize, degrees: usize) -> (u8, usize, usize) {
+        let mut best = (0, winner, degrees);
+        for (place, cell) in self.free.iter().enumerate() {
+            let is_elsewhere = cell.distance(self.free[winner]) > APART_CELLS;
+            for heading in 0..HEADINGS {
+                let score = self.score(place, heading);
+                if score > best.0 && (is_elsewhere || apart(heading, degrees) > APART_DEG) {
+                    best = (score, place, heading);
+                }
+            }
+        }
+        best
+    }
+
+    fn pose(&self, place: usize, heading: f32) -> Pose {
+        let cell = self.free[place];
+        let middle = |along: i32| (along as f32 + 0.5) * CELL_MM;
+        Pose::new(middle(cell.x), middle(cell.y), normalised(heading % TAU))
+    }
+}
+
+/// The circular mean of the headings about the best one, by their weights; not of all, as a square
+/// room gives four bundles.
+fn mean(best: usize, weight: impl Fn(usize) -> f32) -> f32 {
+    let near = (0..HEADINGS).filter(|heading| apart(*heading, best) <= MEAN_DEG);
+    let (sin, cos) = near.fold((0.0, 0.0), |(x, y), heading| {
+        let (sin, cos) = sin_cos((heading as f32).to_radians());
+        (x + sin * weight(heading), y + cos * weight(heading))
+    });
+    libm::atan2f(sin, cos)
+}
+
+/// Weight of a vote for `peak` at `cell`.
+fn kernel(peak: Cell, cell: Cell) -> f32 {
+    match ((peak.x - cell.x).abs(), (peak.y - cell.y).abs()) {
+        (0, 0) => 1.0,
+        (0, 1) | (1, 0) => 0.75,
+        (1, 1) => 0.5,
+        _ => 0.0,
+    }
+}
+
+fn turned_by(heading: usize, degrees: i32) -> usize {
+    let heading = i32::try_from(heading).unwrap_or(0) + degrees;
+    usize::try_from(heading.rem_euclid(360)).unwrap_or(0)
+}
+
+fn apart(one: usize, other: usize) -> usize {
+    let apart = one.abs_diff(other);
+    apart.min(HEADINGS - apart)
+}
+
+/// What a robot in the middle of cell (0, 0) sees: cells of walls, and such as it looks through.
+struct Seen {
+    walls: Vec<Cell>,
+    through: Vec<Cell>,
+}
+
+impl Seen {
+    fn new(lines: &[Segment], heading: usize) -> Self {
+        let robot = Pose::new(0.0, 0.0, (heading as f32).to_radians());
+        let turned = || lines.iter().map(|line| line.to_world(robot));
+        let on_walls = turned().flat_map(|line| line.points(CELL_MM / 4.0));
+        let before = turned().flat_map(|line| line.points(THROUGH_MM));
+        let through = before.flat_map(|target| {
+            let far = target.distance_mm(Point::default());
+            let part = (far - BEFORE_MM).max(0.0) / far.max(1.0);
+            let end = Point::new(target.x_mm * part, target.y_mm * part);
+            Segment::new(Point::default(), end).points(THROUGH_MM)
+        });
+        Self {
+            walls: cells(on_walls),
+            through: cells(through),
+        }
+    }
+}
+
+/// The cells of points, each once.
+fn cells(points: impl Iterator<Item = Point>) -> Vec<Cell> {
+    let along = |mm: f32| libm::floorf(mm / CELL_MM + 0.5);
+    let cell = |point: Point| {
+        let [x, y] = [along(point.x_mm), along(point.y_mm)];
+        let is_near = x.abs() < REACH as f32 && y.abs() < REACH as f32;
+        #[expect(clippy::cast_possible_truncation, reason = "less than 60")]
+        is_near.then(|| Cell::new(x as i32, y as i32))
+    };
+    let mut cells: Vec<Cell> = points.filter_map(cell).collect();
+    cells.sort_unstable();
+    cells.dedup();
+    cells
+}
+
+/// The map's walls with nothing around.
+struct Walls {
+    /// A little wider than they are.
+    weights: Vec<i16>,
+    low: Cell,
+    width: usize,
+}
+
+impl Walls {
+    fn new(map: &CellMap) -> Self {
+        let (width, height) = map.size();
+        let size = |cells: i32| usize::try_from(cells + 2 * REACH).unwrap_or(0);
+        let low = map.low();
+        let (width, height) = (size(width), size(height));
+        let mut walls = Self {
+            weights: alloc::vec![0; width * height],
+            low: Cell::new(low.x - REACH, low.y - REACH),
+            width,
+        };
+        for (cell, _) in map.iter().filter(|(_, value)| *value == OBSTACLE) {
+            for near in cell.neighbours() {
+                let at = walls.index(near);
+                walls.weights[at] = walls.weights[at].max(BESIDE);
+            }
+            let at = walls.index(cell);
+            walls.weights[at] = ON_WALL;
+        }
+        walls
+    }
+
+    /// Only for cells nearer to the map than `REACH`.
+    fn index(&self, cell: Cell) -> usize {
+        let along = |at: i32, low: i32| usize::try_from(at - low).unwrap_or(0);
+        along(cell.y, self.low.y) * self.width + along(cell.x, self.low.x)
+    }
+
+    /// Adds the weights at `offset` from each cell of the map to its sum.
+    fn add(&self, offset: Cell, sums: &mut [i16], width: usize) {
+        let first = Cell::new(self.low.x + REACH + offset.x, self.low.y + REACH + offset.y);
+        let first = self.index(first);
+        for (row, sums) in sums.chunks_exact_mut(width).enumerate() {
+            let from = first + row * self.width;
+            for (sum, weight) in sums.iter_mut().zip(&self.weights[from..from + width]) {
+                *sum += weight;
+            }
+        }
+    }
+
+    /// The weights of walls at these offsets from `place`.
+    fn crossed(&self, place: Cell, offsets: &[Cell]) -> i32 {
+        let offsets = offsets.iter();
+        let at = offsets.map(|off| self.index(Cell::new(place.x + off.x, place.y + off.y)));
+        let on_walls = at.filter(|at| self.weights[*at] == ON_WALL).count();
+        i32::try_from(on_walls).unwrap_or(0) * i32::from(ON_WALL)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn room(map: &mut CellMap, low: Cell, width: i32, height: i32) {
+        for y in 0..=height {
+            for x in 0..=width {
+                let is_wall = [0, width].contains(&x) || [0, height].contains(&y);
+                let value = if is_wall { OBSTACLE } else { FREE };
+                map.set(Cell::new(low.x + x, low.y + y), value)
+                    .expect("fits");
+            }
+        }
+    }
+
+    /// The walls of a room of 3 m by 2 m around a robot 1 m from its left and its lower wall, by
+    /// hand; it looks along the longer side.
+    fn walls() -> Vec<Segment> {
+        let corners = [
+            (-1e3, -1e3),
+            (2e3, -1e3),
+            (2e3, 1e3),
+            (-1e3, 1e3),
+            (-1e3, -1e3),
+        ];
+        let corners = corners.map(|(x, y)| Point::new(x, y));
+        corners
+            .windows(2)
+            .map(|pair| Segment::new(pair[0], pair[1]))
+            .collect()
+    }
+
+    /// A room of 3 m by 2 m looks the same turned by half.
+    #[test]
+    fn a_room_that_looks_the_same_both_ways_is_ambiguous() {
+        let mut map = CellMap::new(CELL_MM, 0, 10_000);
+        room(&mut map, Cell::new(5, 5), 30, 20);
+        let matches = Matches::new(&map, &walls()).expect("walls");
+        let estimate = matches.estimate(Votes::Best).expect("places");
+        assert!(estimate.is_ambiguous(), "{estimate:?}");
+        // The walls' cells are 5 and 35, 5 and 25: 1 m from both is cell 15, 15, or turned 25, 15.
+        let turned = [estimate.pose, estimate.second].map(|pose| pose.heading.abs() > 1.5);
+        let places = [estimate.pose, estimate.second].map(|pose| (pose.x_mm, pose.y_mm));
+        let truth = places[usize::from(turned[0])];
+        assert_ne!(turned[0], turned[1]);
+        assert!((truth.0 - 1_550.0).abs() <= 100.0 && (truth.1 - 1_550.0).abs() <= 100.0);
+    }
+
+    /// A robot that knows to be in the left half goes half a metre ahead: of the two places that fit
+    /// then it takes the one that it can have come to.
+    #[test]
+    fn what_was_seen_before_counts() {
+        let mut map = CellMap::new(CELL_MM, 0, 10_000);
+        room(&mut map, Cell::new(5, 5), 30, 20);
+        let mut left = map.clone();
+        for cell in map.iter().map(|(cell, _)| cell).filter(|cell| cell.x > 18) {
+            let value = if map.is_free(cell) { 127 } else { OBSTACLE };
+            left.set(cell, value).expect("inside");
+        }
+        let ahead = Pose::new(500.0, 0.0, 0.0);
+        let from_behind: Vec<_> = walls().iter().map(|wall| wall.to_world(ahead)).collect();
+        let known = Matches::new(&left, &from_behind).expect("walls");
+        let later = Matches::new(&map, &walls()).expect("walls");
+        let change = PoseChange {
+            forward_mm: 500.0,
+            ..PoseChange::NONE
+        };
+        let estimate = known.then(change, &later).estimate(Votes::Best);
+        let estimate = estimate.expect("places");
+        assert!(!estimate.is_ambiguous(), "{estimate:?}");
+        let off = estimate
+            .pose
+            .position()
+            .distance_mm(Point::new(1_550.0, 1_550.0));
+        assert!(
+            off < 150.0 && estimate.pose.heading.abs() < 0.05,
+            "{estimate:?}"
+        );
+    }
+
+    /// A second, smaller room is another place; nothing is seen without lines or free cells.
+    #[test]
+    fn nothing_is_found_where_nothing_is_to_be_seen() {
+        let mut map = CellMap::new(CELL_MM, 0, 10_000);
+        assert_eq!(Matches::new(&map, &walls()), None);
+        room(&mut map, Cell::new(0, 0), 10, 10);
+        assert_eq!(Matches::new(&map, &[]), None);
+    }
+}

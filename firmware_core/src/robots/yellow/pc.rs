@@ -1,0 +1,422 @@
+//! What runs on the PC for the robot: the four functions of its window (reactive drive, mapping,
+//! localisation, navigation), stop and driving by hand, over the telemetry link.
+
+mod atlas;
+mod config;
+mod drive;
+mod explore;
+mod find;
+mod link;
+mod look;
+mod run;
+
+use core::fmt;
+
+use core::time::Duration;
+
+use protocols::telemetry::{self, message::Telemetry};
+use protocols::{Instant, LineConfig, Port};
+
+use atlas::Atlas;
+pub use config::{Following, Mapping, NextView, PcConfig, Planning, Sending};
+use link::{Heard, Link, Tell};
+use run::Run;
+
+pub use crate::localise::{Estimate, Votes};
+
+use crate::growing_map::NotWritten;
+use crate::map_view::MapView;
+use crate::pose::{Point, Pose};
+use crate::{Master, Work};
+
+/// What a person at the PC may ask for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PcCommand {
+    /// The robot drives by its IR sensors.
+    Reactive {
+        /// Nominal speed, m/s.
+        speed_m_s: f32,
+    },
+    /// Whatever goes on ends, and the motors are off.
+    Stop,
+    /// Speeds by hand, until something else is asked for.
+    Manual {
+        /// Ahead, m/s.
+        linear_m_s: f32,
+        /// To the left, rad/s.
+        angular_rad_s: f32,
+    },
+    /// The robot explores until the map is complete; what is known already stays.
+    MapStart,
+    /// The map is forgotten.
+    MapReset,
+    /// The robot finds itself on the map.
+    Localise,
+    /// The robot drives to a place of the map.
+    Navigate {
+        /// Along x, metres.
+        x_m: f32,
+        /// Along y, metres.
+        y_m: f32,
+        /// Where it shall look at the end, radians; `None`: anywhere.
+        heading_rad: Option<f32>,
+    },
+    /// The robot is told where it stands.
+    SetPose {
+        /// Along x, metres.
+        x_m: f32,
+        /// Along y, metres.
+        y_m: f32,
+        /// Heading, radians.
+        heading_rad: f32,
+    },
+}
+
+/// What a command set going.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Task {
+    /// Driving by the IR sensors.
+    Reactive,
+    /// Coming to rest.
+    Stop,
+    /// Driving by hand.
+    Manual,
+    /// Making the map.
+    Mapping,
+    /// Finding itself.
+    Localising,
+    /// Driving to a goal.
+    Navigating,
+    /// Telling the robot its pose.
+    SettingPose,
+}
+
+/// How far the last task is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TaskState {
+    /// None was begun.
+    #[default]
+    Standby,
+    /// It goes on.
+    InProgress,
+    /// It ended well.
+    Done,
+    /// It ended.
+    Failed(Failure),
+}
+
+/// Why a task ended before its time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Failure {
+    /// The robot was not heard for long.
+    Silent,
+    /// The robot did not do what it was told, though told again.
+    NoAnswer,
+    /// No way leads there.
+    NoWay,
+    /// The robot sees no wall.
+    NothingSeen,
+    /// Several places look alike, and no view tells them apart.
+    Ambiguous,
+    /// The map became too large.
+    TooLarge,
+}
+
+impl Failure {
+    /// The state of a task that ended so, as in messages to people.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Silent => "failed: robot is silent",
+            Self::NoAnswer => "failed: robot does not obey",
+            Self::NoWay => "failed: no way leads there",
+            Self::NothingSeen => "failed: no wall in sight",
+            Self::Ambiguous => "failed: places look alike",
+            Self::TooLarge => "failed: map is too large",
+        }
+    }
+}
+
+/// Why a command was not taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Refused {
+    /// Something else goes on; it has to be stopped first.
+    Busy(Task),
+    /// There is no map.
+    NoMap,
+    /// A number is none.
+    NoNumber,
+}
+
+impl fmt::Display for Refused {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Busy(task) => write!(f, "still busy: {task:?}"),
+            Self::NoMap => write!(f, "there is no map"),
+            Self::NoNumber => write!(f, "a number is not finite"),
+        }
+    }
+}
+
+impl core::error::Error for Refused {}
+
+/// How often a task looks after itself, besides at each message.
+const TICK: Duration = Duration::from_millis(50);
+/// A task gives up on a robot that is silent for longer.
+const SILENT_MAX: Duration = Duration::from_secs(10);
+
+/// The PC's program.
+#[derive(Clone, Debug)]
+pub struct PcProgram {
+    link: Link,
+    atlas: Atlas,
+    task: Option<Task>,
+    state: TaskState,
+    run: Option<Run>,
+    /// The pose at the beginning, until the robot has it.
+    start: Option<Pose>,
+    telling: Option<Tell>,
+    /// When the robot was heard last, or the task began.
+    alive: Instant,
+    tick: Option<Instant>,
+}
+
+impl PcProgram {
+    /// The link to the robot, at [`telemetry::BAUD`] 8N1.
+    pub const TELEMETRY: Port = Port(0);
+
+    /// A program at its start.
+    pub fn new(config: PcConfig) -> Self {
+        Self {
+            link: Link::new(&config),
+            atlas: Atlas::new(&config),
+            task: None,
+            state: TaskState::Standby,
+            run: None,
+            start: config.start,
+            telling: None,
+            alive: Instant::ZERO,
+            tick: None,
+        }
+    }
+
+    /// Takes a command. A task that needs the robot waits until it is heard.
+    ///
+    /// # Errors
+    /// If it cannot be taken now: nothing changes.
+    pub fn command(&mut self, now: Instant, command: PcCommand) -> Result<(), Refused> {
+        self.check(command)?;
+        if let Some((task, run)) = Run::new(now, &self.link, command) {
+            self.task = Some(task);
+            self.state = TaskState::InProgress;
+            self.run = Some(run);
+            self.alive = now;
+            self.tick = Some(now);
+        } else {
+            self.atlas.clear();
+            if self.run.is_none() {
+                (self.task, self.state) = (None, TaskState::Standby);
+            }
+        }
+        Ok(())
+    }
+
+    fn check(&self, command: PcCommand) -> Result<(), Refused> {
+        let is_sound = match command {
+            PcCommand::Reactive { speed_m_s } => speed_m_s.is_finite(),
+            PcCommand::Manual {
+                linear_m_s,
+                angular_rad_s,
+            } => linear_m_s.is_finite() && angular_rad_s.is_finite(),
+            PcCommand::Navigate {
+                x_m,
+                y_m,
+                heading_rad,
+            } => x_m.is_finite() && y_m.is_finite() && heading_rad.is_none_or(f32::is_finite),
+            PcCommand::SetPose {
+                x_m,
+                y_m,
+                heading_rad,
+            } => x_m.is_finite() && y_m.is_finite() && heading_rad.is_finite(),
+            _ => true,
+        };
+        let busy = self.task.filter(|task| {
+            let is_long = matches!(task, Task::Mapping | Task::Localising | Task::Navigating);
+            is_long && self.run.is_some()
+        });
+        let needs_map = matches!(command, PcCommand::Localise | PcCommand::Navigate { .. });
+        match (is_sound, busy, command) {
+            (false, ..) => Err(Refused::NoNumber),
+            (_, _, PcCommand::Stop) | (_, None, _) => {
+                let is_missing = needs_map && self.atlas.global.view().is_none();
+                if is_missing {
+                    Err(Refused::NoMap)
+                } else {
+                    Ok(())
+                }
+            }
+            (_, Some(task), _) => Err(Refused::Busy(task)),
+        }
+    }
+
+    /// Takes over a map that was saved, of cells of 10 cm.
+    ///
+    /// # Errors
+    /// If it is too large, or lies nowhere: there is no whole map then.
+    pub fn load_map(&mut self, map: &MapView<'_>) -> Result<(), NotWritten> {
+        self.atlas.load(map)
+    }
+
+    /// The last task.
+    pub const fn task(&self) -> Option<Task> {
+        self.task
+    }
+
+    /// How far it is.
+    pub const fn task_state(&self) -> TaskState {
+        self.state
+    }
+
+    /// How far the last task is, for people.
+    pub const fn status(&self) -> &'static str {
+        match self.state {
+            TaskState::Standby => "standby",
+            TaskState::InProgress if self.link.is_silent() => "in progress: robot is silent",
+            TaskState::InProgress => "in progress",
+            TaskState::Done => "done",
+            TaskState::Failed(failure) => failure.name(),
+        }
+    }
+
+    /// What was heard last, and when.
+    pub fn telemetry(&self) -> Option<(Instant, &Telemetry)> {
+        let heard = self.link.heard();
+        heard.map(|heard| (heard.at, &*heard.message))
+    }
+
+    /// Where the robot says that it is: in the map's frame if it knows.
+    pub fn believed_pose(&self) -> Option<Pose> {
+        self.link.heard().and_then(Heard::pose)
+    }
+
+    /// What the last look showed.
+    pub fn local_map(&self) -> Option<MapView<'_>> {
+        self.atlas.local.as_ref()?.view()
+    }
+
+    /// All that is known.
+    pub fn global_map(&self) -> Option<MapView<'_>> {
+        self.atlas.global.view()
+    }
+
+    /// The last roadmap: vertices, edges as pairs of vertices, and the way that was chosen; places
+    /// in the map's frame.
+    pub fn roadmap(&self) -> (&[Point], &[(usize, usize)], &[Point]) {
+        let Atlas {
+            vertices,
+            edges,
+            way,
+            ..
+        } = &self.atlas;
+        (vertices, edges, way)
+    }
+
+    /// What the last localisation said, also where places looked alike.
+    pub const fn estimate(&self) -> Option<Estimate> {
+        self.atlas.estimate
+    }
+
+    /// Whether the robot was heard once, but not for 0.9 s.
+    pub const fn is_silent(&self) -> bool {
+        self.link.is_silent()
+    }
+
+    /// Names every counter with its value, always in the same order.
+    pub fn counters(&self, report: &mut dyn FnMut(&'static str, u64)) {
+        let counts = self.link.counts;
+        report("frames", counts.frames);
+        report("bad frames", counts.bad_frames);
+        report("bad messages", counts.bad_messages);
+        report("commands", counts.commands);
+        report("requests", counts.requests);
+        report("re-sends", counts.resends);
+        report("lost in queue", counts.lost_in_queue);
+        report("silences", counts.silences);
+        report("views", self.atlas.views);
+        report("ambiguous", self.atlas.ambiguous);
+    }
+
+    /// Does what is due of the task; the robot was heard.
+    fn step(&mut self, now: Instant) -> Result<bool, Failure> {
+        if let Some(heard) = self.link.heard() {
+            self.alive = self.alive.max(heard.at);
+        }
+        if now - self.alive > SILENT_MAX {
+            return Err(Failure::Silent);
+        }
+        if self.link.heard().is_none() {
+            return Ok(false);
+        }
+        if let Some(pose) = self.start.take() {
+            self.telling = Some(Tell::new(&self.link, pose));
+        }
+        if let Some(telling) = &mut self.telling {
+            if !telling.step(now, &mut self.link)? {
+                return Ok(false);
+            }
+            self.telling = None;
+        }
+        match &mut self.run {
+            Some(run) => run.step(now, &mut self.link, &mut self.atlas),
+            None => Ok(false),
+        }
+    }
+
+    /// Whether something is to be done without being asked.
+    const fn is_active(&self) -> bool {
+        self.run.is_some() || self.telling.is_some()
+    }
+}
+
+impl Master for PcProgram {
+    fn receive(&mut self, port: Port, now: Instant, bytes: &[u8]) {
+        if port == Self::TELEMETRY {
+            self.link.receive(now, bytes);
+        }
+    }
+
+    fn poll(&mut self, now: Instant) {
+        if self.is_active() || self.start.is_some() {
+            let outcome = self.step(now);
+            if !matches!(outcome, Ok(false)) {
+                self.telling = None;
+                let ended = outcome.map_or_else(TaskState::Failed, |_| TaskState::Done);
+                if self.run.take().is_some() {
+                    self.state = ended;
+                }
+            }
+        }
+        self.link.poll(now);
+        self.tick = self.is_active().then_some(now + TICK);
+    }
+
+    fn transmit(&mut self, port: Port, buf: &mut [u8]) -> usize {
+        if port != Self::TELEMETRY {
+            return 0;
+        }
+        self.link.transmit(buf)
+    }
+
+    fn poll_at(&self) -> Option<Instant> {
+        self.tick.into_iter().chain(self.link.poll_at()).min()
+    }
+
+    fn line_config(&self, _port: Port) -> LineConfig {
+        LineConfig::new_8n1(telemetry::BAUD)
+    }
+
+    fn take_work(&mut self) -> Work {
+        Work::NONE
+    }
+}

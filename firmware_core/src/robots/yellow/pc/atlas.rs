@@ -1,0 +1,163 @@
+//! What the PC knows of the place: the maps, the walls, and the last roadmap.
+
+use alloc::vec::Vec;
+
+use super::Failure;
+use super::config::{Following, Mapping, NextView, PcConfig, Planning};
+use super::drive::{Drive, Goal};
+use super::link::Sight;
+use crate::cell_map::{Cell, CellMap};
+use crate::frontier;
+use crate::growing_map::NotWritten;
+use crate::local_map::{CELL_MM, local_map};
+use crate::localise::{Estimate, Votes};
+use crate::map_view::MapView;
+use crate::pose::{Point, Pose};
+use crate::prm::{Dice, plan, plan_once};
+use crate::walls::Walls;
+
+/// Cells around what is known.
+const MARGIN: u8 = 2;
+/// The fielded program's: five around each local map, and five each time the map grows.
+const MARGIN_WIDE: u8 = 10;
+/// 102.4 m square.
+const CELLS_MAX: usize = 1_024 * 1_024;
+/// The farthest that a whole number of 10 cm in 8 bits tells, mm.
+const EIGHT_BITS_MM: f32 = 12_700.0;
+
+impl From<NotWritten> for Failure {
+    fn from(_: NotWritten) -> Self {
+        Self::TooLarge
+    }
+}
+
+/// Maps, walls and ways.
+#[derive(Clone, Debug)]
+pub(super) struct Atlas {
+    mapping: Mapping,
+    planning: Planning,
+    following: Following,
+    pub(super) view: NextView,
+    pub(super) votes: Votes,
+    pub(super) global: CellMap,
+    pub(super) local: Option<CellMap>,
+    pub(super) walls: Walls,
+    pub(super) dice: Dice,
+    pub(super) vertices: Vec<Point>,
+    pub(super) edges: Vec<(usize, usize)>,
+    pub(super) way: Vec<Point>,
+    pub(super) estimate: Option<Estimate>,
+    pub(super) ambiguous: u64,
+    pub(super) views: u64,
+}
+
+impl Atlas {
+    pub(super) fn new(config: &PcConfig) -> Self {
+        let margin = if config.mapping.wide_margin {
+            MARGIN_WIDE
+        } else {
+            MARGIN
+        };
+        Self {
+            mapping: config.mapping,
+            planning: config.planning,
+            following: config.following,
+            view: config.view,
+            votes: config.votes,
+            global: CellMap::new(CELL_MM, margin, CELLS_MAX),
+            local: None,
+            walls: Walls::default(),
+            dice: Dice::new(config.seed),
+            vertices: Vec::new(),
+            edges: Vec::new(),
+            way: Vec::new(),
+            estimate: None,
+            ambiguous: 0,
+            views: 0,
+        }
+    }
+
+    /// Forgets the place.
+    pub(super) fn clear(&mut self) {
+        let margin = if self.mapping.wide_margin {
+            MARGIN_WIDE
+        } else {
+            MARGIN
+        };
+        self.global = CellMap::new(CELL_MM, margin, CELLS_MAX);
+        self.local = None;
+        self.walls = Walls::default();
+        self.vertices.clear();
+        self.edges.clear();
+        self.way.clear();
+    }
+
+    /// Takes over a map that was saved; its walls are known no closer than its cells.
+    pub(super) fn load(&mut self, map: &MapView<'_>) -> Result<(), NotWritten> {
+        self.clear();
+        let [x, y] = map.origin_mm();
+        let half = map.cell_mm() / 2.0;
+        let low = self.global.cell_of(Point::new(x + half, y + half))?;
+        for (row, cells) in (low.y..).zip(map.rows()) {
+            for (column, value) in (low.x..).zip(cells) {
+                self.global.set(Cell::new(column, row), *value)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Where the robot stands, by the walls that are known.
+    pub(super) fn corrected(&self, sight: &Sight) -> Pose {
+        match self.mapping.odometry_alone {
+            true => sight.pose,
+            false => self.walls.corrected(sight.pose, &sight.lines),
+        }
+    }
+
+    /// Puts what is seen from `pose` on the map.
+    pub(super) fn add(&mut self, pose: Pose, sight: &Sight) -> Result<(), NotWritten> {
+        let limited = |mm: f32| match self.mapping.eight_bits {
+            true => mm.clamp(-EIGHT_BITS_MM, EIGHT_BITS_MM),
+            false => mm,
+        };
+        let placed = Pose::new(limited(pose.x_mm), limited(pose.y_mm), pose.heading);
+        let local = local_map(placed, &sight.lines)?;
+        self.global.merge(&local)?;
+        self.local = Some(local);
+        self.walls.add(placed, &sight.lines);
+        self.views += 1;
+        Ok(())
+    }
+
+    /// The course's choice of where to look next.
+    pub(super) fn random_view(&mut self) -> Option<Cell> {
+        frontier::random_view(&self.global, &self.global.eroded(), &mut self.dice)
+    }
+
+    /// A drive over `map` to a goal; `None` if no way leads there. The roadmap can be looked at
+    /// afterwards.
+    pub(super) fn drive(&mut self, map: &CellMap, from: Pose, goal: Goal) -> Option<Drive> {
+        let start = map.cell_of(from.position()).ok()?;
+        let end = map.cell_of(goal.place).ok()?;
+        let (roadmap, way) = match self.planning {
+            Planning::Retried => plan(map, start, end, &mut self.dice),
+            Planning::Once => plan_once(map, start, end, &mut self.dice),
+        };
+        let centre = |cell: &Cell| map.centre_of(*cell);
+        self.vertices = roadmap.vertices.iter().map(centre).collect();
+        self.edges = roadmap.edges;
+        let way = way?;
+        let between = way.get(1..way.len().saturating_sub(1)).unwrap_or(&[]);
+        let via = between.iter().map(centre);
+        self.way = core::iter::once(from.position())
+            .chain(via)
+            .chain([goal.place])
+            .collect();
+        let last = self.way.len() - 1;
+        let goals = (1..=last).map(|at| Goal {
+            place: self.way[at],
+            heading: goal.heading.filter(|_| at == last),
+        });
+        Some(Drive::new(self.following, goals))
+    }
+}

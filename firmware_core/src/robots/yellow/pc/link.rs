@@ -1,0 +1,384 @@
+//! The telemetry link as the PC sees it: what was heard, what goes out, what is asked again.
+
+use alloc::boxed::Box;
+use alloc::collections::VecDeque;
+use alloc::vec::Vec;
+use core::time::Duration;
+
+use protocols::telemetry::message::{State, Telecommand, Telemetry};
+use protocols::telemetry::{self, Decoder, Frame};
+use protocols::{Decode, Instant};
+
+use super::Failure;
+use super::config::{PcConfig, Sending};
+use crate::local_map::Segment;
+use crate::pose::{Point, Pose, normalised};
+
+/// Without a frame for so long the robot is silent; it tells each 200 ms. YE13: known within 1 s.
+const SILENT: Duration = Duration::from_millis(900);
+/// A quiet line: no byte of a frame comes so late.
+const QUIET: Duration = Duration::from_millis(100);
+/// Longest telecommand with all its fields, and the frame around it.
+const COMMAND_MAX: usize = 256;
+const FRAME_MAX: usize = 2 * COMMAND_MAX + 8;
+/// Most bytes that wait for the wire.
+const OUT_MAX: usize = 16_384;
+/// Most commands that wait for a frame.
+const QUEUE_MAX: usize = 64;
+/// A byte's time of the fielded program.
+const BYTE_PAUSE: Duration = Duration::from_millis(1);
+
+/// A message of the robot.
+#[derive(Clone, Debug)]
+pub(super) struct Heard {
+    pub(super) at: Instant,
+    /// Counted from 1.
+    pub(super) number: u64,
+    pub(super) message: Box<Telemetry>,
+}
+
+impl Heard {
+    /// What the robot says to do.
+    pub(super) fn state(&self) -> Option<State> {
+        self.message.state
+    }
+
+    /// Where it says to be.
+    pub(super) fn pose(&self) -> Option<Pose> {
+        pose_of(&self.message)
+    }
+}
+
+/// The robot's pose of a message, in our units.
+fn pose_of(message: &Telemetry) -> Option<Pose> {
+    let pose = message.odometry.as_ref()?.pose;
+    let pose = Pose::new(pose.x * 1_000.0, pose.y * 1_000.0, pose.alpha);
+    let is_sound = pose.x_mm.is_finite() && pose.y_mm.is_finite() && pose.heading.is_finite();
+    is_sound.then_some(pose)
+}
+
+/// A pose in the link's units.
+pub(super) fn wire_pose(pose: Pose) -> telemetry::message::Pose {
+    telemetry::message::Pose {
+        x: pose.x_mm / 1_000.0,
+        y: pose.y_mm / 1_000.0,
+        alpha: pose.heading,
+    }
+}
+
+/// What the robot saw, and from where.
+#[derive(Clone, Debug)]
+pub(super) struct Sight {
+    number: u64,
+    pub(super) pose: Pose,
+    pub(super) lines: Vec<Segment>,
+}
+
+/// What a command is for the fielded program's queue.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// A request of a state, of lines or of another pose.
+    Request,
+    /// A goal or speeds.
+    Drive,
+}
+
+/// What happened so far.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Counts {
+    pub(super) frames: u64,
+    pub(super) bad_frames: u64,
+    pub(super) bad_messages: u64,
+    pub(super) commands: u64,
+    pub(super) resends: u64,
+    pub(super) requests: u64,
+    pub(super) lost_in_queue: u64,
+    pub(super) silences: u64,
+}
+
+/// The PC's end of the link.
+#[derive(Clone, Debug)]
+pub(super) struct Link {
+    sending: Sending,
+    decoder: Decoder,
+    last_byte: Instant,
+    heard: Option<Heard>,
+    sight: Option<Sight>,
+    is_silent: bool,
+    queue: VecDeque<Telecommand>,
+    out: VecDeque<u8>,
+    /// Bytes of `out` that may go.
+    released: usize,
+    next_byte: Instant,
+    pub(super) counts: Counts,
+}
+
+impl Link {
+    pub(super) fn new(config: &PcConfig) -> Self {
+        Self {
+            sending: config.sending,
+            decoder: Decoder::new(config.framing),
+            last_byte: Instant::ZERO,
+            heard: None,
+            sight: None,
+            is_silent: false,
+            queue: VecDeque::new(),
+            out: VecDeque::new(),
+            released: 0,
+            next_byte: Instant::ZERO,
+            counts: Counts::default(),
+        }
+    }
+
+    /// The last message.
+    pub(super) const fn heard(&self) -> Option<&Heard> {
+        self.heard.as_ref()
+    }
+
+    /// The number of the last message, 0 without one.
+    pub(super) fn number(&self) -> u64 {
+        self.heard.as_ref().map_or(0, |heard| heard.number)
+    }
+
+    /// The last message, if it came after the one of `number`.
+    pub(super) fn heard_since(&self, number: u64) -> Option<&Heard> {
+        self.heard.as_ref().filter(|heard| heard.number > number)
+    }
+
+    /// The last lines, if they came after the message of `number`.
+    pub(super) fn sight_since(&self, number: u64) -> Option<&Sight> {
+        self.sight.as_ref().filter(|sight| sight.number > number)
+    }
+
+    /// Whether the robot was heard once, but not of late.
+    pub(super) const fn is_silent(&self) -> bool {
+        self.is_silent
+    }
+
+    /// Whether nothing is asked twice.
+    pub(super) const fn asks_once(&self) -> bool {
+        self.sending.ask_once
+    }
+
+    pub(super) fn receive(&mut self, now: Instant, bytes: &[u8]) {
+        if self.decoder.pending() > 0 && now - self.last_byte > QUIET {
+            self.decoder.idle();
+        }
+        self.last_byte = now;
+        let mut input = bytes;
+        while let Some(outcome) = self.decoder.step(&mut input) {
+            match outcome {
+                Ok(frame) => self.take(now, &frame),
+                Err(_) => self.counts.bad_frames += 1,
+            }
+        }
+    }
+
+    fn take(&mut self, now: Instant, frame: &Frame) {
+        self.counts.frames += 1;
+        let Ok(message) = Telemetry::decode(frame.payload()) else {
+            self.counts.bad_messages += 1;
+            return;
+        };
+        let number = self.number() + 1;
+        if let (Some(lines), Some(pose)) = (&message.lines, pose_of(&message)) {
+            let point = |end: telemetry::message::Pose| Point::new(end.x, end.y);
+            let lines = lines.iter();
+            let lines = lines.map(|line| Segment::new(point(line.start), point(line.end)));
+            self.sight = Some(Sight {
+                number,
+                pose,
+                lines: lines.filter(|line| line.length_mm().is_finite()).collect(),
+            });
+        }
+        self.is_silent = false;
+        self.heard = Some(Heard {
+            at: now,
+            number,
+            message: Box::new(message),
+        });
+        if self.sending.one_per_frame
+            && let Some(command) = self.queue.pop_front()
+        {
+            self.write(&command);
+        }
+    }
+
+    /// Does what is due.
+    pub(super) fn poll(&mut self, now: Instant) {
+        self.decoder.read_done();
+        let quiet = self.heard.as_ref().map(|heard| now - heard.at);
+        if !self.is_silent && quiet.is_some_and(|quiet| quiet >= SILENT) {
+            self.is_silent = true;
+            self.counts.silences += 1;
+        }
+        if !self.sending.one_per_frame {
+            while let Some(command) = self.queue.pop_front() {
+                self.write(&command);
+            }
+        }
+        if !self.sending.byte_per_ms {
+            self.released = self.out.len();
+        } else if now >= self.next_byte && self.released < self.out.len() {
+            self.released += 1;
+            self.next_byte = now + BYTE_PAUSE;
+        }
+    }
+
+    pub(super) fn poll_at(&self) -> Option<Instant> {
+        let silence = self.heard.as_ref().map(|heard| heard.at + SILENT);
+        let byte = (self.released < self.out.len()).then_some(self.next_byte);
+        let silence = silence.filter(|_| !self.is_silent);
+        silence.into_iter().chain(byte).min()
+    }
+
+    /// Sends a command, or lets it wait as the fielded program does.
+    pub(super) fn send(&mut self, now: Instant, kind: Kind, command: Telecommand) {
+        self.counts.commands += 1;
+        if self.sending.requests_clear_queue && kind == Kind::Request {
+            self.counts.lost_in_queue += self.queue.len() as u64;
+            self.queue.clear();
+        }
+        if self.queue.len() == QUEUE_MAX {
+            self.counts.lost_in_queue += 1;
+            return;
+        }
+        let timestamp_ms = u32::try_from(now.as_millis()).unwrap_or(u32::MAX);
+        self.queue.push_back(Telecommand {
+            timestamp_ms,
+            ..command
+        });
+    }
+
+    fn write(&mut self, command: &Telecommand) {
+        let mut payload = [0; COMMAND_MAX];
+        let mut frame = [0; FRAME_MAX];
+        let written = command.encode(&mut payload).ok();
+        let framed = written.and_then(|len| telemetry::encode(&payload[..len], &mut frame).ok());
+        match framed.filter(|len| self.out.len() + len <= OUT_MAX) {
+            Some(len) => self.out.extend(&frame[..len]),
+            None => self.counts.lost_in_queue += 1,
+        }
+    }
+
+    pub(super) fn transmit(&mut self, buf: &mut [u8]) -> usize {
+        let count = buf.len().min(self.released);
+        for (slot, byte) in buf.iter_mut().zip(self.out.drain(..count)) {
+            *slot = byte;
+        }
+        self.released -= count;
+        count
+    }
+}
+
+/// A command that is sent until somebody sees that it was obeyed.
+#[derive(Clone, Debug)]
+pub(super) struct Request {
+    command: Telecommand,
+    /// The last message when it was sent first.
+    since: u64,
+    wait: Duration,
+    due: Option<Instant>,
+    sent: u32,
+}
+
+/// Most times that a request is sent: with 30 % of commands lost, one in 17 millions fails.
+const SENT_MAX: u32 = 14;
+/// An answer comes with the next message, within 200 ms and the time of its bytes.
+const ANSWER: Duration = Duration::from_millis(700);
+/// Drivers take 500 ms to be on or off, and the next message tells.
+const SWITCHED: Duration = Duration::from_millis(1_200);
+
+impl Request {
+    /// A request that the next message answers.
+    pub(super) const fn new(link: u64, command: Telecommand) -> Self {
+        Self {
+            command,
+            since: link,
+            wait: ANSWER,
+            due: None,
+            sent: 0,
+        }
+    }
+
+    /// A request of another state.
+    pub(super) const fn of_state(link: u64, command: Telecommand) -> Self {
+        let mut request = Self::new(link, command);
+        request.wait = SWITCHED;
+        request
+    }
+
+    /// Asks to rest.
+    pub(super) fn to_rest(link: &Link) -> Self {
+        let state = Some(State::Off);
+        let command = Telecommand {
+            state,
+            ..Telecommand::default()
+        };
+        Self::of_state(link.number(), command)
+    }
+
+    /// The number of the last message before it was sent first.
+    pub(super) const fn since(&self) -> u64 {
+        self.since
+    }
+
+    /// Whether it was sent.
+    pub(super) const fn is_sent(&self) -> bool {
+        self.sent > 0
+    }
+
+    /// Sends it, and again when no answer came in time.
+    pub(super) fn poll(&mut self, now: Instant, link: &mut Link) -> Result<(), Failure> {
+        if self.due.is_some_and(|due| now < due || link.asks_once()) {
+            return Ok(());
+        }
+        if self.sent == SENT_MAX {
+            return Err(Failure::NoAnswer);
+        }
+        link.counts.requests += u64::from(self.sent == 0);
+        link.counts.resends += u64::from(self.sent > 0);
+        link.send(now, Kind::Request, self.command);
+        self.sent += 1;
+        self.due = Some(now + self.wait);
+        Ok(())
+    }
+}
+
+/// Telling the robot where it is.
+#[derive(Clone, Debug)]
+pub(super) struct Tell {
+    pose: Pose,
+    request: Request,
+}
+
+/// The robot rests meanwhile, so what it tells back is what it was told.
+const TOLD_MM: f32 = 20.0;
+const TOLD_RAD: f32 = 0.02;
+
+impl Tell {
+    pub(super) fn new(link: &Link, pose: Pose) -> Self {
+        let command = Telecommand {
+            corrected_pose: Some(wire_pose(pose)),
+            ..Telecommand::default()
+        };
+        Self {
+            pose,
+            request: Request::new(link.number(), command),
+        }
+    }
+
+    /// Whether the robot says so itself.
+    pub(super) fn step(&mut self, now: Instant, link: &mut Link) -> Result<bool, Failure> {
+        let heard = link.heard_since(self.request.since());
+        let told = heard.and_then(Heard::pose).is_some_and(|pose| {
+            let near = pose.position().distance_mm(self.pose.position()) < TOLD_MM;
+            near && normalised(pose.heading - self.pose.heading).abs() < TOLD_RAD
+        });
+        if self.request.is_sent() && (told || link.asks_once()) {
+            return Ok(true);
+        }
+        self.request.poll(now, link)?;
+        Ok(false)
+    }
+}

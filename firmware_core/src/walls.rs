@@ -1,0 +1,213 @@
+//! Walls as a robot has seen them, and where it must have stood to see them so. For the part of a
+//! robot's program that runs on a PC; feature `host`.
+//!
+//! A map of 10 cm cells alone is too coarse to correct a pose by, and uncorrected odometry makes
+//! walls two cells thick until corridors close. Lines are exact to millimetres.
+
+use alloc::vec::Vec;
+
+use crate::local_map::Segment;
+use crate::pose::{Point, Pose, normalised};
+
+/// Walls shorter than this have no certain direction.
+const LENGTH_MIN_MM: f32 = 150.0;
+/// Walls whose directions differ more are not the same.
+const TURN_MAX: f32 = 0.26;
+/// A correction beyond these is none, but a mistake.
+const SHIFT_MAX_MM: f32 = 300.0;
+const ROTATION_MAX: f32 = 0.17;
+/// Points on a seen wall, so far apart.
+const STEP_MM: f32 = 50.0;
+/// How far from a wall a point of it may seem to lie, in each round.
+const NEAR_MM: [f32; 6] = [250.0, 200.0, 150.0, 100.0, 80.0, 60.0];
+/// Weight of the odometry against one point: a point is certain to 2 cm, the odometry to 10 cm and
+/// 3 degrees.
+const TRUST: [f64; 3] = [0.04, 0.04, 146_000.0];
+/// Most walls kept.
+const WALLS_MAX: usize = 4_000;
+
+/// Faces of walls in the map's frame, the oldest first; free space is to the left of them, so that
+/// the two faces of a thin wall are not taken for each other.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Walls {
+    segments: Vec<Segment>,
+}
+
+impl Walls {
+    /// Takes walls in, as seen by a robot at `robot`.
+    pub fn add(&mut self, robot: Pose, lines: &[Segment]) {
+        let room = WALLS_MAX.saturating_sub(self.segments.len());
+        self.segments.extend(faces(robot, lines).take(room));
+    }
+
+    /// Where a robot stands that believes to be at `robot` and sees `lines`; there, if the walls do
+    /// not say better.
+    pub fn corrected(&self, robot: Pose, lines: &[Segment]) -> Pose {
+        let mut pose = robot;
+        for near_mm in NEAR_MM {
+            let mut sums = Sums::new(robot, pose);
+            for face in faces(pose, lines) {
+                self.add_line(&mut sums, face, near_mm);
+            }
+            let Some([x, y, turn]) = sums.solve() else {
+                return robot;
+            };
+            pose = Pose::new(pose.x_mm + x, pose.y_mm + y, pose.heading + turn);
+        }
+        let shift = pose.position().distance_mm(robot.position());
+        let turn = normalised(pose.heading - robot.heading).abs();
+        match shift < SHIFT_MAX_MM && turn < ROTATION_MAX {
+            true => pose,
+            false => robot,
+        }
+    }
+
+    fn add_line(&self, sums: &mut Sums, line: Segment, near_mm: f32) {
+        for point in line.points(STEP_MM) {
+            // The oldest wall: it was seen before the odometry erred much.
+            let mut offsets = self
+                .segments
+                .iter()
+                .filter_map(|wall| offset(*wall, line, point));
+            if let Some((normal, off)) = offsets.find(|(_, off)| off.abs() < near_mm) {
+                sums.add(point, normal, off);
+            }
+        }
+    }
+}
+
+/// The certain ones of the lines that a robot at `robot` sees, with the robot to the left of them.
+fn faces(robot: Pose, lines: &[Segment]) -> impl Iterator<Item = Segment> {
+    let long = lines.iter().filter(|line| line.length_mm() > LENGTH_MIN_MM);
+    long.map(move |line| {
+        let (from, to) = (line.start, line.end);
+        let is_left = from.x_mm * to.y_mm > from.y_mm * to.x_mm;
+        let face = if is_left {
+            *line
+        } else {
+            Segment::new(to, from)
+        };
+        face.to_world(robot)
+    })
+}
+
+/// The normal of `wall` and how far `point` of `line` lies from it, if they may be the same.
+fn offset(wall: Segment, line: Segment, point: Point) -> Option<(Point, f32)> {
+    let direction = |segment: Segment| {
+        let length = segment.length_mm();
+        let along = |start: f32, end: f32| (end - start) / length;
+        Point::new(
+            along(segment.start.x_mm, segment.end.x_mm),
+            along(segment.start.y_mm, segment.end.y_mm),
+        )
+    };
+    let (along, other) = (direction(wall), direction(line));
+    let cross = along.x_mm * other.y_mm - along.y_mm * other.x_mm;
+    let is_same_side = along.x_mm * other.x_mm + along.y_mm * other.y_mm > 0.0;
+    let (x, y) = (point.x_mm - wall.start.x_mm, point.y_mm - wall.start.y_mm);
+    let at = along.x_mm * x + along.y_mm * y;
+    let is_beside = (0.0..=wall.length_mm()).contains(&at);
+    let off = along.x_mm * y - along.y_mm * x;
+    (is_beside && is_same_side && cross.abs() < libm::sinf(TURN_MAX))
+        .then_some((Point::new(-along.y_mm, along.x_mm), off))
+}
+
+/// Least squares for a small shift and turn about the robot.
+struct Sums {
+    robot: Pose,
+    matrix: [[f64; 3]; 3],
+    right: [f64; 3],
+}
+
+impl Sums {
+    /// Nothing but the odometry, which said `believed`, where `robot` is assumed.
+    fn new(believed: Pose, robot: Pose) -> Self {
+        let mut matrix = [[0.0; 3]; 3];
+        for (axis, trust) in TRUST.into_iter().enumerate() {
+            matrix[axis][axis] = trust;
+        }
+        let back = [
+            believed.x_mm - robot.x_mm,
+            believed.y_mm - robot.y_mm,
+            normalised(believed.heading - robot.heading),
+        ];
+        let right = core::array::from_fn(|axis| TRUST[axis] * f64::from(back[axis]));
+        Self {
+            robot,
+            matrix,
+            right,
+        }
+    }
+
+    /// `point` should lie on a wall with this normal, and is `off` beside it.
+    fn add(&mut self, point: Point, normal: Point, off: f32) {
+        let (x, y) = (point.x_mm - self.robot.x_mm, point.y_mm - self.robot.y_mm);
+        let turn = normal.y_mm * x - normal.x_mm * y;
+        let row = [normal.x_mm, normal.y_mm, turn].map(f64::from);
+        for (sums, one) in self.matrix.iter_mut().zip(row) {
+            for (sum, other) in sums.iter_mut().zip(row) {
+                *sum += one * other;
+            }
+        }
+        for (sum, one) in self.right.iter_mut().zip(row) {
+            *sum -= one * f64::from(off);
+        }
+    }
+
+    /// By Cramer's rule.
+    fn solve(&self) -> Option<[f32; 3]> {
+        let whole = determinant(self.matrix);
+        let replaced = |column: usize| {
+            let mut matrix = self.matrix;
+            for (row, right) in matrix.iter_mut().zip(self.right) {
+                row[column] = right;
+            }
+            #[expect(clippy::cast_possible_truncation, reason = "precise enough")]
+            let value = (determinant(matrix) / whole) as f32;
+            value
+        };
+        let found = [replaced(0), replaced(1), replaced(2)];
+        found.iter().all(|value| value.is_finite()).then_some(found)
+    }
+}
+
+fn determinant([a, b, c]: [[f64; 3]; 3]) -> f64 {
+    let minor = |i: usize, j: usize| b[i] * c[j] - b[j] * c[i];
+    a[0] * minor(1, 2) - a[1] * minor(0, 2) + a[2] * minor(0, 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pose::sin_cos;
+
+    /// A corner seen from (1, 1) m by a robot that believes to be 5 cm and 3 degrees off.
+    #[test]
+    fn two_walls_tell_the_pose() {
+        let walls = [
+            Segment::new(Point::new(0.0, 0.0), Point::new(3_000.0, 0.0)),
+            Segment::new(Point::new(0.0, 0.0), Point::new(0.0, 3_000.0)),
+        ];
+        let truth = Pose::new(1_000.0, 1_000.0, 0.5);
+        let (sin, cos) = sin_cos(-truth.heading);
+        let seen = |point: Point| {
+            let (x, y) = (point.x_mm - 1_000.0, point.y_mm - 1_000.0);
+            Point::new(cos * x - sin * y, sin * x + cos * y)
+        };
+        let seen = walls.map(|wall| Segment::new(seen(wall.start), seen(wall.end)));
+        let mut known = Walls::default();
+        known.add(truth, &seen);
+        let believed = Pose::new(1_050.0, 960.0, 0.5 + 0.052);
+        let found = known.corrected(believed, &seen);
+        let off = found.position().distance_mm(truth.position());
+        let turn = (found.heading - truth.heading).abs();
+        assert!(off < 5.0 && turn < 0.005, "{found:?}");
+        // Walls elsewhere say nothing.
+        let far = Pose::new(9_000.0, 9_000.0, 0.0);
+        assert_eq!(known.corrected(far, &seen), far);
+        // The back of a wall 10 cm thick is not its front: seen from behind, it moves nothing.
+        let behind = Segment::new(Point::new(500.0, -500.0), Point::new(500.0, 500.0));
+        let back = Pose::new(-600.0, 1_500.0, 0.0);
+        assert_eq!(known.corrected(back, &[behind]), back);
+    }
+}

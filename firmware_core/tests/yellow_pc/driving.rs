@@ -1,0 +1,169 @@
+//! YE12: the robot drives to a goal.
+
+use firmware_core::map_view::MapView;
+use firmware_core::robots::yellow::pc::{Failure, PcCommand, PcConfig, Planning, TaskState};
+use protocols::telemetry::message::Telecommand;
+
+use crate::bench::{Bench, pose};
+use crate::looking::places;
+use crate::mapping::{CORRIDOR, LABYRINTH, median};
+use crate::places::map_of;
+use crate::robot::{At, Errors, wrapped};
+use crate::world::World;
+
+const PAIRS: usize = 20;
+
+fn world() -> World {
+    World::labyrinth(LABYRINTH, CORRIDOR, [0.0, 0.0])
+}
+
+/// Starts and goals in the middle of corridors, so that there is room for the robot.
+fn pairs(world: &World) -> Vec<(At, At)> {
+    let all = places(world, 400, 12).into_iter();
+    let wide: Vec<At> = all
+        .filter(|at| world.clearance([at.x, at.y]) > 0.2)
+        .take(2 * PAIRS)
+        .collect();
+    wide.chunks_exact(2)
+        .map(|pair| (pair[0], pair[1]))
+        .collect()
+}
+
+fn bench(world: &World, start: At, config: PcConfig) -> Bench {
+    let (cells, width, origin) = map_of(world);
+    let config = PcConfig {
+        start: Some(pose(start)),
+        ..config
+    };
+    let mut bench = Bench::new(world.clone(), start, Errors::default(), config);
+    bench
+        .pc
+        .load_map(&MapView::new(width, 100.0, origin, &cells))
+        .expect("small");
+    bench
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "as the command has it")]
+fn to(goal: At, heading: Option<f64>) -> PcCommand {
+    PcCommand::Navigate {
+        x_m: goal.x as f32,
+        y_m: goal.y as f32,
+        heading_rad: heading.map(|heading| heading as f32),
+    }
+}
+
+fn navigate(bench: &mut Bench, goal: At) -> f64 {
+    bench.command(to(goal, Some(goal.heading)));
+    bench.run_task(300)
+}
+
+/// Arrivals, seconds and re-sends of all pairs.
+fn drive_all(config: PcConfig, lost_drives: f64) -> (usize, Vec<f64>, u64) {
+    let world = world();
+    let (mut arrived, mut times, mut resends) = (0, Vec::new(), 0);
+    for (seed, (start, goal)) in (0..).zip(pairs(&world)) {
+        let mut bench = bench(&world, start, PcConfig { seed, ..config });
+        bench.lost_drives = lost_drives;
+        let seconds = navigate(&mut bench, goal);
+        let truth = bench.robot.truth;
+        let is_there = (truth.x - goal.x).abs() <= 0.05 && (truth.y - goal.y).abs() <= 0.05;
+        let looks = wrapped(truth.heading - goal.heading).abs() <= 0.06;
+        let is_done = bench.pc.task_state() == TaskState::Done;
+        if is_done {
+            assert!(is_there && looks, "{truth:?} is not {goal:?}");
+            assert!(bench.robot.room > 0.0, "touches a wall");
+            arrived += 1;
+            times.push(seconds);
+        }
+        resends += bench.counter("re-sends");
+    }
+    (arrived, times, resends)
+}
+
+#[test]
+fn ye12_goals_are_reached_without_contact() {
+    let (arrived, times, resends) = drive_all(PcConfig::default(), 0.0);
+    println!("median {} resends {resends}", median(times));
+    assert_eq!(arrived, PAIRS);
+    assert_eq!(resends, 0);
+}
+
+#[test]
+fn ye12_goals_are_reached_though_a_third_of_the_commands_is_lost() {
+    let (arrived, times, resends) = drive_all(PcConfig::default(), 0.3);
+    println!("median {} resends {resends}", median(times));
+    assert_eq!(arrived, PAIRS);
+    assert!(resends > 0, "nothing was lost");
+}
+
+/// Six corridors joined at alternating ends.
+const SERPENTINE: &str = "
+#############
+#           #
+# ###########
+#           #
+########### #
+#           #
+# ###########
+#           #
+########### #
+#           #
+# ###########
+#           #
+#############
+";
+
+/// B8: the course's one roadmap of 100 vertices finds the way through a serpentine about every
+/// second time; ours always does.
+#[test]
+fn ye12_one_roadmap_fails_in_a_serpentine() {
+    let found = |planning| {
+        let world = World::labyrinth(SERPENTINE, CORRIDOR, [0.0, 0.0]);
+        let at = |row| {
+            let [x, y] = world.room(11, row, CORRIDOR);
+            At { x, y, heading: 0.0 }
+        };
+        let seeds = (0..10).filter(|seed| {
+            let config = PcConfig {
+                seed: *seed,
+                planning,
+                ..PcConfig::default()
+            };
+            let mut bench = bench(&world, at(11), config);
+            bench.run_for(1);
+            bench.command(to(at(1), None));
+            bench.run_for(1);
+            bench.pc.task_state() == TaskState::InProgress
+        });
+        seeds.count()
+    };
+    assert_eq!(found(Planning::Retried), 10);
+    let once = found(Planning::Once);
+    println!("{once} of 10");
+    assert!((1..=8).contains(&once), "{once}");
+}
+
+/// B8: told again at most five times, then the drive has failed.
+#[test]
+fn ye12_a_robot_that_never_obeys_is_told_six_times() {
+    let world = world();
+    let (start, goal) = pairs(&world)[0];
+    let mut bench = bench(&world, start, PcConfig::default());
+    bench.lost_drives = 1.0;
+    navigate(&mut bench, goal);
+    assert_eq!(bench.pc.task_state(), TaskState::Failed(Failure::NoAnswer));
+    let is_drive = |(_, command): &&(u64, Telecommand)| command.desired_pose.is_some();
+    let times: Vec<u64> = bench
+        .commands
+        .iter()
+        .filter(is_drive)
+        .map(|(at, _)| *at)
+        .collect();
+    assert_eq!(times.len(), 6);
+    // After three looks, half a second apart and up to a frame late.
+    let gaps = times.windows(2).map(|pair| pair[1] - pair[0]);
+    assert!(
+        gaps.into_iter().all(|gap| (1_500..=2_400).contains(&gap)),
+        "{times:?}"
+    );
+}

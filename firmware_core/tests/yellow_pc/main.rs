@@ -1,0 +1,13 @@
+//! The PC's program of the robot yellow against a small robot of its own: an ideal differential
+//! drive between walls, with the robot's telemetry in real frames.
+
+mod bench;
+mod chance;
+mod driving;
+mod lines;
+mod link;
+mod looking;
+mod mapping;
+mod places;
+mod robot;
+mod world;
