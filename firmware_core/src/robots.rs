@@ -1,3 +1,4 @@
 //! One program per robot, built from the shared modules.
 
 pub mod rescue;
+pub mod yellow;
