@@ -15,6 +15,7 @@ pub mod grid;
 #[cfg(feature = "host")]
 pub mod growing_map;
 pub mod lidar_motor;
+pub mod lines;
 pub mod map_view;
 mod master;
 pub mod memory;

@@ -1,0 +1,216 @@
+//! The lidar's set: five turns, one distance each half degree, with the noise taken out.
+//!
+//! The sensor gives about one sample a degree, each turn at other angles. A direction takes the
+//! median of its samples of the last turns; one that has less than three takes those of its
+//! neighbours as well. The fielded set has one place a degree, which holds whatever came last, and
+//! copies it five times.
+
+use crate::pose::{Point, sin_cos};
+
+/// Directions of a set.
+pub(super) const BINS: usize = 720;
+/// Turns of a set.
+const TURNS: usize = 5;
+/// A direction with fewer samples has no distance.
+const SAMPLES_MIN: usize = 3;
+/// What the sensor can measure, and farther than what nothing is believed.
+const NEAREST_MM: f32 = 150.0;
+const FARTHEST_MM: f32 = 5_000.0;
+/// Told where nothing was measured.
+pub(super) const NOTHING_MM: i32 = 10_000;
+/// Weaker readings the fielded program takes for none.
+const FIELDED_QUALITY_MIN: u8 = 10;
+
+/// What the fielded program did wrong; none by default.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Defects {
+    /// A set is five copies of the newest distances, one a degree.
+    pub copies: bool,
+    /// Angles are whole degrees, cut off.
+    pub whole_degrees: bool,
+    /// Distances stay until others come.
+    pub never_ages: bool,
+}
+
+impl Defects {
+    /// None.
+    pub const NONE: Self = Self {
+        copies: false,
+        whole_degrees: false,
+        never_ages: false,
+    };
+}
+
+/// The last turns and what was made of them.
+#[derive(Clone, Debug)]
+pub(super) struct Scans {
+    defects: Defects,
+    /// Millimetres by turn and direction; 0: nothing.
+    turns: [[u16; BINS]; TURNS],
+    /// The turn that is being filled.
+    turn: usize,
+    quality: [u8; BINS],
+    /// The newest set.
+    set_mm: [u16; BINS],
+    points: [Point; BINS],
+    point_count: usize,
+    /// Writes beside the fielded program's array.
+    pub(super) stray: u32,
+    pub(super) sets: u32,
+}
+
+impl Scans {
+    pub(super) const fn new(defects: Defects) -> Self {
+        Self {
+            defects,
+            turns: [[0; BINS]; TURNS],
+            turn: 0,
+            quality: [0; BINS],
+            set_mm: [0; BINS],
+            points: [Point::new(0.0, 0.0); BINS],
+            point_count: 0,
+            stray: 0,
+            sets: 0,
+        }
+    }
+
+    /// A sample at `angle_q6`, 64ths of a degree clockwise; `None`: nothing was measured.
+    pub(super) fn sample(&mut self, angle_q6: u16, distance_mm: Option<f32>, quality: u8) {
+        let Some(bin) = self.bin(angle_q6) else {
+            self.stray = self.stray.saturating_add(1);
+            return;
+        };
+        let is_valid = |it: &f32| match self.defects.copies {
+            true => *it > 0.0 && *it < FARTHEST_MM && quality >= FIELDED_QUALITY_MIN,
+            false => (NEAREST_MM..=FARTHEST_MM).contains(it),
+        };
+        let distance_mm = distance_mm.filter(is_valid).map_or(0, to_u16);
+        // Two samples of a turn may share a direction: one that failed does not undo the other.
+        if distance_mm > 0 || self.defects.copies {
+            self.quality[bin] = quality;
+            self.turns[self.turn][bin] = distance_mm;
+        }
+    }
+
+    /// A turn is complete: what it has brought is looked at, and the oldest one forgotten.
+    pub(super) fn turn_ends(&mut self) {
+        for bin in 0..BINS {
+            self.set_mm[bin] = self.combined(bin);
+        }
+        self.sets = self.sets.saturating_add(1);
+        self.draw();
+        // The median of five copies is the copy, so one place for it is enough.
+        if !self.defects.copies {
+            self.turn = (self.turn + 1) % TURNS;
+            self.turns[self.turn] = [0; BINS];
+        }
+    }
+
+    /// The sensor is silent: nothing is known any more.
+    pub(super) fn forget(&mut self) {
+        if self.defects.never_ages {
+            return;
+        }
+        self.turns = [[0; BINS]; TURNS];
+        self.set_mm = [0; BINS];
+        self.point_count = 0;
+    }
+
+    /// The points of the newest set in the robot's frame, by their angles.
+    pub(super) fn points(&self) -> &[Point] {
+        &self.points[..self.point_count]
+    }
+
+    /// Distance in whole millimetres and quality in that direction, counter-clockwise from ahead.
+    pub(super) fn reading(&self, degrees: usize) -> (i32, i32) {
+        let bin = degrees * 2 % BINS;
+        let distance_mm = match self.set_mm[bin] {
+            0 => NOTHING_MM,
+            distance_mm => i32::from(distance_mm),
+        };
+        (distance_mm, i32::from(self.quality[bin]))
+    }
+
+    /// The direction of an angle, counter-clockwise; the fielded program leaves its array.
+    fn bin(&self, angle_q6: u16) -> Option<usize> {
+        if self.defects.whole_degrees || self.defects.copies {
+            let degrees = usize::from(angle_q6 / 64);
+            return match self.defects.whole_degrees {
+                // Ahead is 360, the array ends before.
+                true => 360_usize.checked_sub(degrees).filter(|it| *it < 360),
+                false => Some((720 - degrees % 360) % 360),
+            }
+            .map(|degrees| degrees * 2);
+        }
+        let half_degrees = (usize::from(angle_q6) + 16) / 32 % BINS;
+        Some((BINS - half_degrees) % BINS)
+    }
+
+    /// The distance of a direction.
+    fn combined(&self, bin: usize) -> u16 {
+        if self.defects.copies {
+            return self.turns[self.turn][bin];
+        }
+        let mut samples = Samples::default();
+        samples.add(&self.turns, bin);
+        if samples.len < SAMPLES_MIN {
+            samples.add(&self.turns, (bin + 1) % BINS);
+            samples.add(&self.turns, (bin + BINS - 1) % BINS);
+        }
+        samples.median()
+    }
+
+    fn draw(&mut self) {
+        let mut count = 0;
+        for (half_degrees, distance_mm) in (0_u16..).zip(self.set_mm) {
+            if distance_mm == 0 {
+                continue;
+            }
+            let (sin, cos) = sin_cos((f32::from(half_degrees) / 2.0).to_radians());
+            let distance_mm = f32::from(distance_mm);
+            self.points[count] = Point::new(distance_mm * cos, distance_mm * sin);
+            count += 1;
+        }
+        self.point_count = count;
+    }
+}
+
+/// Samples of a direction.
+#[derive(Clone, Copy, Debug, Default)]
+struct Samples {
+    items: [u16; 3 * TURNS],
+    len: usize,
+}
+
+impl Samples {
+    fn add(&mut self, turns: &[[u16; BINS]; TURNS], bin: usize) {
+        for turn in turns {
+            if turn[bin] != 0 {
+                self.items[self.len] = turn[bin];
+                self.len += 1;
+            }
+        }
+    }
+
+    /// The median; 0 if there are too few.
+    fn median(&mut self) -> u16 {
+        if self.len < SAMPLES_MIN {
+            return 0;
+        }
+        let items = &mut self.items[..self.len];
+        items.sort_unstable();
+        let (low, high) = (items[(items.len() - 1) / 2], items[items.len() / 2]);
+        low.midpoint(high)
+    }
+}
+
+/// Whole millimetres of a distance that was found valid.
+fn to_u16(distance_mm: f32) -> u16 {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "saturates, and is below 5000 anyway"
+    )]
+    let whole = libm::roundf(distance_mm) as u16;
+    whole
+}
