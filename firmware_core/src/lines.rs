@@ -120,7 +120,8 @@ impl Lines {
         left_out: 0,
     };
 
-    /// Finds the lines of a scan whose points are in the order of their angles around the sensor.
+    /// Finds the lines of a scan whose points are in the order of their angles around the sensor,
+    /// counter-clockwise.
     pub fn find(points: &[Point], settings: &Settings) -> Self {
         let mut lines = Self::NONE;
         let circle = Circle::new(points, settings);
@@ -168,29 +169,36 @@ struct Circle<'a> {
 
 impl<'a> Circle<'a> {
     fn new(points: &'a [Point], settings: &Settings) -> Self {
+        let open = Self {
+            points,
+            begin: 0,
+            is_closed: false,
+        };
+        let (Some(first), Some(last)) = (points.first(), points.last()) else {
+            return open;
+        };
+        if settings.defects.draws_chords {
+            return open;
+        }
         let count = points.len();
         let before = |at: usize| points[(at + count - 1) % count];
         let is_gap = |at: &usize| before(*at).distance_mm(points[*at]) > settings.gap_mm;
-        if settings.defects.draws_chords {
-            return Self {
-                points,
-                begin: 0,
-                is_closed: false,
-            };
+        if let Some(begin) = (0..count).find(is_gap) {
+            return Self { begin, ..open };
         }
-        let gap = (0..count).find(is_gap);
+        // From the last point to the first the way goes on around the sensor only if the walls do.
+        if last.x_mm * first.y_mm - last.y_mm * first.x_mm <= 0.0 {
+            return open;
+        }
         // Where nothing separates them, the farthest point from any other one is a corner.
-        let corner = || {
-            let from = *points.first()?;
-            (0..count).max_by(|a, b| {
-                let [a, b] = [*a, *b].map(|at| points[at].distance_mm(from));
-                a.total_cmp(&b)
-            })
-        };
+        let corner = (0..count).max_by(|a, b| {
+            let [a, b] = [*a, *b].map(|at| points[at].distance_mm(*first));
+            a.total_cmp(&b)
+        });
         Self {
-            points,
-            begin: gap.or_else(corner).unwrap_or(0),
-            is_closed: gap.is_none() && count > 0,
+            begin: corner.unwrap_or(0),
+            is_closed: true,
+            ..open
         }
     }
 

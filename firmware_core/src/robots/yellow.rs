@@ -198,13 +198,14 @@ impl Yellow {
         self.target = match self.machine.mode() {
             Mode::Manual => self.by_hand,
             Mode::AutoReactive => self.reactive.step(now, self.infrared.distances_m()),
-            Mode::AutoPosition => match self.autoposition.step(self.wheels.pose()) {
-                Some(velocity) => velocity,
-                None => {
+            Mode::AutoPosition => {
+                let (pose, is_at_rest) = (self.wheels.pose(), self.wheels.is_at_rest());
+                let velocity = self.autoposition.step(pose, is_at_rest);
+                if velocity.is_none() {
                     self.machine.arrived();
-                    Velocity::ZERO
                 }
-            },
+                velocity.unwrap_or(Velocity::ZERO)
+            }
             Mode::Off | Mode::SwitchOn | Mode::On | Mode::SwitchOff => Velocity::ZERO,
         };
     }

@@ -1,17 +1,20 @@
 //! Driving to a pose in three steps: turn towards it, drive there, turn to its heading.
 //!
 //! ```text
-//! TURN --looks there--> DRIVE --is there--> ALIGN --looks as told--> done
+//! TURN --looks there--> DRIVE --is there--> ALIGN --looks as told--> SETTLE --still does--> done
 //! ```
 //!
 //! Gains and tolerance: public code of the robot. Its step 2 could not go back; here a goal that is
-//! suddenly aside, as after a corrected pose, is turned to again.
+//! suddenly aside, as after a corrected pose, is turned to again. It ended in the moment in which it
+//! looked as told, also when it swept past; here it has to stand.
 
 use super::motion::Velocity;
 use crate::pose::{Point, Pose, normalised};
 
 /// Distance, in metres, and angle at which the robot is there.
 const TOLERANCE: f32 = 0.02;
+/// How far the heading may be off when the robot stands: braking takes it a little farther.
+const SETTLED_RAD: f32 = 0.015;
 /// Turning speed per angle.
 const TURN_GAIN: f32 = 10.0;
 const STEER_GAIN: f32 = 8.0;
@@ -54,6 +57,7 @@ enum Step {
     Turn,
     Drive,
     Align,
+    Settle,
 }
 
 /// A manoeuvre.
@@ -89,8 +93,9 @@ impl Autoposition {
         self.step = Step::Turn;
     }
 
-    /// How to move from `pose`; `None`: the robot is there.
-    pub(super) fn step(&mut self, pose: Pose) -> Option<Velocity> {
+    /// How to move from `pose`, which does not change where `is_at_rest`; `None`: the robot is
+    /// there.
+    pub(super) fn step(&mut self, pose: Pose, is_at_rest: bool) -> Option<Velocity> {
         let aim = Aim::new(pose, self.goal.position);
         // Each step may be done at once, in this order.
         if self.step == Step::Turn {
@@ -108,7 +113,7 @@ impl Autoposition {
             }
             self.step = Step::Align;
         }
-        self.align(pose.heading)
+        self.align(pose.heading, is_at_rest)
     }
 
     fn drive(&mut self, aim: &Aim) -> Velocity {
@@ -122,14 +127,23 @@ impl Autoposition {
         }
     }
 
-    fn align(&self, heading: f32) -> Option<Velocity> {
+    fn align(&mut self, heading: f32, is_at_rest: bool) -> Option<Velocity> {
         let difference = self.goal.heading? - heading;
         let error = match self.defects.turns_the_long_way {
             true => difference,
             false => normalised(difference),
         };
+        if self.step == Step::Settle && is_at_rest {
+            if error.abs() < SETTLED_RAD {
+                return None;
+            }
+            self.step = Step::Align;
+        }
         if error.abs() < TOLERANCE / 2.0 {
-            return None;
+            self.step = Step::Settle;
+        }
+        if self.step == Step::Settle {
+            return Some(Velocity::ZERO);
         }
         let speed = (TURN_GAIN * error.abs()).max(TURN_MIN_RAD_S);
         Some(turn(speed.copysign(error)))

@@ -1,9 +1,10 @@
 //! The lidar's set: five turns, one distance each half degree, with the noise taken out.
 //!
 //! The sensor gives about one sample a degree, each turn at other angles. A direction takes the
-//! median of its samples of the last turns; one that has less than three takes those of its
-//! neighbours as well. The fielded set has one place a degree, which holds whatever came last, and
-//! copies it five times.
+//! middle of its samples of the last turns; one that has less than three takes those of its
+//! neighbours as well. The middle is the mean of what is left without the ends: as little moved by
+//! one wild sample as the median, and with less of the noise. The fielded set has one place a
+//! degree, which holds whatever came last, and copies it five times.
 
 use crate::pose::{Point, sin_cos};
 
@@ -131,9 +132,13 @@ impl Scans {
         (distance_mm, i32::from(self.quality[bin]))
     }
 
+    const fn has_whole_degrees(&self) -> bool {
+        self.defects.whole_degrees || self.defects.copies
+    }
+
     /// The direction of an angle, counter-clockwise; the fielded program leaves its array.
     fn bin(&self, angle_q6: u16) -> Option<usize> {
-        if self.defects.whole_degrees || self.defects.copies {
+        if self.has_whole_degrees() {
             let degrees = usize::from(angle_q6 / 64);
             return match self.defects.whole_degrees {
                 // Ahead is 360, the array ends before.
@@ -148,6 +153,9 @@ impl Scans {
 
     /// The distance of a direction.
     fn combined(&self, bin: usize) -> u16 {
+        if self.has_whole_degrees() && bin % 2 == 1 {
+            return 0;
+        }
         if self.defects.copies {
             return self.turns[self.turn][bin];
         }
@@ -157,7 +165,7 @@ impl Scans {
             samples.add(&self.turns, (bin + 1) % BINS);
             samples.add(&self.turns, (bin + BINS - 1) % BINS);
         }
-        samples.median()
+        samples.middle()
     }
 
     fn draw(&mut self) {
@@ -192,15 +200,19 @@ impl Samples {
         }
     }
 
-    /// The median; 0 if there are too few.
-    fn median(&mut self) -> u16 {
+    /// The mean without a quarter of the samples at each end, but at least one: the median of three
+    /// or four. 0 if there are too few.
+    fn middle(&mut self) -> u16 {
         if self.len < SAMPLES_MIN {
             return 0;
         }
         let items = &mut self.items[..self.len];
         items.sort_unstable();
-        let (low, high) = (items[(items.len() - 1) / 2], items[items.len() / 2]);
-        low.midpoint(high)
+        let cut = (items.len() / 4).max(1);
+        let middle = &items[cut..items.len() - cut];
+        let sum: u32 = middle.iter().copied().map(u32::from).sum();
+        let count = u32::try_from(middle.len()).unwrap_or(1);
+        u16::try_from((sum + count / 2) / count).unwrap_or(u16::MAX)
     }
 }
 
@@ -213,4 +225,75 @@ fn to_u16(distance_mm: f32) -> u16 {
     )]
     let whole = libm::roundf(distance_mm) as u16;
     whole
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn middle(items: &[u16]) -> u16 {
+        let mut samples = Samples::default();
+        samples.items[..items.len()].copy_from_slice(items);
+        samples.len = items.len();
+        samples.middle()
+    }
+
+    /// By hand; a wild sample at either end does not count.
+    #[test]
+    fn the_middle_is_without_the_ends() {
+        assert_eq!(middle(&[1_000, 1_010]), 0);
+        assert_eq!(middle(&[4_000, 1_000, 1_010]), 1_010);
+        assert_eq!(middle(&[4_000, 1_000, 1_010, 1_020]), 1_015);
+        assert_eq!(middle(&[1_000, 160, 1_003, 1_005, 4_999]), 1_003);
+        assert_eq!(middle(&[10, 1, 2, 3, 4, 5, 6, 99]), 5);
+    }
+
+    /// 90 degrees to the right are 270 to the left; a sixteenth of a degree below ahead is ahead.
+    #[test]
+    fn angles_are_turned_round() {
+        let scans = Scans::new(Defects::NONE);
+        let bin = |degrees: u16| scans.bin(degrees * 64);
+        assert_eq!(
+            [0, 1, 90, 359].map(bin),
+            [Some(0), Some(718), Some(540), Some(2)]
+        );
+        assert_eq!(
+            [360 * 64 - 4, 15, 16].map(|q6| scans.bin(q6)),
+            [Some(0), Some(0), Some(719)]
+        );
+        assert_eq!(scans.bin(u16::MAX >> 1), Some((720 - 1_024 % 720) % 720));
+    }
+
+    /// Three samples of five turns are enough, two are not; neighbours help, those two apart do not.
+    #[test]
+    fn three_samples_make_a_distance() {
+        let mut scans = Scans::new(Defects::NONE);
+        for turn in 0..5 {
+            let valid = |turns| (turn < turns).then_some(1_000.0);
+            scans.sample(10 * 64, valid(3), 47);
+            scans.sample(20 * 64, valid(2), 47);
+            scans.sample(30 * 64, valid(2), 47);
+            scans.sample(30 * 64 + 32, valid(1), 47);
+            scans.turn_ends();
+        }
+        assert_eq!(scans.reading(350), (1_000, 47));
+        assert_eq!(scans.reading(340), (NOTHING_MM, 47));
+        assert_eq!(scans.reading(330), (1_000, 47));
+        // Another turn without anything, and the first one is forgotten.
+        scans.turn_ends();
+        assert_eq!(scans.reading(350).0, NOTHING_MM);
+    }
+
+    #[test]
+    fn too_near_and_too_far_are_nothing() {
+        let mut scans = Scans::new(Defects::NONE);
+        for _ in 0..5 {
+            for (degrees, distance_mm) in [(1, 149.0), (2, 151.0), (3, 4_999.0), (4, 5_001.0)] {
+                scans.sample(degrees * 64, Some(distance_mm), 47);
+            }
+            scans.turn_ends();
+        }
+        let told = [359, 358, 357, 356].map(|degrees| scans.reading(degrees).0);
+        assert_eq!(told, [NOTHING_MM, 151, 4_999, NOTHING_MM]);
+    }
 }

@@ -45,6 +45,9 @@ const COUNTS_MAX: u16 = 100;
 /// Above this the fielded program takes the old speed.
 const RPM_BELIEVED: f32 = 1_500.0;
 
+/// A wheel that turns slower stands: 20 ms behind its last count.
+const REST_RPM: f32 = 1.0;
+
 /// What the fielded program did wrong; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
@@ -180,6 +183,12 @@ impl Wheels {
             l.control(left, &self.defects),
             r.control(-right, &self.defects),
         ]
+    }
+
+    /// Whether neither the profile nor a wheel moves.
+    pub(super) fn is_at_rest(&self) -> bool {
+        let turns = |wheel: &Wheel| wheel.filter[1].abs() > REST_RPM;
+        self.velocity == Velocity::ZERO && !self.wheels.iter().any(turns)
     }
 
     /// Where the robot believes to be.
