@@ -25,8 +25,6 @@ pub mod scans;
 pub mod state;
 pub mod wheels;
 
-use core::time::Duration;
-
 use protocols::peripherals::{Outputs, Sample, SampleDecoder, SampleFormat};
 use protocols::telemetry::message::{self, ANY_HEADING, State, Telecommand};
 use protocols::{Decode, Instant, LineConfig, LineEvent, Port, rplidar, telemetry};
@@ -49,8 +47,6 @@ use wheels::Wheels;
 
 /// Rate of the wires that are none on a board: PWM of the lidar's motor, the chip's own hardware.
 const BOARD_BAUD: u32 = 10_000_000;
-/// Quiet time after which a half-received sample is given up: half of the time between two.
-const BOARD_IDLE_GAP: Duration = Duration::from_micros(500);
 
 /// The robot's program.
 #[derive(Clone, Debug)]
@@ -70,7 +66,6 @@ pub struct Yellow {
     /// What the state machine wants of the wheels.
     target: Velocity,
     step_at: Instant,
-    sampled_at: Instant,
     /// When the pose was true.
     posed_at: Option<Instant>,
     counters: Counters,
@@ -113,7 +108,6 @@ impl Yellow {
             by_hand: Velocity::ZERO,
             target: Velocity::ZERO,
             step_at: Instant::ZERO,
-            sampled_at: Instant::ZERO,
             posed_at: None,
             counters: Counters {
                 samples: 0,
@@ -267,10 +261,6 @@ impl Master for Yellow {
         match port {
             Self::LIDAR => self.lidar.receive(now, bytes),
             Self::BOARD => {
-                if now - self.sampled_at >= BOARD_IDLE_GAP {
-                    self.samples.idle();
-                }
-                self.sampled_at = now;
                 let mut input = bytes;
                 while let Some(outcome) = self.samples.step(&mut input) {
                     match outcome {

@@ -199,7 +199,7 @@ fn whole_degrees_leave_the_array() {
     let bench = seen(Some("YL-03"), 720.0, 0.0);
     assert!(bench.counter("lidar readings astray") > 10);
     assert!(points(&bench).iter().all(|it| {
-        let half_degrees = it.y_mm.atan2(it.x_mm).to_degrees() * 2.0;
+        let half_degrees = libm::atan2f(it.y_mm, it.x_mm).to_degrees() * 2.0;
         (half_degrees / 2.0 - (half_degrees / 2.0).round()).abs() < 0.01
     }));
     assert_eq!(seen(None, 720.0, 0.0).counter("lidar readings astray"), 0);

@@ -30,9 +30,10 @@ fn the_base_message_is_short() {
         (Some(State::Off), &None, &None)
     );
     let infrared = told.infrared.as_ref().expect("distances");
-    // Walls 0.5 m ahead, sensors on a ring of 7 cm: 0.43 m ahead, 0.507 m at 60 degrees.
-    for (read, truth) in infrared.distances_m.iter().zip([0.43, 0.507, 0.507]) {
-        assert!((read - truth).abs() < 0.02, "{read} {truth}");
+    // Walls 0.5 m ahead, sensors on a ring of 9 cm: 0.41 m ahead, 0.487 m at 60 degrees; noise of
+    // 15 mV is 17 mm there.
+    for (read, truth) in infrared.distances_m.iter().zip([0.41, 0.487, 0.487]) {
+        assert!((read - truth).abs() < 0.06, "{read} {truth}");
     }
     let len = bench.payloads.last().map_or(0, Vec::len);
     assert!((40..=60).contains(&len), "{len}");
@@ -147,6 +148,6 @@ fn lines_are_told_when_asked_for() {
         .heard
         .iter()
         .filter_map(|(_, it)| it.lines.as_ref())
-        .last();
+        .next_back();
     assert!(last.is_some_and(|lines| lines.len() <= 1));
 }

@@ -14,8 +14,9 @@ use crate::pose::{Point, Pose};
 
 /// From one telemetry to the next.
 const PERIOD: Duration = Duration::from_millis(200);
-/// Quiet time after which a half-received frame is given up: 40 bytes.
-const IDLE_GAP: Duration = Duration::from_millis(10);
+/// Quiet time after which a half-received frame is given up. Nothing but the count of bad frames
+/// depends on it, for a start byte begins a frame anywhere; a radio may pause within one.
+const IDLE_GAP: Duration = Duration::from_secs(1);
 
 /// What the fielded program did wrong; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
