@@ -254,6 +254,8 @@ impl Bench {
         if self.robot.poll_at().is_some_and(|at| at <= self.now) {
             self.robot.poll(self.now);
         }
+        // What is due has been done: a rig that jumps from event to event would not get on else.
+        assert!(self.robot.poll_at() > Some(self.now));
         self.carry();
         let mode = self.mode();
         if self.modes.last().is_none_or(|(_, last)| *last != mode) {

@@ -45,6 +45,8 @@ pub(crate) struct Lidar {
     pub(crate) nodes_per_turn: f64,
     /// This many more bytes, and one is lost.
     pub(crate) lose_in: Option<usize>,
+    /// Nodes come from then on.
+    pub(crate) even_at: Instant,
     /// Requests so far.
     pub(crate) requests: Vec<(Instant, Command)>,
     phase: Phase,
@@ -62,6 +64,7 @@ impl Lidar {
             sigma_mm: 0.0,
             nodes_per_turn: 363.6,
             lose_in: None,
+            even_at: Instant::ZERO,
             requests: Vec::new(),
             phase: Phase::Idle,
             angle: 0.0,
@@ -114,7 +117,7 @@ impl Lidar {
                 .extend(b"RP LIDAR System.\r\nFirmware Ver 1.29 - 1.29, HW Ver 7\r\nModel: 18\r\n");
             self.phase = Phase::Idle;
         }
-        if self.phase == Phase::Scanning && self.duty > 0 {
+        if self.phase == Phase::Scanning && self.duty > 0 && now >= self.even_at {
             for _ in 0..2 {
                 bytes.extend(self.node(body, walls));
             }

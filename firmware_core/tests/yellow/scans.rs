@@ -205,6 +205,16 @@ fn whole_degrees_leave_the_array() {
     assert_eq!(seen(None, 720.0, 0.0).counter("lidar readings astray"), 0);
 }
 
+/// The head takes time to turn evenly: 2 s without a node behind the first request are no silence.
+#[test]
+fn a_head_that_speeds_up_is_waited_for() {
+    let mut bench = Bench::new(square(2.0));
+    bench.lidar.even_at = protocols::Instant::from_millis(3_500);
+    bench.run_for(5 * SECOND);
+    assert_eq!(bench.lidar.requests.len(), 1);
+    assert!(points(&bench).len() >= 700);
+}
+
 /// A lidar that answers nothing at all is reset again and again, and harms nobody.
 #[test]
 fn a_lidar_that_is_not_there_is_asked_for() {

@@ -23,6 +23,8 @@ const MOTOR_DUTY: u8 = 153;
 const START: Duration = Duration::from_secs(1);
 /// Without nodes for so long the lidar is asked how it is.
 const SILENCE: Duration = Duration::from_secs(1);
+/// The same before the first node: it comes when the head turns evenly.
+const SPIN_UP: Duration = Duration::from_secs(3);
 /// Time for its answer.
 const ANSWER: Duration = Duration::from_millis(100);
 /// Quiet time after which a half-received node is given up: forty of them.
@@ -79,6 +81,8 @@ pub(super) struct Lidar {
     received_at: Instant,
     /// When a node came last, or a scan was asked for.
     node_at: Instant,
+    /// How long the next one may take.
+    patience: Duration,
     turn_at: Instant,
     pub(super) counters: Counters,
 }
@@ -104,6 +108,7 @@ impl Lidar {
             duty: None,
             received_at: Instant::ZERO,
             node_at: Instant::ZERO,
+            patience: SPIN_UP,
             turn_at: Instant::ZERO,
             counters: Counters {
                 nodes: 0,
@@ -170,7 +175,8 @@ impl Lidar {
         match self.phase {
             Phase::Off => Instant::ZERO,
             Phase::Starting { until } | Phase::Asking { until } => until,
-            Phase::Scanning => self.node_at + SILENCE,
+            Phase::Scanning if self.defects.notices_no_silence => Instant::from_nanos(u64::MAX),
+            Phase::Scanning => self.node_at + self.patience,
         }
     }
 
@@ -188,7 +194,7 @@ impl Lidar {
     }
 
     fn is_silent(&self, now: Instant) -> bool {
-        now - self.node_at >= SILENCE && !self.defects.notices_no_silence
+        now - self.node_at >= self.patience && !self.defects.notices_no_silence
     }
 
     fn answered(&mut self, now: Instant, reply: Reply<'_>) {
@@ -219,6 +225,7 @@ impl Lidar {
         self.send(Command::Scan);
         self.phase = Phase::Scanning;
         (self.node_at, self.turn_at) = (now, now);
+        self.patience = SPIN_UP;
     }
 
     fn send(&mut self, command: Command) {
@@ -228,7 +235,7 @@ impl Lidar {
 
     fn take(&mut self, now: Instant, group: Group) {
         self.counters.nodes = self.counters.nodes.saturating_add(1);
-        self.node_at = now;
+        (self.node_at, self.patience) = (now, SILENCE);
         if group.starts_turn {
             self.counters.turns = self.counters.turns.saturating_add(1);
             // A turn whose beginning was lost is two.
