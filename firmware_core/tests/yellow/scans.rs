@@ -67,8 +67,8 @@ fn a_turn_of_364_samples_leaves_no_holes() {
     assert!(factor > 1.5, "{factor}");
 }
 
-/// Clockwise on the wire, counter-clockwise in the robot: a wall 0.5 m to the left, one 0.8 m to the
-/// right, and the robot looks along +x.
+/// Clockwise on the wire, counter-clockwise in the robot: a wall 0.5 m to the left, one 0.8 m to
+/// the right, and the robot looks along +x.
 #[test]
 fn left_is_left() {
     let mut bench = Bench::new(vec![[-9.0, 0.5, 9.0, 0.5], [-9.0, -0.8, 9.0, -0.8]]);
@@ -91,7 +91,7 @@ fn what_is_too_far_is_left_out() {
     assert!(points(&bench).iter().any(|it| it.x_mm < -4_890.0));
 }
 
-/// YE3: a lost byte costs at most 10 bytes, two nodes, whatever byte it is, and the set stays right.
+/// YE3: a lost byte costs at most 10 bytes, two nodes, whatever byte it is; the set stays right.
 #[test]
 fn ye3_a_lost_byte_costs_two_nodes() {
     for lost in 0..5 {
@@ -135,8 +135,8 @@ fn the_lidar_is_started_as_its_motor_needs() {
     assert!((1_000..=1_010).contains(&at.as_millis()), "{at}");
 }
 
-/// Protection Stop is silence: within a second it is noticed, the health is asked for, and the lidar
-/// reset and started again; meanwhile nothing is seen.
+/// Protection Stop is silence: within a second it is noticed, the health is asked for, and the
+/// lidar reset and started again; meanwhile nothing is seen.
 #[test]
 fn a_protection_stop_is_noticed_and_ended() {
     let mut bench = Bench::new(square(2.0));

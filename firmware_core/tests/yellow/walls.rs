@@ -123,9 +123,9 @@ fn ye8_the_robot_finds_the_walls_of_its_room() {
     assert!(worst <= 30.0, "{worst} mm");
 }
 
-/// A wall with a bend in it, 1 m before the robot; its middle stands back by so much that both halves
-/// of 1.5 m enclose this angle. 2 * atan(1.5 / 0.1312) = 170 degrees, so the bend is 131 mm deep:
-/// more than the tolerance of 60 mm.
+/// A wall with a bend in it, 1 m before the robot; its middle stands back by so much that both
+/// halves of 1.5 m enclose this angle. 2 * atan(1.5 / 0.1312) = 170 degrees, so the bend is 131 mm
+/// deep: more than the tolerance of 60 mm.
 fn bend(degrees: f64) -> Vec<Wall> {
     let depth = 1.5 / libm::tan((degrees / 2.0).to_radians());
     let middle = [0.0, 1.0 + depth];

@@ -5,8 +5,8 @@
 //! ```
 //!
 //! Gains and tolerance: public code of the robot. Its step 2 could not go back; here a goal that is
-//! suddenly aside, as after a corrected pose, is turned to again. It ended in the moment in which it
-//! looked as told, also when it swept past; here it has to stand.
+//! suddenly aside, as after a corrected pose, is turned to again. It ended in the moment in which
+//! it looked as told, also when it swept past; here it has to stand.
 
 use super::motion::Velocity;
 use crate::pose::{Point, Pose, normalised};

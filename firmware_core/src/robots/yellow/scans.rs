@@ -265,7 +265,7 @@ mod tests {
         assert_eq!(scans.bin(u16::MAX >> 1), Some(416));
     }
 
-    /// Three samples of five turns are enough, two are not; neighbours help, those two apart do not.
+    /// Three samples of five turns are enough, two are not; those of the next half degree help.
     #[test]
     fn three_samples_make_a_distance() {
         let mut scans = Scans::new(Defects::NONE);
