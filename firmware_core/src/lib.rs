@@ -26,6 +26,7 @@ pub mod growing_map;
 #[cfg(feature = "host")]
 pub mod lattice;
 pub mod lidar_motor;
+pub mod lines;
 #[cfg(feature = "host")]
 pub mod local_map;
 #[cfg(feature = "host")]

@@ -62,6 +62,15 @@ impl Frame {
 pub struct Decoder(crate::Decoder<Answers, ANSWER_MAX>);
 
 impl Decoder {
+    /// A decoder that expects answers. A constant, for programs that are laid out by the linker.
+    pub const fn new() -> Self {
+        Self(crate::Decoder::with_format(Answers {
+            mode: Mode::Answers,
+            is_aligned: false,
+            has_requests: false,
+        }))
+    }
+
     /// A decoder that finds requests, too, where no stream was announced: for a listener that does
     /// not know which way the bytes go. Two bytes without a checksum are a request only if the
     /// command is a known one, and a payload is at most as long as that of an answer.

@@ -1,0 +1,306 @@
+//! Straight walls in a scan: split and merge.
+//!
+//! ```text
+//! points by angle --gap--> regions --split at the farthest--> segments --merge--> lines
+//! ```
+//!
+//! A region ends where two neighbouring points are far apart; the scan is a circle, so one region
+//! may lie across its beginning. A segment whose points all lie near its chord is done, any other
+//! one is split at the farthest point. Neighbours that go on nearly straight become one, and what
+//! remains is fitted by least squares of the perpendicular distances. Two lines that share a point
+//! meet where they cross. Figures and the fielded faults: public code of a course's robot, its
+//! lidar's task; the fit and the circle are our own.
+
+mod fit;
+mod split;
+
+use crate::pose::Point;
+use fit::Fit;
+use split::Splitter;
+
+/// Most lines that are found.
+pub const LINES_MAX: usize = 20;
+/// Most segments before they are merged.
+const SEGMENTS_MAX: usize = 64;
+
+/// Where a line begins and ends, in the order of the points.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Line {
+    /// The end whose angle comes first.
+    pub start: Point,
+    /// The other end.
+    pub end: Point,
+}
+
+/// How lines are found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Neighbouring points farther apart than this are of different regions.
+    pub gap_mm: f32,
+    /// How far a point may lie beside its line.
+    pub tolerance_mm: f32,
+    /// Neighbours become one line if the angle between them, seen from inside, is larger.
+    pub merge_deg: f32,
+    /// Fewer points are no line.
+    pub points_min: u16,
+    /// Faults of the fielded program to show.
+    pub defects: Defects,
+}
+
+impl Settings {
+    /// The fielded figures.
+    pub const DEFAULT: Self = Self {
+        gap_mm: 300.0,
+        tolerance_mm: 60.0,
+        merge_deg: 170.0,
+        points_min: 3,
+        defects: Defects::NONE,
+    };
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+/// What the fielded program did wrong; none by default.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Defects {
+    /// The cosine of the change of direction is compared with 10 degrees in radians: everything
+    /// below 79.95 degrees is merged.
+    pub merges_below_80_deg: bool,
+    /// Regions with too few points are erased in a loop that goes forward: the one behind an erased
+    /// one is never looked at.
+    pub skips_behind_erased: bool,
+    /// The last point of a region counts twice.
+    pub duplicates_last: bool,
+    /// The first point of a region is left out.
+    pub drops_first: bool,
+    /// A line goes from its first to its last point, whatever lies between, and a region ends where
+    /// the scan begins.
+    pub draws_chords: bool,
+}
+
+impl Defects {
+    /// None.
+    pub const NONE: Self = Self {
+        merges_below_80_deg: false,
+        skips_behind_erased: false,
+        duplicates_last: false,
+        drops_first: false,
+        draws_chords: false,
+    };
+}
+
+/// The lines of a scan.
+#[derive(Clone, Debug)]
+pub struct Lines {
+    lines: [Line; LINES_MAX],
+    len: usize,
+    left_out: u32,
+}
+
+/// A run of points, by their places behind the circle's beginning; both ends belong to it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Segment {
+    first: usize,
+    last: usize,
+    fit: Fit,
+}
+
+impl Lines {
+    /// None.
+    pub const NONE: Self = Self {
+        lines: [Line {
+            start: Point::new(0.0, 0.0),
+            end: Point::new(0.0, 0.0),
+        }; LINES_MAX],
+        len: 0,
+        left_out: 0,
+    };
+
+    /// Finds the lines of a scan whose points are in the order of their angles around the sensor,
+    /// counter-clockwise.
+    pub fn find(points: &[Point], settings: &Settings) -> Self {
+        let mut lines = Self::NONE;
+        let circle = Circle::new(points, settings);
+        let mut segments = Splitter::new(&circle, settings).segments();
+        segments.merge(&circle, settings);
+        if !settings.defects.draws_chords {
+            segments.join(&circle, settings);
+        }
+        for segment in segments.as_slice() {
+            lines.push(segment.fit.line());
+        }
+        lines.left_out = lines.left_out.saturating_add(segments.left_out);
+        lines
+    }
+
+    /// The lines, in the order of their points.
+    pub fn as_slice(&self) -> &[Line] {
+        &self.lines[..self.len]
+    }
+
+    /// Lines for which there was no room.
+    pub const fn left_out(&self) -> u32 {
+        self.left_out
+    }
+
+    fn push(&mut self, line: Line) {
+        match self.lines.get_mut(self.len) {
+            Some(slot) => {
+                *slot = line;
+                self.len += 1;
+            }
+            None => self.left_out = self.left_out.saturating_add(1),
+        }
+    }
+}
+
+/// The points of a scan, begun anew where a region begins.
+#[derive(Clone, Copy, Debug)]
+struct Circle<'a> {
+    points: &'a [Point],
+    begin: usize,
+    /// No gap anywhere: the walls close around the sensor.
+    is_closed: bool,
+}
+
+impl<'a> Circle<'a> {
+    fn new(points: &'a [Point], settings: &Settings) -> Self {
+        let open = Self {
+            points,
+            begin: 0,
+            is_closed: false,
+        };
+        let (Some(first), Some(last)) = (points.first(), points.last()) else {
+            return open;
+        };
+        if settings.defects.draws_chords {
+            return open;
+        }
+        let count = points.len();
+        let before = |at: usize| points[(at + count - 1) % count];
+        let is_gap = |at: &usize| before(*at).distance_mm(points[*at]) > settings.gap_mm;
+        if let Some(begin) = (0..count).find(is_gap) {
+            return Self { begin, ..open };
+        }
+        // From the last point to the first the way goes on around the sensor only if the walls do.
+        if last.x_mm * first.y_mm - last.y_mm * first.x_mm <= 0.0 {
+            return open;
+        }
+        // Where nothing separates them, the farthest point from any other one is a corner.
+        let corner = (0..count).max_by(|a, b| {
+            let [a, b] = [*a, *b].map(|at| points[at].distance_mm(*first));
+            a.total_cmp(&b)
+        });
+        Self {
+            begin: corner.unwrap_or(0),
+            is_closed: true,
+            ..open
+        }
+    }
+
+    /// Places to look at: a closed circle ends with the point with which it began.
+    fn len(&self) -> usize {
+        self.points.len() + usize::from(self.is_closed)
+    }
+
+    /// The point at that place.
+    fn at(&self, place: usize) -> Point {
+        self.points[(self.begin + place) % self.points.len()]
+    }
+
+    /// The points of these places.
+    fn run(&self, first: usize, last: usize) -> impl Iterator<Item = Point> + Clone {
+        (first..=last).map(|place| self.at(place))
+    }
+}
+
+/// Segments in the order of their points.
+#[derive(Clone, Debug)]
+struct Segments {
+    items: [Segment; SEGMENTS_MAX],
+    len: usize,
+    left_out: u32,
+}
+
+impl Segments {
+    fn as_slice(&self) -> &[Segment] {
+        &self.items[..self.len]
+    }
+
+    fn push(&mut self, segment: Segment) {
+        match self.items.get_mut(self.len) {
+            Some(slot) => {
+                *slot = segment;
+                self.len += 1;
+            }
+            None => self.left_out = self.left_out.saturating_add(1),
+        }
+    }
+
+    fn remove(&mut self, at: usize) {
+        self.items.copy_within(at + 1..self.len, at);
+        self.len -= 1;
+    }
+
+    /// Makes one of neighbours that go on nearly straight, the last and the first among them.
+    fn merge(&mut self, circle: &Circle<'_>, settings: &Settings) {
+        let mut at = 0;
+        while at + 1 < self.len {
+            if goes_on(&self.items[at], &self.items[at + 1], settings) {
+                self.unite(at, at + 1, circle, settings);
+            } else {
+                at += 1;
+            }
+        }
+        if self.len > 1 && goes_on(&self.items[at], &self.items[0], settings) {
+            self.unite(at, 0, circle, settings);
+        }
+    }
+
+    /// Makes one segment of the one at `at` and the one at `next`, behind it on the circle.
+    fn unite(&mut self, at: usize, next: usize, circle: &Circle<'_>, settings: &Settings) {
+        let [a, b] = [self.items[at], self.items[next]];
+        let turn = circle.points.len();
+        // A line across the beginning has its end a turn later.
+        let last = if next < at { b.last + turn } else { b.last };
+        let last = last.min(a.first + turn);
+        let fit = Fit::of(circle.run(a.first, last), settings);
+        self.items[at] = Segment { fit, last, ..a };
+        self.remove(next);
+    }
+
+    /// Lets neighbours that share a point meet where they cross.
+    fn join(&mut self, circle: &Circle<'_>, settings: &Settings) {
+        let turn = circle.points.len();
+        for at in 0..self.len {
+            let next = (at + 1) % self.len;
+            let [a, b] = [self.items[at], self.items[next]];
+            if at == next || a.last % turn != b.first % turn {
+                continue;
+            }
+            let corner = circle.at(a.last);
+            let near = |cross: &Point| cross.distance_mm(corner) <= settings.tolerance_mm;
+            if let Some(cross) = a.fit.crossing(&b.fit).filter(near) {
+                self.items[at].fit.end = cross;
+                self.items[next].fit.start = cross;
+            }
+        }
+    }
+}
+
+/// Whether `b` goes on where `a` ends, nearly straight.
+fn goes_on(a: &Segment, b: &Segment, settings: &Settings) -> bool {
+    if a.fit.end.distance_mm(b.fit.start) > settings.tolerance_mm {
+        return false;
+    }
+    let cos = a.fit.cos_to(&b.fit);
+    let change_deg = 180.0 - settings.merge_deg;
+    if settings.defects.merges_below_80_deg {
+        return cos > change_deg.to_radians();
+    }
+    cos > libm::cosf(change_deg.to_radians())
+}

@@ -1,0 +1,111 @@
+//! A straight line through points.
+
+use super::{Line, Settings};
+use crate::pose::{Point, sin_cos};
+
+/// A line through a run of points: its ends, and its direction from the first to the last.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Fit {
+    pub(super) start: Point,
+    pub(super) end: Point,
+    direction: [f32; 2],
+}
+
+impl Fit {
+    /// The line with the least sum of squared perpendicular distances; its ends are what is nearest
+    /// on it to the first and the last point.
+    pub(super) fn of(points: impl Iterator<Item = Point> + Clone, settings: &Settings) -> Self {
+        let mut all = points.clone();
+        let Some(first) = all.next() else {
+            return Self::default();
+        };
+        let last = all.last().unwrap_or(first);
+        let chord = Self::chord(first, last);
+        if settings.defects.draws_chords {
+            return chord;
+        }
+        // Seen from the first point, so that the squares of far points do not eat the digits.
+        let local = points.map(|point| [point.x_mm - first.x_mm, point.y_mm - first.y_mm]);
+        let (mut count, mut sum) = (0.0, [0.0_f32; 2]);
+        for [x, y] in local.clone() {
+            count += 1.0;
+            sum = [sum[0] + x, sum[1] + y];
+        }
+        let mean = sum.map(|sum| sum / count);
+        let (mut xx_yy, mut xy) = (0.0, 0.0);
+        for [x, y] in local {
+            let [x, y] = [x - mean[0], y - mean[1]];
+            xx_yy += x * x - y * y;
+            xy += x * y;
+        }
+        let (sin, cos) = sin_cos(libm::atan2f(2.0 * xy, xx_yy) / 2.0);
+        let sign = match cos * chord.direction[0] + sin * chord.direction[1] < 0.0 {
+            true => -1.0,
+            false => 1.0,
+        };
+        let direction = [cos * sign, sin * sign];
+        let on_line = |point: Point| {
+            let [x, y] = [
+                point.x_mm - first.x_mm - mean[0],
+                point.y_mm - first.y_mm - mean[1],
+            ];
+            let along = x * direction[0] + y * direction[1];
+            Point::new(
+                first.x_mm + mean[0] + along * direction[0],
+                first.y_mm + mean[1] + along * direction[1],
+            )
+        };
+        Self {
+            start: on_line(first),
+            end: on_line(last),
+            direction,
+        }
+    }
+
+    /// From point to point.
+    fn chord(start: Point, end: Point) -> Self {
+        let length = start.distance_mm(end);
+        let direction = match length > 0.0 {
+            true => [
+                (end.x_mm - start.x_mm) / length,
+                (end.y_mm - start.y_mm) / length,
+            ],
+            false => [1.0, 0.0],
+        };
+        Self {
+            start,
+            end,
+            direction,
+        }
+    }
+
+    pub(super) const fn line(&self) -> Line {
+        Line {
+            start: self.start,
+            end: self.end,
+        }
+    }
+
+    /// Cosine of the change of direction from this line to `next`.
+    pub(super) fn cos_to(&self, next: &Self) -> f32 {
+        self.direction[0] * next.direction[0] + self.direction[1] * next.direction[1]
+    }
+
+    /// Where both lines, made longer, meet; `None` if they are nearly parallel.
+    pub(super) fn crossing(&self, other: &Self) -> Option<Point> {
+        let [[ax, ay], [bx, by]] = [self.direction, other.direction];
+        let sin = ax * by - ay * bx;
+        if sin.abs() < 0.1 {
+            return None;
+        }
+        let (dx, dy) = (
+            other.start.x_mm - self.start.x_mm,
+            other.start.y_mm - self.start.y_mm,
+        );
+        let along = (dx * by - dy * bx) / sin;
+        Some(Point::new(
+            self.start.x_mm + along * ax,
+            self.start.y_mm + along * ay,
+        ))
+    }
+}

@@ -1,0 +1,29 @@
+use super::Defects;
+use crate::pose::Pose;
+
+/// What the robot is told once, before it starts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Config {
+    /// Where the robot stands when it is switched on: its odometry begins there.
+    pub start: Pose,
+    /// Faults of the fielded program to show, see [`Config::with_defect`].
+    pub defects: Defects,
+}
+
+impl Config {
+    /// At the origin, without a fault. A constant, so that the robot can be a `static`.
+    pub const DEFAULT: Self = Self {
+        start: Pose {
+            x_mm: 0.0,
+            y_mm: 0.0,
+            heading: 0.0,
+        },
+        defects: Defects::NONE,
+    };
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}

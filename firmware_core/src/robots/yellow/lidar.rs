@@ -1,0 +1,313 @@
+//! The driver of the RPLIDAR A1: starts it, takes its nodes, and notices when none come.
+//!
+//! ```text
+//! motor on --1 s--> SCAN --nodes--> ... --1 s of silence--> HEALTH? --good--> SCAN
+//!                    ^                                         | error, or no answer
+//!                    +-------------------1 s----- RESET <------+
+//! ```
+//!
+//! A lidar in Protection Stop takes scan requests without a word (protocol document LR001), so
+//! silence is all that tells. Duty and waiting time: public code of the robot, `LIDAR`.
+
+use core::time::Duration;
+
+use protocols::rplidar::{Command, Decoder, Frame, Mode, Node, Reply, Status};
+use protocols::{Decode, Instant};
+
+use super::scans::{self, Scans};
+use crate::fifo::Fifo;
+
+/// Duty of the motor, 0.6 of 255.
+const MOTOR_DUTY: u8 = 153;
+/// From the motor's start, or a reset, to the first request.
+const START: Duration = Duration::from_secs(1);
+/// Without nodes for so long the lidar is asked how it is.
+const SILENCE: Duration = Duration::from_secs(1);
+/// The same before the first node: it comes when the head turns evenly.
+const SPIN_UP: Duration = Duration::from_secs(3);
+/// Time for its answer.
+const ANSWER: Duration = Duration::from_millis(100);
+/// Quiet time after which a half-received node is given up: forty of them.
+const IDLE_GAP: Duration = Duration::from_millis(20);
+/// A turn takes 0.1 s to 1 s, so one without a beginning for longer has lost it.
+const TURN_MAX: Duration = Duration::from_millis(1_500);
+
+/// What the fielded program did wrong; none by default.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Defects {
+    /// Seven bytes are skipped, then five are a node whatever they are.
+    pub unchecked: bool,
+    /// The seven are skipped once, not after each start.
+    pub skips_once: bool,
+    /// Silence is not noticed.
+    pub notices_no_silence: bool,
+    /// Of the set.
+    pub scans: scans::Defects,
+}
+
+impl Defects {
+    /// None.
+    pub const NONE: Self = Self {
+        unchecked: false,
+        skips_once: false,
+        notices_no_silence: false,
+        scans: scans::Defects::NONE,
+    };
+}
+
+/// Where the driver is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    /// Nothing was done yet.
+    Off,
+    /// The motor speeds up, or the lidar starts again.
+    Starting { until: Instant },
+    /// A scan was asked for.
+    Scanning,
+    /// The health was asked for.
+    Asking { until: Instant },
+}
+
+/// The driver.
+#[derive(Clone, Debug)]
+pub(super) struct Lidar {
+    defects: Defects,
+    phase: Phase,
+    decoder: Decoder,
+    groups: Groups,
+    pub(super) scans: Scans,
+    requests: Fifo<16>,
+    duty: Option<u8>,
+    received_at: Instant,
+    /// When a node came last, or a scan was asked for.
+    node_at: Instant,
+    /// How long the next one may take.
+    patience: Duration,
+    turn_at: Instant,
+    pub(super) counters: Counters,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Counters {
+    pub(super) nodes: u32,
+    pub(super) resyncs: u32,
+    pub(super) turns: u32,
+    pub(super) silences: u32,
+    pub(super) restarts: u32,
+}
+
+impl Lidar {
+    pub(super) const fn new(defects: Defects) -> Self {
+        Self {
+            defects,
+            phase: Phase::Off,
+            decoder: Decoder::new(),
+            groups: Groups::NEW,
+            scans: Scans::new(defects.scans),
+            requests: Fifo::new(),
+            duty: None,
+            received_at: Instant::ZERO,
+            node_at: Instant::ZERO,
+            patience: SPIN_UP,
+            turn_at: Instant::ZERO,
+            counters: Counters {
+                nodes: 0,
+                resyncs: 0,
+                turns: 0,
+                silences: 0,
+                restarts: 0,
+            },
+        }
+    }
+
+    pub(super) fn receive(&mut self, now: Instant, bytes: &[u8]) {
+        if now - self.received_at >= IDLE_GAP {
+            self.line_broke();
+        }
+        self.received_at = now;
+        if self.defects.unchecked {
+            for &byte in bytes {
+                if let Some(node) = self.groups.take(byte) {
+                    self.take(now, node);
+                }
+            }
+            return;
+        }
+        let mut input = bytes;
+        while let Some(outcome) = self.decoder.step(&mut input) {
+            match outcome {
+                Ok(Frame::Node(node)) => self.take(now, Group::of(node)),
+                Ok(Frame::Answer(answer)) => self.answered(now, answer.reply()),
+                Ok(_) => {}
+                Err(_) => self.counters.resyncs = self.counters.resyncs.saturating_add(1),
+            }
+        }
+    }
+
+    pub(super) fn line_broke(&mut self) {
+        self.decoder.idle();
+    }
+
+    /// What is due by `now`.
+    pub(super) fn tick(&mut self, now: Instant) {
+        match self.phase {
+            Phase::Off => {
+                self.duty = Some(MOTOR_DUTY);
+                self.phase = Phase::Starting { until: now + START };
+            }
+            Phase::Starting { until } if now >= until => self.scan(now),
+            Phase::Asking { until } if now >= until => self.reset(now),
+            Phase::Scanning if self.is_silent(now) => {
+                self.counters.silences = self.counters.silences.saturating_add(1);
+                self.scans.forget();
+                self.line_broke();
+                self.decoder.expect(Mode::Answers);
+                self.send(Command::Health);
+                self.phase = Phase::Asking {
+                    until: now + ANSWER,
+                };
+            }
+            Phase::Starting { .. } | Phase::Asking { .. } | Phase::Scanning => {}
+        }
+    }
+
+    pub(super) fn next_at(&self) -> Instant {
+        match self.phase {
+            Phase::Off => Instant::ZERO,
+            Phase::Starting { until } | Phase::Asking { until } => until,
+            Phase::Scanning if self.defects.notices_no_silence => Instant::from_nanos(u64::MAX),
+            Phase::Scanning => self.node_at + self.patience,
+        }
+    }
+
+    pub(super) const fn take_duty(&mut self) -> Option<u8> {
+        self.duty.take()
+    }
+
+    pub(super) fn transmit(&mut self, buf: &mut [u8]) -> usize {
+        self.requests.pop(buf)
+    }
+
+    /// Groups of five bytes that were no node.
+    pub(super) const fn bad_groups(&self) -> u32 {
+        self.groups.bad
+    }
+
+    fn is_silent(&self, now: Instant) -> bool {
+        now - self.node_at >= self.patience && !self.defects.notices_no_silence
+    }
+
+    fn answered(&mut self, now: Instant, reply: Reply<'_>) {
+        let (Phase::Asking { .. }, Reply::Health(health)) = (self.phase, reply) else {
+            return;
+        };
+        match health.status {
+            Status::Good | Status::Warning => self.scan(now),
+            _ => self.reset(now),
+        }
+    }
+
+    fn reset(&mut self, now: Instant) {
+        self.counters.restarts = self.counters.restarts.saturating_add(1);
+        self.send(Command::Reset);
+        self.phase = Phase::Starting { until: now + START };
+    }
+
+    fn scan(&mut self, now: Instant) {
+        self.line_broke();
+        self.decoder.expect(Mode::Answers);
+        if !self.defects.skips_once {
+            self.groups = Groups {
+                bad: self.groups.bad,
+                ..Groups::NEW
+            };
+        }
+        self.send(Command::Scan);
+        self.phase = Phase::Scanning;
+        (self.node_at, self.turn_at) = (now, now);
+        self.patience = SPIN_UP;
+    }
+
+    fn send(&mut self, command: Command) {
+        // A request that does not fit is asked for again by the silence that follows.
+        self.requests.push(command.request().as_bytes());
+    }
+
+    fn take(&mut self, now: Instant, group: Group) {
+        self.counters.nodes = self.counters.nodes.saturating_add(1);
+        (self.node_at, self.patience) = (now, SILENCE);
+        if group.starts_turn {
+            self.counters.turns = self.counters.turns.saturating_add(1);
+            // A turn whose beginning was lost is two.
+            if now - self.turn_at <= TURN_MAX {
+                self.scans.turn_ends();
+            }
+            self.turn_at = now;
+        }
+        self.scans
+            .sample(group.angle_q6, group.distance_mm, group.quality);
+    }
+}
+
+/// What five bytes say.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Group {
+    starts_turn: bool,
+    quality: u8,
+    angle_q6: u16,
+    distance_mm: Option<f32>,
+}
+
+impl Group {
+    fn of(node: Node) -> Self {
+        Self {
+            starts_turn: node.starts_turn(),
+            quality: node.quality(),
+            angle_q6: node.angle_q6(),
+            distance_mm: node.distance_mm(),
+        }
+    }
+}
+
+/// The fielded parser: bytes by their number.
+#[derive(Clone, Debug)]
+struct Groups {
+    /// Bytes of the descriptor that are still to be skipped.
+    skips: u8,
+    bytes: [u8; 5],
+    len: usize,
+    bad: u32,
+}
+
+impl Groups {
+    const NEW: Self = Self {
+        skips: 7,
+        bytes: [0; 5],
+        len: 0,
+        bad: 0,
+    };
+
+    fn take(&mut self, byte: u8) -> Option<Group> {
+        if self.skips > 0 {
+            self.skips -= 1;
+            return None;
+        }
+        self.bytes[self.len] = byte;
+        self.len += 1;
+        if self.len < self.bytes.len() {
+            return None;
+        }
+        self.len = 0;
+        if Node::parse(self.bytes).is_err() {
+            self.bad = self.bad.saturating_add(1);
+        }
+        let [first, low, high, near, far] = self.bytes;
+        let distance_q2 = u16::from_le_bytes([near, far]);
+        Some(Group {
+            starts_turn: first & 1 != 0,
+            quality: first >> 2,
+            angle_q6: u16::from_le_bytes([low, high]) >> 1,
+            distance_mm: (distance_q2 != 0).then(|| f32::from(distance_q2) / 4.0),
+        })
+    }
+}

@@ -1,0 +1,300 @@
+//! The lidar's set: five turns, one distance each half degree, with the noise taken out.
+//!
+//! The sensor gives about one sample a degree, each turn at other angles. A direction takes the
+//! middle of its samples of the last turns; one that has less than three takes those of its
+//! neighbours as well. The middle is the mean of what is left without the ends: as little moved by
+//! one wild sample as the median, and with less of the noise. The fielded set has one place a
+//! degree, which holds whatever came last, and copies it five times.
+
+use crate::pose::{Point, sin_cos};
+
+/// Directions of a set.
+pub(super) const BINS: usize = 720;
+/// Turns of a set.
+const TURNS: usize = 5;
+/// A direction with fewer samples has no distance.
+const SAMPLES_MIN: usize = 3;
+/// What the sensor can measure, and farther than what nothing is believed.
+const NEAREST_MM: f32 = 150.0;
+const FARTHEST_MM: f32 = 5_000.0;
+/// Told where nothing was measured.
+pub(super) const NOTHING_MM: i32 = 10_000;
+/// Weaker readings the fielded program takes for none.
+const FIELDED_QUALITY_MIN: u8 = 10;
+
+/// What the fielded program did wrong; none by default.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Defects {
+    /// A set is five copies of the newest distances, one a degree.
+    pub copies: bool,
+    /// Angles are whole degrees, cut off.
+    pub whole_degrees: bool,
+    /// Distances stay until others come.
+    pub never_ages: bool,
+}
+
+impl Defects {
+    /// None.
+    pub const NONE: Self = Self {
+        copies: false,
+        whole_degrees: false,
+        never_ages: false,
+    };
+}
+
+/// The last turns and what was made of them.
+#[derive(Clone, Debug)]
+pub(super) struct Scans {
+    defects: Defects,
+    /// Millimetres by turn and direction; 0: nothing.
+    turns: [[u16; BINS]; TURNS],
+    /// The turn that is being filled.
+    turn: usize,
+    quality: [u8; BINS],
+    /// The newest set.
+    set_mm: [u16; BINS],
+    points: [Point; BINS],
+    point_count: usize,
+    /// Writes beside the fielded program's array.
+    pub(super) stray: u32,
+    pub(super) sets: u32,
+}
+
+impl Scans {
+    pub(super) const fn new(defects: Defects) -> Self {
+        Self {
+            defects,
+            turns: [[0; BINS]; TURNS],
+            turn: 0,
+            quality: [0; BINS],
+            set_mm: [0; BINS],
+            points: [Point::new(0.0, 0.0); BINS],
+            point_count: 0,
+            stray: 0,
+            sets: 0,
+        }
+    }
+
+    /// A sample at `angle_q6`, 64ths of a degree clockwise; `None`: nothing was measured.
+    pub(super) fn sample(&mut self, angle_q6: u16, distance_mm: Option<f32>, quality: u8) {
+        let Some(bin) = self.bin(angle_q6) else {
+            self.stray = self.stray.saturating_add(1);
+            return;
+        };
+        let is_valid = |it: &f32| match self.defects.copies {
+            true => *it > 0.0 && *it < FARTHEST_MM && quality >= FIELDED_QUALITY_MIN,
+            false => (NEAREST_MM..=FARTHEST_MM).contains(it),
+        };
+        let distance_mm = distance_mm.filter(is_valid).map_or(0, to_u16);
+        // Two samples of a turn may share a direction: one that failed does not undo the other.
+        if distance_mm > 0 || self.defects.copies {
+            self.quality[bin] = quality;
+            self.turns[self.turn][bin] = distance_mm;
+        }
+    }
+
+    /// A turn is complete: what it has brought is looked at, and the oldest one forgotten.
+    pub(super) fn turn_ends(&mut self) {
+        for bin in 0..BINS {
+            self.set_mm[bin] = self.combined(bin);
+        }
+        self.sets = self.sets.saturating_add(1);
+        self.draw();
+        // The median of five copies is the copy, so one place for it is enough.
+        if !self.defects.copies {
+            self.turn = (self.turn + 1) % TURNS;
+            self.turns[self.turn] = [0; BINS];
+        }
+    }
+
+    /// The sensor is silent: nothing is known any more.
+    pub(super) fn forget(&mut self) {
+        if self.defects.never_ages {
+            return;
+        }
+        self.turns = [[0; BINS]; TURNS];
+        self.set_mm = [0; BINS];
+        self.point_count = 0;
+    }
+
+    /// The points of the newest set in the robot's frame, by their angles.
+    pub(super) fn points(&self) -> &[Point] {
+        &self.points[..self.point_count]
+    }
+
+    /// Distance in whole millimetres and quality in that direction, counter-clockwise from ahead.
+    pub(super) fn reading(&self, degrees: usize) -> (i32, i32) {
+        let bin = degrees * 2 % BINS;
+        let distance_mm = match self.set_mm[bin] {
+            0 => NOTHING_MM,
+            distance_mm => i32::from(distance_mm),
+        };
+        (distance_mm, i32::from(self.quality[bin]))
+    }
+
+    const fn has_whole_degrees(&self) -> bool {
+        self.defects.whole_degrees || self.defects.copies
+    }
+
+    /// The direction of an angle, counter-clockwise; the fielded program leaves its array.
+    fn bin(&self, angle_q6: u16) -> Option<usize> {
+        if self.has_whole_degrees() {
+            let degrees = usize::from(angle_q6 / 64);
+            return match self.defects.whole_degrees {
+                // Ahead is 360, the array ends before.
+                true => 360_usize.checked_sub(degrees).filter(|it| *it < 360),
+                false => Some((720 - degrees % 360) % 360),
+            }
+            .map(|degrees| degrees * 2);
+        }
+        let half_degrees = (usize::from(angle_q6) + 16) / 32 % BINS;
+        Some((BINS - half_degrees) % BINS)
+    }
+
+    /// The distance of a direction.
+    fn combined(&self, bin: usize) -> u16 {
+        if self.has_whole_degrees() && bin % 2 == 1 {
+            return 0;
+        }
+        if self.defects.copies {
+            return self.turns[self.turn][bin];
+        }
+        let mut samples = Samples::default();
+        samples.add(&self.turns, bin);
+        if samples.len < SAMPLES_MIN {
+            samples.add(&self.turns, (bin + 1) % BINS);
+            samples.add(&self.turns, (bin + BINS - 1) % BINS);
+        }
+        samples.middle()
+    }
+
+    fn draw(&mut self) {
+        let mut count = 0;
+        for (half_degrees, distance_mm) in (0_u16..).zip(self.set_mm) {
+            if distance_mm == 0 {
+                continue;
+            }
+            let (sin, cos) = sin_cos((f32::from(half_degrees) / 2.0).to_radians());
+            let distance_mm = f32::from(distance_mm);
+            self.points[count] = Point::new(distance_mm * cos, distance_mm * sin);
+            count += 1;
+        }
+        self.point_count = count;
+    }
+}
+
+/// Samples of a direction.
+#[derive(Clone, Copy, Debug, Default)]
+struct Samples {
+    items: [u16; 3 * TURNS],
+    len: usize,
+}
+
+impl Samples {
+    fn add(&mut self, turns: &[[u16; BINS]; TURNS], bin: usize) {
+        for turn in turns {
+            if turn[bin] != 0 {
+                self.items[self.len] = turn[bin];
+                self.len += 1;
+            }
+        }
+    }
+
+    /// The mean without a quarter of the samples at each end, but at least one: the median of three
+    /// or four. 0 if there are too few.
+    fn middle(&mut self) -> u16 {
+        if self.len < SAMPLES_MIN {
+            return 0;
+        }
+        let items = &mut self.items[..self.len];
+        items.sort_unstable();
+        let cut = (items.len() / 4).max(1);
+        let middle = &items[cut..items.len() - cut];
+        let sum: u32 = middle.iter().copied().map(u32::from).sum();
+        let count = u32::try_from(middle.len()).unwrap_or(1);
+        u16::try_from((sum + count / 2) / count).unwrap_or(u16::MAX)
+    }
+}
+
+/// Whole millimetres of a distance that was found valid.
+fn to_u16(distance_mm: f32) -> u16 {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "saturates, and is below 5000 anyway"
+    )]
+    let whole = libm::roundf(distance_mm) as u16;
+    whole
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn middle(items: &[u16]) -> u16 {
+        let mut samples = Samples::default();
+        samples.items[..items.len()].copy_from_slice(items);
+        samples.len = items.len();
+        samples.middle()
+    }
+
+    /// By hand; a wild sample at either end does not count.
+    #[test]
+    fn the_middle_is_without_the_ends() {
+        assert_eq!(middle(&[1_000, 1_010]), 0);
+        assert_eq!(middle(&[4_000, 1_000, 1_010]), 1_010);
+        assert_eq!(middle(&[4_000, 1_000, 1_010, 1_020]), 1_015);
+        assert_eq!(middle(&[1_000, 160, 1_003, 1_005, 4_999]), 1_003);
+        assert_eq!(middle(&[10, 1, 2, 3, 4, 5, 6, 99]), 5);
+    }
+
+    /// 90 degrees to the right are 270 to the left; a sixteenth of a degree below ahead is ahead.
+    #[test]
+    fn angles_are_turned_round() {
+        let scans = Scans::new(Defects::NONE);
+        let bin = |degrees: u16| scans.bin(degrees * 64);
+        assert_eq!(
+            [0, 1, 90, 359].map(bin),
+            [Some(0), Some(718), Some(540), Some(2)]
+        );
+        assert_eq!(
+            [360 * 64 - 4, 15, 16].map(|q6| scans.bin(q6)),
+            [Some(0), Some(0), Some(719)]
+        );
+        // The format goes up to 511 degrees, whose 152nd is 208 the other way round; rounded up.
+        assert_eq!(scans.bin(u16::MAX >> 1), Some(416));
+    }
+
+    /// Three samples of five turns are enough, two are not; those of the next half degree help.
+    #[test]
+    fn three_samples_make_a_distance() {
+        let mut scans = Scans::new(Defects::NONE);
+        for turn in 0..5 {
+            let valid = |turns| (turn < turns).then_some(1_000.0);
+            scans.sample(10 * 64, valid(3), 47);
+            scans.sample(20 * 64, valid(2), 47);
+            scans.sample(30 * 64, valid(2), 47);
+            scans.sample(30 * 64 + 32, valid(1), 47);
+            scans.turn_ends();
+        }
+        assert_eq!(scans.reading(350), (1_000, 47));
+        assert_eq!(scans.reading(340), (NOTHING_MM, 47));
+        assert_eq!(scans.reading(330), (1_000, 47));
+        // Another turn without anything, and the first one is forgotten.
+        scans.turn_ends();
+        assert_eq!(scans.reading(350).0, NOTHING_MM);
+    }
+
+    #[test]
+    fn too_near_and_too_far_are_nothing() {
+        let mut scans = Scans::new(Defects::NONE);
+        for _ in 0..5 {
+            for (degrees, distance_mm) in [(1, 149.0), (2, 151.0), (3, 4_999.0), (4, 5_001.0)] {
+                scans.sample(degrees * 64, Some(distance_mm), 47);
+            }
+            scans.turn_ends();
+        }
+        let told = [359, 358, 357, 356].map(|degrees| scans.reading(degrees).0);
+        assert_eq!(told, [NOTHING_MM, 151, 4_999, NOTHING_MM]);
+    }
+}

@@ -1,0 +1,221 @@
+//! What the robot does: the state machine around the motors' drivers.
+//!
+//! ```text
+//!            0.5 s                     +-> MANUAL --------+
+//! OFF -> SWITCH ON -> ON --desired-----+-> AUTO REACTIVE -+--> ON -> SWITCH OFF -> OFF
+//!                                      +-> AUTO POSITION -+            0.5 s
+//! ```
+//!
+//! The user button switches the reactive drive on, and everything off. From one activity to another
+//! the way leads over ON, where the robot stands.
+
+use core::time::Duration;
+
+use protocols::Instant;
+use protocols::telemetry::message::State;
+
+/// How long the drivers take to switch on or off.
+const SWITCHING: Duration = Duration::from_millis(500);
+/// Silence of the PC after which nobody drives by hand any more.
+const MANUAL_HOLDS: Duration = Duration::from_secs(2);
+
+/// What the fielded program did wrong; none by default.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Defects {
+    /// The watchdog of MANUAL is declared and never looked at.
+    pub manual_never_ends: bool,
+    /// The end of a manoeuvre wants OFF, whatever was ordered meanwhile.
+    pub end_erases_order: bool,
+    /// The machine runs each 10 ms instead of each 1 ms.
+    pub is_slow: bool,
+}
+
+impl Defects {
+    /// None.
+    pub const NONE: Self = Self {
+        manual_never_ends: false,
+        end_erases_order: false,
+        is_slow: false,
+    };
+}
+
+/// What the robot is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// The motors' drivers are off.
+    Off,
+    /// They are being switched on.
+    SwitchOn,
+    /// They are on, and the robot stands.
+    On,
+    /// Speeds of the PC.
+    Manual,
+    /// By the IR sensors.
+    AutoReactive,
+    /// To a pose.
+    AutoPosition,
+    /// The drivers are being switched off.
+    SwitchOff,
+}
+
+impl Mode {
+    /// What the PC is told: it does not know of the drivers.
+    pub const fn told(self) -> State {
+        match self {
+            Self::Off | Self::SwitchOn | Self::On | Self::SwitchOff => State::Off,
+            Self::Manual => State::Manual,
+            Self::AutoReactive => State::AutoReactive,
+            Self::AutoPosition => State::AutoPosition,
+        }
+    }
+
+    /// Name as in messages to people.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Off => "off",
+            Self::SwitchOn => "switch on",
+            Self::On => "on",
+            Self::Manual => "manual",
+            Self::AutoReactive => "reactive",
+            Self::AutoPosition => "position",
+            Self::SwitchOff => "switch off",
+        }
+    }
+
+    const fn of(state: State) -> Option<Self> {
+        match state {
+            State::Off => None,
+            State::Manual => Some(Self::Manual),
+            State::AutoReactive => Some(Self::AutoReactive),
+            State::AutoPosition => Some(Self::AutoPosition),
+        }
+    }
+}
+
+/// What the robot shall do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Desired {
+    Off,
+    /// Stand, with the drivers on.
+    On,
+    Active(Mode),
+}
+
+/// The state machine.
+#[derive(Clone, Debug)]
+pub(super) struct Machine {
+    defects: Defects,
+    mode: Mode,
+    since: Instant,
+    desired: Desired,
+    button: bool,
+    /// When the PC was heard last.
+    heard_at: Instant,
+    /// A manoeuvre has ended, and this has not been dealt with.
+    has_arrived: bool,
+    pub(super) time_outs: u32,
+    pub(super) arrivals: u32,
+}
+
+impl Machine {
+    pub(super) const fn new(defects: Defects) -> Self {
+        Self {
+            defects,
+            mode: Mode::Off,
+            since: Instant::ZERO,
+            desired: Desired::Off,
+            button: false,
+            heard_at: Instant::ZERO,
+            has_arrived: false,
+            time_outs: 0,
+            arrivals: 0,
+        }
+    }
+
+    pub(super) const fn mode(&self) -> Mode {
+        self.mode
+    }
+
+    /// Time between two steps.
+    pub(super) const fn period(&self) -> Duration {
+        match self.defects.is_slow {
+            true => Duration::from_millis(10),
+            false => Duration::from_millis(1),
+        }
+    }
+
+    /// Whether the motors' drivers are on.
+    pub(super) const fn drivers_are_on(&self) -> bool {
+        !matches!(self.mode, Mode::Off)
+    }
+
+    /// The PC was heard.
+    pub(super) const fn heard(&mut self, now: Instant) {
+        self.heard_at = now;
+    }
+
+    /// What the PC wants.
+    pub(super) const fn order(&mut self, state: State) {
+        self.desired = match Mode::of(state) {
+            Some(mode) => Desired::Active(mode),
+            None => Desired::Off,
+        };
+        if !self.defects.end_erases_order {
+            self.has_arrived = false;
+        }
+    }
+
+    /// The manoeuvre has come to its end: the next step deals with it.
+    pub(super) const fn arrived(&mut self) {
+        if !self.has_arrived {
+            self.arrivals = self.arrivals.saturating_add(1);
+        }
+        self.has_arrived = true;
+    }
+
+    /// The button's state; only its going down counts.
+    pub(super) const fn button(&mut self, is_down: bool) {
+        if is_down && !self.button {
+            self.desired = match self.mode {
+                Mode::Off => Desired::Active(Mode::AutoReactive),
+                _ => Desired::Off,
+            };
+        }
+        self.button = is_down;
+    }
+
+    /// One step; true if the robot does something else now.
+    pub(super) fn step(&mut self, now: Instant) -> bool {
+        if core::mem::take(&mut self.has_arrived) {
+            self.desired = Desired::Off;
+        }
+        let is_alone = now - self.heard_at >= MANUAL_HOLDS && !self.defects.manual_never_ends;
+        if self.mode == Mode::Manual && is_alone {
+            self.time_outs = self.time_outs.saturating_add(1);
+            self.desired = Desired::On;
+        }
+        let next = self.next(now);
+        let changes = next != self.mode;
+        if changes {
+            (self.mode, self.since) = (next, now);
+        }
+        changes
+    }
+
+    fn next(&self, now: Instant) -> Mode {
+        let is_switched = now - self.since >= SWITCHING;
+        match (self.mode, self.desired) {
+            (Mode::Off, Desired::On | Desired::Active(_)) => Mode::SwitchOn,
+            (Mode::SwitchOn, _) if is_switched => Mode::On,
+            (Mode::On, Desired::Active(mode)) => mode,
+            (Mode::On, Desired::Off) => Mode::SwitchOff,
+            (Mode::SwitchOff, _) if is_switched => Mode::Off,
+            (Mode::Manual | Mode::AutoReactive | Mode::AutoPosition, desired)
+                if desired != Desired::Active(self.mode) =>
+            {
+                Mode::On
+            }
+            (mode, _) => mode,
+        }
+    }
+}

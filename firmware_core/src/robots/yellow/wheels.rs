@@ -1,0 +1,237 @@
+//! From the encoders' counters to duties of the motors' PWM, and to the pose, each millisecond.
+//!
+//! The right motor is mounted the other way round: where the robot drives ahead its counter runs
+//! down and its duty is below a half. Figures: public code of the robot, `Controller` and
+//! `Peripherals.h`.
+
+use core::f32::consts::TAU;
+
+use protocols::peripherals::DUTY_MAX;
+
+use super::motion::{self, Velocity};
+use crate::pose::{Pose, normalised, sin_cos};
+
+/// Time between two samples.
+const PERIOD_S: f32 = 0.001;
+const COUNTS_PER_TURN: f32 = 1_200.0;
+const WHEEL_RADIUS_M: f32 = 0.0375;
+/// Distance of the wheels.
+const BASE_M: f32 = 0.18;
+/// Millimetres of a count.
+const COUNT_MM: f32 = TAU * WHEEL_RADIUS_M * 1_000.0 / COUNTS_PER_TURN;
+/// Turns per minute of a count a sample: 50.
+const COUNT_RPM: f32 = 60.0 / (COUNTS_PER_TURN * PERIOD_S);
+/// Turns per minute of a speed of 1 m/s.
+const RPM_PER_M_S: f32 = 60.0 / (TAU * WHEEL_RADIUS_M);
+/// What a motor turns per volt.
+const RPM_PER_VOLT: f32 = 40.0;
+const SUPPLY_VOLTS: f32 = 12.0;
+/// A double pole at 300 rad/s: 1 - exp(-0.3) of the difference each sample.
+const FILTER: f32 = 0.259_182;
+/// Gain of the controller in volts per rpm, ahead and back as the motor sees it.
+const GAIN_AHEAD: f32 = 0.2;
+const GAIN_BACK: f32 = 0.1;
+/// Time constant of the integral part and the most that it adds. It makes up for the friction,
+/// half a volt, and for motors that are not all alike.
+const INTEGRAL_S: f32 = 0.1;
+const INTEGRAL_MAX_VOLTS: f32 = 2.0;
+/// The bridge is never driven to its ends.
+const DUTY_LEAST: f32 = 0.02;
+const DUTY_GREATEST: f32 = 0.98;
+/// Duty at which the motor stands.
+const DUTY_STOP: u16 = DUTY_MAX / 2;
+/// More counts in a sample are no motion but a counter that began anew: ten samples of full speed.
+const COUNTS_MAX: u16 = 100;
+/// Above this the fielded program takes the old speed.
+const RPM_BELIEVED: f32 = 1_500.0;
+
+/// A wheel that turns slower stands: 20 ms behind its last count.
+const REST_RPM: f32 = 1.0;
+
+/// What the fielded program did wrong; none by default.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Defects {
+    /// Counters are subtracted as they are, and a speed above 1500 rpm, as it comes out when one
+    /// wraps, is replaced by the one before.
+    pub replaces_jumps: bool,
+    /// The way of a sample is taken along the heading at its end.
+    pub end_point_rule: bool,
+    /// There is no integral part: friction leaves an error.
+    pub proportional_only: bool,
+}
+
+impl Defects {
+    /// None.
+    pub const NONE: Self = Self {
+        replaces_jumps: false,
+        end_point_rule: false,
+        proportional_only: false,
+    };
+}
+
+/// One motor and its encoder, as the motor sees itself.
+#[derive(Clone, Copy, Debug)]
+struct Wheel {
+    counter: Option<u16>,
+    /// Counts of the last sample.
+    counts: f32,
+    filter: [f32; 2],
+    target_rpm: f32,
+    integral_volts: f32,
+}
+
+impl Wheel {
+    const NEW: Self = Self {
+        counter: None,
+        counts: 0.0,
+        filter: [0.0; 2],
+        target_rpm: 0.0,
+        integral_volts: 0.0,
+    };
+
+    /// Takes the counter; false if it cannot be believed.
+    fn measure(&mut self, counter: u16, defects: &Defects) -> bool {
+        let before = self.counter.replace(counter).unwrap_or(counter);
+        let change = counter.wrapping_sub(before).cast_signed();
+        let is_sound = change.unsigned_abs() <= COUNTS_MAX;
+        if defects.replaces_jumps {
+            let counts = f32::from(counter) - f32::from(before);
+            if (counts * COUNT_RPM).abs() <= RPM_BELIEVED {
+                self.counts = counts;
+            }
+        } else {
+            self.counts = if is_sound { f32::from(change) } else { 0.0 };
+        }
+        let mut input = self.counts * COUNT_RPM;
+        for state in &mut self.filter {
+            *state += FILTER * (input - *state);
+            input = *state;
+        }
+        is_sound
+    }
+
+    /// Duty for this speed.
+    fn control(&mut self, target_rpm: f32, defects: &Defects) -> u16 {
+        let error_rpm = target_rpm - self.filter[1];
+        let gain = if target_rpm > 0.0 {
+            GAIN_AHEAD
+        } else {
+            GAIN_BACK
+        };
+        // What was learned of the friction is of no use at rest or the other way round.
+        if self.target_rpm * target_rpm <= 0.0 || defects.proportional_only {
+            self.integral_volts = 0.0;
+        }
+        self.target_rpm = target_rpm;
+        let volts = gain * error_rpm + target_rpm / RPM_PER_VOLT + self.integral_volts;
+        let duty = volts / (2.0 * SUPPLY_VOLTS) + 0.5;
+        let bounded = duty.clamp(DUTY_LEAST, DUTY_GREATEST);
+        if (duty - bounded).abs() < f32::EPSILON {
+            let more = gain / INTEGRAL_S * PERIOD_S * error_rpm;
+            self.integral_volts =
+                (self.integral_volts + more).clamp(-INTEGRAL_MAX_VOLTS, INTEGRAL_MAX_VOLTS);
+        }
+        to_duty(bounded)
+    }
+}
+
+/// The drive: both wheels, the profile of the speeds, the pose.
+#[derive(Clone, Debug)]
+pub(super) struct Wheels {
+    defects: Defects,
+    /// Left, right.
+    wheels: [Wheel; 2],
+    /// What the profile has come to.
+    velocity: Velocity,
+    pose: Pose,
+    disbelieved: u32,
+}
+
+impl Wheels {
+    pub(super) const fn new(start: Pose, defects: Defects) -> Self {
+        Self {
+            defects,
+            wheels: [Wheel::NEW; 2],
+            velocity: Velocity::ZERO,
+            pose: start,
+            disbelieved: 0,
+        }
+    }
+
+    /// One sample: where the robot is now, and the duties that bring it to `target`; without one
+    /// the motors are off.
+    pub(super) fn step(&mut self, counters: [u16; 2], target: Option<Velocity>) -> [u16; 2] {
+        for (wheel, counter) in self.wheels.iter_mut().zip(counters) {
+            if !wheel.measure(counter, &self.defects) {
+                self.disbelieved = self.disbelieved.saturating_add(1);
+            }
+        }
+        self.advance();
+        let Some(target) = target else {
+            self.velocity = Velocity::ZERO;
+            for wheel in &mut self.wheels {
+                (wheel.target_rpm, wheel.integral_volts) = (0.0, 0.0);
+            }
+            return [DUTY_STOP; 2];
+        };
+        self.velocity = motion::approach(self.velocity, target, PERIOD_S);
+        let turn = self.velocity.angular_rad_s * BASE_M / 2.0;
+        let left = (self.velocity.linear_m_s - turn) * RPM_PER_M_S;
+        let right = (self.velocity.linear_m_s + turn) * RPM_PER_M_S;
+        let [l, r] = &mut self.wheels;
+        [
+            l.control(left, &self.defects),
+            r.control(-right, &self.defects),
+        ]
+    }
+
+    /// Whether neither the profile nor a wheel moves.
+    pub(super) fn is_at_rest(&self) -> bool {
+        let turns = |wheel: &Wheel| wheel.filter[1].abs() > REST_RPM;
+        self.velocity == Velocity::ZERO && !self.wheels.iter().any(turns)
+    }
+
+    /// Where the robot believes to be.
+    pub(super) const fn pose(&self) -> Pose {
+        self.pose
+    }
+
+    /// Somebody knows better where the robot is.
+    pub(super) const fn correct(&mut self, pose: Pose) {
+        self.pose = pose;
+    }
+
+    /// Samples whose counters were no motion.
+    pub(super) const fn disbelieved(&self) -> u32 {
+        self.disbelieved
+    }
+
+    /// The pose after the way of one sample, taken along the heading in its middle.
+    fn advance(&mut self) {
+        let [left, right] = [self.wheels[0].counts, -self.wheels[1].counts];
+        let way_mm = (left + right) / 2.0 * COUNT_MM;
+        let turn = (right - left) * COUNT_MM / (BASE_M * 1_000.0);
+        let part = if self.defects.end_point_rule {
+            1.0
+        } else {
+            0.5
+        };
+        let (sin, cos) = sin_cos(self.pose.heading + turn * part);
+        self.pose = Pose {
+            x_mm: self.pose.x_mm + cos * way_mm,
+            y_mm: self.pose.y_mm + sin * way_mm,
+            heading: normalised(self.pose.heading + turn),
+        };
+    }
+}
+
+/// A duty as the hardware takes it.
+fn to_duty(part: f32) -> u16 {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a part of the whole, bounded before"
+    )]
+    let duty = libm::roundf(part * f32::from(DUTY_MAX)) as u16;
+    duty
+}

@@ -1,0 +1,173 @@
+//! YE5: the state machine.
+
+use core::time::Duration;
+
+use protocols::Instant;
+use protocols::telemetry::message::{State, Telecommand};
+
+use crate::bench::{Bench, SECOND, square};
+
+/// How long the robot was in `mode`, the first time.
+fn time_in(bench: &Bench, mode: &str) -> Duration {
+    let at = bench.modes.iter().position(|(_, name)| *name == mode);
+    let at = at.expect("the robot was in that mode");
+    bench.modes[at + 1].0 - bench.modes[at].0
+}
+
+fn names(bench: &Bench) -> Vec<&'static str> {
+    bench.modes.iter().map(|(_, name)| *name).collect()
+}
+
+/// The whole table: from OFF over SWITCH ON and ON to each activity, over ON to another one, and
+/// over ON and SWITCH OFF back; the drivers take 0.5 s +-10 ms each way.
+#[test]
+fn ye5_the_whole_table() {
+    for (id, step) in [(None, 1), (Some("YS-03"), 10)] {
+        let mut bench = match id {
+            None => Bench::new(square(10.0)),
+            Some(id) => Bench::with_defect(square(10.0), id),
+        };
+        bench.run_for(SECOND / 10);
+        bench.order(State::Manual);
+        bench.run_for(SECOND);
+        bench.order(State::AutoReactive);
+        bench.run_for(SECOND / 10);
+        bench.go(2.0, 0.0, 0.0);
+        bench.run_for(SECOND / 10);
+        bench.order(State::Manual);
+        bench.run_for(SECOND / 10);
+        bench.order(State::Off);
+        bench.run_for(SECOND);
+        let active = ["manual", "on", "reactive", "on", "position", "on", "manual"];
+        let mut expected = vec!["off", "switch on", "on"];
+        expected.extend(active);
+        expected.extend(["on", "switch off", "off"]);
+        assert_eq!(names(&bench), expected);
+        for switching in ["switch on", "switch off"] {
+            let took = time_in(&bench, switching).as_millis();
+            assert!((490..=510).contains(&took), "{switching}: {took} ms");
+        }
+        // Seed 1 ms, fielded 10 ms: how long ON lasts on the way.
+        assert_eq!(time_in(&bench, "on").as_millis(), step, "{id:?}");
+    }
+}
+
+/// What the PC is told: it knows neither of drivers nor of ON.
+#[test]
+fn switching_is_told_as_off() {
+    let mut bench = Bench::new(square(10.0));
+    bench.order(State::Manual);
+    bench.run_for(SECOND);
+    let told: Vec<_> = bench.heard.iter().map(|(_, told)| told.state).collect();
+    assert!(told.starts_with(&[Some(State::Off), Some(State::Off)]));
+    assert_eq!(told.last(), Some(&Some(State::Manual)));
+}
+
+/// OFF in the midst of switching on: the drivers come on first, as their hardware needs.
+#[test]
+fn an_order_to_be_off_waits_for_the_drivers() {
+    let mut bench = Bench::new(square(10.0));
+    bench.order(State::Manual);
+    bench.run_for(SECOND / 10);
+    bench.order(State::Off);
+    bench.run_for(2 * SECOND);
+    assert_eq!(names(&bench), ["switch on", "on", "switch off", "off"]);
+    assert!(!bench.outputs.enable);
+}
+
+#[test]
+fn the_button_switches_on_and_off_when_it_goes_down() {
+    let mut bench = Bench::new(square(10.0));
+    bench.run_for(SECOND / 10);
+    bench.button = true;
+    bench.run_for(2 * SECOND);
+    assert_eq!(bench.mode(), "reactive", "held down it counts once");
+    bench.button = false;
+    bench.run_for(SECOND / 10);
+    assert_eq!(bench.mode(), "reactive");
+    bench.button = true;
+    bench.run_for(SECOND);
+    assert_eq!(bench.mode(), "off");
+}
+
+/// Without a goal AUTO POSITION is refused, and with one that is no number as well.
+#[test]
+fn a_position_needs_a_pose() {
+    let mut bench = Bench::new(square(10.0));
+    bench.order(State::AutoPosition);
+    bench.go(f32::NAN, 0.0, 0.0);
+    bench.run_for(SECOND);
+    assert_eq!(
+        (bench.mode(), bench.counter("telecommands refused")),
+        ("off", 2)
+    );
+    bench.go(0.5, 0.0, 0.0);
+    bench.run_for(SECOND);
+    assert_eq!(bench.mode(), "position");
+}
+
+/// How long a robot that nobody tells anything any more goes on driving by hand.
+fn manual_lasts(mut bench: Bench) -> (Duration, Bench) {
+    bench.drive(0.3, 0.0);
+    assert!(bench.run_until(SECOND, |bench| bench.mode() == "manual"));
+    bench.drive(0.3, 0.0);
+    let since = bench.now;
+    bench.run_until(10 * SECOND, |bench| bench.mode() != "manual");
+    (bench.now - since, bench)
+}
+
+/// 2 s without the PC end driving by hand: the robot stands, its drivers stay on.
+#[test]
+fn ye5_driving_by_hand_ends_2_s_behind_the_last_word() {
+    let (lasted, mut bench) = manual_lasts(Bench::new(square(100.0)));
+    assert!((1_990..=2_010).contains(&lasted.as_millis()), "{lasted:?}");
+    bench.run_for(SECOND);
+    assert_eq!((bench.mode(), bench.counter("manual time-outs")), ("on", 1));
+    assert!(bench.speed()[0].abs() < 0.01);
+    // Any word counts, also one that wants nothing.
+    let mut bench = Bench::new(square(100.0));
+    bench.drive(0.3, 0.0);
+    for _ in 0..10 {
+        bench.run_for(SECOND);
+        bench.send(&Telecommand::default());
+    }
+    assert_eq!(bench.mode(), "manual");
+}
+
+/// YS-01: the fielded robot drives on, and for good.
+#[test]
+fn ye5_the_fielded_robot_drives_on_without_anybody() {
+    let (lasted, bench) = manual_lasts(Bench::with_defect(square(100.0), "YS-01"));
+    assert_eq!(lasted, 10 * SECOND);
+    assert!(bench.speed()[0] > 0.29);
+}
+
+/// A new goal that comes between the end of a manoeuvre and what follows from it.
+fn goal_at_the_end(mut bench: Bench) -> &'static str {
+    bench.go(0.3, 0.0, 0.0);
+    let arrived = bench.run_until(10 * SECOND, |bench| bench.counter("arrivals") == 1);
+    assert!(arrived && bench.mode() == "position");
+    bench.go(0.6, 0.0, 0.0);
+    bench.run_for(SECOND / 5);
+    bench.mode()
+}
+
+/// YS-02: the fielded robot writes OFF over the order that has just come.
+#[test]
+fn the_end_of_a_manoeuvre_erases_no_order() {
+    assert_eq!(goal_at_the_end(Bench::new(square(10.0))), "position");
+    let fielded = goal_at_the_end(Bench::with_defect(square(10.0), "YS-02"));
+    assert_eq!(fielded, "switch off");
+}
+
+/// Without a sample of the hardware the machine runs by the clock, and harms nothing.
+#[test]
+fn modes_need_no_samples() {
+    use firmware_core::Master as _;
+    let mut bench = Bench::new(square(10.0));
+    bench.order(State::Manual);
+    for millis in 1..700 {
+        bench.robot.poll(Instant::from_millis(millis));
+    }
+    assert_eq!(bench.mode(), "manual");
+}
