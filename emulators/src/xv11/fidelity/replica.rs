@@ -87,6 +87,7 @@ fn scene() -> World {
     let fixed = Fixture {
         shape: box_walls,
         reflectivity: 0.9,
+        height_m: f64::INFINITY,
     };
     let scene = Scene::new([fixed], vec![hand()]).expect("a box and a hand");
     let body = BodyConfig {
@@ -114,6 +115,7 @@ fn hand() -> Obstacle {
                 corners: HAND_M.map(|(x, y)| Point::new(x, y)).to_vec(),
             },
             reflectivity: 0.16,
+            height_m: f64::INFINITY,
         },
         path: Path {
             waypoints,
