@@ -320,7 +320,8 @@ impl Device for CarBoard {
             self.drive(now, world);
         }
         if let Some(due) = self.frame_at.take_if(|at| *at <= now) {
-            self.frame_at = Some(now.max(due) + self.period());
+            // A board that was polled late goes on from then.
+            self.frame_at = Some((due + self.period()).max(now));
             self.sense(now, world);
             if self.changed_at.take().is_some() {
                 self.drive(now, world);

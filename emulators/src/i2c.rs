@@ -13,7 +13,7 @@ use std::collections::VecDeque;
 
 use protocols::{Instant, LineConfig, Port};
 
-use crate::device::{Device, Event};
+use crate::device::{Device, Event, earliest};
 use crate::event_log::EventLog;
 use crate::world::World;
 
@@ -58,6 +58,13 @@ pub struct OnBus<C> {
     register: u8,
     requests: VecDeque<(Instant, Vec<u8>)>,
     answers: VecDeque<Vec<u8>>,
+    /// When the chip's log has something to count up.
+    told_at: Option<Instant>,
+}
+
+/// The registers of a transaction that begins with `from`: behind FF comes 00.
+pub(crate) fn registers(from: u8) -> impl Iterator<Item = u8> {
+    (from..=u8::MAX).chain((0..=u8::MAX).cycle())
 }
 
 impl<C: RegisterChip> OnBus<C> {
@@ -71,6 +78,7 @@ impl<C: RegisterChip> OnBus<C> {
             register: 0,
             requests: VecDeque::new(),
             answers: VecDeque::new(),
+            told_at: None,
         }
     }
 
@@ -112,7 +120,9 @@ impl<C: RegisterChip> Device for OnBus<C> {
         while let Some((_, message)) = self.requests.pop_front_if(|(at, _)| *at <= now) {
             self.obey(now, &message, world);
         }
-        self.chip.log().0.poll(now);
+        let log = &mut self.chip.log().0;
+        log.poll(now);
+        self.told_at = log.poll_at();
     }
 
     fn transmit(&mut self, _port: Port, buf: &mut [u8]) -> usize {
@@ -125,7 +135,7 @@ impl<C: RegisterChip> Device for OnBus<C> {
     }
 
     fn poll_at(&self) -> Option<Instant> {
-        self.requests.front().map(|(at, _)| *at)
+        earliest([self.requests.front().map(|(at, _)| *at), self.told_at])
     }
 
     fn line_config(&self, _port: Port) -> LineConfig {
@@ -142,5 +152,69 @@ impl<C: RegisterChip> Device for OnBus<C> {
 
     fn take_events(&mut self) -> Vec<Event> {
         self.chip.log().0.take()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::collection::vec;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::mpu6050::{Mpu6050, Mpu6050Config};
+    use crate::srf08::{Srf08, Srf08Config};
+    use crate::world::{BodyConfig, Fixture, Pose, Scene};
+
+    fn transact(mut device: impl Device, messages: &[Vec<u8>]) -> usize {
+        let scene = Scene::new(Vec::<Fixture>::new(), vec![]).unwrap();
+        let mut world = World::new(scene, BodyConfig::default(), Pose::default(), 1).unwrap();
+        let mut buf = [0; 300];
+        let (mut now, mut answered) = (Instant::ZERO, 0);
+        for message in messages {
+            device.receive(Port(0), now, message);
+            now += Duration::from_millis(70);
+            device.poll(now, &mut world);
+            answered += device.transmit(Port(0), &mut buf);
+        }
+        answered
+    }
+
+    #[test]
+    fn registers_begin_anew_behind_the_last() {
+        let found: Vec<_> = registers(0xFE).take(4).collect();
+        assert_eq!(found, [0xFE, 0xFF, 0x00, 0x01]);
+    }
+
+    /// The identity is at 75; a read from 74 on goes on with it, and the next one behind it.
+    #[test]
+    fn a_read_goes_on_where_the_last_one_ended() {
+        let chip = Mpu6050::new(Mpu6050Config::default(), 1, "test");
+        let messages = [vec![0xD0, 0x74], vec![0xD1, 1], vec![0xD1, 1]];
+        let mut device = OnBus::new(chip);
+        assert_eq!(transact(device.clone(), &messages), 2);
+        let scene = Scene::new(Vec::<Fixture>::new(), vec![]).unwrap();
+        let mut world = World::new(scene, BodyConfig::default(), Pose::default(), 1).unwrap();
+        for message in messages {
+            device.receive(Port(0), Instant::ZERO, &message);
+        }
+        device.poll(Instant::from_millis(1), &mut world);
+        assert_eq!(device.answers, [[0x00], [0x68]]);
+    }
+
+    proptest! {
+        #[test]
+        fn no_transaction_makes_a_chip_panic(
+            messages in vec(
+                (prop_oneof![Just(0xD0_u8), Just(0xD1), Just(0xE0), Just(0xE1), any::<u8>()],
+                 vec(any::<u8>(), 0..20))
+                .prop_map(|(address, rest)| [vec![address], rest].concat()),
+                0..30,
+            ),
+        ) {
+            let imu = Mpu6050::new(Mpu6050Config::default(), 1, "test");
+            transact(OnBus::new(imu), &messages);
+            let ranger = Srf08::new(Srf08Config::default(), 1, "test");
+            transact(OnBus::new(ranger), &messages);
+        }
     }
 }

@@ -19,7 +19,7 @@ use core::time::Duration;
 
 use protocols::Instant;
 
-use crate::i2c::{Log, RegisterChip};
+use crate::i2c::{Log, RegisterChip, registers};
 use crate::rng::Rng;
 use crate::world::World;
 
@@ -201,7 +201,7 @@ impl RegisterChip for Mpu6050 {
     }
 
     fn write(&mut self, _now: Instant, register: u8, data: &[u8], _world: &World) {
-        for (register, &byte) in (register..).zip(data) {
+        for (register, &byte) in registers(register).zip(data) {
             match register {
                 0x1A => self.filter = byte & 0x3F,
                 register::GYRO_CONFIG => self.gyro_range = range(byte),
@@ -214,11 +214,12 @@ impl RegisterChip for Mpu6050 {
     }
 
     fn read(&mut self, now: Instant, register: u8, data: &mut [u8], world: &World) {
-        let asks_for_data = (register..).take(data.len()).any(|it| DATA.contains(&it));
+        let mut asked = registers(register).take(data.len());
+        let asks_for_data = asked.any(|it| DATA.contains(&it));
         if asks_for_data && self.power & SLEEP == 0 && !self.is_stuck {
             self.sample(now, world);
         }
-        for (register, byte) in (register..).zip(data) {
+        for (register, byte) in registers(register).zip(data) {
             *byte = self.register(register);
         }
     }

@@ -21,7 +21,7 @@ use core::time::Duration;
 use protocols::Instant;
 
 use crate::device::EventKind;
-use crate::i2c::{Log, RegisterChip};
+use crate::i2c::{Log, RegisterChip, registers};
 use crate::rng::Rng;
 use crate::world::{Cone, Scene, World};
 
@@ -205,7 +205,7 @@ impl RegisterChip for Srf08 {
     }
 
     fn write(&mut self, now: Instant, register: u8, data: &[u8], world: &World) {
-        for (register, byte) in (register..).zip(data) {
+        for (register, byte) in registers(register).zip(data) {
             match register {
                 COMMAND => self.command(now, *byte, world),
                 RANGE => self.range = *byte,
@@ -216,7 +216,7 @@ impl RegisterChip for Srf08 {
 
     fn read(&mut self, now: Instant, register: u8, data: &mut [u8], _world: &World) {
         let [high, low] = self.echo.to_be_bytes();
-        for (register, byte) in (register..).zip(data) {
+        for (register, byte) in registers(register).zip(data) {
             *byte = match register {
                 _ if self.is_ranging(now) => 0xFF,
                 // Software revision; that of the chips of 2015 is a guess.

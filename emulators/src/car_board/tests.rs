@@ -1,5 +1,7 @@
 //! The board under a car: what it drives, what its frames say, and when it stops.
 
+use proptest::collection::vec;
+use proptest::prelude::*;
 use protocols::Decode as _;
 use protocols::car_board::{Decoder, Readings};
 
@@ -263,4 +265,18 @@ fn faults_are_seen_from_outside() {
     assert!(frames.is_empty() && speed < 0.01);
     let (frames, speed, angle) = during("restart", None);
     assert!(frames.last().unwrap().hall < 10 && speed < 0.001 && angle > 0.43);
+}
+
+proptest! {
+    /// Any bytes: no panic, and no speed or angle that the car does not have.
+    #[test]
+    fn no_bytes_drive_the_car_beyond_its_limits(bytes in vec(any::<u8>(), 0..60)) {
+        let mut run = run(BoardConfig { out_of_range: OutOfRange::Clamped, ..BoardConfig::default() });
+        for (part, bytes) in (1..).zip(bytes.chunks(7)) {
+            run.say(bytes);
+            run.until(Instant::from_millis(40 * part));
+            prop_assert!(run.world.speed() <= 1.2);
+            prop_assert!(run.world.chassis().actual(1).abs() <= 25.001_f64.to_radians());
+        }
+    }
 }
