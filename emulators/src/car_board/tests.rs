@@ -271,7 +271,8 @@ proptest! {
     /// Any bytes: no panic, and no speed or angle that the car does not have.
     #[test]
     fn no_bytes_drive_the_car_beyond_its_limits(bytes in vec(any::<u8>(), 0..60)) {
-        let mut run = run(BoardConfig { out_of_range: OutOfRange::Clamped, ..BoardConfig::default() });
+        let out_of_range = OutOfRange::Clamped;
+        let mut run = run(BoardConfig { out_of_range, ..BoardConfig::default() });
         for (part, bytes) in (1..).zip(bytes.chunks(7)) {
             run.say(bytes);
             run.until(Instant::from_millis(40 * part));
