@@ -237,7 +237,6 @@ fn ap3_the_exact_sum_believes_as_many_lines_as_the_table_says() {
             believed(from, to, turning, Sum::AsCoded),
             believed(from, to, turning, Sum::Right),
         ];
-        std::println!("{from} s: {found:.1?}, table {ahead} {curve} {right}");
         if found
             .iter()
             .zip([ahead, curve, right])
