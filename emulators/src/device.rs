@@ -132,7 +132,11 @@ mod tests {
         const fn clone_world<T: Clone + Send + Sync>() {}
         const _: () = {
             clone::<crate::avr_base::AvrBase>();
+            clone::<crate::car_board::CarBoard>();
             clone::<crate::hc06::Hc06>();
+            clone::<crate::i2c::OnBus<crate::mpu6050::Mpu6050>>();
+            clone::<crate::i2c::OnBus<crate::srf08::Srf08>>();
+            clone::<crate::odometer::Odometer>();
             clone::<crate::pc::Pc>();
             clone::<crate::registers::Registers>();
             clone::<crate::rplidar::Rplidar>();

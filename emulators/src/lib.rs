@@ -7,28 +7,38 @@
 //! | module | is |
 //! |---|---|
 //! | [`avr_base`] | register slave that owns motors, encoders and infrared sensors |
+//! | [`car_board`] | board of a model car: motor, servo, ultrasonic ranges, hall, line, battery |
 //! | [`device`] | the contract of every device |
 //! | [`hc06`] | Bluetooth radio: command and data mode, finite FIFO, slow air |
+//! | [`i2c`] | chips with registers on an I2C bus |
 //! | [`lidar`] | what turning lidars have in common |
+//! | [`mpu6050`] | gyroscope and accelerometer |
+//! | [`odometer`] | microcontroller that prints way and heading |
 //! | [`pc`] | scripted PC at the far end of the radio: sends waypoints, collects the map |
 //! | [`registers`], [`text`] | slaves described by data: a register table, a text protocol |
 //! | [`quantity`] | what the values of such slaves are |
 //! | [`rplidar`] | RPLIDAR A1 lidar |
+//! | [`srf08`] | ultrasonic ranger |
 //! | [`touch_panel`] | display of 480 x 272 pixels that is drawn on and touched by wire |
 //! | [`world`] | ground truth: scene, robot body, physics, ray casts |
 //! | [`xv11`] | Neato XV-11 lidar |
 //! | [`rng`] | named random streams from one seed |
 
 pub mod avr_base;
+pub mod car_board;
 pub mod device;
 mod event_log;
 pub mod hc06;
+pub mod i2c;
 pub mod lidar;
+pub mod mpu6050;
+pub mod odometer;
 pub mod pc;
 pub mod quantity;
 pub mod registers;
 pub mod rng;
 pub mod rplidar;
+pub mod srf08;
 pub mod text;
 pub mod touch_panel;
 pub mod world;

@@ -19,6 +19,7 @@ mod contact;
 mod error;
 pub mod geometry;
 mod grid;
+mod inertia;
 pub mod occupancy;
 pub mod path;
 pub mod scene;
@@ -29,8 +30,8 @@ use protocols::Instant;
 
 pub use body::{
     Ackermann, AckermannConfig, Actuator, ActuatorKind, BodyConfig, BodyError, Chassis, Command,
-    CommandError, Differential, Drive, Encoder, Footprint, FootprintError, Outline, Select,
-    Velocity, Wheel,
+    CommandError, Differential, Drive, Encoder, Floor, Footprint, FootprintError, Outline,
+    Reversing, Select, SteeringLaw, Velocity, Wheel,
 };
 use body::{Motion, STEP_NANOS, STEP_S};
 pub use contact::Contact;
@@ -39,7 +40,10 @@ pub use error::WorldError;
 pub use geometry::{Bounds, Point, Pose, wrap_angle};
 pub use occupancy::OccupancyImage;
 pub use path::{Path, Repeat, Waypoint};
-pub use scene::{Cause, Fixture, Hit, Obstacle, PRIMITIVES_MAX, Part, Scene, SceneError, Shape};
+pub use scene::{
+    Cause, Cone, Fixture, FloorLine, FloorLineError, Hit, Obstacle, PRIMITIVES_MAX, Part, Scene,
+    SceneError, Shape,
+};
 
 /// Steps whose motion is remembered: a lidar's packet holds beams of the last few milliseconds,
 /// one whole revolution lasts 200 ms.

@@ -345,6 +345,7 @@ impl WorldSpec {
             fixtures.push(Fixture {
                 shape,
                 reflectivity,
+                height_m: f64::INFINITY,
             });
             origins.push(Origin {
                 key: format!("world.{key}[{index}]"),
@@ -416,6 +417,7 @@ impl WorldSpec {
             let fixture = Fixture {
                 shape,
                 reflectivity: 1.0,
+                height_m: f64::INFINITY,
             };
             obstacles.push(Obstacle {
                 fixture,

@@ -13,6 +13,7 @@ pub(crate) fn world() -> World {
             to: Point::new(3.0, 2.0),
         },
         reflectivity: 1.0,
+        height_m: f64::INFINITY,
     };
     let scene = Scene::new([wall], vec![]).expect("a wall");
     let pose = Pose::new(1.0, 0.5, 0.0);

@@ -19,13 +19,13 @@ pub mod differential;
 pub mod footprint;
 mod motor;
 
-pub use ackermann::{Ackermann, AckermannConfig};
+pub use ackermann::{Ackermann, AckermannConfig, Floor, SteeringLaw};
 pub use chassis::{
     Actuator, ActuatorKind, Chassis, Command, CommandError, Encoder, Select, Velocity,
 };
 pub use differential::{BodyConfig, BodyError, Differential, Wheel};
 pub use footprint::{Footprint, FootprintError, Outline};
-pub use motor::Drive;
+pub use motor::{Drive, Reversing};
 
 use super::geometry::{Point, Pose};
 

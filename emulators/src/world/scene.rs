@@ -1,6 +1,8 @@
 //! Everything solid that the robot did not bring along: walls, furniture, people.
 
 mod error;
+mod floor;
+mod view;
 
 use std::sync::Arc;
 
@@ -10,6 +12,8 @@ use super::geometry::{Bounds, Circle, Crossing, Point, Primitive, Ray, Segment};
 use super::grid::Grid;
 use super::path::{Path, Repeat};
 pub use error::{Cause, Part, SceneError};
+pub use floor::{FloorLine, FloorLineError};
+pub use view::Cone;
 
 /// Coordinates beyond this are taken for a mistake (a floor plan in millimetres, say).
 const COORDINATE_MAX_M: f64 = 1_000.0;
@@ -50,14 +54,18 @@ pub struct Fixture {
     /// Light returned compared with the white wall a lidar is specified for (1.0); a black
     /// sofa has about 0.1.
     pub reflectivity: f64,
+    /// How far it rises from the floor, metres: what is as high or higher sees over it, see
+    /// [`Scene::slice`]. The robot's body meets it all the same.
+    pub height_m: f64,
 }
 
 impl From<Shape> for Fixture {
-    /// A white surface.
+    /// A white surface, up to the ceiling.
     fn from(shape: Shape) -> Self {
         Self {
             shape,
             reflectivity: 1.0,
+            height_m: f64::INFINITY,
         }
     }
 }
@@ -86,6 +94,7 @@ pub struct Hit {
 #[derive(Clone, Debug)]
 pub struct Scene {
     inner: Arc<Inner>,
+    floor: Arc<[FloorLine]>,
 }
 
 #[derive(Debug)]
@@ -299,6 +308,7 @@ impl Scene {
             .unwrap_or(Bounds::around(Point::default(), 0.0));
         let grid = Grid::new(&fixed.primitives, bounds);
         Ok(Self {
+            floor: Arc::new([]),
             inner: Arc::new(Inner {
                 fixtures,
                 obstacles,
@@ -351,6 +361,10 @@ impl Body {
             return Err(Cause::Reflectivity {
                 found: reflectivity,
             });
+        }
+        let height_m = fixture.height_m;
+        if height_m.is_nan() || height_m <= 0.0 {
+            return Err(Cause::Height { found: height_m });
         }
         let before = self.primitives.len();
         match &fixture.shape {

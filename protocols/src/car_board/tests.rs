@@ -123,29 +123,43 @@ fn a_sync_inside_a_frame_holds_the_fielded_decoder_for_ever() {
     assert_eq!(decode(begun), [frame; 7]);
 }
 
-/// Parked beside a wall with an unlucky battery, all frames are equal, and both phases can be:
-/// 0x1C01 is 7169 mV, and shifted by three bytes the battery reads 0x1C0F. Bytes alone cannot tell;
-/// a pause can.
+/// A frame that is one three bytes later as well: 258 cm are 02 01, so the front reads 0200 and the
+/// right 0001; a battery of 0x1C01, 7169 mV, makes the line 1; the next frame's 28 cm make 0x1C0F.
+const TWOFOLD: Readings = Readings {
+    front_cm: 0x1C,
+    right_cm: 15,
+    left_cm: 258,
+    line: 0,
+    hall: 269,
+    battery_mv: 0x1C01,
+};
+
+/// Its first byte is lost. The next frame, which does not begin where the wrong one ends, tells.
+#[test]
+fn the_next_frame_tells_where_the_one_before_ended() {
+    let (twofold, other) = (TWOFOLD.encode(), VECTOR_READINGS.encode());
+    let like = Readings {
+        front_cm: 0x1C,
+        ..VECTOR_READINGS
+    };
+    let frames = [twofold, like.encode(), other];
+    let stream: Vec<u8> = frames.iter().flat_map(|f| *f.as_bytes()).collect();
+    assert_eq!(decode(&stream[1..]), frames[1..]);
+}
+
+/// Parked, all frames are equal, and bytes alone cannot tell; a pause can.
 #[test]
 fn a_pause_tells_where_frames_begin() {
-    let readings = Readings {
-        front_cm: 0x1C,
-        right_cm: 15,
-        left_cm: 100,
-        line: 0,
-        hall: 269,
-        battery_mv: 0x1C01,
-    };
-    let frame = readings.encode();
+    let frame = TWOFOLD.encode();
+    let stream: Vec<u8> = [frame; 4].iter().flat_map(|f| *f.as_bytes()).collect();
+    let begun = &stream[1..];
+    assert!(!decode(begun).contains(&frame));
     let mut decoder = Decoder::default();
     let mut found = Vec::new();
-    // The first byte of the first frame is lost.
-    found.extend(decoder.push(&frame.as_bytes()[1..]).filter_map(Result::ok));
-    for _ in 0..3 {
+    for piece in [&begun[..12], &begun[12..25], &begun[25..38], &begun[38..]] {
+        found.extend(decoder.push(piece).filter_map(Result::ok));
         decoder.idle();
-        found.extend(decoder.push(frame.as_bytes()).filter_map(Result::ok));
     }
-    decoder.idle();
     found.extend(decoder.push(&[]).filter_map(Result::ok));
     assert_eq!(found, [frame; 3]);
 }

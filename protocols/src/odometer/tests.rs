@@ -91,6 +91,26 @@ fn the_crc_has_its_published_check_value() {
     );
 }
 
+/// The CRC has capitals: small letters are another line.
+#[test]
+fn a_crc_in_small_letters_is_refused() {
+    let mut refused = 0;
+    for time_ms in 0..20 {
+        let measured = Measurement {
+            time_ms,
+            ..Measurement::default()
+        };
+        let line = Dialect::Fixed.line(&measured);
+        let small = content(&line).to_lowercase();
+        if small != content(&line) {
+            let read = Dialect::Fixed.read(small.as_bytes());
+            assert_eq!(read, Err(LineError::Number { field: 4 }), "{small}");
+            refused += 1;
+        }
+    }
+    assert!(refused > 0);
+}
+
 /// What opens each run where no sensor answers, an empty line, too few fields, a bad figure, a sum
 /// that is off by 0.04 where 0.025 + 1/1024 is allowed.
 #[test]
@@ -217,7 +237,6 @@ fn ap3_the_exact_sum_believes_as_many_lines_as_the_table_says() {
             believed(from, to, turning, Sum::AsCoded),
             believed(from, to, turning, Sum::Right),
         ];
-        std::println!("{from} s: {found:.1?}, table {ahead} {curve} {right}");
         if found
             .iter()
             .zip([ahead, curve, right])

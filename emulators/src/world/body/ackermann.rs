@@ -7,16 +7,23 @@
 //!
 //! The reference point is the middle of the rear axle: poses of the world, the footprint and every
 //! mount are seen from there. Two wheels stand for four (the bicycle model): the differential gear
-//! is ideal, tyres do not drift sideways, and the servo is as strong at rest as rolling.
+//! is ideal and tyres do not drift sideways. What the servo makes of an angle is in [`SteeringLaw`]
+//! and [`Floor`]; by default it is as told, at rest as rolling.
+
+mod servo;
+mod wheels;
 
 use core::f64::consts::TAU;
 
+use super::NOISE_STEPS;
 use super::chassis::{Actuator, ActuatorKind, Chassis, Command, Encoder, Velocity};
 use super::differential::{BodyError, check_ranges};
 use super::footprint::Footprint;
-use super::motor::{Motor, MotorFigures, noise_root, part_per_step};
-use super::{NOISE_STEPS, STEP_S};
+use super::motor::{Motor, MotorFigures, Reversing, noise_root};
 use crate::rng::Rng;
+use servo::Servo;
+pub use servo::{Floor, SteeringLaw};
+use wheels::RearWheels;
 
 /// Everything about a car that differs from one to the other.
 ///
@@ -30,23 +37,32 @@ pub struct AckermannConfig {
     pub footprint: Footprint,
     /// Between the axles.
     pub wheelbase_m: f64,
-    /// Between the wheels of one axle. The bicycle model does not need it but for its own limit: a
-    /// car cannot turn about a point between its wheels.
+    /// Between the wheels of one axle. It tells how much farther the outer wheel rolls, and the
+    /// tightest circle: a car cannot turn about a point between its wheels.
     pub track_m: f64,
     /// Of the driven wheels.
     pub wheel_radius_m: f64,
     /// Encoder counts of the drive shaft per turn of a wheel.
     pub ticks_per_turn: u32,
+    /// Counts per turn of each rear wheel, for encoders `rear_left` and `rear_right`; `None`: there
+    /// are none.
+    pub wheel_ticks_per_turn: Option<u32>,
     /// Steering angle of the (single) front wheel at most, to either side.
     pub steering_max_rad: f64,
     /// The servo turns no faster.
     pub steering_rate_rad_s: f64,
     /// Time constant of the servo near its goal.
     pub steering_lag_s: f64,
+    /// How the wheels' angle differs from the one told.
+    pub steering_law: SteeringLaw,
+    /// What the car stands on.
+    pub floor: Floor,
     /// At drive 255 in the long run.
     pub full_speed_m_s: f64,
     /// Greatest drive at which the car does not move yet; below 255.
     pub dead_zone_drive: u8,
+    /// What the driver does while the car still rolls the other way.
+    pub reversing: Reversing,
     /// Time constant of the driven car.
     pub lag_s: f64,
     /// Time constant of the braked car.
@@ -72,11 +88,15 @@ impl Default for AckermannConfig {
             track_m: 0.155,
             wheel_radius_m: 0.032,
             ticks_per_turn: 60,
+            wheel_ticks_per_turn: None,
             steering_max_rad: 0.436,
             steering_rate_rad_s: 3.0,
             steering_lag_s: 0.020,
+            steering_law: SteeringLaw::default(),
+            floor: Floor::Smooth,
             full_speed_m_s: 1.2,
             dead_zone_drive: 20,
+            reversing: Reversing::AtOnce,
             lag_s: 0.300,
             brake_lag_s: 0.080,
             coast_lag_s: 0.600,
@@ -107,6 +127,11 @@ impl AckermannConfig {
         TAU * self.wheel_radius_m / f64::from(self.ticks_per_turn)
     }
 
+    fn wheel_tick_m(&self) -> Option<f64> {
+        let ticks = self.wheel_ticks_per_turn?;
+        Some(TAU * self.wheel_radius_m / f64::from(ticks))
+    }
+
     /// Names the first field that is out of range.
     ///
     /// # Errors
@@ -118,6 +143,25 @@ impl AckermannConfig {
             ("wheelbase_m", self.wheelbase_m, 0.02, 4.0),
             ("wheel_radius_m", self.wheel_radius_m, 0.001, 1.0),
             ("ticks_per_turn", f64::from(self.ticks_per_turn), 1.0, 1e6),
+            (
+                "wheel_ticks_per_turn",
+                f64::from(self.wheel_ticks_per_turn.unwrap_or(1)),
+                1.0,
+                1e6,
+            ),
+            ("steering_law.gain", self.steering_law.gain, 0.1, 2.0),
+            (
+                "steering_law.trim_rad",
+                self.steering_law.trim_rad,
+                -0.5,
+                0.5,
+            ),
+            (
+                "steering_law.wander_rad",
+                self.steering_law.wander_rad,
+                0.0,
+                0.5,
+            ),
             ("steering_max_rad", self.steering_max_rad, 0.01, 1.4),
             ("track_m", self.track_m, 0.01, track_max_m),
             ("steering_rate_rad_s", self.steering_rate_rad_s, 0.01, 100.0),
@@ -147,6 +191,7 @@ impl AckermannConfig {
             brake_lag_s: self.brake_lag_s,
             coast_lag_s: self.coast_lag_s,
             slip_noise_m: self.slip_noise_m,
+            reversing: self.reversing,
         }
     }
 }
@@ -155,14 +200,19 @@ impl AckermannConfig {
 const DRIVE: usize = 0;
 const STEERING: usize = 1;
 
-/// The car: actuators `drive` and `steering`, encoder `drive`.
+/// Place of the first rear wheel's encoder, behind that of the shaft.
+const REAR_LEFT: usize = 1;
+
+/// The car: actuators `drive` and `steering`, encoder `drive`, and if wanted `rear_left` and
+/// `rear_right`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ackermann {
     config: AckermannConfig,
     actuators: [Actuator; 2],
-    encoders: [Encoder; 1],
+    encoders: Vec<Encoder>,
     motor: Motor,
     servo: Servo,
+    wheels: RearWheels,
     heading_noise: Rng,
     heading_noise_now: f64,
 }
@@ -185,18 +235,10 @@ impl Ackermann {
                 actuator("drive", ActuatorKind::Motor, config.full_speed_m_s),
                 actuator("steering", ActuatorKind::Steering, config.steering_max_rad),
             ],
-            encoders: [Encoder {
-                name: "drive".to_owned(),
-                counts_per_m: 1.0 / config.tick_m(),
-            }],
+            encoders: encoders(&config),
             motor: Motor::new(config.motor(), noise, seed, "drive"),
-            servo: Servo {
-                approach: part_per_step(config.steering_lag_s),
-                most: config.steering_rate_rad_s * STEP_S,
-                wanted: 0.0,
-                angle: 0.0,
-                tangent: 0.0,
-            },
+            servo: Servo::new(&config, seed),
+            wheels: RearWheels::default(),
             heading_noise: Rng::stream(seed, "world.heading"),
             heading_noise_now: 0.0,
             config,
@@ -204,27 +246,17 @@ impl Ackermann {
     }
 }
 
-/// What turns the front wheels.
-#[derive(Clone, Debug, PartialEq)]
-struct Servo {
-    /// Part of the way to its goal, and radians, that it makes in one step at most.
-    approach: f64,
-    most: f64,
-    wanted: f64,
-    /// Holds for the current step.
-    angle: f64,
-    tangent: f64,
-}
-
-impl Servo {
-    fn step(&mut self) {
-        if self.angle == self.wanted {
-            return;
-        }
-        let way = (self.wanted - self.angle) * self.approach;
-        self.angle += way.clamp(-self.most, self.most);
-        self.tangent = libm::tan(self.angle);
+/// Of the shaft, then of the rear wheels if they have any.
+fn encoders(config: &AckermannConfig) -> Vec<Encoder> {
+    let encoder = |name: &str, tick_m: f64| Encoder {
+        name: name.to_owned(),
+        counts_per_m: 1.0 / tick_m,
+    };
+    let mut encoders = vec![encoder("drive", config.tick_m())];
+    if let Some(tick_m) = config.wheel_tick_m() {
+        encoders.extend(["rear_left", "rear_right"].map(|name| encoder(name, tick_m)));
     }
+    encoders
 }
 
 impl Chassis for Ackermann {
@@ -239,10 +271,7 @@ impl Chassis for Ackermann {
     fn actuate(&mut self, actuator: usize, command: Command) {
         match (actuator, command) {
             (DRIVE, command) => self.motor.set(command),
-            (STEERING, Command::Angle(angle)) => {
-                let most = self.config.steering_max_rad;
-                self.servo.wanted = angle.clamp(-most, most);
-            }
+            (STEERING, Command::Angle(angle)) => self.servo.set(angle),
             _ => {}
         }
     }
@@ -268,7 +297,10 @@ impl Chassis for Ackermann {
                 self.config.heading_noise_rad / noise_root() * self.heading_noise.gauss();
         }
         self.motor.step();
-        self.servo.step();
+        self.servo.step(number, self.motor.speed);
+        let curvature = self.servo.tangent / self.config.wheelbase_m;
+        let bend = 0.5 * self.config.track_m * curvature;
+        self.wheels.step(self.motor.speed, bend);
         let speed_m_s = self.motor.floor_speed();
         let rolling = self.motor.speed.abs().sqrt();
         let turn = speed_m_s * self.servo.tangent / self.config.wheelbase_m;
@@ -282,15 +314,24 @@ impl Chassis for Ackermann {
         &self.encoders
     }
 
-    fn count(&self, _: usize, after_s: f64) -> i64 {
-        self.motor.ticks(after_s, self.config.tick_m())
+    fn count(&self, encoder: usize, after_s: f64) -> i64 {
+        match (encoder.checked_sub(REAR_LEFT), self.config.wheel_tick_m()) {
+            (Some(wheel), Some(tick_m)) => self.wheels.ticks(wheel, after_s, tick_m),
+            _ => self.motor.ticks(after_s, self.config.tick_m()),
+        }
     }
 
-    fn axis_speed(&self, _: usize) -> f64 {
-        self.motor.speed
+    fn axis_speed(&self, encoder: usize) -> f64 {
+        match encoder.checked_sub(REAR_LEFT) {
+            Some(wheel) => self.wheels.speed[wheel],
+            None => self.motor.speed,
+        }
     }
 
     fn clone_box(&self) -> Box<dyn Chassis> {
         Box::new(self.clone())
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -6,7 +6,7 @@ use core::fmt;
 use super::NOISE_STEPS;
 use super::chassis::{Actuator, ActuatorKind, Chassis, Command, Encoder, Velocity};
 use super::footprint::Footprint;
-use super::motor::{Drive, Motor, MotorFigures, noise_root};
+use super::motor::{Drive, Motor, MotorFigures, Reversing, noise_root};
 use crate::rng::Rng;
 
 /// One of the two driven wheels.
@@ -119,6 +119,7 @@ impl BodyConfig {
             brake_lag_s: self.brake_lag_s,
             coast_lag_s: self.coast_lag_s,
             slip_noise_m: self.slip_noise_m,
+            reversing: Reversing::AtOnce,
         }
     }
 

@@ -7,6 +7,9 @@ use crate::rng::Rng;
 /// A wheel that nothing drives and that is slower than this is held by friction.
 const STICTION_M_S: f64 = 1e-3;
 
+/// Slower than this counts as standing for a driver that brakes before it reverses; a guess.
+const REVERSES_BELOW_M_S: f64 = 0.03;
+
 /// What the motor driver does to one motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Drive {
@@ -30,6 +33,17 @@ pub(super) struct MotorFigures {
     pub(super) brake_lag_s: f64,
     pub(super) coast_lag_s: f64,
     pub(super) slip_noise_m: f64,
+    pub(super) reversing: Reversing,
+}
+
+/// What a motor driver does that is told to drive the other way while the wheel still turns.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Reversing {
+    /// Drives the other way.
+    #[default]
+    AtOnce,
+    /// Brakes until the wheel all but stands, as the speed controllers of model cars do.
+    BrakesFirst,
 }
 
 impl MotorFigures {
@@ -118,6 +132,11 @@ impl Motor {
 
     pub(super) fn step(&mut self) {
         self.travel += self.speed * STEP_S;
+        let is_reversed = self.target * self.speed < 0.0 && self.speed.abs() > REVERSES_BELOW_M_S;
+        if is_reversed && self.figures.reversing == Reversing::BrakesFirst {
+            self.speed -= self.speed * part_per_step(self.figures.brake_lag_s);
+            return;
+        }
         self.speed += (self.target - self.speed) * self.approach;
         if self.target == 0.0 && self.speed.abs() < STICTION_M_S {
             self.speed = 0.0;

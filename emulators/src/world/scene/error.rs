@@ -48,6 +48,11 @@ pub enum Cause {
         /// As given.
         found: f64,
     },
+    /// A height of 0 or less, or none at all.
+    Height {
+        /// As given, metres.
+        found: f64,
+    },
     /// The part reaches beyond the scene.
     OutOfBounds {
         /// Where the part reaches.
@@ -104,6 +109,7 @@ impl fmt::Display for Cause {
             Self::Reflectivity { found } => {
                 write!(f, "a reflectivity of {found}; expected 0 to 100")
             }
+            Self::Height { found } => write!(f, "a height of {found} m; expected more than 0"),
             Self::OutOfBounds { found, bounds } => write!(
                 f,
                 "it reaches from ({}, {}) to ({}, {}) m; expected within ({}, {}) to ({}, {}) m",

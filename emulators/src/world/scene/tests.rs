@@ -32,6 +32,7 @@ fn walker(shape: Shape) -> Obstacle {
         fixture: Fixture {
             shape,
             reflectivity: 0.4,
+            height_m: f64::INFINITY,
         },
         path: Path {
             waypoints: vec![waypoint(0, 0.0), waypoint(4, 4.0)],
@@ -84,6 +85,7 @@ fn the_hit_carries_the_reflectivity_of_what_was_hit() {
     let black = Fixture {
         shape: wall(1.0, -1.0, 1.0, 1.0),
         reflectivity: 0.1,
+        height_m: f64::INFINITY,
     };
     let scene = Scene::new([black, wall(2.0, -1.0, 2.0, 1.0).into()], vec![]).unwrap();
     let hit = scene
@@ -211,6 +213,7 @@ fn negative_reflectivity_is_refused() {
     let fixture = Fixture {
         shape: circle(0.0, 0.0, 1.0),
         reflectivity: -0.1,
+        height_m: f64::INFINITY,
     };
     let error = Scene::new([fixture], vec![]).unwrap_err();
     assert_eq!(

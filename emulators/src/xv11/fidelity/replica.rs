@@ -88,6 +88,7 @@ fn scene() -> World {
     let fixed = Fixture {
         shape: box_walls,
         reflectivity: 0.9,
+        height_m: f64::INFINITY,
     };
     let scene = Scene::new([fixed], vec![hand()]).expect("a box and a hand");
     let body = BodyConfig {
@@ -115,6 +116,7 @@ fn hand() -> Obstacle {
                 corners: HAND_M.map(|(x, y)| Point::new(x, y)).to_vec(),
             },
             reflectivity: 0.16,
+            height_m: f64::INFINITY,
         },
         path: Path {
             waypoints,

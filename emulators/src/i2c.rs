@@ -1,0 +1,220 @@
+//! Chips with registers on an I2C bus, by themselves as devices.
+//!
+//! ```text
+//! write   | address u7, 0 | register | data ... |       no data: the register to read from
+//! read    | address u7, 1 | count |                  -> | count bytes |
+//! ```
+//!
+//! A message of the link is a transaction. In the second a real master clocks as many bytes as it
+//! wants; here it says how many. A chip that does not acknowledge does not answer.
+
+use core::time::Duration;
+use std::collections::VecDeque;
+
+use protocols::{Instant, LineConfig, Port};
+
+use crate::device::{Device, Event, earliest};
+use crate::event_log::EventLog;
+use crate::world::World;
+
+/// Messages that wait at most; further ones are lost.
+const QUEUE_MAX: usize = 16;
+/// From the end of a request to the beginning of the answer: a bus waits for nobody.
+const LATENCY: Duration = Duration::from_micros(5);
+
+/// A chip whose master reads and writes registers. The register counts up within a transaction.
+///
+/// Time never runs backwards between calls. The world is that of the call's `now`. Answers must not
+/// depend on how long a chip was left alone but by the model of it.
+pub trait RegisterChip: Clone {
+    /// Whether it acknowledges the first byte of a transaction, `address` without the lowest bit.
+    fn acknowledges(&self, now: Instant, address: u8) -> bool;
+
+    /// Takes `data` for the registers from `register` on; never empty.
+    fn write(&mut self, now: Instant, register: u8, data: &[u8], world: &World);
+
+    /// Fills `data` from the registers from `register` on; what is not there reads 0.
+    fn read(&mut self, now: Instant, register: u8, data: &mut [u8], world: &World);
+
+    /// As [`Device::known_faults`].
+    fn known_faults(&self) -> &'static [&'static str];
+
+    /// As [`Device::set_fault`].
+    fn set_fault(&mut self, now: Instant, fault: &str, figure: Option<f64>, begins: bool);
+
+    /// Where it writes what its master did wrong.
+    fn log(&mut self) -> &mut Log;
+}
+
+/// A chip's log.
+#[derive(Clone, Debug, Default)]
+pub struct Log(pub(crate) EventLog);
+
+/// A chip that is alone on its bus.
+#[derive(Clone, Debug)]
+pub struct OnBus<C> {
+    chip: C,
+    /// Where the next read begins.
+    register: u8,
+    requests: VecDeque<(Instant, Vec<u8>)>,
+    answers: VecDeque<Vec<u8>>,
+    /// When the chip's log has something to count up.
+    told_at: Option<Instant>,
+}
+
+/// The registers of a transaction that begins with `from`: behind FF comes 00.
+pub(crate) fn registers(from: u8) -> impl Iterator<Item = u8> {
+    (from..=u8::MAX).chain((0..=u8::MAX).cycle())
+}
+
+impl<C: RegisterChip> OnBus<C> {
+    /// The bus.
+    pub const BUS: Port = Port(0);
+
+    /// `chip` on a bus of 100 kbit/s.
+    pub const fn new(chip: C) -> Self {
+        Self {
+            chip,
+            register: 0,
+            requests: VecDeque::new(),
+            answers: VecDeque::new(),
+            told_at: None,
+        }
+    }
+
+    /// The chip.
+    pub const fn chip(&self) -> &C {
+        &self.chip
+    }
+
+    fn obey(&mut self, now: Instant, message: &[u8], world: &World) {
+        let [address, rest @ ..] = message else {
+            return;
+        };
+        if !self.chip.acknowledges(now, address & 0xFE) {
+            return;
+        }
+        if address & 1 == 0 {
+            let [register, data @ ..] = rest else { return };
+            self.register = *register;
+            if !data.is_empty() {
+                self.chip.write(now, *register, data, world);
+            }
+        } else if let Some(count) = rest.first().filter(|count| **count > 0) {
+            let mut answer = vec![0; usize::from(*count)];
+            self.chip.read(now, self.register, &mut answer, world);
+            self.register = self.register.wrapping_add(*count);
+            self.answers.push_back(answer);
+        }
+    }
+}
+
+impl<C: RegisterChip> Device for OnBus<C> {
+    fn receive(&mut self, _port: Port, now: Instant, bytes: &[u8]) {
+        if self.requests.len() < QUEUE_MAX {
+            self.requests.push_back((now + LATENCY, bytes.to_vec()));
+        }
+    }
+
+    fn poll(&mut self, now: Instant, world: &mut World) {
+        while let Some((_, message)) = self.requests.pop_front_if(|(at, _)| *at <= now) {
+            self.obey(now, &message, world);
+        }
+        let log = &mut self.chip.log().0;
+        log.poll(now);
+        self.told_at = log.poll_at();
+    }
+
+    fn transmit(&mut self, _port: Port, buf: &mut [u8]) -> usize {
+        let Some(answer) = self.answers.pop_front() else {
+            return 0;
+        };
+        let len = answer.len().min(buf.len());
+        buf[..len].copy_from_slice(&answer[..len]);
+        len
+    }
+
+    fn poll_at(&self) -> Option<Instant> {
+        earliest([self.requests.front().map(|(at, _)| *at), self.told_at])
+    }
+
+    fn line_config(&self, _port: Port) -> LineConfig {
+        LineConfig::new_8n1(100_000)
+    }
+
+    fn known_faults(&self) -> &'static [&'static str] {
+        self.chip.known_faults()
+    }
+
+    fn set_fault(&mut self, now: Instant, fault: &str, figure: Option<f64>, begins: bool) {
+        self.chip.set_fault(now, fault, figure, begins);
+    }
+
+    fn take_events(&mut self) -> Vec<Event> {
+        self.chip.log().0.take()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::collection::vec;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::mpu6050::{Mpu6050, Mpu6050Config};
+    use crate::srf08::{Srf08, Srf08Config};
+    use crate::world::{BodyConfig, Fixture, Pose, Scene};
+
+    fn transact(mut device: impl Device, messages: &[Vec<u8>]) -> usize {
+        let scene = Scene::new(Vec::<Fixture>::new(), vec![]).unwrap();
+        let mut world = World::new(scene, BodyConfig::default(), Pose::default(), 1).unwrap();
+        let mut buf = [0; 300];
+        let (mut now, mut answered) = (Instant::ZERO, 0);
+        for message in messages {
+            device.receive(Port(0), now, message);
+            now += Duration::from_millis(70);
+            device.poll(now, &mut world);
+            answered += device.transmit(Port(0), &mut buf);
+        }
+        answered
+    }
+
+    #[test]
+    fn registers_begin_anew_behind_the_last() {
+        let found: Vec<_> = registers(0xFE).take(4).collect();
+        assert_eq!(found, [0xFE, 0xFF, 0x00, 0x01]);
+    }
+
+    /// The identity is at 75; a read from 74 on goes on with it, and the next one behind it.
+    #[test]
+    fn a_read_goes_on_where_the_last_one_ended() {
+        let chip = Mpu6050::new(Mpu6050Config::default(), 1, "test");
+        let messages = [vec![0xD0, 0x74], vec![0xD1, 1], vec![0xD1, 1]];
+        let mut device = OnBus::new(chip);
+        assert_eq!(transact(device.clone(), &messages), 2);
+        let scene = Scene::new(Vec::<Fixture>::new(), vec![]).unwrap();
+        let mut world = World::new(scene, BodyConfig::default(), Pose::default(), 1).unwrap();
+        for message in messages {
+            device.receive(Port(0), Instant::ZERO, &message);
+        }
+        device.poll(Instant::from_millis(1), &mut world);
+        assert_eq!(device.answers, [[0x00], [0x68]]);
+    }
+
+    proptest! {
+        #[test]
+        fn no_transaction_makes_a_chip_panic(
+            messages in vec(
+                (prop_oneof![Just(0xD0_u8), Just(0xD1), Just(0xE0), Just(0xE1), any::<u8>()],
+                 vec(any::<u8>(), 0..20))
+                .prop_map(|(address, rest)| [vec![address], rest].concat()),
+                0..30,
+            ),
+        ) {
+            let imu = Mpu6050::new(Mpu6050Config::default(), 1, "test");
+            transact(OnBus::new(imu), &messages);
+            let ranger = Srf08::new(Srf08Config::default(), 1, "test");
+            transact(OnBus::new(ranger), &messages);
+        }
+    }
+}

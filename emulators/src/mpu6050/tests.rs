@@ -1,0 +1,140 @@
+//! The register map, and a car that turns.
+
+use super::*;
+use crate::world::{Ackermann, AckermannConfig, Command, Fixture, Pose, Scene};
+
+fn ideal() -> Mpu6050Config {
+    Mpu6050Config {
+        bias_dps: [0.0; 3],
+        bias_walk_dps: 0.0,
+        gyro_noise_dps: 0.0,
+        accel_noise_m_s2: 0.0,
+        temperature_c: 36.53,
+    }
+}
+
+fn world() -> World {
+    let scene = Scene::new(Vec::<Fixture>::new(), vec![]).unwrap();
+    let config = AckermannConfig::default().ideal();
+    let body = Box::new(Ackermann::new(config, 1).unwrap());
+    World::with_chassis(scene, body, Pose::default()).unwrap()
+}
+
+fn awake(config: Mpu6050Config, world: &World) -> Mpu6050 {
+    let mut chip = Mpu6050::new(config, 1, "test");
+    chip.write(world.now(), register::POWER, &[0], world);
+    chip
+}
+
+fn word(chip: &mut Mpu6050, register: u8, world: &World) -> i16 {
+    let mut bytes = [0; 2];
+    chip.read(world.now(), register, &mut bytes, world);
+    i16::from_be_bytes(bytes)
+}
+
+/// Register map: name 68, asleep after power-up, and then no data; ranges read back.
+#[test]
+fn the_chip_sleeps_until_it_is_woken() {
+    let world = world();
+    let mut chip = Mpu6050::new(ideal(), 1, "test");
+    let read = |chip: &mut Mpu6050, register| {
+        let mut byte = [0];
+        chip.read(Instant::ZERO, register, &mut byte, &world);
+        byte[0]
+    };
+    assert!(chip.acknowledges(Instant::ZERO, 0xD0) && !chip.acknowledges(Instant::ZERO, 0xD2));
+    assert_eq!(read(&mut chip, register::WHO_AM_I), 0x68);
+    assert_eq!(read(&mut chip, register::POWER), 0x40);
+    assert_eq!(word(&mut chip, 0x3F, &world), 0);
+    chip.write(Instant::ZERO, register::POWER, &[0], &world);
+    assert_eq!(word(&mut chip, 0x3F, &world), 16_384, "1 g up");
+    chip.write(Instant::ZERO, register::GYRO_CONFIG, &[0x18, 0x10], &world);
+    assert_eq!(read(&mut chip, register::GYRO_CONFIG), 0x18);
+    assert_eq!(read(&mut chip, register::ACCEL_CONFIG), 0x10);
+    assert_eq!(word(&mut chip, 0x3F, &world), 4_096);
+    assert_eq!(word(&mut chip, 0x41, &world), 0, "36.53 degrees");
+    chip.write(Instant::ZERO, register::POWER, &[0x80], &world);
+    assert_eq!(read(&mut chip, register::POWER), 0x40);
+    assert_eq!(read(&mut chip, register::GYRO_CONFIG), 0);
+}
+
+/// 0.6 m/s with tan 0.3 / 0.258 m: 0.7194 rad/s or 41.218 degrees a second; at 2000 degrees a
+/// second 676 counts, at 250 5400. The curve pulls with 0.4316 m/s², 721 counts at 2 g.
+#[test]
+fn a_curve_shows_in_all_ranges() {
+    let mut world = world();
+    world.actuate("drive", Command::Speed(0.6)).unwrap();
+    world.actuate("steering", Command::Angle(0.3)).unwrap();
+    world.advance(Instant::from_secs(6));
+    let mut chip = awake(ideal(), &world);
+    assert!((5_395..=5_405).contains(&word(&mut chip, 0x47, &world)));
+    assert!((715..=727).contains(&word(&mut chip, 0x3D, &world)));
+    for (bits, counts) in [(0x08, 2_700), (0x10, 1_352), (0x18, 676)] {
+        chip.write(world.now(), register::GYRO_CONFIG, &[bits], &world);
+        let found = word(&mut chip, 0x47, &world);
+        assert!((found - counts).abs() <= 3, "{bits:02X}: {found}");
+    }
+    assert_eq!(word(&mut chip, register::GYRO, &world), 0);
+}
+
+/// A bias of 0.5 degrees a second is 8 counts at 2000; one of 3000 is as much as a word shows.
+#[test]
+fn a_word_saturates() {
+    let world = world();
+    let config = |bias| Mpu6050Config {
+        bias_dps: [0.0, 0.0, bias],
+        ..ideal()
+    };
+    let mut chip = awake(config(0.5), &world);
+    chip.write(world.now(), register::GYRO_CONFIG, &[0x18], &world);
+    assert_eq!(word(&mut chip, 0x47, &world), 8);
+    let mut chip = awake(config(3_000.0), &world);
+    assert_eq!(word(&mut chip, 0x47, &world), i16::MAX);
+}
+
+/// 0.02 degrees a second after 1 s, 0.2 after 100 s, over 200 chips; a turn to the left and one to
+/// the right end the walk.
+#[test]
+fn the_bias_walks_and_begins_anew_when_the_turn_changes() {
+    let mut squares = 0.0;
+    for seed in 0..200 {
+        let config = Mpu6050Config {
+            bias_walk_dps: 0.02,
+            ..ideal()
+        };
+        let mut chip = Mpu6050::new(config, seed, "test");
+        for second in 1..=100 {
+            chip.walk(Instant::from_secs(second), 0.0);
+        }
+        squares += chip.walked[2] * chip.walked[2];
+        chip.walk(Instant::from_secs(101), 10.0);
+        assert_eq!(chip.walked, [0.0; 3]);
+        chip.walk(Instant::from_secs(102), 10.0);
+        assert!(chip.walked[2] != 0.0, "the same way: it goes on");
+        chip.walk(Instant::from_secs(103), -10.0);
+        assert_eq!(chip.walked, [0.0; 3]);
+    }
+    let walked = (squares / 200.0_f64).sqrt();
+    assert!((walked - 0.2).abs() < 0.03, "{walked}");
+}
+
+#[test]
+fn faults_show_on_the_bus() {
+    let world = world();
+    let mut chip = awake(Mpu6050Config::default(), &world);
+    let before = word(&mut chip, 0x47, &world);
+    chip.set_fault(world.now(), "stuck", None, true);
+    for _ in 0..20 {
+        assert_eq!(word(&mut chip, 0x47, &world), before);
+    }
+    chip.set_fault(world.now(), "stuck", None, false);
+    assert!((0..20).any(|_| word(&mut chip, 0x47, &world) != before));
+    chip.set_fault(world.now(), "wrong", None, true);
+    let mut name = [0];
+    chip.read(world.now(), register::WHO_AM_I, &mut name, &world);
+    assert_ne!(name, [IDENTITY]);
+    chip.set_fault(world.now(), "restart", None, true);
+    assert_eq!(word(&mut chip, 0x47, &world), 0, "asleep");
+    chip.set_fault(world.now(), "off", None, true);
+    assert!(!chip.acknowledges(world.now(), ADDRESS));
+}

@@ -1,0 +1,317 @@
+//! A microcontroller that counts a wheel's encoder, integrates a gyroscope and prints a line a
+//! loop: the Arduino MEGA2560 of a model car.
+//!
+//! ```text
+//! reset -> look for the sensor -> calibrate at rest -> loop: look at the encoder, read the
+//!          (not there: words)      265 ms              gyroscope, add to the heading, print
+//! ```
+//!
+//! Lines are those of [`protocols::odometer`]. It is reset when its port is opened, as its USB side
+//! does, and everything begins at 0 again. The loop is taken for 10 ms where the heading is
+//! integrated and lasts a little longer; `delay(10 - elapsed)` of a loop that took longer is a wait
+//! of 49 days.
+//!
+//! Sources: sketch of March 2016; figures of the timing from that sketch on a simulated chip: first
+//! line after 265 ms, 997 lines in 10 s, 94 a second over the first five seconds after a reset.
+
+mod encoder;
+mod sketch;
+#[cfg(test)]
+mod tests;
+
+use core::f64::consts::TAU;
+use core::time::Duration;
+use std::collections::VecDeque;
+
+use protocols::odometer::BAUD;
+use protocols::{Instant, LineConfig, LineEvent, Port};
+
+use crate::device::{Device, Event, EventKind, earliest, take};
+use crate::event_log::EventLog;
+use crate::i2c::RegisterChip as _;
+use crate::mpu6050::{Mpu6050, Mpu6050Config};
+use crate::rng::Rng;
+use crate::world::World;
+pub use encoder::PolledEncoder;
+use sketch::Sketch;
+pub use sketch::{Overrun, Program};
+
+/// Bytes that wait for the line at most; a line that does not fit is lost.
+const QUEUE_MAX: usize = 512;
+/// Pause between two words about a sensor that is not there.
+const COMPLAINT_PERIOD: Duration = Duration::from_millis(500);
+
+/// How the board is set up.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OdometerConfig {
+    /// What it prints.
+    pub program: Program,
+    /// What it does with a loop that takes too long.
+    pub overrun: Overrun,
+    /// Encoder of the chassis whose axis the contacts turn with.
+    pub encoder: String,
+    /// Edges of the contacts a metre of rim.
+    pub edges_per_m: f64,
+    /// From one loop to the next, in the mean.
+    pub loop_period: Duration,
+    /// At most so much more or less, evenly distributed.
+    pub jitter: Duration,
+    /// From a reset to the first line.
+    pub calibration: Duration,
+    /// The sensor.
+    pub imu: Mpu6050Config,
+    /// Of noise and jitter.
+    pub seed: u64,
+}
+
+impl Default for OdometerConfig {
+    /// 60 edges a turn of a wheel of 32 mm. The jitter is fitted: 0.98 of the edges at 0.33 m/s.
+    fn default() -> Self {
+        Self {
+            program: Program::default(),
+            overrun: Overrun::default(),
+            encoder: "drive".to_owned(),
+            edges_per_m: 60.0 / (TAU * 0.032),
+            loop_period: Duration::from_micros(10_030),
+            jitter: Duration::from_micros(600),
+            calibration: Duration::from_millis(265),
+            imu: Mpu6050Config::default(),
+            seed: 1,
+        }
+    }
+}
+
+/// What the board is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    /// Without supply.
+    Off,
+    /// Looks for its sensor and calibrates it, until then.
+    Starts(Instant),
+    /// The next loop begins then.
+    Runs(Instant),
+    /// Waits for ever.
+    Hangs,
+}
+
+/// Names of the faults.
+const FAULTS: [&str; 9] = [
+    "off",
+    "restart",
+    "stuck",
+    "slow",
+    "wrong",
+    "worn",
+    "imu-off",
+    "imu-stuck",
+    "imu-wrong",
+];
+
+/// The board.
+#[derive(Clone, Debug)]
+pub struct Odometer {
+    config: OdometerConfig,
+    state: State,
+    /// The last reset.
+    began: Instant,
+    sketch: Sketch,
+    imu: Mpu6050,
+    timing: Rng,
+    contacts: Rng,
+    /// How long a loop works, if something slows it down.
+    work: Option<Duration>,
+    /// Chance that a contact is open at a look.
+    wear: f64,
+    /// The wires of the contacts are exchanged.
+    is_swapped: bool,
+    lines: VecDeque<u8>,
+    log: EventLog,
+}
+
+impl Odometer {
+    /// The USB port.
+    pub const UART: Port = Port(0);
+
+    /// A board that is switched on as the run begins.
+    pub fn new(config: OdometerConfig) -> Self {
+        let seed = config.seed;
+        Self {
+            state: State::Starts(Instant::ZERO + config.calibration),
+            began: Instant::ZERO,
+            sketch: Sketch::default(),
+            imu: Mpu6050::new(config.imu.clone(), seed, "odometer.imu"),
+            timing: Rng::stream(seed, "odometer.timing"),
+            contacts: Rng::stream(seed, "odometer.contacts"),
+            work: None,
+            wear: 0.0,
+            is_swapped: false,
+            lines: VecDeque::new(),
+            log: EventLog::default(),
+            config,
+        }
+    }
+
+    /// What the program has counted since it was reset; a test's view of the device.
+    pub fn counted(&self) -> i64 {
+        self.sketch.counted()
+    }
+
+    fn reset(&mut self, now: Instant) {
+        self.lines.clear();
+        self.began = now;
+        self.state = State::Starts(now + self.config.calibration);
+        self.log
+            .note(now, "reset", "distance and time are 0".to_owned());
+    }
+
+    fn print(&mut self, now: Instant, line: &[u8]) {
+        if self.lines.len() + line.len() <= QUEUE_MAX {
+            self.lines.extend(line);
+        } else {
+            let detail = || format!("{} bytes wait already", self.lines.len());
+            let kind = EventKind::Note;
+            self.log.repeated(now, kind, "line-lost", detail);
+        }
+    }
+
+    fn edges(&self, world: &World) -> i64 {
+        let encoders = world.encoders().iter();
+        let Some(index) = encoders
+            .clone()
+            .position(|it| it.name == self.config.encoder)
+        else {
+            return 0;
+        };
+        let counts = world.encoder(index).unwrap_or_default();
+        let per_count = self.config.edges_per_m / world.encoders()[index].counts_per_m;
+        // Equal rates must not lose an edge to rounding.
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_precision_loss,
+            reason = "counts are far below 2^53"
+        )]
+        let edges = (counts as f64 * per_count + 1e-6).floor() as i64;
+        if self.is_swapped { -edges } else { edges }
+    }
+
+    /// The sensor is looked for and calibrated.
+    fn start(&mut self, now: Instant, world: &World) {
+        let edges = self.edges(world);
+        if self
+            .sketch
+            .begin((now, self.began), edges, &mut self.imu, world)
+        {
+            self.state = State::Runs(now);
+        } else {
+            self.print(
+                now,
+                b"Could not find a valid MPU6050 sensor, check wiring!\r\n",
+            );
+            self.state = State::Starts(now + COMPLAINT_PERIOD);
+        }
+    }
+
+    /// One loop.
+    fn turn(&mut self, now: Instant, world: &World) {
+        let is_open = self.contacts.chance(self.wear);
+        let jitter_s = self.config.jitter.as_secs_f64() * self.timing.range(-1.0, 1.0);
+        let edges = self.edges(world);
+        let sketch = &mut self.sketch;
+        let line = sketch.turn(
+            now,
+            (edges, is_open),
+            self.config.program,
+            &mut self.imu,
+            world,
+        );
+        self.print(now, &line);
+        let usual_s = (self.config.loop_period.as_secs_f64() + jitter_s).max(1e-3);
+        let usual = Duration::from_secs_f64(usual_s);
+        self.state = match self.work {
+            Some(work) if work > self.config.loop_period => {
+                self.log.repeated(now, EventKind::Note, "overrun", || {
+                    format!("a loop took {} ms", work.as_millis())
+                });
+                match self.config.overrun {
+                    Overrun::Hangs => State::Hangs,
+                    Overrun::IsLate => State::Runs(now + work),
+                }
+            }
+            _ => State::Runs(now + usual),
+        };
+    }
+}
+
+impl Device for Odometer {
+    /// The program does not listen.
+    fn receive(&mut self, _port: Port, _now: Instant, _bytes: &[u8]) {}
+
+    fn line_event(&mut self, _port: Port, now: Instant, event: LineEvent) {
+        if event == LineEvent::Opened && self.state != State::Off {
+            self.reset(now);
+        }
+    }
+
+    fn poll(&mut self, now: Instant, world: &mut World) {
+        match self.state {
+            State::Starts(at) if at <= now => self.start(now, world),
+            _ => {}
+        }
+        match self.state {
+            State::Runs(at) if at <= now => self.turn(now, world),
+            _ => {}
+        }
+        self.log.poll(now);
+    }
+
+    fn transmit(&mut self, _port: Port, buf: &mut [u8]) -> usize {
+        take(&mut self.lines, buf)
+    }
+
+    fn poll_at(&self) -> Option<Instant> {
+        let own = match self.state {
+            State::Starts(at) | State::Runs(at) => Some(at),
+            State::Off | State::Hangs => None,
+        };
+        earliest([own, self.log.poll_at()])
+    }
+
+    fn line_config(&self, _port: Port) -> LineConfig {
+        LineConfig::new_8n1(BAUD)
+    }
+
+    fn known_faults(&self) -> &'static [&'static str] {
+        &FAULTS
+    }
+
+    /// `off`: no supply. `restart`: a reset. `stuck`: the program hangs until a reset. `slow`: a
+    /// loop works for so many milliseconds, 12 if nobody says. `wrong`: the encoder's wires are
+    /// exchanged. `worn`: chance that a contact is open at a look, 0.2 if nobody says. `imu-..`: as
+    /// the sensor's own.
+    fn set_fault(&mut self, now: Instant, fault: &str, figure: Option<f64>, begins: bool) {
+        match fault {
+            "off" if begins => {
+                self.lines.clear();
+                self.state = State::Off;
+            }
+            "off" => self.reset(now),
+            "restart" if begins && self.state != State::Off => self.reset(now),
+            "stuck" if begins => self.state = State::Hangs,
+            "slow" => {
+                let millis = figure.unwrap_or(12.0).clamp(0.0, 1e6);
+                self.work = begins.then(|| Duration::from_secs_f64(millis / 1000.0));
+            }
+            "wrong" => self.is_swapped = begins,
+            "worn" => self.wear = if begins { figure.unwrap_or(0.2) } else { 0.0 },
+            _ => {
+                if let Some(fault) = fault.strip_prefix("imu-") {
+                    self.imu.set_fault(now, fault, figure, begins);
+                }
+            }
+        }
+    }
+
+    fn take_events(&mut self) -> Vec<Event> {
+        self.log.take()
+    }
+}

@@ -1,0 +1,254 @@
+//! The board on a car: timing, dialects, what the fielded host believes, what an encoder loses.
+
+use protocols::Decode as _;
+use protocols::odometer::{Decoder, Dialect, Raw, passes_exact_sum};
+
+use super::*;
+use crate::device::next_poll;
+use crate::world::{Ackermann, AckermannConfig, Command, Fixture, Pose, Scene};
+
+struct Run {
+    world: World,
+    board: Odometer,
+    now: Instant,
+    decoder: Decoder,
+}
+
+fn quiet() -> Mpu6050Config {
+    Mpu6050Config {
+        bias_walk_dps: 0.0,
+        gyro_noise_dps: 0.0,
+        accel_noise_m_s2: 0.0,
+        ..Mpu6050Config::default()
+    }
+}
+
+fn run(config: OdometerConfig) -> Run {
+    let scene = Scene::new(Vec::<Fixture>::new(), vec![]).unwrap();
+    let car = AckermannConfig {
+        lag_s: 0.0,
+        ..AckermannConfig::default().ideal()
+    };
+    let body = Box::new(Ackermann::new(car, 1).unwrap());
+    Run {
+        world: World::with_chassis(scene, body, Pose::default()).unwrap(),
+        board: Odometer::new(config),
+        now: Instant::ZERO,
+        decoder: Decoder::default(),
+    }
+}
+
+impl Run {
+    fn drive(&mut self, speed: f64, angle: f64) {
+        self.world.actuate("drive", Command::Speed(speed)).unwrap();
+        let angle = Command::Angle(angle);
+        self.world.actuate("steering", angle).unwrap();
+    }
+
+    /// Lines until `end`, without their ends, and when each came.
+    fn until(&mut self, end: Instant) -> Vec<(Instant, String)> {
+        let mut lines = Vec::new();
+        while self.now < end {
+            self.now = next_poll(&self.board, self.now, end);
+            self.world.advance(self.now);
+            self.board.poll(self.now, &mut self.world);
+            let mut buf = [0; 600];
+            let len = self.board.transmit(Odometer::UART, &mut buf);
+            for line in self.decoder.push(&buf[..len]) {
+                let text = String::from_utf8(line.unwrap().content().to_vec()).unwrap();
+                lines.push((self.now, text));
+            }
+        }
+        lines
+    }
+}
+
+fn secs(secs: u64) -> Instant {
+    Instant::from_secs(secs)
+}
+
+/// Observed on a simulated chip: the first line after 265 ms; 5 s less 265 ms are 472 loops of
+/// 10.03 ms, 94.4 lines a second; 997 lines from 10 to 20 s, which is 100 a second within 1.
+#[test]
+fn lines_come_as_often_as_from_the_simulated_chip() {
+    let mut run = run(OdometerConfig::default());
+    let lines = run.until(secs(20));
+    assert_eq!(lines[0].0, Instant::from_millis(265));
+    let between = |from, to| {
+        lines
+            .iter()
+            .filter(|(at, _)| (from..to).contains(at))
+            .count()
+    };
+    let first = between(secs(0), secs(5));
+    assert!((470..=475).contains(&first), "{first}");
+    let later = between(secs(10), secs(20));
+    assert!((994..=1_000).contains(&later), "{later}");
+}
+
+/// 943 of 997 lines driving straight, 0 of 372 in a curve, where the rate is in the line but not
+/// in its sum. Ours believes all.
+#[test]
+fn ap3_the_exact_sum_believes_95_percent_straight_and_nothing_in_a_curve() {
+    let config = OdometerConfig {
+        imu: quiet(),
+        ..OdometerConfig::default()
+    };
+    let mut straight = run(config.clone());
+    straight.drive(0.22, 0.0);
+    straight.until(secs(10));
+    let lines = straight.until(secs(20));
+    let believed = lines
+        .iter()
+        .filter(|(_, line)| passes_exact_sum(line.as_bytes()));
+    let percent = 100.0 * believed.count() as f64 / lines.len() as f64;
+    assert!((percent - 94.6).abs() < 5.0, "{percent}");
+    let mut curve = run(config);
+    // 0.22 m/s * tan 0.4 / 0.258 m = 0.36 rad/s, printed as 0.07.
+    curve.drive(0.22, 0.4);
+    curve.until(secs(10));
+    let turning = curve.until(Instant::from_millis(13_720));
+    assert!((368..=375).contains(&turning.len()), "{}", turning.len());
+    assert!(
+        turning
+            .iter()
+            .all(|(_, line)| !passes_exact_sum(line.as_bytes()))
+    );
+    for (_, line) in lines.iter().chain(&turning) {
+        let read = Dialect::AsCoded.read(line.as_bytes());
+        assert!(read.is_ok(), "{line}: {read:?}");
+    }
+}
+
+/// Observed: 1.00 at 0.22, 0.98 at 0.33, 0.47 at 0.45. At 0.67 m/s a look sees two edges, which
+/// count 2 forward or 2 backward as long as the phase holds: anything near 0; 0.18 was seen.
+#[test]
+fn ap4_the_board_counts_all_edges_up_to_22_cm_a_second() {
+    for (speed, expected, within) in [
+        (0.22, 1.00, 0.01),
+        (-0.22, 1.00, 0.01),
+        (0.33, 0.98, 0.02),
+        (0.45, 0.47, 0.05),
+        (0.67, 0.0, 0.4),
+    ] {
+        let mut run = run(OdometerConfig::default());
+        run.until(secs(1));
+        let before = run.board.counted();
+        run.drive(speed, 0.0);
+        run.until(secs(21));
+        let counted = (run.board.counted() - before) as f64;
+        // 298.4155 edges a metre, 20 s.
+        let ratio = counted / (298.4155 * 20.0 * speed);
+        assert!((ratio - expected).abs() <= within, "{speed} m/s: {ratio}");
+    }
+}
+
+/// 20 s at 0.22 m/s are 4.4 m; a circle of 0.36053 rad/s is 7.2106 rad, of which the program, whose
+/// loops last 10.03 ms and not 10, sees 0.997.
+#[test]
+fn each_program_prints_what_the_car_does() {
+    let ask = |program| {
+        let mut run = run(OdometerConfig {
+            program,
+            imu: quiet(),
+            ..OdometerConfig::default()
+        });
+        run.until(secs(1));
+        run.drive(0.22, 0.4);
+        run.until(secs(21)).pop().unwrap().1
+    };
+    for dialect in [Dialect::Seed, Dialect::AsCoded, Dialect::Fixed] {
+        let line = ask(Program::Pose(dialect));
+        let read = dialect.read(line.as_bytes()).unwrap();
+        assert!((read.distance_m - 4.4).abs() < 0.03, "{line}");
+        assert!((read.yaw_rad - 7.189).abs() < 0.07, "{line}");
+        assert!((read.time_s - 21.0).abs() < 0.02, "{line}");
+        // The offset of 0.5 degrees a second is in the rate as coded: (20.66 + 0.5) / 4.88.
+        let rate = if dialect == Dialect::AsCoded {
+            0.0757
+        } else {
+            0.3605
+        };
+        assert!((read.rate_rad_s - rate).abs() < 0.006, "{line}");
+    }
+    let line = ask(Program::Raw);
+    let raw = Raw::read(line.as_bytes()).unwrap();
+    assert!((raw.distance - 4.4).abs() < 0.03, "{line}");
+    assert!((raw.rates[2] - 21.16).abs() < 0.1, "{line}");
+    assert!((raw.accelerations[2] - 9.81).abs() < 0.02, "{line}");
+    // 0.22 m/s * 0.3605 rad/s to the left.
+    assert!((raw.accelerations[1] - 0.0793).abs() < 0.01, "{line}");
+    let field = raw.field[0].hypot(raw.field[1]);
+    assert!((field - 20.0).abs() < 0.02, "{line}");
+}
+
+/// Whoever opens the port resets the board: distance and time are 0, after 265 ms.
+#[test]
+fn opening_the_port_begins_anew() {
+    let mut run = run(OdometerConfig::default());
+    run.drive(0.22, 0.0);
+    run.until(secs(5));
+    run.board
+        .line_event(Odometer::UART, secs(5), LineEvent::Opened);
+    let lines = run.until(secs(6));
+    assert_eq!(lines[0].0, Instant::from_millis(5_265));
+    let read = Dialect::AsCoded.read(lines[0].1.as_bytes()).unwrap();
+    assert!(read.distance_m.abs() < 0.02 && (read.time_s - 0.265).abs() < 0.001);
+}
+
+#[test]
+fn a_board_without_sensor_says_so_until_it_has_one() {
+    let mut run = run(OdometerConfig::default());
+    run.board.set_fault(Instant::ZERO, "imu-off", None, true);
+    let lines = run.until(secs(2));
+    assert_eq!(lines.len(), 4);
+    assert!(
+        lines
+            .iter()
+            .all(|(_, line)| line.starts_with("Could not find"))
+    );
+    run.board.set_fault(secs(2), "imu-off", None, false);
+    assert!(run.until(secs(3)).len() > 50);
+}
+
+/// A loop of 12 ms: 49 days of silence as coded, 83 lines a second if it is late instead.
+#[test]
+fn a_loop_that_takes_too_long_hangs_the_program_as_coded() {
+    let lines = |overrun| {
+        let mut run = run(OdometerConfig {
+            overrun,
+            ..OdometerConfig::default()
+        });
+        run.until(secs(1));
+        run.board.set_fault(secs(1), "slow", None, true);
+        let slow = run.until(secs(2)).len();
+        run.board.set_fault(secs(2), "slow", None, false);
+        let after = run.until(secs(3)).len();
+        run.board.set_fault(secs(3), "restart", None, true);
+        (slow, after, run.until(secs(4)).len())
+    };
+    let (slow, after, restarted) = lines(Overrun::Hangs);
+    assert!(slow <= 1 && after == 0 && restarted > 70);
+    let (slow, after, _) = lines(Overrun::IsLate);
+    assert!(
+        (82..=85).contains(&slow) && (98..=101).contains(&after),
+        "{slow} {after}"
+    );
+}
+
+#[test]
+fn faults_are_seen_in_the_lines() {
+    let counted = |fault: &str, figure| {
+        let mut run = run(OdometerConfig::default());
+        run.board.set_fault(Instant::ZERO, fault, figure, true);
+        run.drive(0.22, 0.0);
+        let lines = run.until(secs(10)).len();
+        (run.board.counted(), lines)
+    };
+    // 9.7 s at 0.22 m/s are 639 edges.
+    assert!((630..=645).contains(&counted("none", None).0));
+    assert!((-645..=-630).contains(&counted("wrong", None).0));
+    assert!(counted("worn", Some(1.0)).0.abs() <= 3);
+    assert_eq!(counted("off", None).1, 0);
+    assert_eq!(counted("stuck", None).1, 0);
+}

@@ -1,0 +1,148 @@
+//! The manual's figures, and a wall at a known distance.
+
+use protocols::Port;
+
+use super::*;
+use crate::device::Device;
+use crate::i2c::OnBus;
+use crate::world::{BodyConfig, Fixture, Point, Pose, Shape};
+
+/// A wall 1.234 m ahead, if any.
+fn world(distance_m: Option<f64>) -> World {
+    let wall = distance_m.map(|x| Shape::Wall {
+        from: Point::new(x, -9.0),
+        to: Point::new(x, 9.0),
+    });
+    let scene = Scene::new(wall.map(Fixture::from), vec![]).unwrap();
+    World::new(scene, BodyConfig::default(), Pose::default(), 1).unwrap()
+}
+
+fn chip() -> Srf08 {
+    Srf08::new(Srf08Config::default(), 1, "test")
+}
+
+fn echo(chip: &mut Srf08, now: Instant, world: &World) -> u16 {
+    let mut bytes = [0; 2];
+    chip.read(now, RANGE, &mut bytes, world);
+    u16::from_be_bytes(bytes)
+}
+
+/// What a command gives behind its ranging time.
+fn range(world: &World, command: u8) -> u16 {
+    let mut chip = chip();
+    chip.write(Instant::ZERO, COMMAND, &[command], world);
+    echo(&mut chip, Instant::from_secs(1), world)
+}
+
+/// 256 * 43 mm = 11.008 m: 22.016 m / 343.2 m/s = 64.149 ms, and 1 ms. 24 is 1.075 m: 7.265 ms.
+#[test]
+fn ap10_the_result_is_there_after_the_ranging_time_and_not_before() {
+    let world = world(Some(1.0));
+    let mut chip = chip();
+    assert!(chip.acknowledges(Instant::ZERO, 0xE0));
+    chip.write(Instant::ZERO, COMMAND, &[CENTIMETRES], &world);
+    let before = Instant::from_micros(65_148);
+    assert!(chip.is_ranging(before) && !chip.acknowledges(before, 0xE0));
+    let mut revision = [0];
+    chip.read(before, COMMAND, &mut revision, &world);
+    assert_eq!(
+        (revision, echo(&mut chip, before, &world)),
+        ([0xFF], 0xFFFF)
+    );
+    let ready = Instant::from_micros(65_150);
+    assert!(chip.acknowledges(ready, 0xE0));
+    assert!((99..=101).contains(&echo(&mut chip, ready, &world)));
+    chip.write(ready, RANGE, &[24], &world);
+    let time = chip.ranging_time().as_secs_f64();
+    assert!((time - 0.007_265).abs() < 1e-6, "{time}");
+}
+
+/// From 3 cm to 6 m the range is right to a centimetre, in all three units; nearer reads 3 cm.
+#[test]
+fn ap10_ranges_are_right_to_a_centimetre() {
+    for distance_m in [0.20, 0.5, 1.234, 2.5, 5.9] {
+        let world = world(Some(distance_m));
+        let off = f64::from(range(&world, CENTIMETRES)) - 100.0 * distance_m;
+        assert!(off.abs() <= 1.0, "{distance_m} m: {off} cm");
+        let off_m = f64::from(range(&world, MICROSECONDS)) * 171.6e-6 - distance_m;
+        assert!(off_m.abs() < 0.011, "{distance_m} m: {off_m} m");
+        let off_m = f64::from(range(&world, INCHES)) * 0.0254 - distance_m;
+        assert!(off_m.abs() < 0.024, "{distance_m} m: {off_m} m");
+    }
+}
+
+#[test]
+fn ap10_no_echo_reads_zero() {
+    assert_eq!(range(&world(None), CENTIMETRES), 0);
+    assert_eq!(range(&world(Some(6.1)), CENTIMETRES), 0);
+    // A range of 1.075 m does not reach a wall at 1.234 m.
+    let world = world(Some(1.234));
+    let mut chip = chip();
+    chip.write(Instant::ZERO, RANGE, &[24], &world);
+    chip.write(Instant::ZERO, COMMAND, &[CENTIMETRES], &world);
+    assert_eq!(echo(&mut chip, Instant::from_secs(1), &world), 0);
+}
+
+/// General call 0 starts all; A0, AA, A5 and a new address change the address.
+#[test]
+fn addresses_are_those_of_the_manual() {
+    let world = world(Some(1.0));
+    let mut chip = chip();
+    let now = Instant::ZERO;
+    assert!(chip.acknowledges(now, 0x00) && !chip.acknowledges(now, 0xE2));
+    for byte in [0xA0, 0xAA, 0xA5, 0xE2] {
+        chip.write(now, COMMAND, &[byte], &world);
+    }
+    assert!(chip.acknowledges(now, 0xE2) && !chip.acknowledges(now, 0xE0));
+    for byte in [0xA0, 0xA5, 0xAA, 0xE4] {
+        chip.write(now, COMMAND, &[byte], &world);
+    }
+    assert!(chip.acknowledges(now, 0xE2), "the order is wrong");
+    let events = chip.log().0.take();
+    assert!(events.iter().any(|event| event.rule == "unknown-command"));
+}
+
+#[test]
+fn faults_are_heard() {
+    let world = world(Some(1.0));
+    let later = Instant::from_secs(1);
+    let ranged = |fault: &str, figure| {
+        let mut chip = chip();
+        chip.set_fault(Instant::ZERO, fault, figure, true);
+        chip.write(Instant::ZERO, COMMAND, &[CENTIMETRES], &world);
+        let heard = echo(&mut chip, later, &world);
+        chip.set_fault(later, fault, figure, false);
+        chip.write(later, COMMAND, &[CENTIMETRES], &world);
+        let mended = echo(&mut chip, Instant::from_secs(2), &world);
+        assert!((99..=101).contains(&mended), "{fault}: {mended}");
+        heard
+    };
+    assert_eq!(ranged("deaf", None), 0);
+    assert_eq!(ranged("stuck", None), 0, "nothing was measured before");
+    assert!((119..=121).contains(&ranged("wrong", Some(0.2))));
+    let mut chip = chip();
+    chip.set_fault(Instant::ZERO, "off", None, true);
+    assert!(!chip.acknowledges(Instant::ZERO, 0xE0));
+}
+
+/// By messages: command, wait, read; a request while ranging is not answered.
+#[test]
+fn a_bus_carries_its_transactions() {
+    let mut world = world(Some(1.0));
+    let mut device = OnBus::new(chip());
+    let mut ask = |millis: u64, message: &[u8]| {
+        let now = Instant::from_millis(millis);
+        device.receive(Port(0), now, message);
+        device.poll(device.poll_at().unwrap(), &mut world);
+        let mut answer = [0; 8];
+        let len = device.transmit(Port(0), &mut answer);
+        answer[..len].to_vec()
+    };
+    assert_eq!(ask(0, &[0xE0, COMMAND, CENTIMETRES]), []);
+    assert_eq!(ask(30, &[0xE0, RANGE]), []);
+    assert_eq!(ask(30, &[0xE1, 2]), [], "not acknowledged");
+    assert_eq!(ask(70, &[0xE0, RANGE]), []);
+    let answer = ask(70, &[0xE1, 2]);
+    assert_eq!(answer.len(), 2);
+    assert!((99..=101).contains(&answer[1]), "{answer:?}");
+}

@@ -1,0 +1,94 @@
+//! What a body feels: how its motion changes.
+
+use core::time::Duration;
+
+use super::body::{Motion, STEP_NANOS, STEP_S};
+use super::{Point, TRAIL_STEPS, World};
+
+impl World {
+    /// Acceleration of the reference point over the floor, m/s², in body axes (x forward, y left),
+    /// in the mean of the last `over`: 1 ms to 250 ms, shorter and longer times count as these. A
+    /// curve pulls to its middle. Physics changes speeds at once where a wheel slips or a wall is
+    /// met, so a sensor is to ask for the time that its filter takes.
+    pub fn acceleration(&self, over: Duration) -> Point {
+        let steps = u64::try_from(over.as_nanos()).unwrap_or(u64::MAX) / STEP_NANOS;
+        let steps = steps.clamp(1, TRAIL_STEPS as u64 - 6);
+        let newest = self.next_step.saturating_sub(1);
+        let now = self.motion(newest);
+        let before = newest
+            .checked_sub(steps)
+            .map(|step| velocity(self.motion(step)));
+        // Before the run began the body was at rest.
+        let before = before.unwrap_or_default();
+        #[expect(clippy::cast_precision_loss, reason = "at most 250")]
+        let time = steps as f64 * STEP_S;
+        let velocity = velocity(now);
+        let (x, y) = (
+            (velocity.x - before.x) / time,
+            (velocity.y - before.y) / time,
+        );
+        let (sin, cos) = libm::sincos(now.start.theta);
+        Point::new(x * cos + y * sin, y * cos - x * sin)
+    }
+}
+
+/// In the world's axes, m/s.
+fn velocity(motion: &Motion) -> Point {
+    let (sin, cos) = libm::sincos(motion.start.theta);
+    Point::new(
+        motion.speed * cos + motion.drift.x,
+        motion.speed * sin + motion.drift.y,
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use protocols::Instant;
+
+    use super::super::{Ackermann, AckermannConfig, Command, Fixture, Pose, Scene};
+    use super::*;
+
+    fn car() -> World {
+        let config = AckermannConfig {
+            lag_s: 0.3,
+            steering_lag_s: 0.0,
+            ..AckermannConfig::default().ideal()
+        };
+        let scene = Scene::new(Vec::<Fixture>::new(), vec![]).unwrap();
+        let body = Box::new(Ackermann::new(config, 1).unwrap());
+        World::with_chassis(scene, body, Pose::new(0.0, 0.0, 1.0)).unwrap()
+    }
+
+    const OVER: Duration = Duration::from_millis(10);
+
+    /// 0.6 m/s with a lag of 0.3 s: 2 m/s² at first, 1/e of it, 0.73576, after 0.3 s.
+    #[test]
+    fn a_car_that_starts_is_pressed_into_its_seat() {
+        let mut world = car();
+        assert_eq!(world.acceleration(OVER), Point::default());
+        world.actuate("drive", Command::Speed(0.6)).unwrap();
+        world.advance(Instant::from_millis(11));
+        let felt = world.acceleration(OVER);
+        assert!(
+            (felt.x - 2.0).abs() < 0.06 && felt.y.abs() < 1e-9,
+            "{felt:?}"
+        );
+        world.advance(Instant::from_millis(305));
+        let felt = world.acceleration(OVER);
+        assert!((felt.x - 0.735_76).abs() < 0.02, "{felt:?}");
+    }
+
+    /// A circle of 0.258 m / tan 0.3 = 0.834 m at 0.6 m/s: 0.36 / 0.834 = 0.4316 m/s² to the left.
+    #[test]
+    fn a_curve_pulls_to_its_middle() {
+        let mut world = car();
+        world.actuate("drive", Command::Speed(0.6)).unwrap();
+        world.actuate("steering", Command::Angle(0.3)).unwrap();
+        world.advance(Instant::from_secs(5));
+        let felt = world.acceleration(OVER);
+        assert!(
+            (felt.y - 0.4316).abs() < 0.002 && felt.x.abs() < 0.005,
+            "{felt:?}"
+        );
+    }
+}
