@@ -189,8 +189,8 @@ mod tests {
         assert_eq!(open_edges(&room(3), MIDDLE, &door), BTreeSet::new());
     }
 
-    /// Free cells in the corner have two unknown neighbours at most: a crack. In the middle of a wall
-    /// three have one.
+    /// Free cells in the corner have two unknown neighbours at most: a crack. In the middle of a
+    /// wall three have one.
     #[test]
     fn fewer_than_three_cells_are_a_crack() {
         let mut map = room(0);

@@ -3,8 +3,8 @@
 //!
 //! The walls are laid on the map in each of 360 headings and at each free cell; a place scores by
 //! how many of them fall on walls of the map, less how often a wall of the map stands where the
-//! robot looks through. Only few cells are looked at, those of walls in whole rows, so a map of 128 x 128
-//! cells takes a fraction of a second.
+//! robot looks through. Only few cells are looked at, those of walls in whole rows, so a map of 128
+//! x 128 cells takes a fraction of a second.
 
 use alloc::vec::Vec;
 use core::f32::consts::TAU;
@@ -464,8 +464,8 @@ mod tests {
         assert!((truth.0 - 1_550.0).abs() <= 100.0 && (truth.1 - 1_550.0).abs() <= 100.0);
     }
 
-    /// A robot that knows to be in the left half goes half a metre ahead: of the two places that fit
-    /// then it takes the one that it can have come to.
+    /// A robot that knows to be in the left half goes half a metre ahead: of the two places that
+    /// fit then it takes the one that it can have come to.
     #[test]
     fn what_was_seen_before_counts() {
         let mut map = CellMap::new(CELL_MM, 0, 10_000);

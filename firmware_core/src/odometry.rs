@@ -398,8 +398,8 @@ mod tests {
         assert!(near(DRIVE.arc([100, 99]).distance_mm(), 45.15, 0.01));
     }
 
-    /// The base was silent for a second, in which the robot went on turning: 450 ticks of each wheel
-    /// are a quarter turn. What it did meanwhile is known, but not when.
+    /// The base was silent for a second, in which the robot went on turning: 450 ticks of each
+    /// wheel are a quarter turn. What it did meanwhile is known, but not when.
     #[test]
     fn what_the_counters_went_on_counting_in_a_silence_is_motion() {
         let mut odometry = Odometry::new(DRIVE);

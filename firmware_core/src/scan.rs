@@ -441,7 +441,8 @@ mod tests {
         .count()
     }
 
-    /// Two, three and one packets in a row are missing: at the beginning, in the middle, at the end.
+    /// Two, three and one packets in a row are missing: at the beginning, in the middle, at the
+    /// end.
     #[test]
     fn the_gap_of_a_turn_is_its_longest_run_of_missing_packets() {
         let mut assembler = TurnAssembler::new(MOUNTING);

@@ -21,8 +21,9 @@ use crate::show::folder::FolderError;
 ///
 /// A case keeps failing the same check, in the same manner (standing still, to and fro, pose lost)
 /// or, if devices complain, by the same rule; and what it fails for, faults or a thing in the way,
-/// stays in it: without that it passes. A capture keeps the first thing that is wrong with its bytes. With --while a command of yours decides instead: it
-/// gets the file as its last argument and exits with 0 as long as the file is still bad.
+/// stays in it: without that it passes. A capture keeps the first thing that is wrong with its
+/// bytes. With --while a command of yours decides instead: it gets the file as its last argument
+/// and exits with 0 as long as the file is still bad.
 ///
 /// With --exec somebody's program is what fails: each try is a run in real time, 100 at most, and
 /// what fails only now and then is hard to make smaller.

@@ -7,8 +7,8 @@
 //! ```
 //!
 //! Fields that nobody knows are skipped, those that are missing keep their defaults. Numbers of
-//! fields and values: published code of the robot yellow, `.proto` files; the schema is our own. The
-//! robot's buffer bounds a message: see [`PAYLOAD_MAX`](super::PAYLOAD_MAX).
+//! fields and values: published code of the robot yellow, `.proto` files; the schema is our own.
+//! The robot's buffer bounds a message: see [`PAYLOAD_MAX`](super::PAYLOAD_MAX).
 
 mod fields;
 mod telecommand;

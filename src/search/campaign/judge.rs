@@ -114,8 +114,8 @@ pub(crate) fn words_of_panic(panic: &(dyn Any + Send)) -> (String, String) {
     (format!("panic: {}", without_figures(text)), text.to_owned())
 }
 
-/// The first check that failed and how, without and with its figures: checkers of the whole run come
-/// before what was to be true in the end.
+/// The first check that failed and how, without and with its figures: checkers of the whole run
+/// come before what was to be true in the end.
 pub(crate) fn cause_of(outcome: &Outcome) -> Option<(String, String)> {
     let failed = |check: &&crate::run::check::Check| check.status == Status::Fail;
     let check = outcome.checks.iter().find(failed)?;

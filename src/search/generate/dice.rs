@@ -10,8 +10,8 @@ pub(crate) struct Dice {
 }
 
 impl Dice {
-    /// Named streams of `seed` for the scenario called `name`: no two scenarios get the same made-up
-    /// world.
+    /// Named streams of `seed` for the scenario called `name`: no two scenarios get the same
+    /// made-up world.
     pub(crate) fn of_seed(seed: u64, name: &str) -> Self {
         let stream = |part: &str| Draw::Stream(Rng::stream(seed, &format!("generate.{part}")));
         Self {

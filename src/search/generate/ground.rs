@@ -203,7 +203,8 @@ fn distance(from: Point, to: Point, place: Point) -> f64 {
 mod tests {
     use super::*;
 
-    /// Two rooms of 2 m and a wall between them with a gap at the top. The robot's radius is 0.16 m.
+    /// Two rooms of 2 m and a wall between them with a gap at the top. The robot's radius is 0.16
+    /// m.
     fn two_rooms(gap_m: f64) -> Scenario {
         let text = format!(
             "schema = 1\nname = \"two\"\nrobot = \"rescue\"\nduration = \"5s\"\n[world]\n\

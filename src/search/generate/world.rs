@@ -30,8 +30,8 @@ pub(super) struct Place {
     free: Vec<[f64; 2]>,
 }
 
-/// Makes another world of `made`'s, or moves some of it; and where the robot can go there. `None` if
-/// the robot does not say what suits it, or has no room where it is: then nothing is changed.
+/// Makes another world of `made`'s, or moves some of it; and where the robot can go there. `None`
+/// if the robot does not say what suits it, or has no room where it is: then nothing is changed.
 pub(super) fn vary(made: &mut Scenario, dice: &mut Dice) -> Option<Place> {
     let arena = robots::find(&made.robot).and_then(Robot::arena)?;
     let dice = &mut dice.world;

@@ -265,7 +265,8 @@ fn an_empty_conf_holds_the_key_only() {
     });
 }
 
-/// Field bug 1 as it was reported: key 01 (speed and duty) is empty, 7C (the typical mode, 1) is not.
+/// Field bug 1 as it was reported: key 01 (speed and duty) is empty, 7C (the typical mode, 1) is
+/// not.
 #[test]
 fn one_key_may_be_empty_alone() {
     let [mut bench, _] = pair(Fault::ConfEmpty, Some(1.0), &fw129());
