@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# Proves that protocols and firmware_core need neither std nor heap, and that the robot fits its
-# board's RAM.
+# Proves that protocols and firmware_core need neither std nor heap, and that each robot whose program
+# runs on a microcontroller fits its board's RAM.
 #
 #   1. host:   a library without std, with its own panic handler and no allocator, builds;
 #   2. teeth:  the same library with std, and with a heap, does not;
-#   3. target: it builds for the Cortex-M4F of the seed's board, an STM32F407, and links into its
-#              128 KiB of RAM;
-#   4. stack:  the robot at work needs at most the 64 KiB of core-coupled RAM beside it;
+#   3. target: it builds for the Cortex-M4F of the robots' boards and links into 128 KiB of RAM;
+#   4. stack:  the robot at work needs at most what its board has for it: of the STM32F407 (rescue)
+#              64 KiB of core-coupled RAM, of the STM32F446 (yellow) what is left of the 128 KiB;
 #   5. cycles: the search's inner loop takes no more than the model of the processor says.
 #
 # usage: tests/bare_metal/prove.sh [--host]      --host: steps 1 and 2 only
@@ -55,46 +55,54 @@ else
     toolchain=(env RUSTC="$debian_rustc")
     build_std=(-Z build-std=core)
 fi
-say "library for $target"
-# The compiler tells the stack frame of each function only to those who ask for the unstable.
-RUSTC_BOOTSTRAP=1 "${toolchain[@]}" cargo rustc --quiet --locked --release --target $target \
-    "${build_std[@]}" -- -Z emit-stack-sizes
-
 sysroot=$(rustc --print sysroot)
 linker=$(find "$sysroot/lib/rustlib" -name rust-lld -print -quit)
 [[ -n $linker ]] || die "no rust-lld below $sysroot"
-out=$CARGO_TARGET_DIR/$target/release
-say "image with 128 KiB of RAM"
-"$linker" -flavor gnu -T board.ld --gc-sections "$out/libbare_metal.a" -o "$out/robot.elf" ||
-    die "the robot does not fit its board"
-
-# Without the robot in it, an image fits any board.
 command -v readelf >/dev/null || die "readelf is missing (package binutils)"
-symbols=$(readelf -sW "$out/robot.elf")
-robot=$(($(awk '$8 == "ROBOT" { print $3 }' <<<"$symbols")))
-[[ $robot -gt 0 ]] || die "the image does not hold the robot"
+ram=$((128 * 1024))
 
-# The frame of each function that was not inlined, as its address (four bytes) and size (LEB128).
-read -r _ _ offset size _ < <(readelf -SW "$out/robot.elf" | sed -n 's/.*\.stack_sizes//p')
-frames=$(od -An -v -tu1 -w1 -j $((16#$offset)) -N $((16#$size)) "$out/robot.elf" | awk '
-    at < 4 { address += $1 * 256 ^ at++; next }
-    { size += $1 % 128 * 128 ^ digit++ }
-    $1 < 128 { print address - address % 2, size; at = address = size = digit = 0 }')
-frame_of() {
-    local address
-    address=$(awk -v name="$1" '$8 == name { print $2 }' <<<"$symbols")
-    awk -v address=$((16#$address & ~1)) '$1 == address { print $2 }' <<<"$frames"
+# Builds the image of a robot and measures it; its stack may take `stack_max` bytes, or with
+# "shared" what the robot leaves of the RAM.
+prove() {
+    local name=$1 stack_max=$2 out=$CARGO_TARGET_DIR/$target/release
+    say "$name: library for $target"
+    # The compiler tells the stack frame of each function only to those who ask for the unstable.
+    RUSTC_BOOTSTRAP=1 "${toolchain[@]}" cargo rustc --quiet --locked --release --target $target \
+        --no-default-features --features "$name" "${build_std[@]}" -- -Z emit-stack-sizes
+    image=$out/$name.elf
+    "$linker" -flavor gnu -T board.ld --gc-sections "$out/libbare_metal.a" -o "$image" ||
+        die "$name does not fit its board"
+
+    # Without the robot in it, an image fits any board.
+    symbols=$(readelf -sW "$image")
+    local robot
+    robot=$(($(awk '$8 == "ROBOT" { print $3 }' <<<"$symbols")))
+    [[ $robot -gt 0 ]] || die "the image does not hold $name"
+    [[ $stack_max != shared ]] || stack_max=$((ram - robot))
+
+    # The frame of each function that was not inlined, as its address (four bytes) and size (LEB128).
+    local offset size frames
+    read -r _ _ offset size _ < <(readelf -SW "$image" | sed -n 's/.*\.stack_sizes//p')
+    frames=$(od -An -v -tu1 -w1 -j $((16#$offset)) -N $((16#$size)) "$image" | awk '
+        at < 4 { address += $1 * 256 ^ at++; next }
+        { size += $1 % 128 * 128 ^ digit++ }
+        $1 < 128 { print address - address % 2, size; at = address = size = digit = 0 }')
+
+    # Nothing recurses, so no chain of calls takes more than all frames together: coarse, but sound.
+    # Not counted: the codecs' exercise, which no robot calls.
+    local address codecs stack largest
+    address=$(awk '$8 == "decode_everything" { print $2 }' <<<"$symbols")
+    codecs=$(awk -v address=$((16#$address & ~1)) '$1 == address { print $2 }' <<<"$frames")
+    stack=$(awk -v sum=-"$codecs" '{ sum += $2 } END { print sum }' <<<"$frames")
+    largest=$(awk '{ print $2 }' <<<"$frames" | sort -n | tail -1)
+    printf '%-7s static  %7d of %d bytes\n' "$name" "$robot" "$ram"
+    printf '%-7s stack   %7d of %d bytes at most, %d in the largest frame\n' \
+        "$name" "$stack" "$stack_max" "$largest"
+    ((stack <= stack_max)) || die "the stack of $name does not fit"
 }
 
-# Nothing recurses, so no chain of calls takes more than all frames together: coarse, but sound.
-# Not counted: the codecs' exercise, which no robot calls.
-codecs=$(frame_of decode_everything)
-stack=$(awk -v sum=-"$codecs" '{ sum += $2 } END { print sum }' <<<"$frames")
-largest=$(awk '{ print $2 }' <<<"$frames" | sort -n | tail -1)
-printf 'static  %7d of %d bytes\n' $robot $((128 * 1024))
-printf 'stack   %7d of %d bytes at most, %d in the largest frame\n' \
-    "$stack" $((64 * 1024)) "$largest"
-((stack <= 64 * 1024)) || die "the stack does not fit"
+prove yellow shared
+prove rescue $((64 * 1024))
 
 # A loop's cycles on a Cortex-M4 without wait states: one an instruction, one more for each access
 # to memory (none of them pipelined), three for the jumps. The largest loop with UXTB16, which adds
@@ -103,7 +111,7 @@ if command -v llvm-objdump >/dev/null; then
     kernel=$(awk '$8 ~ /4slam3row4sums$/ { print $8 }' <<<"$symbols")
     [[ -n $kernel ]] || die "the image does not hold the row kernel"
     read -r instructions accesses < <(llvm-objdump -d --no-show-raw-insn \
-        --disassemble-symbols="$kernel" "$out/robot.elf" | awk '
+        --disassemble-symbols="$kernel" "$image" | awk '
         $1 ~ /^[0-9a-f]+:$/ {
             at[++n] = substr($1, 1, length($1) - 1); name[n] = $2
             if (match($0, /0x[0-9a-f]+ </)) target[n] = substr($0, RSTART + 2, RLENGTH - 4)

@@ -1,4 +1,4 @@
-//! The robot's program as a board would run it: static memory, a panic handler, no operating
+//! A robot's program as a board would run it: static memory, a panic handler, no operating
 //! system, no allocator.
 //!
 //! That this crate builds is the proof. `std` brings a panic handler of its own and two of them
@@ -12,18 +12,21 @@ use core::panic::PanicInfo;
 use core::ptr::{read_volatile, write_volatile};
 
 use firmware_core::Master;
-use firmware_core::robots::rescue::{Config, Rescue};
+#[cfg(feature = "rescue")]
+use firmware_core::robots::rescue::{Config, Rescue as Program};
+#[cfg(feature = "yellow")]
+use firmware_core::robots::yellow::{Config, Yellow as Program};
 use protocols::avr::{self, ChecksumOrder};
 use protocols::{Decode, Instant, Port, hc06, pcui, rle, rplidar, telemetry, xv11};
 
 /// The robot's only memory besides the stack.
-struct Robot(UnsafeCell<Rescue>);
+struct Robot(UnsafeCell<Program>);
 
 // SAFETY: one core, no interrupts: only `reset` ever looks at it.
 unsafe impl Sync for Robot {}
 
 #[unsafe(no_mangle)]
-static ROBOT: Robot = Robot(UnsafeCell::new(Rescue::new(Config::DEFAULT)));
+static ROBOT: Robot = Robot(UnsafeCell::new(Program::new(Config::DEFAULT)));
 
 /// Registers of a made-up board: where bytes come and go, per port, and the time.
 const RECEIVED: *const u16 = 0x4000_0000_usize as *const u16;
