@@ -46,7 +46,7 @@ pub use lidar::{Lidar, Ranges};
 pub use lua::{Lua, LuaField, field};
 pub use panel::{PANEL, Panel};
 pub use pcui::{PCUI, Pcui};
-pub use peripherals::{PERIPHERALS, Peripherals};
+pub use peripherals::{BoardFrame, PERIPHERALS, Peripherals};
 pub use row::{Answers, Codec, IDLE, OtherOrder};
 pub use rplidar::{RPLIDAR, Rplidar};
 pub use stream::{BAD_MAX, Count, Counter, Stream, Stretch, What};

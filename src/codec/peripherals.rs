@@ -73,7 +73,7 @@ pub struct EitherWay;
 
 /// A frame of either way.
 #[derive(Clone, Debug)]
-pub struct Registers {
+pub struct BoardFrame {
     bytes: Vec<u8>,
     meaning: Meaning,
 }
@@ -94,7 +94,7 @@ impl Meaning {
 }
 
 impl Format for EitherWay {
-    type Frame = Registers;
+    type Frame = BoardFrame;
 
     fn judge(&self, bytes: &[u8]) -> Candidate {
         match SampleFormat.judge(bytes) {
@@ -103,14 +103,14 @@ impl Format for EitherWay {
         }
     }
 
-    fn frame(&self, bytes: &[u8]) -> Registers {
+    fn frame(&self, bytes: &[u8]) -> BoardFrame {
         let meaning = if bytes.first() == Some(&OUTPUTS) {
             Meaning::Outputs(OutputsFormat.frame(bytes))
         } else {
             Meaning::Sample(SampleFormat.frame(bytes))
         };
         let bytes = bytes.to_vec();
-        Registers { bytes, meaning }
+        BoardFrame { bytes, meaning }
     }
 }
 
@@ -122,11 +122,11 @@ impl Wire for Peripherals {
         Self::Decoder::default()
     }
 
-    fn bytes(frame: &Registers) -> &[u8] {
+    fn bytes(frame: &BoardFrame) -> &[u8] {
         &frame.bytes
     }
 
-    fn words(frame: &Registers) -> String {
+    fn words(frame: &BoardFrame) -> String {
         match &frame.meaning {
             Meaning::Sample(sample) => {
                 let [left, right] = sample.counters;
@@ -189,7 +189,7 @@ impl Wire for Peripherals {
 
     /// Values that no hardware has are cut to what is possible, so it is the meaning that must be
     /// the same.
-    fn means_itself(frame: &Registers) -> Result<(), Broken> {
+    fn means_itself(frame: &BoardFrame) -> Result<(), Broken> {
         let made = frame.meaning.encode();
         let again = match frame.meaning {
             Meaning::Sample(_) => {
@@ -206,7 +206,7 @@ impl Wire for Peripherals {
         made_again(&made, &again.map(Meaning::encode).unwrap_or_default())
     }
 
-    fn kind(frame: &Registers) -> u64 {
+    fn kind(frame: &BoardFrame) -> u64 {
         let last = frame.bytes.last().copied().unwrap_or_default();
         (frame.bytes.len() as u64) << 8 | u64::from(last)
     }

@@ -1,18 +1,17 @@
 //! Registers of a motor board, samples and outputs on one line: what a frame is, read slowly.
 
-use hilrig::codec::{Peripherals, wire::Wire as _};
+use hilrig::codec::{BoardFrame, Peripherals, wire};
 use proptest::prelude::*;
-use protocols::Decode;
 use protocols::peripherals::{Outputs, Sample};
 
 use crate::protocol::{Protocol, Wire};
 
 /// What finds both, bytes kept as they came.
-type Decoder = <Peripherals as hilrig::codec::wire::Wire>::Decoder;
+type Decoder = <Peripherals as wire::Wire>::Decoder;
 
-impl Wire for <Decoder as Decode>::Frame {
+impl Wire for BoardFrame {
     fn wire(&self) -> Vec<u8> {
-        Peripherals::bytes(self).to_vec()
+        <Peripherals as wire::Wire>::bytes(self).to_vec()
     }
 }
 
