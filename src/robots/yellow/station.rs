@@ -191,21 +191,20 @@ impl PcStation {
         }
     }
 
+    /// Odometry drifts: before the next target the robot finds itself anew.
     fn go_on(&mut self, task: Task, is_done: bool, tour: Tour) {
-        let next = match (task, is_done) {
-            (Task::Navigating, true) => Tour {
-                next: tour.next + 1,
-                tries: 0,
-            },
-            (Task::Navigating, false) if tour.tries + 1 < TRIES => Tour {
-                tries: tour.tries + 1,
-                ..tour
-            },
-            (Task::Mapping, true) => tour,
+        let (next, tries) = match (task, is_done) {
+            (Task::Navigating, true) => (tour.next + 1, 0),
+            (Task::Navigating, false) if tour.tries + 1 < TRIES => (tour.next, tour.tries + 1),
+            (Task::Mapping, true) | (Task::Localising, _) => (tour.next, tour.tries),
             _ => return self.tour = None,
         };
-        self.wanted = self.to_target(next.next);
-        self.tour = self.wanted.map(|_| next);
+        let target = self.to_target(next);
+        self.tour = target.map(|_| Tour { next, tries });
+        self.wanted = match task {
+            Task::Navigating => target.map(|_| PcCommand::Localise),
+            _ => target,
+        };
     }
 
     fn alike(&self) -> u64 {
