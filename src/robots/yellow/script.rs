@@ -84,7 +84,7 @@ fn by_hand(set_points: &[SetPoint]) -> Result<PcCommand, String> {
     };
     if [left, right]
         .iter()
-        .any(|wheel| !(wheel.abs() <= WHEEL_MAX_M_S))
+        .any(|wheel| wheel.is_nan() || wheel.abs() > WHEEL_MAX_M_S)
     {
         return Err(format!(
             "drive [{left}, {right}]: expected speeds of the wheels, m/s, at most {WHEEL_MAX_M_S}"
