@@ -31,6 +31,7 @@ mod lidar;
 mod lua;
 mod panel;
 mod pcui;
+mod peripherals;
 mod row;
 mod rplidar;
 mod stream;
@@ -45,6 +46,7 @@ pub use lidar::{Lidar, Ranges};
 pub use lua::{Lua, LuaField, field};
 pub use panel::{PANEL, Panel};
 pub use pcui::{PCUI, Pcui};
+pub use peripherals::{BoardFrame, PERIPHERALS, Peripherals};
 pub use row::{Answers, Codec, IDLE, OtherOrder};
 pub use rplidar::{RPLIDAR, Rplidar};
 pub use stream::{BAD_MAX, Count, Counter, Stream, Stretch, What};
@@ -64,6 +66,7 @@ static CODECS: Registry<Codec> = Registry::new(&[
     &PANEL,
     &RPLIDAR,
     &TELEMETRY,
+    &PERIPHERALS,
 ]);
 
 /// All rows: those that are built in, then those that were registered.

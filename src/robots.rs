@@ -10,6 +10,7 @@ pub mod instruments;
 mod kept_map;
 pub mod rescue;
 pub mod station;
+mod yellow;
 
 use std::collections::BTreeMap;
 
@@ -115,8 +116,12 @@ impl Named for dyn Robot {
     }
 }
 
-static ROBOTS: Registry<dyn Robot> =
-    Registry::new(&[&rescue::RescueRobot, &custom::CustomRobot, &custom::Bare]);
+static ROBOTS: Registry<dyn Robot> = Registry::new(&[
+    &rescue::RescueRobot,
+    &yellow::YellowRobot,
+    &custom::CustomRobot,
+    &custom::Bare,
+]);
 
 /// Makes a robot known to all scenarios of this process.
 ///

@@ -22,7 +22,7 @@ LLVM_PROFILE_FILE=$out/replay-%p.profraw "$out/debug/corpus" replay tests/corpus
 llvm-profdata-19 merge -sparse "$out"/replay-*.profraw -o "$out/replay.profdata"
 sources=protocols/src
 llvm-cov-19 export --format=text --summary-only --instr-profile="$out/replay.profdata" \
-    "$out/debug/corpus" $sources/{decode,avr,xv11,pcui,panel,telemetry,rle,hc06}.rs \
+    "$out/debug/corpus" $sources/{decode,avr,xv11,pcui,panel,telemetry,peripherals,rle,hc06}.rs \
     $sources/xv11/{reading,turn}.rs $sources/pcui/message.rs $sources/hc06/lines.rs \
     $sources/rplidar/{answer,capsule,decoder,node,request}.rs $sources/telemetry/decoder.rs \
     > "$out/summary.json"

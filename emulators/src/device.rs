@@ -142,6 +142,7 @@ mod tests {
             clone::<crate::rplidar::Rplidar>();
             clone::<crate::text::Text>();
             clone::<crate::touch_panel::TouchPanel>();
+            clone::<crate::wheel_board::WheelBoard>();
             clone::<crate::xv11::Xv11>();
             clone_world::<World>();
         };

@@ -20,6 +20,7 @@
 //! | [`rplidar`] | RPLIDAR A1 lidar |
 //! | [`srf08`] | ultrasonic ranger |
 //! | [`touch_panel`] | display of 480 x 272 pixels that is drawn on and touched by wire |
+//! | [`wheel_board`] | motor board of timers, PWM and ADC |
 //! | [`world`] | ground truth: scene, robot body, physics, ray casts |
 //! | [`xv11`] | Neato XV-11 lidar |
 //! | [`rng`] | named random streams from one seed |
@@ -41,6 +42,7 @@ pub mod rplidar;
 pub mod srf08;
 pub mod text;
 pub mod touch_panel;
+pub mod wheel_board;
 pub mod world;
 pub mod xv11;
 

@@ -1,12 +1,13 @@
 //! `telemetry`: escaped frames of the robot yellow's link, both ways.
 
+mod words;
+
 use protocols::{Decode, FrameError, telemetry};
 use telemetry::{ESCAPE, PAYLOAD_MAX, START};
 
 use super::lua::{Lua, LuaField, field};
 use super::row::{Answers, Codec};
 use super::wire::{Broken, Choices, Wire, made_again};
-use crate::hex;
 
 /// Frames of the telemetry link.
 pub static TELEMETRY: Codec =
@@ -38,9 +39,6 @@ const FIELDS: [LuaField; 2] = [
         "Payload",
     ),
 ];
-
-/// Payload bytes that are told.
-const TOLD_MAX: usize = 16;
 
 /// The telemetry link.
 #[derive(Clone, Copy, Debug)]
@@ -94,10 +92,7 @@ impl Wire for Telemetry {
     }
 
     fn words(frame: &Escaped) -> String {
-        let payload = frame.frame.payload();
-        let told = hex::pairs(&payload[..payload.len().min(TOLD_MAX)]);
-        let more = if payload.len() > TOLD_MAX { " .." } else { "" };
-        format!("{} bytes: {told}{more}", payload.len())
+        words::of(frame.frame.payload())
     }
 
     fn build(choices: &mut Choices<'_>, out: &mut Vec<u8>) {

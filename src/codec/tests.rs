@@ -14,8 +14,9 @@ struct Golden {
 
 /// First packet of the capture "hand in box"; a turn with one distance; vectors of the fielded
 /// base, in both orders; the fielded robot's row of unknown cells; a pen with an independent CRC;
-/// the info of a real A1M8; telemetry by hand, FF - (01 + 02) = FC.
-fn golden() -> [Golden; 8] {
+/// the info of a real A1M8; telemetry by hand: 300 ms, manual, 0.5 m/s and -1 rad/s, whose bytes
+/// come to 0x298; outputs by hand, 7500 = 0x1D4C is 4C 3A, 2500 = 0x09C4 is 44 13.
+fn golden() -> [Golden; 9] {
     let write = "46: speed_left_to=20 ticks/40 ms speed_right_to=-20 ticks/40 ms motor_standby=0";
     let mut turn = b"\x5A\xA5\x00\xC0\x94\xD1".to_vec();
     turn.extend(b"\x35\x80\x00\x00".repeat(360));
@@ -60,7 +61,19 @@ fn golden() -> [Golden; 8] {
             "model 18, firmware 1.29, hardware 7, serial 92D8ED93C0EA98C9A5E698F207064669",
             1,
         ),
-        row(&TELEMETRY, b"\x7E\x00\x02\x01\x02\xFC", "2 bytes: 01 02", 3),
+        row(
+            &TELEMETRY,
+            b"\x7E\x00\x13\x08\xAC\x02\x12\x02\x08\x02\x1A\x0A\x0D\x00\x00\x00\x3F\x15\x00\x00\
+                \x80\xBF\x67",
+            "command at 300 ms: manual, drive 0.5 m/s -1 rad/s",
+            6,
+        ),
+        row(
+            &PERIPHERALS,
+            b"\x81\x4C\x3A\x44\x13\x0A",
+            "duty 75 % 25 %, drivers on, ADC 2",
+            0,
+        ),
     ]
 }
 

@@ -3,10 +3,10 @@
 
 use protocols::LineEvent;
 
-use super::Rig;
 use super::line::Direction;
 use super::node::Body;
 use super::trace::{Side, Tap as _};
+use super::{LinkKind, Rig};
 
 const ROUNDS_MAX: usize = 1000;
 
@@ -100,6 +100,11 @@ impl Rig {
                 let receiver = self.nodes[line.to.node].line_config(line.to.port);
                 let node = &mut self.nodes[line.from.node];
                 let sender = node.line_config(line.from.port);
+                // A level has no rate that its receiver could read at.
+                let receiver = match kind {
+                    LinkKind::Pin => sender,
+                    _ => receiver,
+                };
                 let port = line.from.port;
                 let budget = &mut self.budget;
                 let transmit = |buf: &mut [u8]| node.transmit(port, buf);

@@ -11,6 +11,7 @@ pub mod rplidar_scans;
 pub mod scan;
 mod text;
 mod touch_panel;
+mod wheel_board;
 mod xv11;
 pub mod xv11_scans;
 
@@ -38,6 +39,7 @@ pub use mount::MountSpec;
 pub(super) use read::read_devices;
 pub use rplidar::{MotorSpec, RPLIDAR, RplidarSpec};
 pub use touch_panel::{TOUCH_PANEL, TapSpec, TouchPanelSpec};
+pub use wheel_board::{PressSpec, WHEEL_BOARD, WheelBoardSpec};
 pub use xv11::{SupplySpec, TurnSpec, XV11, Xv11Spec};
 
 impl Named for dyn DeviceKind {
@@ -52,6 +54,7 @@ static KINDS: Registry<dyn DeviceKind> = Registry::new(&[
     HC06,
     TOUCH_PANEL,
     RPLIDAR,
+    WHEEL_BOARD,
     registers::REGISTERS,
     text::TEXT,
 ]);

@@ -330,6 +330,31 @@ fn frames_of_telemetry_show_their_payload_without_escapes() {
     assert_eq!(lines, ["2|7E 01|", "0||6"]);
 }
 
+/// By hand: counters 0xFFFF and 0x8081, full ADC of channel 5, 11.5 V, button; duties of 100 and
+/// 50 %, channel 2, drivers on. Between them half a frame.
+#[test]
+fn samples_and_outputs_of_a_motor_board_show_their_values() {
+    let session = Session::new("wireshark-peripherals");
+    let mut chunks = Chunks::of(&["board"]);
+    chunks.add(
+        0,
+        UP,
+        b"\x80\x7F\x7F\x03\x01\x01\x02\x7F\x1F\x7E\x08\x0D\x80\x01",
+    );
+    chunks.add(0, DOWN, b"\x81\x10\x4E\x08\x27\x0A");
+    let fields = [
+        "hilrig.peripherals.counter",
+        "hilrig.peripherals.adc",
+        "hilrig.peripherals.channel",
+        "hilrig.peripherals.supply",
+        "hilrig.peripherals.duty",
+    ];
+    let Some(lines) = dissect(&session, &chunks, &fields) else {
+        return;
+    };
+    assert_eq!(lines, ["65535,32897|4095|5|11.5|", "||2||100,50"]);
+}
+
 /// The rates of the seed report's links, as Wireshark's own tool reads them from a run's capture.
 #[test]
 fn a_runs_capture_tells_the_rate_of_each_link() {

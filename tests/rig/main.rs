@@ -20,6 +20,7 @@ mod robot;
 mod rplidar;
 mod silence;
 mod turns;
+mod yellow;
 
 use std::path::Path;
 

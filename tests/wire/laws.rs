@@ -324,3 +324,4 @@ laws!(panel_commands, crate::panel::Commands);
 laws!(panel_reports, crate::panel::Reports);
 laws!(rplidar_requests, crate::rplidar::Requests);
 laws!(telemetry, crate::telemetry::Telemetry);
+laws!(peripherals, crate::peripherals::Registers);

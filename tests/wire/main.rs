@@ -13,6 +13,7 @@ mod laws;
 mod mutants;
 mod panel;
 mod pcui;
+mod peripherals;
 mod protocol;
 mod rle;
 mod rplidar;

@@ -133,10 +133,10 @@ impl Actuator {
     /// # Errors
     /// [`CommandError::Unfit`] and [`CommandError::NotFinite`].
     pub fn admit(&self, command: Command) -> Result<Command, CommandError> {
-        let (actuator, kind) = (self.name.clone(), self.kind);
+        let kind = self.kind;
         if !kind.takes(command) {
             return Err(CommandError::Unfit {
-                actuator,
+                actuator: self.name.clone(),
                 kind,
                 command,
             });
@@ -145,7 +145,9 @@ impl Actuator {
         let within = |value: f64| value.max(least).min(greatest);
         match command {
             Command::Speed(value) | Command::Angle(value) if !value.is_finite() => {
-                Err(CommandError::NotFinite { actuator })
+                Err(CommandError::NotFinite {
+                    actuator: self.name.clone(),
+                })
             }
             Command::Speed(value) => Ok(Command::Speed(within(value))),
             Command::Angle(value) => Ok(Command::Angle(within(value))),

@@ -1,0 +1,163 @@
+//! Bridges, motors, encoder counters and the battery.
+
+use protocols::Instant;
+use protocols::peripherals::Outputs;
+
+use super::Config;
+use super::fault::Faults;
+use crate::rng::Rng;
+use crate::world::{Command, Wheel, World};
+
+/// Both bridges with their motors.
+#[derive(Clone, Debug)]
+pub(super) struct Drives {
+    config: Config,
+    rpm_per_v: [f64; 2],
+    /// Part of full drive, the mean of both motors.
+    effort: f64,
+}
+
+impl Drives {
+    pub(super) fn new(name: &str, seed: u64, config: &Config) -> Self {
+        let rpm_per_v = Wheel::ALL.map(|wheel| {
+            let mut dice = Rng::stream(seed, &format!("{name}.motor.{}", wheel.name()));
+            config.motor.rpm_per_v * (1.0 + config.motor.spread * dice.range(-1.0, 1.0))
+        });
+        Self {
+            config: config.clone(),
+            rpm_per_v,
+            effort: 0.0,
+        }
+    }
+
+    pub(super) const fn rpm_per_v(&self) -> [f64; 2] {
+        self.rpm_per_v
+    }
+
+    pub(super) const fn effort(&self) -> f64 {
+        self.effort
+    }
+
+    /// Sets the chassis's motors; `part` of their speed is what a fault leaves.
+    pub(super) fn apply(&mut self, world: &mut World, outputs: Outputs, supply_v: f64, part: f64) {
+        let volts = self.config.volts(outputs, supply_v);
+        for (wheel, volts) in Wheel::ALL.into_iter().zip(volts) {
+            let command = match volts {
+                Some(volts) => Command::Speed(part * self.steady_m_s(wheel, volts)),
+                None => Command::Coast,
+            };
+            // A chassis without such a motor was refused, or stays at rest.
+            let _ = world.actuate(wheel.name(), command);
+        }
+        let full = volts.map(|volts| volts.unwrap_or_default().abs() / self.config.supply_v);
+        self.effort = f64::midpoint(full[0], full[1]);
+    }
+
+    /// Speed of the rim in the long run.
+    fn steady_m_s(&self, wheel: Wheel, volts: f64) -> f64 {
+        if volts.abs() < self.config.motor.dead_band_v {
+            return 0.0;
+        }
+        volts * self.rpm_per_v[wheel as usize] * self.config.rim_m_s_per_rpm()
+    }
+}
+
+/// Counters of 16 bits, which wrap.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Counters {
+    mirrored: [bool; 2],
+    /// Edges of the chassis's encoders at the last look.
+    seen: [i64; 2],
+    /// Edges counted, parts of one left by a fault included.
+    counted: [f64; 2],
+}
+
+impl Counters {
+    pub(super) const fn new(mirrored: [bool; 2]) -> Self {
+        Self {
+            mirrored,
+            seen: [0; 2],
+            counted: [0.0; 2],
+        }
+    }
+
+    pub(super) fn look(&mut self, world: &World, faults: &Faults) {
+        for wheel in Wheel::ALL {
+            let side = wheel as usize;
+            let edges = world.encoder_ticks(wheel);
+            let turned = edges - core::mem::replace(&mut self.seen[side], edges);
+            if faults.stuck[side] {
+                continue;
+            }
+            #[expect(clippy::cast_precision_loss, reason = "a millisecond has few edges")]
+            let counted = turned as f64 * faults.count_factor;
+            self.counted[side] += if self.mirrored[side] {
+                -counted
+            } else {
+                counted
+            };
+        }
+    }
+
+    pub(super) const fn reset(&mut self) {
+        self.counted = [0.0; 2];
+    }
+
+    pub(super) fn values(&self) -> [u16; 2] {
+        self.counted.map(|counted| {
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "the low 16 bits are the counter"
+            )]
+            let low = libm::floor(counted) as i64 as u16;
+            low
+        })
+    }
+}
+
+/// A battery whose voltage falls with what is taken from it.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Battery {
+    volts: f64,
+    drain_v_per_h: [f64; 2],
+    /// Up to which its loss is counted.
+    at: Instant,
+    /// Voltage that the bridges were told last.
+    told: f64,
+}
+
+/// Loss that is worth telling the bridges: a thousandth of their speed.
+const TOLD_V: f64 = 0.01;
+/// An empty pack: its protection switches nothing off here, the motors only get slower.
+const EMPTY_V: f64 = 6.0;
+
+impl Battery {
+    pub(super) const fn new(config: &Config) -> Self {
+        Self {
+            volts: config.supply_v,
+            drain_v_per_h: config.drain_v_per_h,
+            at: Instant::ZERO,
+            told: config.supply_v,
+        }
+    }
+
+    pub(super) const fn volts(&self) -> f64 {
+        self.volts
+    }
+
+    /// Takes what `effort`, a part of full drive, takes until `now`; whether the bridges are to
+    /// hear of it.
+    pub(super) fn drain(&mut self, now: Instant, effort: f64) -> bool {
+        let hours = (now - self.at).as_secs_f64() / 3_600.0;
+        self.at = now;
+        let [rest, full] = self.drain_v_per_h;
+        let left = self.volts - (rest + full * effort) * hours;
+        self.volts = left.max(EMPTY_V.min(self.volts));
+        let is_news = self.told - self.volts >= TOLD_V;
+        if is_news {
+            self.told = self.volts;
+        }
+        is_news
+    }
+}

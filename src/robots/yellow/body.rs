@@ -1,0 +1,65 @@
+//! The robot's body: two wheels under a round deck.
+
+use emulators::world::{BodyConfig, Chassis, Differential};
+
+use crate::scenario::world::BodySpec;
+use crate::scenario::{Scenario, ScenarioError, Source};
+
+/// The published code's wheels, 37.5 mm and 180 mm apart, 1200 counts a turn; 60 ms of lag and the
+/// radius of the deck are guesses.
+const RADIUS_M: f64 = 0.12;
+const WHEEL_RADIUS_M: f64 = 0.0375;
+const AXLE_M: f64 = 0.18;
+const COUNTS_PER_TURN: u32 = 1_200;
+const LAG_S: f64 = 0.060;
+/// Above what the fastest motor does on a full battery: 504 rpm are 1.98 m/s.
+const FULL_SPEED_M_S: f64 = 2.0;
+/// Floor noise that keeps the odometry within 1 % of the way, as the course's acceptance list takes
+/// for granted: wheels closer together turn the robot more for the same difference.
+const SCALE_NOISE: f64 = 0.0003;
+const HEADING_NOISE_RAD: f64 = 0.002;
+
+/// The chassis; figures of `[world.body]` that differ from what a scenario has without it count.
+pub(super) fn chassis(
+    scenario: &Scenario,
+    source: &Source,
+) -> Result<Box<dyn Chassis>, ScenarioError> {
+    if scenario.chassis.is_some() {
+        let message = "expected none: this robot has a chassis of its own";
+        return Err(source.invalid(source.find("chassis"), "chassis", message));
+    }
+    let body = body(scenario.world.body);
+    let chassis = Differential::new(body, scenario.seed)
+        .map_err(|error| source.invalid(source.find("body"), "world.body", error.to_string()))?;
+    Ok(Box::new(chassis))
+}
+
+fn body(spec: BodySpec) -> BodyConfig {
+    let (given, usual) = (BodyConfig::from(spec), BodyConfig::default());
+    let or = |given: f64, usual: f64, own: f64| {
+        if given.to_bits() == usual.to_bits() {
+            own
+        } else {
+            given
+        }
+    };
+    BodyConfig {
+        radius_m: or(given.radius_m, usual.radius_m, RADIUS_M),
+        wheel_radius_m: or(given.wheel_radius_m, usual.wheel_radius_m, WHEEL_RADIUS_M),
+        axle_m: or(given.axle_m, usual.axle_m, AXLE_M),
+        ticks_per_turn: if given.ticks_per_turn == usual.ticks_per_turn {
+            COUNTS_PER_TURN
+        } else {
+            given.ticks_per_turn
+        },
+        full_speed_m_s: or(given.full_speed_m_s, usual.full_speed_m_s, FULL_SPEED_M_S),
+        lag_s: or(given.lag_s, usual.lag_s, LAG_S),
+        scale_noise: or(given.scale_noise, usual.scale_noise, SCALE_NOISE),
+        heading_noise_rad: or(
+            given.heading_noise_rad,
+            usual.heading_noise_rad,
+            HEADING_NOISE_RAD,
+        ),
+        ..given
+    }
+}

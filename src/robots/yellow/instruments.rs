@@ -1,0 +1,182 @@
+//! What may be asked of the robot.
+
+use emulators::wheel_board::WheelBoard;
+use emulators::world::{Pose, Wheel};
+use firmware_core::map_view::MapView;
+use firmware_core::robots::yellow::Yellow;
+use firmware_core::robots::yellow::pc::PcProgram;
+use protocols::Instant;
+
+use super::script::WHEEL_MAX_M_S;
+use super::station::PcStation;
+use super::{PC, TELEMETRY};
+use crate::codec::{self, Codec};
+use crate::rig::Rig;
+use crate::robots::instruments::in_metres;
+use crate::robots::{Axis, Instruments, Panel, PanelRow, ScanDecoder, Station};
+use crate::scenario::DeviceSpec;
+
+/// The robot's instruments.
+#[derive(Clone, Debug)]
+pub(super) struct YellowInstruments {
+    lidar: Option<DeviceSpec>,
+}
+
+impl YellowInstruments {
+    /// `lidar`: how it sits.
+    pub(super) const fn new(lidar: Option<DeviceSpec>) -> Self {
+        Self { lidar }
+    }
+}
+
+fn station(rig: &Rig) -> Option<&PcStation> {
+    rig.device(PC)
+}
+
+fn pc(rig: &Rig) -> Option<&PcProgram> {
+    station(rig).map(PcStation::program)
+}
+
+fn board(rig: &Rig) -> Option<&WheelBoard> {
+    rig.device("board")
+}
+
+impl Instruments for YellowInstruments {
+    /// Speeds of the rims, as the duties ask for by the motors' nominal figures.
+    fn axes(&self, rig: &Rig) -> Vec<Axis> {
+        let Some(board) = board(rig) else {
+            return Vec::new();
+        };
+        let wheels = Wheel::ALL.into_iter().zip(board.set_points());
+        let axis = |(wheel, set_point)| Axis {
+            name: match wheel {
+                Wheel::Left => "left wheel".into(),
+                Wheel::Right => "right wheel".into(),
+            },
+            unit: "m/s",
+            set_point,
+            limit: Some(LIMIT_M_S),
+            actual: Some(rig.world.wheel_speed(wheel)),
+        };
+        wheels.map(axis).collect()
+    }
+
+    /// The program's pose if it runs in this process, else what it tells the PC.
+    fn estimate(&self, rig: &Rig) -> Option<(Instant, Pose)> {
+        if let Some(program) = rig.program() {
+            let (at, pose) = program.estimate()?;
+            return Some((at, in_metres(pose)));
+        }
+        let pc = pc(rig)?;
+        let (at, _) = pc.telemetry()?;
+        Some((at, in_metres(pc.believed_pose()?)))
+    }
+
+    /// The PC makes the map.
+    fn map<'a>(&'a self, rig: &'a Rig) -> Option<MapView<'a>> {
+        pc(rig)?.global_map()
+    }
+
+    fn layers<'a>(&'a self, rig: &'a Rig) -> Vec<(&'static str, MapView<'a>)> {
+        let local = pc(rig).and_then(PcProgram::local_map);
+        local.map(|map| ("local", map)).into_iter().collect()
+    }
+
+    fn scanner(&self, _: &Rig) -> Option<(String, Box<dyn ScanDecoder>)> {
+        let decoder = self.lidar.as_ref()?.scanner()?;
+        Some(("lidar".to_owned(), decoder))
+    }
+
+    fn panels(&self, rig: &Rig) -> Vec<Panel> {
+        let panels = [
+            ("board", board_rows(rig)),
+            ("infrared", infrared_rows(rig)),
+            ("pc", pc_rows(rig)),
+        ];
+        let panels = panels.into_iter().filter(|(_, rows)| !rows.is_empty());
+        let panel = |(name, rows): (&str, Vec<PanelRow>)| Panel {
+            name: name.to_owned(),
+            rows,
+        };
+        panels.map(panel).collect()
+    }
+
+    fn station<'a>(&'a self, rig: &'a Rig) -> Option<&'a dyn Station> {
+        station(rig).map(|pc| pc as &dyn Station)
+    }
+
+    fn station_mut<'a>(&'a self, rig: &'a mut Rig) -> Option<&'a mut dyn Station> {
+        let pc = rig.device_mut::<PcStation>(PC)?;
+        Some(pc)
+    }
+
+    fn codec(&self, _: &Rig, link: &str) -> Option<&'static Codec> {
+        match link {
+            "lidar" => Some(&codec::RPLIDAR),
+            "board" => Some(&codec::PERIPHERALS),
+            TELEMETRY | PC => Some(&codec::TELEMETRY),
+            _ => None,
+        }
+    }
+}
+
+/// The bridge is driven to 0.98 at most: 0.96 of 12 V and 40 rpm/V, a little more for rounding.
+const LIMIT_M_S: f64 = WHEEL_MAX_M_S + 0.02;
+
+fn row(name: impl Into<String>, value: impl ToString, unit: &'static str) -> PanelRow {
+    PanelRow {
+        name: name.into().into(),
+        address: None,
+        value: value.to_string(),
+        unit: unit.into(),
+    }
+}
+
+fn board_rows(rig: &Rig) -> Vec<PanelRow> {
+    let Some(board) = board(rig) else {
+        return Vec::new();
+    };
+    let outputs = board.outputs();
+    let drivers = if outputs.enable { "on" } else { "off" };
+    let [left, right] = board.counters();
+    let duty = |side: usize| format!("{:.2}", f64::from(outputs.duty[side]) / 100.0);
+    let mut rows = vec![
+        row("drivers", drivers, ""),
+        row("duty left", duty(0), "%"),
+        row("duty right", duty(1), "%"),
+        row("counter left", left, ""),
+        row("counter right", right, ""),
+        row("battery", format!("{:.2}", board.supply_v()), "V"),
+    ];
+    let volts = board.range_volts().enumerate();
+    rows.extend(volts.map(|(at, volts)| row(format!("IR {at}"), format!("{volts:.2}"), "V")));
+    rows
+}
+
+/// What the program makes of the sensors that it reads.
+fn infrared_rows(rig: &Rig) -> Vec<PanelRow> {
+    let program = rig.program_as::<Yellow>();
+    let names = ["ahead", "right front", "left front"];
+    let metres = program.map(Yellow::infrared_m).into_iter().flatten();
+    let rows = names.into_iter().zip(metres);
+    rows.map(|(name, metres)| row(name, format!("{metres:.3}"), "m"))
+        .collect()
+}
+
+fn pc_rows(rig: &Rig) -> Vec<PanelRow> {
+    let Some(station) = station(rig) else {
+        return Vec::new();
+    };
+    let program = station.program();
+    let (vertices, edges, way) = program.roadmap();
+    let task = station.task_name().unwrap_or("none");
+    let mut rows = vec![
+        row("task", task, ""),
+        row("status", program.status(), ""),
+        row("roadmap vertices", vertices.len(), ""),
+        row("roadmap edges", edges.len(), ""),
+        row("way", way.len(), "points"),
+    ];
+    program.counters(&mut |name, count| rows.push(row(name, count, "")));
+    rows
+}

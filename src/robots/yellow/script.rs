@@ -1,0 +1,171 @@
+//! What the PC's person does: the mission's steps, in the units of the program.
+
+use core::time::Duration;
+
+use firmware_core::robots::yellow::pc::PcCommand;
+use protocols::Instant;
+
+use crate::scenario::{Action, Mission, ScenarioError, SetPoint, Source, Step};
+
+/// Nominal speed of the reactive drive, m/s.
+const REACTIVE_M_S: f32 = 0.3;
+/// Distance of the wheels, metres.
+const AXLE_M: f64 = 0.18;
+/// Beyond this no wheel turns, m/s.
+pub(super) const WHEEL_MAX_M_S: f64 = 1.8;
+/// After connecting, before a mission's waypoints are driven to.
+const ORDER_AFTER: Duration = Duration::from_millis(200);
+
+/// What the person asks for.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Wish {
+    /// Opens the connection to the robot.
+    Connect,
+    /// Closes it.
+    Disconnect,
+    /// A command of the program.
+    Do(&'static str, PcCommand),
+    /// To all targets, one after the other; the map is made first if there is none.
+    Navigate,
+    /// Other targets, metres.
+    Targets(Vec<[f64; 2]>),
+    /// By hand: speeds of the wheels, m/s, and what comes of them.
+    Drive(Vec<SetPoint>, PcCommand),
+}
+
+/// Modes that are one command.
+pub(super) const MODES: [(&str, PcCommand); 5] = [
+    ("stop", PcCommand::Stop),
+    (
+        "reactive",
+        PcCommand::Reactive {
+            speed_m_s: REACTIVE_M_S,
+        },
+    ),
+    ("map", PcCommand::MapStart),
+    ("new-map", PcCommand::MapReset),
+    ("localise", PcCommand::Localise),
+];
+/// The mode of driving to the targets.
+pub(super) const NAVIGATE: &str = "navigate";
+
+impl Wish {
+    /// What `action` means here.
+    ///
+    /// # Errors
+    /// What was expected, if the robot has no such mode or axes.
+    pub(super) fn of(action: &Action) -> Result<Self, String> {
+        Ok(match action {
+            Action::Connect => Self::Connect,
+            Action::Disconnect => Self::Disconnect,
+            Action::WaypointsM(targets) => Self::Targets(targets.clone()),
+            Action::Mode(name) if name == NAVIGATE => Self::Navigate,
+            Action::Mode(name) => {
+                let found = MODES.iter().find(|(known, _)| known == name);
+                let (name, command) = found.ok_or_else(|| unknown_mode(name))?;
+                Self::Do(name, *command)
+            }
+            Action::Drive(set_points) => Self::Drive(set_points.clone(), by_hand(set_points)?),
+        })
+    }
+}
+
+fn unknown_mode(name: &str) -> String {
+    let known = MODES.map(|(name, _)| name).join(", ");
+    format!("mode \"{name}\": expected one of {known}, {NAVIGATE}")
+}
+
+fn by_hand(set_points: &[SetPoint]) -> Result<PcCommand, String> {
+    let &[SetPoint(left), SetPoint(right)] = set_points else {
+        let count = set_points.len();
+        return Err(format!(
+            "drive has {count} set-points, expected left and right"
+        ));
+    };
+    if [left, right]
+        .iter()
+        .any(|wheel| wheel.is_nan() || wheel.abs() > WHEEL_MAX_M_S)
+    {
+        return Err(format!(
+            "drive [{left}, {right}]: expected speeds of the wheels, m/s, at most {WHEEL_MAX_M_S}"
+        ));
+    }
+    #[expect(clippy::cast_possible_truncation, reason = "speeds fit an f32")]
+    let [linear_m_s, angular_rad_s] =
+        [f64::midpoint(left, right), (right - left) / AXLE_M].map(|value| value as f32);
+    Ok(PcCommand::Manual {
+        linear_m_s,
+        angular_rad_s,
+    })
+}
+
+/// Wishes in the order of their times.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Script {
+    steps: Vec<(Instant, Wish)>,
+    next: usize,
+}
+
+impl Script {
+    /// The script of `mission`. Its waypoints are targets; if no step orders a mode, they are
+    /// driven to.
+    ///
+    /// # Errors
+    /// If a step is none for this robot.
+    pub(super) fn of(mission: &Mission, source: &Source) -> Result<Self, ScenarioError> {
+        for (index, step) in mission.step.iter().enumerate() {
+            Wish::of(&step.action).map_err(|message| {
+                let span = source.find_in_list("mission.step", index, "do");
+                source.invalid(span, format!("mission.step[{index}].do"), message)
+            })?;
+        }
+        let connect = mission.connect.instant();
+        let mut steps = vec![(connect, Wish::Connect)];
+        if !mission.waypoints_m.is_empty() {
+            steps.push((connect, Wish::Targets(mission.waypoints_m.clone())));
+            let is_order = |step: &Step| matches!(step.action, Action::Mode(_));
+            if !mission.step.iter().any(is_order) {
+                steps.push((connect + ORDER_AFTER, Wish::Navigate));
+            }
+        }
+        let mut script = Self { steps, next: 0 };
+        // Steps with a condition are handed over when it has come true.
+        let mut timed: Vec<&Step> = mission.step.iter().filter(|it| it.at.is_some()).collect();
+        timed.sort_by_key(|step| step.at);
+        for step in timed {
+            if let Ok(wish) = Wish::of(&step.action) {
+                script
+                    .steps
+                    .push((step.at.unwrap_or_default().instant(), wish));
+            }
+        }
+        Ok(script)
+    }
+
+    /// Number of its steps.
+    pub(super) const fn len(&self) -> usize {
+        self.steps.len()
+    }
+
+    /// Puts a step before the step `index`, but behind what was done.
+    pub(super) fn insert(&mut self, index: usize, at: Instant, wish: Wish) {
+        let index = index.clamp(self.next, self.steps.len());
+        self.steps.insert(index, (at, wish));
+    }
+
+    /// When the next step is due.
+    pub(super) fn due(&self) -> Option<Instant> {
+        // A step does not overtake the one before it.
+        self.steps.get(self.next).map(|(at, _)| *at)
+    }
+
+    /// The next step that is due by `now`.
+    pub(super) fn take(&mut self, now: Instant) -> Option<Wish> {
+        let (at, wish) = self.steps.get(self.next)?;
+        if *at > now {
+            return None;
+        }
+        self.next += 1;
+        Some(wish.clone())
+    }
+}

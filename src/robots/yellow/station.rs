@@ -1,0 +1,409 @@
+//! The PC as a device at the far end of the telemetry link: the program, and the person before it.
+
+use core::time::Duration;
+
+use std::collections::VecDeque;
+
+use emulators::world::{Pose, World};
+use emulators::{Device, Event, EventKind};
+use firmware_core::Master as _;
+use firmware_core::map_view::MapView;
+use firmware_core::robots::yellow::pc::{PcCommand, PcProgram, Refused, Task, TaskState};
+use protocols::{Instant, LineConfig, LineEvent, Port};
+
+use super::script::{MODES, NAVIGATE, Script, WHEEL_MAX_M_S, Wish};
+use crate::robots::instruments::in_metres;
+use crate::robots::station::{DriveKeys, StationState};
+use crate::robots::{Gesture, Station, StationView};
+use crate::scenario::{Action, SetPoint, Step};
+
+/// Between two looks at a task that goes on.
+const LOOK: Duration = Duration::from_millis(50);
+/// A target that was not reached is tried so often.
+const TRIES: u32 = 3;
+
+/// The PC.
+#[derive(Clone, Debug)]
+pub(super) struct PcStation {
+    program: PcProgram,
+    script: Script,
+    connected: bool,
+    /// What waits until the program can take it.
+    wanted: Option<PcCommand>,
+    targets: Vec<[f64; 2]>,
+    tour: Option<Tour>,
+    order: Option<(&'static str, Vec<SetPoint>)>,
+    /// The task whose end was not told yet.
+    told: Option<(Task, TaskState)>,
+    alike: u64,
+    bytes: u64,
+    look_at: Option<Instant>,
+    events: VecDeque<Event>,
+}
+
+/// On the way from target to target.
+#[derive(Clone, Copy, Debug)]
+struct Tour {
+    next: usize,
+    tries: u32,
+}
+
+impl PcStation {
+    pub(super) fn new(program: PcProgram, script: Script) -> Self {
+        Self {
+            program,
+            script,
+            connected: false,
+            wanted: None,
+            targets: Vec::new(),
+            tour: None,
+            order: None,
+            told: None,
+            alike: 0,
+            bytes: 0,
+            look_at: None,
+            events: VecDeque::new(),
+        }
+    }
+
+    pub(super) const fn program(&self) -> &PcProgram {
+        &self.program
+    }
+
+    /// What the program was last told to do.
+    pub(super) fn task_name(&self) -> Option<&'static str> {
+        self.program.task().map(name_of)
+    }
+
+    fn note(&mut self, at: Instant, rule: &'static str, detail: String) {
+        self.events.push_back(Event {
+            at,
+            kind: EventKind::Note,
+            rule,
+            detail,
+            bytes: Vec::new(),
+        });
+    }
+
+    fn wish(&mut self, now: Instant, wish: Wish) {
+        match wish {
+            Wish::Connect => self.connected = true,
+            Wish::Disconnect => self.connected = false,
+            Wish::Targets(targets) => {
+                self.targets = targets;
+                if self.tour.is_some() {
+                    self.begin_tour();
+                }
+            }
+            Wish::Navigate => {
+                self.order = Some((NAVIGATE, Vec::new()));
+                self.begin_tour();
+            }
+            Wish::Do(name, command) => self.begin(command, (name, Vec::new())),
+            Wish::Drive(wheels, command) => self.begin(command, ("manual", wheels)),
+        }
+        self.look_at = Some(now);
+    }
+
+    fn begin(&mut self, command: PcCommand, order: (&'static str, Vec<SetPoint>)) {
+        (self.tour, self.order) = (None, Some(order));
+        self.wanted = Some(command);
+    }
+
+    fn begin_tour(&mut self) {
+        self.tour = Some(Tour { next: 0, tries: 0 });
+        self.wanted = self.to_target(0);
+        if self.wanted.is_none() {
+            self.tour = None;
+        }
+    }
+
+    fn to_target(&self, index: usize) -> Option<PcCommand> {
+        let [x, y] = *self.targets.get(index)?;
+        #[expect(clippy::cast_possible_truncation, reason = "metres fit an f32")]
+        let [x_m, y_m] = [x as f32, y as f32];
+        Some(PcCommand::Navigate {
+            x_m,
+            y_m,
+            heading_rad: None,
+        })
+    }
+
+    /// Hands over what waits; a task that is in the way is stopped first.
+    fn press_on(&mut self, now: Instant) {
+        let Some(command) = self.wanted else {
+            return;
+        };
+        let stopping = self.program.task() == Some(Task::Stop)
+            && self.program.task_state() == TaskState::InProgress;
+        if stopping && !matches!(command, PcCommand::Stop) {
+            return;
+        }
+        match self.program.command(now, command) {
+            Ok(()) => {
+                self.wanted = None;
+                self.told = None;
+            }
+            Err(Refused::Busy(_)) => {
+                if let Err(refused) = self.program.command(now, PcCommand::Stop) {
+                    self.refuse(now, refused);
+                }
+            }
+            // Who wants to go somewhere needs a map.
+            Err(Refused::NoMap) if self.tour.is_some() => {
+                self.wanted = Some(PcCommand::MapStart);
+            }
+            Err(refused) => self.refuse(now, refused),
+        }
+    }
+
+    fn refuse(&mut self, now: Instant, refused: Refused) {
+        (self.wanted, self.tour) = (None, None);
+        self.note(now, "command-refused", refused.to_string());
+    }
+
+    /// Tells what ended, and goes on with a tour.
+    fn follow(&mut self, now: Instant) {
+        let alike = self.alike();
+        if alike > self.alike {
+            self.note(now, "places-alike", format!("{alike} looks so far"));
+        }
+        self.alike = alike;
+        let (Some(task), state) = (self.program.task(), self.program.task_state()) else {
+            return;
+        };
+        if self.told == Some((task, state)) {
+            return;
+        }
+        self.told = Some((task, state));
+        let is_done = match state {
+            TaskState::Done => true,
+            TaskState::Failed(_) => false,
+            TaskState::Standby | TaskState::InProgress => return,
+        };
+        self.note(
+            now,
+            rule_of(task, is_done),
+            self.program.status().to_owned(),
+        );
+        if let Some(tour) = self.tour.filter(|_| self.wanted.is_none()) {
+            self.go_on(task, is_done, tour);
+        }
+    }
+
+    /// Odometry drifts: before the next target the robot finds itself anew.
+    fn go_on(&mut self, task: Task, is_done: bool, tour: Tour) {
+        let (next, tries) = match (task, is_done) {
+            (Task::Navigating, true) => (tour.next + 1, 0),
+            (Task::Navigating, false) if tour.tries + 1 < TRIES => (tour.next, tour.tries + 1),
+            (Task::Mapping, true) | (Task::Localising, _) => (tour.next, tour.tries),
+            _ => return self.tour = None,
+        };
+        let target = self.to_target(next);
+        self.tour = target.map(|_| Tour { next, tries });
+        self.wanted = match task {
+            Task::Navigating => target.map(|_| PcCommand::Localise),
+            _ => target,
+        };
+    }
+
+    fn alike(&self) -> u64 {
+        let mut alike = 0;
+        self.program.counters(&mut |name, count| {
+            if name == "ambiguous" {
+                alike = count;
+            }
+        });
+        alike
+    }
+
+    fn bad(&self) -> u64 {
+        let mut bad = 0;
+        self.program.counters(&mut |name, count| {
+            if name.starts_with("bad ") {
+                bad += count;
+            }
+        });
+        bad
+    }
+}
+
+/// Name of a task as of the mode that begins it.
+const fn name_of(task: Task) -> &'static str {
+    match task {
+        Task::Reactive => "reactive",
+        Task::Stop => "stop",
+        Task::Manual => "manual",
+        Task::Mapping => "map",
+        Task::Localising => "localise",
+        Task::Navigating => NAVIGATE,
+        Task::SettingPose => "set-pose",
+    }
+}
+
+const fn rule_of(task: Task, is_done: bool) -> &'static str {
+    match (task, is_done) {
+        (Task::Reactive, true) => "reactive-done",
+        (Task::Reactive, false) => "reactive-failed",
+        (Task::Stop, true) => "stop-done",
+        (Task::Stop, false) => "stop-failed",
+        (Task::Manual, true) => "manual-done",
+        (Task::Manual, false) => "manual-failed",
+        (Task::Mapping, true) => "map-done",
+        (Task::Mapping, false) => "map-failed",
+        (Task::Localising, true) => "localise-done",
+        (Task::Localising, false) => "localise-failed",
+        (Task::Navigating, true) => "navigate-done",
+        (Task::Navigating, false) => "navigate-failed",
+        (Task::SettingPose, true) => "set-pose-done",
+        (Task::SettingPose, false) => "set-pose-failed",
+    }
+}
+
+impl Device for PcStation {
+    fn receive(&mut self, port: Port, now: Instant, bytes: &[u8]) {
+        if self.connected {
+            self.bytes += bytes.len() as u64;
+            self.program.receive(port, now, bytes);
+        }
+    }
+
+    fn line_event(&mut self, port: Port, now: Instant, event: LineEvent) {
+        self.program.line_event(port, now, event);
+    }
+
+    fn poll(&mut self, now: Instant, _: &mut World) {
+        while let Some(wish) = self.script.take(now) {
+            self.wish(now, wish);
+        }
+        if self.connected {
+            self.press_on(now);
+        }
+        self.program.poll(now);
+        self.follow(now);
+        let goes_on = self.program.task_state() == TaskState::InProgress;
+        let is_busy = self.wanted.is_some() || goes_on;
+        self.look_at = is_busy.then_some(now + LOOK);
+    }
+
+    fn transmit(&mut self, port: Port, buf: &mut [u8]) -> usize {
+        let len = self.program.transmit(port, buf);
+        // Nobody carries what is written to a closed connection.
+        if self.connected { len } else { 0 }
+    }
+
+    fn poll_at(&self) -> Option<Instant> {
+        let times = [self.script.due(), self.look_at, self.program.poll_at()];
+        times.into_iter().flatten().min()
+    }
+
+    fn line_config(&self, port: Port) -> LineConfig {
+        self.program.line_config(port)
+    }
+
+    fn take_events(&mut self) -> Vec<Event> {
+        self.events.drain(..).collect()
+    }
+}
+
+impl Station for PcStation {
+    fn modes(&self) -> &'static [&'static str] {
+        const NAMES: [&str; MODES.len() + 1] = [
+            MODES[0].0, MODES[1].0, MODES[2].0, MODES[3].0, MODES[4].0, NAVIGATE,
+        ];
+        &NAMES
+    }
+
+    /// 0.3 m/s ahead, 1.1 rad/s to turn.
+    fn keys(&self) -> Option<DriveKeys> {
+        Some(DriveKeys {
+            ahead: SetPoint::list([0.3, 0.3]),
+            left: SetPoint::list([-0.1, 0.1]),
+            limit: SetPoint::list([WHEEL_MAX_M_S; 2]),
+        })
+    }
+
+    fn view(&self, now: Instant) -> StationView {
+        let heard = self.program.telemetry();
+        let state = heard.and_then(|(_, told)| told.state);
+        let since = heard.map(|(at, _)| (now - at).as_millis());
+        StationView {
+            connection: if self.connected {
+                "connected"
+            } else {
+                "closed"
+            },
+            heard_ms: since.map(|ms| u64::try_from(ms).unwrap_or(u64::MAX)),
+            state: state.map(|state| StationState {
+                mode: state.name(),
+                ..StationState::default()
+            }),
+            pose: self.program.believed_pose().map(wire_pose),
+            size_mm: None,
+            waypoints: self
+                .targets
+                .iter()
+                .map(|place| place.map(millimetres))
+                .collect(),
+            confirmed: true,
+            rows_missing: None,
+            order: self.order.clone(),
+            bytes: self.bytes,
+            bad: self.bad(),
+        }
+    }
+
+    fn map(&self) -> Option<MapView<'_>> {
+        self.program.global_map()
+    }
+
+    fn stated_pose(&self) -> Option<Pose> {
+        self.program.believed_pose().map(in_metres)
+    }
+
+    fn answer(&self, gesture: Gesture) -> Result<Action, String> {
+        let mut targets = self.targets.clone();
+        let metres = |at: [i32; 2]| at.map(|mm| f64::from(mm) / 1_000.0);
+        let gone = || "the list of targets has changed meanwhile".to_owned();
+        match gesture {
+            Gesture::Connect => return Ok(Action::Connect),
+            Gesture::Disconnect => return Ok(Action::Disconnect),
+            Gesture::Mode(mode) => return Ok(Action::Mode(mode)),
+            Gesture::Drive(set_points) => return Ok(Action::Drive(set_points)),
+            Gesture::Clear => targets.clear(),
+            Gesture::Add { at } => targets.push(metres(at)),
+            Gesture::Move { index, to, .. } => {
+                *targets.get_mut(index).ok_or_else(gone)? = metres(to);
+            }
+            Gesture::Delete { index, .. } => {
+                targets.get(index).ok_or_else(gone)?;
+                targets.remove(index);
+            }
+        }
+        Ok(Action::WaypointsM(targets))
+    }
+
+    fn insert_step(&mut self, mission: usize, index: usize, step: &Step) -> Result<(), String> {
+        let wish = Wish::of(&step.action)?;
+        let others = self.script.len().saturating_sub(mission);
+        let at = step.at.unwrap_or_default().instant();
+        self.script.insert(others + index, at, wish);
+        Ok(())
+    }
+}
+
+fn millimetres(metres: f64) -> i16 {
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "the cast stops at the limits of 16 bits"
+    )]
+    let whole = (metres * 1_000.0).round() as i16;
+    whole
+}
+
+/// Millimetres and degrees of the map.
+fn wire_pose(pose: firmware_core::pose::Pose) -> [i16; 3] {
+    let pose = in_metres(pose);
+    let degrees = pose.theta.to_degrees() / 1_000.0;
+    [pose.x, pose.y, degrees].map(millimetres)
+}
