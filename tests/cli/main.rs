@@ -12,6 +12,7 @@ mod fidelity;
 mod fuzz;
 mod mutated;
 mod results;
+mod robots;
 mod schema;
 mod shrink;
 mod wireshark;

@@ -1,0 +1,186 @@
+//! Every verb works on every robot: one table, a scenario each. What a verb gives is judged where
+//! it is tested by itself; here it is at stake that none of them knows a single robot only.
+
+use super::{Session, text};
+
+/// A robot, what it is told so that it gets somewhere within seconds, and the link without which it
+/// hears nothing of that.
+struct Row {
+    robot: &'static str,
+    mission: &'static str,
+    orders: &'static str,
+    /// A link that a device sends on, for `export`.
+    lidar: &'static str,
+}
+
+const ROWS: [Row; 2] = [
+    Row {
+        robot: "rescue",
+        mission: "[mission]\nwaypoints_m = [[1.5, 1.0]]\n",
+        orders: "pc",
+        lidar: "lidar",
+    },
+    Row {
+        robot: "yellow",
+        mission: "[mission]\nwaypoints_m = [[1.5, 1.0]]\n\
+            [[mission.step]]\nat = \"500ms\"\ndo = { mode = \"stop\" }\n\
+            [[mission.step]]\nat = \"2s\"\ndo = { drive = [0.1, 0.1] }\n\
+            [[mission.step]]\nat = \"7s\"\ndo = { drive = [0, 0] }\n",
+        orders: "telemetry",
+        lidar: "lidar",
+    },
+];
+
+impl Row {
+    /// The scenario, and the same with further tables.
+    fn scenario(&self, more: &str) -> String {
+        format!(
+            "schema = 1\nname = \"verbs\"\nrobot = \"{}\"\nduration = \"20s\"\n{}\
+             [expect]\nvisit_within_mm = 200\n\
+             [world]\nstart = {{ x_m = 1.0, y_m = 1.0, heading_deg = 0 }}\n\
+             [[world.wall]]\n\
+             path_m = [[0.3, 0.3], [2.7, 0.3], [2.7, 2.7], [0.3, 2.7], [0.3, 0.3]]\n\
+             {more}",
+            self.robot, self.mission
+        )
+    }
+
+    fn session(&self, verb: &str) -> Session {
+        let session = Session::new(&format!("robots-{}-{verb}", self.robot));
+        session.write("run.toml", &self.scenario(""));
+        session
+    }
+
+    /// Runs a verb, which must succeed; what it said.
+    fn succeeds(&self, session: &Session, arguments: &[&str]) -> String {
+        let output = session.hilrig(arguments);
+        let said = format!("{}{}", text(&output.stdout), text(&output.stderr));
+        assert_eq!(
+            output.status.code(),
+            Some(0),
+            "{}: {arguments:?}: {said}",
+            self.robot
+        );
+        said
+    }
+}
+
+/// A run leaves its folder; its capture is replayed to the same bytes, decoded, exported and made a
+/// case that passes.
+#[test]
+fn a_run_is_replayed_decoded_exported_and_kept_with_every_robot() {
+    for row in ROWS {
+        let session = row.session("run");
+        let run = |arguments: &[&str]| row.succeeds(&session, arguments);
+        let said = run(&["run", "run.toml", "--out", "out"]);
+        assert!(said.contains("PASS verbs"), "{said}");
+        assert!(session.read("out/report.html").contains(row.robot));
+        run(&["replay", "--expect", "out/capture.pcapng"]);
+        let decoded = run(&["decode", "out/capture.pcapng"]);
+        assert!(decoded.lines().count() > 100, "{}: {decoded}", row.robot);
+        assert!(decoded.contains(row.orders), "{}", row.robot);
+        run(&["export", "out", "-o", "way.tum"]);
+        assert!(
+            session.read("way.tum").lines().count() > 10,
+            "{}",
+            row.robot
+        );
+        run(&[
+            "export",
+            "out/capture.pcapng",
+            "-o",
+            "bytes.csv",
+            "--until",
+            "3s",
+        ]);
+        assert!(
+            session.read("bytes.csv").contains(row.lidar),
+            "{}",
+            row.robot
+        );
+        run(&[
+            "case",
+            "from",
+            "out/capture.pcapng",
+            "-o",
+            "case.toml",
+            "--until",
+            "5s",
+        ]);
+        run(&["run", "case.toml"]);
+    }
+}
+
+/// A few seeds of everything; each leaves a line, whatever it says.
+#[test]
+fn campaigns_vary_every_robot() {
+    for row in ROWS {
+        let session = row.session("campaign");
+        let output = session.hilrig(&[
+            "campaign", "run.toml", "--seeds", "1..5", "--vary", "all", "--out", "out",
+        ]);
+        let said = format!("{}{}", text(&output.stdout), text(&output.stderr));
+        assert!(
+            matches!(output.status.code(), Some(0 | 1)),
+            "{}: {said}",
+            row.robot
+        );
+        assert_eq!(
+            session.read("out/runs.jsonl").lines().count(),
+            4,
+            "{}: {said}",
+            row.robot
+        );
+    }
+}
+
+/// The orders' link is cut for good, and something that does not matter happens: what is left is
+/// the cut.
+#[test]
+fn a_failure_of_every_robot_is_made_small() {
+    for row in ROWS {
+        let session = row.session("shrink");
+        let faults = format!(
+            "[[fault]]\nlink = \"{}\"\nkind = \"cut\"\n\
+             [[fault]]\nlink = \"{}\"\nkind = \"flip\"\nrate = 0.0001\n\
+             from = \"15s\"\nuntil = \"16s\"\n",
+            row.orders, row.lidar
+        );
+        session.write("fails.toml", &row.scenario(&faults));
+        row.succeeds(&session, &["shrink", "fails.toml", "--out", "small"]);
+        let small = session.read("small/case.toml");
+        assert_eq!(
+            small.matches("[[fault]]").count(),
+            1,
+            "{}: {small}",
+            row.robot
+        );
+        assert!(small.contains("kind = \"cut\""), "{}: {small}", row.robot);
+    }
+}
+
+/// Missions made of bytes, a handful.
+#[test]
+fn missions_of_every_robot_are_fuzzed() {
+    for row in ROWS {
+        let session = row.session("fuzz");
+        let arguments = [
+            "fuzz",
+            "--scenario",
+            "run.toml",
+            "--vary",
+            "timing,faults",
+            "--cases",
+            "4",
+            "--out",
+            "out",
+        ];
+        let output = session.hilrig(&arguments);
+        let said = format!("{}{}", text(&output.stdout), text(&output.stderr));
+        assert!(
+            matches!(output.status.code(), Some(0 | 1)),
+            "{}: {said}",
+            row.robot
+        );
+    }
+}
