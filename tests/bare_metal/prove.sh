@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Proves that protocols and firmware_core need neither std nor heap, and that each robot whose program
-# runs on a microcontroller fits its board's RAM.
+# Proves that protocols and firmware_core need neither std nor heap, and that each robot whose
+# program runs on a microcontroller fits its board's RAM.
 #
 #   1. host:   a library without std, with its own panic handler and no allocator, builds;
 #   2. teeth:  the same library with std, and with a heap, does not;
@@ -80,7 +80,7 @@ prove() {
     [[ $robot -gt 0 ]] || die "the image does not hold $name"
     [[ $stack_max != shared ]] || stack_max=$((ram - robot))
 
-    # The frame of each function that was not inlined, as its address (four bytes) and size (LEB128).
+    # The frame of each function that was not inlined: its address (four bytes), size (LEB128).
     local offset size frames
     read -r _ _ offset size _ < <(readelf -SW "$image" | sed -n 's/.*\.stack_sizes//p')
     frames=$(od -An -v -tu1 -w1 -j $((16#$offset)) -N $((16#$size)) "$image" | awk '

@@ -12,7 +12,7 @@ fn short(session: &Session) {
 }
 
 fn campaign(session: &Session, more: &str) -> Option<i32> {
-    let arguments = format!("campaign short.toml --seeds 0..6 --vary world {more}");
+    let arguments = format!("campaign short.toml --seeds 0..6 --vary timing {more}");
     let arguments: Vec<&str> = arguments.split_whitespace().collect();
     session.hilrig(&arguments).status.code()
 }

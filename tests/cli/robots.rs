@@ -9,6 +9,8 @@ struct Row {
     robot: &'static str,
     mission: &'static str,
     orders: &'static str,
+    /// The direction in which orders travel there.
+    towards: &'static str,
     /// A link that a device sends on, for `export`.
     lidar: &'static str,
 }
@@ -18,6 +20,7 @@ const ROWS: [Row; 2] = [
         robot: "rescue",
         mission: "[mission]\nwaypoints_m = [[1.5, 1.0]]\n",
         orders: "pc",
+        towards: "to-device",
         lidar: "lidar",
     },
     Row {
@@ -27,6 +30,7 @@ const ROWS: [Row; 2] = [
             [[mission.step]]\nat = \"2s\"\ndo = { drive = [0.1, 0.1] }\n\
             [[mission.step]]\nat = \"7s\"\ndo = { drive = [0, 0] }\n",
         orders: "telemetry",
+        towards: "to-master",
         lidar: "lidar",
     },
 ];
@@ -74,7 +78,7 @@ fn a_run_is_replayed_decoded_exported_and_kept_with_every_robot() {
         let run = |arguments: &[&str]| row.succeeds(&session, arguments);
         let said = run(&["run", "run.toml", "--out", "out"]);
         assert!(said.contains("PASS verbs"), "{said}");
-        assert!(session.read("out/report.html").contains(row.robot));
+        assert!(session.read("out/report.html").contains(row.lidar));
         run(&["replay", "--expect", "out/capture.pcapng"]);
         let decoded = run(&["decode", "out/capture.pcapng"]);
         assert!(decoded.lines().count() > 100, "{}: {decoded}", row.robot);
@@ -141,10 +145,10 @@ fn a_failure_of_every_robot_is_made_small() {
     for row in ROWS {
         let session = row.session("shrink");
         let faults = format!(
-            "[[fault]]\nlink = \"{}\"\nkind = \"cut\"\n\
+            "[[fault]]\nlink = \"{}\"\nkind = \"cut\"\ndirection = \"{}\"\n\
              [[fault]]\nlink = \"{}\"\nkind = \"flip\"\nrate = 0.0001\n\
-             from = \"15s\"\nuntil = \"16s\"\n",
-            row.orders, row.lidar
+             direction = \"to-master\"\nfrom = \"15s\"\nuntil = \"16s\"\n",
+            row.orders, row.towards, row.lidar
         );
         session.write("fails.toml", &row.scenario(&faults));
         row.succeeds(&session, &["shrink", "fails.toml", "--out", "small"]);
