@@ -78,6 +78,18 @@ fn requests_are_those_of_the_document() {
     );
 }
 
+/// The size is one byte: of 300 bytes 255 are sent, with start, command, size and checksum 259. Of
+/// the checksum, 255 times 7 is 7: A5 ^ F0 ^ FF ^ 07 = AD.
+#[test]
+fn the_longest_request_has_a_payload_of_255_bytes() {
+    let request = Request::with_payload(code::MOTOR_PWM, &[7; 300]);
+    let bytes = request.as_bytes();
+    assert_eq!((bytes.len(), bytes[2], bytes[258]), (259, 0xFF, 0xAD));
+    assert_eq!(request.payload(), [7; 255]);
+    let mut decoder = RequestDecoder::with_format(Requests);
+    assert_eq!(decoder.push(bytes).next(), Some(Ok(request)));
+}
+
 #[test]
 fn a_request_with_a_bad_checksum_is_rejected() {
     let mut decoder = RequestDecoder::with_format(Requests);
@@ -205,6 +217,19 @@ fn a_capsule_is_laid_out_by_hand() {
     assert!(bytes[9..].iter().all(|&byte| byte == 0));
     assert!(capsule.is_first());
     assert_eq!(capsule.raw_samples(), samples);
+}
+
+/// Its bit is the highest of the angle's, which it does not change.
+#[test]
+fn the_first_capsule_is_told_at_any_angle() {
+    let samples = [CapsuleSample::default(); CAPSULE_SAMPLES];
+    for (first, angle_q6) in [(true, 0), (true, 640), (false, 0), (false, 640)] {
+        let capsule = Capsule::new(first, angle_q6, &samples);
+        assert_eq!(
+            (capsule.is_first(), capsule.start_angle_q6()),
+            (first, angle_q6)
+        );
+    }
 }
 
 /// From 350 degrees to 14 are 24 degrees: 0.75 a sample. Sample 16 lies at 362 - 7 = 355 degrees.
