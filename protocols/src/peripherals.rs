@@ -208,7 +208,8 @@ mod tests {
         );
     }
 
-    /// Off is bit 3 clear, whatever the channel is; 4096 of the ADC, 00 20, is beyond its reference.
+    /// Off is bit 3 clear, whatever the channel is; 4096 of the ADC, 00 20, is
+    /// beyond its reference.
     #[test]
     fn switches_that_are_off_are_read_so() {
         let mut decoder = OutputsDecoder::default();
