@@ -201,6 +201,53 @@ mod tests {
         assert_eq!(device.answers, [[0x00], [0x68]]);
     }
 
+    /// An answer comes 5 us behind its request; of 17 requests at once the last is lost.
+    #[test]
+    fn a_bus_is_slow_and_its_queue_is_short() {
+        let mut device = OnBus::new(Srf08::new(Srf08Config::default(), 1, "test"));
+        assert_eq!(device.poll_at(), None);
+        let now = Instant::from_millis(1);
+        for _ in 0..17 {
+            device.receive(Port(0), now, &[0xE1, 1]);
+        }
+        assert_eq!(device.poll_at(), Some(now + Duration::from_micros(5)));
+        let scene = Scene::new(Vec::<Fixture>::new(), vec![]).unwrap();
+        let mut world = World::new(scene, BodyConfig::default(), Pose::default(), 1).unwrap();
+        device.poll(now + Duration::from_micros(4), &mut world);
+        assert_eq!(device.answers.len(), 0);
+        device.poll(now + Duration::from_micros(5), &mut world);
+        assert_eq!(device.answers.len(), 16);
+    }
+
+    /// No bytes asked for are no answer; a buffer of two takes two of three bytes.
+    #[test]
+    fn an_answer_is_as_long_as_asked_for() {
+        let ranger = || OnBus::new(Srf08::new(Srf08Config::default(), 1, "test"));
+        assert_eq!(transact(ranger(), &[vec![0xE1, 0]]), 0);
+        assert_eq!(transact(ranger(), &[vec![0xE1, 3]]), 3);
+        let mut device = ranger();
+        device.answers.push_back(vec![1, 2, 3]);
+        let mut buf = [0; 2];
+        assert_eq!(device.transmit(Port(0), &mut buf), 2);
+        assert_eq!(buf, [1, 2]);
+    }
+
+    /// Faults go to the chip, and what its master does wrong comes out of the bus.
+    #[test]
+    fn a_bus_passes_on_faults_and_events() {
+        let mut device = OnBus::new(Srf08::new(Srf08Config::default(), 1, "test"));
+        assert_eq!(device.known_faults(), device.chip().known_faults());
+        assert_eq!(device.line_config(Port(0)), LineConfig::new_8n1(100_000));
+        let scene = Scene::new(Vec::<Fixture>::new(), vec![]).unwrap();
+        let mut world = World::new(scene, BodyConfig::default(), Pose::default(), 1).unwrap();
+        device.receive(Port(0), Instant::ZERO, &[0xE0, 0, 0x77]);
+        device.poll(Instant::from_millis(1), &mut world);
+        let rules: Vec<_> = device.take_events().iter().map(|it| it.rule).collect();
+        assert_eq!(rules, ["unknown-command"]);
+        device.set_fault(Instant::from_millis(1), "off", None, true);
+        assert!(!device.chip().acknowledges(Instant::from_millis(1), 0xE0));
+    }
+
     proptest! {
         #[test]
         fn no_transaction_makes_a_chip_panic(

@@ -137,3 +137,90 @@ fn remove_islands(map: &mut CellMap) -> Result<(), NotWritten> {
         .into_iter()
         .try_for_each(|cell| map.set(cell, UNKNOWN))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn segment(start: (f32, f32), end: (f32, f32)) -> Segment {
+        Segment::new(Point::new(start.0, start.1), Point::new(end.0, end.1))
+    }
+
+    /// In the middle of cell (0, 0), along x.
+    fn eye() -> Pose {
+        Pose::new(50.0, 50.0, 0.0)
+    }
+
+    /// 300 and 400 mm make 500: in steps of 250 that are three points, of 499 three as well; of 500
+    /// the ends alone.
+    #[test]
+    fn points_are_at_most_a_step_apart() {
+        let line = segment((0.0, 0.0), (300.0, 400.0));
+        assert_eq!(line.length_mm(), 500.0);
+        let points: Vec<Point> = line.points(250.0).collect();
+        let expected = [(0.0, 0.0), (150.0, 200.0), (300.0, 400.0)];
+        assert_eq!(points, expected.map(|(x, y)| Point::new(x, y)));
+        assert_eq!(line.points(499.0).count(), 3);
+        assert_eq!(line.points(500.0).count(), 2);
+    }
+
+    /// A wall 1 m ahead and 600 mm long lies in cells -3 to 3 of column 10. What is before it is
+    /// free, what is behind it and beside the robot unknown.
+    #[test]
+    fn a_wall_hides_what_is_behind_it() {
+        let map = local_map(eye(), &[segment((1_000.0, -300.0), (1_000.0, 300.0))]).expect("near");
+        for y in -3..=3 {
+            assert_eq!(map.get(Cell::new(10, y)), OBSTACLE, "{y}");
+            assert_eq!(map.get(Cell::new(11, y)), UNKNOWN, "{y}");
+        }
+        assert_eq!(map.get(Cell::new(10, 4)), UNKNOWN);
+        assert_eq!(map.get(Cell::new(10, -4)), UNKNOWN);
+        for x in 0..10 {
+            assert_eq!(map.get(Cell::new(x, 0)), FREE, "{x}");
+        }
+        assert_eq!(map.get(Cell::new(0, 5)), UNKNOWN);
+        assert_eq!(map.get(Cell::new(-1, 0)), UNKNOWN);
+    }
+
+    /// A second wall behind the first is drawn, but nothing between them is free.
+    #[test]
+    fn rays_end_at_the_first_wall() {
+        let near = segment((1_000.0, -300.0), (1_000.0, 300.0));
+        let far = segment((1_500.0, -100.0), (1_500.0, 100.0));
+        let map = local_map(eye(), &[near, far]).expect("near");
+        assert_eq!(map.get(Cell::new(15, 0)), OBSTACLE);
+        for x in 11..15 {
+            assert_eq!(map.get(Cell::new(x, 0)), UNKNOWN, "{x}");
+        }
+    }
+
+    /// Ends at -70 and 70 mm are in the cells beside that of the gap, as are those at -80 and 80.
+    #[test]
+    fn gaps_below_150_mm_are_closed() {
+        let gap = |half: f32| {
+            let walls = [
+                segment((1_000.0, -500.0), (1_000.0, -half)),
+                segment((1_000.0, half), (1_000.0, 500.0)),
+            ];
+            let map = local_map(eye(), &walls).expect("near");
+            assert_eq!(map.get(Cell::new(10, 1)), OBSTACLE);
+            assert_eq!(map.get(Cell::new(10, -1)), OBSTACLE);
+            map.get(Cell::new(10, 0))
+        };
+        assert_eq!(gap(70.0), OBSTACLE);
+        assert_ne!(gap(80.0), OBSTACLE);
+    }
+
+    /// Two that touch at a corner are two islands, two that share an edge are none.
+    #[test]
+    fn a_free_cell_alone_was_seen_through_a_crack() {
+        let mut map = CellMap::new(CELL_MM, MARGIN, CELLS_MAX);
+        let cells = [(0, 0), (2, 2), (3, 3), (5, 5), (5, 6)].map(|(x, y)| Cell::new(x, y));
+        for cell in cells {
+            map.set(cell, FREE).expect("near");
+        }
+        remove_islands(&mut map).expect("near");
+        let left = cells.map(|cell| map.get(cell));
+        assert_eq!(left, [UNKNOWN, UNKNOWN, UNKNOWN, FREE, FREE]);
+    }
+}

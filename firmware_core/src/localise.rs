@@ -504,4 +504,46 @@ mod tests {
         room(&mut map, Cell::new(0, 0), 10, 10);
         assert_eq!(Matches::new(&map, &[]), None);
     }
+
+    #[test]
+    fn headings_are_a_circle() {
+        let turned = [(0, -1), (359, 2), (90, 30)].map(|(from, by)| turned_by(from, by));
+        assert_eq!(turned, [359, 1, 120]);
+        let angles = [(350, 10), (10, 350), (0, 180), (5, 15)].map(|(one, two)| apart(one, two));
+        assert_eq!(angles, [20, 20, 180, 10]);
+        // 352 and 12 are 10 degrees to either side of 2; 13 is one too far.
+        let weight = |heading| match heading {
+            352 | 12 => 1.0,
+            13 => 100.0,
+            _ => 0.0,
+        };
+        assert!((mean(2, weight).to_degrees() - 2.0).abs() < 1e-3);
+    }
+
+    /// The report's weights: the cell, the four at its edges, the four at its corners.
+    #[test]
+    fn votes_are_worth_less_beside_their_cell() {
+        let at = |x, y| kernel(Cell::new(7, -3), Cell::new(7 + x, -3 + y));
+        assert_eq!(at(0, 0), 1.0);
+        assert_eq!([at(1, 0), at(-1, 0), at(0, 1), at(0, -1)], [0.75; 4]);
+        assert_eq!([at(1, 1), at(-1, 1), at(1, -1), at(-1, -1)], [0.5; 4]);
+        assert_eq!([at(2, 0), at(0, 2), at(-2, 1)], [0.0; 3]);
+    }
+
+    /// Cells have their middles at whole 100 mm; those from 60 on, 6 m, are too far.
+    #[test]
+    fn points_fall_into_the_cells_around_them() {
+        let points = [
+            (49.0, 0.0),
+            (51.0, -51.0),
+            (-49.0, 49.0),
+            (5_949.0, 0.0),
+            (5_951.0, 0.0),
+            (0.0, -5_951.0),
+        ];
+        let found = cells(points.map(|(x, y)| Point::new(x, y)).into_iter());
+        let mut expected = [(0, 0), (1, -1), (59, 0)].map(|(x, y)| Cell::new(x, y));
+        expected.sort_unstable();
+        assert_eq!(found, expected);
+    }
 }

@@ -210,4 +210,40 @@ mod tests {
         let back = Pose::new(-600.0, 1_500.0, 0.0);
         assert_eq!(known.corrected(back, &[behind]), back);
     }
+
+    /// Lines of 150 mm and below have no direction. Whichever way a line is told, the robot is to
+    /// the left of its face: ahead of it the face goes from right to left.
+    #[test]
+    fn faces_are_long_and_have_the_robot_to_their_left() {
+        let line =
+            |from: f32, to: f32| Segment::new(Point::new(1_000.0, from), Point::new(1_000.0, to));
+        let robot = Pose::new(0.0, 0.0, 0.0);
+        let mut known = Walls::default();
+        known.add(
+            robot,
+            &[line(0.0, 150.0), line(-200.0, 200.0), line(200.0, -200.0)],
+        );
+        assert_eq!(known.segments, [line(-200.0, 200.0); 2]);
+    }
+
+    /// A turn of 0.2 rad is beyond what odometry errs by between two looks; one of 0.1 is not.
+    #[test]
+    fn a_correction_that_is_too_large_is_none() {
+        let corners = [
+            (-1e3, -1e3),
+            (1e3, -1e3),
+            (1e3, 1e3),
+            (-1e3, 1e3),
+            (-1e3, -1e3),
+        ];
+        let corners = corners.map(|(x, y)| Point::new(x, y));
+        let walls = corners.windows(2);
+        let walls: Vec<_> = walls.map(|pair| Segment::new(pair[0], pair[1])).collect();
+        let mut known = Walls::default();
+        known.add(Pose::new(0.0, 0.0, 0.0), &walls);
+        let far = Pose::new(0.0, 0.0, 0.2);
+        assert_eq!(known.corrected(far, &walls), far);
+        let near = known.corrected(Pose::new(0.0, 0.0, 0.1), &walls);
+        assert!(near.heading.abs() < 0.02, "{near:?}");
+    }
 }

@@ -281,7 +281,46 @@ impl<F: Format + Default, const N: usize> Default for Decoder<F, N> {
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+
+    use std::string::ToString as _;
+
     use super::*;
+
+    #[test]
+    fn what_was_found_and_what_was_expected_are_told() {
+        let told = [
+            (
+                FrameError::Checksum {
+                    expected: 0x1234,
+                    found: 1,
+                },
+                "checksum is 0x0001, expected 0x1234",
+            ),
+            (
+                FrameError::Length { max: 8, found: 9 },
+                "length is 9, at most 8 allowed",
+            ),
+            (
+                FrameError::Truncated { found: 3 },
+                "line went quiet after 3 bytes",
+            ),
+            (
+                FrameError::Escape { found: 0x41 },
+                "escaped byte is 0x41, it needs no escape",
+            ),
+            (
+                FrameError::Implausible {
+                    at: 2,
+                    found: 1_101,
+                },
+                "value at byte 2 is 1101, implausible",
+            ),
+        ];
+        for (error, text) in told {
+            assert_eq!(error.to_string(), text);
+        }
+    }
 
     /// Breaks the contract on purpose: waits for ever once it saw a 1; any 2 is a frame.
     struct Undecided;

@@ -222,9 +222,24 @@ fn long(bytes: &[u8], at: usize) -> i32 {
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+
+    use std::string::ToString as _;
+
     use proptest::prelude::*;
 
     use super::*;
+
+    #[test]
+    fn errors_tell_what_was_found_and_what_was_expected() {
+        let told = |bytes: &[u8]| Message::decode(bytes).unwrap_err().to_string();
+        assert_eq!(told(&[]), "message is empty");
+        assert_eq!(
+            told(&[1]),
+            "message begins with 0x01, expected 0x44, 0x53 or 0x4d"
+        );
+        assert_eq!(told(&[0x4D; 20]), "message has 20 bytes, expected 19");
+    }
 
     #[test]
     fn messages_are_laid_out_by_hand() {

@@ -208,6 +208,37 @@ mod tests {
         );
     }
 
+    /// Off is bit 3 clear, whatever the channel is; 4096 of the ADC, 00 20, is
+    /// beyond its reference.
+    #[test]
+    fn switches_that_are_off_are_read_so() {
+        let mut decoder = OutputsDecoder::default();
+        let outputs = Outputs {
+            channel: 7,
+            ..Outputs::default()
+        };
+        assert_eq!(
+            decoder.push(&[0x81, 0, 0, 0, 0, 7]).next(),
+            Some(Ok(outputs))
+        );
+        let mut decoder = SampleDecoder::default();
+        let sample = Sample {
+            adc: 4_095,
+            channel: 7,
+            ..Sample::default()
+        };
+        let bytes = [0x80, 0, 0, 0, 0, 0, 0, 0, 0x20, 0, 0, 7];
+        assert_eq!(decoder.push(&bytes).next(), Some(Ok(sample)));
+    }
+
+    /// The next frame's first byte tells that this one ended after five bytes.
+    #[test]
+    fn a_frame_that_is_cut_is_reported_at_once() {
+        let mut decoder = SampleDecoder::default();
+        let truncated = Some(Err(FrameError::Truncated { found: 5 }));
+        assert_eq!(decoder.push(&[0x80, 1, 2, 3, 4, 0x80]).next(), truncated);
+    }
+
     /// A lost byte costs its frame and no other.
     #[test]
     fn the_frame_behind_a_lost_byte_is_found() {

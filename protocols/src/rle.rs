@@ -109,4 +109,21 @@ mod tests {
         assert_eq!(decode(&[1], &mut row), Err(RleError::OddLength));
         assert_eq!(row, [9; 4]);
     }
+
+    /// Two of 9, none of 5, three of 127; the last pixel keeps what it held.
+    #[test]
+    fn each_run_follows_the_one_before_it() {
+        let mut row = [1; 6];
+        assert_eq!(decode(&[2, 9, 0, 5, 3, 127], &mut row), Ok(5));
+        assert_eq!(row, [9, 9, 127, 127, 127, 1]);
+    }
+
+    #[test]
+    fn errors_tell_what_is_wrong() {
+        extern crate std;
+        let odd = std::format!("{}", RleError::OddLength);
+        assert_eq!(odd, "run-length row ends with a count that has no value");
+        let long = std::format!("{}", RleError::TooLong { width: 4 });
+        assert_eq!(long, "run-length row is longer than 4 pixels");
+    }
 }

@@ -138,3 +138,70 @@ fn faults_show_on_the_bus() {
     chip.set_fault(world.now(), "off", None, true);
     assert!(!chip.acknowledges(world.now(), ADDRESS));
 }
+
+/// (28 - 36.53) * 340 = -2900.2. Biases at 131 counts: -144.1, 78.6 and 26.2.
+#[test]
+fn temperature_and_the_bias_of_each_axis_are_shown() {
+    let world = world();
+    let config = Mpu6050Config {
+        temperature_c: 28.0,
+        bias_dps: [-1.1, 0.6, 0.2],
+        ..ideal()
+    };
+    let mut chip = awake(config, &world);
+    let words = [0x41, 0x43, 0x45, 0x47].map(|register| word(&mut chip, register, &world));
+    assert_eq!(words, [-2_900, -144, 79, 26]);
+}
+
+/// 0.05 degrees a second are 6.55 counts, 0.04 m/s² are 66.8: of 2000 samples to a tenth.
+#[test]
+fn noise_is_as_large_as_it_is_set() {
+    let world = world();
+    let mut chip = awake(
+        Mpu6050Config {
+            gyro_noise_dps: 0.05,
+            accel_noise_m_s2: 0.04,
+            ..ideal()
+        },
+        &world,
+    );
+    for (register, expected) in [(0x47, 6.55), (0x3B, 66.8)] {
+        let mut square = || f64::from(word(&mut chip, register, &world)).powi(2);
+        let deviation = ((0..2_000).map(|_| square()).sum::<f64>() / 2_000.0).sqrt();
+        assert!(
+            (deviation / expected - 1.0).abs() < 0.1,
+            "{register:02X}: {deviation}"
+        );
+    }
+}
+
+/// At 2 degrees a second and below it turns neither way.
+#[test]
+fn standing_still_between_two_turns_the_same_way_leaves_the_walk() {
+    let config = Mpu6050Config {
+        bias_walk_dps: 0.02,
+        ..ideal()
+    };
+    let mut chip = Mpu6050::new(config, 1, "test");
+    let rates = [10.0, 10.0, 0.0, -2.0, 10.0, -10.0, 2.0, -10.0];
+    let anew = [true, false, false, false, false, true, false, false];
+    for (second, (rate, anew)) in (1..).zip(rates.into_iter().zip(anew)) {
+        chip.walk(Instant::from_secs(second), rate);
+        assert_eq!(chip.walked == [0.0; 3], anew, "second {second}");
+    }
+}
+
+/// The filter has six bits. A restart is over at once: its end changes nothing.
+#[test]
+fn settings_are_read_back_until_a_restart_and_not_lost_by_its_end() {
+    let world = world();
+    let mut chip = awake(ideal(), &world);
+    let filter = |chip: &mut Mpu6050| word(chip, 0x1A, &world).to_be_bytes()[0];
+    chip.write(world.now(), 0x1A, &[0xC5], &world);
+    assert_eq!(filter(&mut chip), 0x05);
+    chip.set_fault(world.now(), "restart", None, false);
+    assert_eq!(filter(&mut chip), 0x05);
+    chip.set_fault(world.now(), "restart", None, true);
+    assert_eq!(filter(&mut chip), 0);
+    assert_eq!(chip.known_faults(), ["off", "restart", "stuck", "wrong"]);
+}

@@ -49,10 +49,7 @@ pub(crate) fn car() -> World {
 #[test]
 fn each_source_shows_what_can_be_worked_out_by_hand() {
     let ms = Duration::from_millis;
-    let range = |angle| ValueSource::RangeMm {
-        angle,
-        max_mm: 2500,
-    };
+    let range = |angle, max_mm| ValueSource::RangeMm { angle, max_mm };
     let ramp = ValueSource::Ramp {
         from: 10,
         to: -10,
@@ -65,16 +62,18 @@ fn each_source_shows_what_can_be_worked_out_by_hand() {
         ValueSource::YMm,
         ValueSource::HeadingMrad,
         ValueSource::Encoder(Wheel::Left),
-        range(0.0),
-        range(core::f64::consts::PI),
+        range(0.0, 2500),
+        range(core::f64::consts::PI, 2500),
+        range(0.0, 1500),
     ];
-    let names = ["a", "b", "c", "d", "e", "f", "g", "h"];
+    let names = ["a", "b", "c", "d", "e", "f", "g", "h", "i"];
     let known = names.iter().zip(sources).map(|(name, s)| variable(name, s));
     let variables = Variables::new(known.collect()).expect("sound");
     let read = |index| variables.read(index, Instant::from_millis(125), &world());
     // 125 ms are 6 counts of 20 ms, and a quarter of the second ramp.
     assert_eq!([0, 1, 2, 3, 4, 5].map(read), [6, 5, 1000, 500, 0, 0]);
-    assert_eq!([6, 7].map(read), [2000, 2500]);
+    // The wall at 2 m is beyond what the last shows.
+    assert_eq!([6, 7, 8].map(read), [2000, 2500, 1500]);
 }
 
 #[test]

@@ -146,3 +146,90 @@ fn a_bus_carries_its_transactions() {
     assert_eq!(answer.len(), 2);
     assert!((99..=101).contains(&answer[1]), "{answer:?}");
 }
+
+/// Revision, light, and a second echo that is not modelled.
+#[test]
+fn registers_beside_the_echo_are_read() {
+    let world = world(None);
+    let mut chip = chip();
+    let mut bytes = [0xA5; 6];
+    chip.read(Instant::ZERO, COMMAND, &mut bytes, &world);
+    assert_eq!(bytes, [10, 128, 0, 0, 0, 0]);
+    assert_eq!(chip.known_faults(), ["off", "deaf", "stuck", "wrong"]);
+    chip.set_fault(Instant::ZERO, "off", None, true);
+    chip.set_fault(Instant::ZERO, "off", None, false);
+    assert!(chip.acknowledges(Instant::ZERO, 0xE0));
+}
+
+/// At the very end of the ranging time it acknowledges.
+#[test]
+fn ranging_ends_when_its_time_is_over() {
+    let world = world(None);
+    let mut chip = chip();
+    chip.write(Instant::ZERO, COMMAND, &[CENTIMETRES], &world);
+    let ready = Instant::ZERO + chip.ranging_time();
+    assert!(!chip.is_ranging(ready));
+}
+
+/// Behind the three bytes a command is a command still; they themselves are no unknown ones.
+#[test]
+fn only_an_address_changes_the_address() {
+    let world = world(Some(1.0));
+    let mut chip = chip();
+    let now = Instant::ZERO;
+    for byte in [0xA0, 0xAA, 0xA5, CENTIMETRES] {
+        chip.write(now, COMMAND, &[byte], &world);
+    }
+    let later = Instant::from_secs(1);
+    assert!(chip.acknowledges(later, 0xE0));
+    assert!((99..=101).contains(&echo(&mut chip, later, &world)));
+    assert!(chip.log().0.take().is_empty());
+}
+
+/// A wall 1 m to the left: a chip that looks there from 0.3 m to the left is 0.7 m away, one that
+/// looks to the right hears nothing. A wall 0.2 m ahead of the robot is 1 cm ahead of a chip that
+/// sits 0.19 m ahead: it reads the least, 3 cm.
+#[test]
+fn a_chip_hears_from_where_it_sits() {
+    let wall = Shape::Wall {
+        from: Point::new(-9.0, 1.0),
+        to: Point::new(9.0, 1.0),
+    };
+    let scene = Scene::new([Fixture::from(wall)], vec![]).unwrap();
+    let beside = World::new(scene, BodyConfig::default(), Pose::default(), 1).unwrap();
+    let heard = |x_m, y_m, yaw_rad, world: &World| {
+        let config = Srf08Config {
+            x_m,
+            y_m,
+            yaw_rad,
+            noise_m: 0.0,
+            ..Srf08Config::default()
+        };
+        let mut chip = Srf08::new(config, 1, "test");
+        chip.write(Instant::ZERO, COMMAND, &[CENTIMETRES], world);
+        echo(&mut chip, Instant::from_secs(1), world)
+    };
+    let left = core::f64::consts::FRAC_PI_2;
+    assert_eq!(heard(0.0, 0.3, left, &beside), 70);
+    assert_eq!(heard(0.0, 0.3, -left, &beside), 0);
+    assert_eq!(heard(0.19, 0.0, 0.0, &world(Some(0.2))), 3);
+    assert_eq!(heard(0.10, 0.0, 0.0, &world(Some(0.2))), 10);
+}
+
+/// 10 cm of noise at 2 m: of 500 ranges to a seventh.
+#[test]
+fn noise_is_as_large_as_it_is_set() {
+    let world = world(Some(2.0));
+    let config = Srf08Config {
+        noise_m: 0.1,
+        ..Srf08Config::default()
+    };
+    let mut chip = Srf08::new(config, 1, "test");
+    let mut square = |second| {
+        chip.write(Instant::from_secs(second), COMMAND, &[CENTIMETRES], &world);
+        let cm = echo(&mut chip, Instant::from_secs(second + 1), &world);
+        (f64::from(cm) - 200.0).powi(2)
+    };
+    let deviation = ((0..500).map(&mut square).sum::<f64>() / 500.0).sqrt();
+    assert!((8.6..11.4).contains(&deviation), "{deviation} cm");
+}

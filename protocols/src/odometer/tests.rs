@@ -37,6 +37,7 @@ fn floats_are_printed_in_the_arduino_way() {
         (0.865, "0.86"),
         (20_000.125, "20000.13"),
         (16_777_216.0, "16777216.00"),
+        (4_294_967_040.0, "4294967040.00"),
         (5e9, "ovf"),
         (-5e9, "ovf"),
         (f32::INFINITY, "inf"),
@@ -135,6 +136,33 @@ fn lines_that_say_nothing_are_told_apart() {
         read("1.00*0.00*0.00*9000*9001.04*"),
         Err(E::Sum { .. })
     ));
+}
+
+#[test]
+fn errors_of_lines_tell_what_was_found() {
+    use LineError as E;
+    let (expected, found) = (1.0, 1.5);
+    let sum = E::Sum { expected, found };
+    let (expected, found) = (0x29B1, 0xA);
+    let told = [
+        (E::Text, "line has no figures"),
+        (E::Fields { found: 2 }, "line has 2 fields"),
+        (E::Number { field: 1 }, "field 1 is no number"),
+        (sum, "sum is 1.50, expected 1.00"),
+        (E::Crc { expected, found }, "CRC is 000A, expected 29B1"),
+    ];
+    for (error, text) in told {
+        assert_eq!(std::format!("{error}"), text);
+    }
+}
+
+/// 1 + 0.5 + 2.25 + 4 is 7.75, all of them exact in 32 bits.
+#[test]
+fn the_exact_sum_wants_five_figures() {
+    assert!(passes_exact_sum(b"1.00*0.50*2.25*4.00*7.75*"));
+    assert!(!passes_exact_sum(b"1.00*0.50*2.25*4.00*7.76*"));
+    assert!(!passes_exact_sum(b"1.00*0.50*2.25*4.00*"));
+    assert!(!passes_exact_sum(b"1.00*0.50*2.25*x*7.75*"));
 }
 
 /// `#` and ten figures; nothing verifies them.

@@ -195,3 +195,135 @@ fn a_scan_of_a_point_a_degree_does_not_fit() {
     // The message's tag and two bytes of length, and the time.
     assert_eq!(lines.encode(&mut out), Ok(20 * 36 + 3 + 2));
 }
+
+/// 1.0 is 00 00 80 3F, -2.0 is 00 00 00 C0. Libraries write the values of a covariance one by one
+/// or packed into one field; three bytes more are no value.
+#[test]
+fn a_covariance_is_read_in_both_forms() {
+    let odometry = |field: &[u8]| {
+        let zero = [
+            0x0A, 15, 0x0D, 0, 0, 0, 0, 0x15, 0, 0, 0, 0, 0x1D, 0, 0, 0, 0, 0x12,
+        ];
+        let len = |of: usize| u8::try_from(of).unwrap();
+        let inner = [&zero[..], &[len(field.len())], field].concat();
+        [&[0x08, 0, 0x1A, len(inner.len())][..], &inner].concat()
+    };
+    let one_by_one = odometry(&[0x0D, 0, 0, 0x80, 0x3F, 0x0D, 0, 0, 0, 0xC0]);
+    let packed = odometry(&[0x0A, 8, 0, 0, 0x80, 0x3F, 0, 0, 0, 0xC0]);
+    let longer = odometry(&[0x0A, 11, 0, 0, 0x80, 0x3F, 0, 0, 0, 0xC0, 9, 9, 9]);
+    let message = Telemetry {
+        odometry: Some(Odometry {
+            pose: Pose::default(),
+            covariance: [1.0, -2.0].into_iter().collect(),
+        }),
+        ..Telemetry::default()
+    };
+    let mut out = [0; 100];
+    let len = message.encode(&mut out).unwrap();
+    assert_eq!(out[..len], one_by_one);
+    for bytes in [one_by_one, packed, longer] {
+        assert_eq!(Telemetry::decode(&bytes), Ok(message.clone()));
+    }
+    let values = |count: usize| odometry(&[0x0D, 0, 0, 0x80, 0x3F].repeat(count));
+    assert!(Telemetry::decode(&values(9)).is_ok());
+    assert_eq!(Telemetry::decode(&values(10)), Err(MessageError::TooMany));
+}
+
+/// 2.0, 3.0, 4.0 and 0.25 end in 00 40, 40 40, 80 40 and 80 3E.
+#[test]
+fn fields_that_are_rarely_sent_have_their_numbers() {
+    let both = |message: Telecommand, expected: &[u8]| {
+        let mut out = [0; 100];
+        let len = message.encode(&mut out).unwrap();
+        assert_eq!(&out[..len], expected);
+        assert_eq!(Telecommand::decode(expected), Ok(message));
+    };
+    let corrected = Telecommand {
+        corrected_pose: Some(Pose {
+            x: 2.0,
+            y: 3.0,
+            alpha: 4.0,
+        }),
+        ..Telecommand::default()
+    };
+    let pose = [
+        0x0D, 0, 0, 0, 0x40, 0x15, 0, 0, 0x40, 0x40, 0x1D, 0, 0, 0x80, 0x40,
+    ];
+    both(corrected, &[&[0x08, 0, 0x22, 15][..], &pose].concat());
+    let reactive = Telecommand {
+        reactive: Some(Reactive {
+            distance_min_m: Some(2.0),
+            distance_max_m: Some(3.0),
+            speed_m_s: Some(4.0),
+            turn_gain: Some(0.25),
+        }),
+        ..Telecommand::default()
+    };
+    let gain = [0x25, 0, 0, 0x80, 0x3E];
+    both(reactive, &[&[0x08, 0, 0x42, 20][..], &pose, &gain].concat());
+}
+
+/// A line from (2, 3) to (0.25, 0), and readings with their time.
+#[test]
+fn ends_of_a_line_and_the_time_of_readings_are_kept_apart() {
+    let message = Telemetry {
+        lines: Some(
+            [Line {
+                start: Pose {
+                    x: 2.0,
+                    y: 3.0,
+                    alpha: 0.0,
+                },
+                end: Pose {
+                    x: 0.25,
+                    y: 0.0,
+                    alpha: 0.0,
+                },
+            }]
+            .into_iter()
+            .collect(),
+        ),
+        infrared: Some(Infrared {
+            timestamp_ms: Some(300),
+            distances_m: Vec::new(),
+        }),
+        ..Telemetry::default()
+    };
+    let expected: List<u8> = [
+        &[0x08, 0, 0x2A, 36, 0x0A, 34][..],
+        &[
+            0x0A, 15, 0x0D, 0, 0, 0, 0x40, 0x15, 0, 0, 0x40, 0x40, 0x1D, 0, 0, 0, 0,
+        ],
+        &[
+            0x12, 15, 0x0D, 0, 0, 0x80, 0x3E, 0x15, 0, 0, 0, 0, 0x1D, 0, 0, 0, 0,
+        ],
+        &[0x32, 3, 0x08, 0xAC, 0x02],
+    ]
+    .concat();
+    let mut out = [0; 100];
+    let len = message.encode(&mut out).unwrap();
+    assert_eq!(out[..len], expected);
+    assert_eq!(Telemetry::decode(&expected), Ok(message));
+}
+
+#[test]
+fn states_and_errors_have_words() {
+    let names = State::ALL.map(State::name);
+    assert_eq!(names, ["off", "manual", "auto-reactive", "auto-position"]);
+    let (len, room) = (5, 4);
+    let told = [
+        (
+            MessageError::NoRoom { len, room },
+            "message has 5 bytes and does not fit into 4",
+        ),
+        (MessageError::Cut, "message ends inside a field"),
+        (
+            MessageError::Malformed,
+            "message holds bytes that are no field",
+        ),
+        (MessageError::TooMany, "message repeats a field too often"),
+    ];
+    for (error, text) in told {
+        assert_eq!(std::format!("{error}"), text);
+    }
+}
