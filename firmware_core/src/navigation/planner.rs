@@ -97,7 +97,7 @@ impl Planner {
         if self.kept == Some(goal) {
             // What was free by a cell when the way was chosen may be drawn a cell nearer now.
             let tight = self.blocked(&obstacles, reach - 1, ends);
-            match self.first_on_way(pose.position(), &tight) {
+            match self.stretch_on_way(pose.position(), &tight) {
                 Some(None) => {
                     self.near = self.blocked(&obstacles, reach, ends);
                     return;
@@ -168,17 +168,28 @@ impl Planner {
         best.map(|cell| self.middle(cell))
     }
 
-    /// The first cell of the way from `from` that is one of `cells`: `None` if there is no way,
-    /// `Some(None)` if it touches none of them.
-    fn first_on_way(&self, from: Point, cells: &Cells) -> Option<Option<Cell>> {
+    /// The middle of the first stretch of the way from `from` that leads over `cells`: `None` if
+    /// there is no way, `Some(None)` if it leads over none of them.
+    fn stretch_on_way(&self, from: Point, cells: &Cells) -> Option<Option<Cell>> {
         let mut here = self.nearest_reached(self.cell_of(from)?)?;
-        while !cells.has(here) {
+        let (mut middle, mut length) = (None, 0_u16);
+        loop {
+            if cells.has(here) {
+                length += 1;
+                middle = match middle {
+                    Some(cell) if length % 2 == 1 => self.next(cell),
+                    None => Some(here),
+                    _ => middle,
+                };
+            } else if length > 0 {
+                break;
+            }
             match self.next(here) {
                 Some(next) => here = next,
-                None => return Some(None),
+                None => break,
             }
         }
-        Some(Some(here))
+        Some(middle)
     }
 
     /// The cell behind `cell` on the way to the goal.
@@ -469,6 +480,90 @@ mod tests {
         );
         let aim = planner.way_from(from).expect("a way");
         assert!((aim.y_mm - 1500.0).abs() > 100.0, "{aim:?}");
+    }
+
+    /// A wall of 60 cm across the straight way, shown by the scan and not by the map, and nearer to
+    /// its left end: the way leads around there.
+    fn two_ways() -> (Planner, Box<Grid>, Pose, Point) {
+        let (pose, goal) = (Pose::new(500.0, 1500.0, 0.0), Point::new(2500.0, 1500.0));
+        let (mut planner, map) = (Planner::new(), map(&[]));
+        planner.plan(&map, (&BODY, THIN_MM), pose, goal, &seen(-40..=20));
+        (planner, map, pose, goal)
+    }
+
+    /// Points 10 mm apart 1 m ahead of the robot's start, from right to left.
+    fn seen(across: core::ops::RangeInclusive<i8>) -> Surroundings {
+        Surroundings::of(across.map(|n| Point::new(1000.0, f32::from(n) * 10.0)))
+    }
+
+    /// Where the way of `planner` crosses the wall's line: above it or below.
+    fn is_left(planner: &Planner, from: Pose) -> bool {
+        planner.way_from(from.position()).expect("a way").y_mm > 1500.0
+    }
+
+    /// Most of the wall's right half is not seen any more.
+    #[test]
+    fn a_way_is_kept_while_nothing_is_in_it() {
+        let (mut planner, map, pose, goal) = two_ways();
+        assert!(is_left(&planner, pose));
+        planner.plan(&map, (&BODY, THIN_MM), pose, goal, &seen(-10..=20));
+        assert!(is_left(&planner, pose), "the right end is nearer now");
+        let mut new = Planner::new();
+        new.plan(&map, (&BODY, THIN_MM), pose, goal, &seen(-10..=20));
+        assert!(!is_left(&new, pose), "which a new plan would take");
+        planner.plan(
+            &map,
+            (&BODY, THIN_MM),
+            pose,
+            Point::new(2400.0, 1500.0),
+            &seen(-10..=20),
+        );
+        assert!(!is_left(&planner, pose), "as one to another goal does");
+    }
+
+    /// A wall with two doors, at y = 1.0 to 1.6 m and at 2.3 to 2.9 m. Something stands in the nearer
+    /// one, which nobody sees from the way to the other; nor does it help that something is in that
+    /// way as well, because it can be driven around.
+    #[test]
+    fn what_blocked_a_way_is_remembered() {
+        let map = map(&[
+            [150, 0, 152, 99],
+            [150, 161, 152, 229],
+            [150, 291, 152, 299],
+        ]);
+        let (pose, goal) = (Pose::new(1000.0, 800.0, 0.0), Point::new(2000.0, 800.0));
+        let mut door = Cells::NONE;
+        (33..=53).for_each(|y| door.set(Cell { x: 50, y }));
+        // Points 10 mm apart, seen from the robot.
+        let places = || (0..=60_i8).map(|n| f32::from(n) * 10.0);
+        let in_the_door = Surroundings::of(places().map(|y| Point::new(510.0, 200.0 + y)));
+        let before_the_other = Surroundings::of(places().map(|x| Point::new(x - 200.0, 1000.0)));
+        let mut planner = Planner::new();
+        let mut is_nearer = |around: &Surroundings, is_new: bool| {
+            if is_new {
+                planner.forget();
+            }
+            planner.plan(&map, (&BODY, THIN_MM), pose, goal, around);
+            let way = planner.stretch_on_way(pose.position(), &door);
+            way.expect("there is a way").is_some()
+        };
+        assert!(is_nearer(&Surroundings::EMPTY, false));
+        assert!(!is_nearer(&in_the_door, false));
+        assert!(!is_nearer(&before_the_other, false));
+        assert!(is_nearer(&before_the_other, true));
+    }
+
+    /// A door of 36 cm is too narrow for 16 cm of body and 4.5 cm on each side, but not for 1.5 cm.
+    #[test]
+    fn a_narrow_door_is_the_last_resort() {
+        let (from, goal) = (Point::new(1000.0, 500.0), Point::new(2000.0, 500.0));
+        let only = map(&[[150, 0, 152, 29], [150, 66, 152, 299]]);
+        assert!(planned(&only, from, goal).way_from(from).is_some());
+        let closed = map(&[[150, 0, 152, 29], [150, 62, 152, 299]]);
+        assert!(planned(&closed, from, goal).way_from(from).is_none());
+        let other = map(&[[150, 0, 152, 29], [150, 66, 152, 219], [150, 281, 152, 299]]);
+        let aim = planned(&other, from, goal).way_from(from).expect("a way");
+        assert!(aim.y_mm > 600.0, "{aim:?}");
     }
 
     #[test]
