@@ -9,6 +9,7 @@
 //! report's (chapter on navigation); the free way and the guard are ours, because the fielded robot
 //! drove to its waypoints without looking.
 
+mod cells;
 mod escape;
 mod explore;
 mod fielded;
@@ -264,7 +265,12 @@ impl Navigator {
         let mut steering = self.settings.steering;
         let body = self.body(&mut steering);
         let way = match self.escape.step(&self.settings, pose, around) {
-            Some(way) => way,
+            Some(way) => {
+                if self.escape.has_begun() {
+                    self.planner.refuse_way_from(pose.position());
+                }
+                way
+            }
             None => {
                 let aim = self.aim(&body, map, pose, goal.position, around);
                 let far = pose.position().distance_mm(aim);
@@ -288,6 +294,7 @@ impl Navigator {
         self.squeeze = 0;
         self.explorer = Explorer::new();
         self.escape = Escape::new();
+        self.planner.forget();
     }
 
     /// The body to drive with: a robot that has not moved for some time goes slowly and closer to
@@ -339,7 +346,9 @@ impl Navigator {
         }
         if self.plan_ages == 0 {
             self.plan_ages = PLAN_SCANS;
-            self.planner.plan(map, body, pose, goal, around);
+            let full = &self.settings.body;
+            let thin_mm = full.radius_mm + full.clearance_mm.min(SQUEEZE_CLEARANCE_MM);
+            self.planner.plan(map, (full, thin_mm), pose, goal, around);
         }
         self.planner.way_from(pose.position()).unwrap_or(goal)
     }

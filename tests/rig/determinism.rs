@@ -100,7 +100,7 @@ const BEFORE: [(&str, &str, &str); 8] = [
     ("moving-obstacle", "ef72c7f10c5f28f8", "426597521b310378"),
     ("own-slave", "a901e8bb079e0eb6", "874abf307dde3d6e"),
     ("rescue-flat", "a9d27c2403b8dddc", "72b4366b26fefcec"),
-    ("two-rooms", "a188946f09f43173", "8dbd65cdb9a6c1fd"),
+    ("two-rooms", "c5d166e0dc6be152", "e300427fec0c437d"),
 ];
 
 #[test]

@@ -42,6 +42,11 @@ impl Escape {
         self.still
     }
 
+    /// Whether the newest step was the first of a way out.
+    pub(super) const fn has_begun(&self) -> bool {
+        self.left == ESCAPE_SCANS - 1
+    }
+
     /// The bearing of the way out, if the robot is stuck. Called once per scan while the robot is
     /// to move.
     pub(super) fn step(

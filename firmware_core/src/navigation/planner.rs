@@ -1,20 +1,19 @@
 //! Ways around what is in the way: a wave from the goal through the free cells of a coarse map.
 //!
 //! A cell is three by three cells of the map, as in the seed's navigation map (100 x 100), and
-//! takes four bits: blocked, or the direction in which the goal lies. Cells that nobody has seen
-//! count as free; if they are not, the next plan knows better.
+//! takes four bits: the direction in which the goal lies. Cells that nobody has seen count as
+//! free; if they are not, the next plan knows better.
+//!
+//! A way that was chosen is kept until something is in it, and what was in it is remembered for as
+//! long as there is another way: the robot sees more of a place when it is there than the map
+//! shows later, and would otherwise turn back half way to the next one.
 
 use crate::grid::Grid;
 use crate::pose::{Point, Pose};
 
+use super::cells::{COARSE, Cell, Cells, EDGE, SIDE};
 use super::{Body, Surroundings};
 
-/// Map cells along the edge of a planner's cell.
-const COARSE: usize = 3;
-/// Cells along an edge.
-const EDGE: u8 = 100;
-const SIDE: usize = EDGE as usize;
-const _: () = assert!(SIDE == crate::grid::SIDE / COARSE);
 /// Map value from which a cell counts as an obstacle. A beam's end is drawn as a ramp; this much of
 /// it lies within 25 mm of the end.
 const OBSTACLE_FROM: u8 = 215;
@@ -24,6 +23,8 @@ const OPENED_MM: f32 = 120.0;
 const AHEAD_CELLS: usize = 20;
 /// The robot finds back to its way from so far beside it.
 const STRAY_CELLS: i8 = 4;
+/// Places at which ways were found blocked: so many are remembered.
+const REFUSED_MAX: usize = 8;
 /// A wave front cannot be longer than the map's rim.
 const FRONT_MAX: usize = 4 * SIDE + 112;
 
@@ -41,50 +42,112 @@ const NEIGHBOURS: [(i8, i8); 8] = [
     (1, -1),
 ];
 const GOAL: u8 = 9;
-/// Too near to an obstacle.
-const NEAR: u8 = 10;
-const OBSTACLE: u8 = 11;
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Cell {
-    x: u8,
-    y: u8,
-}
 
 /// The newest plan.
 #[derive(Clone, Debug)]
 pub(super) struct Planner {
     /// Two cells a byte.
-    cells: [[u8; SIDE / 2]; SIDE],
+    field: [[u8; SIDE / 2]; SIDE],
+    /// Cells too near to an obstacle.
+    near: Cells,
     cell_mm: f32,
+    /// Where the ways lead, if they may be kept.
+    kept: Option<Cell>,
+    /// Places that blocked ways to the goal, the newest at `refusals` - 1.
+    refused: [Cell; REFUSED_MAX],
+    refusals: usize,
 }
 
 impl Planner {
     pub(super) const fn new() -> Self {
         Self {
-            cells: [[0; SIDE / 2]; SIDE],
+            field: [[UNREACHED * 0x11; SIDE / 2]; SIDE],
+            near: Cells::NONE,
             cell_mm: 1.0,
+            kept: None,
+            refused: [Cell { x: 0, y: 0 }; REFUSED_MAX],
+            refusals: 0,
         }
     }
 
-    /// Plans all ways to `goal`, from what the map holds and what is seen right now.
+    /// Forgets which way was chosen and what blocked others.
+    pub(super) const fn forget(&mut self) {
+        self.kept = None;
+        self.refusals = 0;
+    }
+
+    /// Plans all ways to `goal`, from what the map holds and what is seen right now; for `body`,
+    /// or, if none leads there, for one that keeps only `thin_mm`.
     pub(super) fn plan(
         &mut self,
         map: &Grid,
-        body: &Body,
+        (body, thin_mm): (&Body, f32),
         pose: Pose,
         goal: Point,
         around: &Surroundings,
     ) {
         self.cell_mm = map.resolution_mm() * COARSE as f32;
-        self.cells = [[UNREACHED * 0x11; SIDE / 2]; SIDE];
-        self.mark_obstacles(map, pose, around);
-        self.block_near(body.keep_mm() - 25.0);
-        self.open_around(pose.position());
-        self.open_around(goal);
-        if let Some(goal) = self.cell_of(goal) {
-            self.spread(goal);
+        let obstacles = self.obstacles(map, pose, around);
+        let ends = [pose.position(), goal];
+        let reach = self.reach(body.keep_mm() - 25.0);
+        let Some(goal) = self.cell_of(goal) else {
+            self.field = [[UNREACHED * 0x11; SIDE / 2]; SIDE];
+            return;
+        };
+        if self.kept == Some(goal) {
+            // What was free by a cell when the way was chosen may be drawn a cell nearer now.
+            let tight = self.blocked(&obstacles, reach - 1, ends);
+            match self.stretch_on_way(pose.position(), &tight) {
+                Some(None) => {
+                    self.near = self.blocked(&obstacles, reach, ends);
+                    return;
+                }
+                Some(Some(cell)) => self.refuse(cell),
+                None => {}
+            }
+        } else {
+            self.refusals = 0;
         }
+        self.kept = Some(goal);
+        if self.refusals > 0 {
+            let mut refused = obstacles.clone();
+            for &place in &self.refused[..self.refusals.min(REFUSED_MAX)] {
+                refused.set(place);
+            }
+            if self.reaches(&refused, reach, ends, goal) {
+                return;
+            }
+            self.refusals = 0;
+        }
+        if !self.reaches(&obstacles, reach, ends, goal) {
+            // A narrow way is the last resort, and taken for no longer than there is no other.
+            self.kept = None;
+            let reach = self.reach(thin_mm - 25.0);
+            self.reaches(&obstacles, reach, ends, goal);
+        }
+    }
+
+    /// The way from `from` turned out to be none: another one is taken, if there is one.
+    pub(super) fn refuse_way_from(&mut self, from: Point) {
+        let far = f32::from(self.reach(OPENED_MM)) + 2.0;
+        let mut ahead = self.way_from(from);
+        if let Some(aim) = ahead {
+            let apart = from.distance_mm(aim).max(1.0);
+            let part = (far * self.cell_mm / apart).min(1.0);
+            ahead = Some(Point::new(
+                from.x_mm + (aim.x_mm - from.x_mm) * part,
+                from.y_mm + (aim.y_mm - from.y_mm) * part,
+            ));
+        }
+        if let Some(cell) = ahead.and_then(|place| self.cell_of(place)) {
+            self.refuse(cell);
+            self.field = [[UNREACHED * 0x11; SIDE / 2]; SIDE];
+        }
+    }
+
+    fn refuse(&mut self, cell: Cell) {
+        self.refused[self.refusals % REFUSED_MAX] = cell;
+        self.refusals += 1;
     }
 
     /// The point to steer for from `from`: the farthest one of the way that can be seen from there.
@@ -93,17 +156,48 @@ impl Planner {
         let start = self.nearest_reached(self.cell_of(from)?)?;
         let (mut here, mut best) = (start, None);
         for _ in 0..AHEAD_CELLS {
-            match self.get(here) {
-                GOAL => break,
-                direction @ 1..=8 => here = neighbour(here, usize::from(direction) - 1)?,
-                _ => return None,
-            }
+            let Some(next) = self.next(here) else {
+                break;
+            };
+            here = next;
             if !self.sees(start, here) {
                 break;
             }
             best = Some(here);
         }
         best.map(|cell| self.middle(cell))
+    }
+
+    /// The middle of the first stretch of the way from `from` that leads over `cells`: `None` if
+    /// there is no way, `Some(None)` if it leads over none of them.
+    fn stretch_on_way(&self, from: Point, cells: &Cells) -> Option<Option<Cell>> {
+        let mut here = self.nearest_reached(self.cell_of(from)?)?;
+        let (mut middle, mut length) = (None, 0_u16);
+        loop {
+            if cells.has(here) {
+                length += 1;
+                middle = match middle {
+                    Some(cell) if length % 2 == 1 => self.next(cell),
+                    None => Some(here),
+                    _ => middle,
+                };
+            } else if length > 0 {
+                break;
+            }
+            match self.next(here) {
+                Some(next) => here = next,
+                None => break,
+            }
+        }
+        Some(middle)
+    }
+
+    /// The cell behind `cell` on the way to the goal.
+    fn next(&self, cell: Cell) -> Option<Cell> {
+        match self.get(cell) {
+            direction @ 1..=8 => neighbour(cell, usize::from(direction) - 1),
+            _ => None,
+        }
     }
 
     /// The nearest cell that the wave has reached: a robot that drives along the rim of what is
@@ -113,60 +207,50 @@ impl Planner {
         (0..=STRAY_CELLS).find_map(|apart| {
             (-apart..=apart)
                 .flat_map(|dy| (-apart..=apart).map(move |dx| (dx, dy)))
-                .filter_map(|(dx, dy)| moved(cell, dx, dy))
+                .filter_map(|(dx, dy)| cell.moved(dx, dy))
                 .find(is_reached)
         })
     }
 
-    fn mark_obstacles(&mut self, map: &Grid, pose: Pose, around: &Surroundings) {
+    fn obstacles(&self, map: &Grid, pose: Pose, around: &Surroundings) -> Cells {
+        let mut obstacles = Cells::NONE;
         for (y, rows) in (0..).zip(map.rows().chunks_exact(COARSE)) {
             for row in rows {
                 for (x, cells) in (0..).zip(row.chunks_exact(COARSE)) {
                     if cells.iter().any(|value| *value >= OBSTACLE_FROM) {
-                        self.set(Cell { x, y }, OBSTACLE);
+                        obstacles.set(Cell { x, y });
                     }
                 }
             }
         }
         for (point, _) in around.points() {
             if let Some(cell) = self.cell_of(pose.to_world(point)) {
-                self.set(cell, OBSTACLE);
+                obstacles.set(cell);
             }
         }
+        obstacles
     }
 
-    /// Blocks what lies within `keep_mm` of an obstacle.
-    fn block_near(&mut self, keep_mm: f32) {
-        let reach = self.reach(keep_mm);
-        for y in 0..EDGE {
-            for x in 0..EDGE {
-                if self.get(Cell { x, y }) == OBSTACLE {
-                    self.change_disc(Cell { x, y }, reach, UNREACHED, NEAR);
+    /// What lies within `reach` cells of an obstacle, but open around `ends`.
+    fn blocked(&self, obstacles: &Cells, reach: i8, ends: [Point; 2]) -> Cells {
+        let mut blocked = obstacles.grown(reach);
+        for cell in ends.into_iter().filter_map(|end| self.cell_of(end)) {
+            cell.each_within(self.reach(OPENED_MM), |cell| {
+                if !obstacles.has(cell) {
+                    blocked.clear(cell);
                 }
-            }
+            });
         }
+        blocked
     }
 
-    fn open_around(&mut self, point: Point) {
-        if let Some(cell) = self.cell_of(point) {
-            let reach = self.reach(OPENED_MM);
-            self.change_disc(cell, reach, NEAR, UNREACHED);
-        }
-    }
-
-    fn change_disc(&mut self, middle: Cell, reach: i8, from: u8, to: u8) {
-        let limit = i16::from(reach) * i16::from(reach);
-        for dy in -reach..=reach {
-            for dx in -reach..=reach {
-                let apart = i16::from(dx) * i16::from(dx) + i16::from(dy) * i16::from(dy);
-                if apart <= limit
-                    && let Some(cell) = moved(middle, dx, dy)
-                    && self.get(cell) == from
-                {
-                    self.set(cell, to);
-                }
-            }
-        }
+    /// Plans with what is `reach` cells off the obstacles: whether a way leads from end to end.
+    fn reaches(&mut self, obstacles: &Cells, reach: i8, ends: [Point; 2], goal: Cell) -> bool {
+        self.near = self.blocked(obstacles, reach, ends);
+        self.field = [[UNREACHED * 0x11; SIDE / 2]; SIDE];
+        self.spread(goal);
+        let start = self.cell_of(ends[0]);
+        start.and_then(|cell| self.nearest_reached(cell)).is_some()
     }
 
     /// The wave, breadth first.
@@ -178,6 +262,7 @@ impl Planner {
             for (index, back) in (0..).zip([2, 3, 0, 1, 6, 7, 4, 5]) {
                 if let Some(next) = neighbour(cell, index)
                     && self.get(next) == UNREACHED
+                    && !self.near.has(next)
                 {
                     self.set(next, back + 1);
                     front.push(next);
@@ -202,7 +287,7 @@ impl Planner {
                 x: along(from.x, dx),
                 y: along(from.y, dy),
             };
-            self.get(cell) < NEAR
+            !self.near.has(cell)
         })
     }
 
@@ -232,7 +317,7 @@ impl Planner {
     }
 
     fn get(&self, cell: Cell) -> u8 {
-        let pair = self.cells[usize::from(cell.y)][usize::from(cell.x) / 2];
+        let pair = self.field[usize::from(cell.y)][usize::from(cell.x) / 2];
         if cell.x.is_multiple_of(2) {
             pair & 0x0F
         } else {
@@ -241,7 +326,7 @@ impl Planner {
     }
 
     fn set(&mut self, cell: Cell, value: u8) {
-        let pair = &mut self.cells[usize::from(cell.y)][usize::from(cell.x) / 2];
+        let pair = &mut self.field[usize::from(cell.y)][usize::from(cell.x) / 2];
         *pair = if cell.x.is_multiple_of(2) {
             (*pair & 0xF0) | value
         } else {
@@ -252,15 +337,7 @@ impl Planner {
 
 fn neighbour(cell: Cell, index: usize) -> Option<Cell> {
     let (dx, dy) = NEIGHBOURS[index];
-    moved(cell, dx, dy)
-}
-
-fn moved(cell: Cell, dx: i8, dy: i8) -> Option<Cell> {
-    let inside = |index: &u8| *index < EDGE;
-    Some(Cell {
-        x: cell.x.checked_add_signed(dx).filter(inside)?,
-        y: cell.y.checked_add_signed(dy).filter(inside)?,
-    })
+    cell.moved(dx, dy)
 }
 
 /// Cells that the wave has reached but not yet left.
@@ -313,6 +390,8 @@ mod tests {
         axle_mm: 260.0,
     };
 
+    const THIN_MM: f32 = 175.0;
+
     /// A map of 3 m x 3 m with walls drawn cell by cell: x0, y0, x1, y1 in cells.
     fn map(walls: &[[usize; 4]]) -> Box<Grid> {
         let mut map = Box::new(Grid::new(10.0));
@@ -327,7 +406,7 @@ mod tests {
     fn planned(map: &Grid, from: Point, goal: Point) -> Planner {
         let mut planner = Planner::new();
         let pose = Pose::new(from.x_mm, from.y_mm, 0.0);
-        planner.plan(map, &BODY, pose, goal, &Surroundings::EMPTY);
+        planner.plan(map, (&BODY, THIN_MM), pose, goal, &Surroundings::EMPTY);
         planner
     }
 
@@ -394,13 +473,97 @@ mod tests {
         let mut planner = Planner::new();
         planner.plan(
             &map,
-            &BODY,
+            (&BODY, THIN_MM),
             Pose::new(500.0, 1500.0, 0.0),
             goal,
             &Surroundings::of(wall),
         );
         let aim = planner.way_from(from).expect("a way");
         assert!((aim.y_mm - 1500.0).abs() > 100.0, "{aim:?}");
+    }
+
+    /// A wall of 60 cm across the straight way, shown by the scan and not by the map, and nearer to
+    /// its left end: the way leads around there.
+    fn two_ways() -> (Planner, Box<Grid>, Pose, Point) {
+        let (pose, goal) = (Pose::new(500.0, 1500.0, 0.0), Point::new(2500.0, 1500.0));
+        let (mut planner, map) = (Planner::new(), map(&[]));
+        planner.plan(&map, (&BODY, THIN_MM), pose, goal, &seen(-40..=20));
+        (planner, map, pose, goal)
+    }
+
+    /// Points 10 mm apart 1 m ahead of the robot's start, from right to left.
+    fn seen(across: core::ops::RangeInclusive<i8>) -> Surroundings {
+        Surroundings::of(across.map(|n| Point::new(1000.0, f32::from(n) * 10.0)))
+    }
+
+    /// Where the way of `planner` crosses the wall's line: above it or below.
+    fn is_left(planner: &Planner, from: Pose) -> bool {
+        planner.way_from(from.position()).expect("a way").y_mm > 1500.0
+    }
+
+    /// Most of the wall's right half is not seen any more.
+    #[test]
+    fn a_way_is_kept_while_nothing_is_in_it() {
+        let (mut planner, map, pose, goal) = two_ways();
+        assert!(is_left(&planner, pose));
+        planner.plan(&map, (&BODY, THIN_MM), pose, goal, &seen(-10..=20));
+        assert!(is_left(&planner, pose), "the right end is nearer now");
+        let mut new = Planner::new();
+        new.plan(&map, (&BODY, THIN_MM), pose, goal, &seen(-10..=20));
+        assert!(!is_left(&new, pose), "which a new plan would take");
+        planner.plan(
+            &map,
+            (&BODY, THIN_MM),
+            pose,
+            Point::new(2400.0, 1500.0),
+            &seen(-10..=20),
+        );
+        assert!(!is_left(&planner, pose), "as one to another goal does");
+    }
+
+    /// A wall with two doors, at y = 1.0 to 1.6 m and at 2.3 to 2.9 m. Something stands in the nearer
+    /// one, which nobody sees from the way to the other; nor does it help that something is in that
+    /// way as well, because it can be driven around.
+    #[test]
+    fn what_blocked_a_way_is_remembered() {
+        let map = map(&[
+            [150, 0, 152, 99],
+            [150, 161, 152, 229],
+            [150, 291, 152, 299],
+        ]);
+        let (pose, goal) = (Pose::new(1000.0, 800.0, 0.0), Point::new(2000.0, 800.0));
+        let mut door = Cells::NONE;
+        (33..=53).for_each(|y| door.set(Cell { x: 50, y }));
+        // Points 10 mm apart, seen from the robot.
+        let places = || (0..=60_i8).map(|n| f32::from(n) * 10.0);
+        let in_the_door = Surroundings::of(places().map(|y| Point::new(510.0, 200.0 + y)));
+        let before_the_other = Surroundings::of(places().map(|x| Point::new(x - 200.0, 1000.0)));
+        let mut planner = Planner::new();
+        let mut is_nearer = |around: &Surroundings, is_new: bool| {
+            if is_new {
+                planner.forget();
+            }
+            planner.plan(&map, (&BODY, THIN_MM), pose, goal, around);
+            let way = planner.stretch_on_way(pose.position(), &door);
+            way.expect("there is a way").is_some()
+        };
+        assert!(is_nearer(&Surroundings::EMPTY, false));
+        assert!(!is_nearer(&in_the_door, false));
+        assert!(!is_nearer(&before_the_other, false));
+        assert!(is_nearer(&before_the_other, true));
+    }
+
+    /// A door of 36 cm is too narrow for 16 cm of body and 4.5 cm on each side, but not for 1.5 cm.
+    #[test]
+    fn a_narrow_door_is_the_last_resort() {
+        let (from, goal) = (Point::new(1000.0, 500.0), Point::new(2000.0, 500.0));
+        let only = map(&[[150, 0, 152, 29], [150, 66, 152, 299]]);
+        assert!(planned(&only, from, goal).way_from(from).is_some());
+        let closed = map(&[[150, 0, 152, 29], [150, 62, 152, 299]]);
+        assert!(planned(&closed, from, goal).way_from(from).is_none());
+        let other = map(&[[150, 0, 152, 29], [150, 66, 152, 219], [150, 281, 152, 299]]);
+        let aim = planned(&other, from, goal).way_from(from).expect("a way");
+        assert!(aim.y_mm > 600.0, "{aim:?}");
     }
 
     #[test]

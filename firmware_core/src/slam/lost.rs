@@ -50,7 +50,7 @@ impl Lost {
 
     /// Where to look for a robot that was lost at `pose`; anywhere if nobody knows how.
     pub(super) fn bound(&self, pose: Pose) -> Option<Bound> {
-        (self.unseen_rad > 0.0).then(|| Bound {
+        (self.unseen_rad > 0.0).then_some(Bound {
             centre: pose,
             mm: self.unseen_mm + MARGIN_MM,
             rad: self.unseen_rad + MARGIN_RAD,

@@ -250,7 +250,7 @@ mod tests {
     /// Somebody walks along the wall at y = 1.7: 0.15 + 0.16 + 0.1 m from there is out of reach.
     #[test]
     fn nobody_is_sent_where_somebody_walks() {
-        let mut walked = two_rooms(2.0);
+        let mut walked = two_rooms(1.9);
         let walker = "path_m = [[0.5, 1.7], [3.5, 1.7]]\nspeed_m_s = 0.5\nradius_m = 0.15";
         walked.world.moving = vec![toml::Spanned::new(
             0..0,

@@ -29,6 +29,9 @@ const SHAPES: [Shape; 6] = [
     Shape::Flat,
 ];
 
+/// Thickness of the walls between rooms.
+const WALL_M: f64 = 0.08;
+
 /// Walls as lines of points.
 type Lines = Vec<Vec<[f64; 2]>>;
 
@@ -64,7 +67,31 @@ pub(super) fn walls(arena: &Arena, dice: &mut Draw) -> Vec<Spanned<WallSpec>> {
         };
         Spanned::new(0..0, wall)
     };
-    lines.into_iter().map(wall).collect()
+    let has_length = |line: &Vec<[f64; 2]>| line[0] != line[1];
+    let lines = lines.into_iter().filter(has_length);
+    lines.map(thick).map(wall).collect()
+}
+
+/// The outline of a wall that ends in the room: a line seen from its end is not seen at all, and
+/// no wall is one. Other paths are as they were.
+fn thick(line: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
+    let &[from, to] = &line[..] else {
+        return line;
+    };
+    let [x, y] = [to[0] - from[0], to[1] - from[1]];
+    let length = x.hypot(y).max(1e-9);
+    let [across_x, across_y] = [-y / length * WALL_M / 2.0, x / length * WALL_M / 2.0];
+    let beside = |[x, y]: [f64; 2], side: f64| {
+        [x + side * across_x, y + side * across_y].map(|metres| (metres * 1000.0).round() / 1000.0)
+    };
+    let first = beside(from, 1.0);
+    vec![
+        first,
+        beside(to, 1.0),
+        beside(to, -1.0),
+        beside(from, -1.0),
+        first,
+    ]
 }
 
 /// The lines of `shape` from the origin to `size`.
@@ -119,9 +146,29 @@ fn laid_out(
                 vec![[b_at + b, y], [w, y]],
                 vec![[x, y], [x, h]],
             ]
-            .into_iter()
-            .filter(|line| line[0] != line[1])
-            .collect()
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A wall of 8 cm along x, from (1, 2) to (3, 2), and a room, which has its thickness outside.
+    #[test]
+    fn a_wall_that_ends_in_the_room_has_an_end() {
+        let wall = thick(vec![[1.0, 2.0], [3.0, 2.0]]);
+        assert_eq!(
+            wall,
+            [
+                [1.0, 2.04],
+                [3.0, 2.04],
+                [3.0, 1.96],
+                [1.0, 1.96],
+                [1.0, 2.04]
+            ]
+        );
+        let room = vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 0.0]];
+        assert_eq!(thick(room.clone()), room);
     }
 }

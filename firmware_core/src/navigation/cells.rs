@@ -1,0 +1,93 @@
+use crate::grid;
+
+/// Map cells along the edge of a planner's cell.
+pub(super) const COARSE: usize = 3;
+/// Cells along an edge.
+pub(super) const EDGE: u8 = 100;
+pub(super) const SIDE: usize = EDGE as usize;
+const _: () = assert!(SIDE == grid::SIDE / COARSE);
+
+/// A cell of the planner's map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Cell {
+    pub(super) x: u8,
+    pub(super) y: u8,
+}
+
+impl Cell {
+    /// The cell `dx` and `dy` from this one, if it lies in the map.
+    pub(super) fn moved(self, dx: i8, dy: i8) -> Option<Self> {
+        let inside = |index: &u8| *index < EDGE;
+        Some(Self {
+            x: self.x.checked_add_signed(dx).filter(inside)?,
+            y: self.y.checked_add_signed(dy).filter(inside)?,
+        })
+    }
+
+    /// Calls `visit` for each cell of the map that is at most `reach` cells away.
+    pub(super) fn each_within(self, reach: i8, mut visit: impl FnMut(Self)) {
+        let limit = i16::from(reach) * i16::from(reach);
+        for dy in -reach..=reach {
+            for dx in -reach..=reach {
+                let apart = i16::from(dx) * i16::from(dx) + i16::from(dy) * i16::from(dy);
+                if apart <= limit
+                    && let Some(cell) = self.moved(dx, dy)
+                {
+                    visit(cell);
+                }
+            }
+        }
+    }
+}
+
+/// Some cells of the planner's map, a bit each.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Cells([[u8; SIDE.div_ceil(8)]; SIDE]);
+
+impl Cells {
+    pub(super) const NONE: Self = Self([[0; SIDE.div_ceil(8)]; SIDE]);
+
+    pub(super) const fn has(&self, Cell { x, y }: Cell) -> bool {
+        self.0[y as usize][x as usize / 8] & 1 << (x % 8) != 0
+    }
+
+    pub(super) const fn set(&mut self, Cell { x, y }: Cell) {
+        self.0[y as usize][x as usize / 8] |= 1 << (x % 8);
+    }
+
+    pub(super) const fn clear(&mut self, Cell { x, y }: Cell) {
+        self.0[y as usize][x as usize / 8] &= !(1 << (x % 8));
+    }
+
+    /// These and all that are at most `reach` cells away from one of them.
+    pub(super) fn grown(&self, reach: i8) -> Self {
+        let mut grown = Self::NONE;
+        for y in 0..EDGE {
+            for x in 0..EDGE {
+                if self.has(Cell { x, y }) {
+                    Cell { x, y }.each_within(reach, |cell| grown.set(cell));
+                }
+            }
+        }
+        grown
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A disc of radius 2 has 13 cells; in a corner of the map 6 of them are left.
+    #[test]
+    fn cells_grow_into_discs_and_not_beyond_the_map() {
+        let count = |x, y| {
+            let mut cells = Cells::NONE;
+            cells.set(Cell { x, y });
+            let grown = cells.grown(2);
+            let all = (0..EDGE).flat_map(|y| (0..EDGE).map(move |x| Cell { x, y }));
+            all.filter(|&cell| grown.has(cell)).count()
+        };
+        assert_eq!(count(50, 50), 13);
+        assert_eq!(count(0, 99), 6);
+    }
+}
