@@ -90,9 +90,10 @@ fn looking_more_often_changes_nothing() {
     assert_eq!(coarse.rig.trace_hash(), fine.rig.trace_hash());
 }
 
-/// Fingerprints of all bytes and of the map, as they were before robots became rows of a registry:
-/// what is rebuilt must not change what happens.
-const BEFORE: [(&str, &str, &str); 8] = [
+/// Fingerprints of all bytes and of the map, as they were when a device or the robot was last changed
+/// on purpose (2026-11-22: corners before an XV-11, ways that the robot keeps): what is rebuilt must
+/// not change what happens.
+const KNOWN: [(&str, &str, &str); 8] = [
     ("empty-room", "596f7a27116a64ac", "c8bb259e32d277ae"),
     ("island", "e11ba865ce3727f7", "aabc1dbbe6f6b2fd"),
     ("l-shape", "3e1614d7eb54c92d", "cb3fb4550851c3c4"),
@@ -105,12 +106,15 @@ const BEFORE: [(&str, &str, &str); 8] = [
 
 #[test]
 fn scenarios_give_the_bytes_maps_and_cases_that_they_always_gave() {
-    for (name, trace, map) in BEFORE {
-        let outcome = run_to_end(shipped(name));
-        let (found, map_found, case) = identity(&outcome);
-        assert_eq!((&*found, &*map_found), (trace, map), "{name}");
-        assert!(case.contains(trace), "{name}: the case knows its bytes");
-    }
+    let found = KNOWN.map(|(name, _, _)| {
+        let (trace, map, case) = identity(&run_to_end(shipped(name)));
+        assert!(case.contains(&trace), "{name}: the case knows its bytes");
+        (name, trace, map)
+    });
+    let found = found
+        .each_ref()
+        .map(|(name, trace, map)| (*name, &**trace, &**map));
+    assert_eq!(found, KNOWN);
 }
 
 /// A rig in the middle of a mission goes on by itself in a copy, and both come to the same.
