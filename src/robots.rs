@@ -3,6 +3,7 @@
 //! A robot is a row of the registry: [`Robot`]. Scenarios name it; another crate adds its own with
 //! [`register`]. What an observer may ask of it travels with the rig as its [`Instruments`].
 
+mod apollo13;
 pub mod axis;
 pub mod checker;
 pub(crate) mod custom;
@@ -115,8 +116,12 @@ impl Named for dyn Robot {
     }
 }
 
-static ROBOTS: Registry<dyn Robot> =
-    Registry::new(&[&rescue::RescueRobot, &custom::CustomRobot, &custom::Bare]);
+static ROBOTS: Registry<dyn Robot> = Registry::new(&[
+    &rescue::RescueRobot,
+    &apollo13::ApolloRobot,
+    &custom::CustomRobot,
+    &custom::Bare,
+]);
 
 /// Makes a robot known to all scenarios of this process.
 ///
