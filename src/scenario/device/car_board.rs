@@ -33,11 +33,21 @@ pub struct CarBoardSpec {
     pub battery_v: Option<f64>,
 }
 
-const EXAMPLE: &str = r#"[device.car.car-board]
+const EXAMPLE: &str = r#"schema = 1
+name = "a-car"
+robot = "custom"
+duration = "20s"
+
+[chassis.ackermann]
+
+[device.car.car-board]
 period = "50ms"
 dead_man = "1s"
 clamps = true
 battery_v = 7.4
+
+[world]
+start = { x_m = 1.0, y_m = 1.0, heading_deg = 0 }
 "#;
 
 /// The kind `car-board`.
