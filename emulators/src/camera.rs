@@ -2,8 +2,8 @@
 //! depths (or scans made of them), and markers that were recognised.
 //!
 //! ```text
-//! world at the camera's height -> a ray a column -> noise, gaps -> `SCAN`     one message a picture
-//! markers of the settings      -> in view, not hidden, facing   -> `MARKERS`  one message a marker
+//! world at the camera's height -> a ray a column -> noise, gaps -> `SCAN`     one a picture
+//! markers of the settings      -> in view, not hidden, facing   -> `MARKERS`  one a marker
 //! ```
 //!
 //! Messages are those of [`protocols::perception`]. Only the row at the camera's own height is
@@ -236,9 +236,10 @@ impl Device for Camera {
         &FAULTS
     }
 
-    /// `off`. `slow`: so many milliseconds between pictures, 200 if nobody says. `garbage`: messages
-    /// of their lengths, but of random bytes. `stuck`: the last picture for ever. `blind`: that
-    /// share of the columns has no depth, all if nobody says, and then no marker is recognised.
+    /// `off`. `slow`: so many milliseconds between pictures, 200 if nobody says. `garbage`:
+    /// messages of their lengths, but of random bytes. `stuck`: the last picture for ever. `blind`:
+    /// that share of the columns has no depth, all if nobody says, and then no marker is
+    /// recognised.
     fn set_fault(&mut self, now: Instant, fault: &str, figure: Option<f64>, begins: bool) {
         match fault {
             "off" => {

@@ -133,8 +133,15 @@ fn wire(plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
         }
         Dut::External => None,
     };
-    let ports = [Apollo13::CAR, Apollo13::ODOMETER, Apollo13::SCAN];
     let devices = [("car", car), ("odometer", odometer), ("camera", camera)];
+    connect_devices(&mut wired, devices, program);
+    connect_phone(&mut wired, pc, (scenario, source), program)?;
+    Ok(wired)
+}
+
+/// The devices at their links, each port with the program's or an open end.
+fn connect_devices(wired: &mut Wired, devices: [(&'static str, Built); 3], program: Option<usize>) {
+    let ports = [Apollo13::CAR, Apollo13::ODOMETER, Apollo13::SCAN];
     let mut links = LINKS.into_iter();
     for ((name, built), first) in devices.into_iter().zip(ports) {
         let node = wired.rig.add_boxed_device(name, built.device);
@@ -157,8 +164,6 @@ fn wire(plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
             rig.connect_by(info.kind, link, device, master, info.piece);
         }
     }
-    connect_phone(&mut wired, pc, (scenario, source), program)?;
-    Ok(wired)
 }
 
 /// The phone at its link: the mission's script, or somebody outside.

@@ -98,8 +98,8 @@ pub struct WallSpec {
     #[schemars(range(min = 0.0, max = 100.0))]
     #[serde(default = "white")]
     pub reflectivity: f64,
-    /// How far it rises from the floor, metres, more than 0; to the ceiling if not given. What looks
-    /// from as high or higher sees over it.
+    /// How far it rises from the floor, metres, more than 0; to the ceiling if not given. What
+    /// looks from as high or higher sees over it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.000_001))]
     pub height_m: Option<f64>,
@@ -118,8 +118,8 @@ pub struct PolygonSpec {
     #[schemars(range(min = 0.0, max = 100.0))]
     #[serde(default = "white")]
     pub reflectivity: f64,
-    /// How far it rises from the floor, metres, more than 0; to the ceiling if not given. What looks
-    /// from as high or higher sees over it.
+    /// How far it rises from the floor, metres, more than 0; to the ceiling if not given. What
+    /// looks from as high or higher sees over it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.000_001))]
     pub height_m: Option<f64>,
@@ -141,8 +141,8 @@ pub struct PillarSpec {
     #[schemars(range(min = 0.0, max = 100.0))]
     #[serde(default = "white")]
     pub reflectivity: f64,
-    /// How far it rises from the floor, metres, more than 0; to the ceiling if not given. What looks
-    /// from as high or higher sees over it.
+    /// How far it rises from the floor, metres, more than 0; to the ceiling if not given. What
+    /// looks from as high or higher sees over it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.000_001))]
     pub height_m: Option<f64>,
