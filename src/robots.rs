@@ -3,6 +3,7 @@
 //! A robot is a row of the registry: [`Robot`]. Scenarios name it; another crate adds its own with
 //! [`register`]. What an observer may ask of it travels with the rig as its [`Instruments`].
 
+mod apollo13;
 pub mod axis;
 pub mod checker;
 pub(crate) mod custom;
@@ -119,6 +120,7 @@ impl Named for dyn Robot {
 static ROBOTS: Registry<dyn Robot> = Registry::new(&[
     &rescue::RescueRobot,
     &yellow::YellowRobot,
+    &apollo13::ApolloRobot,
     &custom::CustomRobot,
     &custom::Bare,
 ]);

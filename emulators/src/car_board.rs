@@ -168,6 +168,16 @@ impl CarBoard {
         }
     }
 
+    /// The motor level that was commanded last.
+    pub const fn level(&self) -> Level {
+        self.level
+    }
+
+    /// The steering value that was commanded last, if one was.
+    pub const fn steering(&self) -> Option<Steering> {
+        self.steering
+    }
+
     fn obey(&mut self, now: Instant, byte: u8) {
         let command = match Command::decode(byte) {
             Ok(command) => command,

@@ -132,6 +132,7 @@ mod tests {
         const fn clone_world<T: Clone + Send + Sync>() {}
         const _: () = {
             clone::<crate::avr_base::AvrBase>();
+            clone::<crate::camera::Camera>();
             clone::<crate::car_board::CarBoard>();
             clone::<crate::hc06::Hc06>();
             clone::<crate::i2c::OnBus<crate::mpu6050::Mpu6050>>();

@@ -7,6 +7,7 @@
 //! | module | is |
 //! |---|---|
 //! | [`avr_base`] | register slave that owns motors, encoders and infrared sensors |
+//! | [`camera`] | depth camera with a detector of markers |
 //! | [`car_board`] | board of a model car: motor, servo, ultrasonic ranges, hall, line, battery |
 //! | [`device`] | the contract of every device |
 //! | [`hc06`] | Bluetooth radio: command and data mode, finite FIFO, slow air |
@@ -26,6 +27,7 @@
 //! | [`rng`] | named random streams from one seed |
 
 pub mod avr_base;
+pub mod camera;
 pub mod car_board;
 pub mod device;
 mod event_log;

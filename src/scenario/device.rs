@@ -1,9 +1,12 @@
 //! Devices of a scenario: each has a kind, found by name, and the settings of that kind.
 
 mod avr_base;
+mod camera;
+mod car_board;
 mod hc06;
 mod kind;
 mod mount;
+mod odometer;
 mod read;
 mod registers;
 mod rplidar;
@@ -31,11 +34,14 @@ use crate::scenario::device::scan::ScanDecoder;
 
 pub use crate::registry::NameTaken;
 pub use avr_base::{AVR_BASE, AvrBaseSpec};
+pub use camera::{CAMERA, CameraSpec, MarkerSpec};
+pub use car_board::{CAR_BOARD, CarBoardSpec};
 pub use hc06::{HC06, Hc06Spec};
 pub use kind::{
     BuildContext, Built, DeviceKind, PortInfo, Settings, ValueRow, read_settings, schema_of,
 };
 pub use mount::MountSpec;
+pub use odometer::{ODOMETER, OdometerSpec};
 pub(super) use read::read_devices;
 pub use rplidar::{MotorSpec, RPLIDAR, RplidarSpec};
 pub use touch_panel::{TOUCH_PANEL, TapSpec, TouchPanelSpec};
@@ -55,6 +61,9 @@ static KINDS: Registry<dyn DeviceKind> = Registry::new(&[
     TOUCH_PANEL,
     RPLIDAR,
     WHEEL_BOARD,
+    CAR_BOARD,
+    ODOMETER,
+    CAMERA,
     registers::REGISTERS,
     text::TEXT,
 ]);

@@ -98,6 +98,14 @@ pub struct WallSpec {
     #[schemars(range(min = 0.0, max = 100.0))]
     #[serde(default = "white")]
     pub reflectivity: f64,
+    /// How far it rises from the floor, metres, more than 0; to the ceiling if not given. What
+    /// looks from as high or higher sees over it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.000_001))]
+    pub height_m: Option<f64>,
+    /// Is not on the floor plan that a robot may be given.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub unmapped: bool,
 }
 
 /// A closed outline.
@@ -110,6 +118,14 @@ pub struct PolygonSpec {
     #[schemars(range(min = 0.0, max = 100.0))]
     #[serde(default = "white")]
     pub reflectivity: f64,
+    /// How far it rises from the floor, metres, more than 0; to the ceiling if not given. What
+    /// looks from as high or higher sees over it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.000_001))]
+    pub height_m: Option<f64>,
+    /// Is not on the floor plan that a robot may be given.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub unmapped: bool,
 }
 
 /// Round pillars of one size.
@@ -125,6 +141,14 @@ pub struct PillarSpec {
     #[schemars(range(min = 0.0, max = 100.0))]
     #[serde(default = "white")]
     pub reflectivity: f64,
+    /// How far it rises from the floor, metres, more than 0; to the ceiling if not given. What
+    /// looks from as high or higher sees over it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.000_001))]
+    pub height_m: Option<f64>,
+    /// Is not on the floor plan that a robot may be given.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub unmapped: bool,
 }
 
 /// A round obstacle that moves along a line of points at constant speed.
@@ -250,6 +274,10 @@ const fn white() -> f64 {
     1.0
 }
 
+fn height(metres: Option<f64>) -> f64 {
+    metres.unwrap_or(f64::INFINITY)
+}
+
 const fn point([x, y]: [f64; 2]) -> Point {
     Point::new(x, y)
 }
@@ -314,6 +342,20 @@ impl WorldSpec {
         })
     }
 
+    /// What is solid and on the floor plan that a robot may be given: nothing that moves or is
+    /// unmapped.
+    ///
+    /// # Errors
+    /// If something lies where it cannot.
+    pub fn mapped(&self, source: &Source) -> Result<Scene, ScenarioError> {
+        let mut mapped = self.clone();
+        mapped.wall.retain(|wall| !wall.get_ref().unmapped);
+        mapped.polygon.retain(|polygon| !polygon.get_ref().unmapped);
+        mapped.pillar.retain(|pillar| !pillar.get_ref().unmapped);
+        mapped.moving.clear();
+        mapped.scene(source)
+    }
+
     fn scene(&self, source: &Source) -> Result<Scene, ScenarioError> {
         let (fixtures, fixture_origins) = self.fixtures(source)?;
         let (obstacles, obstacle_origins) = self.obstacles(source)?;
@@ -341,11 +383,11 @@ impl WorldSpec {
     fn fixtures(&self, source: &Source) -> Result<(Vec<Fixture>, Vec<Origin>), ScenarioError> {
         let mut fixtures = Vec::new();
         let mut origins = Vec::new();
-        let mut add = |shape, reflectivity, key: &str, index: usize, span| {
+        let mut add = |shape, [reflectivity, height_m]: [f64; 2], key: &str, index: usize, span| {
             fixtures.push(Fixture {
                 shape,
                 reflectivity,
-                height_m: f64::INFINITY,
+                height_m,
             });
             origins.push(Origin {
                 key: format!("world.{key}[{index}]"),
@@ -370,14 +412,16 @@ impl WorldSpec {
                     from: point(pair[0]),
                     to: point(pair[1]),
                 };
-                add(shape, wall.reflectivity, "wall", index, spec.span());
+                let looks = [wall.reflectivity, height(wall.height_m)];
+                add(shape, looks, "wall", index, spec.span());
             }
         }
         for (index, spec) in self.polygon.iter().enumerate() {
             let polygon = spec.get_ref();
             let corners = polygon.corners_m.iter().copied().map(point).collect();
             let shape = Shape::Polygon { corners };
-            add(shape, polygon.reflectivity, "polygon", index, spec.span());
+            let looks = [polygon.reflectivity, height(polygon.height_m)];
+            add(shape, looks, "polygon", index, spec.span());
         }
         for (index, spec) in self.pillar.iter().enumerate() {
             let pillar = spec.get_ref();
@@ -386,14 +430,15 @@ impl WorldSpec {
                     center: point(at),
                     radius_m: pillar.radius_m,
                 };
-                add(shape, pillar.reflectivity, "pillar", index, spec.span());
+                let looks = [pillar.reflectivity, height(pillar.height_m)];
+                add(shape, looks, "pillar", index, spec.span());
             }
         }
         if let Some(spec) = &self.plan {
             let image: OccupancyImage = plan::read(&spec.get_ref().yaml, source)
                 .map_err(|message| source.invalid(Some(spec.span()), "world.plan", message))?;
             for shape in image.walls() {
-                add(shape, 1.0, "plan", 0, spec.span());
+                add(shape, [1.0, f64::INFINITY], "plan", 0, spec.span());
             }
         }
         Ok((fixtures, origins))

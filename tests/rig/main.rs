@@ -1,5 +1,6 @@
 //! Whole rigs in virtual time: the seed's figures, determinism, maps, behaviour under faults.
 
+mod apollo13;
 mod bench;
 mod capture;
 mod cases;

@@ -309,7 +309,7 @@ fn names_a_robot(file: &File) -> Findings {
     let names = |line: &str| {
         let line = line.trim_start().to_lowercase();
         !line.starts_with("//")
-            && ["rescue", "yellow", "xv11", "rplidar"]
+            && ["rescue", "yellow", "apollo", "xv11", "rplidar"]
                 .iter()
                 .any(|name| line.contains(name))
     };

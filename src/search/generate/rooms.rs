@@ -64,6 +64,8 @@ pub(super) fn walls(arena: &Arena, dice: &mut Draw) -> Vec<Spanned<WallSpec>> {
         let wall = WallSpec {
             path_m,
             reflectivity: 1.0,
+            height_m: None,
+            unmapped: false,
         };
         Spanned::new(0..0, wall)
     };

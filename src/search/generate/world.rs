@@ -117,6 +117,8 @@ fn obstacle(arena: &Arena, places: &[[f64; 2]], dice: &mut Draw) -> Spanned<Pill
         at_m: vec![places[dice.index(places.len())]],
         radius_m: dice.between(least, most) as f64 / 1000.0,
         reflectivity: 1.0,
+        height_m: None,
+        unmapped: false,
     };
     Spanned::new(0..0, pillar)
 }

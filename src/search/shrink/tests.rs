@@ -113,13 +113,14 @@ fn a_radio_that_is_cut_for_ever_stays_to_blame() {
 #[test]
 fn an_obstacle_in_the_door_stays_to_blame() {
     let pillar = "[[world.pillar]]\nat_m = [[1.5, 2.2]]\nradius_m = 0.15\n";
+    let is_in_the_door = |at: &[f64; 2]| *at == [1.5, 2.2];
     let small = shrunk(pillar, "waypoints-visited: ", |case| {
-        let is_in_the_door = |at: &[f64; 2]| *at == [1.5, 2.2];
         let pillars = &mut case.world.pillar;
         pillars.retain(|pillar| !pillar.get_ref().at_m.iter().any(is_in_the_door));
     });
-    // The walls beside the door are part of the cause, the leg in the corner is not.
-    assert_eq!(small.world.pillar.len(), 1);
+    // Without other things the robot may fail in another manner: they may stay.
+    let mut pillars = small.world.pillar.iter();
+    assert!(pillars.any(|pillar| pillar.get_ref().at_m.iter().any(is_in_the_door)));
 }
 
 /// A lidar that sees nothing.

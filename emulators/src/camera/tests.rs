@@ -1,0 +1,214 @@
+use core::f64::consts::PI;
+
+use protocols::perception::Message;
+
+use super::*;
+use crate::world::{BodyConfig, Fixture, Point, Pose, Shape};
+
+fn wall(x: f64, y: f64, half: f64, height_m: f64) -> Fixture {
+    let shape = Shape::Wall {
+        from: Point::new(x, y - half),
+        to: Point::new(x, y + half),
+    };
+    Fixture {
+        height_m,
+        ..shape.into()
+    }
+}
+
+/// A robot at the origin that looks along x.
+fn world(fixtures: Vec<Fixture>) -> World {
+    let scene = Scene::new(fixtures, Vec::new()).expect("sound");
+    World::new(scene, BodyConfig::default(), Pose::default(), 1).expect("free")
+}
+
+fn exact() -> CameraConfig {
+    CameraConfig {
+        noise_m: 0.0,
+        gaps: 0.0,
+        ..CameraConfig::default()
+    }
+}
+
+/// All messages of `port` of the first `ms` milliseconds.
+fn sent(camera: &mut Camera, world: &mut World, port: Port, ms: u64) -> Vec<Vec<u8>> {
+    let mut messages = Vec::new();
+    for ms in 0..=ms {
+        let now = Instant::ZERO + Duration::from_millis(ms);
+        world.advance(now);
+        camera.poll(now, world);
+        let mut buf = [0; 1472];
+        loop {
+            let len = camera.transmit(port, &mut buf);
+            if len == 0 {
+                break;
+            }
+            messages.push(buf[..len].to_vec());
+        }
+    }
+    messages
+}
+
+fn depths(message: &[u8]) -> Vec<u16> {
+    match Message::decode(message) {
+        Ok(Message::DepthRow(row)) => row.depths_mm().collect(),
+        Ok(Message::Scan(scan)) => scan.ranges_mm().collect(),
+        other => panic!("{other:?}"),
+    }
+}
+
+/// 30 rows a second of 640 columns; a wall 2 m ahead of the camera has the same depth in each. Half
+/// of 640 columns over tan(31.3 degrees) = 0.6080 is a focal length of 526.3 pixels.
+#[test]
+fn a_wall_ahead_is_a_row_of_equal_depths() {
+    let mut world = world(vec![wall(2.3, 0.0, 5.0, 2.0)]);
+    let config = CameraConfig {
+        x_m: 0.3,
+        ..exact()
+    };
+    let mut camera = Camera::new(config, 1, "camera");
+    let rows = sent(&mut camera, &mut world, Camera::SCAN, 1_000);
+    assert_eq!(rows.len(), 30);
+    let Ok(Message::DepthRow(row)) = Message::decode(&rows[0]) else {
+        panic!("no row");
+    };
+    assert_eq!(row.focal_tenths, 5_263);
+    assert!(row.depths_mm().eq([2_000; 640]));
+}
+
+/// A scan of 71 columns over 70 degrees has one a degree: 2 m ahead in the middle, 2 m / cos 35 =
+/// 2.442 m at both ends.
+#[test]
+fn a_scan_has_ranges() {
+    let mut world = world(vec![wall(2.0, 0.0, 5.0, 2.0)]);
+    let config = CameraConfig {
+        output: Output::Scan,
+        columns: 71,
+        field_rad: 70_f64.to_radians(),
+        ..exact()
+    };
+    let mut camera = Camera::new(config, 1, "camera");
+    let scans = sent(&mut camera, &mut world, Camera::SCAN, 40);
+    let Ok(Message::Scan(scan)) = Message::decode(&scans[0]) else {
+        panic!("no scan");
+    };
+    assert_eq!((scan.first_urad, scan.step_urad), (-610_865, 17_453));
+    let ranges: Vec<u16> = scan.ranges_mm().collect();
+    assert_eq!((ranges[35], ranges[0], ranges[70]), (2_000, 2_442, 2_442));
+}
+
+/// Report, page 15: a box of 30 cm is not in the scan, one of 40 cm is. Nearer than 0.45 m and
+/// farther than 10 m is nothing.
+#[test]
+fn only_what_is_high_and_in_range_is_seen() {
+    let first = |fixtures: Vec<Fixture>| {
+        let mut camera = Camera::new(exact(), 1, "camera");
+        let rows = sent(&mut camera, &mut world(fixtures), Camera::SCAN, 40);
+        depths(&rows[0])[320]
+    };
+    let behind = wall(3.0, 0.0, 5.0, 2.0);
+    assert_eq!(
+        first(vec![wall(1.0, 0.0, 1.0, 0.30), behind.clone()]),
+        3_000
+    );
+    assert_eq!(first(vec![wall(1.0, 0.0, 1.0, 0.40), behind]), 1_000);
+    assert_eq!(first(vec![wall(0.44, 0.0, 1.0, 2.0)]), 0);
+    assert_eq!(first(vec![wall(10.1, 0.0, 1.0, 2.0)]), 0);
+    assert_eq!(first(vec![wall(9.9, 0.0, 1.0, 2.0)]), 9_900);
+}
+
+/// At 2 m 1.43 mm become 5.72 mm, at 4 m 22.9 mm: of 640 values the deviation is within 10 %.
+#[test]
+fn noise_grows_with_the_square_of_the_depth() {
+    for (at_m, expected_mm) in [(2.0, 5.72), (4.0, 22.88)] {
+        let mut world = world(vec![wall(at_m, 0.0, 9.0, 2.0)]);
+        let mut camera = Camera::new(CameraConfig::default(), 7, "camera");
+        let rows = sent(&mut camera, &mut world, Camera::SCAN, 40);
+        let depths = depths(&rows[0]);
+        let found = depths.iter().filter(|mm| **mm > 0);
+        let off = found.map(|mm| f64::from(*mm) - at_m * 1e3);
+        let squares: Vec<f64> = off.map(|off| off * off).collect();
+        // 2 % of 640 columns are 13 with a deviation of 3.5.
+        assert!((600..=640).contains(&squares.len()), "{}", squares.len());
+        let deviation = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
+        assert!((deviation / expected_mm - 1.0).abs() < 0.1, "{deviation}");
+    }
+}
+
+/// A marker 1.5 m ahead, 0.3 m to the left, 0.14 m below the camera, that looks back at it: its
+/// normal has no part to the right and is -1 ahead.
+#[test]
+fn a_marker_is_told_in_the_cameras_axes() {
+    let marker = PlacedMarker {
+        id: 17,
+        at_m: [1.5, 0.3, 0.20],
+        facing_rad: PI,
+    };
+    let told = |marker: PlacedMarker, fixtures: Vec<Fixture>| {
+        let config = CameraConfig {
+            markers: vec![marker],
+            ..exact()
+        };
+        let mut camera = Camera::new(config, 1, "camera");
+        let mut messages = sent(&mut camera, &mut world(fixtures), Camera::MARKERS, 40);
+        messages.pop()
+    };
+    let message = told(marker, Vec::new()).expect("it is in view");
+    let Ok(Message::Marker(found)) = Message::decode(&message) else {
+        panic!("no marker");
+    };
+    assert_eq!((found.id, found.normal), (17, [0, -10_000]));
+    let [right, down, ahead] = found.place_mm;
+    // Four deviations of 7.5 mm.
+    assert!((right + 300).abs() <= 30 && down == 140 && (ahead - 1_500).abs() <= 30);
+    let aside = [1.5, 1.0, 0.20];
+    let away = PlacedMarker {
+        facing_rad: 0.0,
+        ..marker
+    };
+    assert_eq!(told(away, Vec::new()), None);
+    let outside = PlacedMarker {
+        at_m: aside,
+        ..marker
+    };
+    assert_eq!(told(outside, Vec::new()), None);
+    // The box that it is glued to does not hide it, one before it does, a low one does not.
+    assert!(told(marker, vec![wall(1.5, 0.3, 0.1, 0.4)]).is_some());
+    assert_eq!(told(marker, vec![wall(1.0, 0.2, 0.2, 0.4)]), None);
+    assert!(told(marker, vec![wall(1.0, 0.2, 0.2, 0.1)]).is_some());
+}
+
+#[test]
+fn faults_do_what_they_say() {
+    let mut world = world(vec![wall(2.0, 0.0, 5.0, 2.0)]);
+    let with = |fault: &str, figure| {
+        let mut camera = Camera::new(exact(), 1, "camera");
+        camera.set_fault(Instant::ZERO, fault, figure, true);
+        camera
+    };
+    let mut rows = |camera: &mut Camera| sent(camera, &mut world, Camera::SCAN, 1_000);
+    assert!(rows(&mut with("off", None)).is_empty());
+    // One at 33 ms, then one each 200 ms.
+    assert_eq!(rows(&mut with("slow", None)).len(), 5);
+    assert!(
+        depths(&rows(&mut with("blind", None))[0])
+            .iter()
+            .all(|mm| *mm == 0)
+    );
+    let half = depths(&rows(&mut with("blind", Some(0.5)))[0]);
+    // 320 with a deviation of 12.6.
+    assert!((257..383).contains(&half.iter().filter(|mm| **mm == 0).count()));
+    let garbage = rows(&mut with("garbage", None));
+    assert!(garbage.iter().all(|bytes| bytes.len() == 1_285));
+    let decoded = garbage
+        .iter()
+        .filter(|bytes| Message::decode(bytes).is_ok());
+    assert_eq!(decoded.count(), 0);
+    let mut camera = Camera::new(CameraConfig::default(), 1, "camera");
+    let before = rows(&mut camera);
+    camera.set_fault(Instant::ZERO, "stuck", None, true);
+    let mut after = Vec::new();
+    camera.take_picture(Instant::ZERO, &world);
+    after.extend(camera.out[0].pop_front());
+    assert_eq!(after.last(), before.last());
+}

@@ -1,0 +1,167 @@
+//! What the camera makes of the world.
+
+use core::f64::consts::PI;
+
+use protocols::Instant;
+use protocols::perception::Marker;
+
+use super::{Camera, CameraConfig, Output, PlacedMarker, Views, encoded};
+use crate::world::{Pose, World, wrap_angle};
+
+/// Up and down from the axis a marker is still in the picture: half of 480 rows over 525 pixels.
+const HALF_HEIGHT: f64 = 240.0 / 525.0;
+/// Recognised at these depths, metres: nearer it leaves the picture, farther it is too small.
+const MARKER_RANGE_M: [f64; 2] = [0.4, 4.0];
+/// Seen from farther aside than 70 degrees it is not recognised.
+const MARKER_ASIDE_RAD: f64 = 70.0 / 180.0 * PI;
+/// The marker lies on what holds it: that hides it only if it is nearer by this, metres.
+const MARKER_DEPTH_M: f64 = 0.05;
+/// Error of a marker's place: standard deviation, part of its depth.
+const MARKER_NOISE: f64 = 0.005;
+
+impl Views {
+    pub(super) fn of(config: &CameraConfig, world: &World) -> Self {
+        let scene = world.scene();
+        let lower = |marker: &PlacedMarker| scene.slice(marker.at_m[2].min(config.height_m));
+        Self {
+            camera: scene.slice(config.height_m),
+            markers: config.markers.iter().map(lower).collect(),
+        }
+    }
+}
+
+impl Camera {
+    /// Focal length, pixels.
+    fn focal_px(&self) -> f64 {
+        f64::from(self.config.columns) / 2.0 / libm::tan(self.config.field_rad / 2.0)
+    }
+
+    /// Where it is and looks.
+    fn pose(&self, world: &World) -> Pose {
+        let body = world.pose();
+        let place = body.offset(self.config.x_m, self.config.y_m);
+        Pose::new(place.x, place.y, body.theta + self.config.yaw_rad)
+    }
+
+    /// First bearing of a scan, counter-clockwise, and from one to the next, microradians.
+    fn bearings_urad(&self) -> (i32, i32) {
+        let steps = f64::from(self.config.columns.max(2) - 1);
+        let urad = |rad: f64| {
+            #[expect(clippy::cast_possible_truncation, reason = "at most a half turn")]
+            let whole = (rad * 1e6).round() as i32;
+            whole
+        };
+        let field = self.config.field_rad;
+        (urad(-field / 2.0), urad(field / steps))
+    }
+
+    /// The row of one picture as a message.
+    pub(super) fn measure(&mut self, now: Instant, world: &World) -> Vec<u8> {
+        let pose = self.pose(world);
+        let focal_px = self.focal_px();
+        let scan = self.bearings_urad();
+        let columns = self.config.columns;
+        let middle = (f64::from(columns) - 1.0) / 2.0;
+        let mut values = Vec::with_capacity(columns.into());
+        for column in 0..columns {
+            let (bearing, along) = match self.config.output {
+                Output::Depths => {
+                    let bearing = -libm::atan2(f64::from(column) - middle, focal_px);
+                    (bearing, libm::cos(bearing))
+                }
+                Output::Scan => {
+                    let urad = f64::from(scan.0) + f64::from(scan.1) * f64::from(column);
+                    (urad / 1e6, 1.0)
+                }
+            };
+            let [_, farthest] = self.config.range_m;
+            let view = self.views.as_ref().map(|views| &views.camera);
+            let angle = pose.theta + bearing;
+            // The range of a depth is greater than itself by 1 / cos.
+            let hit =
+                view.and_then(|view| view.cast_ray(now, pose.point(), angle, farthest / along));
+            values.push(self.value(hit.map(|hit| hit.distance * along)));
+        }
+        encoded(self.config.output, focal_px, scan, &values)
+    }
+
+    /// A true depth as it is measured, millimetres; 0 if it is not.
+    fn value(&mut self, depth_m: Option<f64>) -> u16 {
+        let gaps = self.config.gaps.max(self.faults.blind);
+        let (is_gap, error) = (self.gap_dice.chance(gaps), self.depth_noise.gauss());
+        let [least, greatest] = self.config.range_m;
+        let measured = depth_m.map(|depth| depth + error * self.config.noise_m * depth * depth);
+        let measured = measured.filter(|depth| (least..=greatest).contains(depth));
+        match measured {
+            Some(depth_m) if !is_gap => word(depth_m * 1e3),
+            _ => 0,
+        }
+    }
+
+    /// The messages of the markers in one picture.
+    pub(super) fn recognise(&mut self, now: Instant, world: &World) -> Vec<Vec<u8>> {
+        let pose = self.pose(world);
+        let mut messages = Vec::new();
+        for index in 0..self.config.markers.len() {
+            let errors = [self.marker_noise.gauss(), self.marker_noise.gauss()];
+            let marker = self.config.markers[index];
+            let seen = self.seen(marker, pose).filter(|_| self.faults.blind < 1.0);
+            let Some([right, down, ahead]) = seen else {
+                continue;
+            };
+            let [x, y, _] = marker.at_m;
+            let (dx, dy) = (x - pose.x, y - pose.y);
+            let range = libm::hypot(dx, dy);
+            let angle = libm::atan2(dy, dx);
+            let view = self.views.as_ref().map(|views| &views.markers[index]);
+            let before = range - MARKER_DEPTH_M;
+            if view.is_some_and(|view| view.cast_ray(now, pose.point(), angle, before).is_some()) {
+                continue;
+            }
+            let [aside, along] = errors.map(|error| error * MARKER_NOISE * ahead);
+            let turned = marker.facing_rad - pose.theta;
+            let told = Marker {
+                id: marker.id,
+                place_mm: [right + aside, down, ahead + along].map(millimetres),
+                normal: [-libm::sin(turned), libm::cos(turned)].map(ten_thousandths),
+            };
+            messages.push(told.encode().to_vec());
+        }
+        messages
+    }
+
+    /// Right, down and ahead of a marker that is in the picture and can be read, metres.
+    fn seen(&self, marker: PlacedMarker, pose: Pose) -> Option<[f64; 3]> {
+        let [x, y, above] = marker.at_m;
+        let (sin, cos) = libm::sincos(pose.theta);
+        let (dx, dy) = (x - pose.x, y - pose.y);
+        let (ahead, left) = (dx * cos + dy * sin, dy * cos - dx * sin);
+        let down = self.config.height_m - above;
+        let is_near = (MARKER_RANGE_M[0]..=MARKER_RANGE_M[1]).contains(&ahead);
+        let is_within = left.abs() <= ahead * libm::tan(self.config.field_rad / 2.0)
+            && down.abs() <= ahead * HALF_HEIGHT;
+        let back = libm::atan2(-dy, -dx);
+        let is_facing = wrap_angle(marker.facing_rad - back).abs() <= MARKER_ASIDE_RAD;
+        (is_near && is_within && is_facing).then_some([-left, down, ahead])
+    }
+}
+
+/// The nearest whole number in the range of a word.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "the cast stops at the limits"
+)]
+pub(super) const fn word(value: f64) -> u16 {
+    value.round() as u16
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "a few metres")]
+const fn millimetres(metres: f64) -> i32 {
+    (metres * 1e3).round() as i32
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "at most one")]
+const fn ten_thousandths(part: f64) -> i16 {
+    (part * 1e4).round() as i16
+}

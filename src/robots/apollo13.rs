@@ -1,0 +1,311 @@
+//! Apollo 13, a model car of 2016: Ackermann steering, two serial boards, a depth camera, a phone.
+//!
+//! | link | device end | master end |
+//! |---|---|---|
+//! | `car` | board of the car | program, 115200 baud |
+//! | `odometer` | microcontroller with encoder and gyroscope | program, 115200 baud |
+//! | `scan` | camera, rows of depths | program, messages |
+//! | `markers` | camera, markers | program, messages |
+//! | `remote` | phone | program, packets of Open Sound Control |
+//!
+//! The program is given a floor plan: what of the world is higher than the camera and not unmapped.
+
+mod defects;
+mod floor;
+mod instruments;
+mod phone;
+mod script;
+
+use emulators::car_board;
+use emulators::world::{Ackermann, Chassis};
+use firmware_core::Master as _;
+use firmware_core::ackermann::CarPose;
+use firmware_core::robots::apollo13::wall::Side;
+use firmware_core::robots::apollo13::{Apollo13, Config};
+
+use super::{Alone, Dut, PcEnd, ProgramPort, Robot, WirePlan, Wired};
+use crate::rig::line::End;
+use crate::rig::{LinkKind, Rig};
+use crate::scenario::device::{
+    Built, CAMERA, CAR_BOARD, CameraSpec, MountSpec, ODOMETER, OdometerSpec,
+};
+use crate::scenario::{DeviceSpec, Scenario, ScenarioError, Source};
+
+use instruments::ApolloInstruments;
+use phone::Phone;
+use script::Script;
+
+/// Name of the phone, as a device and as an open end.
+const PHONE: &str = "phone";
+const REMOTE: &str = "remote";
+const LINKS: [&str; 5] = ["car", "odometer", "scan", "markers", REMOTE];
+/// Devices, each with its kind.
+const DEVICES: [(&str, &str); 3] = [
+    ("car", "car-board"),
+    ("odometer", "odometer"),
+    ("camera", "camera"),
+];
+
+/// The camera sits 0.18 m ahead of the car's middle, that is of half of the wheelbase, and 0.34 m
+/// above the floor (the car's own transforms).
+const CAMERA_AHEAD_M: f64 = 0.18 + 0.129;
+const CAMERA_HEIGHT_M: f64 = 0.34;
+/// Distance from a wall that is followed (seed 003).
+const WALL_M: f64 = 0.40;
+/// Walls that are followed in autonomous driving without a goal, by the name of the start mode.
+const WALLS: [(&str, Side); 2] = [("wall-left", Side::Left), ("wall-right", Side::Right)];
+
+/// Situations that a campaign must bring about: what each link can do to the program.
+const SITUATIONS: [&str; 6] = [
+    "board bad frames",
+    "odometer bad lines",
+    "messages without meaning",
+    "remote bad packets",
+    "obstacles too near",
+    "gates passed",
+];
+
+/// The robot.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ApolloRobot;
+
+impl Robot for ApolloRobot {
+    fn name(&self) -> &'static str {
+        "apollo13"
+    }
+
+    fn about(&self) -> &'static str {
+        "model car with ultrasound, odometer and depth camera; a phone drives it or orders goals"
+    }
+
+    fn chassis(
+        &self,
+        scenario: &Scenario,
+        source: &Source,
+    ) -> Result<Option<Box<dyn Chassis>>, ScenarioError> {
+        if scenario.chassis.is_some() {
+            let message = "expected none: this robot has a chassis of its own";
+            return Err(source.invalid(source.find("chassis"), "chassis", message));
+        }
+        let chassis = Ackermann::new(car_board::chassis(), scenario.seed)
+            .map_err(|error| source.invalid(None, "robot", error.to_string()))?;
+        Ok(Some(Box::new(chassis)))
+    }
+
+    fn wire(&self, plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
+        wire(plan)
+    }
+
+    fn program(
+        &self,
+        scenario: &Scenario,
+        source: &Source,
+    ) -> Result<Option<Alone>, ScenarioError> {
+        alone(scenario, source).map(Some)
+    }
+
+    fn situations(&self) -> &'static [&'static str] {
+        &SITUATIONS
+    }
+}
+
+fn wire(plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
+    let WirePlan {
+        scenario,
+        source,
+        world,
+        dut,
+        pc,
+    } = plan;
+    check_names(scenario, source)?;
+    let config = config(scenario, source)?;
+    let car = scenario.build_device("car", CAR_BOARD, source)?;
+    if let Some(spec) = scenario.device.get("car") {
+        spec.check("car", source, car.device.as_ref(), &world)?;
+    }
+    let odometer = scenario.build_device("odometer", ODOMETER, source)?;
+    let camera = camera(scenario, source)?;
+    let mut wired = Wired::new(Rig::new(world), ApolloInstruments);
+    let program = match dut {
+        Dut::Internal => {
+            let program = Box::new(Apollo13::new(config));
+            Some(wired.rig.add_program("program", program))
+        }
+        Dut::External => None,
+    };
+    let devices = [("car", car), ("odometer", odometer), ("camera", camera)];
+    connect_devices(&mut wired, devices, program);
+    connect_phone(&mut wired, pc, (scenario, source), program)?;
+    Ok(wired)
+}
+
+/// The devices at their links, each port with the program's or an open end.
+fn connect_devices(wired: &mut Wired, devices: [(&'static str, Built); 3], program: Option<usize>) {
+    let ports = [Apollo13::CAR, Apollo13::ODOMETER, Apollo13::SCAN];
+    let mut links = LINKS.into_iter();
+    for ((name, built), first) in devices.into_iter().zip(ports) {
+        let node = wired.rig.add_boxed_device(name, built.device);
+        for (info, link) in built.ports.into_iter().zip(links.by_ref()) {
+            let port = match link {
+                "markers" => Apollo13::MARKERS,
+                _ => first,
+            };
+            let device = End {
+                node,
+                port: info.port,
+            };
+            let master = match program {
+                Some(node) => End { node, port },
+                None => wired.open_end(link, info.line, info.connect),
+            };
+            wired.set_optional(master, info.is_optional);
+            wired.set_rate(master, info.rate);
+            let rig = &mut wired.rig;
+            rig.connect_by(info.kind, link, device, master, info.piece);
+        }
+    }
+}
+
+/// The phone at its link: the mission's script, or somebody outside.
+fn connect_phone(
+    wired: &mut Wired,
+    pc: PcEnd,
+    (scenario, source): (&Scenario, &Source),
+    program: Option<usize>,
+) -> Result<(), ScenarioError> {
+    let phone = Phone::new(Script::of(&scenario.mission, source)?);
+    let is_idle = !scenario.mission.gives_orders();
+    let far = match pc {
+        PcEnd::Scripted => End {
+            node: wired.rig.add_device(PHONE, phone),
+            port: Phone::NETWORK,
+        },
+        PcEnd::External => {
+            let end = wired.open_end(PHONE, Phone::LINE, "your own remote control");
+            if let Some(open) = wired.open_ends.last_mut() {
+                REMOTE.clone_into(&mut open.link);
+            }
+            end
+        }
+    };
+    wired.set_optional(far, is_idle);
+    let near = match program {
+        Some(node) => End {
+            node,
+            port: Apollo13::REMOTE,
+        },
+        None => wired.open_end(REMOTE, Phone::LINE, "the robot's port for its remote"),
+    };
+    wired.set_optional(near, is_idle);
+    let rig = &mut wired.rig;
+    rig.connect_by(LinkKind::Datagram, REMOTE, far, near, 1);
+    Ok(())
+}
+
+/// The program by itself.
+fn alone(scenario: &Scenario, source: &Source) -> Result<Alone, ScenarioError> {
+    check_names(scenario, source)?;
+    let program = Apollo13::new(config(scenario, source)?);
+    let ports = [
+        Apollo13::CAR,
+        Apollo13::ODOMETER,
+        Apollo13::SCAN,
+        Apollo13::MARKERS,
+        Apollo13::REMOTE,
+    ];
+    let port = |(name, port)| ProgramPort {
+        name,
+        port,
+        line: program.line_config(port),
+        is_optional: port == Apollo13::MARKERS,
+    };
+    let ports = LINKS.into_iter().zip(ports).map(port).collect();
+    Ok(Alone {
+        program: Box::new(program),
+        ports,
+    })
+}
+
+/// The camera where the car has it, unless the scenario says otherwise.
+fn camera(scenario: &Scenario, source: &Source) -> Result<Built, ScenarioError> {
+    let plain = || {
+        let plain = DeviceSpec::plain(CAMERA);
+        plain.map_err(|error| source.invalid(None, "device.camera.camera", error.message()))
+    };
+    let mut spec = match scenario.device.get("camera") {
+        Some(spec) => spec.clone(),
+        None => plain()?,
+    };
+    if let Some(settings) = spec.settings_mut::<CameraSpec>() {
+        settings.mount.get_or_insert(MountSpec {
+            x_m: CAMERA_AHEAD_M,
+            ..MountSpec::default()
+        });
+        settings.height_m.get_or_insert(CAMERA_HEIGHT_M);
+    }
+    spec.build("camera", scenario.seed, source)
+}
+
+fn check_names(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError> {
+    for (name, spec) in &scenario.device {
+        let found = DEVICES.iter().find(|(known, _)| known == name);
+        let message = match found {
+            Some((_, kind)) if spec.kind() == *kind => continue,
+            Some((_, kind)) => format!("is of kind {}, expected {kind}", spec.kind()),
+            None if spec.is_own() => continue,
+            None => {
+                let known = DEVICES.map(|(name, _)| name).join(", ");
+                format!("no such device; apollo13 has {known}")
+            }
+        };
+        return Err(source.invalid(source.find(name), format!("device.{name}"), message));
+    }
+    for name in scenario.link.keys() {
+        let is_own = scenario.device.contains_key(name);
+        if !is_own && !LINKS.contains(&name.as_str()) {
+            let message = format!("no such link; apollo13 has {}", LINKS.join(", "));
+            return Err(source.invalid(source.find(name), format!("link.{name}"), message));
+        }
+    }
+    Ok(())
+}
+
+/// What the car is told once: its start, its floor plan, what its odometer prints.
+fn config(scenario: &Scenario, source: &Source) -> Result<Config, ScenarioError> {
+    let start = scenario.world.start_pose();
+    let wall = match &scenario.program.start_mode {
+        None => None,
+        Some(name) => {
+            let found = WALLS.iter().find(|(known, _)| known == name);
+            let (_, side) = found.ok_or_else(|| {
+                let known = WALLS.map(|(name, _)| name).join(" or ");
+                let message = format!("is \"{name}\", expected {known}, or none: the phone orders");
+                source.invalid(source.find("start_mode"), "program.start_mode", message)
+            })?;
+            Some((*side, WALL_M))
+        }
+    };
+    let odometer = scenario.device.get("odometer");
+    let lines = odometer.and_then(DeviceSpec::settings::<OdometerSpec>);
+    let mut config = Config {
+        start: CarPose {
+            x_m: start.x,
+            y_m: start.y,
+            heading_rad: start.theta,
+        },
+        floor: floor::plan(&scenario.world, CAMERA_HEIGHT_M, source)?,
+        dialect: lines.map_or_else(protocols::odometer::Dialect::default, |spec| {
+            spec.program.dialect().unwrap_or_default()
+        }),
+        wall,
+        seed: scenario.seed,
+        ..Config::default()
+    };
+    for id in &scenario.program.defects {
+        if !defects::switch_on(&mut config.defects, id.get_ref()) {
+            let known: Vec<&str> = defects::ids().collect();
+            return Err(source.unknown("program.defects", id, &known));
+        }
+    }
+    Ok(config)
+}

@@ -1,0 +1,125 @@
+//! What may be asked of the robot.
+
+use emulators::car_board::{CarBoard, steering};
+use firmware_core::robots::apollo13::Apollo13;
+use protocols::car_board::{Level, Steering};
+
+use super::PHONE;
+use super::phone::Phone;
+use crate::rig::Rig;
+use crate::robots::{Axis, Instruments, Panel, PanelRow, Station};
+
+/// The robot's instruments.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ApolloInstruments;
+
+fn board(rig: &Rig) -> Option<&CarBoard> {
+    rig.device("car")
+}
+
+fn program(rig: &Rig) -> Option<&Apollo13> {
+    rig.program_as()
+}
+
+impl Instruments for ApolloInstruments {
+    /// As the board took them: a motor level, and a steering value whose actual figure is the
+    /// nearest one of the angle that the wheels have.
+    fn axes(&self, rig: &Rig) -> Vec<Axis> {
+        let Some(board) = board(rig) else {
+            return Vec::new();
+        };
+        let actuators = rig.world.actuators();
+        let place = actuators.iter().position(|it| it.name == "steering");
+        let angle = place.map(|index| rig.world.chassis().actual(index).to_degrees());
+        let value = angle.and_then(steering::nearest).map(|it| it.get().into());
+        let [level_max, steering_max] = [Level::RANGE[1], Steering::RANGE[1]].map(f64::from);
+        vec![
+            Axis {
+                name: "motor level".into(),
+                unit: "",
+                set_point: board.level().get().into(),
+                limit: Some(level_max),
+                actual: None,
+            },
+            Axis {
+                name: "steering".into(),
+                unit: "",
+                set_point: board.steering().map_or(0.0, |value| value.get().into()),
+                limit: Some(steering_max),
+                actual: value,
+            },
+        ]
+    }
+
+    fn panels(&self, rig: &Rig) -> Vec<Panel> {
+        let panels = [
+            ("board", program(rig).map_or(Vec::new(), board_rows)),
+            ("planner", program(rig).map_or(Vec::new(), planner_rows)),
+            ("phone", phone_rows(rig)),
+        ];
+        let panels = panels.into_iter().filter(|(_, rows)| !rows.is_empty());
+        let panel = |(name, rows): (&str, Vec<PanelRow>)| Panel {
+            name: name.to_owned(),
+            rows,
+        };
+        panels.map(panel).collect()
+    }
+
+    fn station<'a>(&'a self, rig: &'a Rig) -> Option<&'a dyn Station> {
+        let phone = rig.device::<Phone>(PHONE)?;
+        Some(phone)
+    }
+
+    fn station_mut<'a>(&'a self, rig: &'a mut Rig) -> Option<&'a mut dyn Station> {
+        let phone = rig.device_mut::<Phone>(PHONE)?;
+        Some(phone)
+    }
+}
+
+fn row(name: &'static str, value: impl ToString, unit: &'static str) -> PanelRow {
+    PanelRow {
+        name: name.into(),
+        address: None,
+        value: value.to_string(),
+        unit: unit.into(),
+    }
+}
+
+/// What the program heard of the board.
+fn board_rows(program: &Apollo13) -> Vec<PanelRow> {
+    let names = ["ultrasound ahead", "ultrasound right", "ultrasound left"];
+    let ranges = names.into_iter().zip(program.ultrasound_m());
+    let shown = |range: Option<f64>| range.map_or_else(|| "-".to_owned(), |m| format!("{m:.2}"));
+    let ranges = ranges.map(|(name, range)| row(name, shown(range), "m"));
+    let battery = format!("{:.2}", f64::from(program.battery_mv()) / 1e3);
+    ranges.chain([row("battery", battery, "V")]).collect()
+}
+
+fn planner_rows(program: &Apollo13) -> Vec<PanelRow> {
+    let pilot = program.pilot();
+    let goal = pilot.goal().map_or_else(
+        || "-".to_owned(),
+        |goal| format!("{:.2}, {:.2}", goal.x_m, goal.y_m),
+    );
+    let gates = program.gates();
+    vec![
+        row("goal", goal, "m"),
+        row("goal state", format!("{:?}", pilot.state()), ""),
+        row("plans", pilot.plans(), ""),
+        row("way", pilot.path().len(), "poses"),
+        row("particles", program.particles().len(), ""),
+        row("markers", gates.markers().count(), ""),
+        row("gates passed", gates.passed().len(), ""),
+    ]
+}
+
+fn phone_rows(rig: &Rig) -> Vec<PanelRow> {
+    let Some(phone) = rig.device::<Phone>(PHONE) else {
+        return Vec::new();
+    };
+    let (goals, next) = phone.goals();
+    vec![
+        row("goals", goals.len(), ""),
+        row("goals reached", next.min(goals.len()), ""),
+    ]
+}

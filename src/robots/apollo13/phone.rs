@@ -1,0 +1,311 @@
+//! The phone: an app with faders and toggles, and the person who holds it and watches the car.
+//!
+//! Addresses are those of the car's layout: `/1/speed`, `/1/direction`, `/1/kill`,
+//! `/modes/toggle4`, `/modes/follow_aruco`. Goals, which in the seed are set by mouse on the PC, go
+//! as `/goal` with x, y and heading. The person sends the next goal when the car has come to rest
+//! near the last one, and the same once more when it rests elsewhere.
+
+use core::time::Duration;
+use std::collections::VecDeque;
+
+use emulators::world::{Pose, World};
+use emulators::{Device, Event, EventKind};
+use firmware_core::map_view::MapView;
+use protocols::{Instant, LineConfig, Port};
+use rosc::{OscMessage, OscPacket, OscType};
+
+use super::script::{MODES, Mode, Script, Wish};
+use crate::robots::station::DriveKeys;
+use crate::robots::{Gesture, Station, StationView};
+use crate::scenario::{Action, SetPoint, Step};
+
+/// The app tells that it is there.
+const PING: Duration = Duration::from_millis(500);
+/// Between two looks at the car.
+const LOOK: Duration = Duration::from_millis(100);
+/// So near a goal the car is there, metres: what its follower is content with.
+const NEAR_M: f64 = 0.30;
+/// It has come to rest.
+const RESTED: Duration = Duration::from_millis(1_500);
+/// It has given up.
+const GAVE_UP: Duration = Duration::from_secs(12);
+/// Steering value of straight ahead.
+const STRAIGHT: i8 = 8;
+
+/// The phone.
+#[derive(Clone, Debug)]
+pub(super) struct Phone {
+    script: Script,
+    connected: bool,
+    mode: Option<Mode>,
+    by_hand: [i8; 2],
+    goals: Vec<[f64; 2]>,
+    /// The goal on the way, of `goals`.
+    goal: usize,
+    /// The goal is to be sent.
+    is_news: bool,
+    rests_since: Option<Instant>,
+    look_at: Option<Instant>,
+    ping_at: Option<Instant>,
+    out: VecDeque<Vec<u8>>,
+    events: VecDeque<Event>,
+}
+
+impl Phone {
+    /// The wireless network.
+    pub(super) const NETWORK: Port = Port(0);
+    /// 54 Mbit/s at best.
+    pub(super) const LINE: LineConfig = LineConfig::new_8n1(20_000_000);
+
+    pub(super) fn new(script: Script) -> Self {
+        Self {
+            script,
+            connected: false,
+            mode: None,
+            by_hand: [0, STRAIGHT],
+            goals: Vec::new(),
+            goal: 0,
+            is_news: false,
+            rests_since: None,
+            look_at: None,
+            ping_at: None,
+            out: VecDeque::new(),
+            events: VecDeque::new(),
+        }
+    }
+
+    /// The goals, and which of them is on the way.
+    pub(super) fn goals(&self) -> (&[[f64; 2]], usize) {
+        (&self.goals, self.goal)
+    }
+
+    fn say(&mut self, address: &str, values: &[f32]) {
+        let packet = OscPacket::Message(OscMessage {
+            addr: address.to_owned(),
+            args: values.iter().map(|value| OscType::Float(*value)).collect(),
+        });
+        if let Ok(bytes) = rosc::encoder::encode(&packet)
+            && self.connected
+        {
+            self.out.push_back(bytes);
+        }
+    }
+
+    fn note(&mut self, at: Instant, rule: &'static str, detail: String) {
+        self.events.push_back(Event {
+            at,
+            kind: EventKind::Note,
+            rule,
+            detail,
+            bytes: Vec::new(),
+        });
+    }
+
+    fn wish(&mut self, now: Instant, wish: Wish) {
+        match wish {
+            Wish::Connect => {
+                self.connected = true;
+                self.ping_at = Some(now);
+            }
+            Wish::Disconnect => {
+                self.connected = false;
+                self.ping_at = None;
+            }
+            Wish::Goals(goals) => {
+                (self.goals, self.goal) = (goals, 0);
+                self.is_news = self.mode == Some(Mode::Autonomous);
+            }
+            Wish::Mode(mode) => self.order(mode),
+            Wish::Drive(by_hand) => {
+                if self.mode != Some(Mode::Remote) {
+                    self.order(Mode::Remote);
+                }
+                self.by_hand = by_hand;
+                let [level, value] = by_hand.map(f32::from);
+                self.say("/1/direction", &[value]);
+                self.say("/1/speed", &[level]);
+            }
+        }
+        self.rests_since = None;
+        self.look_at = Some(now);
+    }
+
+    fn order(&mut self, mode: Mode) {
+        self.mode = Some(mode);
+        self.by_hand = [0, STRAIGHT];
+        let [auto, gates]: [f32; 2] = match mode {
+            Mode::Stop => return self.say("/1/kill", &[1.0]),
+            Mode::Remote => [0.0, 0.0],
+            Mode::Autonomous => [1.0, 0.0],
+            Mode::Gates => [0.0, 1.0],
+        };
+        // Never both at once: what is switched off comes first.
+        self.say("/1/speed", &[0.0]);
+        let mut toggles = [("/modes/toggle4", auto), ("/modes/follow_aruco", gates)];
+        toggles.sort_by(|one, other| one.1.total_cmp(&other.1));
+        for (address, value) in toggles {
+            self.say(address, &[value]);
+        }
+        self.say("/1/kill", &[0.0]);
+        self.is_news = mode == Mode::Autonomous;
+    }
+
+    /// Looks at the car: whether it has arrived, or stands elsewhere.
+    fn watch(&mut self, now: Instant, world: &World) {
+        let Some(&[x, y]) = self.goals.get(self.goal) else {
+            return;
+        };
+        let car = world.pose();
+        if core::mem::take(&mut self.is_news) {
+            // Ahead is where one comes from.
+            let before = self.goal.checked_sub(1).and_then(|it| self.goals.get(it));
+            let [from_x, from_y] = before.copied().unwrap_or([car.x, car.y]);
+            let heading = libm::atan2(y - from_y, x - from_x);
+            #[expect(clippy::cast_possible_truncation, reason = "metres fit an f32")]
+            let values = [x, y, heading].map(|value| value as f32);
+            self.say("/goal", &values);
+            self.note(now, "goal-sent", format!("{x:.2}, {y:.2} m"));
+            self.rests_since = None;
+            return;
+        }
+        if world.is_moving() {
+            self.rests_since = None;
+            return;
+        }
+        let rested = now - *self.rests_since.get_or_insert(now);
+        let off_m = libm::hypot(x - car.x, y - car.y);
+        if off_m <= NEAR_M && rested >= RESTED {
+            let detail = format!("{x:.2}, {y:.2} m, {off_m:.2} m off");
+            self.note(now, "goal-reached", detail);
+            self.goal += 1;
+            self.is_news = true;
+        } else if rested >= GAVE_UP {
+            self.note(now, "goal-again", format!("stands {off_m:.2} m off"));
+            self.is_news = true;
+        }
+    }
+}
+
+impl Device for Phone {
+    /// The car tells it nothing.
+    fn receive(&mut self, _port: Port, _now: Instant, _bytes: &[u8]) {}
+
+    fn poll(&mut self, now: Instant, world: &mut World) {
+        while let Some(wish) = self.script.take(now) {
+            self.wish(now, wish);
+        }
+        if self.ping_at.take_if(|at| *at <= now).is_some() {
+            self.ping_at = Some(now + PING);
+            self.say("/ping", &[]);
+        }
+        if self.look_at.is_some_and(|at| at <= now) {
+            let is_driving = self.connected && self.mode == Some(Mode::Autonomous);
+            if is_driving {
+                self.watch(now, world);
+            }
+            self.look_at = is_driving.then_some(now + LOOK);
+        }
+    }
+
+    /// One packet at a time.
+    fn transmit(&mut self, _port: Port, buf: &mut [u8]) -> usize {
+        let Some(packet) = self.out.pop_front() else {
+            return 0;
+        };
+        let len = packet.len().min(buf.len());
+        buf[..len].copy_from_slice(&packet[..len]);
+        len
+    }
+
+    fn poll_at(&self) -> Option<Instant> {
+        let times = [self.script.due(), self.look_at, self.ping_at];
+        times.into_iter().flatten().min()
+    }
+
+    fn line_config(&self, _port: Port) -> LineConfig {
+        Self::LINE
+    }
+
+    fn take_events(&mut self) -> Vec<Event> {
+        self.events.drain(..).collect()
+    }
+}
+
+impl Station for Phone {
+    fn modes(&self) -> &'static [&'static str] {
+        const NAMES: [&str; 4] = [MODES[0].0, MODES[1].0, MODES[2].0, MODES[3].0];
+        &NAMES
+    }
+
+    /// Level 2 is 0.22 m/s; half of the steering either way. Straight ahead is 8, not 0.
+    fn keys(&self) -> Option<DriveKeys> {
+        Some(DriveKeys {
+            ahead: SetPoint::list([2, 8]),
+            left: SetPoint::list([0, -30]),
+            limit: SetPoint::list([10, 50]),
+        })
+    }
+
+    fn view(&self, _now: Instant) -> StationView {
+        let millimetres = |metres: f64| {
+            #[expect(
+                clippy::cast_possible_truncation,
+                reason = "the cast stops at the limits of 16 bits"
+            )]
+            let whole = (metres * 1_000.0).round() as i16;
+            whole
+        };
+        let by_hand = match self.mode {
+            Some(Mode::Remote) => SetPoint::list(self.by_hand),
+            _ => Vec::new(),
+        };
+        StationView {
+            connection: match self.connected {
+                true => "connected",
+                false => "closed",
+            },
+            waypoints: self.goals.iter().map(|at| at.map(millimetres)).collect(),
+            confirmed: true,
+            order: self.mode.map(|mode| (mode.name(), by_hand)),
+            ..StationView::default()
+        }
+    }
+
+    fn map(&self) -> Option<MapView<'_>> {
+        None
+    }
+
+    fn stated_pose(&self) -> Option<Pose> {
+        None
+    }
+
+    fn answer(&self, gesture: Gesture) -> Result<Action, String> {
+        let mut goals = self.goals.clone();
+        let metres = |at: [i32; 2]| at.map(|mm| f64::from(mm) / 1_000.0);
+        let gone = || "the list of goals has changed meanwhile".to_owned();
+        match gesture {
+            Gesture::Connect => return Ok(Action::Connect),
+            Gesture::Disconnect => return Ok(Action::Disconnect),
+            Gesture::Mode(mode) => return Ok(Action::Mode(mode)),
+            Gesture::Drive(set_points) => return Ok(Action::Drive(set_points)),
+            Gesture::Clear => goals.clear(),
+            Gesture::Add { at } => goals.push(metres(at)),
+            Gesture::Move { index, to, .. } => {
+                *goals.get_mut(index).ok_or_else(gone)? = metres(to);
+            }
+            Gesture::Delete { index, .. } => {
+                goals.get(index).ok_or_else(gone)?;
+                goals.remove(index);
+            }
+        }
+        Ok(Action::WaypointsM(goals))
+    }
+
+    fn insert_step(&mut self, mission: usize, index: usize, step: &Step) -> Result<(), String> {
+        let wish = Wish::of(&step.action)?;
+        let others = self.script.len().saturating_sub(mission);
+        let at = step.at.unwrap_or_default().instant();
+        self.script.insert(others + index, at, wish);
+        Ok(())
+    }
+}

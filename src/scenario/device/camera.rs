@@ -1,0 +1,169 @@
+//! `camera`: a depth camera with a detector of markers.
+
+use emulators::camera::{Camera, CameraConfig, Output, PlacedMarker, RATE};
+use protocols::LineConfig;
+use schemars::{JsonSchema, Schema, SchemaGenerator};
+use serde::{Deserialize, Serialize};
+use toml::de::ValueDeserializer;
+
+use super::{
+    BuildContext, Built, DeviceKind, MountSpec, PortInfo, Settings, read_settings, schema_of,
+};
+use crate::rig::LinkKind;
+use crate::scenario::{ScenarioError, Span};
+
+/// Settings of a depth camera.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CameraSpec {
+    /// Where it sits on the robot; in the middle, looking ahead, if not given. The robot's program
+    /// is not told.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mount: Option<MountSpec>,
+    /// Above the floor, metres, 0 to 5; 0.34 if not given. It does not see what is no higher.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 5.0))]
+    pub height_m: Option<f64>,
+    /// Horizontal field of view, degrees, 1 to 120; 62.6 if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1.0, max = 120.0))]
+    pub field_deg: Option<f64>,
+    /// Columns of a row, 2 to 700; 640 if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 2, max = 700))]
+    pub columns: Option<u16>,
+    /// From one picture to the next; 33.3 ms if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub period: Option<Span>,
+    /// Standard deviation of a depth at 1 m, metres, 0 to 0.1; 0.00143 if not given. It grows with
+    /// the square of the depth.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 0.1))]
+    pub noise_m: Option<f64>,
+    /// Share of the columns that have no depth, 0 to 1; 0.02 if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub gaps: Option<f64>,
+    /// Sends scans, ranges at even bearings, instead of rows of depths.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub scans: bool,
+    /// The markers that there are.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub marker: Vec<MarkerSpec>,
+}
+
+/// A marker in the world, which the camera recognises.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MarkerSpec {
+    /// Its number.
+    pub id: u16,
+    /// Where its middle is, metres: x, y, and above the floor.
+    pub at_m: [f64; 3],
+    /// Which way it looks, degrees counter-clockwise from +x.
+    pub facing_deg: f64,
+}
+
+const EXAMPLE: &str = r#"[device.camera.camera]
+mount = { x_m = 0.1, heading_deg = 5 }
+height_m = 0.34
+field_deg = 70
+columns = 351
+period = "100ms"
+noise_m = 0.002
+gaps = 0.05
+scans = true
+
+[[device.camera.camera.marker]]
+id = 10
+at_m = [2.0, 1.0, 0.2]
+facing_deg = 180
+"#;
+
+/// The kind `camera`.
+pub const CAMERA: &dyn DeviceKind = &CameraKind;
+
+struct CameraKind;
+
+impl DeviceKind for CameraKind {
+    fn name(&self) -> &'static str {
+        "camera"
+    }
+
+    fn about(&self) -> &'static str {
+        "Depth camera with a detector of markers"
+    }
+
+    fn example(&self) -> &'static str {
+        EXAMPLE
+    }
+
+    fn schema(&self, generator: &mut SchemaGenerator) -> Schema {
+        schema_of::<CameraSpec>(generator)
+    }
+
+    fn parse(&self, settings: ValueDeserializer<'_>) -> Result<Box<dyn Settings>, toml::de::Error> {
+        read_settings::<CameraSpec>(settings)
+    }
+
+    fn build(&self, context: &BuildContext<'_>) -> Result<Built, ScenarioError> {
+        let spec: &CameraSpec = context.settings()?;
+        let config = spec.config(context)?;
+        let line = LineConfig::new_8n1(RATE);
+        let port = |name, port, connect| {
+            PortInfo::uart(name, port, line, connect)
+                .on(LinkKind::Datagram)
+                .at_any_rate(line)
+        };
+        Ok(Built {
+            device: Box::new(Camera::new(config, context.seed, context.name)),
+            ports: vec![
+                port("scan", Camera::SCAN, "the robot's input for scans"),
+                port("markers", Camera::MARKERS, "the robot's input for markers").optional(),
+            ],
+        })
+    }
+}
+
+impl CameraSpec {
+    fn config(&self, context: &BuildContext<'_>) -> Result<CameraConfig, ScenarioError> {
+        let mount = self.mount.unwrap_or_default();
+        mount.check(context)?;
+        context.within("height_m", self.height_m, 0.0..=5.0)?;
+        context.within("field_deg", self.field_deg, 1.0..=120.0)?;
+        context.within("columns", self.columns.map(f64::from), 2.0..=700.0)?;
+        context.within("noise_m", self.noise_m, 0.0..=0.1)?;
+        context.within("gaps", self.gaps, 0.0..=1.0)?;
+        let period_s = self.period.map(|period| period.0.as_secs_f64());
+        context.within("period", period_s, 0.001..=60.0)?;
+        for marker in &self.marker {
+            let [x, y, z] = marker.at_m;
+            let farthest = [x, y, z, marker.facing_deg / 10.0].map(f64::abs);
+            let farthest = farthest.into_iter().fold(0.0, f64::max);
+            context.within("marker.at_m", Some(farthest), 0.0..=1_000.0)?;
+        }
+        let usual = CameraConfig::default();
+        let marker = |marker: &MarkerSpec| PlacedMarker {
+            id: marker.id,
+            at_m: marker.at_m,
+            facing_rad: marker.facing_deg.to_radians(),
+        };
+        Ok(CameraConfig {
+            x_m: mount.x_m,
+            y_m: mount.y_m,
+            yaw_rad: mount.heading_deg.to_radians(),
+            height_m: self.height_m.unwrap_or(usual.height_m),
+            field_rad: self.field_deg.map_or(usual.field_rad, f64::to_radians),
+            columns: self.columns.unwrap_or(usual.columns),
+            period: self.period.map_or(usual.period, |period| period.0),
+            noise_m: self.noise_m.unwrap_or(usual.noise_m),
+            gaps: self.gaps.unwrap_or(usual.gaps),
+            output: match self.scans {
+                true => Output::Scan,
+                false => Output::Depths,
+            },
+            markers: self.marker.iter().map(marker).collect(),
+            ..usual
+        })
+    }
+}
