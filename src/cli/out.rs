@@ -1,22 +1,23 @@
 //! Standard output of the commands. A reader who has seen enough, such as `head -1`, ends no
 //! command: what follows is not written, and work and exit code stay what they are.
 
-use std::fmt::Arguments;
+use core::fmt::Arguments;
+use core::sync::atomic::{AtomicBool, Ordering};
 use std::io::{self, ErrorKind, Write as _};
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Whether somebody was told that standard output cannot be written.
 static TOLD: AtomicBool = AtomicBool::new(false);
 
 /// Writes `text`. Other errors than a closed pipe, a full disk for one, are told once.
 pub(super) fn write(text: Arguments<'_>) {
-    match io::stdout().lock().write_fmt(text) {
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-            if !TOLD.swap(true, Ordering::Relaxed) {
-                eprintln!("cannot write to standard output: {error}");
-            }
-        }
-        _ => {}
+    let written = io::stdout().lock().write_fmt(text);
+    let failed = written
+        .err()
+        .filter(|error| error.kind() != ErrorKind::BrokenPipe);
+    if let Some(error) = failed
+        && !TOLD.swap(true, Ordering::Relaxed)
+    {
+        eprintln!("cannot write to standard output: {error}");
     }
 }
 

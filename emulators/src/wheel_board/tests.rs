@@ -143,7 +143,8 @@ fn the_right_wheel_is_mirrored() {
 #[test]
 fn counters_wrap() {
     let mut bench = bench(motors_alike(), &[]);
-    let duty = 5_000 + (1e4 / 24.0 * 254.65 / 40.0) as u16;
+    // 10,000 / 24 V of 254.65 rpm / 40 rpm/V: 2,652.
+    let duty = 5_000 + 2_652;
     bench.set(forward(duty, duty));
     bench.run(16_000);
     let (first, last) = (bench.samples[0].counters[0], bench.last().counters[0]);

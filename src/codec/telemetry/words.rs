@@ -119,7 +119,7 @@ fn pose(pose: Pose) -> String {
 
 /// With three digits at most behind the point.
 fn rounded(value: f32) -> String {
-    let value = libm::round(f64::from(value) * 1_000.0) / 1_000.0;
+    let value = (f64::from(value) * 1_000.0).round() / 1_000.0;
     value.to_string()
 }
 

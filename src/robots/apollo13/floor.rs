@@ -145,6 +145,7 @@ mod tests {
         let near = |found: f64, expected: f64| (found - expected).abs() < 1e-9;
         assert!(near(plan.origin_m[0], -0.5) && near(plan.origin_m[1], -0.5));
         let is = |x_m: f64, y_m: f64| {
+            #[expect(clippy::cast_possible_truncation, reason = "some cells")]
             let [x, y] = [x_m, y_m].map(|m| ((m + 0.5) / 0.05 + 1e-9) as usize);
             plan.obstacles[y * plan.width + x]
         };

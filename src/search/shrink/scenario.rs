@@ -64,7 +64,7 @@ fn nothing_in_the_end(case: &Scenario) -> Scenario {
         settle: None,
         wall_overlap_min: None,
         map_received: None,
-        ..case.expect.clone()
+        ..case.expect
     };
     Scenario {
         expect,
