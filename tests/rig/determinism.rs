@@ -90,9 +90,9 @@ fn looking_more_often_changes_nothing() {
     assert_eq!(coarse.rig.trace_hash(), fine.rig.trace_hash());
 }
 
-/// Fingerprints of all bytes and of the map, as they were when a device or the robot was last changed
-/// on purpose (2026-11-22: corners before an XV-11, ways that the robot keeps): what is rebuilt must
-/// not change what happens.
+/// Fingerprints of all bytes and of the map, as they were when a device or the robot was last
+/// changed on purpose (2026-11-22: corners before an XV-11, ways that the robot keeps): what is
+/// rebuilt must not change what happens.
 const KNOWN: [(&str, &str, &str); 8] = [
     ("empty-room", "f871ede4593d8d0f", "40465fbae0ecf1f5"),
     ("island", "6788eae31727ac18", "34ef713db8579e9e"),

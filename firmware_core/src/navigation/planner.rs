@@ -521,9 +521,9 @@ mod tests {
         assert!(!is_left(&planner, pose), "as one to another goal does");
     }
 
-    /// A wall with two doors, at y = 1.0 to 1.6 m and at 2.3 to 2.9 m. Something stands in the nearer
-    /// one, which nobody sees from the way to the other; nor does it help that something is in that
-    /// way as well, because it can be driven around.
+    /// A wall with two doors, at y = 1.0 to 1.6 m and at 2.3 to 2.9 m. Something stands in the
+    /// nearer one, which nobody sees from the way to the other; nor does it help that something is
+    /// in that way as well, because it can be driven around.
     #[test]
     fn what_blocked_a_way_is_remembered() {
         let map = map(&[
