@@ -10,6 +10,7 @@ pub(crate) mod custom;
 pub mod instruments;
 mod kept_map;
 pub mod rescue;
+mod script;
 pub mod station;
 mod yellow;
 
@@ -54,13 +55,7 @@ pub trait Robot: Sync {
         scenario: &Scenario,
         source: &Source,
     ) -> Result<Option<Box<dyn Chassis>>, ScenarioError> {
-        match &scenario.chassis {
-            None => Ok(None),
-            Some(_) => {
-                let message = "expected none: this robot has a chassis of its own";
-                Err(source.invalid(source.find("chassis"), "chassis", message))
-            }
-        }
+        refuse_chassis(scenario, source).map(|()| None)
     }
 
     /// Wires its devices and its program, or open ends in the place of the program, into `world`.
@@ -153,6 +148,15 @@ pub fn of(scenario: &Scenario, source: &Source) -> Result<&'static dyn Robot, Sc
         let message = format!("is \"{}\", expected one of {known}", scenario.robot);
         source.invalid(source.find("robot"), "robot", message)
     })
+}
+
+/// Refuses a chassis as data: the robot has one of its own.
+fn refuse_chassis(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError> {
+    if scenario.chassis.is_none() {
+        return Ok(());
+    }
+    let message = "expected none: this robot has a chassis of its own";
+    Err(source.invalid(source.find("chassis"), "chassis", message))
 }
 
 /// What a robot is wired from.

@@ -23,7 +23,7 @@ use firmware_core::ackermann::CarPose;
 use firmware_core::robots::apollo13::wall::Side;
 use firmware_core::robots::apollo13::{Apollo13, Config};
 
-use super::{Alone, Dut, PcEnd, ProgramPort, Robot, WirePlan, Wired};
+use super::{Alone, Dut, PcEnd, ProgramPort, Robot, WirePlan, Wired, refuse_chassis};
 use crate::rig::line::End;
 use crate::rig::{LinkKind, Rig};
 use crate::scenario::device::{
@@ -33,7 +33,7 @@ use crate::scenario::{DeviceSpec, Scenario, ScenarioError, Source};
 
 use instruments::ApolloInstruments;
 use phone::Phone;
-use script::Script;
+use script::script;
 
 /// Name of the phone, as a device and as an open end.
 const PHONE: &str = "phone";
@@ -83,10 +83,7 @@ impl Robot for ApolloRobot {
         scenario: &Scenario,
         source: &Source,
     ) -> Result<Option<Box<dyn Chassis>>, ScenarioError> {
-        if scenario.chassis.is_some() {
-            let message = "expected none: this robot has a chassis of its own";
-            return Err(source.invalid(source.find("chassis"), "chassis", message));
-        }
+        refuse_chassis(scenario, source)?;
         let chassis = Ackermann::new(car_board::chassis(), scenario.seed)
             .map_err(|error| source.invalid(None, "robot", error.to_string()))?;
         Ok(Some(Box::new(chassis)))
@@ -173,7 +170,7 @@ fn connect_phone(
     (scenario, source): (&Scenario, &Source),
     program: Option<usize>,
 ) -> Result<(), ScenarioError> {
-    let phone = Phone::new(Script::of(&scenario.mission, source)?);
+    let phone = Phone::new(script(&scenario.mission, source)?);
     let is_idle = !scenario.mission.gives_orders();
     let far = match pc {
         PcEnd::Scripted => End {

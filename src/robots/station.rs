@@ -50,6 +50,32 @@ pub enum Gesture {
     Disconnect,
 }
 
+impl Gesture {
+    /// What a station does about it that has no more to mind than its list of `places`, metres.
+    ///
+    /// # Errors
+    /// A sentence, if there is no such place.
+    pub(super) fn on(self, places: &[[f64; 2]]) -> Result<Action, String> {
+        let mut places = places.to_vec();
+        let metres = |at: [i32; 2]| at.map(|mm| f64::from(mm) / 1_000.0);
+        let gone = || "the list of places has changed meanwhile".to_owned();
+        match self {
+            Self::Connect => return Ok(Action::Connect),
+            Self::Disconnect => return Ok(Action::Disconnect),
+            Self::Mode(mode) => return Ok(Action::Mode(mode)),
+            Self::Drive(set_points) => return Ok(Action::Drive(set_points)),
+            Self::Clear => places.clear(),
+            Self::Add { at } => places.push(metres(at)),
+            Self::Move { index, to, .. } => *places.get_mut(index).ok_or_else(gone)? = metres(to),
+            Self::Delete { index, .. } if index < places.len() => {
+                places.remove(index);
+            }
+            Self::Delete { .. } => return Err(gone()),
+        }
+        Ok(Action::WaypointsM(places))
+    }
+}
+
 /// What a station knows of its robot.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct StationView {

@@ -29,7 +29,7 @@ use crate::scenario::device::{Built, MotorSpec, RPLIDAR, RplidarSpec, WHEEL_BOAR
 use crate::scenario::{DeviceSpec, Scenario, ScenarioError, Source};
 
 use instruments::YellowInstruments;
-use script::Script;
+use script::script;
 use station::PcStation;
 
 /// Name of the PC, as a device and as an open end.
@@ -150,7 +150,7 @@ fn connect_pc(
     config: PcConfig,
     program: Option<usize>,
 ) -> Result<(), ScenarioError> {
-    let script = Script::of(&scenario.mission, source)?;
+    let script = script(&scenario.mission, source)?;
     let pc_program = PcProgram::new(config);
     let line = pc_program.line_config(PcProgram::TELEMETRY);
     let port = PcProgram::TELEMETRY;

@@ -14,7 +14,8 @@ use firmware_core::map_view::MapView;
 use protocols::{Instant, LineConfig, Port};
 use rosc::{OscMessage, OscPacket, OscType};
 
-use super::script::{MODES, Mode, Script, Wish};
+use super::script::{MODES, Mode, Wish};
+use crate::robots::script::Script;
 use crate::robots::station::DriveKeys;
 use crate::robots::{Gesture, Station, StationView};
 use crate::scenario::{Action, SetPoint, Step};
@@ -35,7 +36,7 @@ const STRAIGHT: i8 = 8;
 /// The phone.
 #[derive(Clone, Debug)]
 pub(super) struct Phone {
-    script: Script,
+    script: Script<Wish>,
     connected: bool,
     mode: Option<Mode>,
     by_hand: [i8; 2],
@@ -57,7 +58,7 @@ impl Phone {
     /// 54 Mbit/s at best.
     pub(super) const LINE: LineConfig = LineConfig::new_8n1(20_000_000);
 
-    pub(super) fn new(script: Script) -> Self {
+    pub(super) fn new(script: Script<Wish>) -> Self {
         Self {
             script,
             connected: false,
@@ -280,32 +281,12 @@ impl Station for Phone {
     }
 
     fn answer(&self, gesture: Gesture) -> Result<Action, String> {
-        let mut goals = self.goals.clone();
-        let metres = |at: [i32; 2]| at.map(|mm| f64::from(mm) / 1_000.0);
-        let gone = || "the list of goals has changed meanwhile".to_owned();
-        match gesture {
-            Gesture::Connect => return Ok(Action::Connect),
-            Gesture::Disconnect => return Ok(Action::Disconnect),
-            Gesture::Mode(mode) => return Ok(Action::Mode(mode)),
-            Gesture::Drive(set_points) => return Ok(Action::Drive(set_points)),
-            Gesture::Clear => goals.clear(),
-            Gesture::Add { at } => goals.push(metres(at)),
-            Gesture::Move { index, to, .. } => {
-                *goals.get_mut(index).ok_or_else(gone)? = metres(to);
-            }
-            Gesture::Delete { index, .. } => {
-                goals.get(index).ok_or_else(gone)?;
-                goals.remove(index);
-            }
-        }
-        Ok(Action::WaypointsM(goals))
+        gesture.on(&self.goals)
     }
 
     fn insert_step(&mut self, mission: usize, index: usize, step: &Step) -> Result<(), String> {
         let wish = Wish::of(&step.action)?;
-        let others = self.script.len().saturating_sub(mission);
-        let at = step.at.unwrap_or_default().instant();
-        self.script.insert(others + index, at, wish);
+        self.script.insert(mission, index, step, wish);
         Ok(())
     }
 }

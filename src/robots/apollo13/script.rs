@@ -1,8 +1,8 @@
 //! What whoever holds the phone does: the mission's steps.
 
-use protocols::Instant;
 use protocols::car_board::{Level, Steering};
 
+use crate::robots::script::Script;
 use crate::scenario::{Action, Mission, ScenarioError, SetPoint, Source, Step};
 
 /// What the phone's person asks for.
@@ -85,70 +85,20 @@ fn by_hand(set_points: &[SetPoint]) -> Result<[i8; 2], String> {
     ))
 }
 
-/// Wishes in the order of their times.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Script {
-    steps: Vec<(Instant, Wish)>,
-    next: usize,
-}
-
-impl Script {
-    /// The script of `mission`. Its waypoints are goals; if no step orders a mode or drives, they
-    /// are driven to.
-    ///
-    /// # Errors
-    /// If a step is none for this robot.
-    pub(super) fn of(mission: &Mission, source: &Source) -> Result<Self, ScenarioError> {
-        for (index, step) in mission.step.iter().enumerate() {
-            Wish::of(&step.action).map_err(|message| {
-                let span = source.find_in_list("mission.step", index, "do");
-                source.invalid(span, format!("mission.step[{index}].do"), message)
-            })?;
+/// The script of `mission`. Its waypoints are goals; if no step orders a mode or drives, they are
+/// driven to.
+///
+/// # Errors
+/// If a step is none for this robot.
+pub(super) fn script(mission: &Mission, source: &Source) -> Result<Script<Wish>, ScenarioError> {
+    let connect = mission.connect.instant();
+    let mut first = vec![(connect, Wish::Connect)];
+    if !mission.waypoints_m.is_empty() {
+        first.push((connect, Wish::Goals(mission.waypoints_m.clone())));
+        let is_order = |step: &Step| matches!(step.action, Action::Mode(_) | Action::Drive(_));
+        if !mission.step.iter().any(is_order) {
+            first.push((connect, Wish::Mode(Mode::Autonomous)));
         }
-        let connect = mission.connect.instant();
-        let mut steps = vec![(connect, Wish::Connect)];
-        if !mission.waypoints_m.is_empty() {
-            steps.push((connect, Wish::Goals(mission.waypoints_m.clone())));
-            let is_order = |step: &Step| matches!(step.action, Action::Mode(_) | Action::Drive(_));
-            if !mission.step.iter().any(is_order) {
-                steps.push((connect, Wish::Mode(Mode::Autonomous)));
-            }
-        }
-        // Steps with a condition are handed over when it has come true.
-        let mut timed: Vec<&Step> = mission.step.iter().filter(|it| it.at.is_some()).collect();
-        timed.sort_by_key(|step| step.at);
-        for step in timed {
-            if let Ok(wish) = Wish::of(&step.action) {
-                steps.push((step.at.unwrap_or_default().instant(), wish));
-            }
-        }
-        Ok(Self { steps, next: 0 })
     }
-
-    /// Number of its steps.
-    pub(super) const fn len(&self) -> usize {
-        self.steps.len()
-    }
-
-    /// Puts a step before the step `index`, but behind what was done.
-    pub(super) fn insert(&mut self, index: usize, at: Instant, wish: Wish) {
-        let index = index.clamp(self.next, self.steps.len());
-        self.steps.insert(index, (at, wish));
-    }
-
-    /// When the next step is due.
-    pub(super) fn due(&self) -> Option<Instant> {
-        // A step does not overtake the one before it.
-        self.steps.get(self.next).map(|(at, _)| *at)
-    }
-
-    /// The next step that is due by `now`.
-    pub(super) fn take(&mut self, now: Instant) -> Option<Wish> {
-        let (at, wish) = self.steps.get(self.next)?;
-        if *at > now {
-            return None;
-        }
-        self.next += 1;
-        Some(wish.clone())
-    }
+    Script::of(mission, source, first, Wish::of)
 }

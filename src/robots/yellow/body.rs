@@ -2,6 +2,7 @@
 
 use emulators::world::{BodyConfig, Chassis, Differential};
 
+use crate::robots::refuse_chassis;
 use crate::scenario::world::BodySpec;
 use crate::scenario::{Scenario, ScenarioError, Source};
 
@@ -24,10 +25,7 @@ pub(super) fn chassis(
     scenario: &Scenario,
     source: &Source,
 ) -> Result<Box<dyn Chassis>, ScenarioError> {
-    if scenario.chassis.is_some() {
-        let message = "expected none: this robot has a chassis of its own";
-        return Err(source.invalid(source.find("chassis"), "chassis", message));
-    }
+    refuse_chassis(scenario, source)?;
     let body = body(scenario.world.body);
     let chassis = Differential::new(body, scenario.seed)
         .map_err(|error| source.invalid(source.find("body"), "world.body", error.to_string()))?;

@@ -11,8 +11,9 @@ use firmware_core::map_view::MapView;
 use firmware_core::robots::yellow::pc::{PcCommand, PcProgram, Refused, Task, TaskState};
 use protocols::{Instant, LineConfig, LineEvent, Port};
 
-use super::script::{MODES, NAVIGATE, Script, WHEEL_MAX_M_S, Wish};
+use super::script::{MODES, NAVIGATE, WHEEL_MAX_M_S, Wish};
 use crate::robots::instruments::in_metres;
+use crate::robots::script::Script;
 use crate::robots::station::{DriveKeys, StationState};
 use crate::robots::{Gesture, Station, StationView};
 use crate::scenario::{Action, SetPoint, Step};
@@ -26,7 +27,7 @@ const TRIES: u32 = 3;
 #[derive(Clone, Debug)]
 pub(super) struct PcStation {
     program: PcProgram,
-    script: Script,
+    script: Script<Wish>,
     connected: bool,
     /// What waits until the program can take it.
     wanted: Option<PcCommand>,
@@ -49,7 +50,7 @@ struct Tour {
 }
 
 impl PcStation {
-    pub(super) fn new(program: PcProgram, script: Script) -> Self {
+    pub(super) fn new(program: PcProgram, script: Script<Wish>) -> Self {
         Self {
             program,
             script,
@@ -362,32 +363,12 @@ impl Station for PcStation {
     }
 
     fn answer(&self, gesture: Gesture) -> Result<Action, String> {
-        let mut targets = self.targets.clone();
-        let metres = |at: [i32; 2]| at.map(|mm| f64::from(mm) / 1_000.0);
-        let gone = || "the list of targets has changed meanwhile".to_owned();
-        match gesture {
-            Gesture::Connect => return Ok(Action::Connect),
-            Gesture::Disconnect => return Ok(Action::Disconnect),
-            Gesture::Mode(mode) => return Ok(Action::Mode(mode)),
-            Gesture::Drive(set_points) => return Ok(Action::Drive(set_points)),
-            Gesture::Clear => targets.clear(),
-            Gesture::Add { at } => targets.push(metres(at)),
-            Gesture::Move { index, to, .. } => {
-                *targets.get_mut(index).ok_or_else(gone)? = metres(to);
-            }
-            Gesture::Delete { index, .. } => {
-                targets.get(index).ok_or_else(gone)?;
-                targets.remove(index);
-            }
-        }
-        Ok(Action::WaypointsM(targets))
+        gesture.on(&self.targets)
     }
 
     fn insert_step(&mut self, mission: usize, index: usize, step: &Step) -> Result<(), String> {
         let wish = Wish::of(&step.action)?;
-        let others = self.script.len().saturating_sub(mission);
-        let at = step.at.unwrap_or_default().instant();
-        self.script.insert(others + index, at, wish);
+        self.script.insert(mission, index, step, wish);
         Ok(())
     }
 }

@@ -1,0 +1,69 @@
+//! What whoever steers a robot does, and when: a mission's steps in the words of the robot's station.
+
+use protocols::Instant;
+
+use crate::scenario::{Action, Mission, ScenarioError, Source, Step};
+
+/// Wishes in the order of their times.
+#[derive(Clone, Debug)]
+pub(super) struct Script<W> {
+    steps: Vec<(Instant, W)>,
+    next: usize,
+}
+
+impl<W: Clone> Script<W> {
+    /// What comes `first`, and then the steps of `mission`, of which `wish` says what they mean.
+    ///
+    /// # Errors
+    /// If a step is none for this robot.
+    pub(super) fn of(
+        mission: &Mission,
+        source: &Source,
+        first: Vec<(Instant, W)>,
+        wish: impl Fn(&Action) -> Result<W, String>,
+    ) -> Result<Self, ScenarioError> {
+        for (index, step) in mission.step.iter().enumerate() {
+            wish(&step.action).map_err(|message| {
+                let span = source.find_in_list("mission.step", index, "do");
+                source.invalid(span, format!("mission.step[{index}].do"), message)
+            })?;
+        }
+        let mut steps = first;
+        // Steps with a condition are handed over when it has come true.
+        let mut timed: Vec<&Step> = mission.step.iter().filter(|it| it.at.is_some()).collect();
+        timed.sort_by_key(|step| step.at);
+        let timed = timed
+            .into_iter()
+            .filter_map(|step| Some((time(step), wish(&step.action).ok()?)));
+        steps.extend(timed);
+        Ok(Self { steps, next: 0 })
+    }
+
+    /// Puts `step`, which means `wish`, at `index` among the `mission` steps of the scenario, but
+    /// behind what was done.
+    pub(super) fn insert(&mut self, mission: usize, index: usize, step: &Step, wish: W) {
+        let others = self.steps.len().saturating_sub(mission);
+        let index = (others + index).clamp(self.next, self.steps.len());
+        self.steps.insert(index, (time(step), wish));
+    }
+
+    /// When the next step is due.
+    pub(super) fn due(&self) -> Option<Instant> {
+        // A step does not overtake the one before it.
+        self.steps.get(self.next).map(|(at, _)| *at)
+    }
+
+    /// The next step that is due by `now`.
+    pub(super) fn take(&mut self, now: Instant) -> Option<W> {
+        let (at, wish) = self.steps.get(self.next)?;
+        if *at > now {
+            return None;
+        }
+        self.next += 1;
+        Some(wish.clone())
+    }
+}
+
+fn time(step: &Step) -> Instant {
+    step.at.unwrap_or_default().instant()
+}
