@@ -169,21 +169,45 @@ pub(crate) fn a_cut_frame_costs_nothing_behind_it<D: Decode<Frame: Wire>>(
     Ok(())
 }
 
-/// Frames of `sent` that are missing in `got`, and frames of `got` that nobody sent.
+/// Frames of `sent` that are missing in `got`, and frames of `got` that nobody sent, by the longest
+/// common subsequence: a damaged frame may be equal to one that was sent much later, and taking it
+/// for that one would call everything between them lost.
 fn compare(sent: &[Vec<u8>], got: &[Vec<u8>]) -> (usize, Vec<Vec<u8>>) {
-    let mut rest = sent;
-    let mut unsent = Vec::new();
-    let mut matched = 0;
-    for frame in got {
-        match rest.iter().position(|other| other == frame) {
-            Some(at) => {
-                rest = &rest[at + 1..];
-                matched += 1;
-            }
-            None => unsent.push(frame.clone()),
+    // common[i][j]: frames that the rests from `i` on and from `j` on have in common.
+    let mut common = vec![vec![0; got.len() + 1]; sent.len() + 1];
+    for i in (0..sent.len()).rev() {
+        for j in (0..got.len()).rev() {
+            common[i][j] = if sent[i] == got[j] {
+                common[i + 1][j + 1] + 1
+            } else {
+                common[i + 1][j].max(common[i][j + 1])
+            };
         }
     }
-    (sent.len() - matched, unsent)
+    let (mut i, mut unsent) = (0, Vec::new());
+    for (j, frame) in got.iter().enumerate() {
+        while i < sent.len() && sent[i] != *frame && common[i + 1][j] == common[i][j] {
+            i += 1;
+        }
+        if i < sent.len() && sent[i] == *frame {
+            i += 1;
+        } else {
+            unsent.push(frame.clone());
+        }
+    }
+    (sent.len() - common[0][0], unsent)
+}
+
+/// One damaged frame that equals a later one is one frame lost, not all between them.
+#[test]
+fn frames_are_compared_by_what_they_have_in_common() {
+    let [a, b, c] = [1, 2, 3].map(|byte| vec![byte]);
+    let sent = [&a, &b, &b, &b, &c].map(Clone::clone);
+    let got = [&c, &b, &b, &b, &c].map(Clone::clone);
+    assert_eq!(compare(&sent, &got), (1, vec![c.clone()]));
+    assert_eq!(compare(&sent, &sent), (0, vec![]));
+    assert_eq!(compare(&sent, &[]), (5, vec![]));
+    assert_eq!(compare(&sent, core::slice::from_ref(&b)), (4, vec![]));
 }
 
 /// Saying twice that the line is quiet is saying it once; saying it between frames says nothing.
