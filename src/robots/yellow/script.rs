@@ -99,7 +99,7 @@ fn by_hand(set_points: &[SetPoint]) -> Result<PcCommand, String> {
     })
 }
 
-/// The script of `mission`. Its waypoints are targets; if no step orders a mode, they are driven to.
+/// The script of `mission`. Its waypoints are targets; they are driven to if no step orders a mode.
 ///
 /// # Errors
 /// If a step is none for this robot.
