@@ -376,7 +376,7 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
             let rest_mm = SETTLED_CELLS * self.settings.resolution_mm;
             let is_at_rest = self.pose.change_to(place.pose).distance_mm() <= rest_mm;
             self.unsettled = unsettled_by(&place, is_at_rest, self.unsettled);
-            if agreement >= task.suspicious {
+            if agreement >= task.suspicious && place.evidence.is_enough() {
                 self.lost.found();
             }
             if self.lost.half_found() || self.unsettled.is_some() {

@@ -19,6 +19,8 @@ pub(super) struct Evidence {
 const FREE_MARGIN: u8 = 20;
 /// A cell that is surely wall.
 const WALL: u8 = 200;
+/// Points of the document's search.
+const ENOUGH: u32 = 36;
 /// Parts of a beam's length at which it is looked for walls: walls are a few cells thick.
 const WAY_PARTS: i16 = 32;
 const WAY: core::ops::Range<i16> = 14..31;
@@ -84,6 +86,12 @@ impl Evidence {
         (self.hits + self.misses) * 8 >= self.of * 3
     }
 
+    /// Whether there are as many points as the document's search takes. What is left of a turn of
+    /// which most was lost fits a square room in four ways.
+    pub(super) const fn is_enough(&self) -> bool {
+        self.of >= ENOUGH
+    }
+
     /// Whether most points tell something.
     pub(super) const fn is_broad(&self) -> bool {
         (self.hits + self.misses) * 2 >= self.of
@@ -143,6 +151,14 @@ mod tests {
         up[0] = [16 * 18, 0];
         let evidence = Evidence::of(&wall(), &up, Pose::new(25.0, 15.0, 0.0));
         assert!((evidence.agreement() - 1.0).abs() < 1e-6 && !evidence.is_broad());
+    }
+
+    #[test]
+    fn a_handful_of_points_is_not_enough() {
+        let points = [[0; 2]; 36];
+        let pose = Pose::new(25.0, 15.0, 0.0);
+        let is_enough = |count| Evidence::of(&wall(), &points[..count], pose).is_enough();
+        assert!(is_enough(36) && !is_enough(35));
     }
 
     /// A cell off a comb of beams: between two cells seen free, a point disagrees; between two of a
