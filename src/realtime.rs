@@ -20,6 +20,7 @@ pub(crate) mod exec;
 pub(crate) mod held;
 mod lateness;
 pub(crate) mod process;
+mod spread;
 pub(crate) mod standalone;
 pub mod transport;
 
@@ -39,6 +40,7 @@ use crate::scenario::Scenario;
 use adapter::Adapter;
 pub(crate) use lateness::LATE;
 pub use lateness::Lateness;
+use spread::Spread;
 
 /// Most virtual time that passes in one turn. Late by more than this, the rig takes several turns,
 /// between which clients get a chance to read and to answer.
@@ -77,6 +79,7 @@ struct Port {
     is_open: bool,
     baud: u32,
     adapter: Option<Adapter>,
+    spread: Spread,
 }
 
 /// What passed a port.
@@ -136,6 +139,7 @@ impl<C: Clock> Realtime<C> {
             traffic: Traffic::default(),
             is_open: false,
             adapter: None,
+            spread: Spread::default(),
         });
     }
 
@@ -226,6 +230,9 @@ impl<C: Clock> Realtime<C> {
             if late > LATE && self.clock.slip(present - paced.rig().now()) {
                 self.stalls = (self.stalls.0 + 1, late);
                 self.wait_for_clients(paced.rig(), late);
+                for port in &mut self.ports {
+                    port.carry_late(paced, late)?;
+                }
                 present = self.clock.now();
             }
         }
@@ -275,7 +282,7 @@ impl<C: Clock> Realtime<C> {
         let mut fds = Vec::new();
         for port in &self.ports {
             // A port that is not read for want of room would end the wait at once.
-            if rig.backlog(port.end.node) < BACKLOG_MAX {
+            if rig.backlog(port.end.node) < BACKLOG_MAX && port.spread.is_empty() {
                 port.transport.readiness(&mut fds);
             }
         }
@@ -290,24 +297,44 @@ impl Port {
     fn carry_in(&mut self, paced: &mut impl Paced) -> Result<(), TransportError> {
         let mut buf = [0; 1024];
         let node = self.end.node;
-        while paced.rig().backlog(node) < BACKLOG_MAX {
-            let read = self.transport.read(&mut buf);
-            while let Some(event) = self.transport.next_event() {
-                self.report(paced.rig(), event);
-                // The rig holds one change of the line at a time.
-                let now = paced.rig().now();
-                paced.run_until(now);
-            }
-            let len = read?;
+        let now = paced.rig().now();
+        let due = self.spread.due(now);
+        paced.rig().inject(node, &due);
+        while self.spread.is_empty() && paced.rig().backlog(node) < BACKLOG_MAX {
+            let len = self.read(paced, &mut buf)?;
             if len == 0 {
                 break;
             }
-            self.traffic.from_client += len as u64;
             paced.rig().inject(node, &buf[..len]);
         }
-        let now = paced.rig().now();
         paced.run_until(now);
         Ok(())
+    }
+
+    /// What the client did and sent while rig time stood for as long as `late`.
+    fn carry_late(&mut self, paced: &mut impl Paced, late: Duration) -> Result<(), TransportError> {
+        let mut buf = [0; BACKLOG_MAX];
+        let len = self.read(paced, &mut buf)?;
+        let now = paced.rig().now();
+        self.spread.begin(&buf[..len], now, late);
+        Ok(())
+    }
+
+    /// Reads what the client sent into `buf`; what it did before is told to the rig, behind what
+    /// it had sent until then.
+    fn read(&mut self, paced: &mut impl Paced, buf: &mut [u8]) -> Result<usize, TransportError> {
+        let read = self.transport.read(buf);
+        while let Some(event) = self.transport.next_event() {
+            let before = self.spread.rest();
+            paced.rig().inject(self.end.node, &before);
+            self.report(paced.rig(), event);
+            // The rig holds one change of the line at a time.
+            let now = paced.rig().now();
+            paced.run_until(now);
+        }
+        let len = read?;
+        self.traffic.from_client += len as u64;
+        Ok(len)
     }
 
     /// What the rig has for the client.

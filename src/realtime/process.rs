@@ -340,7 +340,11 @@ mod tests {
     #[test]
     fn a_child_that_ends_when_asked_is_named_all_the_same() {
         let mut process = Process::start("sleep 60 & exit 0", &ports(), None).expect("a shell");
-        wait_until(Duration::from_secs(10), || process.ended().is_some());
+        // Until it runs the command, the child is a copy of the shell.
+        wait_until(Duration::from_secs(10), || {
+            let is_up = |one: &Left| one.command == "sleep 60";
+            process.ended().is_some() && process.group.members().iter().any(is_up)
+        });
         let farewell = process.end(Patience::FAIR);
         let [left] = &farewell.left[..] else {
             panic!("{:?}", farewell.left)

@@ -192,6 +192,33 @@ fn while_the_rig_is_late_its_time_stands_and_nobody_is_blamed() {
     assert!(realtime.lateness().is_too_much());
 }
 
+/// A client sent 200 bytes during a tenth of a second in which the rig was stopped: they take as
+/// long on their way, in place of the 17 ms that the line would take for them.
+#[test]
+fn what_a_client_sent_while_rig_time_stood_is_not_poured_over_the_device() {
+    let (mut rig, end) = rig();
+    let (near, mut far) = Memory::pair("counter");
+    let mut realtime = Realtime::new(Slipping::default());
+    realtime.serve(end, Box::new(near));
+    let mut heard_at = |realtime: &mut Realtime<Slipping>, end: Instant| {
+        while rig.now() < end {
+            realtime.turn(&mut rig).expect("memory stays");
+        }
+        rig.device::<Counter>("counter")
+            .expect("there")
+            .heard
+            .clone()
+    };
+    heard_at(&mut realtime, Instant::from_millis(10));
+    realtime.clock().wall.advance(Duration::from_millis(100));
+    assert_eq!(far.write(&counting(200)), 200);
+    let half = heard_at(&mut realtime, Instant::from_millis(60)).len();
+    assert!((80..=110).contains(&half), "{half} in half of the time");
+    assert_eq!(far.write(&[200]), 1);
+    let all = heard_at(&mut realtime, Instant::from_millis(130));
+    assert_eq!(all, counting(201));
+}
+
 #[test]
 fn what_a_client_sends_takes_its_time_on_the_line() {
     let (mut rig, end) = rig();
