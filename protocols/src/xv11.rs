@@ -173,6 +173,13 @@ mod tests {
         0x04, 0x26, 0x01, 0xF0, 0x03, 0x3C, 0x5C,
     ];
 
+    /// 4A4E, 19,022 of 64ths.
+    #[test]
+    fn a_speed_word_counts_64ths_of_a_turn_a_minute() {
+        assert!((SpeedWord(0x4A4E).rpm() - 297.218_75).abs() < 1e-4);
+        assert!(SpeedWord(0).rpm().abs() < 1e-6);
+    }
+
     #[test]
     fn a_captured_packet_decodes_to_what_the_box_measured() {
         let mut decoder = Decoder::default();

@@ -150,6 +150,14 @@ fn health_rate_and_conf_are_written_as_described() {
 }
 
 /// 0x63 * 128 + 0x8F / 2 = 12743 64ths = 199.1 degrees; the fifth is 208.7, the sixth 203.3 again.
+/// The document's numbers of what may be asked for, and two of none.
+#[test]
+fn keys_of_the_configuration_are_known_by_their_numbers() {
+    let numbers = [0x01, 0x70, 0x71, 0x74, 0x75, 0x7C, 0x7F];
+    assert_eq!(numbers.map(ConfKey::from_number), ConfKey::ALL.map(Some));
+    assert_eq!([0x00, 0x72].map(ConfKey::from_number), [None; 2]);
+}
+
 #[test]
 fn the_first_nodes_of_a_real_sensor_are_read_as_sent() {
     let bytes = [&SCAN[..], FIRST_NODES.as_flattened()].concat();

@@ -29,6 +29,12 @@ fn payloads(decoder: &mut Decoder, bytes: &[u8]) -> Vec<Vec<u8>> {
     frames.map(|frame| frame.payload().to_vec()).collect()
 }
 
+/// Start, and escaped: two bytes of length, 3,200 of payload, the checksum.
+#[test]
+fn the_longest_frame_has_6407_bytes() {
+    assert_eq!(FRAME_MAX, 6_407);
+}
+
 #[test]
 fn frames_are_laid_out_by_hand() {
     assert_eq!(encoded(&[1, 2]), PLAIN);
