@@ -47,7 +47,7 @@ while IFS= read -r name; do
     names+=(--re "^$(sed 's/[][\.*^$(){}?+|/&]/\\&/g' <<<"$name")$")
 done <"$out/drawn.txt"
 cargo mutants --package "$package" "${files[@]}" "${names[@]}" --output "$out" --jobs 2 \
-    --colors never --no-shuffle || true
+    --minimum-test-timeout 60 --colors never --no-shuffle || true
 
 caught=$(wc -l <"$out/mutants.out/caught.txt")
 missed=$(wc -l <"$out/mutants.out/missed.txt")

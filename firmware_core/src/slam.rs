@@ -385,7 +385,7 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
         } else {
             place.pose = self.pose;
             let answer = self.lost.doubted().then(|| {
-                let bound = self.lost.bound(self.pose);
+                let bound = self.lost.bound(self.pose, *pushes);
                 relocate(&self.grid, task.sparse, bound, &mut effort)
             });
             if let Some(answer) = answer {

@@ -3,14 +3,14 @@ use std::io::{IsTerminal as _, Read as _};
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use firmware_core::slam::Mode;
+use firmware_core::slam::{Mode, Settings};
 
 use super::{CliError, Verdict};
 use crate::capture::replay::Recorded;
 use crate::realtime::clock::{Clock as _, WallClock};
 use crate::robots;
 use crate::scenario::{Scenario, Source};
-use crate::slam::survey::{CELL_MM, settings, survey};
+use crate::slam::survey::{CELL_MM, Jump, settings, survey};
 use crate::slam::{Log, carmen, folder, wire};
 
 /// Run the mapper over a log of scans and odometry: map, trajectory and timing.
@@ -43,6 +43,9 @@ pub(super) struct SlamArgs {
     /// Edge of a map cell in millimetres, 5 to 500
     #[arg(long, value_name = "MM", value_parser = clap::value_parser!(u16).range(5..=500))]
     cell_mm: Option<u16>,
+    /// Seed of the seed mode's random numbers: one run of it is one draw
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
 }
 
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]
@@ -70,7 +73,10 @@ pub(super) fn run(args: SlamArgs) -> Result<Verdict, CliError> {
         ModeArg::Seed => (Mode::Document, "seed"),
         ModeArg::Core => (Mode::Core, "core"),
     };
-    let settings = settings(mode, args.cell_mm.map_or(CELL_MM, f32::from));
+    let settings = Settings {
+        seed: args.seed,
+        ..settings(mode, args.cell_mm.map_or(CELL_MM, f32::from))
+    };
     let clock = WallClock::start();
     let mut told_at = clock.now();
     let of = log.shots.len();
@@ -98,6 +104,16 @@ pub(super) fn run(args: SlamArgs) -> Result<Verdict, CliError> {
         .map_or("unknown".to_owned(), |s| format!("{s:.3} s"));
     let (median, longest) = (timing.scan_median_us, timing.scan_longest_us);
     println!("processor time {cpu}; a scan {median:.0} us in the median, {longest:.0} us at most");
+    let farthest = result
+        .jumps
+        .iter()
+        .max_by(|a, b| a.far_m.total_cmp(&b.far_m));
+    if let Some(Jump { at_s, far_m, .. }) = farthest {
+        let count = result.jumps.len();
+        eprintln!(
+            "{path}: jumps away from the wheels: {count}, the farthest {far_m:.2} m at {at_s} s"
+        );
+    }
     if result.outside > 0 {
         eprintln!(
             "{path}: {} scans lie outside the map; larger --cell-mm",
@@ -114,7 +130,11 @@ const PCAPNG: [u8; 4] = [0x0A, 0x0D, 0x0D, 0x0A];
 /// Reads the log, whatever it is.
 fn open(path: &Path, scenario: Option<&Path>) -> Result<Log, CliError> {
     if path.is_dir() {
-        return capture(&path.join("capture.pcapng"), scenario);
+        let inside = path.join("capture.pcapng");
+        if inside.exists() {
+            return capture(&inside, scenario);
+        }
+        return open(&recording_in(path)?, scenario);
     }
     let bytes = super::read(path)?;
     if bytes.starts_with(&PCAPNG) {
@@ -128,7 +148,60 @@ fn open(path: &Path, scenario: Option<&Path>) -> Result<Log, CliError> {
     if bytes.starts_with(b"\x89MCAP") {
         return mcap(&bytes, path, scenario);
     }
+    if let Some((_, error)) = FOREIGN.iter().find(|(magic, _)| bytes.starts_with(magic)) {
+        return Err(CliError::content(path, error));
+    }
     carmen::read(&bytes).map_err(|error| CliError::content(path, error))
+}
+
+/// How files begin that hold logs and are not read, and what to do.
+const FOREIGN: [(&[u8], &str); 5] = [
+    (
+        b"SQLite format 3\0",
+        "is a rosbag2 in SQLite, expected MCAP: convert it with `ros2 bag convert`, storage_id: mcap",
+    ),
+    (
+        b"#ROSBAG V",
+        "is a bag of ROS 1, expected MCAP: convert it with `mcap convert IN.bag OUT.mcap`",
+    ),
+    (
+        b"BZh",
+        "is packed by bzip2, expected plain text or gzip: unpack it with bunzip2",
+    ),
+    (
+        b"\xFD7zXZ\0",
+        "is packed by xz, expected plain text or gzip: unpack it with unxz",
+    ),
+    (
+        b"\x28\xB5\x2F\xFD",
+        "is packed by zstd, expected plain text or gzip: unpack it with unzstd",
+    ),
+];
+
+/// The recording in a folder: of a bag of ROS 2 the one MCAP file.
+fn recording_in(dir: &Path) -> Result<PathBuf, CliError> {
+    let entries = std::fs::read_dir(dir).map_err(|error| CliError::read(dir, error))?;
+    let files = entries.flatten().map(|entry| entry.path());
+    let has_ending = |path: &PathBuf| {
+        let ending = path.extension().unwrap_or_default();
+        ["mcap", "db3"].iter().any(|known| ending == *known)
+    };
+    let mut files: Vec<_> = files.filter(has_ending).collect();
+    files.sort();
+    match &mut files[..] {
+        [one] => Ok(core::mem::take(one)),
+        [] => Err(CliError::content(
+            dir,
+            "holds neither capture.pcapng nor an .mcap file: expected a result folder or a rosbag2",
+        )),
+        several => Err(CliError::content(
+            dir,
+            format!(
+                "holds {} recordings, expected one: name the file",
+                several.len()
+            ),
+        )),
+    }
 }
 
 fn capture(path: &Path, scenario: Option<&Path>) -> Result<Log, CliError> {

@@ -66,7 +66,6 @@ enum Message {
 #[derive(Default)]
 struct Params {
     resolution_deg: Option<f64>,
-    farthest_m: Option<f64>,
     offset_m: f64,
 }
 
@@ -76,6 +75,8 @@ struct Reader {
     messages: Vec<Message>,
     findings: Findings,
     ignored: u64,
+    /// Whether the log itself says that a mapper wrote its poses.
+    is_corrected: bool,
 }
 
 impl Reader {
@@ -98,6 +99,11 @@ impl Reader {
             Some("ROBOTLASER1") => {
                 let laser = robot_laser(number, &mut fields)?;
                 self.messages.push(Message::Laser(laser));
+            }
+            // The number of particles that a mapper still had.
+            Some("NEFF") => {
+                self.is_corrected = true;
+                self.ignored += 1;
             }
             Some(name)
                 if name
@@ -126,7 +132,8 @@ impl Reader {
             "laser_front_laser_resolution" if value > 0.0 => {
                 self.params.resolution_deg = Some(value);
             }
-            "robot_front_laser_max" if value > 0.0 => self.params.farthest_m = Some(value),
+            // `robot_front_laser_max` is how far the navigation looks, not how far the laser sees:
+            // in some logs a third of the readings lies beyond.
             "robot_frontlaser_offset" if value.abs() < LASER_FAR_M => self.params.offset_m = value,
             _ => {}
         }
@@ -156,7 +163,7 @@ impl Reader {
             ranges,
             first: first.to_radians(),
             step: step.to_radians(),
-            farthest_m: self.params.farthest_m.unwrap_or(FARTHEST_M),
+            farthest_m: FARTHEST_M,
             laser,
             robot,
             stamp,
@@ -169,7 +176,11 @@ impl Reader {
             .iter()
             .filter(|m| matches!(m, Message::Laser(_)));
         let all = lasers.count();
-        let kind = PoseKind::of(&self.messages);
+        let kind = if self.is_corrected {
+            PoseKind::Corrected
+        } else {
+            PoseKind::of(&self.messages)
+        };
         let mut notes = vec![kind.words().to_owned()];
         if self.ignored > 0 {
             notes.push(format!(
@@ -205,7 +216,7 @@ impl Reader {
                         self.findings.add(Kind::Backwards, place, what);
                         continue;
                     }
-                    let (points, absurd) = points_of(&laser, self.params.offset_m);
+                    let (points, absurd) = points_of(&laser, &self.params);
                     self.findings.absurd_readings += u64::from(absurd);
                     if points.is_empty() {
                         let what = format_args!("none of {} beams came back", laser.ranges.len());
@@ -213,10 +224,11 @@ impl Reader {
                             .add(Kind::Blind, format_args!("line {place}"), what);
                         continue;
                     }
+                    let (moved, has_measured) = chain.take();
                     shots.push(Shot {
                         at_s,
-                        moved: chain.take(),
-                        is_measured: true,
+                        moved,
+                        is_measured: has_measured || shots.is_empty(),
                         points,
                     });
                 }
@@ -244,14 +256,15 @@ impl Reader {
     }
 }
 
-fn points_of(laser: &Laser, offset_m: f64) -> (Vec<firmware_core::pose::Point>, u32) {
-    // Where the two poses do not belong to one frame, only PARAM knows where the laser sits.
+fn points_of(laser: &Laser, params: &Params) -> (Vec<firmware_core::pose::Point>, u32) {
+    // Where the two poses do not belong to one frame, only PARAM knows where the laser sits. Where
+    // they are the same, they are the laser's: corrected logs have them so.
     let apart = between(laser.robot, laser.laser);
-    let is_near = libm::hypot(apart.x, apart.y) < LASER_FAR_M && apart != Pose::default();
+    let is_near = libm::hypot(apart.x, apart.y) < LASER_FAR_M;
     let seat = if is_near {
         apart
     } else {
-        Pose::new(offset_m, 0.0, 0.0)
+        Pose::new(params.offset_m, 0.0, 0.0)
     };
     let bearing = |index: usize| laser.first + index as f64 * laser.step;
     end_points(

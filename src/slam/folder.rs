@@ -7,7 +7,7 @@ use core::fmt::Write as _;
 use serde::Serialize;
 
 use super::Log;
-use super::survey::{CELLS, Survey};
+use super::survey::{CELLS, Jump, Survey};
 use crate::picture::Picture;
 use crate::show::folder::{Folder, FolderError};
 
@@ -26,6 +26,8 @@ pub(crate) struct Timing<'a> {
     pub doubtful: usize,
     /// Scans at which it knew of several places.
     pub ambiguous: usize,
+    /// Scans that the mapper put far from where the wheels had.
+    pub jumps: &'a [Jump],
     /// Processor time of all scans, seconds.
     pub cpu_s: Option<f64>,
     /// Time of a scan: median, microseconds.
@@ -35,7 +37,7 @@ pub(crate) struct Timing<'a> {
 }
 
 /// The figures of a survey.
-pub(crate) fn timing<'a>(mode: &'a str, log: &Log, survey: &Survey) -> Timing<'a> {
+pub(crate) fn timing<'a>(mode: &'a str, log: &Log, survey: &'a Survey) -> Timing<'a> {
     let [median, longest, _] = survey.times();
     Timing {
         mode,
@@ -44,6 +46,7 @@ pub(crate) fn timing<'a>(mode: &'a str, log: &Log, survey: &Survey) -> Timing<'a
         skipped: log.findings.counts().map(|(_, count)| count).sum(),
         doubtful: survey.doubtful,
         ambiguous: survey.ambiguous,
+        jumps: &survey.jumps,
         cpu_s: survey.cpu.map(|cpu| cpu.as_secs_f64()),
         scan_median_us: median.as_secs_f64() * 1e6,
         scan_longest_us: longest.as_secs_f64() * 1e6,

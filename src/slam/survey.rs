@@ -4,10 +4,11 @@ use core::time::Duration;
 
 use emulators::world::Pose as Place;
 use firmware_core::grid::{Grid, UNKNOWN};
-use firmware_core::pose::Pose;
+use firmware_core::pose::{Pose, normalised};
 use firmware_core::scan::Scan;
 use firmware_core::slam::{Certainty, Mapper, Mode, Pushes, Settings};
 use protocols::Instant;
+use serde::Serialize;
 
 use super::motion::change;
 use super::{Log, Shot};
@@ -55,6 +56,35 @@ pub fn settings(mode: Mode, cell_mm: f32) -> Settings {
     }
 }
 
+/// A scan that the mapper put far from where the wheels had: half a metre, or a quarter of a right
+/// angle. Either the wheels slipped, or the mapper is wrong from there on.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Jump {
+    /// Time of the scan, seconds.
+    pub at_s: f64,
+    /// How far, metres.
+    pub far_m: f64,
+    /// How far turned, degrees.
+    pub turned_deg: f64,
+}
+
+/// Less than this is no jump.
+const JUMP_MM: f32 = 500.0;
+const JUMP_RAD: f32 = core::f32::consts::FRAC_PI_8;
+
+impl Jump {
+    /// From where the wheels put the scan of `at_s` to where the mapper did.
+    fn between(at_s: f64, wheels: Pose, mapper: Pose) -> Option<Self> {
+        let far_mm = wheels.position().distance_mm(mapper.position());
+        let turned_rad = normalised(mapper.heading - wheels.heading);
+        (far_mm >= JUMP_MM || turned_rad.abs() >= JUMP_RAD).then(|| Self {
+            at_s,
+            far_m: f64::from(far_mm) / 1000.0,
+            turned_deg: f64::from(turned_rad).to_degrees(),
+        })
+    }
+}
+
 /// What came of a log.
 #[derive(Debug)]
 pub struct Survey {
@@ -70,6 +100,8 @@ pub struct Survey {
     pub ambiguous: usize,
     /// Scans that lay outside the map.
     pub outside: usize,
+    /// Where the mapper put a scan far from where the wheels had.
+    pub jumps: Vec<Jump>,
     /// Time that each scan took.
     pub took: Vec<Duration>,
     /// Processor time of all, where the system tells.
@@ -115,6 +147,7 @@ fn run(
         doubtful: 0,
         ambiguous: 0,
         outside: 0,
+        jumps: Vec::new(),
         took: Vec::with_capacity(log.shots.len()),
         cpu: None,
     };
@@ -144,7 +177,10 @@ impl Survey {
         if !shot.is_measured {
             mapper.doubt(UNMEASURED_MM, UNMEASURED_RAD);
         }
+        let wheels = mapper.pose();
         let outcome = mapper.integrate(&scan, [0, 0]);
+        self.jumps
+            .extend(Jump::between(shot.at_s, wheels, outcome.pose));
         let took = SEARCH_BASE_US + u64::from(outcome.tries) * SEARCH_TRY_US;
         mapper.search_time(Duration::from_micros(took));
         self.outside += usize::from(mapper.grid().cell_of(outcome.pose.position()).is_none());
@@ -186,5 +222,22 @@ impl Survey {
             ];
         }
         (bounds[0] <= bounds[1]).then_some(bounds)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn half_a_metre_or_an_eighth_of_half_a_turn_is_a_jump() {
+        let wheels = Pose::new(1000.0, 1000.0, 3.0);
+        let to = |x, heading| Jump::between(7.0, wheels, Pose::new(x, 1000.0, heading));
+        assert!(to(1499.0, 3.0).is_none() && to(1000.0, 3.39).is_none());
+        let far = to(1500.0, 3.0).expect("a jump");
+        assert!((far.at_s - 7.0).abs() < 1e-9 && (far.far_m - 0.5).abs() < 1e-6);
+        // 0.4 rad, across half a turn: 22.9 degrees.
+        let turned = to(1000.0, -2.883_185).expect("a jump");
+        assert!((turned.turned_deg - 22.918).abs() < 0.01, "{turned:?}");
     }
 }

@@ -3,6 +3,7 @@
 mod command;
 mod damage;
 mod diff;
+mod foreign;
 mod intel;
 mod links;
 #[cfg(feature = "mcap")]

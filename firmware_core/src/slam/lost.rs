@@ -2,6 +2,7 @@
 //! when the whole map is worth a search, which takes a second.
 
 use super::relocate::Bound;
+use super::settings::Pushes;
 use crate::pose::Pose;
 
 /// Scans in doubt before the whole map is searched; then at twice as many, and so on.
@@ -14,6 +15,9 @@ const SEARCHES_MAX: u8 = 8;
 /// How far beyond its unseen motion a robot is looked for: its pose was no surer before.
 const MARGIN_MM: f32 = 150.0;
 const MARGIN_RAD: f32 = 0.2;
+/// How far wheels lead astray, in millimetres and radians, until a scan fits nowhere near: some
+/// turn by half a radian too much in one step.
+const DRIFT: (f32, f32) = (3000.0, 0.7);
 
 /// See the module.
 #[derive(Clone, Copy, Debug, Default)]
@@ -48,12 +52,20 @@ impl Lost {
         self.unseen_rad
     }
 
-    /// Where to look for a robot that was lost at `pose`; anywhere if nobody knows how.
-    pub(super) fn bound(&self, pose: Pose) -> Option<Bound> {
-        (self.unseen_rad > 0.0).then_some(Bound {
+    /// Where to look for a robot that was lost at `pose`; anywhere if nobody knows how, and somebody
+    /// may have carried it there.
+    pub(super) fn bound(&self, pose: Pose, pushes: Pushes) -> Option<Bound> {
+        let (mm, rad) = if self.unseen_rad > 0.0 {
+            (self.unseen_mm + MARGIN_MM, self.unseen_rad + MARGIN_RAD)
+        } else if pushes == Pushes::Unlikely {
+            DRIFT
+        } else {
+            return None;
+        };
+        Some(Bound {
             centre: pose,
-            mm: self.unseen_mm + MARGIN_MM,
-            rad: self.unseen_rad + MARGIN_RAD,
+            mm,
+            rad,
         })
     }
 
@@ -119,6 +131,7 @@ mod tests {
         assert_eq!((0..20).take_while(|_| lost.half_found()).count(), 8);
         lost.lose([10.0, 0.1], [280.0, 1.0]);
         lost.found();
-        assert!(lost.bound(Pose::default()).is_none());
+        let bound = |pushes| lost.bound(Pose::default(), pushes);
+        assert!(bound(Pushes::Followed).is_none() && bound(Pushes::Unlikely).is_some());
     }
 }

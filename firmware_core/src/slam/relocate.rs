@@ -29,6 +29,7 @@ const BLOCKS_MAX: usize = 6144;
 const EDGE_MAX: usize = 128;
 /// Headings of the coarse search.
 const HEADINGS: u16 = 180;
+const HEADING_STEP: f32 = TAU / 180.0;
 /// Points of the coarse search.
 const COARSE_POINTS: usize = 48;
 /// Places that are looked at closely.
@@ -53,8 +54,15 @@ pub(super) struct Bound {
 
 impl Bound {
     fn holds(&self, pose: Pose) -> bool {
-        self.centre.position().distance_mm(pose.position()) <= self.mm
-            && normalised(self.centre.heading - pose.heading).abs() <= self.rad
+        self.holds_place(pose, 0.0) && self.holds_heading(pose.heading, 0.0)
+    }
+
+    fn holds_place(&self, place: Pose, margin_mm: f32) -> bool {
+        self.centre.position().distance_mm(place.position()) <= self.mm + margin_mm
+    }
+
+    fn holds_heading(&self, heading: f32, margin_rad: f32) -> bool {
+        normalised(self.centre.heading - heading).abs() <= self.rad + margin_rad
     }
 }
 
@@ -146,6 +154,17 @@ struct Candidate {
     heading: i32,
 }
 
+impl Candidate {
+    /// The middle of the block.
+    fn centre(&self, block_mm: f32) -> Pose {
+        Pose::new(
+            (self.x as f32 + 0.5) * block_mm,
+            (self.y as f32 + 0.5) * block_mm,
+            heading_of(self.heading),
+        )
+    }
+}
+
 /// The best candidates that lie apart from each other.
 #[derive(Default)]
 struct Shortlist {
@@ -191,8 +210,8 @@ pub(super) fn relocate<const W: usize, const H: usize>(
         return None;
     }
     let coarse = Coarse::new(grid);
-    let shortlist = shortlist(&coarse, points, effort);
     let block_mm = coarse.block as f32 * grid.resolution_mm();
+    let shortlist = shortlist(&coarse, block_mm, points, bound, effort);
     let window = Window {
         reach: coordinate(coarse.block) / 2 + 2,
         turns: 4,
@@ -203,11 +222,7 @@ pub(super) fn relocate<const W: usize, const H: usize>(
         if candidate.bound == 0 {
             break;
         }
-        let centre = Pose::new(
-            (candidate.x as f32 + 0.5) * block_mm,
-            (candidate.y as f32 + 0.5) * block_mm,
-            heading_of(candidate.heading),
-        );
+        let centre = candidate.centre(block_mm);
         let best = search(grid, points, centre, &window, &Prior::none(centre), effort);
         if bound.is_none_or(|bound| bound.holds(best.pose)) {
             *found = Some((best, Evidence::of(grid, points, best.pose)));
@@ -228,11 +243,21 @@ pub(super) fn relocate<const W: usize, const H: usize>(
     })
 }
 
-fn shortlist(coarse: &Coarse, points: &[[i16; 2]], effort: &mut Effort) -> Shortlist {
+/// The candidates within `bound`, a block and a heading around it included.
+fn shortlist(
+    coarse: &Coarse,
+    block_mm: f32,
+    points: &[[i16; 2]],
+    bound: Option<Bound>,
+    effort: &mut Effort,
+) -> Shortlist {
     let mut shortlist = Shortlist::default();
     let taken = points.len().min(COARSE_POINTS);
     let cells_per_block = coordinate(coarse.block);
-    for heading in 0..i32::from(HEADINGS) {
+    let is_in_reach = |heading: &i32| {
+        bound.is_none_or(|bound| bound.holds_heading(heading_of(*heading), HEADING_STEP))
+    };
+    for heading in (0..i32::from(HEADINGS)).filter(is_in_reach) {
         let turned = Placement::new(Pose::new(0.0, 0.0, heading_of(heading)), 1.0);
         let mut offsets = [(0, 0); COARSE_POINTS];
         for (index, offset) in offsets[..taken].iter_mut().enumerate() {
@@ -242,13 +267,17 @@ fn shortlist(coarse: &Coarse, points: &[[i16; 2]], effort: &mut Effort) -> Short
         effort.placed(super::count_u32(taken));
         for y in 0..coordinate(coarse.height) {
             let bounds = coarse.bounds(&offsets[..taken], y);
-            for (x, bound) in (0..).zip(&bounds[..coarse.width]) {
-                shortlist.offer(Candidate {
-                    bound: *bound,
+            for (x, most) in (0..).zip(&bounds[..coarse.width]) {
+                let candidate = Candidate {
+                    bound: *most,
                     x,
                     y,
                     heading,
-                });
+                };
+                let centre = candidate.centre(block_mm);
+                if bound.is_none_or(|bound| bound.holds_place(centre, 2.0 * block_mm)) {
+                    shortlist.offer(candidate);
+                }
             }
         }
         let rows = super::count_u32(coarse.height) * super::count_u32(coarse.width.div_ceil(32));
@@ -258,5 +287,5 @@ fn shortlist(coarse: &Coarse, points: &[[i16; 2]], effort: &mut Effort) -> Short
 }
 
 fn heading_of(index: i32) -> f32 {
-    normalised(index as f32 * (TAU / f32::from(HEADINGS)))
+    normalised(index as f32 * HEADING_STEP)
 }

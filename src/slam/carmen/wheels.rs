@@ -63,6 +63,8 @@ pub(super) struct Chain {
     kind: PoseKind,
     last: Option<Pose>,
     since_shot: Pose,
+    /// Whether the wheels said anything since the last scan.
+    has_measured: bool,
 }
 
 impl Chain {
@@ -71,6 +73,7 @@ impl Chain {
             kind,
             last: None,
             since_shot: Pose::default(),
+            has_measured: false,
         }
     }
 
@@ -91,12 +94,15 @@ impl Chain {
             let step = between(last, pose);
             if libm::hypot(step.x, step.y) < STEP_MAX_M {
                 self.since_shot = moved(self.since_shot, step);
+                self.has_measured = true;
             }
         }
         self.last = Some(pose);
     }
 
-    pub(super) fn take(&mut self) -> Pose {
-        core::mem::take(&mut self.since_shot)
+    /// The way since the last time, and whether the wheels measured it.
+    pub(super) fn take(&mut self) -> (Pose, bool) {
+        let has_measured = core::mem::take(&mut self.has_measured);
+        (core::mem::take(&mut self.since_shot), has_measured)
     }
 }

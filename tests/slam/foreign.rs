@@ -1,0 +1,125 @@
+//! Logs as others write them: what their lines mean where that is not obvious, and what a file that
+//! cannot be read is told to be.
+
+use hilrig::slam::{Log, carmen};
+
+use crate::command::{Session, text};
+use crate::room;
+
+fn read(text: &str) -> Log {
+    carmen::read(text.as_bytes()).expect("a good log")
+}
+
+/// A beam of 2 m straight ahead, from a laser whose pose and robot's pose are `laser` and `robot`.
+fn scan(laser: &str, robot: &str, time: f64) -> String {
+    format!("FLASER 3 99 2 99 {laser} {robot} {time} host {time}\n")
+}
+
+/// Poses that are the same are the laser's own; where they tell how far the laser is from the
+/// robot, that counts; only where they lie in different frames PARAM has to tell.
+#[test]
+fn the_laser_sits_where_its_pose_says() {
+    let ahead_mm = |laser: &str| {
+        let log = String::from("PARAM robot_frontlaser_offset 0.25 host 0\n");
+        read(&(log + &scan(laser, "1 1 0", 1.0))).shots[0].points[0].x_mm
+    };
+    let near = |mm: f32, wanted: f32| (mm - wanted).abs() < 0.1;
+    assert!(near(ahead_mm("1 1 0"), 2000.0));
+    assert!(near(ahead_mm("1.1 1 0"), 2100.0));
+    assert!(near(ahead_mm("40 30 0"), 2250.0));
+}
+
+/// What the navigation looks at is no limit of the laser.
+#[test]
+fn readings_beyond_what_the_navigation_uses_count() {
+    let text = "PARAM robot_front_laser_max 1.5 host 0\n".to_owned() + &scan("0 0 0", "0 0 0", 1.0);
+    assert_eq!(read(&text).shots[0].points.len(), 1);
+}
+
+/// NEFF, the particles that were left, is written by a mapper: the poses are the mapper's, and
+/// where no wheels spoke in between, nobody knows how far the robot went.
+#[test]
+fn a_log_with_a_count_of_particles_was_corrected() {
+    let scans = scan("0 0 0", "0 0 0", 1.0) + &scan("5 0 0", "5 0 0", 2.0);
+    let [plain, corrected] =
+        ["", "NEFF 30 1 host 1\n"].map(|neff| read(&(neff.to_owned() + &scans)));
+    assert!((plain.shots[1].moved.x - 5.0).abs() < 1e-9 && plain.shots[1].is_measured);
+    assert!(corrected.shots[1].moved.x.abs() < 1e-9 && !corrected.shots[1].is_measured);
+    assert!(
+        corrected.shots[0].is_measured,
+        "nothing comes before the first"
+    );
+    assert!(corrected.notes[0].contains("corrected by a mapper"));
+}
+
+#[test]
+fn a_file_of_another_kind_is_told_with_what_to_do() {
+    let session = Session::new("foreign");
+    for (bytes, words) in [
+        (&b"SQLite format 3\0.."[..], "ros2 bag convert"),
+        (b"#ROSBAG V2.0\n", "mcap convert"),
+        (b"BZh91AY", "bunzip2"),
+        (b"\xFD7zXZ\0..", "unxz"),
+        (b"\x28\xB5\x2F\xFD..", "unzstd"),
+    ] {
+        session.write("log", bytes);
+        let output = session.hilrig(&["slam", "log"]);
+        let told = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{told}");
+        assert!(told.contains(words) && told.contains("expected"), "{told}");
+    }
+}
+
+/// A bag of ROS 2 is a folder; what is no recording in it is passed over.
+#[test]
+fn a_folder_without_one_recording_is_told() {
+    let session = Session::new("bag");
+    session.write("metadata.yaml", b"");
+    let told = |session: &Session| text(&session.hilrig(&["slam", "."]).stderr).to_owned();
+    assert!(told(&session).contains("neither capture.pcapng nor an .mcap file"));
+    session.write("a.db3", b"SQLite format 3\0");
+    assert!(told(&session).contains("a.db3: is a rosbag2 in SQLite"));
+    session.write("b.mcap", b"");
+    assert!(told(&session).contains("holds 2 recordings, expected one"));
+}
+
+/// The seed's mapper is as good as its draw: the seed says which it was. A wheel that jumps by two
+/// metres is told.
+#[test]
+fn the_draw_has_a_seed_and_jumps_are_told() {
+    let session = Session::new("draw");
+    let (log, _) = room::log();
+    session.write("room.log", log.as_bytes());
+    let way = |seed: &str| {
+        session.hilrig(&[
+            "slam", "room.log", "--mode", "seed", "--seed", seed, "--out", "seed",
+        ]);
+        session.read("seed/trajectory.tum")
+    };
+    let first = way("1");
+    assert!(first == way("1") && first != way("2"));
+
+    // From the 80th scan on the wheels say that they are 0.6 m farther: the walls know better.
+    let jumping: String = log.lines().enumerate().map(pushed).collect();
+    session.write("jumping.log", jumping.as_bytes());
+    let output = session.hilrig(&["slam", "jumping.log", "--out", "out"]);
+    let timing: serde_json::Value = serde_json::from_str(&session.read("out/timing.json")).unwrap();
+    assert_eq!(timing["jumps"].as_array().map(Vec::len), Some(1));
+    let told = text(&output.stderr);
+    assert!(told.contains("jumps away from the wheels: 1,"), "{told}");
+}
+
+/// A line of the log, its poses moved along x from the 160th on.
+fn pushed((number, line): (usize, &str)) -> String {
+    let mut words: Vec<String> = line.split(' ').map(str::to_owned).collect();
+    let places = match words[0].as_str() {
+        "FLASER" => vec![182, 185],
+        "ODOM" => vec![1],
+        _ => vec![],
+    };
+    for place in places.into_iter().filter(|_| number >= 160) {
+        let x: f64 = words[place].parse().expect("a pose");
+        words[place] = format!("{:.6}", x + 0.6);
+    }
+    words.join(" ") + "\n"
+}
