@@ -52,8 +52,8 @@ impl Lost {
         self.unseen_rad
     }
 
-    /// Where to look for a robot that was lost at `pose`; anywhere if nobody knows how, and somebody may
-    /// have carried it there.
+    /// Where to look for a robot that was lost at `pose`; anywhere if nobody knows how, and
+    /// somebody may have carried it there.
     pub(super) fn bound(&self, pose: Pose, pushes: Pushes) -> Option<Bound> {
         let (mm, rad) = if self.unseen_rad > 0.0 {
             (self.unseen_mm + MARGIN_MM, self.unseen_rad + MARGIN_RAD)
