@@ -4,9 +4,11 @@ use emulators::car_board::{CarBoard, steering};
 use firmware_core::robots::apollo13::Apollo13;
 use protocols::car_board::{Level, Steering};
 
-use super::PHONE;
 use super::phone::Phone;
+use super::{PHONE, REMOTE};
+use crate::codec::{self, Codec};
 use crate::rig::Rig;
+use crate::rig::line::Direction;
 use crate::robots::{Axis, Instruments, Panel, PanelRow, Station};
 
 /// The robot's instruments.
@@ -73,6 +75,24 @@ impl Instruments for ApolloInstruments {
     fn station_mut<'a>(&'a self, rig: &'a mut Rig) -> Option<&'a mut dyn Station> {
         let phone = rig.device_mut::<Phone>(PHONE)?;
         Some(phone)
+    }
+
+    fn codec(&self, _: &Rig, link: &str) -> Option<&'static Codec> {
+        match link {
+            "car" => Some(&codec::CAR_BOARD),
+            "odometer" => Some(&codec::ODOMETER),
+            "scan" | "markers" => Some(&codec::PERCEPTION),
+            REMOTE | PHONE => Some(&codec::OSC),
+            _ => None,
+        }
+    }
+
+    /// What the board is told shares no frame with what it tells.
+    fn codec_towards(&self, rig: &Rig, link: &str, direction: Direction) -> Option<&'static Codec> {
+        match (link, direction) {
+            ("car", Direction::ToDevice) => Some(&codec::CAR_COMMAND),
+            _ => self.codec(rig, link),
+        }
     }
 }
 
