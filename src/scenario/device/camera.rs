@@ -9,6 +9,7 @@ use toml::de::ValueDeserializer;
 use super::{
     BuildContext, Built, DeviceKind, MountSpec, PortInfo, Settings, read_settings, schema_of,
 };
+use crate::codec;
 use crate::rig::LinkKind;
 use crate::scenario::{ScenarioError, Span};
 
@@ -114,6 +115,7 @@ impl DeviceKind for CameraKind {
             PortInfo::uart(name, port, line, connect)
                 .on(LinkKind::Datagram)
                 .at_any_rate(line)
+                .speaking(&codec::PERCEPTION)
         };
         Ok(Built {
             device: Box::new(Camera::new(config, context.seed, context.name)),
