@@ -2,6 +2,7 @@
 
 mod avr_base;
 mod camera;
+pub mod camera_scans;
 mod car_board;
 mod hc06;
 mod kind;

@@ -9,11 +9,21 @@ use super::{PHONE, REMOTE};
 use crate::codec::{self, Codec};
 use crate::rig::Rig;
 use crate::rig::line::Direction;
-use crate::robots::{Axis, Instruments, Panel, PanelRow, Station};
+use crate::robots::{Axis, Instruments, Panel, PanelRow, ScanDecoder, Station};
+use crate::scenario::DeviceSpec;
 
 /// The robot's instruments.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct ApolloInstruments;
+#[derive(Clone, Debug)]
+pub(super) struct ApolloInstruments {
+    camera: DeviceSpec,
+}
+
+impl ApolloInstruments {
+    /// `camera`: how it sits.
+    pub(super) const fn new(camera: DeviceSpec) -> Self {
+        Self { camera }
+    }
+}
 
 fn board(rig: &Rig) -> Option<&CarBoard> {
     rig.device("car")
@@ -75,6 +85,10 @@ impl Instruments for ApolloInstruments {
     fn station_mut<'a>(&'a self, rig: &'a mut Rig) -> Option<&'a mut dyn Station> {
         let phone = rig.device_mut::<Phone>(PHONE)?;
         Some(phone)
+    }
+
+    fn scanner(&self, _: &Rig) -> Option<(String, Box<dyn ScanDecoder>)> {
+        Some(("scan".to_owned(), self.camera.scanner()?))
     }
 
     fn codec(&self, _: &Rig, link: &str) -> Option<&'static Codec> {

@@ -1,11 +1,15 @@
 //! `camera`: a depth camera with a detector of markers.
 
+use core::any::Any;
+
 use emulators::camera::{Camera, CameraConfig, Output, PlacedMarker, RATE};
 use protocols::LineConfig;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Serialize};
 use toml::de::ValueDeserializer;
 
+use super::camera_scans::CameraScans;
+use super::scan::ScanDecoder;
 use super::{
     BuildContext, Built, DeviceKind, MountSpec, PortInfo, Settings, read_settings, schema_of,
 };
@@ -105,6 +109,17 @@ impl DeviceKind for CameraKind {
 
     fn parse(&self, settings: ValueDeserializer<'_>) -> Result<Box<dyn Settings>, toml::de::Error> {
         read_settings::<CameraSpec>(settings)
+    }
+
+    fn scanner(&self, settings: &dyn Settings) -> Option<Box<dyn ScanDecoder>> {
+        let settings: &dyn Any = settings;
+        let mount = settings.downcast_ref::<CameraSpec>()?.mount;
+        let mount = mount.unwrap_or_default();
+        let place_m = [mount.x_m, mount.y_m];
+        Some(Box::new(CameraScans::new(
+            mount.heading_deg.to_radians(),
+            place_m,
+        )))
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<Built, ScenarioError> {
