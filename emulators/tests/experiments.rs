@@ -1,5 +1,5 @@
-//! Experiments of the model car's report, done again with the emulated boards. Levels and speeds are
-//! `levels_2_and_minus_3_are_22_cm_a_second`, the distance control with and without its integral
+//! Experiments of the model car's report, done again with the emulated boards. Levels and speeds
+//! are `levels_2_and_minus_3_are_22_cm_a_second`, the distance control with and without its integral
 //! part `d1_the_integral_part_does_nothing_that_is_seen`.
 
 use core::time::Duration;
@@ -84,8 +84,8 @@ fn usable_hz(read: &[(Instant, Readings)], frames: &[(Instant, Vec<u8>)], secs: 
 
 /// Report, page 9: fewer than one usable hall value a second. With a fifth of the bytes lost to
 /// short reads 0.8^13 = 5.5 % of 15 frames a second come whole, and those behind a torn one only if
-/// the parser is at a frame's beginning again. With none lost CR alone costs hardly a value, and the
-/// sound host gets every frame, 15 a second. 20 seeds.
+/// the parser is at a frame's beginning again. With none lost CR alone costs hardly a value, and
+/// the sound host gets every frame, 15 a second. 20 seeds.
 #[test]
 fn hall_values_are_usable_less_than_once_a_second_with_the_legacy_host_alone() {
     let walls = vec![

@@ -86,7 +86,9 @@ impl Surroundings {
         let counts = self.world.encoder(index).unwrap_or_default();
         let edges = counts as f64 * EDGES_PER_M / encoders[index].counts_per_m + 1e-6;
         // 00, 10, 11, 01 as B A.
-        [0, 2, 3, 1][edges.floor().rem_euclid(4.0) as usize]
+        #[expect(clippy::cast_possible_truncation, reason = "0 to 3")]
+        let place = edges.floor().rem_euclid(4.0) as usize;
+        [0, 2, 3, 1][place]
     }
 }
 
@@ -96,6 +98,91 @@ struct Transaction {
     address: u8,
     written: Vec<u8>,
     read: std::vec::IntoIter<u8>,
+}
+
+/// What the simulated microcontroller is connected to.
+struct Bridge<'a, C> {
+    chip: &'a mut C,
+    around: Surroundings,
+    /// Where the next read begins.
+    register: u8,
+    open: Option<Transaction>,
+    serial: Vec<u8>,
+    lines: Vec<(Instant, String)>,
+}
+
+impl<C: RegisterChip> Bridge<'_, C> {
+    /// What the harness is answered to a line.
+    fn answer(&mut self, line: &str) -> Option<u8> {
+        let mut words = line.split(' ');
+        let what = words.next()?;
+        let mut number = || words.next().and_then(|word| word.parse::<u64>().ok());
+        let byte = |number: Option<u64>| u8::try_from(number.expect("a number")).expect("a byte");
+        let at = |number: Option<u64>| Instant::from_micros(number.expect("a time"));
+        match what {
+            "P" => {
+                self.around.advance(at(number()));
+                Some(self.around.pins())
+            }
+            "S" => Some(u8::from(self.begin(at(number()), byte(number())))),
+            "W" => {
+                let open = self.open.as_mut().expect("acknowledged");
+                open.written.push(byte(number()));
+                Some(1)
+            }
+            "R" => self.open.as_mut().expect("acknowledged").read.next(),
+            "E" => {
+                self.end();
+                None
+            }
+            "U" => {
+                self.print(at(number()), byte(number()));
+                None
+            }
+            // The loader's own words.
+            _ => None,
+        }
+    }
+
+    /// A transaction begins; whether the chip is there. Without a stop it ends the one before.
+    fn begin(&mut self, now: Instant, address: u8) -> bool {
+        self.around.advance(now);
+        self.end();
+        let is_there = self.chip.acknowledges(now, address & 0xFE);
+        let mut read = vec![0; 32];
+        if is_there && address & 1 == 1 {
+            let world = &self.around.world;
+            self.chip.read(now, self.register, &mut read, world);
+        }
+        self.open = is_there.then(|| Transaction {
+            now,
+            address,
+            written: Vec::new(),
+            read: read.into_iter(),
+        });
+        is_there
+    }
+
+    /// What a transaction that is over did to the chip.
+    fn end(&mut self) {
+        let over = self.open.take().filter(|over| over.address & 1 == 0);
+        let Some(over) = over else { return };
+        if let [first, data @ ..] = &over.written[..] {
+            self.register = *first;
+            if !data.is_empty() {
+                self.chip.write(over.now, *first, data, &self.around.world);
+            }
+        }
+    }
+
+    fn print(&mut self, now: Instant, byte: u8) {
+        self.serial.push(byte);
+        if byte == b'\n' {
+            let text = String::from_utf8(core::mem::take(&mut self.serial));
+            let text = text.expect("ASCII").trim_end().to_owned();
+            self.lines.push((now, text));
+        }
+    }
 }
 
 /// Runs a sketch for so long, with `chip` on its bus; its lines and when each was complete.
@@ -110,86 +197,21 @@ fn run(sketch: &str, millis: u64, chip: &mut impl RegisterChip) -> Option<Vec<(I
         .expect("the harness is built");
     let mut answers = child.stdin.take().expect("piped");
     let said = BufReader::new(child.stdout.take().expect("piped"));
-    let mut around = Surroundings::new();
-    let (mut serial, mut lines) = (Vec::new(), Vec::new());
-    let mut register = 0;
-    let mut open: Option<Transaction> = None;
+    let mut bridge = Bridge {
+        chip,
+        around: Surroundings::new(),
+        register: 0,
+        open: None,
+        serial: Vec::new(),
+        lines: Vec::new(),
+    };
     for line in said.lines() {
-        let line = line.expect("text");
-        let mut words = line.split(' ');
-        let what = words.next().unwrap_or_default();
-        let mut number = || words.next().and_then(|word| word.parse::<u64>().ok());
-        let answer = match what {
-            "P" => {
-                around.advance(Instant::from_micros(number().expect("a time")));
-                Some(around.pins())
-            }
-            "S" => {
-                let now = Instant::from_micros(number().expect("a time"));
-                let address = number().and_then(|it| u8::try_from(it).ok()).expect("one");
-                around.advance(now);
-                // A start behind another without a stop ends that one.
-                end(chip, open.take(), &mut register, &around.world);
-                let is_there = chip.acknowledges(now, address & 0xFE);
-                let mut read = vec![0; 32];
-                if is_there && address & 1 == 1 {
-                    chip.read(now, register, &mut read, &around.world);
-                }
-                open = is_there.then(|| Transaction {
-                    now,
-                    address,
-                    written: Vec::new(),
-                    read: read.into_iter(),
-                });
-                Some(u8::from(is_there))
-            }
-            "W" => {
-                let byte = number()
-                    .and_then(|it| u8::try_from(it).ok())
-                    .expect("a byte");
-                open.as_mut().expect("acknowledged").written.push(byte);
-                Some(1)
-            }
-            "R" => open.as_mut().expect("acknowledged").read.next(),
-            "E" => {
-                end(chip, open.take(), &mut register, &around.world);
-                None
-            }
-            "U" => {
-                let now = Instant::from_micros(number().expect("a time"));
-                let byte = number()
-                    .and_then(|it| u8::try_from(it).ok())
-                    .expect("a byte");
-                serial.push(byte);
-                if byte == b'\n' {
-                    let text = String::from_utf8(core::mem::take(&mut serial));
-                    lines.push((now, text.expect("ASCII").trim_end().to_owned()));
-                }
-                None
-            }
-            // The loader's own words.
-            _ => None,
-        };
-        if let Some(answer) = answer {
+        if let Some(answer) = bridge.answer(&line.expect("text")) {
             writeln!(answers, "{answer}").expect("it listens");
         }
     }
     assert!(child.wait().expect("it was started").success(), "harness");
-    Some(lines)
-}
-
-/// What a transaction that is over did to the chip.
-fn end(chip: &mut impl RegisterChip, over: Option<Transaction>, register: &mut u8, world: &World) {
-    let Some(over) = over else { return };
-    if over.address & 1 == 1 {
-        return;
-    }
-    if let [first, data @ ..] = &over.written[..] {
-        *register = *first;
-        if !data.is_empty() {
-            chip.write(over.now, *first, data, world);
-        }
-    }
+    Some(bridge.lines)
 }
 
 fn quiet() -> Mpu6050Config {

@@ -198,9 +198,8 @@ impl Wire for Odometer {
                     _ if passes_exact_sum(content(&line.bytes)) => ", sum exact",
                     _ => ", sum rounded",
                 };
-                format!(
-                    "{distance_m:.3} m, {rate_rad_s:.3} rad/s, {yaw_rad:.3} rad, {time_s:.3} s{exact}"
-                )
+                let told = format!("{distance_m:.3} m, {rate_rad_s:.3} rad/s, {yaw_rad:.3} rad");
+                format!("{told}, {time_s:.3} s{exact}")
             }
         }
     }

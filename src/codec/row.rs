@@ -108,8 +108,8 @@ impl Codec {
         self
     }
 
-    /// The row for a format whose frames are short and unchecked, so that any bytes have some: it is
-    /// only guessed if at least so much of the bytes is in frames, per cent.
+    /// The row for a format whose frames are short and unchecked, so that any bytes have some: it
+    /// is only guessed if at least so much of the bytes is in frames, per cent.
     #[must_use]
     pub const fn with_least_share(mut self, percent: u8) -> Self {
         self.least_share = percent;

@@ -16,8 +16,8 @@ struct Golden {
 /// base, in both orders; the fielded robot's row of unknown cells; a pen with an independent CRC;
 /// the info of a real A1M8; telemetry by hand: 300 ms, manual, 0.5 m/s and -1 rad/s, whose bytes
 /// come to 0x298; outputs by hand, 7500 = 0x1D4C is 4C 3A, 2500 = 0x09C4 is 44 13; a frame that was
-/// read from a car's board (269 = 0x010D, 7200 = 0x1C20), its largest commands, a line whose CRC is of
-/// an independent CRC-16 with first value FFFF, a marker 1500 mm ahead; the
+/// read from a car's board (269 = 0x010D, 7200 = 0x1C20), its largest commands, a line whose CRC
+/// is of an independent CRC-16 with first value FFFF, a marker 1500 mm ahead; the
 /// phone's emergency stop, laid out by hand (1.0 is 3F800000).
 fn golden() -> [Golden; 14] {
     let write = "46: speed_left_to=20 ticks/40 ms speed_right_to=-20 ticks/40 ms motor_standby=0";

@@ -103,7 +103,8 @@ def drive(rig, port):
     expect(f"python-osc: 3 s at 0.22 m/s are 0.66 m ({moved:.2f})", 0.5 < moved < 1.0)
 
     subprocess.run(["oscsend", "localhost", str(port), "/1/kill", "f", "1"], check=True)
-    expect("oscsend: the kill switch stops the motor", until(lambda: rig.axes()["motor level"] == 0, 1))
+    stops = until(lambda: rig.axes()["motor level"] == 0, 1)
+    expect("oscsend: the kill switch stops the motor", stops)
     phone.send_message("/1/speed", 2.0)
     time.sleep(0.5)
     expect("python-osc: the fader does nothing then", rig.axes()["motor level"] == 0)

@@ -11,8 +11,8 @@ use protocols::odometer::Dialect;
 use protocols::{Decode as _, Instant};
 
 use super::program::{car, drive};
-use super::{Observation, Variant};
 use crate::codec::{CAR_COMMAND, ODOMETER};
+use crate::museum::{Observation, Variant};
 
 /// 60 edges a turn of a wheel of 32 mm.
 const EDGES_PER_M: f64 = 298.415_518;

@@ -14,8 +14,8 @@ use protocols::car_board::Readings;
 use protocols::odometer::Dialect;
 use protocols::perception::Marker;
 
-use super::{Observation, Variant};
 use crate::codec::{CAR_BOARD, CAR_COMMAND, ODOMETER, OSC, PERCEPTION};
+use crate::museum::{Observation, Variant};
 
 const MS: Duration = Duration::from_millis(1);
 /// A frame as it was read from the board: 13 cm ahead, 200 right, 150 left, 269 pulses, 7.2 V.
