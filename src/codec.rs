@@ -27,10 +27,14 @@
 //! order. Where two formats fit some bytes equally well, the earlier one is taken.
 
 mod bus;
+mod car_board;
 mod lidar;
 mod lua;
+mod odometer;
+mod osc;
 mod panel;
 mod pcui;
+mod perception;
 mod peripherals;
 mod row;
 mod rplidar;
@@ -42,10 +46,14 @@ mod xv11;
 mod xv11_turn;
 
 pub use bus::{Avr, BUS, BUS_HIGH_FIRST, HighFirst, LowFirst, bus};
+pub use car_board::{CAR_BOARD, CAR_COMMAND, CarBoard, CarCommand, Pair, PairFormat};
 pub use lidar::{Lidar, Ranges};
 pub use lua::{Lua, LuaField, field};
+pub use odometer::{Line, LineFormat, ODOMETER, Odometer};
+pub use osc::{OSC, Osc, OscFormat, OscMessage};
 pub use panel::{PANEL, Panel};
 pub use pcui::{PCUI, Pcui};
+pub use perception::{MessageFormat, PERCEPTION, Perception, Told};
 pub use peripherals::{BoardFrame, PERIPHERALS, Peripherals};
 pub use row::{Answers, Codec, IDLE, OtherOrder};
 pub use rplidar::{RPLIDAR, Rplidar};
@@ -67,6 +75,11 @@ static CODECS: Registry<Codec> = Registry::new(&[
     &RPLIDAR,
     &TELEMETRY,
     &PERIPHERALS,
+    &CAR_BOARD,
+    &ODOMETER,
+    &CAR_COMMAND,
+    &PERCEPTION,
+    &OSC,
 ]);
 
 /// All rows: those that are built in, then those that were registered.
@@ -105,7 +118,8 @@ pub fn best(bytes: &[u8]) -> Option<(&'static Codec, u64)> {
     let mut best = None;
     for codec in all() {
         let score = codec.framed(bytes);
-        if score > best.map_or(0, |(_, best)| best) {
+        let is_believed = score * 100 >= u64::from(codec.least_share()) * bytes.len() as u64;
+        if is_believed && score > best.map_or(0, |(_, best)| best) {
             best = Some((codec, score));
         }
     }

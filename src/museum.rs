@@ -1,10 +1,11 @@
-//! The museum: the defects of the rescue robot's fielded programs, each live.
+//! The museum: the defects of the robots' fielded programs, each live.
 //!
 //! A [`Bug`] is a row of the catalogue. Where it can be shown, its exhibit is a function that feeds
 //! the same stimulus to the defective and to the sound [`Variant`] and notes what is observed:
 //! bytes on the wire, and named figures. Nothing shown is written down beforehand; all of it comes
 //! from the code that runs, in virtual time.
 
+mod apollo13;
 mod base;
 mod bus;
 mod client;
@@ -144,7 +145,7 @@ impl Reproduction {
 
 /// All defects, in the order of the catalogue.
 pub fn catalogue() -> impl Iterator<Item = &'static Bug> {
-    let rooms: [&[Bug]; 8] = [
+    let rooms: [&[Bug]; 9] = [
         &base::ROWS,
         &bus::ROWS,
         &lidar::ROWS,
@@ -153,6 +154,7 @@ pub fn catalogue() -> impl Iterator<Item = &'static Bug> {
         &navigation::ROWS,
         &client::ROWS,
         &field::ROWS,
+        &apollo13::ROWS,
     ];
     rooms.into_iter().flatten()
 }

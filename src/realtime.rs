@@ -295,7 +295,8 @@ impl<C: Clock> Realtime<C> {
 impl Port {
     /// What the client did and sent, in the order in which it did.
     fn carry_in(&mut self, paced: &mut impl Paced) -> Result<(), TransportError> {
-        let mut buf = [0; 1024];
+        // A packet of a network comes whole.
+        let mut buf = [0; 2048];
         let node = self.end.node;
         let now = paced.rig().now();
         let due = self.spread.due(now);
@@ -339,6 +340,13 @@ impl Port {
 
     /// What the rig has for the client.
     fn carry_out(&mut self, rig: &mut Rig) {
+        let link = rig.link(&self.end.link);
+        if link.is_some_and(|link| link.kind.carries_messages()) {
+            for message in rig.take_messages(self.end.node) {
+                self.traffic.to_client += self.transport.write(&message) as u64;
+            }
+            return;
+        }
         let bytes = rig.take_output(self.end.node);
         let pieces = match &mut self.adapter {
             Some(adapter) => adapter.pass(rig.now(), &bytes),

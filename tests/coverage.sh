@@ -25,6 +25,7 @@ llvm-cov-19 export --format=text --summary-only --instr-profile="$out/replay.pro
     "$out/debug/corpus" $sources/{decode,avr,xv11,pcui,panel,telemetry,peripherals,rle,hc06}.rs \
     $sources/xv11/{reading,turn}.rs $sources/pcui/message.rs $sources/hc06/lines.rs \
     $sources/rplidar/{answer,capsule,decoder,node,request}.rs $sources/telemetry/decoder.rs \
+    $sources/car_board/{command,frame}.rs $sources/odometer/reading.rs $sources/perception.rs \
     > "$out/summary.json"
 percent=$(sed -n 's/.*"totals":{.*"lines":{"count":[0-9]*,"covered":[0-9]*,"percent":\([0-9]*\).*/\1/p' \
     "$out/summary.json")

@@ -35,6 +35,11 @@ command -v chromium >/dev/null && command -v chromedriver >/dev/null ||
 for tool in socat jpnevulator sigrok-cli tio; do
     command -v "$tool" >/dev/null || install "$tool"
 done
+# Compile and simulate sketches for an ATmega2560, whose chips are ours.
+command -v avr-g++ >/dev/null && [[ -f /usr/include/simavr/sim_avr.h ]] ||
+    install gcc-avr avr-libc arduino-core-avr libsimavr-dev libelf-dev
+# Drives the model car.
+command -v oscsend >/dev/null || install liblo-tools
 # Reads what the instrumented replay of the corpus writes.
 command -v llvm-cov-19 >/dev/null || install llvm-19
 # Read what is exported; pip has them, Debian 12 does not.
@@ -96,6 +101,12 @@ step "the lidar and the telemetry, judged by what pip and cargo give"
 built=$(realpath "$target")/debug
 CARGO_TARGET_DIR=$(realpath "$target") HILRIG=$built/hilrig TELEMETRY=$built/examples/telemetry \
     bash tests/lidar_clients/run.sh
+
+step "chips on the bus of a simulated microcontroller"
+CARGO_TARGET_DIR=$(realpath "$target") bash tests/simavr/run.sh
+
+step "the model car, driven by what pip and Debian give"
+CARGO_TARGET_DIR=$(realpath "$target") HILRIG=$built/hilrig bash tests/osc_clients/run.sh
 
 step "demo"
 # Without the page and MCAP, which have no part in it and take two minutes to compile.

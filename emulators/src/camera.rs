@@ -109,7 +109,11 @@ impl Default for CameraConfig {
 }
 
 /// Names of the faults.
-const FAULTS: [&str; 5] = ["off", "slow", "garbage", "stuck", "blind"];
+const FAULTS: [&str; 6] = ["off", "slow", "garbage", "stuck", "blind", "battery"];
+/// Share of the columns without a depth while its battery collapses: a guess.
+const FAILING: f64 = 0.5;
+/// From the first gaps to nothing at all, seconds, if nobody says: a guess.
+const COLLAPSE_S: f64 = 5.0;
 
 /// What is wrong with the camera itself.
 #[derive(Clone, Copy, Debug, Default)]
@@ -120,6 +124,8 @@ struct Faults {
     period: Option<Duration>,
     /// Share of the columns without a depth.
     blind: f64,
+    /// Its battery is empty from then on.
+    empty_at: Option<Instant>,
 }
 
 /// The camera.
@@ -205,6 +211,11 @@ impl Device for Camera {
     fn receive(&mut self, _port: Port, _now: Instant, _bytes: &[u8]) {}
 
     fn poll(&mut self, now: Instant, world: &mut World) {
+        if self.faults.empty_at.take_if(|at| *at <= now).is_some() {
+            self.picture_at = None;
+            let detail = "its battery has collapsed".to_owned();
+            self.log.note(now, "undervoltage", detail);
+        }
         if let Some(due) = self.picture_at.take_if(|at| *at <= now) {
             // A camera that was polled late goes on from then.
             self.picture_at = Some((due + self.period()).max(now));
@@ -225,7 +236,7 @@ impl Device for Camera {
     }
 
     fn poll_at(&self) -> Option<Instant> {
-        earliest([self.picture_at, self.log.poll_at()])
+        earliest([self.picture_at, self.faults.empty_at, self.log.poll_at()])
     }
 
     fn line_config(&self, _port: Port) -> LineConfig {
@@ -239,7 +250,8 @@ impl Device for Camera {
     /// `off`. `slow`: so many milliseconds between pictures, 200 if nobody says. `garbage`:
     /// messages of their lengths, but of random bytes. `stuck`: the last picture for ever. `blind`:
     /// that share of the columns has no depth, all if nobody says, and then no marker is
-    /// recognised.
+    /// recognised. `battery`: its own pack, which nothing protects, collapses within so many
+    /// seconds, 5 if nobody says; the end of the fault is another pack.
     fn set_fault(&mut self, now: Instant, fault: &str, figure: Option<f64>, begins: bool) {
         match fault {
             "off" => {
@@ -256,6 +268,14 @@ impl Device for Camera {
             "blind" => {
                 let share = figure.unwrap_or(1.0).clamp(0.0, 1.0);
                 self.faults.blind = if begins { share } else { 0.0 };
+            }
+            "battery" => {
+                let left = Duration::from_secs_f64(figure.unwrap_or(COLLAPSE_S).clamp(0.0, 1e6));
+                self.faults.empty_at = begins.then(|| now + left);
+                self.faults.blind = if begins { FAILING } else { 0.0 };
+                if !begins && !self.faults.is_off {
+                    self.picture_at = Some(now + self.period());
+                }
             }
             _ => {}
         }

@@ -95,13 +95,14 @@ enum State {
 }
 
 /// Names of the faults.
-const FAULTS: [&str; 9] = [
+const FAULTS: [&str; 10] = [
     "off",
     "restart",
     "stuck",
     "slow",
     "wrong",
     "worn",
+    "iron",
     "imu-off",
     "imu-stuck",
     "imu-wrong",
@@ -124,6 +125,8 @@ pub struct Odometer {
     wear: f64,
     /// The wires of the contacts are exchanged.
     is_swapped: bool,
+    /// What iron nearby adds to the magnetic field, uT.
+    iron_ut: f32,
     lines: VecDeque<u8>,
     log: EventLog,
 }
@@ -145,6 +148,7 @@ impl Odometer {
             work: None,
             wear: 0.0,
             is_swapped: false,
+            iron_ut: 0.0,
             lines: VecDeque::new(),
             log: EventLog::default(),
             config,
@@ -220,7 +224,7 @@ impl Odometer {
         let line = sketch.turn(
             now,
             (edges, is_open),
-            self.config.program,
+            (self.config.program, self.iron_ut),
             &mut self.imu,
             world,
         );
@@ -286,8 +290,8 @@ impl Device for Odometer {
 
     /// `off`: no supply. `restart`: a reset. `stuck`: the program hangs until a reset. `slow`: a
     /// loop works for so many milliseconds, 12 if nobody says. `wrong`: the encoder's wires are
-    /// exchanged. `worn`: chance that a contact is open at a look, 0.2 if nobody says. `imu-..`: as
-    /// the sensor's own.
+    /// exchanged. `worn`: chance that a contact is open at a look, 0.2 if nobody says. `iron`: so
+    /// many microtesla more along y of the world, 40 if nobody says. `imu-..`: as the sensor's own.
     fn set_fault(&mut self, now: Instant, fault: &str, figure: Option<f64>, begins: bool) {
         match fault {
             "off" if begins => {
@@ -302,6 +306,11 @@ impl Device for Odometer {
                 self.work = begins.then(|| Duration::from_secs_f64(millis / 1000.0));
             }
             "wrong" => self.is_swapped = begins,
+            "iron" => {
+                #[expect(clippy::cast_possible_truncation, reason = "few digits are needed")]
+                let field_ut = figure.unwrap_or(40.0).clamp(-1e4, 1e4) as f32;
+                self.iron_ut = if begins { field_ut } else { 0.0 };
+            }
             "worn" => self.wear = if begins { figure.unwrap_or(0.2) } else { 0.0 },
             _ => {
                 if let Some(fault) = fault.strip_prefix("imu-") {

@@ -83,7 +83,8 @@ fn sources(rows: &[(&Codec, &Lua)]) -> String {
 fn formats(rows: &[(&Codec, &Lua)]) -> String {
     let row = |(codec, Lua { judge, tell, .. }): &(&Codec, &Lua)| {
         let (name, idle) = (codec.name(), codec.idle().as_secs_f64());
-        format!("  {{ \"{name}\", {judge}, {tell}, {idle} }},\n")
+        let share = codec.least_share();
+        format!("  {{ \"{name}\", {judge}, {tell}, {idle}, {share} }},\n")
     };
     rows.iter().map(row).collect()
 }

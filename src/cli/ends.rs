@@ -5,7 +5,7 @@ use clap::Args;
 use super::CliError;
 use super::place::{self, NamedPort};
 use crate::realtime::exec::Seat;
-use crate::realtime::transport::{PortDir, Pty, Serial, Transport};
+use crate::realtime::transport::{PortDir, Pty, Serial, Transport, Udp};
 use crate::rig::{PortRate, Rig};
 use crate::robots::{Instruments, OpenEnd, Wired};
 
@@ -15,7 +15,8 @@ pub(super) struct EndArgs {
     /// Put a real device, or somebody's pseudo-terminal, in the place of the emulated one
     #[arg(long, value_name = "LINK=PATH")]
     device_at: Vec<NamedPort>,
-    /// Offer the robot's end of a link on a serial port in place of a pseudo-terminal
+    /// Offer the robot's end of a link on a serial port in place of a pseudo-terminal, or that of a
+    /// link of messages on a network port: NAME=udp:9000
     #[arg(long, value_name = "LINK=PATH")]
     dut_at: Vec<NamedPort>,
 }
@@ -43,7 +44,7 @@ impl EndArgs {
         for end in open_ends {
             let real = place::find(&self.dut_at, &end.name);
             let transport: Box<dyn Transport> = match real {
-                Some(place) => Box::new(Serial::open(&place.path, end.line)?),
+                Some(place) => open(place, &end, &rig)?,
                 None => Box::new(Pty::open(dir, &end.name, end.line)?),
             };
             seats.extend(self.device(&mut rig, &end)?);
@@ -81,6 +82,20 @@ impl EndArgs {
             is_terminal: false,
         }))
     }
+}
+
+/// The real port of `end` at `place`.
+fn open(place: &NamedPort, end: &OpenEnd, rig: &Rig) -> Result<Box<dyn Transport>, CliError> {
+    let Some(address) = Udp::address(&place.path) else {
+        return Ok(Box::new(Serial::open(&place.path, end.line)?));
+    };
+    let link = rig.link(&end.link);
+    if !link.is_some_and(|link| link.kind.carries_messages()) {
+        let name = &end.name;
+        let text = format!("--dut-at {name}: packets need a link of messages, this is a line");
+        return Err(CliError::Usage(text));
+    }
+    Ok(Box::new(Udp::open(address)?))
 }
 
 /// The ports as data: one a line.

@@ -37,6 +37,7 @@ use crate::show::folder::FolderError;
     hilrig dut --dir /tmp/robot            # in another terminal: the robot's program\n  \
     hilrig up scenarios/rescue-flat.toml --dut-at lidar=/dev/ttyUSB0 --dut-at base=/dev/ttyUSB1\n  \
     hilrig up scenarios/rescue-flat.toml --device-at lidar=/dev/ttyACM0   # a real lidar\n  \
+    hilrig up scenarios/apollo13-goal.toml --pc --dut-at phone=udp:0.0.0.0:9000   # a real phone\n  \
     hilrig up scenarios/rescue-flat.toml --ui=8080    # watched and steered on a page\n  \
     hilrig up scenarios/rescue-flat.toml --capture field.pcapng --capture-max-mb 100\n  \
     hilrig up scenarios/rescue-flat.toml --until-over --out result   # judged: exit code 0 or 1")]

@@ -22,6 +22,7 @@ pub struct Codec {
     frame_at: fn(&[u8]) -> Option<usize>,
     target: Target,
     idle: Duration,
+    least_share: u8,
     answers: Answers,
     other_order: Option<OtherOrder>,
     figures: Option<fn(&[u8]) -> String>,
@@ -78,6 +79,7 @@ impl Codec {
             frame_at: W::frame_at,
             target: Target::of::<W>(),
             idle: IDLE,
+            least_share: 0,
             answers: Answers::PLAIN,
             other_order: None,
             figures: None,
@@ -103,6 +105,14 @@ impl Codec {
     #[must_use]
     pub const fn with_idle(mut self, idle: Duration) -> Self {
         self.idle = idle;
+        self
+    }
+
+    /// The row for a format whose frames are short and unchecked, so that any bytes have some: it
+    /// is only guessed if at least so much of the bytes is in frames, per cent.
+    #[must_use]
+    pub const fn with_least_share(mut self, percent: u8) -> Self {
+        self.least_share = percent;
         self
     }
 
@@ -152,6 +162,11 @@ impl Codec {
     /// Silence after which half a frame is given up.
     pub const fn idle(&self) -> Duration {
         self.idle
+    }
+
+    /// Share of bytes in frames below which it is not guessed, per cent.
+    pub const fn least_share(&self) -> u8 {
+        self.least_share
     }
 
     /// How answers are told apart.

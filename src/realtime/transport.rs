@@ -1,4 +1,4 @@
-//! Where bytes leave the process: pseudo-terminals, real serial ports, memory.
+//! Where bytes leave the process: pseudo-terminals, real serial ports, network ports, memory.
 //!
 //! A transport carries bytes and nothing else: no timing, no faults, no line coding. Those belong
 //! to the line of the rig, which a pseudo-terminal would hide (it has no baud rate and holds some
@@ -10,10 +10,12 @@ mod directory;
 mod memory;
 mod pty;
 mod serial;
+mod udp;
 mod watch;
 
 use core::time::Duration;
 use std::io;
+use std::net::SocketAddr;
 use std::os::fd::BorrowedFd;
 use std::path::{Path, PathBuf};
 
@@ -23,6 +25,7 @@ pub use directory::{Note, PortDir};
 pub use memory::Memory;
 pub use pty::Pty;
 pub use serial::Serial;
+pub use udp::Udp;
 
 /// One end of a byte pipe whose other end is outside the rig.
 ///
@@ -199,6 +202,14 @@ pub enum TransportError {
         path: PathBuf,
         /// What was tried.
         baud: u32,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// There is no such address here, or somebody else listens there.
+    #[error("udp:{address}: expected a free port of this machine: {source}")]
+    Network {
+        /// As given.
+        address: SocketAddr,
         /// What the system said.
         source: io::Error,
     },

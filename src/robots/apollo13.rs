@@ -121,8 +121,8 @@ fn wire(plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
         spec.check("car", source, car.device.as_ref(), &world)?;
     }
     let odometer = scenario.build_device("odometer", ODOMETER, source)?;
-    let camera = camera(scenario, source)?;
-    let mut wired = Wired::new(Rig::new(world), ApolloInstruments);
+    let (camera, eye) = camera(scenario, source)?;
+    let mut wired = Wired::new(Rig::new(world), ApolloInstruments::new(eye));
     let program = match dut {
         Dut::Internal => {
             let program = Box::new(Apollo13::new(config));
@@ -223,8 +223,8 @@ fn alone(scenario: &Scenario, source: &Source) -> Result<Alone, ScenarioError> {
     })
 }
 
-/// The camera where the car has it, unless the scenario says otherwise.
-fn camera(scenario: &Scenario, source: &Source) -> Result<Built, ScenarioError> {
+/// The camera where the car has it, unless the scenario says otherwise, and how it was set.
+fn camera(scenario: &Scenario, source: &Source) -> Result<(Built, DeviceSpec), ScenarioError> {
     let plain = || {
         let plain = DeviceSpec::plain(CAMERA);
         plain.map_err(|error| source.invalid(None, "device.camera.camera", error.message()))
@@ -240,7 +240,8 @@ fn camera(scenario: &Scenario, source: &Source) -> Result<Built, ScenarioError> 
         });
         settings.height_m.get_or_insert(CAMERA_HEIGHT_M);
     }
-    spec.build("camera", scenario.seed, source)
+    let built = spec.build("camera", scenario.seed, source)?;
+    Ok((built, spec))
 }
 
 fn check_names(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError> {

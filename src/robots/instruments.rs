@@ -15,6 +15,7 @@ use super::station::Station;
 use crate::codec::Codec;
 use crate::picture::Picture;
 use crate::rig::Rig;
+use crate::rig::line::Direction;
 use crate::scenario::device::scan::ScanDecoder;
 
 /// How the axes are commanded.
@@ -197,6 +198,16 @@ pub trait Instruments {
     /// What a link speaks, if it is known.
     fn codec(&self, _rig: &Rig, _link: &str) -> Option<&'static Codec> {
         None
+    }
+
+    /// The same for one way of a link whose ways speak differently.
+    fn codec_towards(
+        &self,
+        rig: &Rig,
+        link: &str,
+        _direction: Direction,
+    ) -> Option<&'static Codec> {
+        self.codec(rig, link)
     }
 
     /// Checkers that only this robot needs. They may listen to the rig.

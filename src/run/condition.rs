@@ -52,7 +52,8 @@ impl Run {
             Condition::Frame(frame) => {
                 let link = self.link_index(&frame.link)?;
                 let name = &self.rig.links()[link].name;
-                let codec = self.instruments.codec(&self.rig, name);
+                let direction = Direction::from(frame.direction);
+                let codec = self.instruments.codec_towards(&self.rig, name, direction);
                 let codec = codec.ok_or_else(|| {
                     let message = format!("what {name} speaks is not known: expected `bytes`");
                     Flaw::new("link", message)

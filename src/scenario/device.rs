@@ -2,16 +2,19 @@
 
 mod avr_base;
 mod camera;
+pub mod camera_scans;
 mod car_board;
 mod hc06;
 mod kind;
 mod mount;
+mod mpu6050;
 mod odometer;
 mod read;
 mod registers;
 mod rplidar;
 pub mod rplidar_scans;
 pub mod scan;
+mod srf08;
 mod text;
 mod touch_panel;
 mod wheel_board;
@@ -41,9 +44,11 @@ pub use kind::{
     BuildContext, Built, DeviceKind, PortInfo, Settings, ValueRow, read_settings, schema_of,
 };
 pub use mount::MountSpec;
+pub use mpu6050::{MPU6050, Mpu6050Spec};
 pub use odometer::{ODOMETER, OdometerSpec};
 pub(super) use read::read_devices;
 pub use rplidar::{MotorSpec, RPLIDAR, RplidarSpec};
+pub use srf08::{SRF08, Srf08Spec};
 pub use touch_panel::{TOUCH_PANEL, TapSpec, TouchPanelSpec};
 pub use wheel_board::{PressSpec, WHEEL_BOARD, WheelBoardSpec};
 pub use xv11::{SupplySpec, TurnSpec, XV11, Xv11Spec};
@@ -64,6 +69,8 @@ static KINDS: Registry<dyn DeviceKind> = Registry::new(&[
     CAR_BOARD,
     ODOMETER,
     CAMERA,
+    SRF08,
+    MPU6050,
     registers::REGISTERS,
     text::TEXT,
 ]);

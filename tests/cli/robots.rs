@@ -15,7 +15,7 @@ struct Row {
     lidar: &'static str,
 }
 
-const ROWS: [Row; 2] = [
+const ROWS: [Row; 3] = [
     Row {
         robot: "rescue",
         mission: "[mission]\nwaypoints_m = [[1.5, 1.0]]\n",
@@ -32,6 +32,15 @@ const ROWS: [Row; 2] = [
         orders: "telemetry",
         towards: "to-master",
         lidar: "lidar",
+    },
+    Row {
+        robot: "apollo13",
+        mission: "[mission]\nwaypoints_m = [[1.5, 1.0]]\n\
+            [[mission.step]]\nat = \"1s\"\ndo = { drive = [2, 8] }\n\
+            [[mission.step]]\nat = \"3500ms\"\ndo = { drive = [0, 8] }\n",
+        orders: "remote",
+        towards: "to-master",
+        lidar: "odometer",
     },
 ];
 
@@ -83,6 +92,8 @@ fn a_run_is_replayed_decoded_exported_and_kept_with_every_robot() {
         let decoded = run(&["decode", "out/capture.pcapng"]);
         assert!(decoded.lines().count() > 100, "{}: {decoded}", row.robot);
         assert!(decoded.contains(row.orders), "{}", row.robot);
+        let healthy = run(&["decode", "out/capture.pcapng", "--diagnose"]);
+        assert!(healthy.contains(row.lidar), "{}: {healthy}", row.robot);
         run(&["export", "out", "-o", "way.tum"]);
         assert!(
             session.read("way.tum").lines().count() > 10,

@@ -355,6 +355,109 @@ fn samples_and_outputs_of_a_motor_board_show_their_values() {
     assert_eq!(lines, ["65535,32897|4095|5|11.5|", "||2||100,50"]);
 }
 
+/// A frame that was read from the board, in two pieces and with a stray zero before it; the largest
+/// commands and a steering byte alone; what a terminal makes of 13 cm, 10.
+#[test]
+fn both_ways_of_a_cars_board_show_their_values() {
+    let frame = b"\x00\x0F\x0D\x00\xC8\x00\x96\x00\x00\x0D\x01\x20\x1C";
+    let session = Session::new("wireshark-car-board");
+    let mut chunks = Chunks::of(&["car"]);
+    chunks.add(0, UP, &[b"\x00", &frame[..5]].concat());
+    chunks.add(0, DOWN, b"\x94\x64\x8A\x32");
+    chunks.add(0, UP, &frame[5..]);
+    let fields = [
+        "hilrig.protocol",
+        "hilrig.car_board.range",
+        "hilrig.car_board.hall",
+        "hilrig.car_board.battery",
+        "hilrig.car_board.level",
+        "hilrig.car_board.steering",
+        "hilrig.bad",
+    ];
+    let Some(lines) = dissect(&session, &chunks, &fields) else {
+        return;
+    };
+    let expected = [
+        "||||||",
+        "car-command,car-command||||10,0|50,0|",
+        "bad,car-board|13,200,150|269|7200|||1",
+    ];
+    assert_eq!(lines, expected);
+}
+
+/// Lines of the report, of the sketch, of its successor and with a CRC (D147, of an independent
+/// CRC-16); one whose sum is a tenth off.
+#[test]
+fn lines_of_an_odometer_show_their_figures_in_every_dialect() {
+    let session = Session::new("wireshark-odometer");
+    let mut chunks = Chunks::of(&["odometer"]);
+    chunks.add(
+        0,
+        UP,
+        b"1.25*0.50*85.94*12.35*100.04*\r\n1.25*0.50*1.50*12345*12347.76*\r\n",
+    );
+    chunks.add(0, UP, b"1250*500*1500*12345*D147*\r\n");
+    chunks.add(
+        0,
+        UP,
+        b"#1.25*0.01*0.02*0.50*0.10*0.20*9.81*12.00*-3.00*40.00*\r\n",
+    );
+    chunks.add(
+        0,
+        UP,
+        b"1.25*0.50*1.50*12345*12347.86*\r\n1250*500*1500*12345*D147*\r\n",
+    );
+    let fields = [
+        "hilrig.odometer.dialect",
+        "hilrig.odometer.distance",
+        "hilrig.odometer.time",
+    ];
+    let Some(lines) = dissect(&session, &chunks, &fields) else {
+        return;
+    };
+    let expected = [
+        "seed,as-coded|1.25,1.25|12.35,12.345",
+        "fixed|1.25|12.345",
+        "raw|1.25|",
+        "fixed|1.25|12.345",
+    ];
+    assert_eq!(lines, expected);
+}
+
+/// By hand: depths of 1000 mm and none, a marker 1500 mm ahead and 1 mm to the left; the phone's
+/// emergency stop and a goal.
+#[test]
+fn a_camera_and_a_phone_show_their_messages() {
+    let session = Session::new("wireshark-camera");
+    let mut chunks = Chunks::of(&["scan", "remote"]);
+    chunks.add(0, UP, b"\x44\x02\x00\x82\x14\xE8\x03\x00\x00");
+    chunks.add(
+        0,
+        UP,
+        b"\x4D\x11\x00\xFF\xFF\xFF\xFF\x02\0\0\0\xDC\x05\0\0\0\0\xF0\xD8",
+    );
+    chunks.add(1, UP, b"/1/kill\0,f\0\0\x3F\x80\0\0");
+    chunks.add(1, UP, b"/goal\0\0\0,ff\0\x40\x20\0\0\xBF\x00\0\0");
+    let fields = [
+        "hilrig.perception.nearest",
+        "hilrig.perception.id",
+        "hilrig.perception.ahead",
+        "hilrig.perception.right",
+        "hilrig.osc.address",
+        "hilrig.osc.float",
+    ];
+    let Some(lines) = dissect(&session, &chunks, &fields) else {
+        return;
+    };
+    let expected = [
+        "1000|||||",
+        "|17|1500|-1||",
+        "||||/1/kill|1",
+        "||||/goal|2.5,-0.5",
+    ];
+    assert_eq!(lines, expected);
+}
+
 /// The rates of the seed report's links, as Wireshark's own tool reads them from a run's capture.
 #[test]
 fn a_runs_capture_tells_the_rate_of_each_link() {

@@ -1,6 +1,7 @@
 //! The museum: every exhibit shows its defect with the switch on, and not with it off; the figures
 //! are those of the field-bug catalogue.
 
+mod apollo13;
 mod base;
 mod bus;
 mod client;
@@ -52,7 +53,7 @@ fn wing_holds(prefixes: &[&str]) {
     assert!(shown > 0, "{prefixes:?}");
 }
 
-/// Rows of the catalogue: sections a to f, and F-01 to F-13.
+/// Rows of the rescue robot: sections a to f, and F-01 to F-13.
 const ROWS: usize = 112;
 
 /// 99 rows of the sections a to f: 25 of the base, 10 of the bus, 12 of the lidar, 15 of the
@@ -68,9 +69,10 @@ fn all_rows_are_there_and_nearly_all_are_live() {
         rows.filter(|bug| bug.id.starts_with(wing)).count()
     });
     assert_eq!(counts, [23, 2, 10, 12, 14, 1, 22, 5, 10, 13]);
-    let rows = museum::catalogue().count();
+    let own = || museum::catalogue().filter(|bug| wings.iter().any(|it| bug.id.starts_with(it)));
+    let rows = own().count();
     assert_eq!(rows, ROWS);
-    let live = museum::catalogue().filter(|bug| matches!(bug.live, museum::Live::Exhibit { .. }));
+    let live = own().filter(|bug| matches!(bug.live, museum::Live::Exhibit { .. }));
     let live = live.count();
     assert!(live * 100 >= rows * 85, "{live} of {rows}");
 }

@@ -258,6 +258,94 @@ pub(crate) fn any_bytes_are_survived<D: Decode<Frame: Wire>>(
     a_pause_ends_every_wait(new, bytes, frame)
 }
 
+/// What was sent arrives: all but the last when the next begins, the last with a pause.
+pub(crate) fn sent_frames_arrive_with_the_next_or_a_pause<D: Decode<Frame: Wire>>(
+    new: impl Fn() -> D,
+    sent: &[Vec<u8>],
+) -> Verdict {
+    let mut decoder = new();
+    let (last, first) = sent.split_last().expect("one at least");
+    let expected = |sent: &[Vec<u8>]| sent.iter().cloned().map(Ok).collect::<Outcome>();
+    prop_assert_eq!(feed(&mut decoder, &sent.concat()), expected(first));
+    prop_assert_eq!((decoder.pending(), decoder.discarded()), (last.len(), 0));
+    decoder.idle();
+    prop_assert_eq!(feed(&mut decoder, &[]), vec![Ok(last.clone())]);
+    prop_assert_eq!((decoder.pending(), decoder.discarded()), (0, 0));
+    Ok(())
+}
+
+/// After a pause, whatever came before it, said once or twice, a frame with a pause behind it is
+/// understood.
+pub(crate) fn a_pause_ends_every_patient_wait<D: Decode<Frame: Wire>>(
+    new: impl Fn() -> D,
+    before: &[u8],
+    frame: &[u8],
+) -> Verdict {
+    for pauses in 1..=2 {
+        let mut decoder = new();
+        feed(&mut decoder, before);
+        for _ in 0..pauses {
+            decoder.idle();
+        }
+        feed(&mut decoder, &[]);
+        prop_assert_eq!(feed(&mut decoder, frame), vec![]);
+        decoder.idle();
+        prop_assert_eq!(feed(&mut decoder, &[]), vec![Ok(frame.to_vec())]);
+    }
+    Ok(())
+}
+
+/// Those of every decoder, whenever it gives its frames out.
+macro_rules! laws_of_any {
+    () => {
+        proptest! {
+            #![proptest_config(ProptestConfig::with_cases(P::CASES))]
+
+            #[test]
+            fn chunking_changes_nothing(
+                before in stream::<P>(), after in stream::<P>(), cuts in cuts(),
+            ) {
+                super::chunking_changes_nothing(P::decoder, [&before, &after], &cuts)?;
+            }
+
+            #[test]
+            fn every_byte_is_accounted_for(bytes in stream::<P>(), cuts in cuts()) {
+                super::every_byte_is_accounted_for(P::decoder, &bytes, &cuts)?;
+            }
+
+            #[test]
+            fn an_iterator_dropped_early_feeds_the_rest(
+                bytes in stream::<P>(), taken in 0_usize..4,
+            ) {
+                super::an_iterator_dropped_early_feeds_the_rest(P::decoder, &bytes, taken)?;
+            }
+
+            #[test]
+            fn decodes_as_the_naive_scanner(bytes in stream::<P>()) {
+                super::decodes_as_the_naive_scanner(P::decoder, &bytes, P::frame_at)?;
+            }
+
+            #[test]
+            fn one_damaged_byte_costs_at_most_two_frames(
+                sent in frames::<P>(8), damage in one_damage::<P>(),
+            ) {
+                super::one_damaged_byte_costs_at_most_two_frames(
+                    P::decoder, &sent, damage, P::frame_at, P::CHECKED,
+                )?;
+            }
+
+            #[test]
+            fn a_cut_frame_costs_nothing_behind_it(
+                cut in cut_frame::<P>(), sent in frames::<P>(4),
+            ) {
+                super::a_cut_frame_costs_nothing_behind_it(
+                    P::decoder, &cut, &sent, P::frame_at, P::CHECKED,
+                )?;
+            }
+        }
+    };
+}
+
 /// The tests of one protocol: every law on thousands of streams.
 macro_rules! laws {
     ($name:ident, $protocol:ty) => {
@@ -265,54 +353,14 @@ macro_rules! laws {
             use super::*;
             type P = $protocol;
 
+            laws_of_any!();
+
             proptest! {
                 #![proptest_config(ProptestConfig::with_cases(P::CASES))]
 
                 #[test]
-                fn chunking_changes_nothing(
-                    before in stream::<P>(), after in stream::<P>(), cuts in cuts(),
-                ) {
-                    super::chunking_changes_nothing(P::decoder, [&before, &after], &cuts)?;
-                }
-
-                #[test]
-                fn every_byte_is_accounted_for(bytes in stream::<P>(), cuts in cuts()) {
-                    super::every_byte_is_accounted_for(P::decoder, &bytes, &cuts)?;
-                }
-
-                #[test]
-                fn an_iterator_dropped_early_feeds_the_rest(
-                    bytes in stream::<P>(), taken in 0_usize..4,
-                ) {
-                    super::an_iterator_dropped_early_feeds_the_rest(P::decoder, &bytes, taken)?;
-                }
-
-                #[test]
-                fn decodes_as_the_naive_scanner(bytes in stream::<P>()) {
-                    super::decodes_as_the_naive_scanner(P::decoder, &bytes, P::frame_at)?;
-                }
-
-                #[test]
                 fn sent_frames_arrive(sent in frames::<P>(6)) {
                     super::sent_frames_arrive(P::decoder, &sent)?;
-                }
-
-                #[test]
-                fn one_damaged_byte_costs_at_most_two_frames(
-                    sent in frames::<P>(8), damage in one_damage::<P>(),
-                ) {
-                    super::one_damaged_byte_costs_at_most_two_frames(
-                        P::decoder, &sent, damage, P::frame_at, P::CHECKED,
-                    )?;
-                }
-
-                #[test]
-                fn a_cut_frame_costs_nothing_behind_it(
-                    cut in cut_frame::<P>(), sent in frames::<P>(4),
-                ) {
-                    super::a_cut_frame_costs_nothing_behind_it(
-                        P::decoder, &cut, &sent, P::frame_at, P::CHECKED,
-                    )?;
                 }
 
                 #[test]
@@ -326,17 +374,44 @@ macro_rules! laws {
                 }
 
                 #[test]
-                fn any_bytes_are_survived(
-                    bytes in proptest::collection::vec(
-                        prop_oneof![any::<u8>(), proptest::sample::select(P::TELLING)], 0..3000,
-                    ),
-                    frame in P::frame(),
-                ) {
+                fn any_bytes_are_survived(bytes in any_bytes::<P>(), frame in P::frame()) {
                     super::any_bytes_are_survived(P::decoder, &bytes, &frame)?;
                 }
             }
         }
     };
+}
+
+/// Of a protocol whose decoder holds a frame back until the next one begins or the line is quiet.
+macro_rules! laws_of_patient {
+    ($name:ident, $protocol:ty) => {
+        mod $name {
+            use super::*;
+            type P = $protocol;
+
+            laws_of_any!();
+
+            proptest! {
+                #![proptest_config(ProptestConfig::with_cases(P::CASES))]
+
+                #[test]
+                fn sent_frames_arrive_with_the_next_or_a_pause(sent in frames::<P>(6)) {
+                    super::sent_frames_arrive_with_the_next_or_a_pause(P::decoder, &sent)?;
+                }
+
+                #[test]
+                fn a_pause_ends_every_wait(bytes in any_bytes::<P>(), frame in P::frame()) {
+                    super::a_pause_ends_every_patient_wait(P::decoder, &bytes, &frame)?;
+                }
+            }
+        }
+    };
+}
+
+/// Random bytes, often those that the format reacts to.
+fn any_bytes<P: Protocol>() -> impl Strategy<Value = Vec<u8>> {
+    let byte = prop_oneof![any::<u8>(), proptest::sample::select(P::TELLING)];
+    proptest::collection::vec(byte, 0..3000)
 }
 
 laws!(xv11_packets, crate::xv11::Packets);
@@ -349,3 +424,6 @@ laws!(panel_reports, crate::panel::Reports);
 laws!(rplidar_requests, crate::rplidar::Requests);
 laws!(telemetry, crate::telemetry::Telemetry);
 laws!(peripherals, crate::peripherals::Registers);
+laws_of_patient!(car_board, crate::car_board::Board);
+laws!(car_commands, crate::car_board::Commands);
+laws!(odometer, crate::odometer::Lines);

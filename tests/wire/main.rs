@@ -5,12 +5,14 @@
 //! other test of this repository. Nothing here takes an expected value from our own encoders.
 
 mod avr;
+mod car_board;
 mod corpus;
 mod decode;
 mod garbage;
 mod hc06;
 mod laws;
 mod mutants;
+mod odometer;
 mod panel;
 mod pcui;
 mod peripherals;

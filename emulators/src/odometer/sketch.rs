@@ -19,6 +19,11 @@ const PRINTED_UNIT_DPS: f32 = 25.0 / 2000.0;
 const STEP_S: f32 = 0.01;
 /// Samples at rest whose mean is taken for the offset.
 const CALIBRATION_SAMPLES: i16 = 50;
+/// What the motor's current adds to the field along the car's own x, uT at full speed: a guess.
+/// With it a compass is of no use while driving (report, page 10).
+const CURRENT_UT: f32 = 15.0;
+/// Speed at which [`CURRENT_UT`] is added, m/s.
+const FULL_SPEED_M_S: f32 = 1.2;
 /// Horizontal part of the earth's field along x of the world, and the part into the floor, uT.
 const FIELD_UT: [f32; 2] = [20.0, -44.0];
 
@@ -98,7 +103,7 @@ impl Sketch {
         &mut self,
         now: Instant,
         (edges, is_open): (i64, bool),
-        program: Program,
+        (program, iron_ut): (Program, f32),
         imu: &mut Mpu6050,
         world: &World,
     ) -> Vec<u8> {
@@ -110,7 +115,7 @@ impl Sketch {
         #[expect(clippy::cast_precision_loss, reason = "as the microcontroller does it")]
         let distance_m = self.encoder.count() as f32 * COUNT_M;
         match program {
-            Program::Raw => raw_line(distance_m, &words, world),
+            Program::Raw => raw_line(distance_m, &words, iron_ut, world),
             Program::Pose(dialect) => {
                 let printed = match dialect {
                     Dialect::AsCoded => (raw * PRINTED_UNIT_DPS).to_radians(),
@@ -141,7 +146,8 @@ fn read(now: Instant, imu: &mut Mpu6050, world: &World) -> [i16; 7] {
     })
 }
 
-fn raw_line(distance_m: f32, words: &[i16; 7], world: &World) -> Vec<u8> {
+/// `iron_ut`: what iron nearby adds to the field along y of the world.
+fn raw_line(distance_m: f32, words: &[i16; 7], iron_ut: f32, world: &World) -> Vec<u8> {
     let [ax, ay, az, _, wx, wy, wz] = words.map(f32::from);
     let (sin, cos) = libm::sincos(world.pose().theta);
     #[expect(
@@ -150,6 +156,12 @@ fn raw_line(distance_m: f32, words: &[i16; 7], world: &World) -> Vec<u8> {
     )]
     let (sin, cos) = (sin as f32, cos as f32);
     let [ahead, up] = FIELD_UT;
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "to 32 bits, which is meant"
+    )]
+    let speed = world.axis_speed("drive").unwrap_or_default() as f32;
+    let current = CURRENT_UT * speed / FULL_SPEED_M_S;
     let gravity = 9.806_65 / 16_384.0;
     let figures = [
         distance_m,
@@ -159,8 +171,8 @@ fn raw_line(distance_m: f32, words: &[i16; 7], world: &World) -> Vec<u8> {
         ax * gravity,
         ay * gravity,
         az * gravity,
-        ahead * cos,
-        -ahead * sin,
+        ahead * cos + iron_ut * sin + current,
+        iron_ut * cos - ahead * sin,
         up,
     ];
     let mut line = "#".to_owned();

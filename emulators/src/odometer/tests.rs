@@ -252,3 +252,26 @@ fn faults_are_seen_in_the_lines() {
     assert_eq!(counted("off", None).1, 0);
     assert_eq!(counted("stuck", None).1, 0);
 }
+
+/// The earth's 20 uT lie along x of the world: at rest, heading 0, they are ahead. Iron of 40 uT
+/// along y turns a compass by atan 2, 63 degrees; at 0.6 m/s the motor adds half of 15 uT ahead.
+#[test]
+fn a_compass_is_led_astray_by_iron_and_by_the_motor() {
+    let field = |fault: Option<f64>, speed: f64| {
+        let mut run = run(OdometerConfig {
+            program: Program::Raw,
+            ..OdometerConfig::default()
+        });
+        if let Some(field_ut) = fault {
+            run.board
+                .set_fault(Instant::ZERO, "iron", Some(field_ut), true);
+        }
+        run.drive(speed, 0.0);
+        let lines = run.until(secs(2));
+        let (_, last) = lines.last().unwrap();
+        Raw::read(last.as_bytes()).unwrap().field
+    };
+    assert_eq!(field(None, 0.0), [20.0, 0.0, -44.0]);
+    assert_eq!(field(Some(40.0), 0.0), [20.0, 40.0, -44.0]);
+    assert_eq!(field(None, 0.6), [27.5, 0.0, -44.0]);
+}

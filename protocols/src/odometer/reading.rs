@@ -81,7 +81,9 @@ impl Dialect {
             ),
         };
         let expected = distance + rate * scale + yaw + time;
-        if (expected - found).abs() > ROUNDING + last_place(expected.abs().max(time)) {
+        let allowed = ROUNDING + last_place(expected.abs().max(time));
+        // No 32-bit float has a last place beyond its range: the time is none, then.
+        if allowed.is_nan() || (expected - found).abs() > allowed {
             return Err(LineError::Sum { expected, found });
         }
         Ok(Reading {

@@ -5,9 +5,10 @@ use protocols::xv11::{self, Reading};
 use protocols::{Decode as _, Instant};
 
 use crate::capture::replay::{Passage, Recorded};
-use crate::codec::{self, RPLIDAR, XV11};
+use crate::codec::{self, PERCEPTION, RPLIDAR, XV11};
+use crate::scenario::device::camera_scans::CameraScans;
 use crate::scenario::device::rplidar_scans::RplidarScans;
-use crate::scenario::device::scan::{Beam, ScanDecoder as _};
+use crate::scenario::device::scan::{Beam, ScanDecoder};
 
 /// Readings of a turn, one a degree.
 pub(super) const READINGS: usize = 360;
@@ -42,14 +43,15 @@ fn turns(passage: &Passage) -> Vec<Scan> {
     let first: Vec<u8> = first.take(1 << 16).collect();
     match codec::guess(&first) {
         Some(codec) if *codec == XV11 => turns_of_packets(passage),
-        Some(codec) if *codec == RPLIDAR => turns_of_nodes(passage),
+        // Angle 0 of the sensor, or the camera's axis, taken for ahead.
+        Some(codec) if *codec == RPLIDAR => turns_by(RplidarScans::new(0.0), passage),
+        Some(codec) if *codec == PERCEPTION => turns_by(CameraScans::new(0.0, [0.0; 2]), passage),
         _ => Vec::new(),
     }
 }
 
-/// Turns of an RPLIDAR whose angle 0 looks ahead: in each degree the nearest of what was measured.
-fn turns_of_nodes(passage: &Passage) -> Vec<Scan> {
-    let mut decoder = RplidarScans::new(0.0);
+/// What `decoder` reads: in each degree the nearest of what was measured.
+fn turns_by(mut decoder: impl ScanDecoder, passage: &Passage) -> Vec<Scan> {
     let mut scans = Vec::new();
     for arrival in &passage.arrivals {
         scans.extend(decoder.push(&arrival.bytes).map(|beams| Scan {

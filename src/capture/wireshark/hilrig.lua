@@ -44,7 +44,7 @@ end
 -- judge(s, state) says how long the frame at the start of s is; 0 for none, nil for "more"; state is
 -- the line's own table, for formats whose frames say what the next ones are. tell(s) returns a title
 -- and a list of { field, value }. Each row: name, judge, tell, seconds of silence after which half a
--- frame is given up.
+-- frame is given up, per cent of the bytes in frames below which it is not guessed.
 
 --@SOURCES
 local FORMATS = {
@@ -109,7 +109,7 @@ local function guess(buf)
       if length and length > 0 then framed = framed + length end
       at = at + math.max(length or 1, 1)
     end
-    if framed > most then best, most = format, framed end
+    if framed > most and framed * 100 >= format[5] * #buf then best, most = format, framed end
   end
   return best
 end

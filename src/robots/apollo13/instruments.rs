@@ -4,14 +4,26 @@ use emulators::car_board::{CarBoard, steering};
 use firmware_core::robots::apollo13::Apollo13;
 use protocols::car_board::{Level, Steering};
 
-use super::PHONE;
 use super::phone::Phone;
+use super::{PHONE, REMOTE};
+use crate::codec::{self, Codec};
 use crate::rig::Rig;
-use crate::robots::{Axis, Instruments, Panel, PanelRow, Station};
+use crate::rig::line::Direction;
+use crate::robots::{Axis, Instruments, Panel, PanelRow, ScanDecoder, Station};
+use crate::scenario::DeviceSpec;
 
 /// The robot's instruments.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct ApolloInstruments;
+#[derive(Clone, Debug)]
+pub(super) struct ApolloInstruments {
+    camera: DeviceSpec,
+}
+
+impl ApolloInstruments {
+    /// `camera`: how it sits.
+    pub(super) const fn new(camera: DeviceSpec) -> Self {
+        Self { camera }
+    }
+}
 
 fn board(rig: &Rig) -> Option<&CarBoard> {
     rig.device("car")
@@ -73,6 +85,28 @@ impl Instruments for ApolloInstruments {
     fn station_mut<'a>(&'a self, rig: &'a mut Rig) -> Option<&'a mut dyn Station> {
         let phone = rig.device_mut::<Phone>(PHONE)?;
         Some(phone)
+    }
+
+    fn scanner(&self, _: &Rig) -> Option<(String, Box<dyn ScanDecoder>)> {
+        Some(("scan".to_owned(), self.camera.scanner()?))
+    }
+
+    fn codec(&self, _: &Rig, link: &str) -> Option<&'static Codec> {
+        match link {
+            "car" => Some(&codec::CAR_BOARD),
+            "odometer" => Some(&codec::ODOMETER),
+            "scan" | "markers" => Some(&codec::PERCEPTION),
+            REMOTE | PHONE => Some(&codec::OSC),
+            _ => None,
+        }
+    }
+
+    /// What the board is told shares no frame with what it tells.
+    fn codec_towards(&self, rig: &Rig, link: &str, direction: Direction) -> Option<&'static Codec> {
+        match (link, direction) {
+            ("car", Direction::ToDevice) => Some(&codec::CAR_COMMAND),
+            _ => self.codec(rig, link),
+        }
     }
 }
 

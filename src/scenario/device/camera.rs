@@ -1,14 +1,19 @@
 //! `camera`: a depth camera with a detector of markers.
 
+use core::any::Any;
+
 use emulators::camera::{Camera, CameraConfig, Output, PlacedMarker, RATE};
 use protocols::LineConfig;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Serialize};
 use toml::de::ValueDeserializer;
 
+use super::camera_scans::CameraScans;
+use super::scan::ScanDecoder;
 use super::{
     BuildContext, Built, DeviceKind, MountSpec, PortInfo, Settings, read_settings, schema_of,
 };
+use crate::codec;
 use crate::rig::LinkKind;
 use crate::scenario::{ScenarioError, Span};
 
@@ -106,6 +111,17 @@ impl DeviceKind for CameraKind {
         read_settings::<CameraSpec>(settings)
     }
 
+    fn scanner(&self, settings: &dyn Settings) -> Option<Box<dyn ScanDecoder>> {
+        let settings: &dyn Any = settings;
+        let mount = settings.downcast_ref::<CameraSpec>()?.mount;
+        let mount = mount.unwrap_or_default();
+        let place_m = [mount.x_m, mount.y_m];
+        Some(Box::new(CameraScans::new(
+            mount.heading_deg.to_radians(),
+            place_m,
+        )))
+    }
+
     fn build(&self, context: &BuildContext<'_>) -> Result<Built, ScenarioError> {
         let spec: &CameraSpec = context.settings()?;
         let config = spec.config(context)?;
@@ -114,6 +130,7 @@ impl DeviceKind for CameraKind {
             PortInfo::uart(name, port, line, connect)
                 .on(LinkKind::Datagram)
                 .at_any_rate(line)
+                .speaking(&codec::PERCEPTION)
         };
         Ok(Built {
             device: Box::new(Camera::new(config, context.seed, context.name)),

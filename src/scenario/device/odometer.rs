@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use toml::de::ValueDeserializer;
 
 use super::{BuildContext, Built, DeviceKind, PortInfo, Settings, read_settings, schema_of};
+use crate::codec;
 use crate::scenario::ScenarioError;
 
 /// Settings of an odometer.
@@ -108,7 +109,8 @@ impl DeviceKind for OdometerKind {
             config.imu.bias_dps[2] = bias_dps;
         }
         let line = LineConfig::new_8n1(BAUD);
-        let uart = PortInfo::uart("uart", Odometer::UART, line, "the robot's odometer input");
+        let uart = PortInfo::uart("uart", Odometer::UART, line, "the robot's odometer input")
+            .speaking(&codec::ODOMETER);
         Ok(Built {
             device: Box::new(Odometer::new(config)),
             ports: vec![uart],

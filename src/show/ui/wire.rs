@@ -82,10 +82,12 @@ impl Wire {
     pub(super) fn listen(run: &mut Run) -> Rc<RefCell<Self>> {
         let (instruments, rig) = (run.instruments(), &run.rig);
         let lane = |link: &Link| {
-            let codec = instruments.codec(rig, &link.name);
-            core::array::from_fn(|_| Lane {
-                decoder: codec.map(|codec| (codec, Counter::new(codec))),
-                ..Lane::default()
+            [Direction::ToMaster, Direction::ToDevice].map(|direction| {
+                let codec = instruments.codec_towards(rig, &link.name, direction);
+                Lane {
+                    decoder: codec.map(|codec| (codec, Counter::new(codec))),
+                    ..Lane::default()
+                }
             })
         };
         let scanner = instruments.scanner(rig).and_then(|(link, decoder)| {

@@ -1,0 +1,7 @@
+#![no_main]
+//! See `Target` in src/codec/wire.rs.
+
+libfuzzer_sys::fuzz_target!(|data: &[u8]| {
+    let target = hilrig_fuzz::codec::target("odometer").expect("listed");
+    target.fuzz(data);
+});

@@ -1,0 +1,71 @@
+//! The model car: figures by hand or of the catalogue.
+
+use hilrig::museum::{self, Live};
+
+use super::{assert_figure, figure, shown, wing_holds};
+
+#[test]
+fn every_defect_of_the_car_shows_and_the_sound_one_does_not() {
+    wing_holds(&["AF-"]);
+    let not_live: Vec<&str> = museum::catalogue()
+        .filter(|bug| bug.id.starts_with("AF-") && matches!(bug.live, Live::Not(_)))
+        .map(|bug| bug.id)
+        .collect();
+    assert_eq!(not_live, ["AF-16"]);
+}
+
+/// 0D is 13, 0A is 10.
+#[test]
+fn a_carriage_return_makes_10_cm_of_13() {
+    assert_figure("AF-01", "13 cm ahead are read as, m", "0.10", "0.13");
+    assert_figure("AF-02", "frames behind a stray zero", "0", "1");
+    assert_figure("AF-10", "40 cm ahead after ten frames, m", "none", "0.40");
+}
+
+/// The battery's low byte 1C and the next frame's first, 00: 28 mV.
+#[test]
+fn a_lost_byte_makes_a_battery_of_28_millivolts() {
+    assert_figure("AF-09", "battery, mV", "28", "7200");
+}
+
+/// 3.7 s less the loop are 368 to 372 lines.
+#[test]
+fn no_line_of_a_curve_is_believed() {
+    let curve = shown("AF-03");
+    let number = |name| -> u32 { figure(&curve.sound, name).parse().expect("a number") };
+    assert!((365..=375).contains(&number("lines in the curve")));
+    assert_eq!(number("of them believed"), number("lines in the curve"));
+    assert_figure(
+        "AF-03",
+        "of them believed",
+        "0",
+        &number("of them believed").to_string(),
+    );
+}
+
+/// 2 bytes each of 1000 ms, or each of 50 times 20 ms; 2000 of 11520 are 17 per cent.
+#[test]
+fn commands_each_millisecond_take_a_sixth_of_the_line() {
+    assert_figure("AF-04", "bytes in a second", "2000", "100");
+    assert_figure("AF-04", "of the line, per cent", "17", "0");
+}
+
+/// 25 * 131 / 2000 / 0.061 would be 1: it is a fifth. 5 s of 5.1 degrees are 26.
+#[test]
+fn rates_and_turns_are_those_of_the_catalogue() {
+    assert_figure("AF-12", "0.36 rad/s are told as", "0.07", "0.36");
+    let turned = shown("AF-15");
+    let degrees: f64 = figure(&turned.defective, "turned in 5 s, degrees")
+        .parse()
+        .expect("it is");
+    assert!((22.0..=26.0).contains(&degrees), "{degrees}");
+}
+
+/// Of 1343 edges in 1000 looks 657 count and 343 pairs cancel; see the encoder's own test.
+#[test]
+fn a_polled_encoder_loses_half_and_then_runs_backwards() {
+    assert_figure("AF-11", "counted at 0.22 m/s", "1.00", "1.00");
+    let shown = shown("AF-11");
+    assert_eq!(figure(&shown.sound, "counted at 0.90 m/s"), "1.00");
+    assert!(figure(&shown.defective, "counted at 0.90 m/s").starts_with("-0.2"));
+}
