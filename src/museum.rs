@@ -1,4 +1,4 @@
-//! The museum: the defects of the rescue robot's fielded programs, each live.
+//! The museum: the defects of the robots' fielded programs, each live.
 //!
 //! A [`Bug`] is a row of the catalogue. Where it can be shown, its exhibit is a function that feeds
 //! the same stimulus to the defective and to the sound [`Variant`] and notes what is observed:
@@ -16,6 +16,7 @@ mod navigation;
 mod observation;
 mod pc;
 mod robot;
+mod yellow;
 
 pub use observation::{Difference, Exchange, Figure, Observation};
 
@@ -142,19 +143,49 @@ impl Reproduction {
     }
 }
 
-/// All defects, in the order of the catalogue.
+/// The defects of one robot's programs.
+#[derive(Clone, Copy, Debug)]
+pub struct Wing {
+    /// The robot's name, as in a scenario.
+    pub robot: &'static str,
+    rooms: &'static [&'static [Bug]],
+}
+
+impl Wing {
+    /// The robot's defects, in the order of the catalogue.
+    pub fn bugs(&self) -> impl Iterator<Item = &'static Bug> + use<> {
+        self.rooms.iter().copied().flatten()
+    }
+}
+
+const WINGS: [Wing; 2] = [
+    Wing {
+        robot: "rescue",
+        rooms: &[
+            &base::ROWS,
+            &bus::ROWS,
+            &lidar::ROWS,
+            &mapper::ROWS,
+            &pc::ROWS,
+            &navigation::ROWS,
+            &client::ROWS,
+            &field::ROWS,
+        ],
+    },
+    Wing {
+        robot: "yellow",
+        rooms: &yellow::ROOMS,
+    },
+];
+
+/// The robots whose programs' defects are shown.
+pub fn wings() -> impl Iterator<Item = &'static Wing> {
+    WINGS.iter()
+}
+
+/// All defects, robot by robot, in the order of the catalogue.
 pub fn catalogue() -> impl Iterator<Item = &'static Bug> {
-    let rooms: [&[Bug]; 8] = [
-        &base::ROWS,
-        &bus::ROWS,
-        &lidar::ROWS,
-        &mapper::ROWS,
-        &pc::ROWS,
-        &navigation::ROWS,
-        &client::ROWS,
-        &field::ROWS,
-    ];
-    rooms.into_iter().flatten()
+    wings().flat_map(Wing::bugs)
 }
 
 /// The defect called `id`, in whatever case.

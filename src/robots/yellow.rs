@@ -12,7 +12,6 @@
 
 mod body;
 mod instruments;
-mod pc_defects;
 mod script;
 mod station;
 
@@ -281,12 +280,14 @@ fn configs(scenario: &Scenario, source: &Source) -> Result<(Config, PcConfig), S
     };
     for id in &scenario.program.defects {
         let name = id.get_ref().as_str();
-        let known = config.with_defect(name);
-        if known.is_none() && !pc_defects::switch_on(&mut pc_config, name) {
-            let known: Vec<&str> = Config::defects().chain(pc_defects::ids()).collect();
+        if let Some(with) = config.with_defect(name) {
+            config = with;
+        } else if let Some(with) = pc_config.with_defect(name) {
+            pc_config = with;
+        } else {
+            let known: Vec<&str> = Config::defects().chain(PcConfig::defects()).collect();
             return Err(source.unknown("program.defects", id, &known));
         }
-        config = known.unwrap_or(config);
     }
     Ok((config, pc_config))
 }

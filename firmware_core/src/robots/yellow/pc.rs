@@ -3,6 +3,7 @@
 
 mod atlas;
 mod config;
+mod defects;
 mod drive;
 mod explore;
 mod find;
