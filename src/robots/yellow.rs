@@ -12,6 +12,7 @@
 
 mod body;
 mod instruments;
+mod overlays;
 mod script;
 mod station;
 

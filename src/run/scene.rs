@@ -1,7 +1,9 @@
 //! What is solid in a world at one moment, as page and report draw it.
 
-use emulators::world::{Point, Shape, World};
+use emulators::world::{Outline as Body, Point, Shape, World};
 use serde::Serialize;
+
+pub use crate::robots::overlay::millimetres;
 
 /// What is solid: `scene` of `show/view/view.js`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -42,6 +44,17 @@ pub fn scene(world: &World) -> Scene {
     }
 }
 
+/// The robot's outline in its own axes, x ahead: what is solid of it.
+pub fn footprint(world: &World) -> Outline {
+    match world.footprint().outline() {
+        Body::Circle { radius_m } => Outline::Circle([0.0, 0.0, millimetres(radius_m)]),
+        Body::Polygon(corners) => {
+            let flat = corners.iter().flat_map(|corner| [corner.x, corner.y]);
+            Outline::Polygon(flat.map(millimetres).collect())
+        }
+    }
+}
+
 /// What is shown of a world without anything in it.
 const NOWHERE: [f64; 4] = [0.0, 0.0, 3.0, 3.0];
 
@@ -58,12 +71,6 @@ fn outline(shape: &Shape, from: Point) -> Outline {
             Outline::Circle([x, y, millimetres(*radius_m)])
         }
     }
-}
-
-/// Metres in whole millimetres: what can be seen, in few digits.
-pub fn millimetres(metres: f64) -> f64 {
-    // No -0: a page would not tell it from 0.
-    (metres * 1000.0).round() / 1000.0 + 0.0
 }
 
 #[cfg(test)]

@@ -49,17 +49,14 @@ fn an_answer_that_is_too_long_is_the_message_before() {
     assert_figure("YF-04", "points of the scan", "0", "180");
 }
 
-/// Two groups a millisecond. Of groups four bytes off, one in four looks like a node by chance.
+/// Two groups a millisecond; of those that begin elsewhere up to half look like nodes by chance.
 #[test]
 fn hardly_a_group_is_a_node_once_a_byte_is_lost() {
     for id in ["YL-01", "YL-01b", "YL-01c", "YL-02"] {
         let of_two_thousand = shown(id);
-        let bad = figure(
-            &of_two_thousand.defective,
-            "of them without a node's bits",
-        );
+        let bad = figure(&of_two_thousand.defective, "of them without a node's bits");
         let bad: u32 = bad.parse().expect("a count");
-        assert!((1_000..=2_001).contains(&bad), "{id}: {bad}");
+        assert!((900..=2_001).contains(&bad), "{id}: {bad}");
     }
 }
 
@@ -79,30 +76,46 @@ fn five_copies_jump_where_five_turns_stand() {
 /// Half a turn more than the short way's 0.28 rad: 0.28 - 2 pi = -6.0.
 #[test]
 fn the_long_way_is_six_radians() {
-    assert_figure("YA-01", "turned from heading 3.0 to -3.0, rad", "-6.0", "0.3");
+    assert_figure(
+        "YA-01",
+        "turned from heading 3.0 to -3.0, rad",
+        "-6.0",
+        "0.3",
+    );
 }
 
 /// 5 counts of 0.19635 mm; the fielded program takes the left wheel's 0 of before.
 #[test]
 fn a_wrap_costs_a_wheel_its_way() {
-    assert_figure("YM-01", "way of 5 counts across the end, mm", "0.49", "0.98");
+    assert_figure(
+        "YM-01",
+        "way of 5 counts across the end, mm",
+        "0.49",
+        "0.98",
+    );
 }
 
 /// A chord of 180 mm, laid aside by half of 9 counts' 9.8 mrad.
 #[test]
 fn half_a_turn_on_one_wheel_is_off_by_a_millimetre() {
-    assert_figure("YM-02", "off after half a turn on one wheel, mm", "0.9", "0.0");
+    assert_figure(
+        "YM-02",
+        "off after half a turn on one wheel, mm",
+        "0.9",
+        "0.0",
+    );
 }
 
-/// By hand: 0.5 V of friction over 0.1 V/rpm and 1/40 V/rpm are 4 rpm, of 64 at 0.25 m/s.
+/// By hand: of 9 V for 12, n = 3/4 (K (n* - n) + n*/40) 40. The right motor runs backwards, K = 0.1:
+/// n = 3.75/4 n*, which is 6.25 % short.
 #[test]
-fn friction_costs_some_per_cent_without_an_integral_part() {
+fn a_weak_battery_costs_some_per_cent_without_an_integral_part() {
     let ym_03 = shown("YM-03");
     let name = "slower than asked for, per cent";
     let [fielded, sound] = [&ym_03.defective, &ym_03.sound]
         .map(|side| figure(side, name).parse::<f64>().expect("a number"));
-    assert!((2.0..10.0).contains(&fielded), "{fielded}");
-    assert!(sound.abs() < 2.0, "{sound}");
+    assert!((fielded - 6.25).abs() < 1.0, "{fielded}");
+    assert!(sound.abs() < 0.5, "{sound}");
 }
 
 /// B4: 2.1 m/s and 13.4 rad/s for 0.2, 0.15 and 0.25 m at a nominal 0.5 m/s; B3: 0.38 for 0.8 m.
@@ -129,10 +142,13 @@ fn orders_of_one_moment_go_out_with_the_frames() {
     assert_figure("YP-03", "speeds that the robot was told", "0", "1");
 }
 
-/// 127 tenths of a metre, half of the room and the margin; 20 m, the same.
+/// 20.05 + 1 m and two cells of margin, as whole cells; 12.7 m in place of 20.05.
 #[test]
 fn eight_bits_end_at_12_7_metres() {
+    let yp_06 = shown("YP-06");
     let name = "right edge of the map of a room at 20 m, m";
-    let [fielded, sound] = ["13.9", "21.4"];
-    assert_figure("YP-06", name, fielded, sound);
+    let [fielded, sound] = [&yp_06.defective, &yp_06.sound]
+        .map(|side| figure(side, name).parse::<f64>().expect("metres"));
+    assert!((sound - 21.3).abs() < 0.05, "{sound}");
+    assert!((fielded - 13.9).abs() < 0.15, "{fielded}");
 }

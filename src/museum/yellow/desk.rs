@@ -222,9 +222,9 @@ pub(super) fn closed(corners: &[[f32; 2]]) -> Vec<[f32; 4]> {
     walls.map(|(a, b)| [a[0], a[1], b[0], b[1]]).collect()
 }
 
-/// A room of 2.1 m around the robot, whose walls lie in the middle of cells.
+/// A room of 2 m around the robot; its walls lie in the middle of cells if the robot does.
 pub(super) fn room([x, y]: [f32; 2]) -> Vec<[f32; 4]> {
-    let [low, high] = [-1.05, 1.05];
+    let [low, high] = [-1.0, 1.0];
     closed(&[
         [x + low, y + low],
         [x + high, y + low],

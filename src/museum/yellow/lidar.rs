@@ -173,7 +173,8 @@ fn misaligned(mut robot: Robot) -> Observation {
     let nodes = robot.counter("lidar nodes") - nodes;
     robot.seen.figure("taken for nodes in a second", nodes);
     robot.seen.figure("of them without a node's bits", bad);
-    robot.judged(bad > nodes / 2)
+    // By chance up to half of groups that begin elsewhere look like a node.
+    robot.judged(bad > nodes / 4)
 }
 
 fn yl_01(variant: Variant) -> Observation {
@@ -216,7 +217,9 @@ fn yl_03(variant: Variant) -> Observation {
         robot.counter("lidar turns"),
     );
     robot.seen.figure("turns", turns);
-    robot.seen.figure("readings written beside the array", stray);
+    robot
+        .seen
+        .figure("readings written beside the array", stray);
     robot.judged(stray > 0)
 }
 

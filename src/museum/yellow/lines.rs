@@ -122,7 +122,11 @@ fn yn_05(variant: Variant) -> Observation {
     let right = right.map(|at| ahead(f32::from(at) * 25.0 - 2_025.0, at == 41));
     let points: Vec<_> = left.chain(right).collect();
     let lines = found(variant, "YN-05", &points);
-    let off = |line: &Line| (line.start.x_mm - 1_000.0).abs().max((line.end.x_mm - 1_000.0).abs());
+    let off = |line: &Line| {
+        (line.start.x_mm - 1_000.0)
+            .abs()
+            .max((line.end.x_mm - 1_000.0).abs())
+    };
     let worst = lines.iter().map(off).fold(0.0_f32, f32::max);
     seen.figure("lines of one wall", lines.len());
     seen.figure("their ends beside the wall, mm", format!("{worst:.0}"));

@@ -77,7 +77,9 @@ fn yf_03(variant: Variant) -> Observation {
     let whole = framed(&quarter());
     robot.hear(&[&whole[..], &whole[..]].concat());
     let taken = robot.counter("telecommands");
-    robot.seen.figure("of two frames back to back, taken", taken);
+    robot
+        .seen
+        .figure("of two frames back to back, taken", taken);
     robot.judged(taken == 1)
 }
 
