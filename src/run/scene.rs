@@ -75,10 +75,34 @@ fn outline(shape: &Shape, from: Point) -> Outline {
 
 #[cfg(test)]
 mod tests {
-    use emulators::world::{BodyConfig, Obstacle, Path, Pose, Repeat, Scene as Solid, Waypoint};
+    use emulators::world::{
+        Ackermann, AckermannConfig, BodyConfig, Chassis as _, Obstacle, Path, Pose, Repeat,
+        Scene as Solid, Waypoint,
+    };
     use protocols::Instant;
 
     use super::*;
+
+    /// A car's box as it is, a round robot as a disc around its middle.
+    #[test]
+    fn a_footprint_is_what_is_solid_of_the_robot() {
+        let solid = Solid::new([], Vec::new()).expect("empty");
+        let round = World::new(solid.clone(), BodyConfig::default(), Pose::default(), 1);
+        let radius_m = BodyConfig::default().radius_m;
+        let disc = Outline::Circle([0.0, 0.0, radius_m]);
+        assert_eq!(footprint(&round.expect("room")), disc);
+        let car = Ackermann::new(AckermannConfig::default(), 1).expect("a car");
+        let corners = match car.footprint().outline() {
+            Body::Polygon(corners) => corners.len(),
+            Body::Circle { .. } => 0,
+        };
+        assert!(corners >= 4, "{corners}");
+        let world = World::with_chassis(solid, Box::new(car), Pose::default());
+        let Outline::Polygon(flat) = footprint(&world.expect("room")) else {
+            panic!("a car is no disc");
+        };
+        assert_eq!(flat.len(), 2 * corners);
+    }
 
     /// A wall, and a pillar that walks a metre along y in a second: halfway after half of it.
     #[test]
