@@ -11,6 +11,7 @@
 //! the far end of `telemetry`.
 
 mod body;
+mod command;
 mod instruments;
 mod overlays;
 mod script;

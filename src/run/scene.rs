@@ -86,7 +86,7 @@ mod tests {
     /// A car's box as it is, a round robot as a disc around its middle.
     #[test]
     fn a_footprint_is_what_is_solid_of_the_robot() {
-        let solid = Solid::new([], Vec::new()).expect("empty");
+        let solid = Solid::new(Vec::<Shape>::new(), Vec::new()).expect("empty");
         let round = World::new(solid.clone(), BodyConfig::default(), Pose::default(), 1);
         let radius_m = BodyConfig::default().radius_m;
         let disc = Outline::Circle([0.0, 0.0, radius_m]);

@@ -64,7 +64,7 @@ fn what_a_robot_sees_and_plans_is_shown() {
     // The states: of the robot, and of what the PC does.
     assert_eq!(
         browser.value("hilrig.now.mode"),
-        run.instruments().mode(&run.rig)
+        json!(run.instruments().mode(&run.rig))
     );
     let panels = browser.value("document.getElementById('panels').textContent");
     let panels = panels.as_str().expect("text");

@@ -11,11 +11,11 @@ use protocols::telemetry::message::State;
 use super::overlays;
 use super::script::WHEEL_MAX_M_S;
 use super::station::PcStation;
-use super::{PC, TELEMETRY};
+use super::{PC, TELEMETRY, command};
 use crate::codec::{self, Codec};
 use crate::rig::Rig;
 use crate::robots::instruments::in_metres;
-use crate::robots::{Axis, Instruments, Overlay, Panel, PanelRow, ScanDecoder, Station};
+use crate::robots::{Axis, Dialect, Instruments, Overlay, Panel, PanelRow, ScanDecoder, Station};
 use crate::scenario::DeviceSpec;
 
 /// The robot's instruments.
@@ -61,6 +61,10 @@ impl Instruments for YellowInstruments {
             actual: Some(rig.world.wheel_speed(wheel)),
         };
         wheels.map(axis).collect()
+    }
+
+    fn dialect(&self, rig: &Rig) -> Option<Dialect> {
+        command::dialect(board(rig)?)
     }
 
     /// The program's pose if it runs in this process, else what it tells the PC.
