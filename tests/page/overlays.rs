@@ -88,7 +88,7 @@ fn a_robot_is_drawn_as_the_outline_that_it_has() {
         return;
     };
     let disc = browser.value("hilrig.stage.footprint");
-    assert_eq!(disc, json!({"circle": [0.0, 0.0, 0.12]}));
+    assert_eq!(disc, json!({"circle": [0, 0, 0.12]}));
     let red = |x: f64, y: f64| {
         let pixel = browser.value(&format!(
             "(() => {{ const canvas = document.createElement('canvas'); \
