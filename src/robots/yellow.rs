@@ -14,6 +14,7 @@ mod body;
 mod command;
 mod instruments;
 mod overlays;
+mod remote;
 mod script;
 mod station;
 
@@ -22,8 +23,9 @@ use firmware_core::Master as _;
 use firmware_core::pose::Pose;
 use firmware_core::robots::yellow::pc::{PcConfig, PcProgram};
 use firmware_core::robots::yellow::{Config, Yellow};
+use protocols::LineConfig;
 
-use super::{Alone, Dut, PcEnd, ProgramPort, Robot, WirePlan, Wired};
+use super::{Alone, Dut, PcEnd, ProgramPort, RemoteStation, Robot, WirePlan, Wired};
 use crate::rig::Rig;
 use crate::rig::line::End;
 use crate::scenario::device::{Built, MotorSpec, RPLIDAR, RplidarSpec, WHEEL_BOARD};
@@ -89,6 +91,10 @@ impl Robot for YellowRobot {
 
     fn situations(&self) -> &'static [&'static str] {
         &SITUATIONS
+    }
+
+    fn remote(&self) -> Option<(Box<dyn RemoteStation>, LineConfig)> {
+        Some(remote::remote())
     }
 }
 

@@ -106,8 +106,8 @@ fn half_a_turn_on_one_wheel_is_off_by_a_millimetre() {
     );
 }
 
-/// By hand: of 9 V for 12, n = 3/4 (K (n* - n) + n*/40) 40. The right motor runs backwards, K = 0.1:
-/// n = 3.75/4 n*, which is 6.25 % short.
+/// By hand: of 9 V for 12, n = 3/4 (K (n* - n) + n*/40) 40. The right motor runs backwards, where
+/// K = 0.1: n = 3.75/4 n*, which is 6.25 % short.
 #[test]
 fn a_weak_battery_costs_some_per_cent_without_an_integral_part() {
     let ym_03 = shown("YM-03");

@@ -22,8 +22,9 @@ fn names(list: &Value) -> Vec<&str> {
     names.map(|name| name.as_str().expect("a name")).collect()
 }
 
-/// IR beams, walls of the lidar, roadmap and the way through it are those of the robot and its PC at
-/// that nanosecond; each can be switched off; the local map can be chosen, and its size is the PC's.
+/// IR beams, walls of the lidar, roadmap and the way through it are those of the robot and its PC
+/// at that nanosecond; each can be switched off; the local map can be chosen, and its size is the
+/// PC's.
 #[test]
 fn what_a_robot_sees_and_plans_is_shown() {
     let server = Server::of("yellow-map", "30");

@@ -10,7 +10,7 @@ use crate::museum::{Bug, Observation, Variant};
 const MAPS: &str = "PC's program, maps";
 const WAYS: &str = "PC's program, navigation";
 
-pub(super) const ROWS: [Bug; 6] = [
+pub(super) const ROWS: [Bug; 7] = [
     Bug::new(
         "YP-06",
         MAPS,
@@ -38,6 +38,13 @@ pub(super) const ROWS: [Bug; 6] = [
         "one roadmap of 100 places: in narrow corridors every other one finds no way",
         BY,
         yp_09,
+    ),
+    Bug::new(
+        "YP-09b",
+        MAPS,
+        "views are drawn by chance: what is behind a crack is gone for without end",
+        "the PC's program with the way YP-09",
+        yp_09b,
     ),
     Bug::new(
         "YP-10",
@@ -190,6 +197,26 @@ fn yp_09(variant: Variant) -> Observation {
     let name = "of 10 roadmaps of a serpentine, those with a way";
     seen.figure(name, found);
     seen.judged(found < 10)
+}
+
+/// A room of 2 m whose right wall has a crack of three cells, behind which nothing is ever seen.
+fn yp_09b(variant: Variant) -> Observation {
+    let mut desk = Desk::new(config(variant, "YP-09"));
+    desk.at = [0.05, 0.05];
+    let corners = [[1.05, 0.22], [1.05, 1.05], [-0.95, 1.05], [-0.95, -0.95]];
+    let ends = [[1.05, -0.95], [1.05, -0.12]];
+    let way = [&corners[..], &ends[..]].concat();
+    let walls = way.windows(2);
+    desk.walls = walls
+        .map(|ends| [ends[0][0], ends[0][1], ends[1][0], ends[1][1]])
+        .collect();
+    desk.run(400);
+    desk.command(PcCommand::MapStart);
+    let status = desk.run_task(60_000);
+    let mut seen = Observation::default();
+    seen.figure("the map after a minute", status);
+    seen.figure("looks", desk.counter("views"));
+    seen.judged(status != "done")
 }
 
 fn yp_10(variant: Variant) -> Observation {

@@ -306,7 +306,7 @@ const hilrigView = (() => {
 
   return {
     colours, fit, toPixel, toWorld, clear, drawWorld, mapImage, drawMap, drawPath, drawScan,
-    drawRobot, drawOverlay, offerOverlays, drawWaypoints, drawLanes, timeToPixel, pixelToTime, laneHeight, bytes,
-    cells, shades, drawPicture,
+    drawRobot, drawOverlay, offerOverlays, drawWaypoints, drawLanes, timeToPixel, pixelToTime,
+    laneHeight, bytes, cells, shades, drawPicture,
   };
 })();
