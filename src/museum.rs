@@ -17,6 +17,7 @@ mod navigation;
 mod observation;
 mod pc;
 mod robot;
+mod yellow;
 
 pub use observation::{Difference, Exchange, Figure, Observation};
 
@@ -143,20 +144,53 @@ impl Reproduction {
     }
 }
 
-/// All defects, in the order of the catalogue.
+/// The defects of one robot's programs.
+#[derive(Clone, Copy, Debug)]
+pub struct Wing {
+    /// The robot's name, as in a scenario.
+    pub robot: &'static str,
+    rooms: &'static [&'static [Bug]],
+}
+
+impl Wing {
+    /// The robot's defects, in the order of the catalogue.
+    pub fn bugs(&self) -> impl Iterator<Item = &'static Bug> + use<> {
+        self.rooms.iter().copied().flatten()
+    }
+}
+
+const WINGS: [Wing; 3] = [
+    Wing {
+        robot: "rescue",
+        rooms: &[
+            &base::ROWS,
+            &bus::ROWS,
+            &lidar::ROWS,
+            &mapper::ROWS,
+            &pc::ROWS,
+            &navigation::ROWS,
+            &client::ROWS,
+            &field::ROWS,
+        ],
+    },
+    Wing {
+        robot: "yellow",
+        rooms: &yellow::ROOMS,
+    },
+    Wing {
+        robot: "apollo13",
+        rooms: &[&apollo13::ROWS],
+    },
+];
+
+/// The robots whose programs' defects are shown.
+pub fn wings() -> impl Iterator<Item = &'static Wing> {
+    WINGS.iter()
+}
+
+/// All defects, robot by robot, in the order of the catalogue.
 pub fn catalogue() -> impl Iterator<Item = &'static Bug> {
-    let rooms: [&[Bug]; 9] = [
-        &base::ROWS,
-        &bus::ROWS,
-        &lidar::ROWS,
-        &mapper::ROWS,
-        &pc::ROWS,
-        &navigation::ROWS,
-        &client::ROWS,
-        &field::ROWS,
-        &apollo13::ROWS,
-    ];
-    rooms.into_iter().flatten()
+    wings().flat_map(Wing::bugs)
 }
 
 /// The defect called `id`, in whatever case.

@@ -55,8 +55,8 @@ pub use crate::codec::{Codec, register as register_codec};
 pub use crate::rig::line::{Direction, End};
 pub use crate::rig::{AnyDevice, LinkKind, Logged, PortRate, Program, Rig};
 pub use crate::robots::{
-    Alone, Axis, Check, Checker, Dut, Instruments, Look, OpenEnd, Panel, PanelRow, PcEnd, Robot,
-    Status, WirePlan, Wired, register as register_robot,
+    Alone, Axis, Check, Checker, Dut, Instruments, Look, OpenEnd, Overlay, OverlayRole, Panel,
+    PanelRow, PcEnd, Robot, Status, WirePlan, Wired, register as register_robot,
 };
 pub use crate::run::bench::{Bench, VirtualPort};
 pub use crate::run::{Outcome, Run, judge};

@@ -9,6 +9,7 @@ pub mod checker;
 pub(crate) mod custom;
 pub mod instruments;
 mod kept_map;
+pub mod overlay;
 pub mod rescue;
 mod script;
 pub mod station;
@@ -28,6 +29,7 @@ pub use axis::Axis;
 pub use checker::{Check, Checker, Look, Status};
 pub use instruments::{Command, Console, Dialect, Display, Instruments, Panel, PanelRow, Silence};
 pub use kept_map::KeptMap;
+pub use overlay::{Overlay, OverlayRole};
 pub use station::{Gesture, Hand, RemoteStation, Station, StationView};
 
 use crate::codec::Codec;

@@ -120,8 +120,10 @@ pub struct Outcome {
     pub map: Option<KeptMap>,
     /// What is solid, obstacles where they were in the end.
     pub scene: scene::Scene,
-    /// Radius of the robot.
-    pub radius_m: f64,
+    /// The robot's outline in its own axes.
+    pub footprint: scene::Outline,
+    /// Maps besides the program's by name, as they were in the end.
+    pub layers: Vec<(&'static str, KeptMap)>,
     /// The run over its time.
     pub history: History,
     /// What the robot's display showed in the end.
@@ -385,6 +387,9 @@ impl Run {
     pub fn judge(self) -> Outcome {
         let program = self.rig.program();
         let map = self.instruments.map(&self.rig).map(KeptMap::from);
+        let layers = self.instruments.layers(&self.rig).into_iter();
+        let layers = layers.map(|(name, map)| (name, KeptMap::from(map)));
+        let layers = layers.collect();
         let mut counters = BTreeMap::new();
         if let Some(program) = program {
             program.counters(&mut |name, value| {
@@ -402,7 +407,8 @@ impl Run {
             wall_overlap,
             map,
             scene: scene::scene(&self.rig.world),
-            radius_m: self.rig.world.body().radius_m,
+            footprint: scene::footprint(&self.rig.world),
+            layers,
             display: self
                 .instruments
                 .display(&self.rig)

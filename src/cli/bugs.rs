@@ -7,7 +7,7 @@ use protocols::Instant;
 use serde_json::{Value, json};
 
 use super::{CliError, Verdict};
-use crate::museum::{self, Bug, Live, Observation, Reproduction, Variant};
+use crate::museum::{self, Bug, Live, Observation, Reproduction, Variant, Wing};
 use crate::realtime::clock::{Clock, WallClock};
 
 /// List the defects of the fielded programs, or reproduce one on the spot.
@@ -16,7 +16,7 @@ use crate::realtime::clock::{Clock, WallClock};
 /// the decisive bytes and figures of both; all of it in virtual time.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
-    hilrig bugs                # number and symptom of each, by place\n  \
+    hilrig bugs                # number and symptom of each, by robot and place\n  \
     hilrig bugs AV-02          # this one, live\n  \
     hilrig bugs --all          # all of them, one line each, and how many show\n  \
     hilrig bugs PU-01 --json\n\n\
@@ -160,21 +160,8 @@ fn list(json: bool, out: &mut dyn Write) -> io::Result<()> {
         let rows: Vec<Value> = museum::catalogue().map(row).collect();
         return writeln!(out, "{:#}", Value::from(rows));
     }
-    let mut places: Vec<&str> = Vec::new();
-    for bug in museum::catalogue() {
-        if !places.contains(&bug.place) {
-            places.push(bug.place);
-        }
-    }
-    for place in places {
-        writeln!(out, "{place}")?;
-        for bug in museum::catalogue().filter(|bug| bug.place == place) {
-            writeln!(out, "  {:<7} {}", bug.id, bug.sees)?;
-            if let Live::Not(why) = bug.live {
-                writeln!(out, "          not live: {why}")?;
-            }
-        }
-        writeln!(out)?;
+    for wing in museum::wings() {
+        list_wing(wing, out)?;
     }
     let all = museum::catalogue().count();
     let live = museum::catalogue().filter(|bug| is_live(bug)).count();
@@ -184,12 +171,42 @@ fn list(json: bool, out: &mut dyn Write) -> io::Result<()> {
     )
 }
 
+/// A robot's defects by place.
+fn list_wing(wing: &Wing, out: &mut dyn Write) -> io::Result<()> {
+    let mut places: Vec<&str> = Vec::new();
+    for bug in wing.bugs() {
+        if !places.contains(&bug.place) {
+            places.push(bug.place);
+        }
+    }
+    for place in places {
+        writeln!(out, "{}: {place}", wing.robot)?;
+        for bug in wing.bugs().filter(|bug| bug.place == place) {
+            writeln!(out, "  {:<7} {}", bug.id, bug.sees)?;
+            if let Live::Not(why) = bug.live {
+                writeln!(out, "          not live: {why}")?;
+            }
+        }
+        writeln!(out)?;
+    }
+    Ok(())
+}
+
 fn row(bug: &Bug) -> Value {
     let (by, why_not) = match bug.live {
         Live::Exhibit { by, .. } => (Some(by), None),
         Live::Not(why) => (None, Some(why)),
     };
-    json!({ "id": bug.id, "place": bug.place, "sees": bug.sees, "by": by, "why_not": why_not })
+    json!({
+        "id": bug.id, "robot": robot_of(bug), "place": bug.place, "sees": bug.sees, "by": by,
+        "why_not": why_not,
+    })
+}
+
+fn robot_of(bug: &Bug) -> &'static str {
+    let mut wings = museum::wings();
+    let own = wings.find(|wing| wing.bugs().any(|other| other.id == bug.id));
+    own.map_or("", |wing| wing.robot)
 }
 
 fn as_json(bug: &Bug, reproduction: &Reproduction) -> Value {
@@ -230,7 +247,14 @@ fn not_live(bug: &Bug, out: &mut dyn Write) -> io::Result<()> {
 }
 
 fn page(bug: &Bug, reproduction: &Reproduction, out: &mut dyn Write) -> io::Result<()> {
-    writeln!(out, "{}, {}: {}", bug.id, bug.place, bug.sees)?;
+    writeln!(
+        out,
+        "{}, {}, {}: {}",
+        bug.id,
+        robot_of(bug),
+        bug.place,
+        bug.sees
+    )?;
     let sides = [
         (Variant::Defective, &reproduction.defective, reproduction.by),
         (Variant::Sound, &reproduction.sound, "the same stimulus"),

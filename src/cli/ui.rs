@@ -8,7 +8,7 @@ use protocols::LineConfig;
 use super::stop::Stop;
 use super::{CliError, Verdict};
 use crate::realtime::clock::{Clock, WallClock};
-use crate::robots::{self, Robot};
+use crate::robots;
 use crate::scenario::{Scenario, Span};
 use crate::show::ui::{Hub, Remote, SPEED_MAX, Server, Session};
 
@@ -22,7 +22,8 @@ use crate::show::ui::{Hub, Remote, SPEED_MAX, Server, Session};
     hilrig ui scenarios/rescue-flat.toml\n  \
     hilrig ui scenarios/rescue-flat.toml --port 8080 --speed 4 --save my-case.toml\n  \
     hilrig ui --pc /dev/rfcomm0            # the PC program alone, against a real robot\n  \
-    hilrig ui --pc /tmp/robot/pc           # .. or against a rig of \"hilrig up --pc\"")]
+    hilrig ui --pc /tmp/robot/pc           # .. or against a rig of \"hilrig up --pc\"\n  \
+    hilrig ui --pc /dev/ttyUSB0 --robot yellow")]
 pub(super) struct Ui {
     /// Scenario file
     #[arg(value_name = "SCENARIO", required_unless_present = "pc")]
@@ -30,6 +31,9 @@ pub(super) struct Ui {
     /// No rig: the PC program on this port, against whatever robot is there
     #[arg(long, value_name = "PORT", conflicts_with_all = ["scenario", "speed", "seed", "save"])]
     pc: Option<PathBuf>,
+    /// Whose PC program it is [default: the first robot that has one]
+    #[arg(long, value_name = "NAME", requires = "pc")]
+    robot: Option<String>,
     /// Baud rate of that port
     #[arg(long, value_name = "N", requires = "pc")]
     baud: Option<core::num::NonZeroU32>,
@@ -122,10 +126,28 @@ fn run_rig(args: &Ui, stop: &Stop) -> Result<(), CliError> {
     Ok(())
 }
 
+/// The PC program of the robot called `name`, or of the first robot that has one.
+fn remote_station(
+    name: Option<&str>,
+) -> Result<(Box<dyn robots::RemoteStation>, LineConfig), CliError> {
+    let all = robots::all();
+    let mut wanted = all
+        .iter()
+        .filter(|robot| name.is_none_or(|name| robot.name() == name));
+    wanted.find_map(|robot| robot.remote()).ok_or_else(|| {
+        let with = all.iter().filter(|robot| robot.remote().is_some());
+        let known = with
+            .map(|robot| robot.name())
+            .collect::<Vec<_>>()
+            .join(", ");
+        let name = name.unwrap_or_default();
+        CliError::Usage(format!("--robot {name}: expected one of {known}"))
+    })
+}
+
 fn run_remote(args: &Ui, stop: &Stop) -> Result<(), CliError> {
     let path = args.pc.as_ref().expect("was asked for");
-    let remote = robots::all().into_iter().find_map(Robot::remote);
-    let (station, air) = remote.expect("a built-in robot has a station");
+    let (station, air) = remote_station(args.robot.as_deref())?;
     let line = LineConfig {
         baud: args.baud.map_or(air.baud, core::num::NonZeroU32::get),
         ..air

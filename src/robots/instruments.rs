@@ -11,6 +11,7 @@ use serde::Serialize;
 
 use super::axis::Axis;
 use super::checker::Checker;
+use super::overlay::Overlay;
 use super::station::Station;
 use crate::codec::Codec;
 use crate::picture::Picture;
@@ -158,6 +159,12 @@ pub trait Instruments {
         places
             .map(|place| [metres(place.x_mm), metres(place.y_mm)])
             .collect()
+    }
+
+    /// What else is drawn over the world: walls of a scan, roadmaps, plans, guesses. An overlay
+    /// that is empty now is left out.
+    fn overlays(&self, _rig: &Rig) -> Vec<Overlay> {
+        Vec::new()
     }
 
     /// The link on which a lidar sends, and what reads its turns.

@@ -11,8 +11,10 @@
 //! the far end of `telemetry`.
 
 mod body;
+mod command;
 mod instruments;
-mod pc_defects;
+mod overlays;
+mod remote;
 mod script;
 mod station;
 
@@ -21,8 +23,9 @@ use firmware_core::Master as _;
 use firmware_core::pose::Pose;
 use firmware_core::robots::yellow::pc::{PcConfig, PcProgram};
 use firmware_core::robots::yellow::{Config, Yellow};
+use protocols::LineConfig;
 
-use super::{Alone, Dut, PcEnd, ProgramPort, Robot, WirePlan, Wired};
+use super::{Alone, Dut, PcEnd, ProgramPort, RemoteStation, Robot, WirePlan, Wired};
 use crate::rig::Rig;
 use crate::rig::line::End;
 use crate::scenario::device::{Built, MotorSpec, RPLIDAR, RplidarSpec, WHEEL_BOARD};
@@ -88,6 +91,10 @@ impl Robot for YellowRobot {
 
     fn situations(&self) -> &'static [&'static str] {
         &SITUATIONS
+    }
+
+    fn remote(&self) -> Option<(Box<dyn RemoteStation>, LineConfig)> {
+        Some(remote::remote())
     }
 }
 
@@ -281,12 +288,14 @@ fn configs(scenario: &Scenario, source: &Source) -> Result<(Config, PcConfig), S
     };
     for id in &scenario.program.defects {
         let name = id.get_ref().as_str();
-        let known = config.with_defect(name);
-        if known.is_none() && !pc_defects::switch_on(&mut pc_config, name) {
-            let known: Vec<&str> = Config::defects().chain(pc_defects::ids()).collect();
+        if let Some(with) = config.with_defect(name) {
+            config = with;
+        } else if let Some(with) = pc_config.with_defect(name) {
+            pc_config = with;
+        } else {
+            let known: Vec<&str> = Config::defects().chain(PcConfig::defects()).collect();
             return Err(source.unknown("program.defects", id, &known));
         }
-        config = known.unwrap_or(config);
     }
     Ok((config, pc_config))
 }

@@ -7,7 +7,7 @@ use protocols::Instant;
 
 use crate::rig::line::{Direction, Traffic};
 use crate::rig::{Link, Rig};
-use crate::robots::{Instruments, KeptMap};
+use crate::robots::{Instruments, KeptMap, Overlay};
 
 /// Most samples of the wires.
 const BINS_MAX: u32 = 500;
@@ -17,6 +17,8 @@ const BIN_MIN: Duration = Duration::from_millis(100);
 const SCANS_MAX: usize = 200;
 /// Most maps kept.
 const MAPS_MAX: usize = 16;
+/// Most overlays kept.
+const OVERLAYS_MAX: usize = 32;
 /// Points kept of a scan: every third degree.
 const POINTS_OF: usize = 3;
 
@@ -60,7 +62,12 @@ impl<T> Thinned<T> {
         if now < self.next {
             return;
         }
-        let Some(sample) = make() else { return };
+        if let Some(sample) = make() {
+            self.take(now, sample);
+        }
+    }
+
+    fn take(&mut self, now: Instant, sample: T) {
         self.samples.push((now, sample));
         if self.samples.len() > self.most {
             let mut number = 0;
@@ -71,6 +78,25 @@ impl<T> Thinned<T> {
             self.period *= 2;
         }
         self.next = now + self.period;
+    }
+
+    /// The same for what seldom changes: only what differs from the last sample is taken.
+    fn offer_change(&mut self, now: Instant, make: impl FnOnce() -> T)
+    where
+        T: PartialEq + Default,
+    {
+        if now < self.next {
+            return;
+        }
+        self.next = now + self.period;
+        let sample = make();
+        let is_news = match self.samples.last() {
+            Some((_, last)) => *last != sample,
+            None => sample != T::default(),
+        };
+        if is_news {
+            self.take(now, sample);
+        }
     }
 }
 
@@ -88,6 +114,8 @@ pub struct History {
     pub scans: Thinned<Points>,
     /// Maps.
     pub maps: Thinned<KeptMap>,
+    /// What the robot had to show besides.
+    pub overlays: Thinned<Vec<Overlay>>,
     next_bin: Instant,
     end: Instant,
 }
@@ -102,6 +130,7 @@ impl History {
             lanes: Vec::new(),
             scans: Thinned::new(Duration::from_secs(1), SCANS_MAX),
             maps: Thinned::new(Duration::from_secs(4), MAPS_MAX),
+            overlays: Thinned::new(Duration::from_secs(1), OVERLAYS_MAX),
             next_bin: Instant::ZERO + bin,
             end: Instant::ZERO + duration,
         }
@@ -126,6 +155,8 @@ impl History {
             instruments.estimate(rig)?;
             instruments.map(rig).map(KeptMap::from)
         });
+        self.overlays
+            .offer_change(now, || instruments.overlays(rig));
     }
 
     fn count(&mut self, rig: &Rig) {
@@ -164,6 +195,17 @@ fn lanes_of(link: &Link) -> impl Iterator<Item = Lane> + use<> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// What stays the same is taken once, what was never there not at all.
+    #[test]
+    fn what_seldom_changes_is_sampled_when_it_does() {
+        let mut thinned = Thinned::new(Duration::from_secs(1), 5);
+        for (second, value) in (0..).zip(["", "", "a", "a", "a", "b", ""]) {
+            thinned.offer_change(Instant::from_secs(second), || value);
+        }
+        let kept: Vec<_> = thinned.samples.iter().map(|&(_, value)| value).collect();
+        assert_eq!(kept, ["a", "b", ""]);
+    }
 
     /// Five samples at most: the sixth drops every second one and doubles the period.
     #[test]

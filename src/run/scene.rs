@@ -1,7 +1,9 @@
 //! What is solid in a world at one moment, as page and report draw it.
 
-use emulators::world::{Point, Shape, World};
+use emulators::world::{Outline as Body, Point, Shape, World};
 use serde::Serialize;
+
+pub use crate::robots::overlay::millimetres;
 
 /// What is solid: `scene` of `show/view/view.js`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -42,6 +44,17 @@ pub fn scene(world: &World) -> Scene {
     }
 }
 
+/// The robot's outline in its own axes, x ahead: what is solid of it.
+pub fn footprint(world: &World) -> Outline {
+    match world.footprint().outline() {
+        Body::Circle { radius_m } => Outline::Circle([0.0, 0.0, millimetres(radius_m)]),
+        Body::Polygon(corners) => {
+            let flat = corners.iter().flat_map(|corner| [corner.x, corner.y]);
+            Outline::Polygon(flat.map(millimetres).collect())
+        }
+    }
+}
+
 /// What is shown of a world without anything in it.
 const NOWHERE: [f64; 4] = [0.0, 0.0, 3.0, 3.0];
 
@@ -60,18 +73,36 @@ fn outline(shape: &Shape, from: Point) -> Outline {
     }
 }
 
-/// Metres in whole millimetres: what can be seen, in few digits.
-pub fn millimetres(metres: f64) -> f64 {
-    // No -0: a page would not tell it from 0.
-    (metres * 1000.0).round() / 1000.0 + 0.0
-}
-
 #[cfg(test)]
 mod tests {
-    use emulators::world::{BodyConfig, Obstacle, Path, Pose, Repeat, Scene as Solid, Waypoint};
+    use emulators::world::{
+        Ackermann, AckermannConfig, BodyConfig, Chassis as _, Obstacle, Path, Pose, Repeat,
+        Scene as Solid, Waypoint,
+    };
     use protocols::Instant;
 
     use super::*;
+
+    /// A car's box as it is, a round robot as a disc around its middle.
+    #[test]
+    fn a_footprint_is_what_is_solid_of_the_robot() {
+        let solid = Solid::new(Vec::<Shape>::new(), Vec::new()).expect("empty");
+        let round = World::new(solid.clone(), BodyConfig::default(), Pose::default(), 1);
+        let radius_m = BodyConfig::default().radius_m;
+        let disc = Outline::Circle([0.0, 0.0, radius_m]);
+        assert_eq!(footprint(&round.expect("room")), disc);
+        let car = Ackermann::new(AckermannConfig::default(), 1).expect("a car");
+        let corners = match car.footprint().outline() {
+            Body::Polygon(corners) => corners.len(),
+            Body::Circle { .. } => 0,
+        };
+        assert!(corners >= 4, "{corners}");
+        let world = World::with_chassis(solid, Box::new(car), Pose::default());
+        let Outline::Polygon(flat) = footprint(&world.expect("room")) else {
+            panic!("a car is no disc");
+        };
+        assert_eq!(flat.len(), 2 * corners);
+    }
 
     /// A wall, and a pillar that walks a metre along y in a second: halfway after half of it.
     #[test]

@@ -3,7 +3,7 @@
 //! The script, `view/view.js`, documents the JSON that each of its functions takes.
 
 use crate::picture::Picture;
-pub use crate::run::scene::{Outline, Scene, millimetres, scene};
+pub use crate::run::scene::{Outline, Scene, footprint, millimetres, scene};
 
 /// The drawing functions: a classic script that defines `hilrigView`.
 pub const SCRIPT: &str = include_str!("view/view.js");

@@ -1,6 +1,10 @@
 //! Every verb works on every robot: one table, a scenario each. What a verb gives is judged where
 //! it is tested by itself; here it is at stake that none of them knows a single robot only.
 
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::process::{Child, Command, Stdio};
+
 use super::{Session, text};
 
 /// A robot, what it is told so that it gets somewhere within seconds, and the link without which it
@@ -13,6 +17,8 @@ struct Row {
     towards: &'static str,
     /// A link that a device sends on, for `export`.
     lidar: &'static str,
+    /// What the report shows of it in the end.
+    panel: &'static str,
 }
 
 const ROWS: [Row; 3] = [
@@ -22,6 +28,7 @@ const ROWS: [Row; 3] = [
         orders: "pc",
         towards: "to-device",
         lidar: "lidar",
+        panel: "base registers",
     },
     Row {
         robot: "yellow",
@@ -32,6 +39,7 @@ const ROWS: [Row; 3] = [
         orders: "telemetry",
         towards: "to-master",
         lidar: "lidar",
+        panel: "infrared",
     },
     Row {
         robot: "apollo13",
@@ -41,6 +49,7 @@ const ROWS: [Row; 3] = [
         orders: "remote",
         towards: "to-master",
         lidar: "odometer",
+        panel: "planner",
     },
 ];
 
@@ -87,7 +96,12 @@ fn a_run_is_replayed_decoded_exported_and_kept_with_every_robot() {
         let run = |arguments: &[&str]| row.succeeds(&session, arguments);
         let said = run(&["run", "run.toml", "--out", "out"]);
         assert!(said.contains("PASS verbs"), "{said}");
-        assert!(session.read("out/report.html").contains(row.lidar));
+        let report = session.read("out/report.html");
+        assert!(
+            report.contains(row.lidar) && report.contains(row.panel),
+            "{}",
+            row.robot
+        );
         run(&["replay", "--expect", "out/capture.pcapng"]);
         let decoded = run(&["decode", "out/capture.pcapng"]);
         assert!(decoded.lines().count() > 100, "{}: {decoded}", row.robot);
@@ -197,5 +211,44 @@ fn missions_of_every_robot_are_fuzzed() {
             "{}: {said}",
             row.robot
         );
+    }
+}
+
+/// A page that is served, and ended with the test.
+struct Page(Child);
+
+impl Drop for Page {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// The page is served, and the session that it shows is this robot's.
+#[test]
+fn every_robot_has_a_page() {
+    for row in ROWS {
+        let session = row.session("ui");
+        let mut command = Command::new(env!("CARGO_BIN_EXE_hilrig"));
+        command
+            .args(["ui", "run.toml"])
+            .current_dir(&session.folder);
+        command.stdout(Stdio::piped()).stderr(Stdio::null());
+        let mut page = Page(command.spawn().expect("the command starts"));
+        let out = BufReader::new(page.0.stdout.take().expect("piped"));
+        let urls = out.lines().map_while(Result::ok);
+        let mut hosts = urls.filter_map(|line| Some(line.split_once("http://")?.1.to_owned()));
+        let host = hosts.next().expect("it says where it is");
+        let host = host.trim_end_matches('/');
+        for (path, words) in [("/", "hilrig"), ("/case.toml", row.robot)] {
+            let mut socket = TcpStream::connect(host).expect("it listens");
+            let request =
+                format!("GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n");
+            socket.write_all(request.as_bytes()).expect("is read");
+            let mut answer = String::new();
+            socket.read_to_string(&mut answer).expect("text");
+            assert!(answer.contains("200 OK"), "{}: {answer}", row.robot);
+            assert!(answer.contains(words), "{}: {answer}", row.robot);
+        }
     }
 }

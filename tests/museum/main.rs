@@ -9,6 +9,7 @@ mod field;
 mod lidar;
 mod mapper;
 mod pc;
+mod yellow;
 
 use hilrig::museum::{self, Observation, Reproduction};
 
@@ -53,8 +54,10 @@ fn wing_holds(prefixes: &[&str]) {
     assert!(shown > 0, "{prefixes:?}");
 }
 
-/// Rows of the rescue robot: sections a to f, and F-01 to F-13.
-const ROWS: usize = 112;
+/// Rows of the catalogue of the rescue robot: sections a to f, and F-01 to F-13; and of yellow, by
+/// the switches of its two programs, with two more that come of YL-01 and one of YP-09. Those of
+/// apollo13 are told in their own test.
+const ROWS: usize = 112 + 24 + 11 + 3;
 
 /// 99 rows of the sections a to f: 25 of the base, 10 of the bus, 12 of the lidar, 15 of the
 /// mapper, 22 of the PC link, 5 of navigation, 10 of the PC program; and 13 failures told in prose.
@@ -62,13 +65,13 @@ const ROWS: usize = 112;
 #[test]
 fn all_rows_are_there_and_nearly_all_are_live() {
     let wings = [
-        "AV-", "H-AV-", "MA-", "XV-", "SL-", "H-SL-", "PU-", "NV-", "UI-", "F-",
+        "AV-", "H-AV-", "MA-", "XV-", "SL-", "H-SL-", "PU-", "NV-", "UI-", "F-", "Y",
     ];
     let counts = wings.map(|wing| {
         let rows = museum::catalogue();
         rows.filter(|bug| bug.id.starts_with(wing)).count()
     });
-    assert_eq!(counts, [23, 2, 10, 12, 14, 1, 22, 5, 10, 13]);
+    assert_eq!(counts, [23, 2, 10, 12, 14, 1, 22, 5, 10, 13, 38]);
     let own = || museum::catalogue().filter(|bug| wings.iter().any(|it| bug.id.starts_with(it)));
     let rows = own().count();
     assert_eq!(rows, ROWS);
@@ -86,10 +89,12 @@ fn no_number_is_given_twice() {
     assert_eq!(ids.len(), before);
 }
 
-/// Every switch of the program is shown by an exhibit of its number.
+/// Every switch of the programs is shown by an exhibit of its number.
 #[test]
-fn every_switch_of_the_program_has_its_exhibit() {
-    for id in firmware_core::robots::rescue::Config::defects() {
+fn every_switch_of_the_programs_has_its_exhibit() {
+    use firmware_core::robots::{rescue, yellow};
+    let switches = rescue::Config::defects().chain(yellow::Config::defects());
+    for id in switches.chain(yellow::pc::PcConfig::defects()) {
         let bug = museum::find(id).unwrap_or_else(|| panic!("{id} is not in the catalogue"));
         assert!(matches!(bug.live, museum::Live::Exhibit { .. }), "{id}");
     }

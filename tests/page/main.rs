@@ -8,6 +8,7 @@ mod clock;
 mod display;
 mod hostile;
 mod live;
+mod overlays;
 mod remote;
 mod report;
 mod server;

@@ -42,3 +42,30 @@ fn the_program_runs_against_a_robot_on_a_port() {
     assert!(page.hear("now", connected).is_some());
     page.hear("now", |now| now["pc"]["heard_ms"].as_u64() < Some(1_000));
 }
+
+/// The same with the other robot that has a PC: it is told to drive by its sensors, says so, and is
+/// driven by hand.
+#[test]
+fn yellows_pc_runs_against_a_robot_on_a_port() {
+    let dir = folder("remote-yellow");
+    let dir = dir.to_str().expect("plain letters");
+    let mut up = Process::start(&["up", &scenario("yellow-map"), "--dir", dir, "--pc"]);
+    up.line("pc ");
+    let _program = Process::start(&["dut", "--dir", dir]);
+    let port = format!("{dir}/pc");
+    let server = Server::start(&["--pc", &port, "--robot", "yellow"]);
+    let mut page = server.page().expect("there is room");
+    let stage = page.hear("stage", |_| true).expect("shown");
+    assert_eq!(stage["footprint"], json!({"circle": [0.0, 0.0, 0.12]}));
+    let does =
+        |mode: &'static str| move |now: &serde_json::Value| now["pc"]["state"]["mode"] == mode;
+    page.hear("now", does("off"));
+    assert!(page.send(r#"{"do":"mode","mode":"reactive"}"#));
+    page.hear("now", does("auto-reactive"));
+    assert!(page.send(r#"{"do":"mode","mode":"stop"}"#));
+    page.hear("now", does("off"));
+    assert!(page.send(r#"{"do":"drive","axes":[-0.1,0.1]}"#));
+    page.hear("now", does("manual"));
+    let believed = page.hear("now", |now| now["believed"].is_array());
+    assert!(believed.is_some());
+}

@@ -1,6 +1,7 @@
 //! What goes wrong, and how it is seen on the wire.
 
 mod any;
+mod boards;
 mod chips;
 mod control;
 mod devices;

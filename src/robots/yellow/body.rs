@@ -8,7 +8,7 @@ use crate::scenario::{Scenario, ScenarioError, Source};
 
 /// The published code's wheels, 37.5 mm and 180 mm apart, 1200 counts a turn; 60 ms of lag and the
 /// radius of the deck are guesses.
-const RADIUS_M: f64 = 0.12;
+pub(super) const RADIUS_M: f64 = 0.12;
 const WHEEL_RADIUS_M: f64 = 0.0375;
 const AXLE_M: f64 = 0.18;
 const COUNTS_PER_TURN: u32 = 1_200;

@@ -6,14 +6,16 @@ use firmware_core::map_view::MapView;
 use firmware_core::robots::yellow::Yellow;
 use firmware_core::robots::yellow::pc::PcProgram;
 use protocols::Instant;
+use protocols::telemetry::message::State;
 
+use super::overlays;
 use super::script::WHEEL_MAX_M_S;
 use super::station::PcStation;
-use super::{PC, TELEMETRY};
+use super::{PC, TELEMETRY, command};
 use crate::codec::{self, Codec};
 use crate::rig::Rig;
 use crate::robots::instruments::in_metres;
-use crate::robots::{Axis, Instruments, Panel, PanelRow, ScanDecoder, Station};
+use crate::robots::{Axis, Dialect, Instruments, Overlay, Panel, PanelRow, ScanDecoder, Station};
 use crate::scenario::DeviceSpec;
 
 /// The robot's instruments.
@@ -61,6 +63,10 @@ impl Instruments for YellowInstruments {
         wheels.map(axis).collect()
     }
 
+    fn dialect(&self, rig: &Rig) -> Option<Dialect> {
+        command::dialect(board(rig)?)
+    }
+
     /// The program's pose if it runs in this process, else what it tells the PC.
     fn estimate(&self, rig: &Rig) -> Option<(Instant, Pose)> {
         if let Some(program) = rig.program() {
@@ -80,6 +86,15 @@ impl Instruments for YellowInstruments {
     fn layers<'a>(&'a self, rig: &'a Rig) -> Vec<(&'static str, MapView<'a>)> {
         let local = pc(rig).and_then(PcProgram::local_map);
         local.map(|map| ("local", map)).into_iter().collect()
+    }
+
+    fn overlays(&self, rig: &Rig) -> Vec<Overlay> {
+        let program = rig.program_as::<Yellow>();
+        let infrared =
+            program.map(|program| overlays::infrared(program, in_metres(program.pose())));
+        let known = pc(rig).into_iter().flat_map(overlays::of_pc);
+        let all = infrared.into_iter().chain(known);
+        all.filter(|overlay| !overlay.is_empty()).collect()
     }
 
     fn scanner(&self, _: &Rig) -> Option<(String, Box<dyn ScanDecoder>)> {
@@ -170,7 +185,9 @@ fn pc_rows(rig: &Rig) -> Vec<PanelRow> {
     let program = station.program();
     let (vertices, edges, way) = program.roadmap();
     let task = station.task_name().unwrap_or("none");
+    let told = program.telemetry().and_then(|(_, told)| told.state);
     let mut rows = vec![
+        row("state told", told.map_or("none", State::name), ""),
         row("task", task, ""),
         row("status", program.status(), ""),
         row("roadmap vertices", vertices.len(), ""),

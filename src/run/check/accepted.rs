@@ -78,7 +78,8 @@ impl Heard {
     }
 
     fn told(&self, axis: usize, set_point: f64) -> bool {
-        let commands = self.commands.iter();
+        // What is in force was mostly told last.
+        let commands = self.commands.iter().rev();
         let mut told = commands.map(|(_, command)| command.get(axis).copied().flatten());
         set_point == 0.0 || told.any(|told| told == Some(set_point))
     }

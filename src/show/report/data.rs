@@ -1,10 +1,11 @@
 //! What the report's script draws, as JSON.
 //!
 //! ```text
-//! {end, radius_m, scene, waypoints,
+//! {end, footprint, scene, waypoints,
 //!  truth, believed: {at: [s..], poses: [x, y, theta, ..]},
 //!  map: {width, height, resolution_m} | null, maps: [{at, shades} | {at, runs}],
-//!  scans: [{at, points}],
+//!  layers: [{name, width, height, resolution_m, origin_m, runs}],
+//!  scans: [{at, points}], overlays: [{at, overlays}],
 //!  lanes: [{name, load, errors, faults}], marks: [{at, kind}],
 //!  display: {width, height, runs} | null}
 //! ```
@@ -46,16 +47,20 @@ pub(super) fn json(outcome: &Outcome, events: &[&Logged]) -> String {
     let last = last.map(|(at, map)| json!({"at": seconds(at), "runs": digits(&map_runs(map))}));
     let scans = history.scans.samples.iter();
     let scans = scans.map(|(at, points)| json!({"at": seconds(*at), "points": points}));
+    let overlays = history.overlays.samples.iter();
+    let overlays = overlays.map(|(at, all)| json!({"at": seconds(*at), "overlays": all}));
     let data = json!({
         "end": end,
-        "radius_m": outcome.radius_m,
+        "footprint": outcome.footprint,
         "scene": outcome.scene,
         "waypoints": outcome.case.mission.waypoints_m.as_flattened(),
         "truth": way(outcome.truth.iter().copied(), outcome.truth.len()),
         "believed": way(believed, outcome.pairs.len()),
         "map": outcome.map.as_ref().map(KeptMap::view).map(map_head),
         "maps": maps.chain(last).collect::<Vec<_>>(),
+        "layers": outcome.layers.iter().map(layer).collect::<Vec<_>>(),
         "scans": scans.collect::<Vec<_>>(),
+        "overlays": overlays.collect::<Vec<_>>(),
         "lanes": history.lanes.iter().map(lane).collect::<Vec<_>>(),
         "marks": marks(outcome, events),
         "display": outcome.display.as_ref().map(|picture| json!({
@@ -89,6 +94,14 @@ fn map_head(map: MapView<'_>) -> Value {
         "width": width, "height": height,
         "resolution_m": resolution_m, "origin_m": origin_m,
     })
+}
+
+/// A map besides the robot's own.
+fn layer((name, map): &(&'static str, KeptMap)) -> Value {
+    let mut layer = map_head(map.view());
+    layer["name"] = (*name).into();
+    layer["runs"] = digits(&map_runs(map.view())).into();
+    layer
 }
 
 /// Counts and values of all rows, lowest first.

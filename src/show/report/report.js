@@ -29,7 +29,17 @@
     return { path, pose: count > 0 ? way.poses.slice(3 * count - 3, 3 * count) : null };
   }
 
-  const images = new Map();
+  const images = new Map(), hidden = new Set();
+  // Maps besides the robot's own are as they were in the end.
+  function otherImage(map, layer) {
+    const key = `${map.name} ${layer}`;
+    if (!images.has(key)) {
+      const cells = view.cells(view.bytes(map.runs), map.width * map.height);
+      images.set(key, view.mapImage({ ...map, cells }, layer));
+    }
+    return images.get(key);
+  }
+
   function mapImage(sample, layer) {
     const key = `${sample.at} ${layer}`;
     if (!images.has(key)) {
@@ -53,7 +63,7 @@
   function drawWay(context, frame, way, colour, now) {
     const { path, pose } = wayUntil(way, now);
     view.drawPath(context, frame, path, colour);
-    if (pose) view.drawRobot(context, frame, pose, run.radius_m, colour);
+    if (pose) view.drawRobot(context, frame, pose, run.footprint, colour);
   }
 
   function draw() {
@@ -62,13 +72,18 @@
     const shows = (what) => at(`show-${what}`).checked;
     at("at").textContent = `${now.toFixed(2)} s`;
     view.clear(context);
+    const other = run.layers.find((map) => map.name === at("map").value);
     const map = latest(run.maps, now);
-    if (map && layer) view.drawMap(context, frame, run.map, mapImage(map, layer));
+    if (other && layer) view.drawMap(context, frame, other, otherImage(other, layer));
+    else if (map && layer) view.drawMap(context, frame, run.map, mapImage(map, layer));
     if (shows("world")) view.drawWorld(context, frame, run.scene);
     if (shows("truth")) drawWay(context, frame, run.truth, view.colours.truth, now);
     if (shows("believed")) drawWay(context, frame, run.believed, view.colours.belief, now);
     const scan = latest(run.scans, now);
     if (scan && shows("scan")) view.drawScan(context, frame, scan.points);
+    for (const overlay of latest(run.overlays, now)?.overlays ?? []) {
+      if (!hidden.has(overlay.name)) view.drawOverlay(context, frame, overlay);
+    }
     if (shows("waypoints")) view.drawWaypoints(context, frame, run.waypoints);
     const wires = lanes.getContext("2d");
     view.clear(wires);
@@ -83,6 +98,15 @@
   lanes.height = (run.lanes.length + 1) * view.laneHeight;
   time.max = String(Math.ceil(run.end * 20) / 20);
   time.addEventListener("input", draw);
+  for (const { overlays } of run.overlays) {
+    view.offerOverlays(at("overlays"), overlays, hidden, draw);
+  }
+  at("maps").hidden = run.layers.length === 0;
+  for (const { name } of run.layers) {
+    const option = document.createElement("option");
+    option.value = option.textContent = name;
+    at("map").append(option);
+  }
   for (const field of document.querySelectorAll(".bar select, .bar [type=checkbox]")) {
     field.addEventListener("change", draw);
   }

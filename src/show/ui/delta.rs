@@ -25,6 +25,7 @@ pub(super) struct SentSoFar {
     events: usize,
     slow: Option<u64>,
     scan: Option<u64>,
+    overlays: Option<u64>,
     rows: Vec<u64>,
 }
 
@@ -56,6 +57,7 @@ impl SentSoFar {
         let numbered = [
             (&mut self.slow, &snapshot.slow),
             (&mut self.scan, &snapshot.scan),
+            (&mut self.overlays, &snapshot.overlays),
         ];
         for (seen, newest) in numbered {
             if *seen != Some(newest.number) && newest.number > 0 {
@@ -98,6 +100,7 @@ mod tests {
                 number: scan,
                 text: "scan".into(),
             },
+            overlays: Numbered::new("never"),
             layers: vec![book.last()],
         }
     }

@@ -20,7 +20,7 @@ use super::timeline::{Sample, Timeline, short_pose};
 use super::wire::{Tally, Wire};
 use crate::rig::fault::FaultId;
 use crate::rig::line::Direction;
-use crate::robots::{Display, Gesture, Hand, Station};
+use crate::robots::{Display, Gesture, Hand, Overlay, Station};
 use crate::run::Run;
 use crate::scenario::Span;
 use crate::show::view;
@@ -65,6 +65,7 @@ pub(crate) struct Desk {
     slow: Numbered,
     scan: Numbered,
     scan_turn: u64,
+    overlays: Numbered,
     shown: Option<(Instant, Shown)>,
     looked: Option<(Instant, Instant)>,
     tallies: Vec<[Tally; 2]>,
@@ -99,6 +100,7 @@ impl Desk {
             slow: Numbered::new("{}"),
             scan: Numbered::new("{}"),
             scan_turn: 0,
+            overlays: Numbered::new(&overlays(&[])),
             shown: None,
             looked: None,
             events: 0,
@@ -228,6 +230,7 @@ impl Desk {
             fast: self.fast(run, tempo).to_string().into(),
             slow: self.slow.clone(),
             scan: self.scan.clone(),
+            overlays: self.overlays.clone(),
             layers: self.layers.iter().map(MapLayer::last).collect(),
         });
     }
@@ -265,6 +268,10 @@ impl Desk {
         self.slow.renew(slow.to_string());
         self.tallies = tallies;
         self.looked = Some((wall, now));
+        let overlays = overlays(&run.instruments().overlays(&run.rig));
+        if *self.overlays.text != overlays {
+            self.overlays.renew(overlays);
+        }
         let wire = self.wire.borrow();
         let scan = wire.scan();
         if scan.turn != self.scan_turn {
@@ -355,6 +362,11 @@ fn look_at_display(book: &mut MapLayer, display: Display<'_>) {
     book.look([width, display.height()], 0.0, [0.0; 2], row);
 }
 
+/// What the robot has to show besides.
+fn overlays(overlays: &[Overlay]) -> String {
+    json!({"type": "overlays", "overlays": overlays}).to_string()
+}
+
 /// What stays the same.
 fn stage(run: &Run, number: u64, tempo: Tempo) -> Value {
     let scenario = run.scenario();
@@ -373,7 +385,7 @@ fn stage(run: &Run, number: u64, tempo: Tempo) -> Value {
         "seed": scenario.seed,
         "scene": view::scene(&run.rig.world),
         "robot": scenario.robot,
-        "radius_m": run.rig.world.body().radius_m,
+        "footprint": view::footprint(&run.rig.world),
         "links": links.collect::<Vec<_>>(),
         "pace": tempo.is_ours,
         "speed_max": SPEED_MAX,

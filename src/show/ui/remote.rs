@@ -16,6 +16,7 @@ use super::snapshot::{Numbered, Snapshot};
 use super::timeline::{Sample, short_pose};
 use crate::realtime::transport::{Serial, Transport};
 use crate::robots::{Gesture, Hand, RemoteStation, StationView};
+use crate::show::view::Outline;
 
 /// Time after which a port that cannot be had is tried again.
 const RETRY: Duration = Duration::from_millis(500);
@@ -200,6 +201,7 @@ impl Remote {
             fast: fast.to_string().into(),
             slow: Numbered::new("{}"),
             scan: Numbered::new("{}"),
+            overlays: Numbered::new("{}"),
             layers: vec![self.layer.last()],
         });
     }
@@ -213,7 +215,7 @@ impl Remote {
             "description": "a robot on a port",
             "seed": null,
             "scene": null,
-            "radius_m": self.station.radius_m(),
+            "footprint": Outline::Circle([0.0, 0.0, self.station.radius_m()]),
             "links": [],
             "pace": false,
             "speed_max": 1,

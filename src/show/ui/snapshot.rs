@@ -19,6 +19,8 @@ pub(super) struct Snapshot {
     pub(super) slow: Numbered,
     /// The last scan, as JSON.
     pub(super) scan: Numbered,
+    /// What the robot has to show besides, as JSON.
+    pub(super) overlays: Numbered,
     /// The maps.
     pub(super) layers: Vec<Arc<Layer>>,
 }

@@ -1,6 +1,7 @@
 // Drawing of world, map, ways, scan, waypoints and wire lanes on a canvas, from plain JSON: shared
 // by the live page and by report.html. A classic script without dependencies; it adds one object,
-// `hilrigView`, and touches nothing but the canvas it is given. The JSON (metres, radians, seconds):
+// `hilrigView`, and touches nothing but the canvas or element it is given. The JSON (metres,
+// radians, seconds):
 //
 //   frame      {x, y, scale, height}       what `fit` makes; pass it to everything else
 //   scene      {bounds: [x0, y0, x1, y1], shapes: [SHAPE..]}
@@ -8,6 +9,9 @@
 //   map        {width, height, resolution_m, origin_m, cells}   cells: bytes, lowest row first,
 //              255 = wall; origin_m: corner of least x and y, 0, 0 if left out
 //   layer      "raw" | "walls" | "known"
+//   footprint  SHAPE in the robot's own axes: x ahead, y to the left
+//   overlay    {name, role: "sensed" | "possible" | "planned" | "guess" | "mark",
+//              lines: [path..], points: [x0, y0, x1, y1, ..]}
 //   path       [x0, y0, x1, y1, ..]
 //   pose       [x, y, theta]
 //   scan       [x0, y0, x1, y1, ..]        where beams ended, in the world's frame
@@ -19,6 +23,8 @@ const hilrigView = (() => {
   const colours = {
     paper: "#ffffff", ink: "#1b1f24", faint: "#c9d1d9", unknown: 127,
     shape: "#8a5a00", truth: "#00813c", belief: "#c62828", scan: "#0a62c9", waypoint: "#6a1b9a",
+    sensed: "#0a62c9", possible: "#6b7580", planned: "#6a1b9a", guess: "#c62828",
+    mark: "#a35200",
     load: "#0a62c9", errors: "#c62828", faults: "#e07b00", cursor: "#1b1f24",
   };
 
@@ -133,17 +139,69 @@ const hilrigView = (() => {
     }
   }
 
-  // A robot of `radius_m` that looks along theta.
-  function drawRobot(context, frame, pose, radius_m, colour) {
-    const [x, y] = toPixel(frame, pose[0], pose[1]);
-    const r = Math.max(radius_m * frame.scale, 4);
+  // Corners of a footprint where a robot at `pose` has them.
+  function placed(corners, [x, y, theta]) {
+    const cos = Math.cos(theta), sin = Math.sin(theta), path = [];
+    for (let i = 0; i + 1 < corners.length; i += 2) {
+      const [ahead, left] = [corners[i], corners[i + 1]];
+      path.push(x + ahead * cos - left * sin, y + ahead * sin + left * cos);
+    }
+    return path;
+  }
+
+  // The robot's outline, and where it looks; a dot's size at least.
+  function drawRobot(context, frame, pose, footprint, colour) {
+    const [x, y] = toPixel(frame, pose[0], pose[1]), corners = footprint.polygon;
+    // As far as it reaches ahead.
+    const ahead = corners ? Math.max(...corners.filter((_, i) => i % 2 === 0))
+      : footprint.circle[2];
+    const r = Math.max(ahead * frame.scale, 4);
     context.strokeStyle = colour;
     context.lineWidth = 2;
-    context.beginPath();
-    context.arc(x, y, r, 0, 2 * Math.PI);
+    if (corners && r > 4) {
+      line(context, frame, placed(corners, pose), true);
+    } else {
+      context.beginPath();
+      context.arc(x, y, r, 0, 2 * Math.PI);
+    }
     context.moveTo(x, y);
     context.lineTo(x + 1.3 * r * Math.cos(pose[2]), y - 1.3 * r * Math.sin(pose[2]));
     context.stroke();
+  }
+
+  // Lines thin where there may be many of them, thick where they are a plan; points as dots.
+  function drawOverlay(context, frame, overlay) {
+    context.strokeStyle = context.fillStyle = colours[overlay.role];
+    context.lineWidth = overlay.role === "planned" ? 3 : overlay.role === "possible" ? 0.5 : 1.5;
+    for (const path of overlay.lines) {
+      line(context, frame, path, false);
+      context.stroke();
+    }
+    const r = overlay.role === "possible" ? 1.5 : 4;
+    for (let i = 0; i + 1 < overlay.points.length; i += 2) {
+      const [x, y] = toPixel(frame, overlay.points[i], overlay.points[i + 1]);
+      context.beginPath();
+      context.arc(x, y, r, 0, 2 * Math.PI);
+      context.fill();
+    }
+  }
+
+  // A switch for each overlay there is or was, in `parent`. Names that are off are in `hidden`.
+  function offerOverlays(parent, overlays, hidden, changed) {
+    for (const { name, role } of overlays) {
+      if ([...parent.children].some((label) => label.dataset.name === name)) continue;
+      const label = document.createElement("label"), box = document.createElement("input");
+      box.type = "checkbox";
+      box.checked = !hidden.has(name);
+      box.addEventListener("change", () => {
+        hidden[box.checked ? "delete" : "add"](name);
+        changed();
+      });
+      label.dataset.name = name;
+      label.style.color = colours[role];
+      label.append(box, ` ${name}`);
+      parent.append(label, " ");
+    }
   }
 
   // Numbered from 1 and joined; the first `reached` are pale.
@@ -248,7 +306,7 @@ const hilrigView = (() => {
 
   return {
     colours, fit, toPixel, toWorld, clear, drawWorld, mapImage, drawMap, drawPath, drawScan,
-    drawRobot, drawWaypoints, drawLanes, timeToPixel, pixelToTime, laneHeight, bytes,
-    cells, shades, drawPicture,
+    drawRobot, drawOverlay, offerOverlays, drawWaypoints, drawLanes, timeToPixel, pixelToTime,
+    laneHeight, bytes, cells, shades, drawPicture,
   };
 })();

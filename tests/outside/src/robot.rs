@@ -118,6 +118,15 @@ impl Instruments for CarInstruments {
         }]
     }
 
+    /// Half a metre ahead.
+    fn overlays(&self, rig: &Rig) -> Vec<Overlay> {
+        let pose = rig.world.pose();
+        let (sin, cos) = pose.theta.sin_cos();
+        let ahead = [pose.x + 0.5 * cos, pose.y + 0.5 * sin];
+        let nothing = Overlay::new("ahead", OverlayRole::Planned);
+        vec![nothing.line([[pose.x, pose.y], ahead])]
+    }
+
     fn scanner(&self, _: &Rig) -> Option<(String, Box<dyn ScanDecoder>)> {
         Some(("turret".to_owned(), Box::<TurretScans>::default()))
     }

@@ -87,6 +87,7 @@ fn its_result_folder_shows_its_panels_axes_verdicts_and_map() {
         "<summary>servo board</summary>",
         "<td>ok</td><td>slow-enough</td>",
         "<td>packets</td>",
+        "\"name\":\"ahead\"",
     ] {
         assert!(report.contains(part), "no {part:?} in the report");
     }

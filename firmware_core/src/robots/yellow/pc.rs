@@ -3,6 +3,7 @@
 
 mod atlas;
 mod config;
+mod defects;
 mod drive;
 mod explore;
 mod find;
@@ -25,6 +26,7 @@ use run::Run;
 pub use crate::localise::{Estimate, Votes};
 
 use crate::growing_map::NotWritten;
+use crate::local_map::Segment;
 use crate::map_view::MapView;
 use crate::pose::{Point, Pose};
 use crate::{Master, Work};
@@ -298,6 +300,12 @@ impl PcProgram {
     /// Where the robot says that it is: in the map's frame if it knows.
     pub fn believed_pose(&self) -> Option<Pose> {
         self.link.heard().and_then(Heard::pose)
+    }
+
+    /// The walls that the robot told last, in the frame of the pose that it told with them.
+    pub fn lines(&self) -> impl Iterator<Item = Segment> {
+        let sight = self.link.sight().into_iter();
+        sight.flat_map(|sight| sight.lines.iter().map(|line| line.to_world(sight.pose)))
     }
 
     /// What the last look showed.

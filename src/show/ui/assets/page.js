@@ -4,7 +4,7 @@
 const hilrig = window.hilrig = {
   connected: false, stage: null, now: null, slow: null, scan: null, maps: {},
   samples: [], events: [], refused: "", messages: 0, bytes: 0, past: null,
-  errors: [], folded: new Set(),
+  errors: [], folded: new Set(), overlays: [], hidden: new Set(),
 };
 window.addEventListener("error", (event) => hilrig.errors.push(event.message));
 const $ = (id) => document.getElementById(id);
@@ -52,6 +52,10 @@ function hear(message) {
     case "now": hilrig.now = message; if (message.scene) hilrig.stage.scene = message.scene; break;
     case "slow": hilrig.slow = message; break;
     case "scan": hilrig.scan = message; break;
+    case "overlays":
+      hilrig.overlays = message.overlays;
+      view.offerOverlays($("overlays"), message.overlays, hilrig.hidden, requestDraw);
+      break;
     case "samples": hilrig.samples.splice(message.from, Infinity, ...message.samples); break;
     case "events":
       hilrig.events.splice(message.from, Infinity, ...message.events);
@@ -65,7 +69,9 @@ function hear(message) {
 function begin(stage) {
   Object.assign(hilrig, {
     stage, now: null, slow: null, scan: null, maps: {}, samples: [], events: [], past: null,
+    overlays: [],
   });
+  $("overlays").replaceChildren();
   images = {};
   shown = {};
   document.title = `${stage.name} - hilrig`;
@@ -139,6 +145,7 @@ function draw() {
   drawn = true;
   if (!hilrig.stage || !hilrig.now) return;
   unpack(hilrig.maps, hilrig.now.maps);
+  offerMaps(hilrig.now.maps);
   drawWorld();
   drawScreen();
   if (hilrig.stage.kind === "rig") drawWires();
@@ -157,6 +164,17 @@ function bounds(map) {
   const [a, b, c, d] = scene.bounds;
   return size ? [Math.min(a, size[0]), Math.min(b, size[1]), Math.max(c, size[2]), Math.max(d, size[3])]
     : scene.bounds;
+}
+
+// Maps that only some robots have.
+function offerMaps(heads) {
+  const options = [...$("map").options];
+  for (const { name } of heads) {
+    if (name === "display" || options.some((option) => option.value === name)) continue;
+    const option = document.createElement("option");
+    option.value = option.textContent = name;
+    $("map").append(option);
+  }
 }
 
 function mapPicture(name, map, past) {
@@ -195,11 +213,14 @@ function drawWorld() {
   if (!past && $("show-scan").checked && hilrig.scan) {
     view.drawScan(context, frame, hilrig.scan.points);
   }
+  for (const overlay of past ? [] : hilrig.overlays) {
+    if (!hilrig.hidden.has(overlay.name)) view.drawOverlay(context, frame, overlay);
+  }
   const [truth, believed] = past ? hilrig.samples[past.index].slice(1)
     : [hilrig.now.truth, hilrig.now.believed];
-  const radius = hilrig.stage.radius_m;
-  if (truth) view.drawRobot(context, frame, truth, radius, view.colours.truth);
-  if (believed) view.drawRobot(context, frame, believed, radius, view.colours.belief);
+  const footprint = hilrig.stage.footprint;
+  if (truth) view.drawRobot(context, frame, truth, footprint, view.colours.truth);
+  if (believed) view.drawRobot(context, frame, believed, footprint, view.colours.belief);
   if ($("show-waypoints").checked && hilrig.now.pc) {
     view.drawWaypoints(context, frame, metres(dragged(hilrig.now.pc.waypoints)));
   }

@@ -145,6 +145,11 @@ impl Link {
         self.heard.as_ref().filter(|heard| heard.number > number)
     }
 
+    /// The last lines.
+    pub(super) const fn sight(&self) -> Option<&Sight> {
+        self.sight.as_ref()
+    }
+
     /// The last lines, if they came after the message of `number`.
     pub(super) fn sight_since(&self, number: u64) -> Option<&Sight> {
         self.sight.as_ref().filter(|sight| sight.number > number)

@@ -1,7 +1,7 @@
 //! Ways of the fielded PC program, each behind its own number.
 
-use firmware_core::localise::Votes;
-use firmware_core::robots::yellow::pc::{Following, NextView, PcConfig, Planning};
+use super::config::{Following, NextView, PcConfig, Planning};
+use crate::localise::Votes;
 
 /// Switches one on.
 type Switch = fn(&mut PcConfig);
@@ -24,16 +24,16 @@ const SWITCHES: [(&str, Switch); 11] = [
     ("YP-11", |c| c.votes = Votes::Multiplied),
 ];
 
-/// All numbers.
-pub(super) fn ids() -> impl Iterator<Item = &'static str> {
-    SWITCHES.iter().map(|(id, _)| *id)
-}
-
-/// Switches the one called `id` on; whether there is such a one.
-pub(super) fn switch_on(config: &mut PcConfig, id: &str) -> bool {
-    let found = SWITCHES.iter().find(|(known, _)| *known == id);
-    if let Some((_, switch)) = found {
-        switch(config);
+impl PcConfig {
+    /// Numbers of the ways that [`with_defect`](Self::with_defect) knows.
+    pub fn defects() -> impl Iterator<Item = &'static str> {
+        SWITCHES.iter().map(|(id, _)| *id)
     }
-    found.is_some()
+
+    /// The program with the way `id` of the fielded one; `None` if there is no such.
+    pub fn with_defect(mut self, id: &str) -> Option<Self> {
+        let (_, switch) = SWITCHES.iter().find(|(known, _)| *known == id)?;
+        switch(&mut self);
+        Some(self)
+    }
 }

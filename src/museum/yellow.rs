@@ -1,0 +1,35 @@
+//! Yellow: what its program and the PC's did wrong, as read in their public code.
+
+mod bench;
+mod desk;
+mod driving;
+mod lidar;
+mod lines;
+mod link;
+mod maps;
+mod states;
+
+use firmware_core::robots::yellow::Config;
+
+use super::{Bug, Variant};
+
+/// All of them, in the order of their numbers.
+pub(super) const ROOMS: [&[Bug]; 7] = [
+    &link::ROWS,
+    &lidar::ROWS,
+    &states::ROWS,
+    &driving::ROWS,
+    &lines::ROWS,
+    &desk::ROWS,
+    &maps::ROWS,
+];
+
+/// The program's settings for `variant`; the defective one has `id`.
+fn config(variant: Variant, id: &str) -> Config {
+    match variant {
+        Variant::Defective => Config::DEFAULT
+            .with_defect(id)
+            .expect("exhibits name known defects"),
+        Variant::Sound => Config::DEFAULT,
+    }
+}
