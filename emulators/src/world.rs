@@ -41,7 +41,7 @@ pub use geometry::{Bounds, Point, Pose, wrap_angle};
 pub use occupancy::OccupancyImage;
 pub use path::{Path, Repeat, Waypoint};
 pub use scene::{
-    Cause, Cone, Fixture, FloorLine, FloorLineError, Hit, Obstacle, PRIMITIVES_MAX, Part, Scene,
+    Cause, Cone, Fixture, FloorLine, FloorLineError, Hit, Obstacle, PRIMITIVES_MAX, Part, Row, Scene,
     SceneError, Shape,
 };
 

@@ -116,11 +116,11 @@ impl Pilot {
 
     /// Speed and steering angle at `now`, m/s and radians to the left; `None`: stand. `costs` is
     /// asked for only when a plan is made or looked at; without a map there are no plans.
-    pub fn drive(
+    pub fn drive<'a>(
         &mut self,
         now: Instant,
         pose: CarPose,
-        costs: impl FnOnce() -> Option<Costmap>,
+        costs: impl FnOnce() -> Option<&'a Costmap>,
     ) -> Option<[f64; 2]> {
         let goal = self.goal?;
         if matches!(self.state, GoalState::Reached | GoalState::GivenUp) {
@@ -138,8 +138,8 @@ impl Pilot {
         if self.looked.is_none_or(|looked| now - looked >= every) {
             self.looked = Some(now);
             match costs() {
-                Some(map) if self.follower.is_none() || self.is_blocked(&map, pose) => {
-                    self.plan(&map, pose, goal);
+                Some(map) if self.follower.is_none() || self.is_blocked(map, pose) => {
+                    self.plan(map, pose, goal);
                 }
                 None if self.follower.is_none() => self.state = GoalState::GivenUp,
                 _ => {}

@@ -9,6 +9,7 @@
 //! | [`REMOTE`](Apollo13::REMOTE) | Open Sound Control of the phone, packets, in |
 
 mod senses;
+mod sight;
 #[cfg(test)]
 mod tests;
 
@@ -129,6 +130,8 @@ pub struct Apollo13 {
     ultrasound_m: [Option<f64>; 3],
     battery_mv: u16,
     scan: alloc::vec::Vec<Point>,
+    sight: sight::Sight,
+    seen: Option<Instant>,
     sent: Option<Instant>,
     drive: Drive,
     out: VecDeque<u8>,
@@ -188,6 +191,8 @@ impl Apollo13 {
             ultrasound_m: [None; 3],
             battery_mv: 0,
             scan: alloc::vec::Vec::new(),
+            sight: sight::Sight::default(),
+            seen: None,
             sent: None,
             drive: Drive::STOP,
             out: VecDeque::new(),
@@ -263,8 +268,8 @@ impl Apollo13 {
         let is_driving = self.pilot.goal().is_some();
         let [speed_m_s, angle_rad] = match is_driving {
             true => {
-                let floor = &self.floor;
-                self.pilot.drive(self.now, pose, || floor.costs())?
+                let (floor, now) = (&mut self.floor, self.now);
+                self.pilot.drive(now, pose, || floor.costs(now))?
             }
             false if self.wall.is_some() => [0.22, self.wall_angle_rad],
             false => return None,
@@ -304,12 +309,9 @@ impl Apollo13 {
         match self.passage {
             Some(passage) if at == Some(passage.before) => self.pilot.follow(through(passage)),
             _ => {
-                let costs = self.floor.costs();
-                let is_free = |pose| {
-                    costs
-                        .as_ref()
-                        .is_none_or(|costs| self.pilot.is_free(costs, pose))
-                };
+                let costs = self.floor.costs(self.now);
+                let is_free =
+                    |pose| costs.is_none_or(|costs| self.pilot.is_free(costs, pose));
                 self.passage = self.gates.next(pose, is_free);
                 self.pilot
                     .set_goal(self.passage.map(|passage| passage.before));
