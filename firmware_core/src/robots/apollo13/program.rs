@@ -8,6 +8,7 @@
 //! | [`MARKERS`](Apollo13::MARKERS) | markers that were recognised, messages, in |
 //! | [`REMOTE`](Apollo13::REMOTE) | Open Sound Control of the phone, packets, in |
 
+mod mapping;
 mod senses;
 mod sight;
 #[cfg(test)]
@@ -25,6 +26,7 @@ use super::gates::{self, Gates, Passage};
 use super::gyro_odometry::{self, GyroOdometry};
 use super::pilot::{GoalState, Pilot};
 use super::steering;
+use super::survey::Survey;
 use super::wall::{Gains, Side, WallDistance};
 use crate::ackermann::CarPose;
 use crate::costmap::Inflation;
@@ -120,6 +122,8 @@ pub struct Apollo13 {
     /// Where the odometry's origin lies on the map.
     origin: CarPose,
     floor: Floor,
+    /// The map under way, from when mapping is ordered until something else is.
+    survey: Option<Survey>,
     pilot: Pilot,
     gates: Gates,
     passage: Option<Passage>,
@@ -162,7 +166,7 @@ impl Apollo13 {
     pub fn new(config: Config) -> Self {
         let defects = config.defects;
         let floor = Floor::new(config.floor.clone(), INFLATION);
-        let localiser = floor.is_known().then(|| localiser(&config));
+        let localiser = floor.is_known().then(|| localiser(&config, config.start));
         let outline = Outline::rectangle(0.359 + ROOM_M, 0.101 + ROOM_M, 0.165 + ROOM_M);
         let rules = match defects.gates_as_fielded {
             true => gates::Settings::fielded(),
@@ -181,6 +185,7 @@ impl Apollo13 {
             localiser,
             origin: config.start,
             floor,
+            survey: None,
             pilot: Pilot::new(PrimitiveSet::car(), &outline, follower::Settings::default()),
             gates: Gates::new(rules),
             passage: None,
@@ -260,8 +265,10 @@ impl Apollo13 {
     /// What the planner wants: to pass gates, to get to the goal, or along the wall.
     fn planned(&mut self) -> Option<Drive> {
         let pose = self.pose();
+        self.begin_or_end_mapping(pose);
         match self.arbiter.mode() {
             Mode::Gates => self.choose_gate(pose),
+            Mode::Mapping => self.explore(pose),
             Mode::Autonomous => {}
             _ => return None,
         }
@@ -271,7 +278,7 @@ impl Apollo13 {
                 let (floor, now) = (&mut self.floor, self.now);
                 self.pilot.drive(now, pose, || floor.costs(now))?
             }
-            false if self.wall.is_some() => [0.22, self.wall_angle_rad],
+            false if self.is_along_wall() => [0.22, self.wall_angle_rad],
             false => return None,
         };
         if speed_m_s > 0.0 && self.is_too_near() {
@@ -286,6 +293,10 @@ impl Apollo13 {
             level: steering::level_for(speed_m_s),
             steering: steering::value_for(angle_rad.to_degrees()).unwrap_or(steering::STRAIGHT),
         })
+    }
+
+    fn is_along_wall(&self) -> bool {
+        self.wall.is_some() && self.arbiter.mode() != Mode::Mapping
     }
 
     fn is_too_near(&self) -> bool {
@@ -361,7 +372,7 @@ const NOISE: Noise = Noise {
     way_by_turn: 0.04,
 };
 
-fn localiser(config: &Config) -> Localiser {
+fn localiser(config: &Config, start: CarPose) -> Localiser {
     let floor = &config.floor;
     let field = LikelihoodField::new(
         floor.width,
@@ -376,7 +387,7 @@ fn localiser(config: &Config) -> Localiser {
         noise: NOISE,
         ..ParticleSettings::default()
     };
-    Localiser::new(field, settings, camera, config.start, sigma, config.seed)
+    Localiser::new(field, settings, camera, start, sigma, config.seed)
 }
 
 /// The straight way through a gate, a pose each 5 cm.
@@ -459,7 +470,10 @@ impl Inspect for Apollo13 {
     }
 
     fn map(&self) -> Option<MapView<'_>> {
-        self.floor.view()
+        match &self.survey {
+            Some(survey) => Some(survey.view()),
+            None => self.floor.view(),
+        }
     }
 
     fn scan(&self) -> &[Point] {
@@ -471,6 +485,10 @@ impl Inspect for Apollo13 {
             Mode::Remote => "remote",
             Mode::Autonomous => "autonomous",
             Mode::Gates => "gates",
+            Mode::Mapping => match &self.survey {
+                Some(survey) if survey.is_complete() => "mapped",
+                _ => "mapping",
+            },
             Mode::Contradiction => "contradiction",
             Mode::Killed => "killed",
         }

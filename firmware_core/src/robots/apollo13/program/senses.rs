@@ -143,6 +143,9 @@ impl Apollo13 {
     fn take_sight(&mut self) {
         self.counters.scans += 1;
         self.sight.put_points(CAMERA_AHEAD_M, &mut self.scan);
+        if self.survey.is_some() {
+            return self.survey_sight();
+        }
         let at = self.odometry.pose();
         let is_due = |localiser: &Localiser| localiser.is_due(at);
         let is_new = self.localiser.as_ref().is_some_and(is_due);
@@ -151,9 +154,7 @@ impl Apollo13 {
         if !is_new && !is_to_be_entered {
             return;
         }
-        // What is nearer than the camera sees is no open floor.
-        let is_open = self.ultrasound_m[0].is_none_or(|range_m| range_m > OPEN_M);
-        let beams = self.sight.beams(is_open);
+        let beams = self.sight.beams(self.is_open_ahead());
         if let Some(localiser) = &mut self.localiser
             && localiser.update(at, &beams)
         {
@@ -165,6 +166,11 @@ impl Apollo13 {
             let camera = self.pose().shifted(CAMERA_AHEAD_M);
             self.floor.see(camera, &beams);
         }
+    }
+
+    /// What is nearer than the camera sees is no open floor.
+    pub(super) fn is_open_ahead(&self) -> bool {
+        self.ultrasound_m[0].is_none_or(|range_m| range_m > OPEN_M)
     }
 
     fn take_marker(&mut self, marker: Marker) {
