@@ -60,7 +60,9 @@ impl Rng {
     /// ones of 16 bits. One draw, and no logarithm, for whoever needs very many.
     pub fn bell(&mut self) -> f64 {
         let word = self.next_u64();
-        let sum = (0..4).map(|part| (word >> (16 * part)) & 0xffff).sum::<u64>();
+        let sum = (0..4)
+            .map(|part| (word >> (16 * part)) & 0xffff)
+            .sum::<u64>();
         #[expect(clippy::cast_precision_loss, reason = "18 bits")]
         let sum = sum as f64;
         // Each part has a mean of 32767.5 and a variance of (2^32 - 1) / 12.

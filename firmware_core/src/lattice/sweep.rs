@@ -67,9 +67,8 @@ struct Span {
 impl Placed {
     fn new(outline: &Outline, [x, y, heading]: [f64; 3], edge_m: f64) -> Self {
         let (sin, cos) = libm::sincos(heading);
-        let place = |[ahead, left]: &[f64; 2]| {
-            [x + cos * ahead - sin * left, y + sin * ahead + cos * left]
-        };
+        let place =
+            |[ahead, left]: &[f64; 2]| [x + cos * ahead - sin * left, y + sin * ahead + cos * left];
         let corners: Vec<[f64; 2]> = outline.0.iter().map(place).collect();
         let next = corners.iter().cycle().skip(1);
         let sides = corners.iter().zip(next);

@@ -224,7 +224,7 @@ fn least_cost(lattice: &Lattice, map: &Costmap, start: [i32; 3], goal: [i32; 3])
     None
 }
 
-/// P5 of the issue: 50 maps with blocks at random: the cost of each pass is within its factor of
+/// P5: 50 maps with blocks at random: the cost of each pass is within its factor of
 /// the least one, the last one is the least one, nothing overlaps.
 #[test]
 fn p5_plans_are_within_their_bounds_on_random_maps() {

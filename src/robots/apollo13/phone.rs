@@ -39,6 +39,8 @@ pub(super) struct Phone {
     script: Script<Wish>,
     connected: bool,
     mode: Option<Mode>,
+    /// Whether it orders goals: otherwise the mission's waypoints are where the car must come by.
+    has_goals: bool,
     by_hand: [i8; 2],
     goals: Vec<[f64; 2]>,
     /// The goal on the way, of `goals`.
@@ -58,11 +60,12 @@ impl Phone {
     /// 54 Mbit/s at best.
     pub(super) const LINE: LineConfig = LineConfig::new_8n1(20_000_000);
 
-    pub(super) fn new(script: Script<Wish>) -> Self {
+    pub(super) fn new(script: Script<Wish>, has_goals: bool) -> Self {
         Self {
             script,
             connected: false,
             mode: None,
+            has_goals,
             by_hand: [0, STRAIGHT],
             goals: Vec::new(),
             goal: 0,
@@ -112,10 +115,11 @@ impl Phone {
                 self.connected = false;
                 self.ping_at = None;
             }
-            Wish::Goals(goals) => {
+            Wish::Goals(goals) if self.has_goals => {
                 (self.goals, self.goal) = (goals, 0);
                 self.is_news = self.mode == Some(Mode::Autonomous);
             }
+            Wish::Goals(_) => {}
             Wish::Mode(mode) => self.order(mode),
             Wish::Drive(by_hand) => {
                 if self.mode != Some(Mode::Remote) {
@@ -239,9 +243,7 @@ impl Device for Phone {
 
 impl Station for Phone {
     fn modes(&self) -> &'static [&'static str] {
-        const NAMES: [&str; 5] = [
-            MODES[0].0, MODES[1].0, MODES[2].0, MODES[3].0, MODES[4].0,
-        ];
+        const NAMES: [&str; 5] = [MODES[0].0, MODES[1].0, MODES[2].0, MODES[3].0, MODES[4].0];
         &NAMES
     }
 

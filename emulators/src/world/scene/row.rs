@@ -71,10 +71,7 @@ impl<'a> Canvas<'a> {
     /// Ahead and to the left of the camera.
     fn seen(&self, x: f64, y: f64) -> [f64; 2] {
         let (dx, dy) = (x - self.row.camera.x, y - self.row.camera.y);
-        [
-            dx * self.cos + dy * self.sin,
-            dy * self.cos - dx * self.sin,
-        ]
+        [dx * self.cos + dy * self.sin, dy * self.cos - dx * self.sin]
     }
 
     /// The columns from one slope, left over ahead, to another: first and behind the last.
@@ -152,7 +149,11 @@ impl<'a> Canvas<'a> {
             if root < 0.0 {
                 continue;
             }
-            let root = if tangent > 0.0 { -root.sqrt() } else { root.sqrt() };
+            let root = if tangent > 0.0 {
+                -root.sqrt()
+            } else {
+                root.sqrt()
+            };
             let depth = (half + root) / long;
             if depth >= NEAR_M {
                 self.columns[column] = self.columns[column].max(1.0 / depth);

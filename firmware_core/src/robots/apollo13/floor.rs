@@ -23,9 +23,9 @@ const SURE: i8 = 2;
 const COUNT_MAX: i8 = 6;
 /// Half of the middle of an ultrasonic cone, which is open as far as it hears nothing.
 const CONE_RAD: f64 = 0.1;
-/// What is heard nearer than this is entered across the whole cone, metres: it is 0.3 m wide there,
-/// as the car is. Farther away the echo may come from beside the way, and the camera knows better.
-const HEARD_M: f64 = 0.40;
+/// What is heard nearer than this is entered across the whole cone, metres: that is narrower than
+/// the car there. Farther away the echo may come from a post beside the way.
+const HEARD_M: f64 = 0.27;
 /// Half of the whole cone.
 const WHOLE_CONE_RAD: f64 = 0.38;
 /// How long it stays: the camera may see over it.
@@ -57,7 +57,7 @@ pub struct Floor {
     /// The scan in which each cell was counted last.
     counted: Vec<u32>,
     scans: u32,
-    /// Cells that an ultrasonic echo came from, and until when that counts.
+    /// Cells that an ultrasonic echo came from or a marker stands on, and until when that counts.
     heard: BTreeMap<usize, Instant>,
     /// All obstacles, one byte a cell as in [`grid`](crate::grid).
     view: Vec<u8>,
@@ -229,6 +229,23 @@ impl Floor {
         }
     }
 
+    /// Something low stands at this place, metres, and counts for a while.
+    pub fn stand(&mut self, now: Instant, [x_m, y_m]: [f64; 2]) {
+        if !self.is_known() {
+            return;
+        }
+        let place = CarPose {
+            x_m,
+            y_m,
+            heading_rad: 0.0,
+        };
+        if let Some(index) = self.index(Ray::new(&self.plan, place, 0.0).at(0.0))
+            && self.heard.insert(index, now + HEARD_FOR).is_none()
+        {
+            self.costs = None;
+        }
+    }
+
     /// Counts what was seen of a cell, once a scan; whether it became an obstacle or ceased to be
     /// one.
     fn count(&mut self, place: [f64; 2], by: i8) -> bool {
@@ -379,7 +396,7 @@ mod tests {
         assert!(floor.is_known() && !Floor::new(FloorPlan::default(), INFLATION).is_known());
     }
 
-    /// 0.3 m ahead is cell 6: in the way for 20 s, though the camera sees over it. An echo from
+    /// 0.25 m ahead is cell 5: in the way for 20 s, though the camera sees over it. An echo from
     /// 0.8 m away may come from a post beside the way: the middle of a gate stays open.
     #[test]
     fn what_is_heard_near_is_in_the_way_for_a_while() {
@@ -387,12 +404,12 @@ mod tests {
         floor.hear(Instant::ZERO, SCANNER, 0.8);
         floor.hear(Instant::ZERO, SCANNER, 0.8);
         assert!(!floor.costs(Instant::ZERO).unwrap().is_obstacle([16, 10]));
-        floor.hear(Instant::ZERO, SCANNER, 0.3);
+        floor.hear(Instant::ZERO, SCANNER, 0.25);
         floor.see(SCANNER, &[beam(2.0)]);
         floor.see(SCANNER, &[beam(2.0)]);
         let mut is_there = |seconds: u64| {
             let at = Instant::ZERO + Duration::from_secs(seconds);
-            floor.costs(at).unwrap().is_obstacle([6, 10])
+            floor.costs(at).unwrap().is_obstacle([5, 10])
         };
         assert!(is_there(19) && !is_there(21));
     }
@@ -401,12 +418,12 @@ mod tests {
     #[test]
     fn what_was_heard_stays_on_another_plan() {
         let mut floor = empty();
-        floor.hear(Instant::ZERO, SCANNER, 0.3);
+        floor.hear(Instant::ZERO, SCANNER, 0.25);
         let mut plan = floor.plan().clone();
         plan.origin_m = [0.0, -1.0];
         plan.obstacles = alloc::vec![false; 60 * 40];
         floor.renew(plan, INFLATION);
-        assert!(floor.costs(Instant::ZERO).unwrap().is_obstacle([6, 30]));
+        assert!(floor.costs(Instant::ZERO).unwrap().is_obstacle([5, 30]));
     }
 
     /// What the camera saw is open as soon as the sound passes it: 0.8 m ahead is cell 16.

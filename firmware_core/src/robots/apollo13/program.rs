@@ -321,11 +321,10 @@ impl Apollo13 {
             Some(passage) if at == Some(passage.before) => self.pilot.follow(through(passage)),
             _ => {
                 let costs = self.floor.costs(self.now);
-                let is_free =
-                    |pose| costs.is_none_or(|costs| self.pilot.is_free(costs, pose));
+                let is_free = |pose| costs.is_none_or(|costs| self.pilot.is_free(costs, pose));
                 self.passage = self.gates.next(pose, is_free);
-                self.pilot
-                    .set_goal(self.passage.map(|passage| passage.before));
+                let before = self.passage.map(|passage| passage.before);
+                self.pilot.set_exact_goal(before, BEFORE_GATE);
             }
         }
     }
@@ -355,6 +354,9 @@ impl Apollo13 {
     }
 }
 
+/// How near the car must be to its place before a gate, metres and radians: half a heading of the
+/// lattice, and what following adds.
+const BEFORE_GATE: [f64; 2] = [0.15, 0.30];
 /// Room that plans keep around the car, metres: what following may be off.
 const ROOM_M: f64 = 0.03;
 /// The rear end is the outline's nearest side, as its reference point is the rear axle's middle.

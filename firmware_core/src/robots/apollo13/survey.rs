@@ -1,9 +1,11 @@
 //! Draws a map of a floor that there is no plan of, and says where to look next.
 //!
 //! Facts: seed 003 drove over a floor by hand while gmapping drew it, and names an exploration that
-//! ends by itself as what it would do next. Here the shared mapper draws, in the frame of the
-//! camera; beside its map is kept which cells the camera has looked at, and the map is complete when
-//! no open edge of those is left that the car can get to.
+//! ends by itself as what it would do next. Here the shared mapper says where the camera is, by a
+//! map of its own. The map that is told and driven by is drawn from there: a camera that looks
+//! ahead sees the walls of a corridor at flat angles, and beams to their far ends pass the cells of
+//! their near ones. So each cell counts once a scan, and what has something in it is not passed. The
+//! map is complete when it has no open edge left that the car can get to.
 
 mod edges;
 
@@ -18,7 +20,7 @@ use protocols::Instant;
 use super::floor::FloorPlan;
 use crate::ackermann::{CarPose, wrapped};
 use crate::costmap::Costmap;
-use crate::grid::UNKNOWN;
+use crate::grid::{FREE, OBSTACLE, UNKNOWN};
 use crate::map_view::MapView;
 use crate::particles::Beam;
 use crate::pose::{Point, Pose, PoseChange};
@@ -30,14 +32,18 @@ use edges::Tried;
 const SIDE: usize = 640;
 /// Edge of a cell, metres: that of the planner's primitives.
 const CELL_M: f64 = 0.05;
+const CELL_MM: f32 = 50.0;
 /// Between two scans that are drawn.
 const DRAW_EVERY: Duration = Duration::from_millis(200);
 /// What is farther is not drawn, metres: the error of a depth is 5 cm there.
 const DRAW_M: f64 = 6.0;
+/// What is farther is no obstacle yet, metres.
+const ENTER_M: f64 = 3.0;
 /// What is farther was not looked at well enough to drive there without another look.
 const LOOK_M: f64 = 4.0;
-/// Cells as dark as this are obstacles: half a way from unknown to certain.
-const OBSTACLE_MIN: u8 = 180;
+/// In how many scans more there must have been something than nothing.
+const SURE: i8 = 2;
+const COUNT_MAX: i8 = 10;
 /// Cells around what is known that a plan has.
 const MARGIN: usize = 12;
 /// Scans before there is a map to drive by.
@@ -49,8 +55,12 @@ pub struct Survey {
     mapper: Box<Mapper<SIDE, SIDE>>,
     /// The map's corner of least x and y in the frame of poses, metres.
     corner_m: [f64; 2],
-    /// Which cells were looked at, in the map's rows.
-    looked: Vec<bool>,
+    /// What is told of each cell, in the map's rows: free, unknown, obstacle.
+    cells: Vec<u8>,
+    /// In how many scans something was in it, less in how many it was passed.
+    seen: Vec<i8>,
+    /// The scan in which it was counted last.
+    counted: Vec<u32>,
     /// The odometry's pose of the camera when a scan was drawn last.
     odometry: Option<CarPose>,
     drawn: Option<Instant>,
@@ -65,26 +75,26 @@ impl Survey {
         let half = SIDE as f64 / 2.0;
         let corner = |m: f64| (libm::floor(m / CELL_M) - half) * CELL_M;
         let corner_m = [corner(camera.x_m), corner(camera.y_m)];
-        let resolution_mm = 50.0;
         let settings = Settings {
             start: on_grid(corner_m, camera),
             hole_mm: 300.0,
             pushes: Pushes::Unlikely,
-            // The encoder counts to a third of a per cent, and the gyroscope drifts slowly.
+            // The encoder counts to a third of a per cent, where wheels do not slip.
             motion: MotionNoise {
-                rest_cells: 0.05,
-                per_mm: 0.01,
-                per_rad: 0.03,
-                rest_rad: 0.001,
-                rad_per_mm: 0.000_02,
+                rest_cells: 0.1,
+                per_mm: 0.02,
+                // Nobody pushes it: in a corridor what fits better elsewhere is no reason to be there.
+                cost_max: 255.0,
                 ..MotionNoise::WHEELS
             },
-            ..Settings::core(resolution_mm)
+            ..Settings::core(CELL_MM)
         };
         Self {
             mapper: Box::new(Mapper::new(settings)),
             corner_m,
-            looked: alloc::vec![false; SIDE * SIDE],
+            cells: alloc::vec![UNKNOWN; SIDE * SIDE],
+            seen: alloc::vec![0; SIDE * SIDE],
+            counted: alloc::vec![0; SIDE * SIDE],
             odometry: None,
             drawn: None,
             scans: 0,
@@ -132,19 +142,19 @@ impl Survey {
 
     /// The map, for an observer.
     pub fn view(&self) -> MapView<'_> {
-        let grid = self.mapper.grid().view();
-        #[expect(clippy::cast_possible_truncation, reason = "a map's place needs 24 bits")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "a map's place needs 24 bits"
+        )]
         let corner_mm = self.corner_m.map(|m| (m * 1e3) as f32);
-        MapView::new(SIDE, grid.cell_mm(), corner_mm, grid.cells())
+        MapView::new(SIDE, CELL_MM, corner_mm, &self.cells)
     }
 
     /// What is known so far as a plan to drive by.
     pub fn plan(&self) -> FloorPlan {
-        let view = self.view();
-        let is_known = |(at, value): (usize, &u8)| {
-            (*value != UNKNOWN || self.looked[at]).then_some([at % SIDE, at / SIDE])
-        };
-        let known = view.cells().iter().enumerate().filter_map(is_known);
+        let is_known =
+            |(at, value): (usize, &u8)| (*value != UNKNOWN).then_some([at % SIDE, at / SIDE]);
+        let known = self.cells.iter().enumerate().filter_map(is_known);
         let bounds = known.fold([[SIDE; 2], [0; 2]], |[low, high], cell| {
             [0, 1].map(|end| {
                 core::array::from_fn(|axis| match end {
@@ -159,14 +169,14 @@ impl Survey {
         }
         let first = low.map(|cell| cell.saturating_sub(MARGIN));
         let last = high.map(|cell| (cell + MARGIN).min(SIDE - 1));
-        let row = |y: usize| view.cells()[y * SIDE..][first[0]..=last[0]].iter();
+        let row = |y: usize| self.cells[y * SIDE..][first[0]..=last[0]].iter();
         FloorPlan {
             width: last[0] - first[0] + 1,
             cell_m: CELL_M,
             origin_m: [0, 1].map(|axis| self.corner_m[axis] + first[axis] as f64 * CELL_M),
             obstacles: (first[1]..=last[1])
                 .flat_map(row)
-                .map(|value| *value >= OBSTACLE_MIN)
+                .map(|value| *value == OBSTACLE)
                 .collect(),
         }
     }
@@ -191,15 +201,15 @@ impl Survey {
         goal
     }
 
-    /// Whether the camera has looked at the cell at this place, metres.
-    fn is_looked_at(&self, place_m: [f64; 2]) -> bool {
-        self.index(place_m).is_some_and(|at| self.looked[at])
+    /// Whether the camera has passed the cell at this place, metres.
+    fn is_free(&self, place_m: [f64; 2]) -> bool {
+        self.index(place_m).is_some_and(|at| self.cells[at] == FREE)
     }
 
-    /// Whether nothing at all is known of it.
+    /// Whether nothing is known of it.
     fn is_unknown(&self, place_m: [f64; 2]) -> bool {
         let at = self.index(place_m);
-        at.is_some_and(|at| !self.looked[at] && self.view().cells()[at] == UNKNOWN)
+        at.is_some_and(|at| self.cells[at] == UNKNOWN)
     }
 
     fn index(&self, place_m: [f64; 2]) -> Option<usize> {
@@ -213,26 +223,49 @@ impl Survey {
         (is_inside(x) && is_inside(y)).then(|| y as usize * SIDE + x as usize)
     }
 
+    /// Enters what a scan from `camera` says of each cell.
     fn look(&mut self, camera: CarPose, beams: &[Beam]) {
-        // Two cells apart where they end, a beam in each cell.
-        let apart = CELL_M / LOOK_M;
+        let along = |bearing_rad: f64, way_m: f64| {
+            let (sin, cos) = libm::sincos(camera.heading_rad + bearing_rad);
+            [camera.x_m + way_m * cos, camera.y_m + way_m * sin]
+        };
+        for beam in beams.iter().filter(|beam| beam.range_m <= ENTER_M) {
+            self.count(along(beam.bearing_rad, beam.range_m), 1);
+        }
         let mut last = f64::INFINITY;
         for beam in beams {
-            if (beam.bearing_rad - last).abs() < apart {
+            if (beam.bearing_rad - last).abs() < CELL_M / LOOK_M {
                 continue;
             }
             last = beam.bearing_rad;
-            let (sin, cos) = libm::sincos(camera.heading_rad + beam.bearing_rad);
-            let way_m = (beam.range_m - CELL_M).min(LOOK_M);
+            let end = along(beam.bearing_rad, 1.0);
+            let per_metre = [end[0] - camera.x_m, end[1] - camera.y_m];
+            let way_m = (beam.range_m - 1.5 * CELL_M).min(LOOK_M);
             let mut along_m = 0.0;
             while along_m < way_m {
-                let place = [camera.x_m + along_m * cos, camera.y_m + along_m * sin];
-                if let Some(at) = self.index(place) {
-                    self.looked[at] = true;
-                }
+                let place = [
+                    camera.x_m + along_m * per_metre[0],
+                    camera.y_m + along_m * per_metre[1],
+                ];
+                self.count(place, -1);
                 along_m += CELL_M / 2.0;
             }
         }
+    }
+
+    fn count(&mut self, place_m: [f64; 2], by: i8) {
+        let Some(at) = self.index(place_m) else {
+            return;
+        };
+        if core::mem::replace(&mut self.counted[at], self.scans) == self.scans {
+            return;
+        }
+        self.seen[at] = self.seen[at].saturating_add(by).clamp(-3, COUNT_MAX);
+        self.cells[at] = match self.seen[at] {
+            SURE.. => OBSTACLE,
+            ..0 => FREE,
+            _ => self.cells[at],
+        };
     }
 
     fn from_grid(&self, pose: Pose) -> CarPose {

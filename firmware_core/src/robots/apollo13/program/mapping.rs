@@ -62,10 +62,7 @@ impl Apollo13 {
 
     /// The next place to look from, when the car is at the last one.
     pub(super) fn explore(&mut self, pose: CarPose) {
-        let is_under_way = matches!(
-            self.pilot.state(),
-            GoalState::Driving | GoalState::Planning
-        );
+        let is_under_way = matches!(self.pilot.state(), GoalState::Driving | GoalState::Planning);
         let Some(survey) = self.survey.as_mut().filter(|_| !is_under_way) else {
             return;
         };
@@ -73,6 +70,6 @@ impl Apollo13 {
             return;
         };
         let goal = survey.next(costs, pose, |at| self.pilot.is_free(costs, at));
-        self.pilot.set_goal(goal);
+        self.pilot.set_place(goal);
     }
 }

@@ -131,7 +131,10 @@ impl Sight {
     /// Beams where a whole piece of the row has no depth.
     fn nothing(&self) -> Vec<Beam> {
         let (mut beams, mut gaps, mut at) = (Vec::new(), 0, 0);
-        for run in self.values_mm.chunk_by(|one, next| (*one == 0) == (*next == 0)) {
+        for run in self
+            .values_mm
+            .chunk_by(|one, next| (*one == 0) == (*next == 0))
+        {
             let is_empty = run.first() == Some(&0);
             if is_empty && run.len() >= NOTHING_COLUMNS {
                 let directions = self.directions.iter().skip(at).take(run.len());
@@ -176,7 +179,10 @@ mod tests {
     fn a_depth_is_ahead_and_a_range_is_along_its_column() {
         let sight = sight(20, &[1_000, 0, 2_000, 300, 1_000]);
         let beams = sight.beams(true);
-        let told: Vec<[f64; 2]> = beams.iter().map(|it| [it.bearing_rad, it.range_m]).collect();
+        let told: Vec<[f64; 2]> = beams
+            .iter()
+            .map(|it| [it.bearing_rad, it.range_m])
+            .collect();
         let eighth = core::f64::consts::FRAC_PI_4;
         let root = core::f64::consts::SQRT_2;
         let expected = [[eighth, root], [0.0, 2.0], [-eighth, root]];

@@ -12,6 +12,10 @@ const CELLS_MIN: usize = 7;
 /// What an edge behind the car costs more than one ahead, metres: turning round takes a car several
 /// moves, if there is room at all.
 const BEHIND_M: f64 = 12.0;
+/// An edge nearer than this is one of the picture's sides: the car would have to turn towards it where
+/// it stands. It costs so much more.
+const NEAR_M: f64 = 1.5;
+const BESIDE_M: f64 = 8.0;
 /// How far before an edge the car stops: from there it sees what is behind.
 const BEFORE_M: f64 = 0.6;
 /// Cells of the way by whose direction the car is to look at the edge.
@@ -32,8 +36,7 @@ impl Tried {
     }
 
     fn is_given_up(&self, place: [f64; 2]) -> bool {
-        self.near(place)
-            .is_some_and(|at| self.0[at].1 >= TRIES_MAX)
+        self.near(place).is_some_and(|at| self.0[at].1 >= TRIES_MAX)
     }
 
     /// The car goes to the edge at this place.
@@ -74,7 +77,9 @@ pub(super) fn next(
         };
         let bearing = libm::atan2(place[1] - pose.y_m, place[0] - pose.x_m);
         let aside = (1.0 - libm::cos(wrapped(bearing - pose.heading_rad))) / 2.0;
-        let score = f64::from(reach.steps[middle]) * CELL_M + BEHIND_M * aside;
+        let way_m = f64::from(reach.steps[middle]) * CELL_M;
+        let beside = if way_m < NEAR_M { BESIDE_M } else { 0.0 };
+        let score = way_m + BEHIND_M * aside + beside;
         if best.is_none_or(|(least, ..)| score < least) {
             best = Some((score, goal, place));
         }
@@ -94,15 +99,18 @@ const fn cell(index: usize, width: usize) -> [i32; 2] {
 /// The cell of an edge that is nearest to its middle.
 fn middle(edge: &[usize], width: usize) -> usize {
     let along = |index: &usize| cell(*index, width).map(f64::from);
-    let sum = edge.iter().map(along).fold([0.0; 2], |sum, at| {
-        [sum[0] + at[0], sum[1] + at[1]]
-    });
+    let sum = edge
+        .iter()
+        .map(along)
+        .fold([0.0; 2], |sum, at| [sum[0] + at[0], sum[1] + at[1]]);
     let mean = sum.map(|sum| sum / edge.len() as f64);
     let off = |index: &usize| {
         let at = along(index);
         libm::hypot(at[0] - mean[0], at[1] - mean[1])
     };
-    let nearest = edge.iter().min_by(|one, other| off(one).total_cmp(&off(other)));
+    let nearest = edge
+        .iter()
+        .min_by(|one, other| off(one).total_cmp(&off(other)));
     nearest.copied().unwrap_or_default()
 }
 
@@ -134,7 +142,7 @@ impl Reach {
                 // Where the car stands nobody has looked: it is open, up to what its camera sees.
                 let here = costs.middle_m(to);
                 let off = libm::hypot(here[0] - pose.x_m, here[1] - pose.y_m);
-                let is_open = survey.is_looked_at(here) || off < STANDS_M;
+                let is_open = survey.is_free(here) || off < STANDS_M;
                 if is_open && costs.cost(to) < INSCRIBED {
                     reach.before[index] = Some(at);
                     reach.steps[index] = reach.steps[at] + 1;
@@ -149,10 +157,10 @@ impl Reach {
     fn edges(&self, survey: &Survey, costs: &Costmap) -> Vec<Vec<usize>> {
         let is_edge = |index: &usize| {
             let here = cell(*index, self.width);
-            survey.is_looked_at(costs.middle_m(here))
-                && AROUND[..4].iter().any(|[dx, dy]| {
-                    survey.is_unknown(costs.middle_m([here[0] + dx, here[1] + dy]))
-                })
+            survey.is_free(costs.middle_m(here))
+                && AROUND[..4]
+                    .iter()
+                    .any(|[dx, dy]| survey.is_unknown(costs.middle_m([here[0] + dx, here[1] + dy])))
         };
         let mut is_left = alloc::vec![false; self.before.len()];
         let all: Vec<usize> = self.order.iter().copied().filter(is_edge).collect();

@@ -22,7 +22,11 @@ fn scan(camera: CarPose, end_m: f64) -> Vec<Beam> {
         let range_m = to(camera.y_m, aside, sin).min(to(camera.x_m, ahead, cos));
         Beam {
             bearing_rad,
-            range_m: if range_m > 10.0 { f64::INFINITY } else { range_m },
+            range_m: if range_m > 10.0 {
+                f64::INFINITY
+            } else {
+                range_m
+            },
         }
     };
     (-124..=124).map(beam).collect()
@@ -41,7 +45,13 @@ fn after(scans: u64) -> Instant {
 
 fn costs(survey: &Survey) -> Costmap {
     let plan = survey.plan();
-    Costmap::new(plan.width, plan.cell_m, plan.origin_m, plan.obstacles, INFLATION)
+    Costmap::new(
+        plan.width,
+        plan.cell_m,
+        plan.origin_m,
+        plan.obstacles,
+        INFLATION,
+    )
 }
 
 /// What was looked at ends 4 m ahead of the camera: the car goes to there, less what it stops
@@ -57,7 +67,10 @@ fn the_edge_ahead_is_gone_to() {
     let wall = |x: f64, y: f64| map.is_obstacle(map.cell([x, y]).unwrap());
     assert!(wall(2.0, 0.82) && wall(2.0, -0.82) && !wall(2.0, 0.5) && !wall(2.0, 0.0));
     let goal = survey.next(&map, at(-0.3), |_| true).unwrap();
-    assert!((goal.x_m - 3.4).abs() < 0.2 && goal.y_m.abs() < 0.4, "{goal:?}");
+    assert!(
+        (goal.x_m - 3.4).abs() < 0.2 && goal.y_m.abs() < 0.4,
+        "{goal:?}"
+    );
     assert!(goal.heading_rad.abs() < 0.3 && !survey.is_complete());
 }
 
@@ -76,7 +89,10 @@ fn the_walls_correct_the_odometry() {
         });
     }
     assert!((odometry.heading_rad - 8_f64.to_radians()).abs() < 1e-6);
-    assert!(found.heading_rad.abs() < 0.03 && found.y_m.abs() < 0.05, "{found:?}");
+    assert!(
+        found.heading_rad.abs() < 0.03 && found.y_m.abs() < 0.05,
+        "{found:?}"
+    );
     assert!((found.x_m - 7.96).abs() < 0.1, "{found:?}");
 }
 
