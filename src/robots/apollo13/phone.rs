@@ -3,7 +3,8 @@
 //! Addresses are those of the car's layout: `/1/speed`, `/1/direction`, `/1/kill`,
 //! `/modes/toggle4`, `/modes/follow_aruco`, and `/modes/mapping`, which is ours. Goals, which in the seed are set by mouse on the PC, go
 //! as `/goal` with x, y and heading. The person sends the next goal when the car has come to rest
-//! near the last one, and the same once more when it rests elsewhere.
+//! near the last one, and the same once more when it rests elsewhere: packets are lost, and nobody
+//! confirms them.
 
 use core::time::Duration;
 use std::collections::VecDeque;
@@ -162,8 +163,10 @@ impl Phone {
 
     /// Looks at the car: whether it has arrived, or stands elsewhere.
     fn watch(&mut self, now: Instant, world: &World) {
-        let Some(&[x, y]) = self.goals.get(self.goal) else {
-            return;
+        let goal = self.goals.get(self.goal).copied();
+        let goal = goal.filter(|_| self.mode == Some(Mode::Autonomous));
+        let Some([x, y]) = goal else {
+            return self.watch_without_goal(now, world);
         };
         let car = world.pose();
         if core::mem::take(&mut self.is_news) {
@@ -191,7 +194,21 @@ impl Phone {
             self.is_news = true;
         } else if rested >= GAVE_UP {
             self.note(now, "goal-again", format!("stands {off_m:.2} m off"));
-            self.is_news = true;
+            self.order(Mode::Autonomous);
+        }
+    }
+
+    /// A car that stands may not have heard what it was ordered: nobody confirms it.
+    fn watch_without_goal(&mut self, now: Instant, world: &World) {
+        if world.is_moving() {
+            self.rests_since = None;
+            return;
+        }
+        let rested = now - *self.rests_since.get_or_insert(now);
+        if let Some(mode) = self.mode.filter(|_| rested >= GAVE_UP) {
+            self.note(now, "mode-again", mode.name().to_owned());
+            self.order(mode);
+            self.rests_since = Some(now);
         }
     }
 }
@@ -209,7 +226,9 @@ impl Device for Phone {
             self.say("/ping", &[]);
         }
         if self.look_at.is_some_and(|at| at <= now) {
-            let is_driving = self.connected && self.mode == Some(Mode::Autonomous);
+            let drives_itself = [Mode::Autonomous, Mode::Gates, Mode::Mapping];
+            let is_driving =
+                self.connected && self.mode.is_some_and(|mode| drives_itself.contains(&mode));
             if is_driving {
                 self.watch(now, world);
             }

@@ -118,6 +118,8 @@ pub struct Apollo13 {
     lines: odometer::Decoder,
     arbiter: Arbiter,
     odometry: GyroOdometry,
+    /// The odometer's clock as it was told last, seconds.
+    odometer_s: f64,
     localiser: Option<Localiser>,
     /// Where the odometry's origin lies on the map.
     origin: CarPose,
@@ -182,6 +184,7 @@ impl Apollo13 {
             lines: odometer::Decoder::default(),
             arbiter: Arbiter::new(defects.arbiter),
             odometry: GyroOdometry::new(CarPose::default(), defects.odometry),
+            odometer_s: 0.0,
             localiser,
             origin: config.start,
             floor,

@@ -79,10 +79,14 @@ impl Survey {
             start: on_grid(corner_m, camera),
             hole_mm: 300.0,
             pushes: Pushes::Unlikely,
-            // The encoder counts to a third of a per cent, where wheels do not slip.
+            // The encoder counts to a third of a per cent, and the gyroscope drifts slowly: a camera
+            // that looks ahead knows less of its heading than they do.
             motion: MotionNoise {
-                rest_cells: 0.1,
-                per_mm: 0.02,
+                rest_cells: 0.05,
+                per_mm: 0.01,
+                per_rad: 0.03,
+                rest_rad: 0.001,
+                rad_per_mm: 0.000_02,
                 // Nobody pushes it: in a corridor what fits better elsewhere is no reason to be there.
                 cost_max: 255.0,
                 ..MotionNoise::WHEELS

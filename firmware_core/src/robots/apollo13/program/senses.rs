@@ -116,6 +116,11 @@ impl Apollo13 {
                 Some(reading) => {
                     self.counters.lines += 1;
                     let before = self.pose();
+                    // Its clock falls back when it is reset.
+                    if reading.time_s < self.odometer_s {
+                        self.odometry.begin_anew();
+                    }
+                    self.odometer_s = reading.time_s;
                     self.odometry.update(reading.distance_m, reading.yaw_rad);
                     self.gates.moved(before, self.pose());
                 }

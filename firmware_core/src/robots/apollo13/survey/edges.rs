@@ -7,8 +7,9 @@ use super::{CELL_M, Survey};
 use crate::ackermann::{CarPose, wrapped};
 use crate::costmap::{Costmap, INSCRIBED};
 
-/// Fewer cells that hang together are no open edge: the car is 0.33 m wide.
-const CELLS_MIN: usize = 7;
+/// Fewer cells that hang together are no open edge: with what the car keeps from walls that is an
+/// opening of 0.9 m.
+const CELLS_MIN: usize = 12;
 /// What an edge behind the car costs more than one ahead, metres: turning round takes a car several
 /// moves, if there is room at all.
 const BEHIND_M: f64 = 12.0;
