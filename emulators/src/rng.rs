@@ -178,6 +178,23 @@ mod tests {
         assert!((variance - 1.0).abs() < 0.035, "{variance}");
     }
 
+    /// The same for the sum of four even ones, of which none is beyond 3.47; one word each.
+    #[test]
+    fn the_quick_bell_has_mean_zero_and_variance_one() {
+        let mut rng = Rng::stream(3, "bell");
+        let draws: Vec<f64> = (0..40_000).map(|_| rng.bell()).collect();
+        let mean = draws.iter().sum::<f64>() / 40_000.0;
+        let variance = draws.iter().map(|d| d * d).sum::<f64>() / 40_000.0;
+        assert!(mean.abs() < 0.025, "{mean}");
+        assert!((variance - 1.0).abs() < 0.035, "{variance}");
+        assert!(draws.iter().all(|draw| draw.abs() < 3.47));
+        let mut counted = Rng::stream(3, "bell");
+        (0..40_000).for_each(|_| {
+            counted.next_u64();
+        });
+        assert_eq!(rng, counted);
+    }
+
     /// 60,000 rolls: each face 10,000 with a deviation of 91; five of them are allowed.
     #[test]
     fn every_face_of_a_die_comes_up_equally_often() {

@@ -9,6 +9,7 @@
 //! | [`REMOTE`](Apollo13::REMOTE) | Open Sound Control of the phone, packets, in |
 
 mod mapping;
+mod passing;
 mod senses;
 mod sight;
 #[cfg(test)]
@@ -306,32 +307,6 @@ impl Apollo13 {
         self.ultrasound_m[0].is_some_and(|range_m| range_m < TOO_NEAR_M)
     }
 
-    /// Goes on to the next part of a passage, or to the next gate.
-    fn choose_gate(&mut self, pose: CarPose) {
-        let is_done = match self.pilot.state() {
-            GoalState::None | GoalState::Reached => true,
-            GoalState::GivenUp => {
-                self.passage = None;
-                true
-            }
-            _ => false,
-        };
-        if !is_done {
-            return;
-        }
-        let at = self.pilot.goal();
-        match self.passage {
-            Some(passage) if at == Some(passage.before) => self.pilot.follow(through(passage)),
-            _ => {
-                let costs = self.floor.costs(self.now);
-                let is_free = |pose| costs.is_none_or(|costs| self.pilot.is_free(costs, pose));
-                self.passage = self.gates.next(pose, is_free);
-                let before = self.passage.map(|passage| passage.before);
-                self.pilot.set_exact_goal(before, BEFORE_GATE);
-            }
-        }
-    }
-
     fn send(&mut self) {
         let planned = self.planned();
         self.drive = self.arbiter.decide(self.now, planned);
@@ -357,9 +332,6 @@ impl Apollo13 {
     }
 }
 
-/// How near the car must be to its place before a gate, metres and radians: half a heading of the
-/// lattice, and what following adds.
-const BEFORE_GATE: [f64; 2] = [0.15, 0.30];
 /// Room that plans keep around the car, metres: what following may be off.
 const ROOM_M: f64 = 0.03;
 /// The rear end is the outline's nearest side, as its reference point is the rear axle's middle.
@@ -393,19 +365,6 @@ fn localiser(config: &Config, start: CarPose) -> Localiser {
         ..ParticleSettings::default()
     };
     Localiser::new(field, settings, camera, start, sigma, config.seed)
-}
-
-/// The straight way through a gate, a pose each 5 cm.
-fn through(passage: Passage) -> alloc::vec::Vec<CarPose> {
-    let length = passage.before.distance_m(passage.behind);
-    let steps = libm::ceil(length / 0.05).clamp(1.0, 1_000.0);
-    let mut path = alloc::vec::Vec::new();
-    let mut step = 0.0;
-    while step <= steps {
-        path.push(passage.before.shifted(length * step / steps));
-        step += 1.0;
-    }
-    path
 }
 
 impl Master for Apollo13 {
