@@ -2,8 +2,8 @@
 //! depths (or scans made of them), and markers that were recognised.
 //!
 //! ```text
-//! world at the camera's height -> a ray a column -> noise, gaps -> `SCAN`     one a picture
-//! markers of the settings      -> in view, not hidden, facing   -> `MARKERS`  one a marker
+//! world at the camera's height -> a row of depths -> noise, gaps -> `SCAN`     one a picture
+//! markers of the settings      -> in view, not hidden, facing    -> `MARKERS`  one a marker
 //! ```
 //!
 //! Messages are those of [`protocols::perception`]. Only the row at the camera's own height is
@@ -138,6 +138,8 @@ pub struct Camera {
     garbage: Rng,
     /// What of the scene is higher than the camera, and than each marker if that is lower.
     views: Option<Views>,
+    /// The last row as it was drawn, kept for its memory.
+    columns: Vec<f64>,
     picture_at: Option<Instant>,
     /// The messages of the last picture, for a camera that is stuck.
     last: [Vec<Vec<u8>>; 2],
@@ -168,6 +170,7 @@ impl Camera {
             marker_noise: stream("markers"),
             garbage: stream("garbage"),
             views: None,
+            columns: Vec::new(),
             picture_at: Some(Instant::ZERO + config.period),
             last: [Vec::new(), Vec::new()],
             out: [VecDeque::new(), VecDeque::new()],

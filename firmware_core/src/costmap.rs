@@ -40,6 +40,8 @@ pub struct Costmap {
     origin_m: [f64; 2],
     obstacles: Vec<bool>,
     costs: Vec<u8>,
+    /// What an obstacle makes of the cells around it.
+    stamp: Vec<([isize; 2], u8)>,
 }
 
 impl Costmap {
@@ -58,13 +60,32 @@ impl Costmap {
         assert!(width > 0, "a row has cells");
         assert!(cell_m > 0.0 && cell_m.is_finite(), "cells have a size");
         obstacles.truncate(obstacles.len() / width * width);
-        let costs = inflated(width, cell_m, &obstacles, inflation);
-        Self {
+        let mut map = Self {
             width,
             cell_m,
             origin_m,
+            costs: alloc::vec![0; obstacles.len()],
             obstacles,
-            costs,
+            stamp: stamp(cell_m, inflation),
+        };
+        for at in 0..map.obstacles.len() {
+            if map.obstacles[at] {
+                map.costs[at] = LETHAL;
+                // Inside a solid wall nothing is new: all its neighbours are obstacles too.
+                if !map.is_inner(at) {
+                    map.press(at);
+                }
+            }
+        }
+        map
+    }
+
+    /// One more obstacle, at this place in the rows; beyond them nothing happens.
+    pub fn add(&mut self, at: usize) {
+        if let Some(is) = self.obstacles.get_mut(at) {
+            *is = true;
+            self.costs[at] = LETHAL;
+            self.press(at);
         }
     }
 
@@ -125,35 +146,32 @@ impl Costmap {
         let (x, y) = (usize::try_from(x).ok()?, usize::try_from(y).ok()?);
         (x < self.width && y < self.height()).then_some(y * self.width + x)
     }
-}
 
-/// The costs that these obstacles make.
-fn inflated(width: usize, cell_m: f64, obstacles: &[bool], inflation: Inflation) -> Vec<u8> {
-    let mut costs = alloc::vec![0; obstacles.len()];
-    let height = obstacles.len() / width;
-    let stamp = stamp(cell_m, inflation);
-    for (at, _) in obstacles.iter().enumerate().filter(|(_, is)| **is) {
+    /// Whether all that touch its edges are obstacles.
+    fn is_inner(&self, at: usize) -> bool {
+        let (x, y) = (at % self.width, at / self.width);
+        let is_rim = x == 0 || y == 0 || x + 1 == self.width || y + 1 == self.height();
+        let beside = [1, self.width];
+        !is_rim
+            && beside
+                .iter()
+                .all(|by| self.obstacles[at - by] && self.obstacles[at + by])
+    }
+
+    /// Raises the costs around an obstacle.
+    fn press(&mut self, at: usize) {
+        let (width, height) = (self.width, self.height());
         let (x, y) = (at % width, at / width);
-        // Inside a solid wall nothing is new: all its neighbours are obstacles too.
-        let is_inner = |dx: usize, dy: usize| {
-            let (x, y) = ((x + dx).wrapping_sub(1), (y + dy).wrapping_sub(1));
-            x < width && y < height && obstacles[y * width + x]
-        };
-        costs[at] = LETHAL;
-        if is_inner(0, 1) && is_inner(2, 1) && is_inner(1, 0) && is_inner(1, 2) {
-            continue;
-        }
-        for &([dx, dy], cost) in &stamp {
+        for &([dx, dy], cost) in &self.stamp {
             let (Some(x), Some(y)) = (x.checked_add_signed(dx), y.checked_add_signed(dy)) else {
                 continue;
             };
             if x < width && y < height {
-                let slot = &mut costs[y * width + x];
+                let slot = &mut self.costs[y * width + x];
                 *slot = cost.max(*slot);
             }
         }
     }
-    costs
 }
 
 /// Cost of the cells around an obstacle.
@@ -231,6 +249,11 @@ mod tests {
                 .collect::<Vec<_>>()
         };
         let map = Costmap::new(30, 0.05, [0.0; 2], cells(&is_block), CAR);
+        let mut one_by_one = Costmap::new(30, 0.05, [0.0; 2], alloc::vec![false; 900], CAR);
+        let all = (0..900).filter(|at| is_block(at % 30, at / 30));
+        all.for_each(|at| one_by_one.add(at));
+        one_by_one.add(900);
+        assert_eq!(one_by_one, map);
         for (at, cost) in map.costs().iter().enumerate() {
             let (x, y) = ((at % 30) as f64, (at / 30) as f64);
             let nearest = |v: f64, low: f64, high: f64| v - v.clamp(low, high);

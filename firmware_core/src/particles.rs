@@ -96,7 +96,8 @@ pub struct Estimate {
 /// The guesses.
 #[derive(Clone, Debug)]
 pub struct Localiser {
-    field: LikelihoodField,
+    /// What a beam that ends in a cell adds to the likelihood.
+    weights: LikelihoodField,
     settings: Settings,
     particles: Vec<Particle>,
     random: Pcg32,
@@ -117,8 +118,16 @@ impl Localiser {
         sigma: [f64; 3],
         seed: u64,
     ) -> Self {
+        let [hit, random] = settings.hit_and_random;
+        let hit_sigma = settings.hit_sigma_m;
+        let weight = |off: f64| {
+            let fits = libm::exp(-off * off / (2.0 * hit_sigma * hit_sigma));
+            let one = hit * fits + random / settings.range_m[1];
+            // As amcl does: the beams are not independent, so their cubes are summed.
+            one * one * one
+        };
         let mut localiser = Self {
-            field,
+            weights: field.mapped(weight),
             settings,
             particles: Vec::new(),
             random: Pcg32::new(seed),
@@ -151,19 +160,26 @@ impl Localiser {
         &self.particles
     }
 
-    /// A scan, and where the odometry says that the robot was then. Whether it was weighed: only
-    /// when the robot has moved since the last one.
-    pub fn update(&mut self, odometry: CarPose, scan: &[Beam]) -> bool {
-        if let Some(before) = self.odometry {
+    /// Whether a scan would be weighed: the robot has moved since the last one.
+    pub fn is_due(&self, odometry: CarPose) -> bool {
+        self.odometry.is_none_or(|before| {
             let motion = before.motion_to(odometry);
             let way = libm::hypot(motion.ahead_m, motion.left_m);
             let [least_way, least_turn] = self.settings.moved;
-            if way < least_way && motion.turn_rad.abs() < least_turn {
-                return false;
-            }
-            let noise = self.settings.noise;
+            way >= least_way || motion.turn_rad.abs() >= least_turn
+        })
+    }
+
+    /// A scan, and where the odometry says that the robot was then. Whether it was weighed: only
+    /// when the robot has moved since the last one.
+    pub fn update(&mut self, odometry: CarPose, scan: &[Beam]) -> bool {
+        if !self.is_due(odometry) {
+            return false;
+        }
+        if let Some(before) = self.odometry {
+            let motion = self.settings.noise.of(before.motion_to(odometry));
             for particle in &mut self.particles {
-                particle.pose = noise.moved(particle.pose, motion, &mut self.random);
+                particle.pose = motion.moved(particle.pose, &mut self.random);
             }
         }
         self.odometry = Some(odometry);
@@ -175,60 +191,58 @@ impl Localiser {
     /// Where the robot most likely is.
     pub fn estimate(&self) -> Estimate {
         let mut boxes: BTreeMap<[i64; 3], f64> = BTreeMap::new();
-        for particle in &self.particles {
-            *boxes.entry(in_box(particle.pose)).or_default() += particle.weight;
+        let all = || self.particles.iter().map(|one| (in_box(one.pose), one));
+        for (at, particle) in all() {
+            *boxes.entry(at).or_default() += particle.weight;
         }
         let heaviest = boxes.iter().max_by(|one, other| one.1.total_cmp(other.1));
         let heap = heaviest.map(|(heap, _)| *heap).unwrap_or_default();
-        let is_near = |particle: &&Particle| {
-            let at = in_box(particle.pose);
+        let is_near = |(at, _): &([i64; 3], &Particle)| {
             (at[0] - heap[0]).abs() <= 1
                 && (at[1] - heap[1]).abs() <= 1
                 && turned_boxes(at[2], heap[2]) <= 1
         };
-        let near = || self.particles.iter().filter(is_near);
-        let share: f64 = near().map(|one| one.weight).sum();
+        let near: Vec<&Particle> = all().filter(is_near).map(|(_, one)| one).collect();
+        let share: f64 = near.iter().map(|one| one.weight).sum();
         let mean = |of: &dyn Fn(&Particle) -> f64| {
-            near().map(|one| one.weight * of(one)).sum::<f64>() / share
+            near.iter().map(|one| one.weight * of(one)).sum::<f64>() / share
         };
         let (x_m, y_m) = (mean(&|one| one.pose.x_m), mean(&|one| one.pose.y_m));
-        let sin = mean(&|one| libm::sin(one.pose.heading_rad));
-        let cos = mean(&|one| libm::cos(one.pose.heading_rad));
+        // Headings of a heap lie within 30 degrees, so their mean is that of what they are off.
+        let about = near.first().map_or(0.0, |one| one.pose.heading_rad);
+        let off = mean(&|one| wrapped(one.pose.heading_rad - about));
         let pose = CarPose {
             x_m,
             y_m,
-            heading_rad: libm::atan2(sin, cos),
+            heading_rad: wrapped(about + off),
         };
-        let square = mean(&|one| libm::pow(one.pose.distance_m(pose), 2.0));
+        let square = |one: &Particle| {
+            let (x, y) = (one.pose.x_m - x_m, one.pose.y_m - y_m);
+            x * x + y * y
+        };
         Estimate {
             pose,
-            spread_m: libm::sqrt(square.max(0.0)),
+            spread_m: libm::sqrt(mean(&square).max(0.0)),
             share,
         }
     }
 
     fn weigh(&mut self, scan: &[Beam]) {
-        let beams = self.usable(scan);
-        let [hit, random] = self.settings.hit_and_random;
-        let sigma = self.settings.hit_sigma_m;
-        let [_, range_max] = self.settings.range_m;
+        let (origin_m, per_m) = self.weights.frame();
+        let mut beams = self.usable(scan);
+        beams.iter_mut().flatten().for_each(|along| *along *= per_m);
         let mut whole = 0.0;
-        for particle in &mut self.particles {
+        for Particle { pose, weight } in &mut self.particles {
+            let (sin, cos) = libm::sincos(pose.heading_rad);
+            let x = (pose.x_m - origin_m[0]) * per_m;
+            let y = (pose.y_m - origin_m[1]) * per_m;
             let mut likelihood = 1.0;
-            for [ahead_m, left_m] in &beams {
-                let end = particle.pose.then(crate::ackermann::Motion {
-                    ahead_m: *ahead_m,
-                    left_m: *left_m,
-                    turn_rad: 0.0,
-                });
-                let off = self.field.distance_m([end.x_m, end.y_m]);
-                let fits = libm::exp(-off * off / (2.0 * sigma * sigma));
-                let one = hit * fits + random / range_max;
-                // As amcl does: the beams are not independent, so their cubes are summed.
-                likelihood += one * one * one;
+            for [ahead, left] in &beams {
+                let end = [x + ahead * cos - left * sin, y + ahead * sin + left * cos];
+                likelihood += self.weights.at(end);
             }
-            particle.weight *= likelihood;
-            whole += particle.weight;
+            *weight *= likelihood;
+            whole += *weight;
         }
         let even = 1.0 / self.particles.len() as f64;
         for particle in &mut self.particles {
@@ -304,8 +318,13 @@ impl Localiser {
 
 fn in_box(pose: CarPose) -> [i64; 3] {
     let along = [pose.x_m, pose.y_m, pose.heading_rad];
-    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-    core::array::from_fn(|axis| libm::floor(along[axis] / BOX[axis]) as i64)
+    core::array::from_fn(|axis| {
+        let boxes = along[axis] / BOX[axis];
+        #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+        let whole = boxes as i64;
+        // Rounded down, as the cast is towards zero.
+        whole.saturating_sub(i64::from(boxes < whole as f64))
+    })
 }
 
 /// How many boxes of heading lie between two, the shorter way round.

@@ -170,7 +170,9 @@ fn connect_phone(
     (scenario, source): (&Scenario, &Source),
     program: Option<usize>,
 ) -> Result<(), ScenarioError> {
-    let phone = Phone::new(script(&scenario.mission, source)?);
+    // Who follows a wall is going nowhere.
+    let has_goals = scenario.program.start_mode.is_none();
+    let phone = Phone::new(script(&scenario.mission, source)?, has_goals);
     let is_idle = !scenario.mission.gives_orders();
     let far = match pc {
         PcEnd::Scripted => End {

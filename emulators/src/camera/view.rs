@@ -6,7 +6,7 @@ use protocols::Instant;
 use protocols::perception::Marker;
 
 use super::{Camera, CameraConfig, Output, PlacedMarker, Views, encoded};
-use crate::world::{Pose, World, wrap_angle};
+use crate::world::{Pose, Row, World, wrap_angle};
 
 /// Up and down from the axis a marker is still in the picture: half of 480 rows over 525 pixels.
 const HALF_HEIGHT: f64 = 240.0 / 525.0;
@@ -57,38 +57,46 @@ impl Camera {
 
     /// The row of one picture as a message.
     pub(super) fn measure(&mut self, now: Instant, world: &World) -> Vec<u8> {
-        let pose = self.pose(world);
-        let focal_px = self.focal_px();
-        let scan = self.bearings_urad();
-        let columns = self.config.columns;
-        let middle = (f64::from(columns) - 1.0) / 2.0;
-        let mut values = Vec::with_capacity(columns.into());
-        for column in 0..columns {
-            let (bearing, along) = match self.config.output {
-                Output::Depths => {
-                    let bearing = -libm::atan2(f64::from(column) - middle, focal_px);
-                    (bearing, libm::cos(bearing))
-                }
-                Output::Scan => {
-                    let urad = f64::from(scan.0) + f64::from(scan.1) * f64::from(column);
-                    (urad / 1e6, 1.0)
-                }
-            };
-            let [_, farthest] = self.config.range_m;
-            let view = self.views.as_ref().map(|views| &views.camera);
-            let angle = pose.theta + bearing;
-            // The range of a depth is greater than itself by 1 / cos.
-            let hit =
-                view.and_then(|view| view.cast_ray(now, pose.point(), angle, farthest / along));
-            values.push(self.value(hit.map(|hit| hit.distance * along)));
+        let mut values = Vec::with_capacity(self.config.columns.into());
+        match self.config.output {
+            Output::Depths => self.measure_depths(now, world, &mut values),
+            Output::Scan => self.measure_ranges(now, world, &mut values),
         }
+        let (focal_px, scan) = (self.focal_px(), self.bearings_urad());
         encoded(self.config.output, focal_px, scan, &values)
+    }
+
+    fn measure_depths(&mut self, now: Instant, world: &World, values: &mut Vec<u16>) {
+        let row = Row {
+            camera: self.pose(world),
+            focal_px: self.focal_px(),
+        };
+        let mut columns = core::mem::take(&mut self.columns);
+        columns.resize(self.config.columns.into(), 0.0);
+        if let Some(views) = &self.views {
+            views.camera.draw_row(now, row, &mut columns);
+        }
+        let depth = |inverse: f64| (inverse > 0.0).then(|| 1.0 / inverse);
+        values.extend(columns.iter().map(|it| self.value(depth(*it))));
+        self.columns = columns;
+    }
+
+    fn measure_ranges(&mut self, now: Instant, world: &World, values: &mut Vec<u16>) {
+        let (pose, (first, step)) = (self.pose(world), self.bearings_urad());
+        let [_, farthest] = self.config.range_m;
+        for column in 0..self.config.columns {
+            let urad = f64::from(first) + f64::from(step) * f64::from(column);
+            let view = self.views.as_ref().map(|views| &views.camera);
+            let angle = pose.theta + urad / 1e6;
+            let hit = view.and_then(|view| view.cast_ray(now, pose.point(), angle, farthest));
+            values.push(self.value(hit.map(|hit| hit.distance)));
+        }
     }
 
     /// A true depth as it is measured, millimetres; 0 if it is not.
     fn value(&mut self, depth_m: Option<f64>) -> u16 {
         let gaps = self.config.gaps.max(self.faults.blind);
-        let (is_gap, error) = (self.gap_dice.chance(gaps), self.depth_noise.gauss());
+        let (is_gap, error) = (self.gap_dice.chance(gaps), self.depth_noise.bell());
         let [least, greatest] = self.config.range_m;
         let measured = depth_m.map(|depth| depth + error * self.config.noise_m * depth * depth);
         let measured = measured.filter(|depth| (least..=greatest).contains(depth));

@@ -2,6 +2,7 @@
 
 mod error;
 mod floor;
+mod row;
 mod view;
 
 use std::sync::Arc;
@@ -13,6 +14,7 @@ use super::grid::Grid;
 use super::path::{Path, Repeat};
 pub use error::{Cause, Part, SceneError};
 pub use floor::{FloorLine, FloorLineError};
+pub use row::Row;
 pub use view::Cone;
 
 /// Coordinates beyond this are taken for a mistake (a floor plan in millimetres, say).

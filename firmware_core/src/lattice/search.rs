@@ -27,6 +27,19 @@ pub struct Limits {
     pub bound_step: f64,
     /// Poses that are expanded in all passes together; whatever was found by then is the plan.
     pub expansions_max: usize,
+    /// Once there is a plan, it is improved up to so many.
+    pub improving_max: usize,
+}
+
+impl Limits {
+    /// For a robot that waits for its plan: a good one at once, instead of the best one later. The
+    /// fielded planner had five seconds.
+    pub const PROMPT: Self = Self {
+        first_bound: 5.0,
+        bound_step: 0.2,
+        expansions_max: 2_000_000,
+        improving_max: 30_000,
+    };
 }
 
 impl Default for Limits {
@@ -36,6 +49,7 @@ impl Default for Limits {
             first_bound: 5.0,
             bound_step: 0.2,
             expansions_max: 2_000_000,
+            improving_max: 2_000_000,
         }
     }
 }
@@ -214,9 +228,13 @@ impl<'a> Search<'a> {
         };
         let step = limits.bound_step.max(0.01);
         let mut passes = Vec::new();
-        let mut found = None;
+        let mut found: Option<(u32, u32, f64, Vec<usize>)> = None;
         for pass in 1..=u16::MAX {
-            let is_whole = self.pass(pass, bound, (goal, angle), limits.expansions_max);
+            let most = match found.is_some() {
+                true => limits.improving_max.min(limits.expansions_max),
+                false => limits.expansions_max,
+            };
+            let is_whole = self.pass(pass, bound, (goal, angle), most);
             let end = self.goal(goal, angle);
             let cost = end.map(|end| self.cost[end as usize]);
             if let (true, Some(end), Some(cost)) = (is_whole, end, cost) {

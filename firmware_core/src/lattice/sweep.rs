@@ -26,53 +26,78 @@ impl Outline {
     /// Whether the outline at this pose overlaps the square of side `edge_m` around `middle_m`;
     /// sides that only touch do not.
     pub fn overlaps(&self, pose: [f64; 3], middle_m: [f64; 2], edge_m: f64) -> bool {
-        let corners = self.placed(pose);
-        let half = edge_m / 2.0;
-        let square = [[-half, -half], [half, -half], [half, half], [-half, half]];
-        let square = square.map(|[x, y]| [middle_m[0] + x, middle_m[1] + y]);
-        // Two convex shapes are apart if a side of one has the other beyond it.
-        let normals = (0..corners.len()).map(|index| {
-            let ([x0, y0], [x1, y1]) = (corners[index], corners[(index + 1) % corners.len()]);
-            [y1 - y0, x0 - x1]
-        });
-        let mut axes = normals.chain([[1.0, 0.0], [0.0, 1.0]]);
-        let span = |shape: &[[f64; 2]], [nx, ny]: [f64; 2]| {
-            let along = shape.iter().map(|[x, y]| x * nx + y * ny);
-            along.fold((f64::MAX, f64::MIN), |(low, high), value| {
-                (low.min(value), high.max(value))
-            })
-        };
-        !axes.any(|axis| {
-            let (a, b) = (span(&corners, axis), span(&square, axis));
-            let touch = 1e-9 * edge_m * libm::hypot(axis[0], axis[1]);
-            a.1 <= b.0 + touch || b.1 <= a.0 + touch
-        })
+        Placed::new(self, pose, edge_m).overlaps(middle_m)
     }
 
     /// Cells of `cell_m` that the outline covers or cuts at this pose, seen from the cell in whose
     /// middle the coordinates begin.
     fn cells(&self, pose: [f64; 3], cell_m: f64) -> impl Iterator<Item = [i32; 2]> {
-        let corners = self.placed(pose);
+        let placed = Placed::new(self, pose, cell_m);
+        // The last two axes are x and y.
         let range = |axis: usize| {
-            let values = corners.iter().map(move |corner| corner[axis] / cell_m);
-            let (low, high) = values.fold((f64::MAX, f64::MIN), |(low, high), value| {
-                (low.min(value), high.max(value))
-            });
+            let [low, high] = placed.spans[placed.spans.len() - 2 + axis].outline;
             #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-            let cells = (libm::floor(low) as i32, libm::ceil(high) as i32);
+            let cells = (
+                libm::floor(low / cell_m) as i32,
+                libm::ceil(high / cell_m) as i32,
+            );
             cells.0..=cells.1
         };
         let xs = range(0);
         let cells = range(1).flat_map(move |y| xs.clone().map(move |x| [x, y]));
-        cells.filter(move |cell| self.overlaps(pose, cell.map(|at| f64::from(at) * cell_m), cell_m))
+        cells.filter(move |cell| placed.overlaps(cell.map(|at| f64::from(at) * cell_m)))
+    }
+}
+
+/// An outline at a pose, and a square of one size that may be anywhere: two convex shapes are apart
+/// if a side of one has the other beyond it.
+struct Placed {
+    /// Along the normals of the outline's sides, then x and y.
+    spans: Vec<Span>,
+}
+
+struct Span {
+    normal: [f64; 2],
+    /// From where to where the outline lies.
+    outline: [f64; 2],
+    /// Half of the square, but for what counts as a touch.
+    half: f64,
+}
+
+impl Placed {
+    fn new(outline: &Outline, [x, y, heading]: [f64; 3], edge_m: f64) -> Self {
+        let (sin, cos) = libm::sincos(heading);
+        let place =
+            |[ahead, left]: &[f64; 2]| [x + cos * ahead - sin * left, y + sin * ahead + cos * left];
+        let corners: Vec<[f64; 2]> = outline.0.iter().map(place).collect();
+        let next = corners.iter().cycle().skip(1);
+        let sides = corners.iter().zip(next);
+        let normals = sides.map(|([x0, y0], [x1, y1])| [y1 - y0, x0 - x1]);
+        let span = |normal: [f64; 2]| {
+            let along = corners.iter().map(|[x, y]| x * normal[0] + y * normal[1]);
+            let outline = along.fold([f64::MAX, f64::MIN], |[low, high], value| {
+                [low.min(value), high.max(value)]
+            });
+            let touch = 1e-9 * edge_m * libm::hypot(normal[0], normal[1]);
+            let half = edge_m / 2.0 * (normal[0].abs() + normal[1].abs()) - touch;
+            Span {
+                normal,
+                outline,
+                half,
+            }
+        };
+        let axes = [[1.0, 0.0], [0.0, 1.0]];
+        Self {
+            spans: normals.chain(axes).map(span).collect(),
+        }
     }
 
-    fn placed(&self, [x, y, heading]: [f64; 3]) -> Vec<[f64; 2]> {
-        let (sin, cos) = libm::sincos(heading);
-        let corners = self.0.iter();
-        corners
-            .map(|[ahead, left]| [x + cos * ahead - sin * left, y + sin * ahead + cos * left])
-            .collect()
+    fn overlaps(&self, [x, y]: [f64; 2]) -> bool {
+        self.spans.iter().all(|span| {
+            let middle = x * span.normal[0] + y * span.normal[1];
+            let [low, high] = span.outline;
+            middle - span.half < high && middle + span.half > low
+        })
     }
 }
 
@@ -115,11 +140,12 @@ impl Lattice {
         let mut detour = 1.0_f64;
         for angle in 0..set.angles() {
             let mut of_angle: Vec<Action> = Vec::new();
+            let covered: BTreeSet<[i32; 2]> = at_rest[angle as usize].iter().copied().collect();
             for (primitive, one) in set.all().iter().enumerate() {
                 if one.start != angle {
                     continue;
                 }
-                let action = action(primitive, one, outline, cell_m, &at_rest[angle as usize]);
+                let action = action(primitive, one, outline, cell_m, &covered);
                 detour = detour.max(octile(&action.middle) * cell_m / one.length_m().max(1e-9));
                 let is_same = |known: &Action| {
                     (known.end, known.end_angle) == (action.end, action.end_angle)
@@ -194,7 +220,7 @@ fn action(
     one: &Primitive,
     outline: &Outline,
     cell_m: f64,
-    at_rest: &[[i32; 2]],
+    covered: &BTreeSet<[i32; 2]>,
 ) -> Action {
     let mut middle = Vec::new();
     let mut swept = BTreeSet::new();
@@ -215,10 +241,7 @@ fn action(
         end_angle: one.end.1,
         base_cost: one.base_cost(),
         middle,
-        swept: swept
-            .into_iter()
-            .filter(|cell| !at_rest.contains(cell))
-            .collect(),
+        swept: swept.difference(covered).copied().collect(),
     }
 }
 

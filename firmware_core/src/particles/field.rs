@@ -56,9 +56,33 @@ impl LikelihoodField {
     }
 
     /// Distance from the cell at a place to the next obstacle, metres.
-    pub fn distance_m(&self, [x_m, y_m]: [f64; 2]) -> f64 {
-        let x = (x_m - self.origin_m[0]) / self.cell_m;
-        let y = (y_m - self.origin_m[1]) / self.cell_m;
+    pub fn distance_m(&self, place_m: [f64; 2]) -> f64 {
+        let [x, y] = place_m;
+        let cells = 1.0 / self.cell_m;
+        self.at([
+            (x - self.origin_m[0]) * cells,
+            (y - self.origin_m[1]) * cells,
+        ])
+    }
+
+    /// The same field with `of` in place of each distance: to look up what follows from it.
+    pub(super) fn mapped(&self, of: impl Fn(f64) -> f64) -> Self {
+        #[expect(clippy::cast_possible_truncation, reason = "a weight needs 24 bits")]
+        let value = |distance: &f32| of(f64::from(*distance)) as f32;
+        Self {
+            farthest_m: of(self.farthest_m),
+            distances_m: self.distances_m.iter().map(value).collect(),
+            ..*self
+        }
+    }
+
+    /// Corner of least x and y, metres, and cells per metre: how places become cells.
+    pub(super) const fn frame(&self) -> ([f64; 2], f64) {
+        (self.origin_m, 1.0 / self.cell_m)
+    }
+
+    /// The value at a place in cells from the corner.
+    pub(super) fn at(&self, [x, y]: [f64; 2]) -> f64 {
         if !(x >= 0.0 && y >= 0.0) {
             return self.farthest_m;
         }

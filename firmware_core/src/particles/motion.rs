@@ -40,8 +40,8 @@ impl Noise {
         way_by_turn: 0.0,
     };
 
-    /// The pose after `motion` and its noise.
-    pub(super) fn moved(self, pose: CarPose, motion: Motion, random: &mut Pcg32) -> CarPose {
+    /// What a motion and its noise are, whichever guess makes it.
+    pub(super) fn of(self, motion: Motion) -> Noisy {
         let way = libm::hypot(motion.ahead_m, motion.left_m);
         // The direction of a short way is nothing but noise.
         let first = match way < 0.01 {
@@ -56,15 +56,39 @@ impl Noise {
         let turned =
             |size: f64| libm::sqrt(self.turn_by_turn * size * size + self.turn_by_way * by_way);
         let sizes = first_size * first_size + last_size * last_size;
-        let along = libm::sqrt(self.way_by_way * by_way + self.way_by_turn * sizes);
-        let first = wrapped(first - random.normal(turned(first_size)));
-        let way = way - random.normal(along);
-        let last = wrapped(last - random.normal(turned(last_size)));
-        let (sin, cos) = libm::sincos(first);
-        pose.then(Motion {
-            ahead_m: way * cos,
-            left_m: way * sin,
-            turn_rad: first + last,
-        })
+        Noisy {
+            first,
+            way,
+            last,
+            sigmas: [
+                turned(first_size),
+                libm::sqrt(self.way_by_way * by_way + self.way_by_turn * sizes),
+                turned(last_size),
+            ],
+        }
+    }
+}
+
+/// A motion as a turn, a way and another turn, and the standard deviation of each.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Noisy {
+    first: f64,
+    way: f64,
+    last: f64,
+    sigmas: [f64; 3],
+}
+
+impl Noisy {
+    /// The pose after the motion and its noise.
+    pub(super) fn moved(self, pose: CarPose, random: &mut Pcg32) -> CarPose {
+        let [first, way, last] = self.sigmas.map(|sigma| random.normal(sigma));
+        let first = wrapped(self.first - first);
+        let (sin, cos) = libm::sincos(pose.heading_rad + first);
+        let way = self.way - way;
+        CarPose {
+            x_m: pose.x_m + way * cos,
+            y_m: pose.y_m + way * sin,
+            heading_rad: wrapped(pose.heading_rad + first + self.last - last),
+        }
     }
 }

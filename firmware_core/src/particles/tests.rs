@@ -91,7 +91,7 @@ fn a_guess_moves_as_the_odometry_says() {
             left_m,
             turn_rad,
         };
-        let moved = Noise::NONE.moved(from, motion, &mut random);
+        let moved = Noise::NONE.of(motion).moved(from, &mut random);
         assert!(moved.distance_m(from.then(motion)) < 1e-9);
         assert!(wrapped(moved.heading_rad - from.then(motion).heading_rad).abs() < 1e-9);
     }

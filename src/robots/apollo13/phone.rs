@@ -1,9 +1,10 @@
 //! The phone: an app with faders and toggles, and the person who holds it and watches the car.
 //!
 //! Addresses are those of the car's layout: `/1/speed`, `/1/direction`, `/1/kill`,
-//! `/modes/toggle4`, `/modes/follow_aruco`. Goals, which in the seed are set by mouse on the PC, go
+//! `/modes/toggle4`, `/modes/follow_aruco`, and `/modes/mapping`, which is ours. Goals, which in the seed are set by mouse on the PC, go
 //! as `/goal` with x, y and heading. The person sends the next goal when the car has come to rest
-//! near the last one, and the same once more when it rests elsewhere.
+//! near the last one, and the same once more when it rests elsewhere: packets are lost, and nobody
+//! confirms them.
 
 use core::time::Duration;
 use std::collections::VecDeque;
@@ -39,6 +40,8 @@ pub(super) struct Phone {
     script: Script<Wish>,
     connected: bool,
     mode: Option<Mode>,
+    /// Whether it orders goals: otherwise the mission's waypoints are where the car must come by.
+    has_goals: bool,
     by_hand: [i8; 2],
     goals: Vec<[f64; 2]>,
     /// The goal on the way, of `goals`.
@@ -58,11 +61,12 @@ impl Phone {
     /// 54 Mbit/s at best.
     pub(super) const LINE: LineConfig = LineConfig::new_8n1(20_000_000);
 
-    pub(super) fn new(script: Script<Wish>) -> Self {
+    pub(super) fn new(script: Script<Wish>, has_goals: bool) -> Self {
         Self {
             script,
             connected: false,
             mode: None,
+            has_goals,
             by_hand: [0, STRAIGHT],
             goals: Vec::new(),
             goal: 0,
@@ -112,10 +116,11 @@ impl Phone {
                 self.connected = false;
                 self.ping_at = None;
             }
-            Wish::Goals(goals) => {
+            Wish::Goals(goals) if self.has_goals => {
                 (self.goals, self.goal) = (goals, 0);
                 self.is_news = self.mode == Some(Mode::Autonomous);
             }
+            Wish::Goals(_) => {}
             Wish::Mode(mode) => self.order(mode),
             Wish::Drive(by_hand) => {
                 if self.mode != Some(Mode::Remote) {
@@ -134,15 +139,20 @@ impl Phone {
     fn order(&mut self, mode: Mode) {
         self.mode = Some(mode);
         self.by_hand = [0, STRAIGHT];
-        let [auto, gates]: [f32; 2] = match mode {
+        let [auto, gates, mapping]: [f32; 3] = match mode {
             Mode::Stop => return self.say("/1/kill", &[1.0]),
-            Mode::Remote => [0.0, 0.0],
-            Mode::Autonomous => [1.0, 0.0],
-            Mode::Gates => [0.0, 1.0],
+            Mode::Remote => [0.0; 3],
+            Mode::Autonomous => [1.0, 0.0, 0.0],
+            Mode::Gates => [0.0, 1.0, 0.0],
+            Mode::Mapping => [0.0, 0.0, 1.0],
         };
-        // Never both at once: what is switched off comes first.
+        // Never two at once: what is switched off comes first.
         self.say("/1/speed", &[0.0]);
-        let mut toggles = [("/modes/toggle4", auto), ("/modes/follow_aruco", gates)];
+        let mut toggles = [
+            ("/modes/toggle4", auto),
+            ("/modes/follow_aruco", gates),
+            ("/modes/mapping", mapping),
+        ];
         toggles.sort_by(|one, other| one.1.total_cmp(&other.1));
         for (address, value) in toggles {
             self.say(address, &[value]);
@@ -153,8 +163,10 @@ impl Phone {
 
     /// Looks at the car: whether it has arrived, or stands elsewhere.
     fn watch(&mut self, now: Instant, world: &World) {
-        let Some(&[x, y]) = self.goals.get(self.goal) else {
-            return;
+        let goal = self.goals.get(self.goal).copied();
+        let goal = goal.filter(|_| self.mode == Some(Mode::Autonomous));
+        let Some([x, y]) = goal else {
+            return self.watch_without_goal(now, world);
         };
         let car = world.pose();
         if core::mem::take(&mut self.is_news) {
@@ -182,7 +194,21 @@ impl Phone {
             self.is_news = true;
         } else if rested >= GAVE_UP {
             self.note(now, "goal-again", format!("stands {off_m:.2} m off"));
-            self.is_news = true;
+            self.order(Mode::Autonomous);
+        }
+    }
+
+    /// A car that stands may not have heard what it was ordered: nobody confirms it.
+    fn watch_without_goal(&mut self, now: Instant, world: &World) {
+        if world.is_moving() {
+            self.rests_since = None;
+            return;
+        }
+        let rested = now - *self.rests_since.get_or_insert(now);
+        if let Some(mode) = self.mode.filter(|_| rested >= GAVE_UP) {
+            self.note(now, "mode-again", mode.name().to_owned());
+            self.order(mode);
+            self.rests_since = Some(now);
         }
     }
 }
@@ -200,7 +226,9 @@ impl Device for Phone {
             self.say("/ping", &[]);
         }
         if self.look_at.is_some_and(|at| at <= now) {
-            let is_driving = self.connected && self.mode == Some(Mode::Autonomous);
+            let drives_itself = [Mode::Autonomous, Mode::Gates, Mode::Mapping];
+            let is_driving =
+                self.connected && self.mode.is_some_and(|mode| drives_itself.contains(&mode));
             if is_driving {
                 self.watch(now, world);
             }
@@ -234,7 +262,7 @@ impl Device for Phone {
 
 impl Station for Phone {
     fn modes(&self) -> &'static [&'static str] {
-        const NAMES: [&str; 4] = [MODES[0].0, MODES[1].0, MODES[2].0, MODES[3].0];
+        const NAMES: [&str; 5] = [MODES[0].0, MODES[1].0, MODES[2].0, MODES[3].0, MODES[4].0];
         &NAMES
     }
 

@@ -1,8 +1,12 @@
 //! The floor as the planner sees it: the map that the car has, and what is in the way besides.
 
+use alloc::collections::BTreeMap;
 use alloc::vec::Vec;
+use core::time::Duration;
 
-use crate::ackermann::{CarPose, Motion};
+use protocols::Instant;
+
+use crate::ackermann::CarPose;
 use crate::costmap::{Costmap, Inflation};
 use crate::particles::Beam;
 
@@ -10,11 +14,22 @@ use crate::particles::Beam;
 const ENTER_M: f64 = 2.5;
 /// Beams clear what they cross up to here: its ray-trace range.
 const CLEAR_M: f64 = 3.0;
+/// Beams that clear lie about so far apart where they end, in cells.
+const CLEAR_CELLS: f64 = 0.8;
+/// Nearer than this the camera may be blind: a beam that meets nothing clears only beyond, metres.
+const BLIND_M: f64 = 0.55;
 /// How often an obstacle must have been seen more than seen through to be one.
 const SURE: i8 = 2;
 const COUNT_MAX: i8 = 6;
-/// Half of an ultrasonic cone: its middle 12 degrees, where it almost always is right.
+/// Half of the middle of an ultrasonic cone, which is open as far as it hears nothing.
 const CONE_RAD: f64 = 0.1;
+/// What is heard nearer than this is entered across the whole cone, metres: that is narrower than
+/// the car there. Farther away the echo may come from a post beside the way.
+const HEARD_M: f64 = 0.27;
+/// Half of the whole cone.
+const WHOLE_CONE_RAD: f64 = 0.38;
+/// How long it stays: the camera may see over it.
+const HEARD_FOR: Duration = Duration::from_secs(20);
 
 /// A map of obstacles: cells in rows of equal y, lowest y first.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -33,9 +48,17 @@ pub struct FloorPlan {
 #[derive(Clone, Debug)]
 pub struct Floor {
     plan: FloorPlan,
-    inflation: Inflation,
-    /// How often each cell was an obstacle, less how often it was seen through.
+    /// What the plan alone costs; `None` without a map.
+    plain: Option<Costmap>,
+    /// With all that was seen; `None` when that has changed since.
+    costs: Option<Costmap>,
+    /// In how many scans each cell was an obstacle, less in how many it was seen through.
     seen: Vec<i8>,
+    /// The scan in which each cell was counted last.
+    counted: Vec<u32>,
+    scans: u32,
+    /// Cells that an ultrasonic echo came from or a marker stands on, and until when that counts.
+    heard: BTreeMap<usize, Instant>,
     /// All obstacles, one byte a cell as in [`grid`](crate::grid).
     view: Vec<u8>,
 }
@@ -52,11 +75,40 @@ impl Floor {
             }
         };
         let view = plan.obstacles.iter().map(byte).collect();
+        let FloorPlan {
+            width,
+            cell_m,
+            origin_m,
+            ..
+        } = plan;
+        let is_known = width > 0 && !plan.obstacles.is_empty();
+        let plain = is_known
+            .then(|| Costmap::new(width, cell_m, origin_m, plan.obstacles.clone(), inflation));
         Self {
+            counted: alloc::vec![0; seen.len()],
             plan,
-            inflation,
+            plain,
+            costs: None,
             seen,
+            scans: 0,
+            heard: BTreeMap::new(),
             view,
+        }
+    }
+
+    /// Another plan: what was seen is forgotten, what was heard is not.
+    pub fn renew(&mut self, plan: FloorPlan, inflation: Inflation) {
+        let before = core::mem::replace(self, Self::new(plan, inflation));
+        for (at, until) in before.heard {
+            let cell = [at % before.plan.width, at / before.plan.width];
+            let place = [0, 1].map(|axis| {
+                let middle_m = (cell[axis] as f64 + 0.5) * before.plan.cell_m;
+                let off_m = before.plan.origin_m[axis] + middle_m - self.plan.origin_m[axis];
+                off_m / self.plan.cell_m
+            });
+            if let Some(at) = self.index(place) {
+                self.heard.insert(at, until);
+            }
         }
     }
 
@@ -84,101 +136,177 @@ impl Floor {
             .then(|| crate::map_view::MapView::new(self.plan.width, cell_mm, origin, &self.view))
     }
 
-    /// What it costs to be where, with all that was seen; `None` without a map.
-    pub fn costs(&self) -> Option<Costmap> {
-        let is_there = |(is, seen): (&bool, &i8)| *is || *seen >= SURE;
-        let obstacles = self.plan.obstacles.iter().zip(&self.seen).map(is_there);
-        let FloorPlan {
-            width,
-            cell_m,
-            origin_m,
-            ..
-        } = self.plan;
-        self.is_known()
-            .then(|| Costmap::new(width, cell_m, origin_m, obstacles.collect(), self.inflation))
+    /// What it costs to be where, with all that was seen and heard; `None` without a map.
+    pub fn costs(&mut self, now: Instant) -> Option<&Costmap> {
+        let before = self.heard.len();
+        self.heard.retain(|_, until| *until > now);
+        if self.heard.len() != before {
+            self.costs = None;
+        }
+        if self.costs.is_none() {
+            let mut costs = self.plain.clone()?;
+            let seen = self.seen.iter().enumerate();
+            let seen = seen.filter(|(_, seen)| **seen >= SURE).map(|(at, _)| at);
+            for at in seen.chain(self.heard.keys().copied()) {
+                if !self.plan.obstacles[at] {
+                    costs.add(at);
+                }
+            }
+            self.costs = Some(costs);
+        }
+        self.costs.as_ref()
     }
 
-    /// A scan from the scanner's place on the map. Whether it changed what is an obstacle.
+    /// A scan from the scanner's place on the map; a beam of infinite range met nothing as far as
+    /// the scanner sees. Whether it changed what is an obstacle.
+    ///
+    /// Each cell counts once a scan: what has an obstacle in it is not seen through.
     pub fn see(&mut self, scanner: CarPose, beams: &[Beam]) -> bool {
-        let mut has_changed = false;
         if !self.is_known() {
             return false;
         }
-        for beam in beams
-            .iter()
-            .filter(|beam| beam.range_m.is_finite() && beam.range_m > 0.0)
-        {
-            let way = beam.range_m.min(CLEAR_M);
-            let clear_m = way - 1.5 * self.plan.cell_m;
-            let mut along_m = 0.0;
-            while along_m < clear_m {
-                has_changed |= self.count(place(scanner, beam.bearing_rad, along_m), -1);
-                along_m += self.plan.cell_m;
+        self.scans = self.scans.wrapping_add(1);
+        let mut has_changed = false;
+        for beam in beams.iter().filter(|beam| beam.range_m <= ENTER_M) {
+            let ray = Ray::new(&self.plan, scanner, beam.bearing_rad);
+            has_changed |= self.count(ray.at(beam.range_m), 1);
+        }
+        let apart = CLEAR_CELLS * self.plan.cell_m / CLEAR_M;
+        let mut last = f64::INFINITY;
+        for beam in beams.iter().filter(|beam| beam.range_m > 0.0) {
+            if (beam.bearing_rad - last).abs() < apart {
+                continue;
             }
-            if beam.range_m <= ENTER_M {
-                let end = place(scanner, beam.bearing_rad, beam.range_m);
-                has_changed |= self.count(end, 1);
-            }
+            last = beam.bearing_rad;
+            has_changed |= self.see_through(scanner, *beam);
+        }
+        if has_changed {
+            self.costs = None;
         }
         has_changed
     }
 
-    /// An ultrasonic range from a sensor's place on the map.
-    pub fn hear(&mut self, sensor: CarPose, range_m: f64) -> bool {
-        let beams = [-CONE_RAD, 0.0, CONE_RAD].map(|bearing_rad| Beam {
-            bearing_rad,
-            range_m,
-        });
-        self.see(sensor, &beams)
+    fn see_through(&mut self, scanner: CarPose, beam: Beam) -> bool {
+        let ray = Ray::new(&self.plan, scanner, beam.bearing_rad);
+        let is_blind = beam.range_m == f64::INFINITY;
+        let mut along_m = if is_blind { BLIND_M } else { 0.0 };
+        let clear_m = beam.range_m.min(CLEAR_M) - 1.5 * self.plan.cell_m;
+        let mut has_changed = false;
+        while along_m < clear_m {
+            has_changed |= self.count(ray.at(along_m), -1);
+            along_m += self.plan.cell_m;
+        }
+        has_changed
     }
 
-    /// Counts what was seen of the cell at a place; whether it became an obstacle or ceased to be
-    /// one.
-    fn count(&mut self, [x_m, y_m]: [f64; 2], by: i8) -> bool {
-        let along = |m: f64, axis: usize| {
-            let cell = libm::floor((m - self.plan.origin_m[axis]) / self.plan.cell_m);
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "saturates"
-            )]
-            (cell >= 0.0).then_some(cell as usize)
+    /// An ultrasonic range at `now` from a sensor's place on the map: what is before it is open;
+    /// what is near is in the way for a while.
+    pub fn hear(&mut self, now: Instant, sensor: CarPose, range_m: f64) {
+        if !self.is_known() || !range_m.is_finite() {
+            return;
+        }
+        self.scans = self.scans.wrapping_add(1);
+        let mut has_changed = false;
+        for bearing_rad in [-CONE_RAD, 0.0, CONE_RAD] {
+            let beam = Beam {
+                bearing_rad,
+                range_m,
+            };
+            has_changed |= self.see_through(sensor, beam);
+        }
+        if range_m <= HEARD_M {
+            let mut bearing_rad = -WHOLE_CONE_RAD;
+            while bearing_rad <= WHOLE_CONE_RAD {
+                let end = Ray::new(&self.plan, sensor, bearing_rad).at(range_m);
+                if let Some(index) = self.index(end) {
+                    has_changed |= self.heard.insert(index, now + HEARD_FOR).is_none();
+                }
+                bearing_rad += 0.1;
+            }
+        }
+        if has_changed {
+            self.costs = None;
+        }
+    }
+
+    /// Something low stands at this place, metres, and counts for a while.
+    pub fn stand(&mut self, now: Instant, [x_m, y_m]: [f64; 2]) {
+        if !self.is_known() {
+            return;
+        }
+        let place = CarPose {
+            x_m,
+            y_m,
+            heading_rad: 0.0,
         };
-        let (Some(x), Some(y)) = (along(x_m, 0), along(y_m, 1)) else {
+        if let Some(index) = self.index(Ray::new(&self.plan, place, 0.0).at(0.0))
+            && self.heard.insert(index, now + HEARD_FOR).is_none()
+        {
+            self.costs = None;
+        }
+    }
+
+    /// Counts what was seen of a cell, once a scan; whether it became an obstacle or ceased to be
+    /// one.
+    fn count(&mut self, place: [f64; 2], by: i8) -> bool {
+        let Some(index) = self.index(place) else {
             return false;
         };
+        if core::mem::replace(&mut self.counted[index], self.scans) == self.scans {
+            return false;
+        }
+        let was = self.seen[index] >= SURE;
+        self.seen[index] = self.seen[index].saturating_add(by).clamp(-1, COUNT_MAX);
+        let is = self.seen[index] >= SURE;
+        if was == is || self.plan.obstacles[index] {
+            return false;
+        }
+        self.view[index] = if is {
+            crate::grid::OBSTACLE
+        } else {
+            crate::grid::FREE
+        };
+        true
+    }
+
+    /// The cell at a place in cells from the corner.
+    fn index(&self, [x, y]: [f64; 2]) -> Option<usize> {
+        if !(x >= 0.0 && y >= 0.0) {
+            return None;
+        }
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "not below 0, saturates"
+        )]
+        let (x, y) = (x as usize, y as usize);
         let width = self.plan.width;
         let index = y.checked_mul(width).and_then(|row| row.checked_add(x));
-        let Some(index) = index.filter(|index| x < width && *index < self.seen.len()) else {
-            return false;
-        };
-        let (was, count) = (
-            self.seen[index] >= SURE,
-            self.seen[index].saturating_add(by),
-        );
-        self.seen[index] = count.clamp(-1, COUNT_MAX);
-        let is = self.seen[index] >= SURE;
-        if was != is && !self.plan.obstacles[index] {
-            self.view[index] = if is {
-                crate::grid::OBSTACLE
-            } else {
-                crate::grid::FREE
-            };
-            return true;
-        }
-        false
+        index.filter(|index| x < width && *index < self.seen.len())
     }
 }
 
-/// The place in this direction and distance, metres.
-fn place(from: CarPose, bearing_rad: f64, way_m: f64) -> [f64; 2] {
-    let (sin, cos) = libm::sincos(bearing_rad);
-    let at = from.then(Motion {
-        ahead_m: way_m * cos,
-        left_m: way_m * sin,
-        turn_rad: 0.0,
-    });
-    [at.x_m, at.y_m]
+/// A beam in cells of the map.
+#[derive(Clone, Copy, Debug)]
+struct Ray {
+    from: [f64; 2],
+    per_metre: [f64; 2],
+}
+
+impl Ray {
+    fn new(plan: &FloorPlan, from: CarPose, bearing_rad: f64) -> Self {
+        let (sin, cos) = libm::sincos(from.heading_rad + bearing_rad);
+        let per_metre = 1.0 / plan.cell_m;
+        let [x0, y0] = plan.origin_m;
+        Self {
+            from: [(from.x_m - x0) * per_metre, (from.y_m - y0) * per_metre],
+            per_metre: [cos * per_metre, sin * per_metre],
+        }
+    }
+
+    fn at(self, way_m: f64) -> [f64; 2] {
+        [0, 1].map(|axis| self.from[axis] + way_m * self.per_metre[axis])
+    }
 }
 
 #[cfg(test)]
@@ -219,17 +347,40 @@ mod tests {
     fn what_is_seen_twice_is_in_the_way_until_it_is_seen_through() {
         let mut floor = empty();
         assert!(!floor.see(SCANNER, &[beam(1.0)]));
-        assert!(!floor.costs().unwrap().is_obstacle([20, 10]));
+        assert!(!floor.costs(Instant::ZERO).unwrap().is_obstacle([20, 10]));
         assert!(floor.see(SCANNER, &[beam(1.0)]));
-        assert!(floor.costs().unwrap().is_obstacle([20, 10]));
+        assert!(floor.costs(Instant::ZERO).unwrap().is_obstacle([20, 10]));
         assert_eq!(
             floor.view().unwrap().get(20, 10),
             Some(crate::grid::OBSTACLE)
         );
         assert!(floor.see(SCANNER, &[beam(2.0)]));
-        assert!(!floor.costs().unwrap().is_obstacle([20, 10]));
+        assert!(!floor.costs(Instant::ZERO).unwrap().is_obstacle([20, 10]));
         // Beyond 2.5 m nothing is entered, and the map that was given stays.
         assert!(!floor.see(SCANNER, &[beam(2.6), beam(2.6), beam(f64::NAN)]));
+    }
+
+    /// Many beams of one scan end in the same cell: it was seen once. What was seen in the same
+    /// scan is not seen through by a beam that grazes it.
+    #[test]
+    fn a_cell_counts_once_a_scan() {
+        let mut floor = empty();
+        assert!(!floor.see(SCANNER, &[beam(1.0); 20]));
+        assert!(floor.see(SCANNER, &[beam(1.0), beam(2.0)]));
+        assert!(floor.costs(Instant::ZERO).unwrap().is_obstacle([20, 10]));
+    }
+
+    /// A beam that meets nothing clears as well, but not where the camera is blind: 0.5 m ahead is
+    /// cell 10, 1 m is cell 20.
+    #[test]
+    fn a_beam_that_meets_nothing_clears_what_is_in_sight() {
+        let mut floor = empty();
+        for range_m in [1.0, 1.0, 0.5, 0.5, 0.5] {
+            floor.see(SCANNER, &[beam(range_m)]);
+        }
+        assert!(floor.see(SCANNER, &[beam(f64::INFINITY)]));
+        let costs = floor.costs(Instant::ZERO).unwrap();
+        assert!(costs.is_obstacle([10, 10]) && !costs.is_obstacle([20, 10]));
     }
 
     #[test]
@@ -241,15 +392,48 @@ mod tests {
         for _ in 0..10 {
             floor.see(SCANNER, &[beam(2.9)]);
         }
-        assert!(floor.costs().unwrap().is_obstacle([20, 10]));
+        assert!(floor.costs(Instant::ZERO).unwrap().is_obstacle([20, 10]));
         assert!(floor.is_known() && !Floor::new(FloorPlan::default(), INFLATION).is_known());
     }
 
+    /// 0.25 m ahead is cell 5: in the way for 20 s, though the camera sees over it. An echo from
+    /// 0.8 m away may come from a post beside the way: the middle of a gate stays open.
     #[test]
-    fn an_ultrasonic_range_is_an_obstacle_ahead() {
+    fn what_is_heard_near_is_in_the_way_for_a_while() {
         let mut floor = empty();
-        floor.hear(SCANNER, 0.8);
-        floor.hear(SCANNER, 0.8);
-        assert!(floor.costs().unwrap().is_obstacle([16, 10]));
+        floor.hear(Instant::ZERO, SCANNER, 0.8);
+        floor.hear(Instant::ZERO, SCANNER, 0.8);
+        assert!(!floor.costs(Instant::ZERO).unwrap().is_obstacle([16, 10]));
+        floor.hear(Instant::ZERO, SCANNER, 0.25);
+        floor.see(SCANNER, &[beam(2.0)]);
+        floor.see(SCANNER, &[beam(2.0)]);
+        let mut is_there = |seconds: u64| {
+            let at = Instant::ZERO + Duration::from_secs(seconds);
+            floor.costs(at).unwrap().is_obstacle([5, 10])
+        };
+        assert!(is_there(19) && !is_there(21));
+    }
+
+    /// The same place on a plan whose corner is a metre farther down: 20 cells.
+    #[test]
+    fn what_was_heard_stays_on_another_plan() {
+        let mut floor = empty();
+        floor.hear(Instant::ZERO, SCANNER, 0.25);
+        let mut plan = floor.plan().clone();
+        plan.origin_m = [0.0, -1.0];
+        plan.obstacles = alloc::vec![false; 60 * 40];
+        floor.renew(plan, INFLATION);
+        assert!(floor.costs(Instant::ZERO).unwrap().is_obstacle([5, 30]));
+    }
+
+    /// What the camera saw is open as soon as the sound passes it: 0.8 m ahead is cell 16.
+    #[test]
+    fn sound_passes_what_is_gone() {
+        let mut floor = empty();
+        floor.see(SCANNER, &[beam(0.8)]);
+        floor.see(SCANNER, &[beam(0.8)]);
+        assert!(floor.costs(Instant::ZERO).unwrap().is_obstacle([16, 10]));
+        floor.hear(Instant::ZERO, SCANNER, 2.0);
+        assert!(!floor.costs(Instant::ZERO).unwrap().is_obstacle([16, 10]));
     }
 }

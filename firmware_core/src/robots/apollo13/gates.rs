@@ -17,8 +17,10 @@ pub struct Settings {
     pub width_min_m: f64,
     /// Greatest width: farther apart two markers are of different gates.
     pub width_max_m: f64,
-    /// How far before the gate the car is to stand on its normal, and how far behind it to go.
+    /// How far before the gate the car is to stand on its normal.
     pub approach_m: f64,
+    /// How far behind it to go.
+    pub beyond_m: f64,
     /// As fielded: the heading of the goal is that of the car, behind is ahead, and markers stay
     /// where they were seen first.
     pub as_fielded: bool,
@@ -29,7 +31,8 @@ impl Default for Settings {
         Self {
             width_min_m: 0.43,
             width_max_m: 1.5,
-            approach_m: 0.6,
+            approach_m: 0.9,
+            beyond_m: 0.6,
             as_fielded: false,
         }
     }
@@ -42,6 +45,7 @@ impl Settings {
             width_min_m: 0.30,
             width_max_m: f64::INFINITY,
             approach_m: 0.0,
+            beyond_m: 0.0,
             as_fielded: true,
         }
     }
@@ -207,7 +211,7 @@ impl Gates {
             gate: [id, other],
             before: middle.shifted(-self.settings.approach_m),
             middle,
-            behind: middle.shifted(self.settings.approach_m),
+            behind: middle.shifted(self.settings.beyond_m),
         })
     }
 }
@@ -251,7 +255,7 @@ mod tests {
             (passage.gate, passage.middle),
             ([10, 11], CarPose { x_m: 2.0, ..ORIGIN })
         );
-        assert!((passage.before.x_m - 1.4).abs() < 1e-9 && (passage.behind.x_m - 2.6).abs() < 1e-9);
+        assert!((passage.before.x_m - 1.1).abs() < 1e-9 && (passage.behind.x_m - 2.6).abs() < 1e-9);
         // From the other side it leads back.
         let other = CarPose {
             x_m: 4.0,

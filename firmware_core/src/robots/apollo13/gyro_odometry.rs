@@ -33,6 +33,11 @@ impl GyroOdometry {
         self.pose
     }
 
+    /// The board was reset: the next travel and heading only set the beginning.
+    pub const fn begin_anew(&mut self) {
+        self.told = None;
+    }
+
     /// Travel since the board's start, metres, and heading by its gyroscope, radians; the first
     /// ones only set the beginning. A travel that falls back by more than a metre is that of a
     /// board that was reset: a new beginning.
@@ -150,6 +155,17 @@ mod tests {
         }
         let heading = odometry.pose().heading_rad.to_degrees();
         assert!((heading - 6.0).abs() < 1e-6, "{heading}");
+    }
+
+    #[test]
+    fn a_board_that_says_so_begins_anew() {
+        let mut odometry = GyroOdometry::new(CarPose::default(), Defects::default());
+        odometry.update(0.0, 0.0);
+        odometry.update(0.5, 0.3);
+        let before = odometry.pose();
+        odometry.begin_anew();
+        odometry.update(0.0, 0.0);
+        assert_eq!(odometry.pose(), before);
     }
 
     #[test]

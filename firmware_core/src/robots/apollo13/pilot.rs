@@ -41,6 +41,10 @@ pub struct Pilot {
     lattice: Lattice,
     settings: FollowerSettings,
     goal: Option<CarPose>,
+    /// Whether the heading there matters.
+    with_heading: bool,
+    /// How near it is reached, metres and radians.
+    tolerance: [f64; 2],
     follower: Option<Follower>,
     state: GoalState,
     plans: u64,
@@ -56,6 +60,8 @@ impl Pilot {
             lattice: Lattice::new(set, outline),
             settings,
             goal: None,
+            with_heading: true,
+            tolerance: settings.tolerance,
             follower: None,
             state: GoalState::None,
             plans: 0,
@@ -68,6 +74,8 @@ impl Pilot {
     /// Another goal, or none.
     pub fn set_goal(&mut self, goal: Option<CarPose>) {
         self.goal = goal;
+        self.with_heading = true;
+        self.tolerance = self.settings.tolerance;
         self.follower = None;
         self.failed = 0;
         self.failed_at = None;
@@ -76,6 +84,18 @@ impl Pilot {
             Some(_) => GoalState::Planning,
             None => GoalState::None,
         };
+    }
+
+    /// Another goal, at which any heading will do, or none.
+    pub fn set_place(&mut self, goal: Option<CarPose>) {
+        self.set_goal(goal);
+        self.with_heading = false;
+    }
+
+    /// Another goal, reached when the car is as near as `tolerance`, metres and radians; or none.
+    pub fn set_exact_goal(&mut self, goal: Option<CarPose>, tolerance: [f64; 2]) {
+        self.set_goal(goal);
+        self.tolerance = tolerance;
     }
 
     /// Another goal, to which a way is known: it is followed as it is.
@@ -116,11 +136,11 @@ impl Pilot {
 
     /// Speed and steering angle at `now`, m/s and radians to the left; `None`: stand. `costs` is
     /// asked for only when a plan is made or looked at; without a map there are no plans.
-    pub fn drive(
+    pub fn drive<'a>(
         &mut self,
         now: Instant,
         pose: CarPose,
-        costs: impl FnOnce() -> Option<Costmap>,
+        costs: impl FnOnce() -> Option<&'a Costmap>,
     ) -> Option<[f64; 2]> {
         let goal = self.goal?;
         if matches!(self.state, GoalState::Reached | GoalState::GivenUp) {
@@ -138,8 +158,8 @@ impl Pilot {
         if self.looked.is_none_or(|looked| now - looked >= every) {
             self.looked = Some(now);
             match costs() {
-                Some(map) if self.follower.is_none() || self.is_blocked(&map, pose) => {
-                    self.plan(&map, pose, goal);
+                Some(map) if self.follower.is_none() || self.is_blocked(map, pose) => {
+                    self.plan(map, pose, goal);
                 }
                 None if self.follower.is_none() => self.state = GoalState::GivenUp,
                 _ => {}
@@ -163,9 +183,9 @@ impl Pilot {
 
     /// Whether the goal is near enough, wherever the way to it ends.
     fn is_there(&self, pose: CarPose, goal: CarPose) -> bool {
-        let [near_m, near_rad] = self.settings.tolerance;
+        let [near_m, near_rad] = self.tolerance;
         let turned = wrapped(goal.heading_rad - pose.heading_rad).abs();
-        pose.distance_m(goal) <= near_m && turned <= near_rad
+        pose.distance_m(goal) <= near_m && (turned <= near_rad || !self.with_heading)
     }
 
     /// The way that is followed is not free: another one, after a while.
@@ -179,12 +199,16 @@ impl Pilot {
     fn plan(&mut self, map: &Costmap, pose: CarPose, goal: CarPose) {
         let to = Goal {
             pose: goal,
-            with_heading: true,
+            with_heading: self.with_heading,
         };
         self.plans += 1;
-        match self.lattice.plan(map, pose, to, Limits::default()) {
+        match self.lattice.plan(map, pose, to, Limits::PROMPT) {
             Ok(plan) => {
-                self.follower = Some(Follower::new(plan.poses, self.settings));
+                let settings = FollowerSettings {
+                    tolerance: self.tolerance,
+                    ..self.settings
+                };
+                self.follower = Some(Follower::new(plan.poses, settings));
                 self.state = GoalState::Driving;
             }
             // Something may stand there for a while only.

@@ -8,7 +8,10 @@
 //! | [`MARKERS`](Apollo13::MARKERS) | markers that were recognised, messages, in |
 //! | [`REMOTE`](Apollo13::REMOTE) | Open Sound Control of the phone, packets, in |
 
+mod mapping;
+mod passing;
 mod senses;
+mod sight;
 #[cfg(test)]
 mod tests;
 
@@ -24,6 +27,7 @@ use super::gates::{self, Gates, Passage};
 use super::gyro_odometry::{self, GyroOdometry};
 use super::pilot::{GoalState, Pilot};
 use super::steering;
+use super::survey::Survey;
 use super::wall::{Gains, Side, WallDistance};
 use crate::ackermann::CarPose;
 use crate::costmap::Inflation;
@@ -115,10 +119,14 @@ pub struct Apollo13 {
     lines: odometer::Decoder,
     arbiter: Arbiter,
     odometry: GyroOdometry,
+    /// The odometer's clock as it was told last, seconds.
+    odometer_s: f64,
     localiser: Option<Localiser>,
     /// Where the odometry's origin lies on the map.
     origin: CarPose,
     floor: Floor,
+    /// The map under way, from when mapping is ordered until something else is.
+    survey: Option<Survey>,
     pilot: Pilot,
     gates: Gates,
     passage: Option<Passage>,
@@ -129,6 +137,8 @@ pub struct Apollo13 {
     ultrasound_m: [Option<f64>; 3],
     battery_mv: u16,
     scan: alloc::vec::Vec<Point>,
+    sight: sight::Sight,
+    seen: Option<Instant>,
     sent: Option<Instant>,
     drive: Drive,
     out: VecDeque<u8>,
@@ -159,7 +169,7 @@ impl Apollo13 {
     pub fn new(config: Config) -> Self {
         let defects = config.defects;
         let floor = Floor::new(config.floor.clone(), INFLATION);
-        let localiser = floor.is_known().then(|| localiser(&config));
+        let localiser = floor.is_known().then(|| localiser(&config, config.start));
         let outline = Outline::rectangle(0.359 + ROOM_M, 0.101 + ROOM_M, 0.165 + ROOM_M);
         let rules = match defects.gates_as_fielded {
             true => gates::Settings::fielded(),
@@ -175,9 +185,11 @@ impl Apollo13 {
             lines: odometer::Decoder::default(),
             arbiter: Arbiter::new(defects.arbiter),
             odometry: GyroOdometry::new(CarPose::default(), defects.odometry),
+            odometer_s: 0.0,
             localiser,
             origin: config.start,
             floor,
+            survey: None,
             pilot: Pilot::new(PrimitiveSet::car(), &outline, follower::Settings::default()),
             gates: Gates::new(rules),
             passage: None,
@@ -188,6 +200,8 @@ impl Apollo13 {
             ultrasound_m: [None; 3],
             battery_mv: 0,
             scan: alloc::vec::Vec::new(),
+            sight: sight::Sight::default(),
+            seen: None,
             sent: None,
             drive: Drive::STOP,
             out: VecDeque::new(),
@@ -255,18 +269,20 @@ impl Apollo13 {
     /// What the planner wants: to pass gates, to get to the goal, or along the wall.
     fn planned(&mut self) -> Option<Drive> {
         let pose = self.pose();
+        self.begin_or_end_mapping(pose);
         match self.arbiter.mode() {
             Mode::Gates => self.choose_gate(pose),
+            Mode::Mapping => self.explore(pose),
             Mode::Autonomous => {}
             _ => return None,
         }
         let is_driving = self.pilot.goal().is_some();
         let [speed_m_s, angle_rad] = match is_driving {
             true => {
-                let floor = &self.floor;
-                self.pilot.drive(self.now, pose, || floor.costs())?
+                let (floor, now) = (&mut self.floor, self.now);
+                self.pilot.drive(now, pose, || floor.costs(now))?
             }
-            false if self.wall.is_some() => [0.22, self.wall_angle_rad],
+            false if self.is_along_wall() => [0.22, self.wall_angle_rad],
             false => return None,
         };
         if speed_m_s > 0.0 && self.is_too_near() {
@@ -283,38 +299,12 @@ impl Apollo13 {
         })
     }
 
-    fn is_too_near(&self) -> bool {
-        self.ultrasound_m[0].is_some_and(|range_m| range_m < TOO_NEAR_M)
+    fn is_along_wall(&self) -> bool {
+        self.wall.is_some() && self.arbiter.mode() != Mode::Mapping
     }
 
-    /// Goes on to the next part of a passage, or to the next gate.
-    fn choose_gate(&mut self, pose: CarPose) {
-        let is_done = match self.pilot.state() {
-            GoalState::None | GoalState::Reached => true,
-            GoalState::GivenUp => {
-                self.passage = None;
-                true
-            }
-            _ => false,
-        };
-        if !is_done {
-            return;
-        }
-        let at = self.pilot.goal();
-        match self.passage {
-            Some(passage) if at == Some(passage.before) => self.pilot.follow(through(passage)),
-            _ => {
-                let costs = self.floor.costs();
-                let is_free = |pose| {
-                    costs
-                        .as_ref()
-                        .is_none_or(|costs| self.pilot.is_free(costs, pose))
-                };
-                self.passage = self.gates.next(pose, is_free);
-                self.pilot
-                    .set_goal(self.passage.map(|passage| passage.before));
-            }
-        }
+    fn is_too_near(&self) -> bool {
+        self.ultrasound_m[0].is_some_and(|range_m| range_m < TOO_NEAR_M)
     }
 
     fn send(&mut self) {
@@ -359,7 +349,7 @@ const NOISE: Noise = Noise {
     way_by_turn: 0.04,
 };
 
-fn localiser(config: &Config) -> Localiser {
+fn localiser(config: &Config, start: CarPose) -> Localiser {
     let floor = &config.floor;
     let field = LikelihoodField::new(
         floor.width,
@@ -374,20 +364,7 @@ fn localiser(config: &Config) -> Localiser {
         noise: NOISE,
         ..ParticleSettings::default()
     };
-    Localiser::new(field, settings, camera, config.start, sigma, config.seed)
-}
-
-/// The straight way through a gate, a pose each 5 cm.
-fn through(passage: Passage) -> alloc::vec::Vec<CarPose> {
-    let length = passage.before.distance_m(passage.behind);
-    let steps = libm::ceil(length / 0.05).clamp(1.0, 1_000.0);
-    let mut path = alloc::vec::Vec::new();
-    let mut step = 0.0;
-    while step <= steps {
-        path.push(passage.before.shifted(length * step / steps));
-        step += 1.0;
-    }
-    path
+    Localiser::new(field, settings, camera, start, sigma, config.seed)
 }
 
 impl Master for Apollo13 {
@@ -457,7 +434,10 @@ impl Inspect for Apollo13 {
     }
 
     fn map(&self) -> Option<MapView<'_>> {
-        self.floor.view()
+        match &self.survey {
+            Some(survey) => Some(survey.view()),
+            None => self.floor.view(),
+        }
     }
 
     fn scan(&self) -> &[Point] {
@@ -469,6 +449,10 @@ impl Inspect for Apollo13 {
             Mode::Remote => "remote",
             Mode::Autonomous => "autonomous",
             Mode::Gates => "gates",
+            Mode::Mapping => match &self.survey {
+                Some(survey) if survey.is_complete() => "mapped",
+                _ => "mapping",
+            },
             Mode::Contradiction => "contradiction",
             Mode::Killed => "killed",
         }

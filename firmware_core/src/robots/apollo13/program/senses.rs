@@ -1,22 +1,26 @@
 //! What the program hears and sees.
 
+use core::time::Duration;
+
 use alloc::vec::Vec;
 
 use protocols::perception::{Marker, Message};
 use protocols::tty::InputMode;
-use protocols::{Decode as _, car_board, odometer};
+use protocols::{Decode as _, Instant, car_board, odometer};
 use rosc::{OscMessage, OscPacket, OscType};
 
 use super::{Apollo13, Board, CAMERA_AHEAD_M, FRONT_AHEAD_M};
 use crate::ackermann::{CarPose, Motion};
-use crate::particles::Beam;
-use crate::pose::Point;
+use crate::particles::Localiser;
 use crate::robots::apollo13::wall::Side;
 
 /// Readings beyond this are none, metres: what the fielded program publishes.
 const ULTRASOUND_MAX_M: f64 = 3.0;
-/// Depths that the camera can measure, metres: defaults of the fielded conversion.
-const DEPTH_M: [f64; 2] = [0.45, 10.0];
+/// Scans are entered into the floor no oftener; the fielded costmap did it each 200 ms.
+const SEE_EVERY: Duration = Duration::from_millis(100);
+/// Where the ultrasonic sensor ahead hears nothing up to here, columns without a depth are open
+/// floor, metres.
+const OPEN_M: f64 = 0.60;
 
 impl Apollo13 {
     pub(super) fn hear_board(&mut self, bytes: &[u8]) {
@@ -77,7 +81,7 @@ impl Apollo13 {
         }
         if let (Some(range_m), true) = (self.ultrasound_m[0], readings.front_cm > 0) {
             let sensor = self.pose().shifted(FRONT_AHEAD_M);
-            self.floor.hear(sensor, range_m);
+            self.floor.hear(self.now, sensor, range_m);
         }
         self.steer_along_wall(readings);
     }
@@ -112,6 +116,11 @@ impl Apollo13 {
                 Some(reading) => {
                     self.counters.lines += 1;
                     let before = self.pose();
+                    // Its clock falls back when it is reset.
+                    if reading.time_s < self.odometer_s {
+                        self.odometry.begin_anew();
+                    }
+                    self.odometer_s = reading.time_s;
                     self.odometry.update(reading.distance_m, reading.yaw_rad);
                     self.gates.moved(before, self.pose());
                 }
@@ -123,48 +132,50 @@ impl Apollo13 {
     pub(super) fn see(&mut self, message: &[u8]) {
         match Message::decode(message) {
             Ok(Message::DepthRow(row)) => {
-                let focal = f64::from(row.focal_tenths) / 10.0;
-                let depths: Vec<u16> = row.depths_mm().collect();
-                self.take_scan(&beams(focal, &depths));
+                self.sight.take_row(&row);
+                self.take_sight();
             }
             Ok(Message::Scan(scan)) => {
-                let bearing = |index: usize| {
-                    let urad =
-                        f64::from(scan.first_urad) + f64::from(scan.step_urad) * index as f64;
-                    urad / 1e6
-                };
-                let ranges = scan.ranges_mm().enumerate().filter(|(_, mm)| *mm > 0);
-                let scan: Vec<Beam> = ranges
-                    .map(|(index, mm)| Beam {
-                        bearing_rad: bearing(index),
-                        range_m: f64::from(mm) / 1e3,
-                    })
-                    .collect();
-                self.take_scan(&scan);
+                self.sight.take_scan(&scan);
+                self.take_sight();
             }
             Ok(Message::Marker(marker)) => self.take_marker(marker),
             Err(_) => self.counters.bad_messages += 1,
         }
     }
 
-    fn take_scan(&mut self, beams: &[Beam]) {
+    /// What the camera saw: where the car is, and what is in the way.
+    fn take_sight(&mut self) {
         self.counters.scans += 1;
+        self.sight.put_points(CAMERA_AHEAD_M, &mut self.scan);
+        if self.survey.is_some() {
+            return self.survey_sight();
+        }
+        let at = self.odometry.pose();
+        let is_due = |localiser: &Localiser| localiser.is_due(at);
+        let is_new = self.localiser.as_ref().is_some_and(is_due);
+        let is_old = |seen: Instant| self.now - seen >= SEE_EVERY;
+        let is_to_be_entered = self.seen.is_none_or(is_old);
+        if !is_new && !is_to_be_entered {
+            return;
+        }
+        let beams = self.sight.beams(self.is_open_ahead());
         if let Some(localiser) = &mut self.localiser
-            && localiser.update(self.odometry.pose(), beams)
+            && localiser.update(at, &beams)
         {
             let pose = localiser.estimate().pose;
             self.move_origin(pose);
         }
-        let camera = self.pose().shifted(CAMERA_AHEAD_M);
-        self.floor.see(camera, beams);
-        let point = |beam: &Beam| {
-            let (sin, cos) = libm::sincos(beam.bearing_rad);
-            let along = [CAMERA_AHEAD_M + beam.range_m * cos, beam.range_m * sin];
-            #[expect(clippy::cast_possible_truncation, reason = "an observer needs 24 bits")]
-            let [x_mm, y_mm] = along.map(|m| (m * 1_000.0) as f32);
-            Point::new(x_mm, y_mm)
-        };
-        self.scan = beams.iter().map(point).collect();
+        if is_to_be_entered {
+            self.seen = Some(self.now);
+            let camera = self.pose().shifted(CAMERA_AHEAD_M);
+            self.floor.see(camera, &beams);
+        }
+    }
+
+    /// What is nearer than the camera sees is no open floor.
+    pub(super) fn is_open_ahead(&self) -> bool {
+        self.ultrasound_m[0].is_none_or(|range_m| range_m > OPEN_M)
     }
 
     fn take_marker(&mut self, marker: Marker) {
@@ -175,7 +186,13 @@ impl Apollo13 {
             left_m: -right,
             turn_rad: 0.0,
         });
-        self.gates.see(marker.id.into(), [place.x_m, place.y_m]);
+        let id = marker.id.into();
+        self.gates.see(id, [place.x_m, place.y_m]);
+        // What holds it may be lower than the camera.
+        let stands = self.gates.markers().find(|(other, _)| *other == id);
+        if let Some((_, place)) = stands {
+            self.floor.stand(self.now, place);
+        }
     }
 
     pub(super) fn hear_phone(&mut self, packet: &[u8]) {
@@ -246,25 +263,4 @@ fn number(value: &OscType) -> Option<f32> {
         OscType::Bool(value) => Some(f32::from(u8::from(*value))),
         _ => None,
     }
-}
-
-/// The beams of a row of depths: column by column, the nearest of those in the same direction.
-fn beams(focal: f64, depths_mm: &[u16]) -> Vec<Beam> {
-    if focal <= 0.0 {
-        return Vec::new();
-    }
-    let middle = (depths_mm.len() as f64 - 1.0) / 2.0;
-    let columns = depths_mm.iter().enumerate().filter(|(_, mm)| **mm > 0);
-    let beam = |(column, mm): (usize, &u16)| {
-        let depth = f64::from(*mm) / 1e3;
-        let right = (column as f64 - middle) * depth / focal;
-        Beam {
-            bearing_rad: libm::atan2(-right, depth),
-            range_m: libm::hypot(depth, right),
-        }
-    };
-    let beams = columns.map(beam);
-    beams
-        .filter(|beam| (DEPTH_M[0]..=DEPTH_M[1]).contains(&beam.range_m))
-        .collect()
 }
