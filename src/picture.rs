@@ -11,6 +11,8 @@ use std::fs::File;
 use std::io::{self, BufRead, BufReader};
 use std::path::Path;
 
+use crate::whole_file;
+
 mod png;
 mod pnm;
 
@@ -141,7 +143,9 @@ impl Picture {
     /// # Errors
     /// If the file cannot be written, or the picture has no pixel.
     pub fn write_png(&self, path: &Path) -> io::Result<()> {
-        png::write(self, File::create(path)?)
+        let mut bytes = Vec::new();
+        png::write(self, &mut bytes)?;
+        whole_file::write(path, bytes)
     }
 }
 

@@ -1,5 +1,6 @@
 //! The command line as a user meets it: exit codes, messages, files.
 
+mod anywhere;
 mod bugs;
 mod campaign;
 mod campaign_against;
@@ -10,11 +11,13 @@ mod decode;
 mod errors;
 mod fidelity;
 mod fuzz;
+mod json;
 mod mutated;
 mod results;
 mod robots;
 mod schema;
 mod shrink;
+mod verbs;
 mod wireshark;
 
 #[path = "../support/captures.rs"]
