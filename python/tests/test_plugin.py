@@ -81,7 +81,7 @@ def test_a_failing_test_keeps_its_folder_and_says_how_to_repeat_it(inner, pytest
 
 JUDGED = """
 def test_the_program_is_judged(rig):
-    result = rig.run("exec sleep 600", "robot.toml")
+    result = rig.run("exec sleep 600", "robot.toml", options=["--exec-wait", "1s"])
     result.assert_passed()
 """
 

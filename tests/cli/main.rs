@@ -8,6 +8,7 @@ mod campaign_folder;
 mod campaign_store;
 mod cookbook;
 mod decode;
+mod docs;
 mod errors;
 mod fidelity;
 mod fuzz;

@@ -28,6 +28,11 @@ const fn verb(name: &'static str, line: &'static str) -> Verb {
 }
 
 impl Verb {
+    /// It fails a check.
+    const fn fails(self) -> Self {
+        Self { code: 1, ..self }
+    }
+
     /// It writes nothing but to its standard output.
     const fn reads_only(self) -> Self {
         Self {
@@ -42,7 +47,8 @@ pub(crate) const VERBS: [Verb; 24] = [
     verb("demo", "demo --out o/demo"),
     verb("run", "run s.toml --out o/run --junit o/junit.xml"),
     verb("new", "new o/new"),
-    verb("up", "up s.toml --dir ports --out o/up --duration 200ms"),
+    // Nobody used its ports, and that is judged.
+    verb("up", "up s.toml --dir ports --out o/up --duration 200ms").fails(),
     verb("dut", "dut --dir live --duration 200ms").reads_only(),
     verb("fault", "fault --dir live list").reads_only(),
     verb("ui", "ui s.toml --duration 200ms --save o/ui.toml"),
@@ -84,7 +90,7 @@ robot = "rescue"
 duration = "3s"
 
 [mission]
-start_mode = "exploration"
+waypoints_m = [[2.0, 2.0]]
 
 [world]
 start = { x_m = 1.0, y_m = 1.0, heading_deg = 90 }
@@ -106,12 +112,12 @@ impl Bench {
         let session = Session::new(name);
         session.write("s.toml", SHORT);
         // Nobody drives there in 300 ms.
-        let bad = SHORT.replace("\"3s\"", "\"300ms\"").replace(
-            "start_mode = \"exploration\"",
-            "waypoints_m = [[2.0, 2.0]]\n\n[expect]\nvisit_within_mm = 100",
-        );
+        let bad = SHORT.replace("\"3s\"", "\"300ms\"");
+        let bad = format!("{bad}\n[expect]\nvisit_within_mm = 100\n");
         session.write("bad.toml", &bad);
-        session.write("long.toml", &SHORT.replace("\"3s\"", "\"6h\""));
+        let long = SHORT.replace("\"3s\"", "\"6h\"");
+        let long = long.replace("[mission]", "[mission]\nto_the_end = true");
+        session.write("long.toml", &long);
         session.write("dump", "bytes of nobody");
         std::fs::create_dir(session.path("o")).expect("can be made");
         let made = session.hilrig(&["run", "s.toml", "--out", "base"]);

@@ -20,7 +20,6 @@ import hashlib
 import re
 import shlex
 import shutil
-import tempfile
 from pathlib import Path
 from typing import Any, Dict, Generator, List, Optional, Sequence, Tuple
 
@@ -68,13 +67,13 @@ class RigFactory:
         self._request = request
         self._rigs: List[Rig] = []
         self._seeds: List[int] = []
-        #: Result folders of ``run``: where they are until the test ends, and where they are kept.
-        self._folders: List[Tuple[Path, Path]] = []
+        #: Result folders, gone after a test that passes.
+        self._folders: List[Path] = []
 
     def __call__(self, scenario: Optional[PathLike] = None, **settings: Any) -> Rig:
         """Starts a rig: of the scenario, or that of the marker. ``settings`` are those of ``Rig``."""
         path, settings = self._settings(scenario, settings)
-        rig = Rig(path, **settings)
+        rig = Rig(path, out=self._folder(), **settings)
         self._rigs.append(rig)
         self._seeds.append(rig.seed)
         return rig
@@ -83,9 +82,7 @@ class RigFactory:
         """Runs and judges a program, see ``hilrig.run``; in the folder of the test's file."""
         path, settings = self._settings(scenario, settings)
         settings.setdefault("cwd", Path(self._request.node.path).parent)
-        work = Path(tempfile.mkdtemp(prefix="hilrig-"))
-        self._folders.append((work, self.kept(len(self._folders))))
-        result = run(path, program, out=work / "out", **settings)
+        result = run(path, program, out=self._folder(), **settings)
         runs = result.raw["result"]["runs"]
         self._seeds.extend(int(one["seed"]) for one in runs if one["seed"] is not None)
         return result
@@ -114,20 +111,22 @@ class RigFactory:
         beside = Path(self._request.node.path).parent / path
         return (beside if beside.exists() else Path(path)), settings
 
-    def kept(self, index: int) -> Path:
-        """Where the result folder number ``index`` of this test is kept if the test fails."""
+    def _folder(self) -> Path:
+        """The next result folder of this test: named as the test, empty."""
         node = self._request.node.nodeid
         name = re.sub(r"[^A-Za-z0-9_.-]+", "-", node.rsplit("/", 1)[-1]).strip("-")[:80]
         # Names of parameters may be the same without their signs.
         name += "-" + hashlib.sha256(node.encode()).hexdigest()[:6]
-        name += f"-{index}" if index else ""
+        name += f"-{len(self._folders)}" if self._folders else ""
         config = self._request.config
-        return Path(config.rootpath) / str(config.getoption("--hilrig-keep")) / name
+        folder = Path(config.rootpath) / str(config.getoption("--hilrig-keep")) / name
+        shutil.rmtree(folder, ignore_errors=True)
+        self._folders.append(folder)
+        return folder
 
     def story(self) -> str:
         """What a failed test's report says: results, and the one command that repeats it."""
-        folders = [self.kept(index) for index in range(len(self._rigs) + len(self._folders))]
-        lines = [f"results: {folder}" for folder in folders]
+        lines = [f"results: {folder}" for folder in self._folders]
         config = self._request.config
         words = ["python", "-m", "pytest", self._request.node.nodeid]
         if len(set(self._seeds)) == 1:
@@ -140,25 +139,26 @@ class RigFactory:
 
     @property
     def was_used(self) -> bool:
-        return bool(self._rigs or self._folders)
+        return bool(self._folders)
 
     def close(self, failed: bool) -> None:
-        """Ends all rigs; keeps what they leave if the test failed."""
+        """Ends all rigs; what they leave stays if the test failed."""
         errors: List[str] = []
-        for index, rig in enumerate(self._rigs, start=len(self._folders)):
+        for rig in self._rigs:
             try:
                 if failed:
-                    rig.keep(self.kept(index))
+                    rig.keep_log()
             except (OSError, RuntimeError) as error:
                 errors.append(str(error))
             finally:
                 rig.close()
-        for work, kept in self._folders:
-            if failed and (work / "out").is_dir():
-                shutil.rmtree(kept, ignore_errors=True)
-                kept.parent.mkdir(parents=True, exist_ok=True)
-                shutil.move(str(work / "out"), str(kept))
-            shutil.rmtree(work, ignore_errors=True)
+        for folder in [] if failed else self._folders:
+            shutil.rmtree(folder, ignore_errors=True)
+            for above in (folder.parent, folder.parent.parent):
+                try:
+                    above.rmdir()
+                except OSError:
+                    break  # Something else is in it.
         if errors:
             raise RigError("; ".join(errors))
 

@@ -7,6 +7,10 @@ from pathlib import Path
 from typing import Any, Dict, List, Mapping, Optional
 
 
+#: Lines of a program's words that are shown.
+LINES = 10
+
+
 @dataclass(frozen=True)
 class Check:
     """One verdict."""
@@ -18,7 +22,7 @@ class Check:
     detail: str
 
     def __str__(self) -> str:
-        return f"{self.status.upper() if self.status == 'fail' else self.status} {self.name}: {self.detail}"
+        return f"{self.status} {self.name}: {self.detail}"
 
     @classmethod
     def of(cls, table: Mapping[str, Any]) -> "Check":
@@ -58,4 +62,8 @@ class Result:
         lines += [f"  {check}" for check in self.failures]
         if self.folder is not None:
             lines.append(f"  report: {self.folder / 'report.html'}")
+            words = self.folder / "program.log"
+            if not self.passed and words.is_file():
+                last = words.read_text(encoding="utf-8", errors="replace").splitlines()[-LINES:]
+                lines += ["  the program's last words:"] + [f"  | {line}" for line in last]
         return "\n".join(lines)

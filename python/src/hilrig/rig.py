@@ -73,7 +73,6 @@ class Rig:
         self.dir = self._work / "ports"
         #: Result folder; written when the rig ends.
         self.out = Path(out) if out is not None else self._work / "out"
-        self._keeps = out is not None
         self._result: Optional[Result] = None
         words = [self._binary, "up", os.fspath(scenario), "--dir", str(self.dir)]
         words += ["--out", str(self.out), "--until-eof", "--json", *options]
@@ -199,16 +198,10 @@ class Rig:
             raise RigError(f"hilrig does not end:\n{self.log()}") from error
         return _result(said, self.log())
 
-    def keep(self, folder: PathLike) -> Path:
-        """Moves the result folder and the log to ``folder``, in the place of what is there."""
+    def keep_log(self) -> None:
+        """Puts what the rig said into the result folder."""
         self.finish()
-        kept = Path(folder)
-        shutil.rmtree(kept, ignore_errors=True)
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        shutil.move(str(self.out), str(kept))
-        shutil.copyfile(self._work / "hilrig.log", kept / "hilrig.log")
-        self.out, self._keeps = kept, True
-        return kept
+        shutil.copyfile(self._work / "hilrig.log", self.out / "hilrig.log")
 
     def close(self) -> None:
         """Ends the run if it goes on, and removes its directory; a folder of one's own stays."""
