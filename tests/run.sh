@@ -97,6 +97,9 @@ built=$(realpath "$target")/debug
 CARGO_TARGET_DIR=$(realpath "$target") HILRIG=$built/hilrig TELEMETRY=$built/examples/telemetry \
     bash tests/lidar_clients/run.sh
 
+step "the package for Python, and the programs of the docs"
+CARGO_TARGET_DIR=$(realpath "$target") HILRIG=$built/hilrig bash python/run.sh
+
 step "demo"
 # Without the page and MCAP, which have no part in it and take two minutes to compile.
 cargo run --locked --release --no-default-features -- demo --out target/demo/release

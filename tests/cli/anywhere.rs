@@ -1,14 +1,14 @@
 //! Every command where it is not comfortable: a reader that goes, a full disk, a folder that cannot
 //! be written, Ctrl-C. None may panic or leave half a file, and each says in a line what is wrong.
 
+use core::time::Duration;
 use std::io::Read as _;
 use std::process::{Child, Output, Stdio};
-use std::time::Duration;
 
 use rustix::process::{Pid, Signal, kill_process};
 
 use super::text;
-use super::verbs::{Bench, VERBS};
+use super::verbs::{Bench, VERBS, wait};
 
 /// What the command said of errors; it must not have panicked.
 fn complaints(line: &str, stderr: &[u8]) -> Vec<String> {
@@ -170,7 +170,7 @@ fn ctrl_c_ends_each_with_whole_files() {
             bench.wait_for(begun);
         }
         // Some of its work: what is too early for a signal handler ends the process at once.
-        std::thread::sleep(Duration::from_millis(300));
+        wait(Duration::from_millis(300));
         let output = interrupted(child);
         assert_eq!(
             output.status.code(),

@@ -1,8 +1,10 @@
 //! Every command once, small: what it is called with, and what it leaves in the folder `o`.
 
+use core::time::Duration;
 use std::path::Path;
 use std::process::{Child, ChildStdin, Command, Stdio};
-use std::time::Duration;
+
+use hilrig::realtime::clock::{Clock as _, WallClock};
 
 use super::Session;
 
@@ -142,7 +144,7 @@ impl Bench {
             if path.exists() {
                 return;
             }
-            std::thread::sleep(Duration::from_millis(10));
+            wait(Duration::from_millis(10));
         }
         panic!("{name} never came");
     }
@@ -178,6 +180,12 @@ impl Drop for Bench {
             assert!(!self.session.path("live/lidar").exists());
         }
     }
+}
+
+/// Waits by the one clock that may.
+pub(crate) fn wait(span: Duration) {
+    let clock = WallClock::start();
+    clock.sleep_until(clock.now() + span);
 }
 
 fn command(session: &Session, line: &str) -> Command {
