@@ -11,8 +11,6 @@ use std::fs::File;
 use std::io::{self, BufRead, BufReader};
 use std::path::Path;
 
-use crate::whole_file;
-
 mod png;
 mod pnm;
 
@@ -143,9 +141,17 @@ impl Picture {
     /// # Errors
     /// If the file cannot be written, or the picture has no pixel.
     pub fn write_png(&self, path: &Path) -> io::Result<()> {
+        std::fs::write(path, self.png()?)
+    }
+
+    /// The bytes of a PNG file.
+    ///
+    /// # Errors
+    /// If the picture has no pixel.
+    pub fn png(&self) -> io::Result<Vec<u8>> {
         let mut bytes = Vec::new();
         png::write(self, &mut bytes)?;
-        whole_file::write(path, bytes)
+        Ok(bytes)
     }
 }
 

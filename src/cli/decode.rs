@@ -140,7 +140,7 @@ fn line(args: &DecodeArgs, lane: &Lane, lanes: &[Lane]) -> LineDecoded {
         name: lane.name.clone(),
         bytes: lane.bytes.len() as u64,
         protocol: codec.map(|codec| codec.name().to_owned()),
-        framed: codec.map_or(0, |codec| codec.framed(&lane.bytes) as u64),
+        framed: codec.map_or(0, |codec| codec.framed(&lane.bytes)),
         figures: codec.and_then(|codec| codec.figures(&lane.bytes)),
         damages: damages.iter().map(ToString::to_string).collect(),
     }

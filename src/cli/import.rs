@@ -60,7 +60,7 @@ pub(super) fn run(args: ImportArgs) -> Result<Verdict, CliError> {
         .map_err(|error| CliError::content(&args.file, error))?;
     imported.notes.iter().for_each(|note| eprintln!("{note}"));
     let out = args.out.display();
-    whole_file::write(&args.out, &imported.to_pcapng(format))
+    whole_file::write(&args.out, imported.to_pcapng(format))
         .map_err(|error| CliError::write(&out, error))?;
     let bytes: usize = imported
         .records()

@@ -7,6 +7,7 @@ use super::{CliError, Verdict, out};
 use crate::show::folder::FolderError;
 use crate::slam::map::diff::{Difference, Reach, diff, picture};
 use crate::slam::map::{CellState, RosMap};
+use crate::whole_file;
 
 /// Compare maps.
 #[derive(Debug, Args)]
@@ -78,7 +79,8 @@ pub(super) fn run(args: MapArgs) -> Result<Verdict, CliError> {
     });
     if let Some(path) = &args.picture {
         let image = picture(&first, &second, &found);
-        image.write_png(path).map_err(|source| FolderError {
+        let written = image.png().and_then(|png| whole_file::write(path, png));
+        written.map_err(|source| FolderError {
             path: path.clone(),
             source,
         })?;

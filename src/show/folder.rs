@@ -76,7 +76,8 @@ impl<'a> Folder<'a> {
     /// Writes a picture as PNG.
     pub(crate) fn picture(&self, name: &str, picture: &Picture) -> Result<(), FolderError> {
         let path = self.0.join(name);
-        picture.write_png(&path).map_err(failed(&path))
+        let written = picture.png().and_then(|png| whole_file::write(&path, png));
+        written.map_err(failed(&path))
     }
 }
 
