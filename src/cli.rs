@@ -3,9 +3,11 @@
 #[macro_use]
 mod out;
 
+mod answer;
 mod bugs;
 mod campaign;
 mod case;
+mod completions;
 mod decode;
 mod demo;
 mod dut;
@@ -16,9 +18,12 @@ mod fault;
 mod fidelity;
 mod fuzz;
 mod import;
+mod man;
 mod map;
+mod new;
 mod place;
 mod ports;
+mod progress;
 mod record;
 mod replay;
 mod run;
@@ -36,7 +41,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{ArgMatches, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 
 use crate::capture::case::CaseError;
 use crate::capture::replay::{PlaybackError, ReplayError};
@@ -53,7 +58,7 @@ use crate::slam::map::MapError;
 #[derive(Debug, Parser)]
 #[command(
     name = "hilrig",
-    version,
+    version = concat!(env!("CARGO_PKG_VERSION"), env!("HILRIG_BUILD")),
     max_term_width = 100,
     arg_required_else_help = true
 )]
@@ -64,12 +69,17 @@ use crate::slam::map::MapError;
 struct Cli {
     #[command(subcommand)]
     command: Command,
+    /// Print what it came to as one JSON object (see "hilrig schema --output"); what is for people
+    /// goes to standard error
+    #[arg(long, global = true)]
+    json: bool,
 }
 
 #[derive(Debug, Subcommand)]
 enum Command {
     Demo(demo::Demo),
     Run(run::RunArgs),
+    New(new::NewArgs),
     Up(up::Up),
     Dut(dut::DutArgs),
     Fault(fault::FaultArgs),
@@ -90,6 +100,8 @@ enum Command {
     Map(map::MapArgs),
     Schema(schema::SchemaArgs),
     Wireshark(wireshark::Wireshark),
+    Completions(completions::CompletionsArgs),
+    Man(man::ManArgs),
 }
 
 /// What a command came to.
@@ -200,10 +212,48 @@ fn read(path: &Path) -> Result<Vec<u8>, CliError> {
 
 /// Runs the command that the process was started with.
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
-    let result = match cli.command {
+    let matches = Cli::command().get_matches();
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    out::begin(cli.json);
+    let result = perform(cli.command);
+    if let Err(error) = &result {
+        eprintln!("error: {error}");
+    }
+    let exit_code = match &result {
+        Ok(Verdict::Pass) => 0,
+        Ok(Verdict::Fail) => 1,
+        Ok(Verdict::NotJudged) => 3,
+        Ok(Verdict::Interrupted(signal)) => 128 + signal,
+        Err(_) => 2,
+    };
+    match out::is_json() {
+        true => print_document(&matches, &result, exit_code),
+        false => ExitCode::from(exit_code),
+    }
+}
+
+/// Prints the object of `--json`; an output that cannot be written is an error of its own.
+fn print_document(
+    matches: &ArgMatches,
+    result: &Result<Verdict, CliError>,
+    exit_code: u8,
+) -> ExitCode {
+    let command = matches.subcommand_name().unwrap_or_default();
+    let document = answer::document(command, result, exit_code, out::take_answer());
+    match out::write_all(format!("{document:#}\n").as_bytes()) {
+        Ok(()) => ExitCode::from(exit_code),
+        Err(error) => {
+            eprintln!("error: cannot write to standard output: {error}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn perform(command: Command) -> Result<Verdict, CliError> {
+    match command {
         Command::Demo(args) => demo::run(args),
         Command::Run(args) => run::run(args),
+        Command::New(args) => new::run(&args),
         Command::Up(args) => up::run(args),
         Command::Dut(args) => dut::run(args),
         Command::Fault(args) => fault::run(&args),
@@ -224,16 +274,8 @@ pub fn main() -> ExitCode {
         Command::Map(args) => map::run(args),
         Command::Schema(args) => schema::run(&args),
         Command::Wireshark(args) => wireshark::run(args),
-    };
-    match result {
-        Ok(Verdict::Pass) => ExitCode::SUCCESS,
-        Ok(Verdict::Fail) => ExitCode::from(1),
-        Ok(Verdict::NotJudged) => ExitCode::from(3),
-        Ok(Verdict::Interrupted(signal)) => ExitCode::from(128 + signal),
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::from(2)
-        }
+        Command::Completions(args) => completions::run(&args),
+        Command::Man(args) => man::run(&args),
     }
 }
 

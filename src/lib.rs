@@ -41,6 +41,7 @@ pub mod scenario;
 pub mod search;
 pub mod show;
 pub mod slam;
+mod whole_file;
 
 pub use registry::NameTaken;
 /// The crates below, so that another crate needs this one alone; see the [`prelude`].

@@ -141,7 +141,17 @@ impl Picture {
     /// # Errors
     /// If the file cannot be written, or the picture has no pixel.
     pub fn write_png(&self, path: &Path) -> io::Result<()> {
-        png::write(self, File::create(path)?)
+        std::fs::write(path, self.png()?)
+    }
+
+    /// The bytes of a PNG file.
+    ///
+    /// # Errors
+    /// If the picture has no pixel.
+    pub fn png(&self) -> io::Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        png::write(self, &mut bytes)?;
+        Ok(bytes)
     }
 }
 

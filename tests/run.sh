@@ -108,6 +108,9 @@ CARGO_TARGET_DIR=$(realpath "$target") bash tests/simavr/run.sh
 step "the model car, driven by what pip and Debian give"
 CARGO_TARGET_DIR=$(realpath "$target") HILRIG=$built/hilrig bash tests/osc_clients/run.sh
 
+step "the package for Python, and the programs of the docs"
+CARGO_TARGET_DIR=$(realpath "$target") HILRIG=$built/hilrig bash python/run.sh
+
 step "demo"
 # Without the page and MCAP, which have no part in it and take two minutes to compile.
 cargo run --locked --release --no-default-features -- demo --out target/demo/release

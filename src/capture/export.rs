@@ -22,6 +22,7 @@ use crate::run::LOOK_EVERY;
 use crate::scenario::{Scenario, Source};
 use crate::show::folder;
 use crate::show::render;
+use crate::whole_file;
 
 pub(crate) use carmen::Laser;
 
@@ -168,7 +169,7 @@ impl Export<'_> {
             }
             Format::RosMap => self.map(path)?,
         };
-        std::fs::write(path, bytes)
+        whole_file::write(path, bytes)
             .map_err(|error| ExportError::File(path.to_owned(), error.to_string()))?;
         Ok(words)
     }
@@ -181,7 +182,7 @@ impl Export<'_> {
         let picture = path.with_extension("pgm");
         let name = picture.file_name().unwrap_or_default().to_string_lossy();
         let text = render::ros_yaml(map, &name);
-        std::fs::write(&picture, render::ros_image(map).pgm())
+        whole_file::write(&picture, render::ros_image(map).pgm())
             .map_err(|error| ExportError::File(picture.clone(), error.to_string()))?;
         let words = format!("{} x {} cells, picture {name}", map.width(), map.height());
         Ok((text.into_bytes(), words))

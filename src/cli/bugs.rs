@@ -6,7 +6,7 @@ use clap::Args;
 use protocols::Instant;
 use serde_json::{Value, json};
 
-use super::{CliError, Verdict};
+use super::{CliError, Verdict, answer, out, progress};
 use crate::museum::{self, Bug, Live, Observation, Reproduction, Variant, Wing};
 use crate::realtime::clock::{Clock, WallClock};
 
@@ -28,14 +28,10 @@ pub(super) struct Bugs {
     /// Reproduce all that can be, one line each
     #[arg(long, conflicts_with = "ids")]
     all: bool,
-    /// As JSON
-    #[arg(long)]
-    json: bool,
 }
 
 pub(super) fn run(args: Bugs) -> Result<Verdict, CliError> {
-    let mut out = io::stdout().lock();
-    match print(&args, &mut out) {
+    match print(&args, &mut io::stdout().lock()) {
         Err(Failure::Usage(text)) => Err(CliError::Usage(text)),
         // Whoever reads has seen enough, e.g. "head".
         Err(Failure::Output(error)) if error.kind() == io::ErrorKind::BrokenPipe => {
@@ -57,39 +53,44 @@ impl From<io::Error> for Failure {
     }
 }
 
-fn print(args: &Bugs, out: &mut dyn Write) -> Result<Verdict, Failure> {
+fn print(args: &Bugs, to: &mut dyn Write) -> Result<Verdict, Failure> {
     if args.ids.is_empty() && !args.all {
-        list(args.json, out)?;
+        if out::is_json() {
+            let bugs = museum::catalogue().map(row).collect();
+            out::answer(&answer::Bugs { bugs });
+            return Ok(Verdict::Pass);
+        }
+        list(to)?;
         return Ok(Verdict::Pass);
     }
     let wanted = wanted(args)?;
     let mut progress = Progress::new(wanted.len());
-    let mut shown = Vec::new();
+    let mut bugs = Vec::new();
     let mut bad = 0;
     for bug in &wanted {
         progress.begun += 1;
         let reproduction = bug.reproduce_telling(|variant| progress.print(bug, variant));
         let Some(reproduction) = reproduction else {
-            if args.all && !args.json {
-                not_live(bug, out)?;
+            if args.all && !out::is_json() {
+                not_live(bug, to)?;
             }
             continue;
         };
         bad += usize::from(!reproduction.holds());
-        if args.json {
-            shown.push(as_json(bug, &reproduction));
+        if out::is_json() {
+            bugs.push(as_json(bug, &reproduction));
         } else if args.all {
-            line(bug, &reproduction, out)?;
+            line(bug, &reproduction, to)?;
         } else {
-            page(bug, &reproduction, out)?;
+            page(bug, &reproduction, to)?;
         }
     }
-    if args.json {
-        writeln!(out, "{:#}", Value::from(shown))?;
+    if out::is_json() {
+        out::answer(&answer::Bugs { bugs });
     } else if args.all {
         let live = wanted.iter().filter(|bug| is_live(bug)).count();
         let (all, good) = (wanted.len(), live - bad);
-        writeln!(out, "{all} defects, {live} live: {good} show, {bad} do not")?;
+        writeln!(to, "{all} defects, {live} live: {good} show, {bad} do not")?;
     }
     Ok(if bad == 0 {
         Verdict::Pass
@@ -121,7 +122,7 @@ impl Progress {
 
     fn print(&mut self, bug: &Bug, variant: Variant) {
         let now = self.clock.now();
-        if now - self.said >= PROGRESS {
+        if now - self.said >= PROGRESS && progress::is_watched() {
             self.said = now;
             let (at, all) = (self.begun, self.all);
             eprintln!("{at} of {all}: {}, {}", bug.id, variant.name());
@@ -155,11 +156,7 @@ fn wanted(args: &Bugs) -> Result<Vec<&'static Bug>, Failure> {
     args.ids.iter().map(one).collect()
 }
 
-fn list(json: bool, out: &mut dyn Write) -> io::Result<()> {
-    if json {
-        let rows: Vec<Value> = museum::catalogue().map(row).collect();
-        return writeln!(out, "{:#}", Value::from(rows));
-    }
+fn list(out: &mut dyn Write) -> io::Result<()> {
     for wing in museum::wings() {
         list_wing(wing, out)?;
     }

@@ -8,7 +8,10 @@ use std::thread;
 
 use clap::{Args, Subcommand};
 
+use super::answer::{CampaignEnded, CauseFound};
 use super::exec::ExecArgs;
+use super::out::answer;
+use super::progress;
 use super::stop::Stop;
 use super::{CliError, Verdict};
 use crate::realtime::clock::{Clock, WallClock};
@@ -155,7 +158,17 @@ pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
         .records()
         .filter(|record| record.cause.is_some())
         .count();
-    println!("{} runs, {failed} failed", store.records().count());
+    let runs = store.records().count();
+    println!("{runs} runs, {failed} failed");
+    answer(&CampaignEnded {
+        folder: args.out.display().to_string(),
+        runs: runs as u64,
+        failed: failed as u64,
+        missing: None,
+        trace_hash: None,
+        causes: Vec::new(),
+        never_came_up: Vec::new(),
+    });
     println!("results in {}", args.out.display());
     Ok(if failed == 0 {
         Verdict::Pass
@@ -231,9 +244,11 @@ fn run_all<'a>(
             count += 1;
             failed += usize::from(record.cause.is_some());
             store.add(record, case.as_deref())?;
-            if clock.now() - said >= PROGRESS {
+            if clock.now() - said >= PROGRESS && progress::is_watched() {
                 said = clock.now();
-                eprintln!("  {count} of {} runs, {failed} failed", todo.len());
+                let share = count as f64 / todo.len() as f64;
+                let left = progress::left(said - protocols::Instant::ZERO, share);
+                eprintln!("  {count} of {} runs, {failed} failed{left}", todo.len());
             }
         }
         Ok(count)
@@ -323,11 +338,35 @@ fn report(merged: &Merged, out: &Path, all_situations: bool) -> Verdict {
         all_came_up = false;
     }
     println!("table in {}", out.join("campaign.html").display());
+    answer(&ended(merged, out));
     let all_hold = merged.failed == 0 && merged.missing == 0 && (all_came_up || !all_situations);
     if all_hold {
         Verdict::Pass
     } else {
         Verdict::Fail
+    }
+}
+
+/// As it stands in the output of `--json`.
+fn ended(merged: &Merged, out: &Path) -> CampaignEnded {
+    let exec = merged.plan.exec.as_deref().unwrap_or_default();
+    let repeat = |case: &String| format!("hilrig run {}{exec}", out.join(case).display());
+    let causes = merged.groups.iter().map(|group| CauseFound {
+        cause: group.cause.clone(),
+        detail: group.detail.clone(),
+        runs: group.runs as u64,
+        first: group.first.clone(),
+        repeat: group.case.as_ref().map(repeat),
+    });
+    let never = merged.situations.iter().filter(|count| count.runs == 0);
+    CampaignEnded {
+        folder: out.display().to_string(),
+        runs: merged.runs as u64,
+        failed: merged.failed as u64,
+        missing: Some(merged.missing as u64),
+        trace_hash: Some(merged.trace.clone()),
+        causes: causes.collect(),
+        never_came_up: never.map(|count| count.situation.clone()).collect(),
     }
 }
 

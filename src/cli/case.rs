@@ -2,14 +2,16 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
 
+use super::answer::CaseMade;
 use super::exec::ExecArgs;
 use super::replay::judge_case;
 use super::stop::Stop;
-use super::{CliError, Verdict};
+use super::{CliError, Verdict, out};
 use crate::capture::Section;
 use crate::capture::case::{Case, Judgement};
 use crate::capture::replay::Recorded;
 use crate::scenario::{Source, Span};
+use crate::whole_file;
 
 /// Make regression tests from captures.
 #[derive(Debug, Args)]
@@ -111,7 +113,7 @@ fn decoder_case(args: &From, stem: &str, recorded: &Recorded) -> Result<(Case, S
 }
 
 fn write(path: &Path, text: &str) -> Result<(), CliError> {
-    std::fs::write(path, text).map_err(|error| CliError::write(path.display(), error))
+    whole_file::write(path, text).map_err(|error| CliError::write(path.display(), error))
 }
 
 fn report(args: &From, case: &Case, now: &Judgement) {
@@ -135,7 +137,14 @@ fn report(args: &From, case: &Case, now: &Judgement) {
     }
     println!("today: {now}");
     let (out, exec) = (args.out.display(), args.program.repeat());
-    println!("run it with: hilrig run {out}{exec}");
+    let repeat = format!("hilrig run {out}{exec}");
+    println!("run it with: {repeat}");
+    out::answer(&CaseMade {
+        file: out.to_string(),
+        checks: now.checks.clone(),
+        passes_today: now.passed(),
+        repeat,
+    });
 }
 
 /// A test that runs the case at `path`.

@@ -8,8 +8,9 @@ use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use protocols::Instant;
 
-use super::{CliError, Verdict};
-use crate::capture::decode::diagnose::{Line, diagnose};
+use super::answer::{Decoded, EntryDecoded, LineDecoded};
+use super::{CliError, Verdict, out};
+use crate::capture::decode::diagnose::{Damage, Line, diagnose};
 use crate::capture::decode::transcript::{Entry, Sum, Transcript};
 use crate::codec::{self, Codec};
 use crate::scenario::Span;
@@ -62,6 +63,9 @@ fn codec_parser() -> impl TypedValueParser<Value = &'static Codec> {
 }
 
 pub(super) fn run(args: DecodeArgs) -> Result<Verdict, CliError> {
+    if out::is_json() {
+        return document(&args);
+    }
     let mut out = io::BufWriter::new(io::stdout().lock());
     let told = match args.follow {
         true => follow::follow(&args, &mut out),
@@ -79,6 +83,78 @@ pub(super) fn run(args: DecodeArgs) -> Result<Verdict, CliError> {
     // What is left of it must not be written when the writer goes: the reader may be gone.
     drop(out.into_parts());
     Ok(Verdict::Pass)
+}
+
+/// All of a file as one object, for `--json`.
+fn document(args: &DecodeArgs) -> Result<Verdict, CliError> {
+    if args.follow {
+        let error = "--follow: has no end at which --json could print, expected one of them";
+        return Err(CliError::Usage(error.to_owned()));
+    }
+    let source = Source::read(&args.file)?;
+    source.check_link(args.link.as_deref(), &args.file)?;
+    let mut decoded = Decoded::default();
+    if !args.summary && !args.diagnose {
+        decoded.entries = entries(args, &source);
+    }
+    let lanes = lanes(&source.capture, |name| is_wanted(args, name));
+    decoded.lines = lanes.iter().map(|lane| line(args, lane, &lanes)).collect();
+    out::answer(&decoded);
+    Ok(Verdict::Pass)
+}
+
+fn is_wanted(args: &DecodeArgs, link: &str) -> bool {
+    args.link.as_ref().is_none_or(|wanted| link == wanted)
+}
+
+/// What passed the lines.
+fn entries(args: &DecodeArgs, source: &Source) -> Vec<EntryDecoded> {
+    let links = &source.capture.links;
+    let mut transcript = Transcript::new(protocol(args, source));
+    let mut entries: Vec<Entry> = Vec::new();
+    for record in &source.capture.records {
+        if is_wanted(args, &links[record.link].name) {
+            transcript.record(record, &links[record.link]);
+            entries.extend(transcript.ready(record.at));
+        }
+    }
+    entries.extend(transcript.finish());
+    let decoded = |entry: Entry| EntryDecoded {
+        at_s: source.start.map(|start| (entry.at - start).as_secs_f64()),
+        link: links[entry.link].name.clone(),
+        direction: entry.direction.name().to_owned(),
+        place: entry.place,
+        said: entry.said.to_string(),
+    };
+    entries.into_iter().map(decoded).collect()
+}
+
+/// A line as a whole.
+fn line(args: &DecodeArgs, lane: &Lane, lanes: &[Lane]) -> LineDecoded {
+    let codec = args.protocol.or_else(|| codec::guess(&lane.bytes));
+    let damages = match args.diagnose {
+        true => damages(args, lane, lanes),
+        false => Vec::new(),
+    };
+    LineDecoded {
+        name: lane.name.clone(),
+        bytes: lane.bytes.len() as u64,
+        protocol: codec.map(|codec| codec.name().to_owned()),
+        framed: codec.map_or(0, |codec| codec.framed(&lane.bytes)),
+        figures: codec.and_then(|codec| codec.figures(&lane.bytes)),
+        damages: damages.iter().map(ToString::to_string).collect(),
+    }
+}
+
+/// The protocol of all bytes, if it is one: the one that was named, or that of a dump, of which all
+/// is known, so all of it says what it is.
+fn protocol(args: &DecodeArgs, source: &Source) -> Option<&'static Codec> {
+    let of_dump = || {
+        let dump = source.capture.records.first();
+        let dump = dump.filter(|_| source.start.is_none())?;
+        codec::guess(&dump.bytes)
+    };
+    args.protocol.or_else(of_dump)
 }
 
 enum Failure {
@@ -101,7 +177,7 @@ impl From<CliError> for Failure {
 fn print(args: &DecodeArgs, out: &mut dyn Write) -> Result<(), Failure> {
     let source = Source::read(&args.file)?;
     source.check_link(args.link.as_deref(), &args.file)?;
-    let wanted = |name: &str| args.link.as_ref().is_none_or(|link| link == name);
+    let wanted = |name: &str| is_wanted(args, name);
     if args.diagnose || args.summary {
         let lanes = lanes(&source.capture, wanted);
         return match args.diagnose {
@@ -115,13 +191,7 @@ fn print(args: &DecodeArgs, out: &mut dyn Write) -> Result<(), Failure> {
         .iter()
         .map(|link| &*link.name)
         .collect();
-    let mut protocol = args.protocol;
-    if source.start.is_none() && protocol.is_none() {
-        // Of a dump all is known, so all of it says what it is.
-        let dump = source.capture.records.first();
-        protocol = dump.and_then(|dump| codec::guess(&dump.bytes));
-    }
-    let mut transcript = Transcript::new(protocol);
+    let mut transcript = Transcript::new(protocol(args, &source));
     for record in &source.capture.records {
         let link = &source.capture.links[record.link];
         if wanted(&link.name) {
@@ -194,15 +264,20 @@ fn print_sums(args: &DecodeArgs, lanes: &[Lane], out: &mut dyn Write) -> Result<
     Ok(())
 }
 
+/// What was done to all bytes of a line.
+fn damages(args: &DecodeArgs, lane: &Lane, lanes: &[Lane]) -> Vec<Damage> {
+    let opposite = lanes.iter().find(|other| lane.is_opposite(other));
+    diagnose(&Line {
+        bytes: &lane.bytes,
+        opposite: opposite.map_or(&[], |other| &other.bytes),
+        codec: args.protocol,
+        framing_errors: lane.framing_errors,
+    })
+}
+
 fn print_damages(args: &DecodeArgs, lanes: &[Lane], out: &mut dyn Write) -> Result<(), Failure> {
     for lane in lanes {
-        let opposite = lanes.iter().find(|other| lane.is_opposite(other));
-        let damages = diagnose(&Line {
-            bytes: &lane.bytes,
-            opposite: opposite.map_or(&[], |other| &other.bytes),
-            codec: args.protocol,
-            framing_errors: lane.framing_errors,
-        });
+        let damages = damages(args, lane, lanes);
         let name = &lane.name;
         if damages.is_empty() {
             writeln!(out, "{name}: no systematic damage found")?;

@@ -2,6 +2,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::answer::Runs;
 use super::run::{self, Clocking, Talk};
 use super::stop::Stop;
 use super::{CliError, Verdict, default_out};
@@ -42,5 +43,9 @@ pub(super) fn run(args: Demo) -> Result<Verdict, CliError> {
         Talk::Story,
         &Stop::new(None)?,
     )?;
+    let seed = ran.outcome.seed;
+    let repeat = (!ran.outcome.passed()).then(|| format!("hilrig demo --seed {seed}"));
+    let runs = vec![ran.answer(&out, repeat)];
+    super::out::answer(&Runs { runs });
     Ok(ran.verdict())
 }

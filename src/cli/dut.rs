@@ -1,12 +1,14 @@
 use core::time::Duration;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use protocols::Instant;
 
+use super::answer::DutEnded;
 use super::place::{self, NamedPort};
 use super::stop::Stop;
-use super::{CliError, Verdict};
+use super::{CliError, Verdict, out};
 use crate::realtime::clock::{Clock, WallClock};
 use crate::realtime::standalone::Standalone;
 use crate::realtime::transport::{Note, Serial, Transport};
@@ -103,11 +105,15 @@ fn follow(
             }
         }
     }
-    let mut counters = Vec::new();
-    alone
-        .program()
-        .counters(&mut |name, value| counters.push(format!("{name} {value}")));
-    println!("ran {} s: {}", alone.clock().now(), counters.join(", "));
+    let (mut counters, mut words) = (BTreeMap::new(), Vec::new());
+    alone.program().counters(&mut |name, value| {
+        words.push(format!("{name} {value}"));
+        counters.insert(name.to_owned(), value);
+    });
+    let now = alone.clock().now();
+    println!("ran {now} s: {}", words.join(", "));
+    let ran_s = (now - Instant::ZERO).as_secs_f64();
+    out::answer(&DutEnded { ran_s, counters });
     Ok(Verdict::Pass)
 }
 

@@ -2,7 +2,8 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::{CliError, Verdict};
+use super::answer::Exported;
+use super::{CliError, Verdict, out};
 use crate::capture::export::{Belief, Export, Format, Laser};
 use crate::capture::replay::Recorded;
 use crate::scenario::Span;
@@ -67,6 +68,8 @@ pub(super) fn run(args: ExportArgs) -> Result<Verdict, CliError> {
         .write(format, &args.out)
         .map_err(|error| CliError::content(&file, error))?;
     println!("{words}, written to {out}");
+    let (file, holds) = (out.to_string(), words);
+    out::answer(&Exported { file, holds });
     Ok(Verdict::Pass)
 }
 

@@ -6,7 +6,8 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 use serde_json::{Map, Value};
 
-use super::{CliError, Verdict};
+use super::answer::Faults;
+use super::{CliError, Verdict, out};
 use crate::realtime::control;
 
 /// Add faults to a rig that runs in real time, list them, end them.
@@ -66,6 +67,10 @@ pub(super) fn run(args: &FaultArgs) -> Result<Verdict, CliError> {
         let text = |value: &Value| value.as_str().unwrap_or_default().to_owned();
         return Err(CliError::Usage(format!("{}: {}", text(key), text(message))));
     }
+    out::answer(&Faults {
+        id: answer["id"].as_u64(),
+        faults: answer["faults"].as_array().cloned(),
+    });
     match &args.verb {
         Verb::List => {
             let faults = answer["faults"].as_array();

@@ -4,8 +4,9 @@ use clap::{Args, Subcommand};
 use emulators::xv11::Profile;
 use emulators::xv11::fidelity::{Column, Comparison, Limit, compare, hand_in_box};
 
+use super::answer::{FigureCompared, Figures};
 use super::decode::source::{Lane, Source, lanes};
-use super::{CliError, Verdict};
+use super::{CliError, Verdict, out};
 use crate::codec::{XV11, XV11_TURN};
 
 /// Lay an emulated device beside the real one, figure by figure.
@@ -68,6 +69,9 @@ pub(super) fn run(args: Fidelity) -> Result<Verdict, CliError> {
         _ => ("against", Some(read(&args.against)?)),
     };
     let rows = compare(&real, ours.as_ref().unwrap_or(&Column::default()));
+    out::answer(&Figures {
+        figures: rows.iter().map(compared).collect(),
+    });
     if ours.is_none() {
         for row in &rows {
             println!("{:<40}  {:>10}  {}", row.name, figure(row.real), row.unit);
@@ -122,6 +126,17 @@ fn read(path: &Path) -> Result<Column, CliError> {
         return Err(CliError::content(path, what));
     }
     Ok(column)
+}
+
+fn compared(row: &Comparison) -> FigureCompared {
+    let finite = |value: Option<f64>| value.filter(|value| value.is_finite());
+    FigureCompared {
+        name: row.name.clone(),
+        unit: row.unit.to_owned(),
+        real: finite(row.real),
+        emulated: finite(row.ours),
+        holds: row.holds(),
+    }
 }
 
 fn print_line([name, real, ours, unit, allowed, verdict]: [String; 6]) {

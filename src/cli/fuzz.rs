@@ -9,8 +9,10 @@ use std::thread;
 use clap::Args;
 use protocols::Instant;
 
+use super::answer::{FuzzEnded, TargetFuzzed};
+use super::progress;
 use super::stop::Stop;
-use super::{CliError, Verdict};
+use super::{CliError, Verdict, out};
 use crate::realtime::clock::{Clock, WallClock};
 use crate::run::Run;
 use crate::scenario::{Scenario, Span};
@@ -169,6 +171,11 @@ fn repeat(file: &Path, subjects: &Subjects) -> Result<Verdict, CliError> {
     })?;
     let judged = subject.repeated(&text);
     let judged = judged.map_err(|error| CliError::content(&path, error))?;
+    out::answer(&FuzzEnded {
+        folder: path.display().to_string(),
+        findings: u64::from(judged.is_err()),
+        targets: Vec::new(),
+    });
     match judged {
         Ok(()) => {
             println!("{}: every law holds", subject.name());
@@ -201,15 +208,22 @@ fn look(args: &FuzzArgs, subjects: &Subjects) -> Result<Verdict, CliError> {
         stop: Stop::new(time)?,
         jobs: jobs.map_or(1, NonZeroUsize::get),
     };
-    let mut findings = 0;
+    let mut ended = FuzzEnded {
+        folder: args.out.display().to_string(),
+        ..FuzzEnded::default()
+    };
     for (index, subject) in subjects.iter().enumerate() {
         let left = u32::try_from(subjects.len() - index).expect("a few targets");
         let until = time.map(|time| {
             let now = desk.clock.now();
             now + (Instant::ZERO + time - now) / left
         });
-        findings += desk.fuzz(subject.as_ref(), until)?;
+        let target = desk.fuzz(subject.as_ref(), until)?;
+        ended.findings += target.findings;
+        ended.targets.push(target);
     }
+    let findings = ended.findings;
+    out::answer(&ended);
     println!("{findings} findings, results in {}", args.out.display());
     Ok(if findings == 0 {
         Verdict::Pass
@@ -231,8 +245,12 @@ fn plan(args: &FuzzArgs) -> Result<FuzzPlan, CliError> {
 }
 
 impl FuzzRun<'_> {
-    /// Fuzzes one target; how many causes it came to, earlier runs included.
-    fn fuzz(&mut self, subject: &dyn Subject, until: Option<Instant>) -> Result<usize, CliError> {
+    /// Fuzzes one target; what it came to, earlier runs included.
+    fn fuzz(
+        &mut self,
+        subject: &dyn Subject,
+        until: Option<Instant>,
+    ) -> Result<TargetFuzzed, CliError> {
         let (before, causes) = self.folder.progress(subject.name());
         let mut fuzzer = Fuzzer::new(subject, self.args.seed, before, causes);
         let mut kept = 0;
@@ -259,7 +277,9 @@ impl FuzzRun<'_> {
             }
             if now - said >= PROGRESS {
                 said = now;
-                print(&fuzzer, subject, before, now - begun);
+                if progress::is_watched() {
+                    print(&fuzzer, subject, before, now - begun);
+                }
                 self.folder
                     .save(subject.name(), fuzzer.cases(), fuzzer.causes())?;
             }
@@ -275,7 +295,12 @@ impl FuzzRun<'_> {
             fuzzer.behaviours(),
             fuzzer.causes().len()
         );
-        Ok(fuzzer.causes().len())
+        Ok(TargetFuzzed {
+            name: subject.name().to_owned(),
+            cases: fuzzer.cases(),
+            behaviours: fuzzer.behaviours() as u64,
+            findings: fuzzer.causes().len() as u64,
+        })
     }
 
     /// Writes what a round came to.

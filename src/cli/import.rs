@@ -1,11 +1,12 @@
-use std::io;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{CliError, Verdict};
+use super::answer::Imported;
+use super::{CliError, Verdict, out};
 use crate::capture::import::{self, Format, Options};
 use crate::capture::replay::PlayedSide;
+use crate::whole_file;
 
 /// Turn a dump of another tool into a capture.
 ///
@@ -59,7 +60,7 @@ pub(super) fn run(args: ImportArgs) -> Result<Verdict, CliError> {
         .map_err(|error| CliError::content(&args.file, error))?;
     imported.notes.iter().for_each(|note| eprintln!("{note}"));
     let out = args.out.display();
-    write_whole(&args.out, &imported.to_pcapng(format))
+    whole_file::write(&args.out, imported.to_pcapng(format))
         .map_err(|error| CliError::write(&out, error))?;
     let bytes: usize = imported
         .records()
@@ -68,22 +69,12 @@ pub(super) fn run(args: ImportArgs) -> Result<Verdict, CliError> {
         .sum();
     let (name, records) = (format.name(), imported.records().len());
     println!("{bytes} bytes in {records} records of {name}, written to {out}");
+    out::answer(&Imported {
+        file: out.to_string(),
+        format: name.to_owned(),
+        bytes: bytes as u64,
+        records: records as u64,
+        notes: imported.notes.iter().map(ToString::to_string).collect(),
+    });
     Ok(Verdict::Pass)
-}
-
-/// Writes beside `path` and renames: on a full disk there is the earlier file or none, never a torn
-/// one. What is no plain file, a pipe for one, is written as it is.
-fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    if std::fs::metadata(path).is_ok_and(|there| !there.is_file()) {
-        return std::fs::write(path, bytes);
-    }
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(".part");
-    let part = path.with_file_name(name);
-    let written = std::fs::write(&part, bytes).and_then(|()| std::fs::rename(&part, path));
-    if written.is_err() {
-        // It may be that it could not even be made.
-        let _ = std::fs::remove_file(&part);
-    }
-    written
 }

@@ -2,10 +2,12 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
-use super::{CliError, Verdict};
+use super::answer::MapDifference;
+use super::{CliError, Verdict, out};
 use crate::show::folder::FolderError;
 use crate::slam::map::diff::{Difference, Reach, diff, picture};
 use crate::slam::map::{CellState, RosMap};
+use crate::whole_file;
 
 /// Compare maps.
 #[derive(Debug, Args)]
@@ -66,9 +68,19 @@ pub(super) fn run(args: MapArgs) -> Result<Verdict, CliError> {
         )));
     };
     print(&found);
+    out::answer(&MapDifference {
+        shift_mm: [found.shift.x, found.shift.y].map(|m| m * 1000.0),
+        turn_deg: found.shift.theta.to_degrees(),
+        wall_error_mm: found.wall_error_mm,
+        wall_error_95_mm: found.wall_error_95_mm,
+        first_in_second: found.first_in_second,
+        second_in_first: found.second_in_first,
+        alike: found.alike,
+    });
     if let Some(path) = &args.picture {
         let image = picture(&first, &second, &found);
-        image.write_png(path).map_err(|source| FolderError {
+        let written = image.png().and_then(|png| whole_file::write(path, png));
+        written.map_err(|source| FolderError {
             path: path.clone(),
             source,
         })?;

@@ -1,13 +1,14 @@
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
-use protocols::LineConfig;
+use protocols::{Instant, LineConfig};
 
+use super::answer::{LinkRecorded, RecordEnded};
 use super::place::NamedPort;
 use super::ports::Ports;
 use super::stop::Stop;
-use super::{CliError, Verdict};
-use crate::capture::tap::{CaptureFile, RecordError, Recorder, Wire};
+use super::{CliError, Verdict, out};
+use crate::capture::tap::{CaptureFile, Passed, RecordError, Recorder, Wire};
 use crate::realtime::clock::{Clock, WallClock, utc};
 use crate::scenario::Span;
 
@@ -90,7 +91,7 @@ pub(super) fn run(args: RecordArgs) -> Result<Verdict, CliError> {
         ended = recorder.turn();
     }
     let ended = ended.and_then(|()| Ok(recorder.finish()?));
-    report(&recorder);
+    report(&recorder, &args.out);
     ended.map(|()| Verdict::Pass).map_err(failed)
 }
 
@@ -138,7 +139,22 @@ fn wires(args: &RecordArgs, ports: &mut Ports) -> Result<Vec<Wire>, CliError> {
     Ok(wires)
 }
 
-fn report<C: Clock>(recorder: &Recorder<C>) {
+fn ended<C: Clock>(recorder: &Recorder<C>, file: &Path) -> RecordEnded {
+    let link = |(name, [to_master, to_device]): (&str, [Passed; 2])| LinkRecorded {
+        name: name.to_owned(),
+        bytes_to_master: to_master.read,
+        bytes_to_device: to_device.read,
+        bytes_lost: to_master.lost + to_device.lost,
+    };
+    RecordEnded {
+        file: file.display().to_string(),
+        ran_s: (recorder.clock().now() - Instant::ZERO).as_secs_f64(),
+        links: recorder.reports().map(link).collect(),
+    }
+}
+
+fn report<C: Clock>(recorder: &Recorder<C>, file: &Path) {
+    out::answer(&ended(recorder, file));
     println!("recorded {} s", recorder.clock().now());
     for (name, [to_master, to_device]) in recorder.reports() {
         let (there, back) = (to_master.read, to_device.read);

@@ -9,11 +9,13 @@ use std::thread;
 use clap::Args;
 use protocols::Instant;
 
+use super::answer::ReplayEnded;
 use super::exec::ExecArgs;
 use super::place::{self, NamedPort};
 use super::ports::Ports;
+use super::progress;
 use super::stop::Stop;
-use super::{CliError, Verdict};
+use super::{CliError, Verdict, out};
 use crate::capture::Capture;
 use crate::capture::divergence::Divergence;
 use crate::capture::replay::{
@@ -188,6 +190,15 @@ fn into_program(
         println!("  {check}");
     }
     println!("  trace {}", replayed.trace_hash);
+    let divergence = replayed.divergence().filter(|_| args.expect);
+    out::answer(&ReplayEnded {
+        played_s: ran,
+        bytes_sent: heard as u64,
+        bytes_back: sent as u64,
+        checks: replayed.checks.clone(),
+        divergence: divergence.as_ref().map(ToString::to_string),
+        trace_hash: Some(replayed.trace_hash.clone()),
+    });
     let failed = |check: &Check| check.status == Status::Fail;
     let judged = match replayed.checks.iter().any(failed) {
         true => Verdict::Fail,
@@ -198,7 +209,7 @@ fn into_program(
     }
     let shift = replayed.largest_shift().as_nanos();
     let compared = judge(
-        replayed.divergence().as_ref(),
+        divergence.as_ref(),
         &format!(", at most {shift} ns apart in time"),
     );
     Ok(match compared {
@@ -212,7 +223,7 @@ pub(super) fn play(mut replay: Replay) -> Replayed {
     let (clock, mut said) = (WallClock::start(), Instant::ZERO);
     while !replay.is_over() {
         replay.run_for(Duration::from_millis(200));
-        if clock.now() - said >= PATIENCE {
+        if clock.now() - said >= PATIENCE && progress::is_watched() {
             said = clock.now();
             eprintln!("  {} s replayed", replay.rig().now());
         }
@@ -284,7 +295,7 @@ fn into_ports(args: &ReplayArgs, recorded: &Recorded) -> Result<Verdict, CliErro
         expect: args.expect,
     };
     follow(how, &mut playback, &stop, &mut |_, _| true)?;
-    Ok(report(args, &playback))
+    Ok(report(args, &playback, &[]))
 }
 
 /// How something is played.
@@ -334,18 +345,31 @@ fn follow(
     Ok(())
 }
 
-/// What was played and heard, compared if that is wanted.
-fn report(args: &ReplayArgs, playback: &Playback<WallClock>) -> Verdict {
+/// What was played and heard, compared if that is wanted; `checks` were made of it.
+fn report(args: &ReplayArgs, playback: &Playback<WallClock>, checks: &[Check]) -> Verdict {
     println!("played {} s", playback.now());
     for socket in playback.sockets() {
         let [said, heard] = socket.counts();
         println!("  {}: {said} B sent, {heard} B came back", socket.link());
     }
+    let divergences = playback.sockets().iter().filter_map(Socket::divergence);
+    let first = divergences.min_by_key(|divergence| divergence.at);
+    let first = first.filter(|_| args.expect);
+    let sum = |of: usize| -> u64 {
+        let counts = playback.sockets().iter().map(|one| one.counts()[of]);
+        counts.sum()
+    };
+    out::answer(&ReplayEnded {
+        played_s: (playback.now() - Instant::ZERO).as_secs_f64(),
+        bytes_sent: sum(0),
+        bytes_back: sum(1),
+        checks: checks.to_vec(),
+        divergence: first.as_ref().map(ToString::to_string),
+        trace_hash: None,
+    });
     if !args.expect {
         return Verdict::Pass;
     }
-    let divergences = playback.sockets().iter().filter_map(Socket::divergence);
-    let first = divergences.min_by_key(|divergence| divergence.at);
     judge(first.as_ref(), "")
 }
 

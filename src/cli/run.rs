@@ -7,15 +7,18 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::answer::{RunEnded, Runs};
 use super::ends::EndArgs;
 use super::exec::ExecArgs;
 use super::replay::judge_case;
 use super::show::{Show, ShowArgs};
 use super::stop::Stop;
-use super::{CliError, Verdict, default_out};
+use super::{CliError, Verdict, default_out, out};
 use crate::capture::case::{Case, Judgement};
+use crate::run::check::Status;
 use crate::scenario::{Scenario, ScenarioError, Source};
 use crate::show::folder::{self, FolderError, Suite};
+use crate::whole_file;
 
 use exec::{Placement, judged_exec};
 pub(super) use judged::{Clocking, Ran, Talk, judged_run, write_results};
@@ -56,6 +59,10 @@ pub(super) struct RunArgs {
     dir: Option<PathBuf>,
     #[command(flatten)]
     ends: EndArgs,
+    /// Take it for a SIGTERM when standard input is closed, so that it never outlives whoever
+    /// started it with a pipe there
+    #[arg(long)]
+    until_eof: bool,
     #[command(flatten)]
     show: ShowArgs,
     /// Write the verdicts of all runs as JUnit XML
@@ -75,32 +82,42 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
     check_folders(&args, &files)?;
     let mut show = args.show.start()?;
     let stop = Stop::new(None)?;
+    if args.until_eof {
+        stop.at_end_of_input();
+    }
     let several = files.len() > 1;
-    let mut ended = Vec::new();
+    let (mut ended, mut answers) = (Vec::new(), Runs::default());
     let mut wall = Duration::ZERO;
     for (path, file) in files {
         let file = match file {
             Runnable::Scenario(scenario) => *scenario,
             Runnable::Case(case) => {
-                ended.push(Ended::Case(one_case(&args, &case, &stop)?));
+                let judgement = one_case(&args, &case, &stop)?;
+                answers.runs.push(answer_of(&judgement));
+                ended.push(Ended::Case(judgement));
                 continue;
             }
         };
         let seed = args.seed.unwrap_or(file.0.seed);
-        let ran = one(&args, file, several, &mut show, &stop)?;
+        let out = folder_of(&args, &file.0.name, seed, several);
+        let ran = one(&args, file, &out, &mut show, &stop)?;
         wall += ran.wall;
-        if !ran.outcome.passed() {
-            let (path, exec) = (path.display(), args.program.repeat());
-            eprintln!("repeat with: hilrig run {path} --seed {seed}{exec}");
+        let (path, exec) = (path.display(), args.program.repeat());
+        let repeat = format!("hilrig run {path} --seed {seed}{exec}");
+        let repeat = Some(repeat).filter(|_| !ran.outcome.passed());
+        if let Some(repeat) = &repeat {
+            eprintln!("repeat with: {repeat}");
         }
+        answers.runs.push(ran.answer(&out, repeat));
         ended.push(Ended::Run(Box::new(ran)));
         if stop.signal().is_some() {
             break;
         }
     }
+    out::answer(&answers);
     if let Some(path) = args.junit {
         let text = folder::junit(ended.iter().map(Ended::suite), wall);
-        std::fs::write(&path, text).map_err(|source| FolderError { path, source })?;
+        whole_file::write(&path, text).map_err(|source| FolderError { path, source })?;
     }
     let verdicts: Vec<Verdict> = ended.iter().map(Ended::verdict).collect();
     Ok(match stop.signal() {
@@ -111,38 +128,47 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
     })
 }
 
+/// Where the results of a scenario go.
+fn folder_of(args: &RunArgs, name: &str, seed: u64, several: bool) -> PathBuf {
+    match &args.out {
+        Some(out) if several => out.join(format!("{name}-{seed}")),
+        Some(out) => out.clone(),
+        None => default_out(name, seed),
+    }
+}
+
+/// A case of bytes as it stands in the output of `--json`.
+fn answer_of(judgement: &Judgement) -> RunEnded {
+    RunEnded {
+        name: judgement.name.clone(),
+        seed: None,
+        verdict: Status::of(judgement.passed()),
+        checks: judgement.checks.clone(),
+        metrics: None,
+        trace_hash: None,
+        folder: None,
+        repeat: None,
+    }
+}
+
 /// Runs one scenario, with somebody's program if there is one.
 fn one(
     args: &RunArgs,
     (mut scenario, source): (Scenario, Source),
-    several: bool,
+    out: &Path,
     show: &mut Show,
     stop: &Stop,
 ) -> Result<Ran, CliError> {
     scenario.seed = args.seed.unwrap_or(scenario.seed);
-    let (name, seed) = (&scenario.name, scenario.seed);
-    let out = match &args.out {
-        Some(out) if several => out.join(format!("{name}-{seed}")),
-        Some(out) => out.clone(),
-        None => default_out(name, seed),
-    };
     let Some(foreign) = args.program.foreign() else {
         let pace = match args.realtime {
             true => Clocking::Realtime(show),
             false => Clocking::Virtual,
         };
-        return judged_run(
-            scenario,
-            &source,
-            args.seed,
-            &out,
-            pace,
-            Talk::Verdict,
-            stop,
-        );
+        return judged_run(scenario, &source, args.seed, out, pace, Talk::Verdict, stop);
     };
     let place = Placement {
-        out: &out,
+        out,
         dir: args.dir.as_deref(),
         ends: &args.ends,
         is_shown: args.show.is_wanted(),

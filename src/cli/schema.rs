@@ -1,8 +1,6 @@
-use std::io::{self, Write as _};
-
 use clap::Args;
 
-use super::{CliError, Verdict};
+use super::{CliError, Verdict, answer, out};
 use crate::realtime::control;
 use crate::scenario::schema;
 
@@ -14,7 +12,8 @@ use crate::scenario::schema;
 #[command(after_long_help = "Examples:\n  \
     hilrig schema > scenario.schema.json       # for an editor\n  \
     hilrig schema --markdown                   # the reference, docs/scenario.md\n  \
-    hilrig schema --control                    # requests to the control socket\n\n\
+    hilrig schema --control                    # requests to the control socket\n  \
+    hilrig schema --output                     # what --json prints\n\n\
     Exit codes: 0 printed, 2 the output cannot be written.")]
 pub(super) struct SchemaArgs {
     /// Print the reference for people instead
@@ -23,23 +22,21 @@ pub(super) struct SchemaArgs {
     /// Print the JSON Schema of a request to the control socket, see docs/control.md
     #[arg(long, conflicts_with = "markdown")]
     control: bool,
+    /// Print the JSON Schema of what a command prints with --json
+    #[arg(long, conflicts_with_all = ["markdown", "control"])]
+    output: bool,
 }
 
 pub(super) fn run(args: &SchemaArgs) -> Result<Verdict, CliError> {
-    let schema = match args.control {
-        true => control::json_schema(),
-        false => schema::json_schema(),
+    let schema = match () {
+        () if args.control => control::json_schema(),
+        () if args.output => answer::json_schema(),
+        () => schema::json_schema(),
     };
     let text = if args.markdown {
         schema::reference(&schema)
     } else {
         format!("{schema:#}\n")
     };
-    match io::stdout().write_all(text.as_bytes()) {
-        // Whoever reads no further has what was wanted.
-        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
-            Err(CliError::write("the schema", error))
-        }
-        _ => Ok(Verdict::Pass),
-    }
+    out::write_text("the schema", text.as_bytes())
 }

@@ -4,10 +4,11 @@ use std::process::{Command, Stdio};
 
 use clap::Args;
 
+use super::answer::Shrunk;
 use super::exec::ExecArgs;
 use super::run::{Clocking, Talk, judged_run};
 use super::stop::Stop;
-use super::{CliError, Verdict};
+use super::{CliError, Verdict, out};
 use crate::capture::Capture;
 use crate::realtime::clock::{Clock, WallClock};
 use crate::realtime::exec::Foreign;
@@ -16,6 +17,7 @@ use crate::scenario::{Scenario, Source};
 use crate::search::campaign::{self, Record};
 use crate::search::shrink::{self, Effort, Judged, Repair, Unit};
 use crate::show::folder::FolderError;
+use crate::whole_file;
 
 /// Make a failing case or a capture smaller while it still fails for the same reason.
 ///
@@ -78,7 +80,7 @@ fn cannot_write(path: &Path, source: std::io::Error) -> CliError {
 }
 
 fn put(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
-    fs::write(path, bytes).map_err(|source| cannot_write(path, source))
+    whole_file::write(path, bytes).map_err(|source| cannot_write(path, source))
 }
 
 /// Whether `command` finds `path` bad.
@@ -142,7 +144,15 @@ fn shrink_case(args: &ShrinkArgs) -> Result<Verdict, CliError> {
         faults[1], faults[0]
     );
     let exec = args.program.repeat();
-    println!("repeat with: hilrig run {}{exec}", path.display());
+    let repeat = format!("hilrig run {}{exec}", path.display());
+    println!("repeat with: {repeat}");
+    out::answer(&Shrunk {
+        file: path.display().to_string(),
+        cause: cause.clone(),
+        left: said.to_string(),
+        tries: tries.into(),
+        repeat,
+    });
     Ok(Verdict::Pass)
 }
 
@@ -242,6 +252,14 @@ fn shrink_capture(args: &ShrinkArgs) -> Result<Verdict, CliError> {
     );
     put(&args.out.join("cause.txt"), format!("{said}\n").as_bytes())?;
     println!("{said}");
-    println!("look at it with: hilrig decode {}", path.display());
+    let repeat = format!("hilrig decode {}", path.display());
+    println!("look at it with: {repeat}");
+    out::answer(&Shrunk {
+        file: path.display().to_string(),
+        left: format!("{} of {} frames and stretches", small.len(), units.len()),
+        cause: cause.clone(),
+        tries: effort.spent().into(),
+        repeat,
+    });
     Ok(Verdict::Pass)
 }

@@ -1,11 +1,14 @@
 use core::time::Duration;
-use std::io::{IsTerminal as _, Read as _};
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use firmware_core::slam::{Mode, Settings};
+use protocols::Instant;
 
-use super::{CliError, Verdict};
+use super::answer::Surveyed;
+use super::progress;
+use super::{CliError, Verdict, out};
 use crate::capture::replay::Recorded;
 use crate::realtime::clock::{Clock as _, WallClock};
 use crate::robots;
@@ -82,8 +85,9 @@ pub(super) fn run(args: SlamArgs) -> Result<Verdict, CliError> {
     let of = log.shots.len();
     let result = survey(&log, settings, &clock, &mut |done| {
         let now = clock.now();
-        if now - told_at >= PATIENCE && std::io::stderr().is_terminal() {
-            eprintln!("{done} of {of} scans");
+        if now - told_at >= PATIENCE && progress::is_watched() {
+            let left = progress::left(now - Instant::ZERO, done as f64 / of as f64);
+            eprintln!("{done} of {of} scans{left}");
             told_at = now;
         }
     });
@@ -121,6 +125,16 @@ pub(super) fn run(args: SlamArgs) -> Result<Verdict, CliError> {
         );
     }
     println!("results in {}", dir.display());
+    out::answer(&Surveyed {
+        folder: dir.display().to_string(),
+        scans: scans as u64,
+        skipped: timing.skipped,
+        doubtful: timing.doubtful as u64,
+        ambiguous: timing.ambiguous as u64,
+        cell_mm: cell,
+        scan_median_us: median,
+        scan_longest_us: longest,
+    });
     Ok(Verdict::Pass)
 }
 

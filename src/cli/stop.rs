@@ -34,6 +34,17 @@ impl Stop {
         })
     }
 
+    /// Takes it for a SIGTERM when standard input is closed: when whoever holds its other end is
+    /// gone, by whatever signal. What comes in before that is not looked at.
+    pub(super) fn at_end_of_input(&self) {
+        let signal = Arc::clone(&self.signal);
+        thread::spawn(move || {
+            // Nothing more can come after an error either.
+            let _ = io::copy(&mut io::stdin().lock(), &mut io::sink());
+            signal.store(SIGTERM, Ordering::Relaxed);
+        });
+    }
+
     /// Whether it is time.
     pub(super) fn is_due(&self, now: Instant) -> bool {
         self.signal().is_some() || self.deadline.is_some_and(|at| at <= now)

@@ -5,12 +5,14 @@ use std::sync::Arc;
 use clap::Args;
 use protocols::LineConfig;
 
+use super::answer::UiEnded;
 use super::stop::Stop;
-use super::{CliError, Verdict};
+use super::{CliError, Verdict, out};
 use crate::realtime::clock::{Clock, WallClock};
 use crate::robots;
 use crate::scenario::{Scenario, Span};
 use crate::show::ui::{Hub, Remote, SPEED_MAX, Server, Session};
+use crate::whole_file;
 
 /// Show a run on a page in the browser: see it, steer it, disturb it, save it.
 ///
@@ -119,10 +121,15 @@ fn run_rig(args: &Ui, stop: &Stop) -> Result<(), CliError> {
     let run = session.run();
     if let Some(path) = &args.save {
         let case = run.case_so_far().to_toml();
-        let written = std::fs::write(path, case);
+        let written = whole_file::write(path, case);
         written.map_err(|error| CliError::write(format!("--save {}", path.display()), error))?;
     }
-    println!("ran {} s, trace {}", run.rig.now(), run.rig.trace_hash());
+    let (now, trace_hash) = (run.rig.now(), run.rig.trace_hash());
+    println!("ran {now} s, trace {trace_hash}");
+    out::answer(&UiEnded {
+        ran_s: Some((now - protocols::Instant::ZERO).as_secs_f64()),
+        trace_hash: Some(trace_hash),
+    });
     Ok(())
 }
 
@@ -165,5 +172,7 @@ fn run_remote(args: &Ui, stop: &Stop) -> Result<(), CliError> {
         clock.sleep_until(now + core::time::Duration::from_millis(5));
     }
     println!("{} B heard", remote.view(clock.now()).bytes);
+    let (ran_s, trace_hash) = (None, None);
+    out::answer(&UiEnded { ran_s, trace_hash });
     Ok(())
 }

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use clap::Args;
 use protocols::Instant;
 
+use super::answer::UpEnded;
 use super::ends::{EndArgs, print_table};
 use super::run::{Ran, write_results};
 use super::show::{Show, ShowArgs};
@@ -23,6 +24,7 @@ use crate::run::Run;
 use crate::run::check::Check;
 use crate::scenario::{Scenario, Span};
 use crate::show::folder::FolderError;
+use crate::whole_file;
 
 /// Run a scenario in real time, its links on ports for any program to open.
 ///
@@ -62,6 +64,10 @@ pub(super) struct Up {
     /// End by itself when the scenario is over: its mission, or its time
     #[arg(long)]
     until_over: bool,
+    /// End by itself when standard input is closed, so that it never outlives whoever started it
+    /// with a pipe there
+    #[arg(long)]
+    until_eof: bool,
     /// Offer the PC's end, and leave the scenario's own PC out, even if it has a mission
     #[arg(long)]
     pc: bool,
@@ -94,6 +100,9 @@ pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
         .clone()
         .unwrap_or_else(|| PathBuf::from("hilrig-out").join(format!("{}-ports", scenario.name)));
     let stop = Stop::new(args.duration.map(|duration| duration.0))?;
+    if args.until_eof {
+        stop.at_end_of_input();
+    }
 
     let mut dir = PortDir::open(&dir)?;
     let mut control = Control::open(&dir)?;
@@ -135,6 +144,8 @@ pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
     }
     let changed = control.changes() > 0 || show.has_changed_it();
     leave(&mut going.run, args.case, capture, changed)?;
+    let ran_s = (going.run.rig.now() - Instant::ZERO).as_secs_f64();
+    let mut judged = None;
     let verdict = match &args.out {
         Some(out) => {
             let mut outcome = going.run.judge();
@@ -147,10 +158,19 @@ pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
                 is_doubtful: false,
             };
             ran.doubt(realtime.lateness());
-            write_results(ran, out)?.verdict()
+            let ran = write_results(ran, out)?;
+            judged = Some(ran.answer(out, None));
+            ran.verdict()
         }
         None => Verdict::Pass,
     };
+    let used = realtime.reports().filter(is_used);
+    super::out::answer(&UpEnded {
+        ran_s,
+        used: used.map(|report| report.name).collect(),
+        changed_by_hand: changed,
+        judged,
+    });
     ended.map(|()| verdict)
 }
 
@@ -228,7 +248,7 @@ fn write_case(run: &Run, path: Option<PathBuf>, changed: bool) -> Result<(), Cli
         // What is wrong with the folder shows when the file is written.
         let _ = fs::create_dir_all(folder);
     }
-    fs::write(&path, run.case().to_toml()).map_err(|source| FolderError {
+    whole_file::write(&path, run.case().to_toml()).map_err(|source| FolderError {
         path: path.clone(),
         source,
     })?;

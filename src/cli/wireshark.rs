@@ -1,13 +1,14 @@
 use std::env;
 use std::fs;
-use std::io::{self, Write as _};
 use std::path::PathBuf;
 use std::process::Command;
 
 use clap::Args;
 
-use super::{CliError, Verdict};
+use super::answer::Files;
+use super::{CliError, Verdict, out};
 use crate::capture::wireshark::{FILE_NAME, dissector};
+use crate::whole_file;
 
 /// Give Wireshark a decoder for the robots' protocols.
 ///
@@ -33,12 +34,7 @@ pub(super) struct Wireshark {
 
 pub(super) fn run(args: Wireshark) -> Result<Verdict, CliError> {
     if args.print {
-        match io::stdout().write_all(dissector().as_bytes()) {
-            Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
-                return Err(CliError::write("the file", error));
-            }
-            _ => return Ok(Verdict::Pass),
-        }
+        return out::write_text("the file", dissector().as_bytes());
     }
     let dir = args.dir.or_else(plugin_dir).ok_or_else(|| {
         let expected = "expected --dir DIR, or tshark or HOME to find it by";
@@ -48,13 +44,15 @@ pub(super) fn run(args: Wireshark) -> Result<Verdict, CliError> {
     })?;
     let path = dir.join(FILE_NAME);
     if args.install {
-        let written = fs::create_dir_all(&dir).and_then(|()| fs::write(&path, dissector()));
+        let written = fs::create_dir_all(&dir).and_then(|()| whole_file::write(&path, dissector()));
         written.map_err(|error| CliError::write(format!("--install {}", path.display()), error))?;
         eprintln!("installed; Wireshark and tshark read it when they next start");
     } else {
         eprintln!("put what --print prints here, or let --install do it:");
     }
     println!("{}", path.display());
+    let files = vec![path.display().to_string()];
+    out::answer(&Files { files });
     Ok(Verdict::Pass)
 }
 

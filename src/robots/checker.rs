@@ -1,13 +1,14 @@
 //! What watches a run: the contract of every checker, and the verdict that it comes to.
 
 use emulators::world::Contact;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::axis::Axis;
 use crate::rig::Rig;
 
 /// How a check ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Status {
     /// What was demanded held.
@@ -19,6 +20,14 @@ pub enum Status {
 }
 
 impl Status {
+    /// Whether something held.
+    pub const fn of(holds: bool) -> Self {
+        match holds {
+            true => Self::Pass,
+            false => Self::Fail,
+        }
+    }
+
     /// Four characters for the beginning of a line.
     pub const fn mark(self) -> &'static str {
         match self {
@@ -30,7 +39,7 @@ impl Status {
 }
 
 /// One verdict.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Check {
     /// Stable name in kebab case.
     pub name: String,
@@ -43,10 +52,9 @@ pub struct Check {
 impl Check {
     /// A verdict: `pass` or not.
     pub fn new(name: &str, pass: bool, detail: impl Into<String>) -> Self {
-        let status = if pass { Status::Pass } else { Status::Fail };
         Self {
             name: name.to_owned(),
-            status,
+            status: Status::of(pass),
             detail: detail.into(),
         }
     }

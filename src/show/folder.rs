@@ -19,6 +19,7 @@ use crate::run::check::{Check, Status};
 pub use crate::show::metrics::Metrics;
 use crate::show::render;
 use crate::show::report;
+use crate::whole_file;
 
 /// `result.json`.
 #[derive(Clone, Debug, Serialize)]
@@ -69,13 +70,14 @@ impl<'a> Folder<'a> {
     /// Writes a file.
     pub(crate) fn put(&self, name: &str, bytes: impl AsRef<[u8]>) -> Result<(), FolderError> {
         let path = self.0.join(name);
-        std::fs::write(&path, bytes).map_err(failed(&path))
+        whole_file::write(&path, bytes).map_err(failed(&path))
     }
 
     /// Writes a picture as PNG.
     pub(crate) fn picture(&self, name: &str, picture: &Picture) -> Result<(), FolderError> {
         let path = self.0.join(name);
-        picture.write_png(&path).map_err(failed(&path))
+        let written = picture.png().and_then(|png| whole_file::write(&path, png));
+        written.map_err(failed(&path))
     }
 }
 
@@ -121,11 +123,7 @@ fn result_json(outcome: &Outcome, wall: Duration) -> String {
         version: env!("CARGO_PKG_VERSION"),
         scenario: &outcome.case.name,
         seed: outcome.seed,
-        verdict: if outcome.passed() {
-            Status::Pass
-        } else {
-            Status::Fail
-        },
+        verdict: Status::of(outcome.passed()),
         checks: &outcome.checks,
         metrics: Metrics::of(outcome, wall),
         counters: &outcome.counters,

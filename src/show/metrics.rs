@@ -2,12 +2,13 @@
 
 use core::time::Duration;
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::run::Outcome;
 
 /// Figures of a run.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Metrics {
     /// Virtual time, seconds.
     pub sim_s: f64,

@@ -7,18 +7,17 @@
 //! running. The same case makes the same bytes.
 
 mod data;
+mod faults;
 mod robot;
 mod text;
+mod verdict;
 
 use core::time::Duration;
 
-use crate::TOOL;
 use crate::html::escape;
 use crate::rig::Logged;
 use crate::rig::trace;
 use crate::run::Outcome;
-use crate::run::check::Status;
-use crate::scenario::FaultSpec;
 use crate::show::metrics::Metrics;
 use crate::show::view;
 use text::with_jumps;
@@ -29,7 +28,7 @@ const STAGE: &str = include_str!("report/stage.html");
 
 /// Most events that are listed; events.txt has all of them.
 const EVENTS_MAX: usize = 500;
-/// Most faults that are listed; case.toml has all of them.
+/// Most faults whose beginning is marked in the time line.
 const FAULTS_MAX: usize = 200;
 
 /// The report of `outcome`.
@@ -45,13 +44,13 @@ pub fn html(outcome: &Outcome) -> String {
     let name = escape(&outcome.case.name);
     let title = format!("{name} seed {}", outcome.seed);
     let body = [
-        header(outcome),
-        checks(outcome),
+        verdict::header(outcome),
         STAGE.to_owned(),
+        verdict::checks(outcome),
         display(outcome),
         robot::section(outcome),
         event_list(outcome, &events),
-        faults(&outcome.case.fault),
+        faults::list(&outcome.case.fault),
         figures(outcome),
         counters(outcome),
     ]
@@ -89,23 +88,6 @@ fn listed(events: &[Logged]) -> Vec<&Logged> {
     listed
 }
 
-fn header(outcome: &Outcome) -> String {
-    let (class, verdict) = if outcome.passed() {
-        ("pass", "PASS")
-    } else {
-        ("fail", "FAIL")
-    };
-    let case = &outcome.case;
-    let (name, about) = (escape(&case.name), escape(&case.description));
-    let (seed, hash, version) = (outcome.seed, &outcome.trace_hash, env!("CARGO_PKG_VERSION"));
-    let ran = outcome.ran.as_secs_f64();
-    format!(
-        "<header>\n<h1><span id=\"verdict\" class=\"{class}\">{verdict}</span> {name}</h1>\n\
-         <p>{about}</p>\n<p>seed {seed}, {ran:.1} s, bytes {hash}, {TOOL} {version}; \
-         again: <code>hilrig run case.toml</code></p>\n</header>\n"
-    )
-}
-
 fn section(id: &str, title: &str, content: &str) -> String {
     format!(
         "<section aria-labelledby=\"h-{id}\">\n<h2 id=\"h-{id}\">{title}</h2>\n\
@@ -124,21 +106,6 @@ fn row(class: &str, cells: &[&str]) -> String {
         .map(|cell| format!("<td>{cell}</td>"))
         .collect();
     format!("<tr class=\"{class}\">{cells}</tr>\n")
-}
-
-fn checks(outcome: &Outcome) -> String {
-    let rows = outcome.checks.iter().map(|check| {
-        let (class, word) = match check.status {
-            Status::Pass => ("pass", "ok"),
-            Status::Fail => ("fail", "FAIL"),
-            Status::NotObserved => ("unseen", "not observed"),
-        };
-        row(
-            class,
-            &[word, &escape(&check.name), &with_jumps(&check.detail)],
-        )
-    });
-    section("checks", "Verdicts", &table("checks", rows))
 }
 
 fn display(outcome: &Outcome) -> String {
@@ -170,30 +137,6 @@ fn more(all: usize, shown: usize, file: &str) -> String {
         return String::new();
     }
     format!("<p>{shown} of {all}; {file} has all of them.</p>\n")
-}
-
-fn faults(faults: &[FaultSpec]) -> String {
-    if faults.is_empty() {
-        return String::new();
-    }
-    let rows = faults.iter().take(FAULTS_MAX).map(|fault| {
-        let byte = fault.byte.map(|byte| format!("byte {byte}"));
-        let rate = fault.rate.map(|rate| format!("rate {rate}"));
-        let seconds =
-            |span: crate::scenario::Span| with_jumps(&format!("{:.6} s", span.0.as_secs_f64()));
-        let from = fault.from.map(|span| format!("from {}", seconds(span)));
-        let until = fault.until.map(|span| format!("until {}", seconds(span)));
-        let when: Vec<String> = [byte, rate, from, until].into_iter().flatten().collect();
-        let way = match fault.direction.map(Into::into) {
-            Some(crate::rig::line::Direction::ToMaster) => "to the robot",
-            Some(crate::rig::line::Direction::ToDevice) => "to the device",
-            None => "",
-        };
-        let link = escape(&fault.place());
-        row("", &[fault.kind.name(), &link, way, &when.join(" ")])
-    });
-    let more = more(faults.len(), faults.len().min(FAULTS_MAX), "case.toml");
-    section("faults", "Faults", &(table("faults", rows) + &more))
 }
 
 fn figures(outcome: &Outcome) -> String {

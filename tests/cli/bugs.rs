@@ -36,6 +36,7 @@ fn a_reproduction_as_json_holds_both_sides() {
     let output = Session::new("bugs-json").hilrig(&["bugs", "PU-01", "UI-03", "--json"]);
     assert_eq!(output.status.code(), Some(0));
     let shown: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let shown = &shown["result"]["bugs"];
     assert_eq!(shown[0]["id"], "PU-01");
     assert_eq!(shown[0]["defective"]["figures"]["frames received"], "0");
     assert_eq!(shown[0]["sound"]["figures"]["frames received"], "1");

@@ -6,12 +6,12 @@ use std::process::Command;
 use super::Session;
 
 /// A block of the page: its language and its lines.
-struct Block {
-    language: String,
-    lines: Vec<String>,
+pub(crate) struct Block {
+    pub(crate) language: String,
+    pub(crate) lines: Vec<String>,
 }
 
-fn blocks(page: &str) -> Vec<Block> {
+pub(crate) fn blocks(page: &str) -> Vec<Block> {
     let mut blocks: Vec<Block> = Vec::new();
     let mut inside = false;
     for line in page.lines() {
@@ -34,7 +34,7 @@ fn blocks(page: &str) -> Vec<Block> {
 }
 
 /// A command and the lines that the page has below it.
-fn commands(lines: &[String]) -> Vec<(&str, Vec<&str>)> {
+pub(crate) fn commands(lines: &[String]) -> Vec<(&str, Vec<&str>)> {
     let mut found: Vec<(&str, Vec<&str>)> = Vec::new();
     for line in lines {
         match line.strip_prefix("$ ") {
@@ -79,7 +79,7 @@ fn dots_stand_for_anything() {
 }
 
 /// Commands run by a shell that finds `hilrig`; what they say on both streams.
-fn run(session: &Session, command: &str) -> String {
+pub(crate) fn run(session: &Session, command: &str) -> String {
     let tool = Path::new(env!("CARGO_BIN_EXE_hilrig"));
     let folder = tool.parent().expect("a file in a folder").display();
     let path = std::env::var("PATH").unwrap_or_default();

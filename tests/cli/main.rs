@@ -1,5 +1,6 @@
 //! The command line as a user meets it: exit codes, messages, files.
 
+mod anywhere;
 mod bugs;
 mod campaign;
 mod campaign_against;
@@ -7,14 +8,17 @@ mod campaign_folder;
 mod campaign_store;
 mod cookbook;
 mod decode;
+mod docs;
 mod errors;
 mod fidelity;
 mod fuzz;
+mod json;
 mod mutated;
 mod results;
 mod robots;
 mod schema;
 mod shrink;
+mod verbs;
 mod wireshark;
 
 #[path = "../support/captures.rs"]

@@ -29,8 +29,9 @@ fn a_report_says_what_was_demanded_and_what_came_of_it() {
     assert!(html.contains("<span id=\"verdict\" class=\"fail\">FAIL</span>"));
     assert!(html.contains("<tr class=\"fail\"><td>FAIL</td><td>wall-overlap</td>"));
     assert!(html.contains("<tr class=\"pass\"><td>ok</td><td>bytes-conserved</td>"));
-    // Each fault that came of the rate is listed as the byte that it hit.
-    assert!(html.contains("<td>flip</td><td>base</td><td>to the device</td><td>byte "));
+    // What came of the rate is one row, with the bytes that it hit.
+    let row = "<td>flip</td><td>base</td><td>to the device</td><td><details><summary>";
+    assert_eq!(html.matches(row).count(), 1);
 }
 
 /// The description ends no element and begins none; the policy lets nothing load.
@@ -42,4 +43,17 @@ fn nothing_of_the_scenario_is_markup() {
     assert_eq!(html.matches("</script>").count(), 3);
     assert!(html.contains("content=\"default-src 'none'; script-src 'nonce-"));
     assert!(!html.contains("://"), "an address");
+}
+
+/// The cause stands before everything else, what passed is folded behind it.
+#[test]
+fn a_failing_report_begins_with_its_cause() {
+    let html = wounded();
+    let at = |what: &str| html.find(what).unwrap_or_else(|| panic!("no {what}"));
+    let cause = at("<p id=\"cause\"><strong>wall-overlap</strong>: ");
+    assert!(at("id=\"verdict\"") < cause && cause < at("id=\"tiles\""));
+    assert!(at("id=\"tiles\"") < at("<canvas id=\"world\""));
+    assert!(at("<tr class=\"fail\">") < at("checks passed</summary>"));
+    assert!(at("checks passed</summary>") < at("<tr class=\"pass\">"));
+    assert!(html.contains("The walls of its map are the walls of the world."));
 }

@@ -21,7 +21,7 @@ const ROOMS: [&[&str]; 10] = [
     &["rig"],
 ];
 /// What every room may use, and what uses no room.
-const BOTTOM: [&str; 5] = ["hex", "html", "picture", "registry", "TOOL"];
+const BOTTOM: [&str; 6] = ["hex", "html", "picture", "registry", "whole_file", "TOOL"];
 /// Roots of crates: a path that begins with `crate` begins there.
 const ROOTS: [&str; 4] = ["src", "protocols/src", "emulators/src", "firmware_core/src"];
 

@@ -8,8 +8,9 @@ use clap::Args;
 use protocols::Instant;
 
 use super::FuzzArgs;
+use crate::cli::answer::FuzzEnded;
 use crate::cli::stop::Stop;
-use crate::cli::{CliError, Verdict};
+use crate::cli::{CliError, Verdict, out, progress};
 use crate::realtime::clock::{Clock, WallClock};
 use crate::scenario::{Scenario, Source, Span};
 use crate::search::fuzz::dut::{
@@ -145,6 +146,11 @@ fn repeat(args: &FuzzArgs, folder: &Path) -> Result<Verdict, CliError> {
     for cause in &seen.causes {
         println!("{cause}");
     }
+    out::answer(&FuzzEnded {
+        folder: folder.display().to_string(),
+        findings: seen.causes.len() as u64,
+        targets: Vec::new(),
+    });
     let is_again = seen.causes.iter().any(|cause| cause.key() == key);
     let shown = recording.display();
     match is_again {
@@ -175,17 +181,19 @@ fn search(args: &FuzzArgs) -> Result<Verdict, CliError> {
     let time = args.time.map(|time| time.0);
     let stop = Stop::new(time.or_else(|| args.cases.is_none().then_some(TIME)))?;
     let (clock, said) = (WallClock::start(), Cell::new(Instant::ZERO));
-    let progress = Progress::default();
+    let done = Progress::default();
     let goes_on = || {
         let now = clock.now();
         if now - said.get() >= PROGRESS {
             said.set(now);
-            eprintln!("  {}", in_words(&progress, now - Instant::ZERO));
+            if progress::is_watched() {
+                eprintln!("  {}", in_words(&done, now - Instant::ZERO));
+            }
         }
         !stop.is_due(now)
     };
     let harness = harness(args, source, &goes_on)?;
-    let mut search = Search::new(&harness, plan, &progress)?;
+    let mut search = Search::new(&harness, plan, &done)?;
     let most = args.cases.unwrap_or(u64::MAX);
     while search.next() < most {
         match search.step() {
@@ -198,7 +206,12 @@ fn search(args: &FuzzArgs) -> Result<Verdict, CliError> {
             Err(error) => return Err(error.into()),
         }
     }
-    println!("{}", in_words(&progress, clock.now() - Instant::ZERO));
+    println!("{}", in_words(&done, clock.now() - Instant::ZERO));
+    out::answer(&FuzzEnded {
+        folder: args.out.display().to_string(),
+        findings: search.findings().len() as u64,
+        targets: Vec::new(),
+    });
     report(args, &search);
     Ok(match search.findings().is_empty() {
         true => Verdict::Pass,

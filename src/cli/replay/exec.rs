@@ -41,7 +41,7 @@ pub(super) fn into_foreign(
         how,
     };
     let heard = play_to(foreign, recorded, own.as_deref(), &shown, &stop)?;
-    let compared = report(args, &heard.playback);
+    let compared = report(args, &heard.playback, &heard.checks);
     for check in &heard.checks {
         println!("  {check}");
     }

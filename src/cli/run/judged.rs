@@ -6,6 +6,8 @@ use std::path::Path;
 use protocols::Instant;
 
 use crate::capture::{self, Limits, Recording, Section};
+use crate::cli::answer::RunEnded;
+use crate::cli::progress;
 use crate::cli::show::Show;
 use crate::cli::stop::{SIGTERM, Stop};
 use crate::cli::{CliError, Verdict};
@@ -56,6 +58,21 @@ impl Ran {
             let detail = format!("{lateness}: what failed may be its fault");
             let checks = &mut self.outcome.checks;
             checks.insert(0, Check::not_observed("rig-on-time", detail));
+        }
+    }
+
+    /// As it stands in the output of `--json`; its results are in `folder`.
+    pub(in crate::cli) fn answer(&self, folder: &Path, repeat: Option<String>) -> RunEnded {
+        let outcome = &self.outcome;
+        RunEnded {
+            name: outcome.case.name.clone(),
+            seed: Some(outcome.seed),
+            verdict: Status::of(outcome.passed()),
+            checks: outcome.checks.clone(),
+            metrics: Some(Metrics::of(outcome, self.wall)),
+            trace_hash: Some(outcome.trace_hash.clone()),
+            folder: Some(folder.display().to_string()),
+            repeat,
         }
     }
 
@@ -153,17 +170,26 @@ impl Progress {
         }
     }
 
-    /// Looks at `run` at `elapsed` of the wall clock.
+    /// Looks at `run` at `elapsed` of the wall clock. How far a run is, and when it may be over, is
+    /// told to a terminal only.
     pub(super) fn print(&mut self, run: &Run, elapsed: Duration) {
-        let progress = run.progress();
-        let is_new = progress.visits().len() > self.visits;
-        self.visits = progress.visits().len();
+        let mission = run.progress();
+        let is_new = mission.visits().len() > self.visits;
+        self.visits = mission.visits().len();
         let is_due = elapsed.saturating_sub(self.said) >= PATIENCE;
-        if (self.talk == Talk::Story && is_new) || is_due {
+        let is_watched = is_due && progress::is_watched();
+        if (self.talk == Talk::Story && is_new) || is_watched {
             self.said = elapsed;
             let mode = run.rig.program().map_or("", |program| program.mode());
-            let (now, visits, all) = (run.rig.now(), self.visits, progress.waypoints());
-            eprintln!("  {now} s  waypoint {visits} of {all} visited  {mode}");
+            let (now, visits, all) = (run.rig.now(), self.visits, mission.waypoints());
+            let done = now - Instant::ZERO;
+            let share = done.as_secs_f64() / run.scenario().duration.0.as_secs_f64();
+            // Of its whole time: it may be over earlier.
+            let left = match is_watched {
+                true => progress::left(elapsed, share).replace("about", "at most about"),
+                false => String::new(),
+            };
+            eprintln!("  {now} s  waypoint {visits} of {all} visited  {mode}{left}");
         }
     }
 }
@@ -181,7 +207,6 @@ pub(super) fn cut_short(run: &Run, stop: &Stop) -> Option<Check> {
     Some(Check::new("ran-to-its-end", false, detail))
 }
 
-/// What came of the capture in `out`.
 /// Says at once what is wrong with the capture: later it is too late to make room for it.
 pub(super) fn report_trouble(run: &mut Run) {
     if let Some(trouble) = run.rig.take_tap_trouble() {
@@ -189,6 +214,7 @@ pub(super) fn report_trouble(run: &mut Run) {
     }
 }
 
+/// What came of the capture in `out`.
 pub(super) fn finish_capture(recorded: std::io::Result<()>, out: &Path) -> Result<(), FolderError> {
     recorded.map_err(|source| FolderError {
         path: out.join("capture.pcapng"),

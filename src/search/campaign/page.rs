@@ -6,12 +6,19 @@ use super::{Change, Comparison, Merged};
 use crate::html::Escaped;
 
 const HEAD: &str = "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\">\
+    <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
     <title>hilrig campaign</title><style>\
     body{font:15px/1.5 system-ui,sans-serif;margin:2em auto;max-width:70em;padding:0 1em;\
     color:#222;background:#fff}table{border-collapse:collapse;width:100%}\
     th,td{border:1px solid #ccc;padding:.3em .6em;text-align:left;vertical-align:top}\
     th{background:#f2f2f2}td.n{text-align:right}code{font-size:.9em;white-space:pre-wrap}\
-    .bad{color:#a00}.good{color:#070}</style>";
+    .bad{color:#a00}.good{color:#070}\
+    td{overflow-wrap:anywhere}\
+    @media(prefers-color-scheme:dark){:root{color-scheme:dark}body{color:#e6e6e6;background:#16191d}\
+    th{background:#22262b}th,td{border-color:#363c44}.bad{color:#ff8a80}.good{color:#66d19e}}\
+    @media(max-width:600px){body{margin:1em auto}table,tbody,tr,td{display:block;border:0}\
+    th{display:none}tr{border-top:1px solid #888;padding:.4em 0}td{padding:.1em 0}\
+    td.n{text-align:left;font-weight:bold}}</style>";
 
 /// The page of `merged`.
 pub(crate) fn page(merged: &Merged) -> String {

@@ -1,0 +1,23 @@
+"""A hardware-in-the-loop rig for small serial robots.
+
+``Rig`` starts ``hilrig up``: the robot's devices appear as serial ports, faults come and go, and
+the run is judged in the end. With pytest the fixture ``rig`` does that (see ``hilrig.plugin``).
+"""
+
+from .binary import BinaryNotFound, find_binary
+from .control import Control, Refused
+from .result import Check, Result
+from .rig import Fault, Rig, RigError, run
+
+__all__ = [
+    "BinaryNotFound",
+    "Check",
+    "Control",
+    "Fault",
+    "Refused",
+    "Result",
+    "Rig",
+    "RigError",
+    "find_binary",
+    "run",
+]

@@ -1,0 +1,189 @@
+"""The pytest plugin: fixture ``rig``, marker ``hilrig``, options ``--hilrig-*``.
+
+::
+
+    @pytest.mark.hilrig("scenarios/my-robot.toml")
+    def test_it_stops_at_the_wall(rig):
+        r = rig()
+        lidar = serial.Serial(r.port("lidar"), 115200)
+        ...
+        assert r.wait({"pose": {"near_m": [2.2, 1.0], "within_m": 0.2}}, "30s")
+        r.finish().assert_passed()
+
+Each rig has a directory of its own, so tests may run in parallel. The result folder of a test that
+fails is kept, and the report says where and how to repeat it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import shlex
+import shutil
+from pathlib import Path
+from typing import Any, Dict, Generator, List, Optional, Sequence, Tuple
+
+import pytest
+
+from .binary import find_binary
+from .result import Result
+from .rig import PathLike, Rig, RigError, _virtual, run
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    group = parser.getgroup("hilrig", "rigs for robots")
+    group.addoption(
+        "--hilrig-virtual",
+        action="store_true",
+        help="run rigs in virtual time, if the installed hilrig can",
+    )
+    group.addoption(
+        "--hilrig-seed", type=int, metavar="N", help="seed of all rigs, in place of their own"
+    )
+    group.addoption(
+        "--hilrig-keep",
+        metavar="DIR",
+        default="hilrig-out/pytest",
+        help="where the result folders of failed tests are kept (default: %(default)s)",
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.addinivalue_line(
+        "markers",
+        "hilrig(scenario, seed=None, options=()): what the fixture rig runs if it is not told",
+    )
+    if config.getoption("--hilrig-virtual"):
+        try:
+            _virtual(find_binary(), "up")
+        except RuntimeError as error:
+            raise pytest.UsageError(f"--hilrig-virtual: {error}") from error
+
+
+class RigFactory:
+    """The fixture ``rig``: starts rigs that end with the test."""
+
+    def __init__(self, request: pytest.FixtureRequest) -> None:
+        self._request = request
+        self._rigs: List[Rig] = []
+        self._seeds: List[int] = []
+        #: Result folders, gone after a test that passes.
+        self._folders: List[Path] = []
+
+    def __call__(self, scenario: Optional[PathLike] = None, **settings: Any) -> Rig:
+        """Starts a rig: of the scenario, or that of the marker. ``settings`` are those of ``Rig``."""
+        path, settings = self._settings(scenario, settings)
+        rig = Rig(path, out=self._folder(), **settings)
+        self._rigs.append(rig)
+        self._seeds.append(rig.seed)
+        return rig
+
+    def run(self, program: str, scenario: Optional[PathLike] = None, **settings: Any) -> Result:
+        """Runs and judges a program, see ``hilrig.run``; in the folder of the test's file."""
+        path, settings = self._settings(scenario, settings)
+        settings.setdefault("cwd", Path(self._request.node.path).parent)
+        result = run(path, program, out=self._folder(), **settings)
+        runs = result.raw["result"]["runs"]
+        self._seeds.extend(int(one["seed"]) for one in runs if one["seed"] is not None)
+        return result
+
+    def _settings(
+        self, scenario: Optional[PathLike], given: Dict[str, Any]
+    ) -> Tuple[PathLike, Dict[str, Any]]:
+        settings: Dict[str, Any] = {}
+        marker = self._request.node.get_closest_marker("hilrig")
+        if marker is not None:
+            settings.update(marker.kwargs)
+            if marker.args:
+                settings["scenario"] = marker.args[0]
+        settings.update(given)
+        if scenario is not None:
+            settings["scenario"] = scenario
+        path = settings.pop("scenario", None)
+        if path is None:
+            raise RigError('which scenario? rig("my.toml"), or @pytest.mark.hilrig("my.toml")')
+        config = self._request.config
+        if config.getoption("--hilrig-seed") is not None:
+            settings["seed"] = config.getoption("--hilrig-seed")
+        settings.setdefault("virtual", bool(config.getoption("--hilrig-virtual")))
+        # As a path in the test's own file would be read by a person: from the file, else from
+        # where pytest was started.
+        beside = Path(self._request.node.path).parent / path
+        return (beside if beside.exists() else Path(path)), settings
+
+    def _folder(self) -> Path:
+        """The next result folder of this test: named as the test, empty."""
+        node = self._request.node.nodeid
+        name = re.sub(r"[^A-Za-z0-9_.-]+", "-", node.rsplit("/", 1)[-1]).strip("-")[:80]
+        # Names of parameters may be the same without their signs.
+        name += "-" + hashlib.sha256(node.encode()).hexdigest()[:6]
+        name += f"-{len(self._folders)}" if self._folders else ""
+        config = self._request.config
+        folder = Path(config.rootpath) / str(config.getoption("--hilrig-keep")) / name
+        shutil.rmtree(folder, ignore_errors=True)
+        self._folders.append(folder)
+        return folder
+
+    def story(self) -> str:
+        """What a failed test's report says: results, and the one command that repeats it."""
+        lines = [f"results: {folder}" for folder in self._folders]
+        config = self._request.config
+        words = ["python", "-m", "pytest", self._request.node.nodeid]
+        if len(set(self._seeds)) == 1:
+            words += ["--hilrig-seed", str(self._seeds[0])]
+        if config.getoption("--hilrig-virtual"):
+            words.append("--hilrig-virtual")
+        where = f"cd {shlex.quote(str(config.rootpath))} && "
+        lines.append("repeat with: " + where + " ".join(shlex.quote(word) for word in words))
+        return "\n".join(lines)
+
+    @property
+    def was_used(self) -> bool:
+        return bool(self._folders)
+
+    def close(self, failed: bool) -> None:
+        """Ends all rigs; what they leave stays if the test failed."""
+        errors: List[str] = []
+        for rig in self._rigs:
+            try:
+                if failed:
+                    rig.keep_log()
+            except (OSError, RuntimeError) as error:
+                errors.append(str(error))
+            finally:
+                rig.close()
+        for folder in [] if failed else self._folders:
+            shutil.rmtree(folder, ignore_errors=True)
+            for above in (folder.parent, folder.parent.parent):
+                try:
+                    above.rmdir()
+                except OSError:
+                    break  # Something else is in it.
+        if errors:
+            raise RigError("; ".join(errors))
+
+
+_FACTORY = pytest.StashKey[RigFactory]()
+_FAILED = pytest.StashKey[bool]()
+
+
+@pytest.fixture
+def rig(request: pytest.FixtureRequest) -> Generator[RigFactory, None, None]:
+    """Starts rigs, each in a directory of its own; they end with the test."""
+    factory = RigFactory(request)
+    request.node.stash[_FACTORY] = factory
+    yield factory
+    factory.close(request.node.stash.get(_FAILED, False))
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, Any, None]:
+    outcome = yield
+    report = outcome.get_result()
+    factory = item.stash.get(_FACTORY, None)
+    if report.failed and factory is not None and factory.was_used:
+        item.stash[_FAILED] = True
+        report.sections.append(("hilrig", factory.story()))
+
+
+__all__: Sequence[str] = ["RigFactory", "rig"]

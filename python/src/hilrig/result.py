@@ -1,0 +1,69 @@
+"""What a run came to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Dict, List, Mapping, Optional
+
+
+#: Lines of a program's words that are shown.
+LINES = 10
+
+
+@dataclass(frozen=True)
+class Check:
+    """One verdict."""
+
+    name: str
+    #: ``pass``, ``fail`` or ``not-observed``: there was nothing to watch.
+    status: str
+    #: A sentence with the figures.
+    detail: str
+
+    def __str__(self) -> str:
+        return f"{self.status} {self.name}: {self.detail}"
+
+    @classmethod
+    def of(cls, table: Mapping[str, Any]) -> "Check":
+        return cls(str(table["name"]), str(table["status"]), str(table["detail"]))
+
+
+@dataclass(frozen=True)
+class Result:
+    """A judged run."""
+
+    #: ``pass``, ``fail`` or ``not-judged``: the rig itself was too late to tell.
+    verdict: str
+    checks: List[Check]
+    #: Result folder: report.html, capture.pcapng and so on; none while the run goes on.
+    folder: Optional[Path]
+    #: Everything that the command said, as in ``hilrig schema --output``.
+    raw: Dict[str, Any]
+
+    @property
+    def passed(self) -> bool:
+        return self.verdict == "pass"
+
+    @property
+    def failures(self) -> List[Check]:
+        return [check for check in self.checks if check.status == "fail"]
+
+    def assert_passed(self) -> None:
+        """Fails with the checks that did, and where the report is."""
+        if not self.passed:
+            raise AssertionError(str(self))
+
+    def __bool__(self) -> bool:
+        return self.passed
+
+    def __str__(self) -> str:
+        lines = [f"the rig's verdict is {self.verdict}"]
+        lines += [f"  {check}" for check in self.failures]
+        if self.folder is not None:
+            lines.append(f"  report: {self.folder / 'report.html'}")
+            words = self.folder / "program.log"
+            if not self.passed and words.is_file():
+                last = words.read_text(encoding="utf-8", errors="replace").splitlines()[-LINES:]
+                lines += ["  the program's last words:"] + [f"  | {line}" for line in last]
+        return "\n".join(lines)

@@ -1,0 +1,33 @@
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hilrig import find_binary
+
+pytest_plugins = ["pytester", "hilrig.plugin"]
+
+SOURCE = Path(__file__).parent.parent / "src"
+
+
+@pytest.fixture
+def scenario(tmp_path: Path) -> Path:
+    """A robot of data: two wheels, a lidar, a room; for 20 s."""
+    path = tmp_path / "robot.toml"
+    subprocess.run([find_binary(), "new", str(path), "--robot"], check=True, capture_output=True)
+    return path
+
+
+@pytest.fixture
+def inner(pytester: pytest.Pytester, scenario: Path, monkeypatch: pytest.MonkeyPatch):
+    """Runs pytest with the plugin over a file of tests beside the scenario."""
+    (pytester.path / "robot.toml").write_text(scenario.read_text())
+    monkeypatch.setenv("PYTHONPATH", str(SOURCE))
+
+    def run(tests: str, *options: str) -> pytest.RunResult:
+        pytester.makepyfile(test_inner=tests)
+        words = [sys.executable, "-m", "pytest", "-p", "hilrig.plugin", *options]
+        return pytester.run(*words)
+
+    return run

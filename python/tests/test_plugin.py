@@ -1,0 +1,147 @@
+"""The plugin as a user meets it: pytest is run over tests with the fixture."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import pytest
+
+from conftest import SOURCE
+
+TWENTY = """
+import pytest, serial
+
+@pytest.mark.parametrize("number", range(20))
+@pytest.mark.hilrig("robot.toml")
+def test_one(rig, number):
+    r = rig(seed=number)
+    with serial.Serial(r.port("lidar"), 115200, timeout=5) as lidar:
+        assert len(lidar.read(1)) == 1
+    with r.fault("lidar", direction="to-master", kind="cut"):
+        assert r.state()["time_ns"] > 0
+    assert r.seed == number
+    assert r.finish().raw["result"]["used"] == ["lidar"]
+"""
+
+
+@pytest.fixture
+def places(monkeypatch):
+    """Where rigs have their folders; short, as a socket's name must be."""
+    with tempfile.TemporaryDirectory(prefix="h-") as folder:
+        monkeypatch.setenv("TMPDIR", folder)
+        yield Path(folder)
+
+
+def test_twenty_in_parallel_do_not_meet(inner, places) -> None:
+    result = inner(TWENTY, "-n", "4")
+    result.assert_outcomes(passed=20)
+    assert list(places.glob("hilrig-*")) == []
+
+
+FAILING = """
+import pytest
+
+@pytest.mark.hilrig("robot.toml", seed=5)
+def test_nobody_drives(rig):
+    assert rig().verdict().passed
+
+@pytest.mark.hilrig("robot.toml", options=["--until-over"])
+def test_that_passes(rig):
+    assert rig().state()["paused"] is False
+
+def test_without_a_rig(rig):
+    pass
+"""
+
+
+def test_a_failing_test_keeps_its_folder_and_says_how_to_repeat_it(inner, pytester) -> None:
+    result = inner(FAILING)
+    result.assert_outcomes(passed=2, failed=1)
+    said = result.stdout.str()
+    kept = re.search(r"^results: (.*)$", said, re.M)
+    assert kept, said
+    folder = Path(kept[1])
+    assert folder.parent == pytester.path / "hilrig-out" / "pytest"
+    assert folder.name.startswith("test_inner.py-test_nobody_drives-")
+    names = {path.name for path in folder.iterdir()}
+    assert {"report.html", "capture.pcapng", "result.json", "hilrig.log"} <= names
+    assert [path.name for path in folder.parent.iterdir()] == [folder.name]
+    # The one command does it again, from anywhere.
+    command = re.search(r"^repeat with: (.*)$", said, re.M)
+    assert command and "--hilrig-seed 5" in command[1], said
+    again = command[1].replace("python -m pytest", f"{sys.executable} -m pytest -p hilrig.plugin")
+    shown = subprocess.run(["sh", "-c", again], cwd="/", capture_output=True, text=True)
+    assert shown.returncode == 1 and "1 failed" in shown.stdout, shown.stdout
+
+
+JUDGED = """
+def test_the_program_is_judged(rig):
+    result = rig.run("exec sleep 600", "robot.toml", options=["--exec-wait", "1s"])
+    result.assert_passed()
+"""
+
+
+def test_a_judged_program_that_fails_keeps_its_folder_too(inner) -> None:
+    result = inner(JUDGED)
+    result.assert_outcomes(failed=1)
+    said = result.stdout.str()
+    assert "program-connected" in said
+    kept = re.search(r"^results: (.*)$", said, re.M)
+    assert kept and (Path(kept[1]) / "program.log").exists(), said
+
+
+def test_virtual_time_is_refused_by_a_command_that_has_none(inner, tmp_path, monkeypatch) -> None:
+    old = tmp_path / "hilrig-old"
+    old.write_text("#!/bin/sh\necho 'hilrig 0.0.1 (old)'\n")
+    old.chmod(0o755)
+    monkeypatch.setenv("HILRIG", str(old))
+    result = inner(FAILING, "--hilrig-virtual")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    told = result.stderr.str() + result.stdout.str()
+    assert "hilrig 0.0.1 (old)) has no --virtual" in told
+
+
+SLOW = """
+import time, pytest
+
+@pytest.mark.parametrize("number", range(4))
+@pytest.mark.hilrig("robot.toml")
+def test_slow(rig, number, request):
+    r = rig()
+    pids = request.config.rootpath / "pids"
+    pids.mkdir(exist_ok=True)
+    (pids / str(r._process.pid)).write_text(str(r.dir))
+    time.sleep(600)
+"""
+
+
+def test_a_killed_pytest_leaves_no_process_and_no_port(inner, pytester) -> None:
+    pytester.makepyfile(test_inner=SLOW)
+    words = [sys.executable, "-m", "pytest", "-p", "hilrig.plugin", "-n", "4"]
+    environment = {**os.environ, "PYTHONPATH": str(SOURCE)}
+    process = subprocess.Popen(
+        words, cwd=pytester.path, env=environment, stdout=subprocess.DEVNULL, start_new_session=True
+    )
+    pids = pytester.path / "pids"
+    try:
+        wait_until(lambda: pids.is_dir() and len(list(pids.iterdir())) == 4)
+        ports = [Path(path.read_text()) for path in pids.iterdir()]
+        assert all((path / "lidar").exists() for path in ports)
+    finally:
+        # All of pytest, its workers too, at once: nobody has time to clean up.
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+    rigs = [Path("/proc", path.name) for path in pids.iterdir()]
+    wait_until(lambda: not any(path.exists() for path in [*rigs, *ports]))
+
+
+def wait_until(holds, patience_s: float = 20.0) -> None:
+    deadline = time.monotonic() + patience_s
+    while not holds():
+        assert time.monotonic() < deadline, "it never came true"
+        time.sleep(0.02)

@@ -1,0 +1,77 @@
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::answer::Files;
+use super::{CliError, Verdict, out};
+use crate::scenario::Scenario;
+use crate::whole_file;
+
+/// A mission of a built-in robot.
+const MISSION: &str = include_str!("new/mission.toml");
+/// A robot described by data, for a program of one's own.
+const ROBOT: &str = include_str!("new/robot.toml");
+/// Devices alone, without robot and world.
+const DEVICES: &str = include_str!("new/devices.toml");
+
+/// Make a scenario to begin with: it runs as it is, and its comments say what can be changed.
+#[derive(Debug, Args)]
+#[command(after_long_help = "Examples:\n  \
+    hilrig new kitchen                # kitchen.toml: a room, a mission, a fault\n  \
+    hilrig new tests/mine --robot     # a robot of your own, described by data\n  \
+    hilrig new gripper --devices      # devices on their wires, no robot")]
+pub(super) struct NewArgs {
+    /// Name of the scenario, or the file to write
+    #[arg(value_name = "NAME|PATH")]
+    path: PathBuf,
+    /// A robot of your own: chassis, devices and registers as data, the program is yours
+    #[arg(long, conflicts_with = "devices")]
+    robot: bool,
+    /// Devices alone, without robot and world
+    #[arg(long)]
+    devices: bool,
+}
+
+pub(super) fn run(args: &NewArgs) -> Result<Verdict, CliError> {
+    let path = match args.path.extension() {
+        Some(_) => args.path.clone(),
+        None => args.path.with_extension("toml"),
+    };
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    if path.exists() {
+        let error = format!("{}: is there already, expected a free name", path.display());
+        return Err(CliError::Usage(error));
+    }
+    let text = match (args.robot, args.devices) {
+        (true, _) => ROBOT,
+        (_, true) => DEVICES,
+        _ => MISSION,
+    };
+    let text = text
+        .replace("NAME", &name)
+        .replace("FILE", &path.display().to_string());
+    // A name that no scenario can have is told before there is a file of it.
+    Scenario::parse(&path, text.clone())?;
+    make(&path, &text)?;
+    let shown = path.display();
+    println!("{shown}");
+    eprintln!("try it: hilrig {} {shown}", verb(args));
+    let files = vec![shown.to_string()];
+    out::answer(&Files { files });
+    Ok(Verdict::Pass)
+}
+
+/// Whether there is a program in it that can be judged.
+const fn verb(args: &NewArgs) -> &'static str {
+    match args.robot || args.devices {
+        true => "up",
+        false => "run",
+    }
+}
+
+fn make(path: &Path, text: &str) -> Result<(), CliError> {
+    let folder = path.parent().map_or(Ok(()), std::fs::create_dir_all);
+    folder
+        .and_then(|()| whole_file::write(path, text))
+        .map_err(|error| CliError::write(path.display(), error))
+}

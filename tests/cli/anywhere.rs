@@ -1,0 +1,192 @@
+//! Every command where it is not comfortable: a reader that goes, a full disk, a folder that cannot
+//! be written, Ctrl-C. None may panic or leave half a file, and each says in a line what is wrong.
+
+use core::time::Duration;
+use std::io::Read as _;
+use std::process::{Child, Output, Stdio};
+
+use rustix::process::{Pid, Signal, kill_process};
+
+use super::text;
+use super::verbs::{Bench, VERBS, wait};
+
+/// What the command said of errors; it must not have panicked.
+fn complaints(line: &str, stderr: &[u8]) -> Vec<String> {
+    let said = String::from_utf8_lossy(stderr).into_owned();
+    assert!(!said.contains("panicked"), "{line}: {said}");
+    let is_one = |line: &&str| line.starts_with("error: ") || line.starts_with("cannot write");
+    said.lines().filter(is_one).map(str::to_owned).collect()
+}
+
+/// `hilrig .. 2>&1 | head -c 1`: work and exit code stay what they are.
+#[test]
+fn a_reader_that_goes_ends_nothing() {
+    let bench = Bench::new("reader-goes");
+    for verb in &VERBS {
+        bench.clear();
+        let mut command = bench.command(verb.line);
+        command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().expect("starts");
+        // Both readers go before anything is said.
+        drop((child.stdout.take(), child.stderr.take()));
+        let code = child.wait().expect("ends").code();
+        assert_eq!(code, Some(verb.code), "{}", verb.line);
+        assert_eq!(bench.files().is_empty(), !verb.writes, "{}", verb.line);
+    }
+    // One that goes in the middle of a long list.
+    let mut command = bench.command("decode base/capture.pcapng");
+    command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().expect("starts");
+    let mut first = [0];
+    let mut reader = child.stdout.take().expect("piped");
+    reader.read_exact(&mut first).expect("it speaks");
+    drop(reader);
+    let output = child.wait_with_output().expect("ends");
+    assert_eq!(output.status.code(), Some(0));
+    assert!(complaints("decode", &output.stderr).is_empty());
+}
+
+/// Standard output is a file on a full disk: told once, and the work is done all the same.
+#[test]
+fn an_output_that_is_full_is_told_once() {
+    let bench = Bench::new("full-output");
+    for verb in &VERBS {
+        bench.clear();
+        let full = std::fs::File::options().write(true).open("/dev/full");
+        let mut command = bench.command(verb.line);
+        command.stdout(full.expect("Linux has it"));
+        let output = command.output().expect("starts");
+        let told = complaints(verb.line, &output.stderr);
+        // The rig's list of faults is empty, so nothing is said.
+        let expected = usize::from(verb.name != "fault");
+        assert_eq!(told.len(), expected, "{}: {told:?}", verb.line);
+        assert!(
+            told.iter().all(|line| line.contains("os error 28")),
+            "{told:?}"
+        );
+        assert_eq!(bench.files().is_empty(), !verb.writes, "{}", verb.line);
+    }
+}
+
+/// The results belong into a file system that nobody can write, the kernel's own: one line names
+/// the place, and the exit code is that of a set-up that is wrong.
+#[test]
+fn a_folder_that_cannot_be_written_is_one_line() {
+    let bench = Bench::new("read-only");
+    for verb in VERBS.iter().filter(|verb| verb.writes) {
+        bench.clear();
+        let line = verb.line.replace(" o/", " /sys/o/");
+        let output = bench.command(&line).output().expect("starts");
+        let told = complaints(&line, &output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{line}: {output:?}");
+        assert_eq!(told.len(), 1, "{line}: {told:?}");
+        assert!(told[0].contains("/sys/o"), "{line}: {told:?}");
+    }
+}
+
+/// What ends a file that is whole.
+fn is_whole(name: &str, bytes: &[u8]) -> bool {
+    let ends = |end: &str| bytes.ends_with(end.as_bytes());
+    match name.rsplit('.').next().unwrap_or_default() {
+        "json" => serde_json::from_slice::<serde_json::Value>(bytes).is_ok(),
+        "toml" => toml::from_str::<toml::Table>(&String::from_utf8_lossy(bytes)).is_ok(),
+        "html" => ends("</html>\n"),
+        "xml" => ends("</testsuites>\n") || ends("</testsuites>"),
+        // IEND and its checksum.
+        "png" => ends("IEND\u{AE}B`\u{82}") || bytes.ends_with(b"IEND\xAEB`\x82"),
+        "part" | "new" => false,
+        _ => true,
+    }
+}
+
+/// No file can be longer than 4 KiB: each one is whole or not there. A capture alone is what was
+/// recorded until then, which is said.
+#[test]
+fn a_full_disk_leaves_no_torn_file() {
+    let bench = Bench::new("full-disk");
+    for verb in VERBS.iter().filter(|verb| verb.writes) {
+        bench.clear();
+        let line = format!("trap '' XFSZ; ulimit -f 4; exec \"$0\" {}", verb.line);
+        let mut command = std::process::Command::new("bash");
+        command.args(["-c", &line, env!("CARGO_BIN_EXE_hilrig")]);
+        command.current_dir(&bench.session.folder);
+        let output = command.stdin(Stdio::null()).output().expect("starts");
+        let told = complaints(verb.line, &output.stderr);
+        let code = output.status.code();
+        match code {
+            Some(2) => assert_eq!(told.len(), 1, "{}: {told:?}", verb.line),
+            // All that it has to write fits.
+            _ => assert_eq!(code, Some(verb.code), "{}: {output:?}", verb.line),
+        }
+        for (name, bytes) in bench.files() {
+            assert!(is_whole(&name, &bytes), "{}: {name}", verb.line);
+        }
+    }
+}
+
+/// Commands that go on, and how each ends by Ctrl-C; what they do not catch ends them as the shell
+/// expects.
+const ENDLESS: [(&str, &str, Option<i32>); 9] = [
+    (
+        "run long.toml --out o/run",
+        "o/run/capture.pcapng",
+        Some(130),
+    ),
+    (
+        "run long.toml --realtime --out o/run",
+        "o/run/capture.pcapng",
+        Some(130),
+    ),
+    (
+        "up long.toml --dir ports --out o/up",
+        "ports/control",
+        Some(1),
+    ),
+    ("ui long.toml --save o/ui.toml", "", Some(0)),
+    ("dut --dir live", "", Some(0)),
+    (
+        "record --tap a=pty:a b=pty:b -o o/r.pcapng",
+        "o/r.pcapng",
+        Some(0),
+    ),
+    ("decode base/capture.pcapng --follow", "", Some(0)),
+    (
+        "campaign s.toml --seeds 0..100000 --out o/campaign",
+        "o/campaign",
+        Some(1),
+    ),
+    ("fuzz pcui --for 1h --out o/fuzz", "o/fuzz", Some(0)),
+];
+
+#[test]
+fn ctrl_c_ends_each_with_whole_files() {
+    let bench = Bench::new("ctrl-c");
+    for (line, begun, code) in ENDLESS {
+        bench.clear();
+        let mut command = bench.command(line);
+        command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        let child = command.spawn().expect("starts");
+        if !begun.is_empty() {
+            bench.wait_for(begun);
+        }
+        // Some of its work: what is too early for a signal handler ends the process at once.
+        wait(Duration::from_millis(300));
+        let output = interrupted(child);
+        assert_eq!(
+            output.status.code(),
+            code,
+            "{line}: {}",
+            text(&output.stderr)
+        );
+        assert!(complaints(line, &output.stderr).is_empty(), "{line}");
+        for (name, bytes) in bench.files() {
+            assert!(is_whole(&name, &bytes), "{line}: {name}");
+        }
+    }
+}
+
+fn interrupted(child: Child) -> Output {
+    let id = i32::try_from(child.id()).expect("a process");
+    kill_process(Pid::from_raw(id).expect("not 0"), Signal::INT).expect("it lives");
+    child.wait_with_output().expect("it ends")
+}

@@ -1,0 +1,209 @@
+//! Every command once, small: what it is called with, and what it leaves in the folder `o`.
+
+use core::time::Duration;
+use std::path::Path;
+use std::process::{Child, ChildStdin, Command, Stdio};
+
+use hilrig::realtime::clock::{Clock as _, WallClock};
+
+use super::Session;
+
+/// One command.
+pub(crate) struct Verb {
+    /// Its name.
+    pub(crate) name: &'static str,
+    /// The whole command line; what it writes is in `o`.
+    pub(crate) line: &'static str,
+    /// Its exit code.
+    pub(crate) code: i32,
+    /// Whether it leaves something in `o`.
+    pub(crate) writes: bool,
+}
+
+const fn verb(name: &'static str, line: &'static str) -> Verb {
+    Verb {
+        name,
+        line,
+        code: 0,
+        writes: true,
+    }
+}
+
+impl Verb {
+    /// It fails a check.
+    const fn fails(self) -> Self {
+        Self { code: 1, ..self }
+    }
+
+    /// It writes nothing but to its standard output.
+    const fn reads_only(self) -> Self {
+        Self {
+            writes: false,
+            ..self
+        }
+    }
+}
+
+/// All of them. `base` is the folder of an earlier run, a rig runs in `live`.
+pub(crate) const VERBS: [Verb; 24] = [
+    verb("demo", "demo --out o/demo"),
+    verb("run", "run s.toml --out o/run --junit o/junit.xml"),
+    verb("new", "new o/new"),
+    // Nobody used its ports, and that is judged.
+    verb("up", "up s.toml --dir ports --out o/up --duration 200ms").fails(),
+    verb("dut", "dut --dir live --duration 200ms").reads_only(),
+    verb("fault", "fault --dir live list").reads_only(),
+    verb("ui", "ui s.toml --duration 200ms --save o/ui.toml"),
+    verb(
+        "record",
+        "record --tap a=pty:a b=pty:b -o o/recorded.pcapng --duration 100ms",
+    ),
+    verb("replay", "replay base/capture.pcapng --expect").reads_only(),
+    verb("case", "case from base/capture.pcapng -o o/case.toml"),
+    verb(
+        "import",
+        "import dump --format raw --baud 115200 -o o/imported.pcapng",
+    ),
+    verb("export", "export base -o o/exported.csv"),
+    verb("decode", "decode base/capture.pcapng").reads_only(),
+    verb("bugs", "bugs PU-01").reads_only(),
+    verb("campaign", "campaign s.toml --seeds 0..2 --out o/campaign"),
+    verb("fuzz", "fuzz pcui --cases 100 --out o/fuzz"),
+    verb("shrink", "shrink bad.toml --out o/shrunk"),
+    verb(
+        "fidelity",
+        "fidelity xv11 --capture base/capture.pcapng --against none",
+    )
+    .reads_only(),
+    verb("slam", "slam base --out o/slam"),
+    verb("map", "map diff base base --picture o/diff.png"),
+    verb("schema", "schema").reads_only(),
+    verb("wireshark", "wireshark --install --dir o/wireshark"),
+    verb("completions", "completions bash").reads_only(),
+    verb("man", "man o/man"),
+];
+
+/// Three seconds of a robot in a room: everything that a run can leave, soon.
+const SHORT: &str = r#"
+schema = 1
+name = "short"
+description = "three seconds in a room"
+robot = "rescue"
+duration = "3s"
+
+[mission]
+waypoints_m = [[2.0, 2.0]]
+
+[world]
+start = { x_m = 1.0, y_m = 1.0, heading_deg = 90 }
+
+[[world.wall]]
+path_m = [[0.3, 0.3], [2.7, 0.3], [2.7, 2.7], [0.3, 2.7], [0.3, 0.3]]
+"#;
+
+/// A folder in which every command finds what it needs.
+pub(crate) struct Bench {
+    pub(crate) session: Session,
+    /// The rig in `live`: it ends when this is closed.
+    rig: Child,
+    lease: Option<ChildStdin>,
+}
+
+impl Bench {
+    pub(crate) fn new(name: &str) -> Self {
+        let session = Session::new(name);
+        session.write("s.toml", SHORT);
+        // Nobody drives there in 300 ms.
+        let bad = SHORT.replace("\"3s\"", "\"300ms\"");
+        let bad = format!("{bad}\n[expect]\nvisit_within_mm = 100\n");
+        session.write("bad.toml", &bad);
+        let long = SHORT.replace("\"3s\"", "\"6h\"");
+        let long = long.replace("[mission]", "[mission]\nto_the_end = true");
+        session.write("long.toml", &long);
+        session.write("dump", "bytes of nobody");
+        std::fs::create_dir(session.path("o")).expect("can be made");
+        let made = session.hilrig(&["run", "s.toml", "--out", "base"]);
+        assert_eq!(made.status.code(), Some(0), "{made:?}");
+        let mut command = command(&session, "up s.toml --dir live --until-eof");
+        command.stdin(Stdio::piped()).stderr(Stdio::null());
+        let mut rig = command.stdout(Stdio::null()).spawn().expect("starts");
+        let lease = rig.stdin.take();
+        let bench = Self {
+            session,
+            rig,
+            lease,
+        };
+        bench.wait_for("live/control");
+        bench
+    }
+
+    /// Waits until there is a file; only a failing test waits long.
+    pub(crate) fn wait_for(&self, name: &str) {
+        let path = self.session.path(name);
+        for _ in 0..1000 {
+            if path.exists() {
+                return;
+            }
+            wait(Duration::from_millis(10));
+        }
+        panic!("{name} never came");
+    }
+
+    /// A command in the folder, its output not yet wanted.
+    pub(crate) fn command(&self, line: &str) -> Command {
+        command(&self.session, line)
+    }
+
+    /// Empties `o`.
+    pub(crate) fn clear(&self) {
+        let o = self.session.path("o");
+        let _ = std::fs::remove_dir_all(&o);
+        std::fs::create_dir(&o).expect("can be made");
+    }
+
+    /// All files below `o` with what is in them.
+    pub(crate) fn files(&self) -> Vec<(String, Vec<u8>)> {
+        let mut files = Vec::new();
+        collect(&self.session.path("o"), &mut files);
+        files.sort();
+        files
+    }
+}
+
+impl Drop for Bench {
+    /// The rig must see by itself that nobody needs it any more.
+    fn drop(&mut self) {
+        drop(self.lease.take());
+        let ended = self.rig.wait().expect("it was started");
+        if !std::thread::panicking() {
+            assert_eq!(ended.code(), Some(0));
+            assert!(!self.session.path("live/lidar").exists());
+        }
+    }
+}
+
+/// Waits by the one clock that may.
+pub(crate) fn wait(span: Duration) {
+    let clock = WallClock::start();
+    clock.sleep_until(clock.now() + span);
+}
+
+fn command(session: &Session, line: &str) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_hilrig"));
+    command.args(line.split(' ')).current_dir(&session.folder);
+    command.stdin(Stdio::null());
+    command
+}
+
+fn collect(folder: &Path, files: &mut Vec<(String, Vec<u8>)>) {
+    for entry in std::fs::read_dir(folder).expect("is there") {
+        let path = entry.expect("readable").path();
+        match path.is_dir() {
+            true => collect(&path, files),
+            false => {
+                let bytes = std::fs::read(&path).expect("readable");
+                files.push((path.display().to_string(), bytes));
+            }
+        }
+    }
+}
