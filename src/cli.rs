@@ -41,6 +41,7 @@ use clap::{Parser, Subcommand};
 use crate::capture::case::CaseError;
 use crate::capture::replay::{PlaybackError, ReplayError};
 use crate::capture::tap::RecordError;
+use crate::guest::{self, GuestError};
 use crate::realtime::exec::ExecError;
 use crate::realtime::transport::TransportError;
 use crate::scenario::ScenarioError;
@@ -141,6 +142,9 @@ pub enum CliError {
     /// A foreign program cannot be put on the ports.
     #[error(transparent)]
     Exec(#[from] ExecError),
+    /// A foreign program cannot be run in virtual time.
+    #[error(transparent)]
+    Guest(#[from] GuestError),
     /// A file cannot be read.
     #[error("cannot read {}: {error}", .path.display())]
     Read {
@@ -200,6 +204,10 @@ fn read(path: &Path) -> Result<Vec<u8>, CliError> {
 
 /// Runs the command that the process was started with.
 pub fn main() -> ExitCode {
+    let mut words = std::env::args().skip(1);
+    if words.next().as_deref() == Some(guest::VERB) {
+        return guest::become_guest(&words.next().unwrap_or_default());
+    }
     let cli = Cli::parse();
     let result = match cli.command {
         Command::Demo(args) => demo::run(args),

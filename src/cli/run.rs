@@ -1,4 +1,5 @@
 mod exec;
+mod guest;
 mod judged;
 
 use core::time::Duration;
@@ -14,10 +15,12 @@ use super::show::{Show, ShowArgs};
 use super::stop::Stop;
 use super::{CliError, Verdict, default_out};
 use crate::capture::case::{Case, Judgement};
+use crate::guest::Settings;
 use crate::scenario::{Scenario, ScenarioError, Source};
 use crate::show::folder::{self, FolderError, Suite};
 
 use exec::{Placement, judged_exec};
+use guest::{Guest, judged_guest};
 pub(super) use judged::{Clocking, Ran, Talk, judged_run, write_results};
 
 /// Run scenarios and judge them, for CI.
@@ -51,6 +54,12 @@ pub(super) struct RunArgs {
     realtime: bool,
     #[command(flatten)]
     program: ExecArgs,
+    /// Run it twice in virtual time; if it does not do the same, name the first call that differs
+    #[arg(long, requires = "is_virtual")]
+    check: bool,
+    /// Write what virtual time answered to each call of the program
+    #[arg(long, value_name = "FILE", requires = "is_virtual")]
+    trace_calls: Option<PathBuf>,
     /// Directory in which the ports of --exec appear [default: OUT/ports]
     #[arg(long, value_name = "DIR", requires = "exec")]
     dir: Option<PathBuf>,
@@ -148,7 +157,18 @@ fn one(
         is_shown: args.show.is_wanted(),
         show,
     };
-    judged_exec(scenario, &source, foreign, place, stop)
+    let Some(settings) = args.program.settings(seed) else {
+        return judged_exec(scenario, &source, foreign, place, stop);
+    };
+    let guest = Guest {
+        foreign,
+        settings: Settings {
+            trace: args.trace_calls.clone(),
+            ..settings
+        },
+        is_checked: args.check,
+    };
+    judged_guest((&scenario, &source), &guest, &place, stop)
 }
 
 /// Plays one case of bytes, to somebody's program if there is one.
