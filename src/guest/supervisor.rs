@@ -571,7 +571,11 @@ fn wait(pid: Option<Pid>, more: WaitOptions) -> Option<(i32, i32)> {
     let options = more | WaitOptions::from_bits_retain(all.cast_unsigned());
     let pid = pid.and_then(|pid| rustix::process::Pid::from_raw(pid.as_raw()));
     loop {
-        match rustix::process::waitpid(pid, options) {
+        let news = match pid {
+            Some(pid) => rustix::process::waitpid(Some(pid), options),
+            None => rustix::process::wait(options),
+        };
+        match news {
             Ok(Some((pid, status))) => {
                 return Some((pid.as_raw_nonzero().get(), status.as_raw()));
             }

@@ -75,15 +75,18 @@ impl Supervisor {
         }
         // It waits in the kernel until its child has become another program, or has ended.
         let _ = ptrace::cont(Pid::from_raw(tid), None);
-        self.set_state(tid, State::Running);
+        self.set_state(tid, State::Outside);
         Flow::Stays
     }
 
     /// The child no longer uses the memory of `parent`, which goes on.
     fn release(&mut self, parent: Option<i32>) {
-        let Some(parent) = parent.filter(|tid| self.threads.contains_key(tid)) else {
+        let Some(parent) = parent else { return };
+        let state = self.threads.get(&parent).map(|thread| thread.state);
+        if !matches!(state, Some(State::Outside)) {
+            // The news came already.
             return;
-        };
+        }
         match self.wait_for(parent) {
             Some((_, status)) if is_death(status) => self.died(parent, status),
             Some((_, status)) if status >> 16 == libc::PTRACE_EVENT_VFORK_DONE => {
