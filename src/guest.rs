@@ -16,9 +16,9 @@
 //!
 //! For Linux on x86-64; elsewhere a program is refused in words.
 
-mod error;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod call;
+mod error;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod launch;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
@@ -39,8 +39,11 @@ mod watchdog;
 #[cfg(not(all(target_os = "linux", target_arch = "x86_64")))]
 mod elsewhere;
 
-use core::time::Duration;
 use std::path::PathBuf;
+
+use crate::realtime::exec::{self, ExecError, Foreign};
+use crate::run::Outcome;
+use crate::scenario::{Scenario, Source};
 
 #[cfg(not(all(target_os = "linux", target_arch = "x86_64")))]
 pub(crate) use elsewhere::{Played, Trial, VERB, become_guest};
@@ -50,15 +53,40 @@ pub(crate) use launch::{VERB, become_guest};
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 pub(crate) use trial::{Played, Trial};
 
-/// How a program is supervised.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Settings {
-    /// Of all chance that the program asks the system for.
-    pub(crate) seed: u64,
-    /// Virtual time that each stopped call takes.
-    pub(crate) call_cost: Duration,
-    /// Wall time for which a thread may compute without a call.
-    pub(crate) spin_max: Duration,
-    /// File for what was decided, call by call.
-    pub(crate) trace: Option<PathBuf>,
+/// Runs `scenario` with the program from beginning to end, its ports in the first of `places` and
+/// what it says in the second, in virtual time or in real time as the program is to be; for whoever
+/// only wants the verdict. `None` if `goes_on` said no.
+///
+/// # Errors
+/// If it cannot be put on trial.
+pub(crate) fn judge(
+    scenario: &Scenario,
+    source: &Source,
+    foreign: &Foreign,
+    places: [&PathBuf; 2],
+    goes_on: &dyn Fn() -> bool,
+) -> Result<Option<Outcome>, ExecError> {
+    if foreign.supervision.is_none() {
+        let judged = exec::judge(scenario, source, foreign, places, goes_on)?;
+        return Ok(judged.map(|judged| judged.outcome));
+    }
+    let refused = |error: GuestError| match error {
+        GuestError::Exec(error) => error,
+        error => ExecError::Virtual(error.to_string()),
+    };
+    let [dir, log] = places;
+    let (run, seats, dir) = exec::stage(scenario, source, dir)?;
+    let trial = Trial::start(run, seats, dir, foreign.clone(), None, log);
+    let mut trial = trial.map_err(refused)?;
+    let mut turned = Ok(());
+    while !trial.is_over() && turned.is_ok() {
+        if !goes_on() {
+            trial.end();
+            return Ok(None);
+        }
+        turned = trial.turn();
+    }
+    let played = trial.end();
+    turned.map_err(refused)?;
+    Ok(Some(played.outcome))
 }

@@ -259,6 +259,13 @@ impl<C: Clock> Realtime<C> {
         paced.run_until(now);
     }
 
+    /// Bytes reach the rig as if the client of the port `index` had sent them.
+    pub(crate) fn inject(&self, index: usize, bytes: &[u8], paced: &mut impl Paced) {
+        paced.rig().inject(self.ports[index].end.node, bytes);
+        let now = paced.rig().now();
+        paced.run_until(now);
+    }
+
     /// Gives the transports back, in the order in which they were served.
     pub fn into_transports(self) -> Vec<Box<dyn Transport>> {
         self.ports.into_iter().map(|port| port.transport).collect()

@@ -6,8 +6,7 @@ use std::path::Path;
 use clap::Args;
 
 use super::CliError;
-use crate::guest::Settings;
-use crate::realtime::exec::{Foreign, ProgramEnd};
+use crate::realtime::exec::{Foreign, ProgramEnd, Supervision};
 use crate::scenario::Span;
 
 /// Somebody's program.
@@ -33,10 +32,20 @@ pub(super) struct ExecArgs {
     is_virtual: bool,
     /// Virtual time that each call takes which has to do with time, waiting or ports; computing
     /// takes none
-    #[arg(long, value_name = "TIME", default_value = "1us", requires = "is_virtual")]
+    #[arg(
+        long,
+        value_name = "TIME",
+        default_value = "1us",
+        requires = "is_virtual"
+    )]
     call_cost: Span,
     /// Wall time for which it may compute in one piece before it is taken to spin
-    #[arg(long, value_name = "TIME", default_value = "10s", requires = "is_virtual")]
+    #[arg(
+        long,
+        value_name = "TIME",
+        default_value = "10s",
+        requires = "is_virtual"
+    )]
     spin_max: Span,
 }
 
@@ -48,23 +57,23 @@ impl ExecArgs {
             wait: self.exec_wait.0,
             may_end: self.exec_may_end,
             needs: self.exec_needs.clone(),
+            supervision: self.is_virtual.then_some(Supervision {
+                call_cost: self.call_cost.0,
+                spin_max: self.spin_max.0,
+            }),
         })
     }
 
-    /// How it is supervised, if it is to be in virtual time.
-    pub(super) fn settings(&self, seed: u64) -> Option<Settings> {
-        self.is_virtual.then_some(Settings {
-            seed,
-            call_cost: self.call_cost.0,
-            spin_max: self.spin_max.0,
-            trace: None,
-        })
+    /// Whether the program is to be in virtual time.
+    pub(super) const fn is_virtual(&self) -> bool {
+        self.is_virtual
     }
 
     /// Refuses virtual time for a command that has none yet.
     pub(super) fn no_virtual(&self, command: &str) -> Result<(), CliError> {
         if self.is_virtual {
-            let wrong = format!("--virtual: expected \"hilrig run\"; {command} is in real time");
+            let wrong =
+                format!("--virtual: {command} has it not: expected run, campaign or shrink");
             return Err(CliError::Usage(wrong));
         }
         Ok(())

@@ -15,7 +15,6 @@ use super::show::{Show, ShowArgs};
 use super::stop::Stop;
 use super::{CliError, Verdict, default_out};
 use crate::capture::case::{Case, Judgement};
-use crate::guest::Settings;
 use crate::scenario::{Scenario, ScenarioError, Source};
 use crate::show::folder::{self, FolderError, Suite};
 
@@ -157,15 +156,12 @@ fn one(
         is_shown: args.show.is_wanted(),
         show,
     };
-    let Some(settings) = args.program.settings(seed) else {
+    if foreign.supervision.is_none() {
         return judged_exec(scenario, &source, foreign, place, stop);
-    };
+    }
     let guest = Guest {
         foreign,
-        settings: Settings {
-            trace: args.trace_calls.clone(),
-            ..settings
-        },
+        trace: args.trace_calls.clone(),
         is_checked: args.check,
     };
     judged_guest((&scenario, &source), &guest, &place, stop)
@@ -173,6 +169,7 @@ fn one(
 
 /// Plays one case of bytes, to somebody's program if there is one.
 fn one_case(args: &RunArgs, case: &(Case, Source), stop: &Stop) -> Result<Judgement, CliError> {
+    args.program.no_virtual("a case of bytes")?;
     if let Some(foreign) = args.program.foreign() {
         let out = args.out.clone();
         let out = out.unwrap_or_else(|| PathBuf::from("hilrig-out").join(&case.0.name));
@@ -192,6 +189,12 @@ fn check(args: &RunArgs) -> Result<(), CliError> {
         }
         () if args.ends.is_given() && !is_exec => {
             "--dut-at, --device-at: expected --exec beside it, or \"hilrig up\""
+        }
+        () if args.show.is_wanted() && args.program.is_virtual() => {
+            "--ui: expected no --virtual beside it: nobody can look on at that speed"
+        }
+        () if args.ends.is_given() && args.program.is_virtual() => {
+            "--dut-at, --device-at: expected no --virtual: what is on a real port keeps real time"
         }
         () => return Ok(()),
     };

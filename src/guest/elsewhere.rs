@@ -4,7 +4,7 @@ use std::io;
 use std::path::Path;
 use std::process::ExitCode;
 
-use super::{GuestError, Settings};
+use super::GuestError;
 use crate::realtime::exec::{Foreign, Seat};
 use crate::realtime::transport::PortDir;
 use crate::run::{Outcome, Run};
@@ -54,7 +54,7 @@ impl Trial {
         _: Vec<Seat>,
         _: PortDir,
         _: Foreign,
-        _: Settings,
+        _: Option<&Path>,
         _: &Path,
     ) -> Result<Self, GuestError> {
         Err(GuestError::NotHere)
@@ -62,11 +62,6 @@ impl Trial {
 
     /// The run.
     pub(crate) const fn run(&mut self) -> &mut Run {
-        match *self {}
-    }
-
-    /// Whether rig time runs.
-    pub(crate) const fn has_begun(&self) -> bool {
         match *self {}
     }
 

@@ -117,9 +117,8 @@ pub(super) fn start(command: &str, env: &[(String, OsString)], mouth: File) -> i
 pub(crate) fn become_guest(command: &str) -> ExitCode {
     let code = |code: i32| ExitCode::from(u8::try_from(code).unwrap_or(1));
     // Where things lie in memory is the same in each run; some systems forbid even that.
-    let _ = personality::get().and_then(|persona| {
-        personality::set(persona | Persona::ADDR_NO_RANDOMIZE)
-    });
+    let _ = personality::get()
+        .and_then(|persona| personality::set(persona | Persona::ADDR_NO_RANDOMIZE));
     if let Err(error) = ptrace::traceme().and_then(|()| raise(Signal::SIGSTOP)) {
         eprintln!("ptrace: {error}");
         return code(NOT_TRACED);

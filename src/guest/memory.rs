@@ -21,7 +21,11 @@ impl Memory {
         let (base, len) = place(address, buf.len())?;
         let remote = [RemoteIoVec { base, len }];
         let count = process_vm_readv(self.0, &mut [IoSliceMut::new(buf)], &remote)?;
-        if count == len { Ok(()) } else { Err(Errno::EFAULT) }
+        if count == len {
+            Ok(())
+        } else {
+            Err(Errno::EFAULT)
+        }
     }
 
     /// Writes `bytes` from `address` on.
@@ -32,7 +36,11 @@ impl Memory {
         let (base, len) = place(address, bytes.len())?;
         let remote = [RemoteIoVec { base, len }];
         let count = process_vm_writev(self.0, &[IoSlice::new(bytes)], &remote)?;
-        if count == len { Ok(()) } else { Err(Errno::EFAULT) }
+        if count == len {
+            Ok(())
+        } else {
+            Err(Errno::EFAULT)
+        }
     }
 
     pub(super) fn u32(self, address: u64) -> Result<u32, Errno> {

@@ -24,7 +24,9 @@ const SHOWN_MAX: u64 = 4095;
 /// Wall time within which the kernel has brought bytes from one end of a terminal to the other.
 const SETTLES: Duration = Duration::from_millis(200);
 /// Bits of modem lines, as TIOCMGET has them: DTR, RTS; CTS, DCD, DSR.
-const OUTPUTS: u32 = 0x002 | 0x004;
+const DTR: u32 = 0x002;
+const RTS: u32 = 0x004;
+const OUTPUTS: u32 = DTR | RTS;
 const INPUTS: u32 = 0x020 | 0x040 | 0x100;
 
 /// A port as its client sees it.
@@ -40,6 +42,8 @@ struct Slot {
     is_open: bool,
     /// What the client has set of DTR and RTS.
     outputs: u32,
+    /// The ports on which those two reach a device, a byte a level.
+    pins: [Option<usize>; 2],
 }
 
 /// The rig, its ports and the time.
@@ -69,13 +73,19 @@ impl Stage {
         wait: Duration,
         mouth: (u64, u64),
     ) -> Self {
-        let slots = realtime.places().map(|(_, path, _)| Slot {
+        let names: Vec<String> = realtime.names().map(str::to_owned).collect();
+        let pin = |name: &str, pin| {
+            let wanted = format!("{name}-{pin}");
+            names.iter().position(|other| *other == wanted)
+        };
+        let slots = realtime.places().map(|(name, path, _)| Slot {
+            pins: [pin(name, "dtr"), pin(name, "rts")],
             device: std::fs::metadata(path).map_or(0, |data| data.rdev()),
             taken: 0,
             brought: 0,
             heard: Instant::ZERO,
             is_open: false,
-            outputs: OUTPUTS,
+            outputs: 0,
         });
         Self {
             slots: slots.collect(),
@@ -156,6 +166,7 @@ impl Stage {
     pub(super) fn carry(&mut self) -> Result<(), TransportError> {
         self.realtime.carry(&mut self.run)?;
         let mut has_delivered = false;
+        let mut turned = Vec::new();
         let now = self.now;
         for (port, slot) in self.slots.iter_mut().enumerate() {
             let (brought, is_open) = self.realtime.state(port);
@@ -167,10 +178,15 @@ impl Stage {
             if !is_open {
                 slot.taken = brought;
             }
-            if is_open && !slot.is_open {
-                slot.outputs = OUTPUTS;
+            if is_open != slot.is_open {
+                slot.is_open = is_open;
+                turned.push(port);
             }
-            slot.is_open = is_open;
+        }
+        // A serial port raises its lines when it is opened, and lowers them when it is closed.
+        for port in turned {
+            let lines = if self.slots[port].is_open { OUTPUTS } else { 0 };
+            self.set_modem(port, lines);
         }
         self.has_delivered |= has_delivered;
         if now >= self.next_look {
@@ -209,7 +225,9 @@ impl Stage {
 
     /// The port that is the device of this number.
     pub(super) fn port_of(&self, device: u64) -> Option<usize> {
-        self.slots.iter().position(|slot| slot.device == device && device != 0)
+        self.slots
+            .iter()
+            .position(|slot| slot.device == device && device != 0)
     }
 
     /// Bytes of a client that may be written now.
@@ -277,11 +295,21 @@ impl Stage {
 
     /// The client sets its modem lines.
     pub(super) fn set_modem(&mut self, port: usize, lines: u32) {
-        self.slots[port].outputs = lines & OUTPUTS;
+        let slot = &mut self.slots[port];
+        let changed = (slot.outputs ^ lines) & OUTPUTS;
+        slot.outputs = lines & OUTPUTS;
+        let pins = slot.pins;
+        for (pin, line) in pins.into_iter().zip([DTR, RTS]) {
+            if let Some(pin) = pin.filter(|_| changed & line != 0) {
+                let level = u8::from(lines & line != 0);
+                self.realtime.inject(pin, &[level], &mut self.run);
+            }
+        }
     }
 
     /// The client sends a break.
     pub(super) fn send_break(&mut self, port: usize) {
-        self.realtime.change_line(port, LineEvent::Break, &mut self.run);
+        self.realtime
+            .change_line(port, LineEvent::Break, &mut self.run);
     }
 }

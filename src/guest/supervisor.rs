@@ -14,6 +14,7 @@ mod waits;
 
 use core::time::Duration;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::path::Path;
 
 use nix::errno::Errno;
 use nix::libc;
@@ -24,13 +25,14 @@ use protocols::Instant;
 use rustix::event::PollFlags;
 use rustix::process::WaitOptions;
 
+use super::GuestError;
 use super::call::{self, Call};
 use super::memory::Memory;
 use super::stage::Stage;
 use super::task::{Next, On, Process, State, Thread, Wait};
 use super::trace::{Calls, Record};
 use super::watchdog::{Kick, Watchdog};
-use super::{GuestError, Settings};
+use crate::realtime::exec::Supervision;
 
 /// Calls that a thread makes in a row while others could run.
 const SLICE: u32 = 1_000;
@@ -64,6 +66,14 @@ enum Flow {
     Stays,
 }
 
+/// What is the same for a whole run.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Settings {
+    /// Of all chance that the program asks the system for.
+    pub(super) seed: u64,
+    pub(super) supervision: Supervision,
+}
+
 /// All threads of a foreign program, and the stage on which they play.
 pub(super) struct Supervisor {
     pub(super) stage: Stage,
@@ -94,7 +104,12 @@ pub(super) struct Supervisor {
 
 impl Supervisor {
     /// Supervises the launcher `root`, which has just been started.
-    pub(super) fn new(root: i32, stage: Stage, settings: Settings) -> Result<Self, GuestError> {
+    pub(super) fn new(
+        root: i32,
+        stage: Stage,
+        settings: Settings,
+        trace: Option<&Path>,
+    ) -> Result<Self, GuestError> {
         let root = Pid::from_raw(root);
         let status = wait(Some(root), WaitOptions::empty()).map(|(_, status)| status);
         if !status.is_some_and(|status| is_stop(status, libc::SIGSTOP)) {
@@ -110,7 +125,7 @@ impl Supervisor {
             | Options::PTRACE_O_EXITKILL;
         ptrace::setoptions(root, options).map_err(|_| GuestError::NotTraced)?;
         let mut new = Self {
-            calls: Calls::new(settings.trace.as_deref())?,
+            calls: Calls::new(trace)?,
             stage,
             settings,
             root,
@@ -165,7 +180,10 @@ impl Supervisor {
     /// The processes that are there, the first one left out.
     pub(super) fn others(&self) -> impl Iterator<Item = i32> {
         let root = self.root.as_raw();
-        self.processes.keys().copied().filter(move |&pid| pid != root)
+        self.processes
+            .keys()
+            .copied()
+            .filter(move |&pid| pid != root)
     }
 
     /// Whether anybody is there.
@@ -236,7 +254,10 @@ impl Supervisor {
 
     /// Those who wait for files try once more, in the order in which they began to wait.
     fn retry_files(&mut self) {
-        let waiting = self.threads.values().filter(|thread| thread.waits_for_files());
+        let waiting = self
+            .threads
+            .values()
+            .filter(|thread| thread.waits_for_files());
         let mut order: Vec<(u64, i32)> = waiting
             .map(|thread| (thread.blocked_at, thread.tid.as_raw()))
             .collect();
@@ -369,7 +390,7 @@ impl Supervisor {
         {
             self.trouble = Some(error.into());
         }
-        if let Err(error) = self.stage.pass(self.settings.call_cost) {
+        if let Err(error) = self.stage.pass(self.settings.supervision.call_cost) {
             self.trouble = Some(error.into());
         }
         self.calls.count += 1;
@@ -477,8 +498,12 @@ impl Supervisor {
             libc::SYS_epoll_wait | libc::SYS_epoll_pwait | libc::SYS_epoll_pwait2 => {
                 self.epoll(tid, call)
             }
-            libc::SYS_read | libc::SYS_readv | libc::SYS_recvfrom | libc::SYS_recvmsg
-            | libc::SYS_accept | libc::SYS_accept4 => self.read(tid, call),
+            libc::SYS_read
+            | libc::SYS_readv
+            | libc::SYS_recvfrom
+            | libc::SYS_recvmsg
+            | libc::SYS_accept
+            | libc::SYS_accept4 => self.read(tid, call),
             libc::SYS_write | libc::SYS_writev | libc::SYS_sendto | libc::SYS_sendmsg => {
                 self.write(tid, call)
             }
@@ -542,7 +567,7 @@ impl Supervisor {
                 self.set_state(tid, State::Outside);
                 Flow::Stays
             }
-            Some(Kick::Computes(wall)) if wall >= self.settings.spin_max => {
+            Some(Kick::Computes(wall)) if wall >= self.settings.supervision.spin_max => {
                 let name = thread_name(tid);
                 self.trouble = Some(GuestError::Spins(name, wall));
                 self.ready(tid, Next::Go(None));

@@ -91,7 +91,11 @@ impl Calls {
             let record = calls.kept.get(at);
             record.map_or_else(|| "nothing more".to_owned(), Record::to_string)
         };
-        Some(format!("at call {at}: {}, then {}", said(self), said(other)))
+        Some(format!(
+            "at call {at}: {}, then {}",
+            said(self),
+            said(other)
+        ))
     }
 }
 

@@ -16,9 +16,9 @@ use rustix::process::{Pid, Signal, kill_process_group};
 use rustix::thread::{CpuSet, sched_getaffinity, sched_getcpu, sched_setaffinity};
 
 use super::stage::Stage;
-use super::supervisor::Supervisor;
+use super::supervisor::{Settings, Supervisor};
 use super::trace::Calls;
-use super::{GuestError, Settings, launch};
+use super::{GuestError, launch};
 use crate::realtime::Realtime;
 use crate::realtime::clock::{Clock as _, SimClock, WallClock};
 use crate::realtime::exec::{
@@ -73,7 +73,7 @@ pub(crate) struct Played {
 
 impl Trial {
     /// Starts the program in front of `run`, whose ends are on `seats`. What it says is written
-    /// to `log`.
+    /// to `log`, what is decided call by call to `trace`.
     ///
     /// # Errors
     /// If it cannot be started or supervised, or needs a port that there is not.
@@ -82,7 +82,7 @@ impl Trial {
         seats: Vec<Seat>,
         mut dir: PortDir,
         foreign: Foreign,
-        settings: Settings,
+        trace: Option<&Path>,
         log: &Path,
     ) -> Result<Self, GuestError> {
         dir.leave_note(Note::Scenario, &run.scenario().to_toml())?;
@@ -104,9 +104,12 @@ impl Trial {
         let root = i32::try_from(child.id()).unwrap_or_default();
         let hearing = Arc::clone(&words);
         let listener = thread::spawn(move || listen(ears, &hearing));
+        let seed = run.scenario().seed;
+        let supervision = foreign.supervision.ok_or(GuestError::NotHere)?;
+        let settings = Settings { seed, supervision };
         let stage = Stage::new(run, realtime, ports, foreign.wait, (pipe.dev(), pipe.ino()));
         Ok(Self {
-            supervisor: Supervisor::new(root, stage, settings)?,
+            supervisor: Supervisor::new(root, stage, settings, trace)?,
             root,
             dir,
             foreign,
@@ -124,17 +127,12 @@ impl Trial {
         &mut self.supervisor.stage.run
     }
 
-    /// Whether rig time runs.
-    pub(crate) const fn has_begun(&self) -> bool {
-        self.supervisor.stage.has_begun()
-    }
-
     /// Whether there is nothing more to see.
     pub(crate) fn is_over(&self) -> bool {
         let stage = &self.supervisor.stage;
-        let is_gone = self.gone_at.is_some_and(|at| {
-            !stage.has_begun() || stage.now() - at >= SETTLE
-        });
+        let is_gone = self
+            .gone_at
+            .is_some_and(|at| !stage.has_begun() || stage.now() - at >= SETTLE);
         stage.run.is_over() || stage.gave_up() || is_gone || self.spins.is_some()
     }
 
@@ -202,7 +200,10 @@ impl Trial {
             ports.reads(),
             childless(&farewell.left),
         ];
-        own.extend(self.spins.map(|spins| Check::new("program-yields", false, spins)));
+        own.extend(
+            self.spins
+                .map(|spins| Check::new("program-yields", false, spins)),
+        );
         add_checks(&mut outcome, own);
         Played {
             outcome,
@@ -260,7 +261,10 @@ impl Trial {
 
     /// The processes that are there besides the program itself.
     fn others(&self) -> Vec<Left> {
-        let others = self.supervisor.others().filter_map(|pid| u32::try_from(pid).ok());
+        let others = self
+            .supervisor
+            .others()
+            .filter_map(|pid| u32::try_from(pid).ok());
         others
             .map(|pid| Left {
                 pid,

@@ -57,6 +57,17 @@ pub(crate) struct Foreign {
     pub may_end: bool,
     /// Names of the ports that it needs; none: all that are not optional.
     pub needs: Vec<String>,
+    /// How it is put into virtual time; `None`: it runs in real time.
+    pub supervision: Option<Supervision>,
+}
+
+/// How a program is supervised in virtual time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Supervision {
+    /// Virtual time that each stopped call takes.
+    pub call_cost: Duration,
+    /// Wall time for which a thread may compute without a call.
+    pub spin_max: Duration,
 }
 
 /// An end of a link and the port that it is on.
@@ -351,6 +362,26 @@ pub(crate) fn judge(
     [dir, log]: [&PathBuf; 2],
     goes_on: &dyn Fn() -> bool,
 ) -> Result<Option<Judged>, ExecError> {
+    let (run, seats, dir) = stage(scenario, source, dir)?;
+    let mut trial = Trial::start(run, seats, dir, foreign.clone(), log)?;
+    while !trial.is_over() {
+        if !goes_on() {
+            return Ok(None);
+        }
+        trial.turn()?;
+    }
+    Ok(Some(trial.end()))
+}
+
+/// `scenario` wired for a program of somebody's, all its ports in `dir`.
+///
+/// # Errors
+/// If it cannot be wired, or the ports cannot be had.
+pub(crate) fn stage(
+    scenario: &Scenario,
+    source: &Source,
+    dir: &Path,
+) -> Result<(Run, Vec<Seat>, PortDir), ExecError> {
     let pc = pc_end(scenario);
     let Wired {
         rig,
@@ -368,12 +399,5 @@ pub(crate) fn judge(
         });
     }
     let run = Run::with_rig(scenario.clone(), rig, instruments);
-    let mut trial = Trial::start(run, seats, dir, foreign.clone(), log)?;
-    while !trial.is_over() {
-        if !goes_on() {
-            return Ok(None);
-        }
-        trial.turn()?;
-    }
-    Ok(Some(trial.end()))
+    Ok((run, seats, dir))
 }

@@ -14,7 +14,7 @@ use crate::cli::CliError;
 use crate::cli::ends::print_table;
 use crate::cli::exec::show_words;
 use crate::cli::stop::Stop;
-use crate::guest::{Played, Settings, Trial};
+use crate::guest::{Played, Trial};
 use crate::realtime::clock::{Clock as _, WallClock};
 use crate::realtime::exec::{Foreign, pc_end};
 use crate::realtime::transport::PortDir;
@@ -26,7 +26,8 @@ use crate::scenario::{Scenario, Source};
 /// A program and how it is supervised.
 pub(super) struct Guest {
     pub(super) foreign: Foreign,
-    pub(super) settings: Settings,
+    /// File for what is decided, call by call.
+    pub(super) trace: Option<PathBuf>,
     /// Whether it is run twice, to see whether it does the same.
     pub(super) is_checked: bool,
 }
@@ -47,13 +48,9 @@ pub(super) fn judged_guest(
     if guest.is_checked && stop.signal().is_none() {
         let again = out.join("again");
         make_folder(&again)?;
-        let settings = Settings {
-            trace: None,
-            ..guest.settings.clone()
-        };
         let second = Guest {
             foreign: guest.foreign.clone(),
-            settings,
+            trace: None,
             is_checked: false,
         };
         let second = play((scenario, source), &second, place, &again, stop)?;
@@ -108,10 +105,14 @@ fn play(
         print_table(&seats);
     }
     let mut run = Run::with_rig(scenario.clone(), rig, instruments);
-    record_to(&out.join("capture.pcapng"), capture::about(run.scenario()), &mut run)?;
+    record_to(
+        &out.join("capture.pcapng"),
+        capture::about(run.scenario()),
+        &mut run,
+    )?;
     let log: PathBuf = out.join("program.log");
-    let (foreign, settings) = (guest.foreign.clone(), guest.settings.clone());
-    let mut trial = Trial::start(run, seats, dir, foreign, settings, &log)?;
+    let (foreign, trace) = (guest.foreign.clone(), guest.trace.as_deref());
+    let mut trial = Trial::start(run, seats, dir, foreign, trace, &log)?;
     let clock = WallClock::start();
     let mut progress = Progress::new(Talk::Verdict);
     let mut turned = Ok(());

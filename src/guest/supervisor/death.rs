@@ -106,7 +106,10 @@ impl Supervisor {
         let mut parent = None;
         for other in others {
             if other == tid {
-                parent = self.threads.get_mut(&tid).and_then(|it| it.vfork_parent.take());
+                parent = self
+                    .threads
+                    .get_mut(&tid)
+                    .and_then(|it| it.vfork_parent.take());
             } else {
                 self.threads.remove(&other);
             }
@@ -181,7 +184,12 @@ impl Supervisor {
             };
             match is_death(status) {
                 true => self.buried(pid, status),
-                false if self.threads.get(&pid).is_some_and(|it| it.process == process) => {
+                false
+                    if self
+                        .threads
+                        .get(&pid)
+                        .is_some_and(|it| it.process == process) =>
+                {
                     let _ = ptrace::cont(Pid::from_raw(pid), None);
                 }
                 false => self.note_other(pid, status),
@@ -191,7 +199,9 @@ impl Supervisor {
     }
 
     fn has_threads(&self, process: i32) -> bool {
-        self.threads.values().any(|thread| thread.process == process)
+        self.threads
+            .values()
+            .any(|thread| thread.process == process)
     }
 
     /// One thread is no more; with the first one of a process, the process.
@@ -211,9 +221,10 @@ impl Supervisor {
         }
         self.is_touched = true;
         self.is_signalled = true;
-        let parents = self.threads.values().filter(|thread| {
-            matches!(thread.state, State::Blocked(wait) if wait.on == On::Child)
-        });
+        let parents = self
+            .threads
+            .values()
+            .filter(|thread| matches!(thread.state, State::Blocked(wait) if wait.on == On::Child));
         let mut parents: Vec<(u32, i32)> = parents
             .map(|thread| (thread.index, thread.tid.as_raw()))
             .collect();

@@ -67,7 +67,10 @@ impl Supervisor {
         let Ok(stat) = fstat(fd) else {
             return Kind::Prompt;
         };
-        let (major, minor) = (rustix::fs::major(stat.st_rdev), rustix::fs::minor(stat.st_rdev));
+        let (major, minor) = (
+            rustix::fs::major(stat.st_rdev),
+            rustix::fs::minor(stat.st_rdev),
+        );
         match FileType::from_raw_mode(stat.st_mode) {
             FileType::RegularFile | FileType::Directory | FileType::BlockDevice => Kind::Prompt,
             FileType::CharacterDevice => match self.stage.port_of(stat.st_rdev) {
@@ -88,7 +91,13 @@ impl Supervisor {
             _ => call.args[1],
         };
         let path = Memory(Pid::from_raw(tid)).text(address);
-        let tells = ["/proc/uptime", "/proc/loadavg", "/proc/stat", "/dev/rtc", "/dev/ptp"];
+        let tells = [
+            "/proc/uptime",
+            "/proc/loadavg",
+            "/proc/stat",
+            "/dev/rtc",
+            "/dev/ptp",
+        ];
         if tells.iter().any(|known| path.starts_with(known)) {
             self.note(format!("reads {path}"));
         }

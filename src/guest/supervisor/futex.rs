@@ -137,8 +137,10 @@ impl Supervisor {
             if index < number(wakes) {
                 self.wake(waiter);
             } else if index < number(wakes).saturating_add(number(moves)) {
-                if let Some(State::Blocked(wait)) =
-                    self.threads.get_mut(&waiter).map(|thread| &mut thread.state)
+                if let Some(State::Blocked(wait)) = self
+                    .threads
+                    .get_mut(&waiter)
+                    .map(|thread| &mut thread.state)
                 {
                     wait.on = On::Futex(target, ALL);
                 }

@@ -202,12 +202,7 @@ impl Supervisor {
 
     /// The end of a wait as long as two numbers at `address` say, the second in `unit` ns; none at
     /// 0.
-    fn timespec_from(
-        &self,
-        tid: i32,
-        address: u64,
-        unit: i64,
-    ) -> Result<Option<Instant>, Errno> {
+    fn timespec_from(&self, tid: i32, address: u64, unit: i64) -> Result<Option<Instant>, Errno> {
         if address == 0 {
             return Ok(None);
         }

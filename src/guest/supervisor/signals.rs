@@ -21,9 +21,10 @@ impl Supervisor {
 
     /// Interrupts the waits of threads that have a signal.
     pub(super) fn look_for_signals(&mut self) {
-        let blocked = self.threads.values().filter(|thread| {
-            matches!(thread.state, State::Blocked(_))
-        });
+        let blocked = self
+            .threads
+            .values()
+            .filter(|thread| matches!(thread.state, State::Blocked(_)));
         let blocked: Vec<(i32, i32)> = blocked
             .map(|thread| (thread.process, thread.tid.as_raw()))
             .collect();
@@ -45,7 +46,10 @@ impl Supervisor {
             return;
         };
         let Some(call) = thread.call else { return };
-        let restarts = self.processes.get(&thread.process).map_or(0, |it| it.restarts);
+        let restarts = self
+            .processes
+            .get(&thread.process)
+            .map_or(0, |it| it.restarts);
         let is_again = signals & !restarts == 0 && is_restarted(&call);
         let pid = Pid::from_raw(tid);
         let is_at_end = thread.is_at_end;
@@ -62,7 +66,9 @@ impl Supervisor {
     /// Takes note of whether a handler wants calls to be made again.
     pub(super) fn sets_handler(&mut self, tid: i32, call: &Call) {
         let [signal, action, ..] = call.args;
-        let Some(bit) = u32::try_from(low_i32(signal)).ok().filter(|bit| (1..=64).contains(bit))
+        let Some(bit) = u32::try_from(low_i32(signal))
+            .ok()
+            .filter(|bit| (1..=64).contains(bit))
         else {
             return;
         };
@@ -84,7 +90,11 @@ impl Supervisor {
             return Outcome::Kernel;
         };
         let process = thread.process;
-        let others = self.threads.values().filter(|other| other.process == process).count();
+        let others = self
+            .threads
+            .values()
+            .filter(|other| other.process == process)
+            .count();
         if tid != process || others <= 1 {
             return Outcome::Kernel;
         }
@@ -118,7 +128,8 @@ fn pending(process: i32, tid: i32) -> [u64; 2] {
     let status = std::fs::read_to_string(path).unwrap_or_default();
     let mask = |name: &str| {
         let line = status.lines().find_map(|line| line.strip_prefix(name));
-        line.and_then(|text| u64::from_str_radix(text.trim(), 16).ok()).unwrap_or(0)
+        line.and_then(|text| u64::from_str_radix(text.trim(), 16).ok())
+            .unwrap_or(0)
     };
     let quiet = mask("SigBlk:") | mask("SigIgn:") | (MILD & !mask("SigCgt:"));
     [mask("SigPnd:") & !quiet, mask("ShdPnd:") & !quiet]

@@ -51,9 +51,7 @@ impl Supervisor {
             libc::TCSETSF | TCSETSF2 => Ok(self.once_sent(port, Outcome::Kernel, true)),
             libc::TCSETSW | TCSETSW2 => Ok(self.once_sent(port, Outcome::Kernel, false)),
             libc::TCSETS | TCSETS2 => Ok(Outcome::Kernel),
-            libc::TCSBRK if argument != 0 => {
-                Ok(self.once_sent(port, Outcome::Answer(0), false))
-            }
+            libc::TCSBRK if argument != 0 => Ok(self.once_sent(port, Outcome::Answer(0), false)),
             _ => self.modem(memory, port, request, argument),
         }
     }

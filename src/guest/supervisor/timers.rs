@@ -73,7 +73,11 @@ impl Supervisor {
         if call.number == libc::SYS_timerfd_create {
             return Ok(Outcome::Kernel);
         }
-        if !self.processes.get(&pid).is_some_and(|it| it.timers.contains_key(&fd)) {
+        if !self
+            .processes
+            .get(&pid)
+            .is_some_and(|it| it.timers.contains_key(&fd))
+        {
             let file = self.file(tid, fd).ok_or(Errno::EBADF)?;
             let clock = clock_of(pid, fd).ok_or(Errno::EINVAL)?;
             let process = self.processes.get_mut(&pid).ok_or(Errno::ESRCH)?;
@@ -204,6 +208,8 @@ fn set_real(timer: &TimerFile, nanos: i64) {
 /// The clock of a timer's file; `None` if it is none.
 fn clock_of(pid: i32, fd: i32) -> Option<i64> {
     let info = std::fs::read_to_string(format!("/proc/{pid}/fdinfo/{fd}")).ok()?;
-    let line = info.lines().find_map(|line| line.strip_prefix("clockid:"))?;
+    let line = info
+        .lines()
+        .find_map(|line| line.strip_prefix("clockid:"))?;
     line.trim().parse().ok()
 }
