@@ -197,7 +197,7 @@ impl Stage {
     }
 
     /// Looks at what the program does with its ports.
-    fn look(&mut self) {
+    pub(super) fn look(&mut self) {
         let rig_now = self.run.rig.now();
         let on_time = match self.begun {
             Some(_) => LOOK_EVERY,

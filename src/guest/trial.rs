@@ -167,6 +167,9 @@ impl Trial {
     /// Ends the program and judges what there is.
     pub(crate) fn end(mut self) -> Played {
         let is_over = self.supervisor.stage.run.is_over();
+        // What it did last may have been seen by nobody.
+        let _ = self.supervisor.stage.carry();
+        self.supervisor.stage.look();
         self.supervisor.stage.is_frozen = true;
         let (left, was_killed) = self.stop();
         self.is_silent();
