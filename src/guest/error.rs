@@ -33,7 +33,7 @@ pub enum GuestError {
     #[error("--virtual: expected Linux on x86-64; here run it without --virtual, in real time")]
     NotHere,
     /// A thread computes on and on.
-    #[error("{0} computes without a call for {seconds:.0} s of the wall clock", seconds = .1.as_secs_f64())]
+    #[error("{0} computes without a call for {secs:.0} s of wall time", secs = .1.as_secs_f64())]
     Spins(String, Duration),
     /// The trace cannot be written.
     #[error("--trace-calls {}: {source}", .path.display())]

@@ -7,8 +7,8 @@
 //!     | options, cont ----------> filter, exec /bin/sh -c CMD
 //! ```
 //!
-//! The filter stops the calls that have to do with time, waiting, other threads or ports; all others
-//! run at full speed.
+//! The filter stops the calls that have to do with time, waiting, other threads or ports; all
+//! others run at full speed.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;

@@ -217,8 +217,8 @@ impl Trial {
         }
     }
 
-    /// Ends it and whatever it started: asks first, then kills. Who was left behind, and whether the
-    /// program itself had to be killed.
+    /// Ends it and whatever it started: asks first, then kills. Who was left behind, and whether
+    /// the program itself had to be killed.
     fn stop(&mut self) -> (Vec<Left>, bool) {
         let is_running = self.supervisor.root_status.is_none();
         let mut left = match is_running {

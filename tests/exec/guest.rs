@@ -104,7 +104,7 @@ for beat in range(4):
     os.write(fd, b'ping\\r\\n')
     time.sleep(0.5)
     print(round(time.monotonic() - begin, 2), flush=True)
-print(got.count(b'pong'), 'pongs', os.urandom(8).hex(), hash('word'), time.time() < 1.8e9, flush=True)
+print(got.count(b'pong'), 'pongs', os.urandom(8), hash('word'), time.time() < 1.8e9, flush=True)
 time.sleep(60)
 ";
 
@@ -152,8 +152,8 @@ fn compiled(name: &str, compiler: &str, source: &str, flags: &[&str]) -> Option<
     }
 }
 
-/// Each poll times out after 30 ms unless bytes come: those of the sonar come in lumps of 8.3 ms each
-/// 100 ms, so three of them time out in each gap.
+/// Each poll times out after 30 ms unless bytes come: those of the sonar come in lumps of 8.3 ms
+/// each 100 ms, so three of them time out in each gap.
 const POLL: &str = r#"
 #include <fcntl.h>
 #include <poll.h>

@@ -71,24 +71,13 @@ impl Supervisor {
         let memory = Memory(Pid::from_raw(tid));
         let pid = self.threads.get(&tid).ok_or(Errno::ESRCH)?.process;
         if call.number == libc::SYS_timerfd_create {
+            // Closing is not seen: the number of a file that is gone may come again.
+            if let Some(process) = self.processes.get_mut(&pid) {
+                process.timers.retain(|&fd, _| clock_of(pid, fd).is_some());
+            }
             return Ok(Outcome::Kernel);
         }
-        if !self
-            .processes
-            .get(&pid)
-            .is_some_and(|it| it.timers.contains_key(&fd))
-        {
-            let file = self.file(tid, fd).ok_or(Errno::EBADF)?;
-            let clock = clock_of(pid, fd).ok_or(Errno::EINVAL)?;
-            let process = self.processes.get_mut(&pid).ok_or(Errno::ESRCH)?;
-            let new = TimerFile {
-                file: file.fd,
-                clock,
-                timer: Timer::default(),
-                expired: 0,
-            };
-            process.timers.insert(fd, new);
-        }
+        self.know_timer(tid, pid, fd)?;
         let process = self.processes.get_mut(&pid).ok_or(Errno::ESRCH)?;
         let timer = process.timers.get_mut(&fd).ok_or(Errno::EBADF)?;
         let was = timer.timer;
@@ -118,6 +107,27 @@ impl Supervisor {
             memory.write_pair(place + 16, timespec(left))?;
         }
         Ok(Outcome::Answer(0))
+    }
+
+    /// Begins to stand in for the kernel's timer behind `fd`.
+    fn know_timer(&mut self, tid: i32, pid: i32, fd: i32) -> Result<(), Errno> {
+        if !self
+            .processes
+            .get(&pid)
+            .is_some_and(|it| it.timers.contains_key(&fd))
+        {
+            let file = self.file(tid, fd).ok_or(Errno::EBADF)?;
+            let clock = clock_of(pid, fd).ok_or(Errno::EINVAL)?;
+            let process = self.processes.get_mut(&pid).ok_or(Errno::ESRCH)?;
+            let new = TimerFile {
+                file: file.fd,
+                clock,
+                timer: Timer::default(),
+                expired: 0,
+            };
+            process.timers.insert(fd, new);
+        }
+        Ok(())
     }
 
     /// A read of `file`, if it is a timer's.
