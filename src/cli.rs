@@ -46,6 +46,7 @@ use clap::{ArgMatches, CommandFactory as _, FromArgMatches as _, Parser, Subcomm
 use crate::capture::case::CaseError;
 use crate::capture::replay::{PlaybackError, ReplayError};
 use crate::capture::tap::RecordError;
+use crate::guest::{self, GuestError};
 use crate::realtime::exec::ExecError;
 use crate::realtime::transport::TransportError;
 use crate::scenario::ScenarioError;
@@ -153,6 +154,9 @@ pub enum CliError {
     /// A foreign program cannot be put on the ports.
     #[error(transparent)]
     Exec(#[from] ExecError),
+    /// A foreign program cannot be run in virtual time.
+    #[error(transparent)]
+    Guest(#[from] GuestError),
     /// A file cannot be read.
     #[error("cannot read {}: {error}", .path.display())]
     Read {
@@ -212,6 +216,12 @@ fn read(path: &Path) -> Result<Vec<u8>, CliError> {
 
 /// Runs the command that the process was started with.
 pub fn main() -> ExitCode {
+    // The words as the system gave them: others' arguments need not be text.
+    let mut words = std::env::args_os().skip(1);
+    if words.next().is_some_and(|word| word == guest::VERB) {
+        let command = words.next().unwrap_or_default();
+        return guest::become_guest(&command.to_string_lossy());
+    }
     let matches = Cli::command().get_matches();
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     out::begin(cli.json);

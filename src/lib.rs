@@ -16,6 +16,7 @@
 //! | [`slam`] | the mapper over anybody's log; maps as others keep them, and how two differ |
 //! | [`capture`] | the file of all bytes: written, read, decoded, compared, replayed, imported, exported |
 //! | [`show`] | page, report, pictures, result folder |
+//! | `guest` | a foreign program in virtual time |
 //! | [`realtime`] | the rig, or the program alone, at the pace of the wall clock |
 //! | [`run`] | a run watched and judged |
 //! | [`robots`] | which devices, links and program a robot consists of |
@@ -27,6 +28,7 @@
 pub mod capture;
 pub mod cli;
 pub mod codec;
+mod guest;
 mod hex;
 mod html;
 pub mod museum;

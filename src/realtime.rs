@@ -26,6 +26,7 @@ pub mod transport;
 
 use core::fmt;
 use core::time::Duration;
+use std::os::fd::OwnedFd;
 use std::path::Path;
 
 use emulators::{Event, EventKind};
@@ -203,6 +204,70 @@ impl<C: Clock> Realtime<C> {
             is_drained: port.transport.is_drained(),
             reads: port.transport.reads(),
         })
+    }
+
+    /// Carries across what there is at both sides, without a look at the clock.
+    ///
+    /// # Errors
+    /// If a port went away.
+    pub(crate) fn carry(&mut self, paced: &mut impl Paced) -> Result<(), TransportError> {
+        for port in &mut self.ports {
+            port.carry_in(paced)?;
+        }
+        for port in &mut self.ports {
+            port.carry_out(paced.rig());
+        }
+        Ok(())
+    }
+
+    /// Whether the rig has something for a client now.
+    pub(crate) fn has_output(&self, rig: &Rig) -> bool {
+        let is_due = |adapter: &Adapter| adapter.expires_at() <= rig.now();
+        self.ports.iter().any(|port| {
+            rig.output_len(port.end.node) > 0 || port.adapter.as_ref().is_some_and(is_due)
+        })
+    }
+
+    /// When an adapter next hands over what it has.
+    pub(crate) fn next_expiry(&self) -> Option<Instant> {
+        let adapters = self.ports.iter().filter_map(|port| port.adapter.as_ref());
+        adapters.map(Adapter::expires_at).min()
+    }
+
+    /// Bytes that were brought to the client of the port `index` so far, and whether there is one.
+    pub(crate) fn state(&self, index: usize) -> (u64, bool) {
+        let port = &self.ports[index];
+        (port.traffic.to_client, port.is_open)
+    }
+
+    /// Bytes of the client of the port `index` that the line has not taken.
+    pub(crate) fn backlog(&self, index: usize, rig: &Rig) -> usize {
+        rig.backlog(self.ports[index].end.node)
+    }
+
+    /// As many bytes as that client may send now.
+    pub(crate) fn room(&self, index: usize, rig: &Rig) -> usize {
+        BACKLOG_MAX.saturating_sub(self.backlog(index, rig))
+    }
+
+    /// The client's side of the port `index`, if this process can have it.
+    pub(crate) fn client_side(&self, index: usize) -> Option<OwnedFd> {
+        self.ports[index].transport.client_side()
+    }
+
+    /// The client of the port `index` does something to its line.
+    pub(crate) fn change_line(&self, index: usize, event: LineEvent, paced: &mut impl Paced) {
+        let node = self.ports[index].end.node;
+        paced.rig().change_line(node, event);
+        let now = paced.rig().now();
+        paced.run_until(now);
+    }
+
+    /// Bytes reach the rig as if the client of the port `index` had sent them.
+    pub(crate) fn inject(&self, index: usize, bytes: &[u8], paced: &mut impl Paced) {
+        paced.rig().inject(self.ports[index].end.node, bytes);
+        let now = paced.rig().now();
+        paced.run_until(now);
     }
 
     /// Gives the transports back, in the order in which they were served.

@@ -423,6 +423,14 @@ impl Rig {
         }
     }
 
+    /// How many bytes arrived at an outside end since somebody took them.
+    pub fn output_len(&self, node: usize) -> usize {
+        match &self.nodes[node].body {
+            Body::Outside(outside) => outside.from_rig.len(),
+            _ => 0,
+        }
+    }
+
     /// Takes what arrived at an outside end since the last call.
     pub fn take_output(&mut self, node: usize) -> Bytes {
         match &mut self.nodes[node].body {

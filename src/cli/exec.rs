@@ -5,14 +5,15 @@ use std::path::Path;
 
 use clap::Args;
 
-use crate::realtime::exec::{Foreign, ProgramEnd};
+use super::CliError;
+use crate::realtime::exec::{Foreign, ProgramEnd, Supervision};
 use crate::scenario::Span;
 
 /// Somebody's program.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Somebody's program")]
 pub(super) struct ExecArgs {
-    /// Start this shell command on the rig's ports and judge it, in real time. Its environment has
+    /// Start this shell command on the rig's ports and judge it, in real time or virtual. Its environment has
     /// HILRIG_DIR (directory of the ports), HILRIG_PORT_<NAME> (each port), HILRIG_SEED and
     /// HILRIG_SCENARIO (the scenario as a file)
     #[arg(long, value_name = "CMD")]
@@ -26,6 +27,26 @@ pub(super) struct ExecArgs {
     /// Ports that it must open [default: all but the optional ones]
     #[arg(long, value_name = "NAME,..", value_delimiter = ',', requires = "exec")]
     exec_needs: Vec<String>,
+    /// In virtual time: as fast as it can, and the same bytes each time; Linux on x86-64
+    #[arg(long = "virtual", requires = "exec")]
+    is_virtual: bool,
+    /// Virtual time that each call takes which has to do with time, waiting or ports; computing
+    /// takes none
+    #[arg(
+        long,
+        value_name = "TIME",
+        default_value = "1us",
+        requires = "is_virtual"
+    )]
+    call_cost: Span,
+    /// Wall time for which it may compute in one piece before it is taken to spin
+    #[arg(
+        long,
+        value_name = "TIME",
+        default_value = "10s",
+        requires = "is_virtual"
+    )]
+    spin_max: Span,
 }
 
 impl ExecArgs {
@@ -36,7 +57,26 @@ impl ExecArgs {
             wait: self.exec_wait.0,
             may_end: self.exec_may_end,
             needs: self.exec_needs.clone(),
+            supervision: self.is_virtual.then_some(Supervision {
+                call_cost: self.call_cost.0,
+                spin_max: self.spin_max.0,
+            }),
         })
+    }
+
+    /// Whether the program is to be in virtual time.
+    pub(super) const fn is_virtual(&self) -> bool {
+        self.is_virtual
+    }
+
+    /// Refuses virtual time for a command that has none yet.
+    pub(super) fn no_virtual(&self, command: &str) -> Result<(), CliError> {
+        if self.is_virtual {
+            let wrong =
+                format!("--virtual: {command} has it not: expected run, campaign or shrink");
+            return Err(CliError::Usage(wrong));
+        }
+        Ok(())
     }
 
     /// The options that say the same again, with a blank before them.
@@ -53,6 +93,12 @@ impl ExecArgs {
         }
         if !self.exec_needs.is_empty() {
             words += &format!(" --exec-needs {}", self.exec_needs.join(","));
+        }
+        if self.is_virtual {
+            words += " --virtual";
+            if self.call_cost.0 != Duration::from_micros(1) {
+                words += &format!(" --call-cost {}", self.call_cost);
+            }
         }
         words
     }

@@ -99,6 +99,7 @@ pub(super) fn run(args: ReplayArgs) -> Result<Verdict, CliError> {
     let capture = read(&args.file)?;
     let recorded = Recorded::of(&capture, args.until.map(|until| until.0));
     let recorded = shortened(&args.file, recorded);
+    args.program.no_virtual("replay")?;
     if let Some(foreign) = args.program.foreign() {
         return exec::into_foreign(&args, &foreign, &capture, &recorded);
     }

@@ -1,4 +1,5 @@
 mod exec;
+mod guest;
 mod judged;
 
 use core::time::Duration;
@@ -21,6 +22,7 @@ use crate::show::folder::{self, FolderError, Suite};
 use crate::whole_file;
 
 use exec::{Placement, judged_exec};
+use guest::{Guest, judged_guest};
 pub(super) use judged::{Clocking, Ran, Talk, judged_run, write_results};
 
 /// Run scenarios and judge them, for CI.
@@ -54,6 +56,12 @@ pub(super) struct RunArgs {
     realtime: bool,
     #[command(flatten)]
     program: ExecArgs,
+    /// Run it twice in virtual time; if it does not do the same, name the first call that differs
+    #[arg(long, requires = "is_virtual")]
+    check: bool,
+    /// Write what virtual time answered to each call of the program
+    #[arg(long, value_name = "FILE", requires = "is_virtual")]
+    trace_calls: Option<PathBuf>,
     /// Directory in which the ports of --exec appear [default: OUT/ports]
     #[arg(long, value_name = "DIR", requires = "exec")]
     dir: Option<PathBuf>,
@@ -174,11 +182,20 @@ fn one(
         is_shown: args.show.is_wanted(),
         show,
     };
-    judged_exec(scenario, &source, foreign, place, stop)
+    if foreign.supervision.is_none() {
+        return judged_exec(scenario, &source, foreign, place, stop);
+    }
+    let guest = Guest {
+        foreign,
+        trace: args.trace_calls.clone(),
+        is_checked: args.check,
+    };
+    judged_guest((&scenario, &source), &guest, &place, stop)
 }
 
 /// Plays one case of bytes, to somebody's program if there is one.
 fn one_case(args: &RunArgs, case: &(Case, Source), stop: &Stop) -> Result<Judgement, CliError> {
+    args.program.no_virtual("a case of bytes")?;
     if let Some(foreign) = args.program.foreign() {
         let out = args.out.clone();
         let out = out.unwrap_or_else(|| PathBuf::from("hilrig-out").join(&case.0.name));
@@ -198,6 +215,12 @@ fn check(args: &RunArgs) -> Result<(), CliError> {
         }
         () if args.ends.is_given() && !is_exec => {
             "--dut-at, --device-at: expected --exec beside it, or \"hilrig up\""
+        }
+        () if args.show.is_wanted() && args.program.is_virtual() => {
+            "--ui: expected no --virtual beside it: nobody can look on at that speed"
+        }
+        () if args.ends.is_given() && args.program.is_virtual() => {
+            "--dut-at, --device-at: expected no --virtual: what is on a real port keeps real time"
         }
         () => return Ok(()),
     };

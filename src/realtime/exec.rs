@@ -11,6 +11,7 @@
 
 mod error;
 mod ports;
+mod readiness;
 mod verdict;
 
 use core::time::Duration;
@@ -33,16 +34,14 @@ use crate::run::{Outcome, Run};
 use crate::scenario::{Scenario, Source};
 
 pub(crate) use error::ExecError;
-use ports::Ports;
+pub(crate) use ports::Ports;
+pub(crate) use readiness::Readiness;
 pub(crate) use verdict::{alive, childless};
 
 /// The variable by which a program is told where its ports are.
 pub(crate) const PORTS_VARIABLE: &str = "HILRIG_DIR";
-/// Wall time without a further port after which a program that sends is taken to wait for an
-/// answer.
-const WAITS: Duration = Duration::from_secs(1);
 /// Rig time for which a run goes on when its program is gone: the devices must notice that.
-const SETTLE: Duration = Duration::from_secs(2);
+pub(crate) const SETTLE: Duration = Duration::from_secs(2);
 
 /// Checks about a program that hold however late the rig was.
 pub(crate) const FACTS: [&str; 3] = ["program-connected", "program-alive", "no-children-left"];
@@ -58,6 +57,17 @@ pub(crate) struct Foreign {
     pub may_end: bool,
     /// Names of the ports that it needs; none: all that are not optional.
     pub needs: Vec<String>,
+    /// How it is put into virtual time; `None`: it runs in real time.
+    pub supervision: Option<Supervision>,
+}
+
+/// How a program is supervised in virtual time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Supervision {
+    /// Virtual time that each stopped call takes.
+    pub call_cost: Duration,
+    /// Wall time for which a thread may compute without a call.
+    pub spin_max: Duration,
 }
 
 /// An end of a link and the port that it is on.
@@ -89,8 +99,7 @@ pub(crate) struct Trial {
     process: Process,
     foreign: Foreign,
     ports: Ports,
-    /// Wall time at which the last port was opened, and how many were.
-    opening: (Duration, usize),
+    readiness: Readiness,
     has_begun: bool,
     gave_up: bool,
     /// How the program ended, and the rig's time then.
@@ -148,9 +157,9 @@ impl Trial {
             realtime,
             control,
             dir,
+            readiness: Readiness::new(foreign.wait),
             foreign,
             ports,
-            opening: (Duration::ZERO, 0),
             has_begun: false,
             gave_up: false,
             ended: None,
@@ -226,15 +235,10 @@ impl Trial {
 
     fn begin_if_ready(&mut self) {
         let waited = self.realtime.clock().waited();
-        let opened = self.ports.opened();
-        if opened != self.opening.1 {
-            self.opening = (waited, opened);
-        }
-        let waits = self.ports.any_speaks() && waited - self.opening.0 >= WAITS;
-        let is_time_up = waited >= self.foreign.wait;
-        if self.gone_at.is_some() || (is_time_up && opened == 0) {
+        let is_ready = self.readiness.is_ready(&self.ports, waited);
+        if self.gone_at.is_some() || self.readiness.has_given_up(&self.ports, waited) {
             self.gave_up = true;
-        } else if self.ports.is_complete() || waits || is_time_up {
+        } else if is_ready {
             self.realtime.clock().let_go();
             self.has_begun = true;
         }
@@ -250,18 +254,13 @@ impl Trial {
         // The ports stay until the program has ended: it is not to be told that they went away.
         drop((self.realtime, self.control, self.dir));
         let mut outcome = self.run.judge();
-        let own = [
+        let own = vec![
             self.ports.connected(self.foreign.wait),
             alive(self.ended, is_over, self.foreign.may_end, &farewell),
             self.ports.reads(),
             childless(&farewell.left),
         ];
-        // A run in this process has a check of this name as well; it saw no program.
-        let others = core::mem::take(&mut outcome.checks);
-        let is_new = |check: &Check| own.iter().all(|one| one.name != check.name);
-        let others: Vec<Check> = others.into_iter().filter(is_new).collect();
-        outcome.checks.extend(own);
-        outcome.checks.extend(others);
+        add_checks(&mut outcome, own);
         Judged {
             outcome,
             recorded,
@@ -273,7 +272,21 @@ impl Trial {
     }
 }
 
-fn ports_of(seats: &[Seat], foreign: &Foreign) -> Result<Ports, ExecError> {
+/// Puts the checks about a program before those of its run.
+pub(crate) fn add_checks(outcome: &mut Outcome, own: Vec<Check>) {
+    // A run in this process has a check of one of these names as well; it saw no program.
+    let others = core::mem::take(&mut outcome.checks);
+    let is_new = |check: &Check| own.iter().all(|one| one.name != check.name);
+    let others: Vec<Check> = others.into_iter().filter(is_new).collect();
+    outcome.checks.extend(own);
+    outcome.checks.extend(others);
+}
+
+/// The ports that a program on `seats` is seen at.
+///
+/// # Errors
+/// If it is said to need one that there is not.
+pub(crate) fn ports_of(seats: &[Seat], foreign: &Foreign) -> Result<Ports, ExecError> {
     let seen = || seats.iter().filter(|seat| seat.is_terminal);
     for name in &foreign.needs {
         if !seen().any(|seat| seat.end.name == *name) {
@@ -292,7 +305,8 @@ fn ports_of(seats: &[Seat], foreign: &Foreign) -> Result<Ports, ExecError> {
     Ok(ports)
 }
 
-fn environment(seats: &[Seat], dir: &PortDir, run: &Run) -> Vec<(String, OsString)> {
+/// What a program on `seats` is told by its environment.
+pub(crate) fn environment(seats: &[Seat], dir: &PortDir, run: &Run) -> Vec<(String, OsString)> {
     let mut env = vec![
         (PORTS_VARIABLE.to_owned(), dir.path().into()),
         (
@@ -348,6 +362,26 @@ pub(crate) fn judge(
     [dir, log]: [&PathBuf; 2],
     goes_on: &dyn Fn() -> bool,
 ) -> Result<Option<Judged>, ExecError> {
+    let (run, seats, dir) = stage(scenario, source, dir)?;
+    let mut trial = Trial::start(run, seats, dir, foreign.clone(), log)?;
+    while !trial.is_over() {
+        if !goes_on() {
+            return Ok(None);
+        }
+        trial.turn()?;
+    }
+    Ok(Some(trial.end()))
+}
+
+/// `scenario` wired for a program of somebody's, all its ports in `dir`.
+///
+/// # Errors
+/// If it cannot be wired, or the ports cannot be had.
+pub(crate) fn stage(
+    scenario: &Scenario,
+    source: &Source,
+    dir: &Path,
+) -> Result<(Run, Vec<Seat>, PortDir), ExecError> {
     let pc = pc_end(scenario);
     let Wired {
         rig,
@@ -365,12 +399,5 @@ pub(crate) fn judge(
         });
     }
     let run = Run::with_rig(scenario.clone(), rig, instruments);
-    let mut trial = Trial::start(run, seats, dir, foreign.clone(), log)?;
-    while !trial.is_over() {
-        if !goes_on() {
-            return Ok(None);
-        }
-        trial.turn()?;
-    }
-    Ok(Some(trial.end()))
+    Ok((run, seats, dir))
 }

@@ -4,7 +4,7 @@
 //! What leaves its group (a daemon that begins a session of its own) is out of reach and goes on.
 
 mod group;
-mod words;
+pub(crate) mod words;
 
 use core::fmt;
 use core::time::Duration;
@@ -23,7 +23,7 @@ use rustix::process::{Pid, Signal};
 use super::clock::{self, Clock, WallClock};
 
 use group::Group;
-pub(crate) use group::Left;
+pub(crate) use group::{Left, command_of};
 use words::{Words, listen};
 
 /// How long a program may take to end once it was asked to.
@@ -64,7 +64,7 @@ pub enum Ended {
 
 impl Ended {
     /// A shell says "killed by signal N" as exit code 128 + N.
-    fn of(status: ExitStatus) -> Self {
+    pub(crate) fn of(status: ExitStatus) -> Self {
         match (status.signal(), status.code()) {
             (Some(signal), _) => Self::Signal(signal),
             (None, Some(code @ 129..=192)) => Self::Signal(code - 128),

@@ -16,7 +16,7 @@ mod watch;
 use core::time::Duration;
 use std::io;
 use std::net::SocketAddr;
-use std::os::fd::BorrowedFd;
+use std::os::fd::{BorrowedFd, OwnedFd};
 use std::path::{Path, PathBuf};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -65,6 +65,11 @@ pub trait Transport {
     /// How often the far end was seen to take bytes; `None` where that cannot be seen. As of the
     /// last call of anything else here.
     fn reads(&self) -> Option<u64> {
+        None
+    }
+
+    /// The far end's side, opened once more for a moment; `None` where it is out of reach.
+    fn client_side(&self) -> Option<OwnedFd> {
         None
     }
 

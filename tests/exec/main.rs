@@ -6,6 +6,8 @@
 mod commands;
 mod custom;
 mod endings;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod guest;
 mod signals;
 mod support;
 mod verdicts;

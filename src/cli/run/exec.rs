@@ -112,7 +112,7 @@ fn follow(trial: &mut Trial, show: &mut Show, stop: &Stop) -> Result<(), Transpo
 }
 
 /// The directory of the ports as the program is told it: it may go elsewhere.
-fn ports_in(out: &Path, dir: Option<&Path>) -> Result<PathBuf, CliError> {
+pub(super) fn ports_in(out: &Path, dir: Option<&Path>) -> Result<PathBuf, CliError> {
     let dir = dir.map_or_else(|| out.join("ports"), Path::to_owned);
     std::path::absolute(&dir)
         .map_err(|error| CliError::Usage(format!("--dir {}: {error}", dir.display())))

@@ -17,6 +17,9 @@ pub enum ExecError {
     /// It cannot be started.
     #[error("--exec: cannot start it: {0}")]
     NotStarted(io::Error),
+    /// It cannot be put into virtual time.
+    #[error("{0}")]
+    Virtual(String),
     /// It is said to need a port that there is not.
     #[error("--exec-needs {0}: no such port, expected some of {all}", all = .1.join(", "))]
     NoSuchPort(String, Vec<String>),

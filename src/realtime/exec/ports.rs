@@ -26,14 +26,14 @@ struct Port {
 
 /// All ports at which clients can be seen.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Ports {
+pub(crate) struct Ports {
     all: Vec<Port>,
     longest: Duration,
 }
 
 impl Ports {
     /// Another port.
-    pub(super) fn add(&mut self, name: &str, is_needed: bool) {
+    pub(crate) fn add(&mut self, name: &str, is_needed: bool) {
         self.all.push(Port {
             name: name.to_owned(),
             is_needed,
@@ -43,7 +43,7 @@ impl Ports {
 
     /// Takes note of `sign` at the rig's `now`, `on_time` after the last one: zero if the rig was
     /// late, because then the program may have been as well.
-    pub(super) fn observe(&mut self, now: Instant, on_time: Duration, sign: &Sign<'_>) {
+    pub(crate) fn observe(&mut self, now: Instant, on_time: Duration, sign: &Sign<'_>) {
         let Some(port) = self.all.iter_mut().find(|port| port.name == sign.name) else {
             return;
         };
@@ -64,22 +64,22 @@ impl Ports {
     }
 
     /// How many were opened so far.
-    pub(super) fn opened(&self) -> usize {
+    pub(crate) fn opened(&self) -> usize {
         self.all.iter().filter(|port| port.was_opened).count()
     }
 
     /// Whether any is open now.
-    pub(super) fn any_open(&self) -> bool {
+    pub(crate) fn any_open(&self) -> bool {
         self.all.iter().any(|port| port.is_open)
     }
 
     /// Whether the program has sent anything.
-    pub(super) fn any_speaks(&self) -> bool {
+    pub(crate) fn any_speaks(&self) -> bool {
         self.all.iter().any(|port| port.speaks)
     }
 
     /// Whether all that the program needs was opened: one at least, if there is any.
-    pub(super) fn is_complete(&self) -> bool {
+    pub(crate) fn is_complete(&self) -> bool {
         let needs_more = |port: &Port| port.is_needed && !port.was_opened;
         !self.all.iter().any(needs_more) && (self.all.is_empty() || self.opened() > 0)
     }
@@ -91,7 +91,7 @@ impl Ports {
     }
 
     /// The verdict on what was opened.
-    pub(super) fn connected(&self, wait: Duration) -> Check {
+    pub(crate) fn connected(&self, wait: Duration) -> Check {
         let opened = self.names(|port| port.was_opened);
         let missing = self.names(|port| port.is_needed && !port.was_opened);
         let detail = match (self.all.is_empty(), opened.is_empty(), missing.is_empty()) {
@@ -107,7 +107,7 @@ impl Ports {
     }
 
     /// The verdict on its reading.
-    pub(super) fn reads(&self) -> Check {
+    pub(crate) fn reads(&self) -> Check {
         let hangs: Vec<String> = self
             .all
             .iter()

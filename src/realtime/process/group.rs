@@ -69,7 +69,8 @@ fn group_of(stat: &str) -> Option<i32> {
     (!["Z", "X"].contains(&state)).then_some(group)
 }
 
-fn command_of(pid: u32) -> String {
+/// The command of a process, `?` if it has none any more.
+pub(crate) fn command_of(pid: u32) -> String {
     let words = fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
     let words = String::from_utf8_lossy(&words).replace('\0', " ");
     let mut command: String = words.trim_end().chars().take(COMMAND_MAX).collect();

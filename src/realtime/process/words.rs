@@ -12,14 +12,14 @@ pub(crate) const LOG_MAX: u64 = 8 << 20;
 
 /// What was said so far.
 #[derive(Debug, Default)]
-pub(super) struct Words {
+pub(crate) struct Words {
     kept: VecDeque<u8>,
     log: Option<File>,
     said: u64,
 }
 
 impl Words {
-    pub(super) fn new(log: Option<File>) -> Arc<Mutex<Self>> {
+    pub(crate) fn new(log: Option<File>) -> Arc<Mutex<Self>> {
         Arc::new(Mutex::new(Self {
             log,
             ..Self::default()
@@ -27,7 +27,7 @@ impl Words {
     }
 
     /// The end of it.
-    pub(super) fn text(&self) -> String {
+    pub(crate) fn text(&self) -> String {
         let bytes: Vec<u8> = self.kept.iter().copied().collect();
         String::from_utf8_lossy(&bytes).into_owned()
     }
@@ -45,7 +45,7 @@ impl Words {
     }
 
     /// Ends the file: with what was said last, if it was too much for the file.
-    pub(super) fn close(&mut self) {
+    pub(crate) fn close(&mut self) {
         let Some(mut log) = self.log.take() else {
             return;
         };
@@ -63,7 +63,7 @@ impl Words {
 }
 
 /// Hears all that is said, until nobody can say anything more.
-pub(super) fn listen(mut from: impl Read, words: &Mutex<Words>) {
+pub(crate) fn listen(mut from: impl Read, words: &Mutex<Words>) {
     let mut buf = [0; 4096];
     loop {
         match from.read(&mut buf) {

@@ -219,6 +219,10 @@ impl Transport for Pty {
         self.counters
     }
 
+    fn client_side(&self) -> Option<OwnedFd> {
+        open_client_side(&self.master).ok()
+    }
+
     fn readiness<'a>(&'a self, fds: &mut Vec<BorrowedFd<'a>>) {
         fds.extend(self.watch.fd());
         // A hung-up master is ready all the time: waiting for it would be a busy loop.

@@ -7,7 +7,8 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::manner;
-use crate::realtime::exec::{self, ExecError, Foreign};
+use crate::guest;
+use crate::realtime::exec::{ExecError, Foreign};
 use crate::robots;
 use crate::run::check::Status;
 use crate::run::{Outcome, Run};
@@ -64,7 +65,7 @@ pub(crate) fn run(
     }
 }
 
-/// Runs `scenario` in real time with somebody's program, its ports in the first of `places` and
+/// Runs `scenario` with somebody's program, in real time or virtual, its ports in the first of `places` and
 /// what it says in the second. `None` if `goes_on` said no.
 ///
 /// # Errors
@@ -76,11 +77,11 @@ pub(crate) fn run_foreign(
     places: [&PathBuf; 2],
     goes_on: &dyn Fn() -> bool,
 ) -> Result<Option<(Record, Box<Outcome>)>, ExecError> {
-    let judged = exec::judge(scenario, source, foreign, places, goes_on)?;
-    Ok(judged.map(|judged| {
+    let judged = guest::judge(scenario, source, foreign, places, goes_on)?;
+    Ok(judged.map(|outcome| {
         let mut record = Record::of(scenario);
-        record.take(scenario, &judged.outcome);
-        (record, Box::new(judged.outcome))
+        record.take(scenario, &outcome);
+        (record, Box::new(outcome))
     }))
 }
 

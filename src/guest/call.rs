@@ -1,0 +1,180 @@
+//! A stopped call: its number, what it was given, and how it goes on.
+
+use nix::libc;
+use nix::sys::ptrace;
+use nix::unistd::Pid;
+
+/// Length of the instruction that makes a call.
+const INSTRUCTION: u64 = 2;
+
+/// A call at which a thread stands.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Call {
+    /// Its number.
+    pub(super) number: i64,
+    /// What it was given.
+    pub(super) args: [u64; 6],
+    registers: libc::user_regs_struct,
+}
+
+impl Call {
+    /// The call at which the thread `tid` stands.
+    pub(super) fn of(tid: Pid) -> nix::Result<Self> {
+        let registers = ptrace::getregs(tid)?;
+        Ok(Self {
+            number: registers.orig_rax.cast_signed(),
+            args: [
+                registers.rdi,
+                registers.rsi,
+                registers.rdx,
+                registers.r10,
+                registers.r8,
+                registers.r9,
+            ],
+            registers,
+        })
+    }
+
+    /// What the kernel answered; at the end of the call only.
+    pub(super) const fn result(&self) -> i64 {
+        self.registers.rax.cast_signed()
+    }
+
+    /// The kernel does nothing; the program is given `result`.
+    pub(super) fn answer(&self, tid: Pid, result: i64) -> nix::Result<()> {
+        let mut registers = self.registers;
+        registers.orig_rax = u64::MAX;
+        registers.rax = result.cast_unsigned();
+        ptrace::setregs(tid, registers)
+    }
+
+    /// The kernel does the call with `value` as its argument `index`, 0 to 3.
+    pub(super) fn with(&self, tid: Pid, index: usize, value: u64) -> nix::Result<()> {
+        let mut registers = self.registers;
+        match index {
+            0 => registers.rdi = value,
+            1 => registers.rsi = value,
+            2 => registers.rdx = value,
+            _ => registers.r10 = value,
+        }
+        ptrace::setregs(tid, registers)
+    }
+
+    /// The kernel does nothing now; the thread makes the same call once more when it goes on.
+    pub(super) fn again(&self, tid: Pid) -> nix::Result<()> {
+        let mut registers = self.registers;
+        registers.rip -= INSTRUCTION;
+        registers.rax = registers.orig_rax;
+        registers.orig_rax = u64::MAX;
+        ptrace::setregs(tid, registers)
+    }
+
+    /// At the end of a call: argument `index` is what it was, the program is given `result`.
+    pub(super) fn with_result(
+        &self,
+        tid: Pid,
+        index: usize,
+        value: u64,
+        result: i64,
+    ) -> nix::Result<()> {
+        let mut end = *self;
+        end.registers.rax = result.cast_unsigned();
+        end.with(tid, index, value)
+    }
+
+    /// At the end of a call: the thread makes it once more when it goes on, with its own argument.
+    pub(super) fn with_result_again(
+        &self,
+        tid: Pid,
+        index: usize,
+        value: u64,
+        number: i64,
+    ) -> nix::Result<()> {
+        let mut end = *self;
+        end.registers.rip -= INSTRUCTION;
+        end.with_result(tid, index, value, number)
+    }
+
+    /// At the end of a call that was to be made again: it was interrupted instead.
+    pub(super) fn interrupted_at_end(&self, tid: Pid) -> nix::Result<()> {
+        let mut registers = self.registers;
+        registers.rip += INSTRUCTION;
+        registers.rax = (-i64::from(libc::EINTR)).cast_unsigned();
+        ptrace::setregs(tid, registers)
+    }
+
+    /// Where the thread's stack begins.
+    pub(super) const fn stack(&self) -> u64 {
+        self.registers.rsp
+    }
+}
+
+/// Names of the calls that people meet in messages.
+const NAMES: [(i64, &str); 60] = [
+    (libc::SYS_read, "read"),
+    (libc::SYS_write, "write"),
+    (libc::SYS_readv, "readv"),
+    (libc::SYS_writev, "writev"),
+    (libc::SYS_open, "open"),
+    (libc::SYS_openat, "openat"),
+    (libc::SYS_poll, "poll"),
+    (libc::SYS_ppoll, "ppoll"),
+    (libc::SYS_select, "select"),
+    (libc::SYS_pselect6, "pselect6"),
+    (libc::SYS_epoll_wait, "epoll_wait"),
+    (libc::SYS_epoll_pwait, "epoll_pwait"),
+    (libc::SYS_epoll_pwait2, "epoll_pwait2"),
+    (libc::SYS_ioctl, "ioctl"),
+    (libc::SYS_futex, "futex"),
+    (libc::SYS_futex_waitv, "futex_waitv"),
+    (libc::SYS_nanosleep, "nanosleep"),
+    (libc::SYS_clock_nanosleep, "clock_nanosleep"),
+    (libc::SYS_clock_gettime, "clock_gettime"),
+    (libc::SYS_clock_getres, "clock_getres"),
+    (libc::SYS_clock_settime, "clock_settime"),
+    (libc::SYS_gettimeofday, "gettimeofday"),
+    (libc::SYS_time, "time"),
+    (libc::SYS_times, "times"),
+    (libc::SYS_sched_yield, "sched_yield"),
+    (libc::SYS_wait4, "wait4"),
+    (libc::SYS_waitid, "waitid"),
+    (libc::SYS_exit, "exit"),
+    (libc::SYS_exit_group, "exit_group"),
+    (libc::SYS_execve, "execve"),
+    (libc::SYS_kill, "kill"),
+    (libc::SYS_tkill, "tkill"),
+    (libc::SYS_tgkill, "tgkill"),
+    (libc::SYS_rt_sigaction, "rt_sigaction"),
+    (libc::SYS_rt_sigsuspend, "rt_sigsuspend"),
+    (libc::SYS_rt_sigtimedwait, "rt_sigtimedwait"),
+    (libc::SYS_pause, "pause"),
+    (libc::SYS_alarm, "alarm"),
+    (libc::SYS_setitimer, "setitimer"),
+    (libc::SYS_timer_create, "timer_create"),
+    (libc::SYS_timerfd_create, "timerfd_create"),
+    (libc::SYS_timerfd_settime, "timerfd_settime"),
+    (libc::SYS_timerfd_gettime, "timerfd_gettime"),
+    (libc::SYS_getrandom, "getrandom"),
+    (libc::SYS_recvfrom, "recvfrom"),
+    (libc::SYS_recvmsg, "recvmsg"),
+    (libc::SYS_sendto, "sendto"),
+    (libc::SYS_sendmsg, "sendmsg"),
+    (libc::SYS_accept, "accept"),
+    (libc::SYS_accept4, "accept4"),
+    (libc::SYS_connect, "connect"),
+    (libc::SYS_flock, "flock"),
+    (libc::SYS_fcntl, "fcntl"),
+    (libc::SYS_semop, "semop"),
+    (libc::SYS_semtimedop, "semtimedop"),
+    (libc::SYS_msgrcv, "msgrcv"),
+    (libc::SYS_mq_timedreceive, "mq_timedreceive"),
+    (libc::SYS_io_uring_enter, "io_uring_enter"),
+    (libc::SYS_io_getevents, "io_getevents"),
+    (libc::SYS_clone3, "clone3"),
+];
+
+/// The name of a call, or its number.
+pub(super) fn name(number: i64) -> String {
+    let row = NAMES.iter().find(|(known, _)| *known == number);
+    row.map_or_else(|| format!("call {number}"), |(_, name)| (*name).to_owned())
+}

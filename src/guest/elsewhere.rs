@@ -1,0 +1,91 @@
+//! Where there is no supervisor: programs are refused in words.
+
+use std::io;
+use std::path::Path;
+use std::process::ExitCode;
+
+use super::GuestError;
+use crate::realtime::exec::{Foreign, Seat};
+use crate::realtime::transport::PortDir;
+use crate::run::{Outcome, Run};
+
+/// The hidden command.
+pub(crate) const VERB: &str = "__guest";
+
+/// A program on trial: there never is one.
+pub(crate) enum Trial {}
+
+/// What came of it.
+pub(crate) struct Played {
+    /// The run.
+    pub(crate) outcome: Outcome,
+    /// Whether the captures of the run were written.
+    pub(crate) recorded: io::Result<()>,
+    /// The end of what the program said.
+    pub(crate) said: String,
+    /// What left virtual time.
+    pub(crate) notes: Vec<String>,
+    /// What was decided, call by call.
+    pub(crate) calls: Calls,
+}
+
+/// What was decided, call by call.
+pub(crate) struct Calls;
+
+impl Calls {
+    /// How many calls there were.
+    pub(crate) const fn count(&self) -> u64 {
+        0
+    }
+
+    /// Where two runs part.
+    pub(crate) const fn part_from(&self, _: &Self) -> Option<String> {
+        None
+    }
+}
+
+impl Trial {
+    /// Refuses.
+    ///
+    /// # Errors
+    /// Always.
+    pub(crate) fn start(
+        _: Run,
+        _: Vec<Seat>,
+        _: PortDir,
+        _: Foreign,
+        _: Option<&Path>,
+        _: &Path,
+    ) -> Result<Self, GuestError> {
+        Err(GuestError::NotHere)
+    }
+
+    /// The run.
+    pub(crate) const fn run(&mut self) -> &mut Run {
+        match *self {}
+    }
+
+    /// Whether there is nothing more to see.
+    pub(crate) const fn is_over(&self) -> bool {
+        match *self {}
+    }
+
+    /// Goes on.
+    ///
+    /// # Errors
+    /// Never.
+    pub(crate) const fn turn(&mut self) -> Result<(), GuestError> {
+        match *self {}
+    }
+
+    /// Ends it.
+    pub(crate) const fn end(self) -> Played {
+        match self {}
+    }
+}
+
+/// Refuses.
+pub(crate) fn become_guest(_: &str) -> ExitCode {
+    eprintln!("error: {}", GuestError::NotHere);
+    ExitCode::from(2)
+}

@@ -1,0 +1,146 @@
+//! How a foreign program comes under supervision: hilrig starts itself once more, and that process
+//! asks to be traced, puts on the filter, and becomes the program.
+//!
+//! ```text
+//!  hilrig run ..            hilrig __guest CMD
+//!     | start  -----------------> traceme, stop
+//!     | options, cont ----------> filter, exec /bin/sh -c CMD
+//! ```
+//!
+//! The filter stops the calls that have to do with time, waiting, other threads or ports; all
+//! others run at full speed.
+
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::fs::File;
+use std::io;
+use std::os::unix::process::CommandExt;
+use std::process::{Child, Command, ExitCode, Stdio};
+
+use nix::libc;
+use nix::sys::personality::{self, Persona};
+use nix::sys::ptrace;
+use nix::sys::signal::{Signal, raise};
+use seccompiler::{BpfProgram, SeccompAction, SeccompFilter, TargetArch};
+
+/// The hidden command.
+pub(crate) const VERB: &str = "__guest";
+/// Exit code of a launcher that was not allowed to be traced.
+pub(super) const NOT_TRACED: i32 = 125;
+/// Exit code of a launcher that could not put on the filter, or find the shell.
+pub(super) const NOT_LAUNCHED: i32 = 126;
+
+/// The calls at which a program is stopped.
+const STOPPED: [i64; 65] = [
+    libc::SYS_clock_gettime,
+    libc::SYS_clock_getres,
+    libc::SYS_clock_settime,
+    libc::SYS_gettimeofday,
+    libc::SYS_time,
+    libc::SYS_times,
+    libc::SYS_nanosleep,
+    libc::SYS_clock_nanosleep,
+    libc::SYS_sched_yield,
+    libc::SYS_futex,
+    libc::SYS_futex_waitv,
+    libc::SYS_select,
+    libc::SYS_pselect6,
+    libc::SYS_poll,
+    libc::SYS_ppoll,
+    libc::SYS_epoll_wait,
+    libc::SYS_epoll_pwait,
+    libc::SYS_epoll_pwait2,
+    libc::SYS_read,
+    libc::SYS_readv,
+    libc::SYS_write,
+    libc::SYS_writev,
+    libc::SYS_recvfrom,
+    libc::SYS_recvmsg,
+    libc::SYS_recvmmsg,
+    libc::SYS_sendto,
+    libc::SYS_sendmsg,
+    libc::SYS_accept,
+    libc::SYS_accept4,
+    libc::SYS_connect,
+    libc::SYS_open,
+    libc::SYS_openat,
+    libc::SYS_ioctl,
+    libc::SYS_wait4,
+    libc::SYS_waitid,
+    libc::SYS_exit,
+    libc::SYS_exit_group,
+    libc::SYS_kill,
+    libc::SYS_tkill,
+    libc::SYS_tgkill,
+    libc::SYS_rt_sigqueueinfo,
+    libc::SYS_rt_tgsigqueueinfo,
+    libc::SYS_rt_sigaction,
+    libc::SYS_rt_sigsuspend,
+    libc::SYS_rt_sigtimedwait,
+    libc::SYS_pause,
+    libc::SYS_alarm,
+    libc::SYS_setitimer,
+    libc::SYS_getitimer,
+    libc::SYS_timer_create,
+    libc::SYS_timer_settime,
+    libc::SYS_timer_gettime,
+    libc::SYS_timer_delete,
+    libc::SYS_timerfd_create,
+    libc::SYS_timerfd_settime,
+    libc::SYS_timerfd_gettime,
+    libc::SYS_getrandom,
+    libc::SYS_semop,
+    libc::SYS_semtimedop,
+    libc::SYS_msgrcv,
+    libc::SYS_mq_timedreceive,
+    libc::SYS_mq_timedsend,
+    libc::SYS_io_uring_setup,
+    libc::SYS_io_uring_enter,
+    libc::SYS_io_getevents,
+];
+
+/// Starts the launcher of `command`, `env` being added to its environment; what the program says
+/// goes to `mouth`. It stops before it does anything.
+pub(super) fn start(command: &str, env: &[(String, OsString)], mouth: File) -> io::Result<Child> {
+    let mut launcher = Command::new(std::env::current_exe()?);
+    launcher
+        .args([VERB, command])
+        .envs(env.iter().map(|(name, value)| (name, value)))
+        .process_group(0)
+        .stdin(Stdio::null())
+        .stdout(Stdio::from(mouth.try_clone()?))
+        .stderr(Stdio::from(mouth));
+    launcher.spawn()
+}
+
+/// Becomes `command`, supervised by whoever started this process.
+pub(crate) fn become_guest(command: &str) -> ExitCode {
+    let code = |code: i32| ExitCode::from(u8::try_from(code).unwrap_or(1));
+    // Where things lie in memory is the same in each run; some systems forbid even that.
+    let _ = personality::get()
+        .and_then(|persona| personality::set(persona | Persona::ADDR_NO_RANDOMIZE));
+    if let Err(error) = ptrace::traceme().and_then(|()| raise(Signal::SIGSTOP)) {
+        eprintln!("ptrace: {error}");
+        return code(NOT_TRACED);
+    }
+    if let Err(error) = put_on_filter() {
+        eprintln!("seccomp: {error}");
+        return code(NOT_LAUNCHED);
+    }
+    let error = Command::new("/bin/sh").args(["-c", command]).exec();
+    eprintln!("/bin/sh: {error}");
+    code(NOT_LAUNCHED)
+}
+
+fn put_on_filter() -> Result<(), seccompiler::Error> {
+    let rules: BTreeMap<i64, Vec<seccompiler::SeccompRule>> =
+        STOPPED.iter().map(|&number| (number, Vec::new())).collect();
+    let filter = SeccompFilter::new(
+        rules,
+        SeccompAction::Allow,
+        SeccompAction::Trace(0),
+        TargetArch::x86_64,
+    )?;
+    let program: BpfProgram = filter.try_into()?;
+    seccompiler::apply_filter(&program)
+}

@@ -1,0 +1,111 @@
+//! The memory of a stopped thread's process, read and written by the system's own calls for that.
+
+use std::io::{IoSlice, IoSliceMut};
+
+use nix::errno::Errno;
+use nix::sys::uio::{RemoteIoVec, process_vm_readv, process_vm_writev};
+use nix::unistd::Pid;
+
+/// Longest text that is read.
+const TEXT_MAX: usize = 4096;
+/// Pages never end in the middle of this.
+const STEP: u64 = 256;
+
+/// The memory that a thread sees.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Memory(pub(super) Pid);
+
+impl Memory {
+    /// Fills `buf` from `address` on.
+    pub(super) fn read(self, address: u64, buf: &mut [u8]) -> Result<(), Errno> {
+        let (base, len) = place(address, buf.len())?;
+        let remote = [RemoteIoVec { base, len }];
+        let count = process_vm_readv(self.0, &mut [IoSliceMut::new(buf)], &remote)?;
+        if count == len {
+            Ok(())
+        } else {
+            Err(Errno::EFAULT)
+        }
+    }
+
+    /// Writes `bytes` from `address` on.
+    pub(super) fn write(self, address: u64, bytes: &[u8]) -> Result<(), Errno> {
+        if bytes.is_empty() {
+            return Ok(());
+        }
+        let (base, len) = place(address, bytes.len())?;
+        let remote = [RemoteIoVec { base, len }];
+        let count = process_vm_writev(self.0, &[IoSlice::new(bytes)], &remote)?;
+        if count == len {
+            Ok(())
+        } else {
+            Err(Errno::EFAULT)
+        }
+    }
+
+    pub(super) fn u32(self, address: u64) -> Result<u32, Errno> {
+        let mut buf = [0; 4];
+        self.read(address, &mut buf)?;
+        Ok(u32::from_ne_bytes(buf))
+    }
+
+    pub(super) fn u64(self, address: u64) -> Result<u64, Errno> {
+        let mut buf = [0; 8];
+        self.read(address, &mut buf)?;
+        Ok(u64::from_ne_bytes(buf))
+    }
+
+    /// Two numbers beside each other, as in a `timespec`.
+    pub(super) fn pair(self, address: u64) -> Result<[i64; 2], Errno> {
+        let first = self.u64(address)?.cast_signed();
+        let second = self.u64(address + 8)?.cast_signed();
+        Ok([first, second])
+    }
+
+    pub(super) fn write_pair(self, address: u64, pair: [i64; 2]) -> Result<(), Errno> {
+        let mut bytes = [0; 16];
+        bytes[..8].copy_from_slice(&pair[0].to_ne_bytes());
+        bytes[8..].copy_from_slice(&pair[1].to_ne_bytes());
+        self.write(address, &bytes)
+    }
+
+    /// The text at `address` up to its NUL; what cannot be read is left out.
+    pub(super) fn text(self, address: u64) -> String {
+        let mut text = Vec::new();
+        let mut at = address;
+        while text.len() < TEXT_MAX {
+            // Up to the end of a block, so that no page is touched beyond that of the NUL.
+            let len = STEP - at % STEP;
+            let mut buf = vec![0; usize::try_from(len).unwrap_or_default()];
+            if self.read(at, &mut buf).is_err() {
+                break;
+            }
+            let end = buf.iter().position(|&byte| byte == 0);
+            text.extend_from_slice(&buf[..end.unwrap_or(buf.len())]);
+            if end.is_some() {
+                break;
+            }
+            at += len;
+        }
+        String::from_utf8_lossy(&text).into_owned()
+    }
+
+    /// The buffers that an array of `count` `iovec`s names: address and length.
+    pub(super) fn iovecs(self, address: u64, count: u64) -> Result<Vec<(u64, usize)>, Errno> {
+        if count > 1024 {
+            return Err(Errno::EINVAL);
+        }
+        (0..count)
+            .map(|index| {
+                let at = address + 16 * index;
+                let len = usize::try_from(self.u64(at + 8)?).map_err(|_| Errno::EINVAL)?;
+                Ok((self.u64(at)?, len))
+            })
+            .collect()
+    }
+}
+
+fn place(address: u64, len: usize) -> Result<(usize, usize), Errno> {
+    let base = usize::try_from(address).map_err(|_| Errno::EFAULT)?;
+    Ok((base, len))
+}

@@ -1,0 +1,315 @@
+//! The rig on which a foreign program plays in virtual time: its clock, its ports.
+//!
+//! The program's time and the rig's run together, but the rig's begins when the program has opened
+//! its ports.
+
+use core::time::Duration;
+use std::os::fd::OwnedFd;
+use std::os::unix::fs::MetadataExt as _;
+
+use protocols::{Instant, LineEvent};
+use rustix::io::ioctl_fionread;
+
+use crate::realtime::Realtime;
+use crate::realtime::clock::{Clock as _, SimClock, WallClock};
+use crate::realtime::exec::{Ports, Readiness};
+use crate::realtime::transport::TransportError;
+use crate::rig::Paced as _;
+use crate::run::Run;
+
+/// Between two looks at what the program does with its ports, and longest step of time.
+const LOOK_EVERY: Duration = Duration::from_millis(10);
+/// As many bytes as a terminal shows to be there.
+const SHOWN_MAX: u64 = 4095;
+/// Wall time within which the kernel has brought bytes from one end of a terminal to the other.
+const SETTLES: Duration = Duration::from_millis(200);
+/// Bits of modem lines, as TIOCMGET has them: DTR, RTS; CTS, DCD, DSR.
+const DTR: u32 = 0x002;
+const RTS: u32 = 0x004;
+const OUTPUTS: u32 = DTR | RTS;
+const INPUTS: u32 = 0x020 | 0x040 | 0x100;
+
+/// A port as its client sees it.
+#[derive(Clone, Copy, Debug)]
+struct Slot {
+    /// The device's number.
+    device: u64,
+    /// Bytes that the client has taken, or that were thrown away.
+    taken: u64,
+    /// Bytes that were brought to it when somebody looked last, and when more came.
+    brought: u64,
+    heard: Instant,
+    is_open: bool,
+    /// What the client has set of DTR and RTS.
+    outputs: u32,
+    /// The ports on which those two reach a device, a byte a level.
+    pins: [Option<usize>; 2],
+}
+
+/// The rig, its ports and the time.
+pub(super) struct Stage {
+    pub(super) run: Run,
+    pub(super) realtime: Realtime<SimClock>,
+    pub(super) ports: Ports,
+    readiness: Readiness,
+    now: Instant,
+    /// When the rig's time began.
+    begun: Option<Instant>,
+    /// The rig stands: the run is over.
+    pub(super) is_frozen: bool,
+    slots: Vec<Slot>,
+    has_delivered: bool,
+    next_look: Instant,
+    /// The pipe for what the program says: device and number.
+    pub(super) mouth: (u64, u64),
+}
+
+impl Stage {
+    /// `ports` is what is to be seen of those that `realtime` serves.
+    pub(super) fn new(
+        run: Run,
+        realtime: Realtime<SimClock>,
+        ports: Ports,
+        wait: Duration,
+        mouth: (u64, u64),
+    ) -> Self {
+        let names: Vec<String> = realtime.names().map(str::to_owned).collect();
+        let pin = |name: &str, pin| {
+            let wanted = format!("{name}-{pin}");
+            names.iter().position(|other| *other == wanted)
+        };
+        let slots = realtime.places().map(|(name, path, _)| Slot {
+            pins: [pin(name, "dtr"), pin(name, "rts")],
+            device: std::fs::metadata(path).map_or(0, |data| data.rdev()),
+            taken: 0,
+            brought: 0,
+            heard: Instant::ZERO,
+            is_open: false,
+            outputs: 0,
+        });
+        Self {
+            slots: slots.collect(),
+            run,
+            realtime,
+            ports,
+            readiness: Readiness::new(wait),
+            now: Instant::ZERO,
+            begun: None,
+            is_frozen: false,
+            has_delivered: false,
+            next_look: Instant::ZERO,
+            mouth,
+        }
+    }
+
+    /// The program's time.
+    pub(super) const fn now(&self) -> Instant {
+        self.now
+    }
+
+    /// Whether the rig's time runs.
+    pub(super) const fn has_begun(&self) -> bool {
+        self.begun.is_some()
+    }
+
+    /// The rig's time at the program's `at`; `None` while it stands.
+    fn rig_time(&self, at: Instant) -> Option<Instant> {
+        let begun = self.begun.filter(|_| !self.is_frozen)?;
+        Some(Instant::ZERO + (at - begun))
+    }
+
+    /// A call has taken `cost`.
+    pub(super) fn pass(&mut self, cost: Duration) -> Result<(), TransportError> {
+        self.now += cost;
+        let Some(rig_now) = self.rig_time(self.now) else {
+            return Ok(());
+        };
+        if self.run.rig.next_event().is_some_and(|at| at <= rig_now) {
+            self.run.run_until(rig_now);
+            if self.realtime.has_output(&self.run.rig) {
+                return self.carry();
+            }
+        }
+        Ok(())
+    }
+
+    /// Nobody can run: time passes until something happens at a port, at most until `deadline`, and
+    /// not for long. `watches`: that the line takes bytes is something, too.
+    pub(super) fn leap(
+        &mut self,
+        deadline: Option<Instant>,
+        watches: bool,
+    ) -> Result<(), TransportError> {
+        let most = self.now + LOOK_EVERY;
+        let limit = deadline.map_or(most, |at| at.min(most)).max(self.now);
+        loop {
+            let Some(rig_now) = self.rig_time(self.now) else {
+                self.now = limit;
+                break;
+            };
+            let ahead = |at: Instant| self.now + (at - rig_now);
+            let next = self.run.rig.next_event().into_iter();
+            let next = next.chain(self.realtime.next_expiry()).map(ahead).min();
+            self.now = next.map_or(limit, |at| at.clamp(self.now, limit));
+            if let Some(target) = self.rig_time(self.now) {
+                self.run.run_until(target);
+            }
+            let is_something = self.realtime.has_output(&self.run.rig) || watches;
+            if is_something || self.now >= limit || self.run.is_over() {
+                break;
+            }
+        }
+        self.carry()
+    }
+
+    /// Carries across what there is at both sides of the ports, now.
+    pub(super) fn carry(&mut self) -> Result<(), TransportError> {
+        self.realtime.carry(&mut self.run)?;
+        let mut has_delivered = false;
+        let mut turned = Vec::new();
+        let now = self.now;
+        for (port, slot) in self.slots.iter_mut().enumerate() {
+            let (brought, is_open) = self.realtime.state(port);
+            if brought != slot.brought {
+                slot.brought = brought;
+                slot.heard = now;
+                has_delivered = true;
+            }
+            if !is_open {
+                slot.taken = brought;
+            }
+            if is_open != slot.is_open {
+                slot.is_open = is_open;
+                turned.push(port);
+            }
+        }
+        // A serial port raises its lines when it is opened, and lowers them when it is closed.
+        for port in turned {
+            let lines = if self.slots[port].is_open { OUTPUTS } else { 0 };
+            self.set_modem(port, lines);
+        }
+        self.has_delivered |= has_delivered;
+        if now >= self.next_look {
+            self.next_look = now + LOOK_EVERY;
+            self.look();
+        }
+        Ok(())
+    }
+
+    /// Looks at what the program does with its ports.
+    pub(super) fn look(&mut self) {
+        let rig_now = self.run.rig.now();
+        let on_time = match self.begun {
+            Some(_) => LOOK_EVERY,
+            None => Duration::ZERO,
+        };
+        for sign in self.realtime.signs() {
+            self.ports.observe(rig_now, on_time, &sign);
+        }
+        let waited = self.now - Instant::ZERO;
+        if self.begun.is_none() && self.readiness.is_ready(&self.ports, waited) {
+            self.begun = Some(self.now);
+        }
+    }
+
+    /// Whether the program has opened nothing for as long as it may take.
+    pub(super) fn gave_up(&self) -> bool {
+        let waited = self.now - Instant::ZERO;
+        self.begun.is_none() && self.readiness.has_given_up(&self.ports, waited)
+    }
+
+    /// Whether bytes came for the program since the last call.
+    pub(super) const fn take_delivered(&mut self) -> bool {
+        core::mem::replace(&mut self.has_delivered, false)
+    }
+
+    /// The port that is the device of this number.
+    pub(super) fn port_of(&self, device: u64) -> Option<usize> {
+        self.slots
+            .iter()
+            .position(|slot| slot.device == device && device != 0)
+    }
+
+    /// Bytes of a client that may be written now.
+    pub(super) fn room(&self, port: usize) -> usize {
+        self.realtime.room(port, &self.run.rig)
+    }
+
+    /// Bytes of a client that the line has not taken.
+    pub(super) fn backlog(&self, port: usize) -> usize {
+        self.realtime.backlog(port, &self.run.rig)
+    }
+
+    /// When the port brought something last.
+    pub(super) fn heard(&self, port: usize) -> Instant {
+        self.slots[port].heard
+    }
+
+    /// The client has taken bytes.
+    pub(super) fn took(&mut self, port: usize, len: usize) {
+        self.slots[port].taken += len as u64;
+    }
+
+    /// The client throws away what it has not read.
+    pub(super) fn forget_unread(&mut self, port: usize) {
+        self.slots[port].taken = self.slots[port].brought;
+    }
+
+    /// Waits until the kernel shows at `fd`, the client's side, what was put into the port: it
+    /// brings bytes across on a thread of its own.
+    pub(super) fn settle(&mut self, port: usize, fd: &OwnedFd) {
+        let slot = &mut self.slots[port];
+        let unread = slot.brought.saturating_sub(slot.taken);
+        let clock = WallClock::start();
+        loop {
+            let shown = ioctl_fionread(fd).unwrap_or(u64::MAX);
+            if shown >= unread.min(SHOWN_MAX) {
+                return;
+            }
+            if clock.now() - Instant::ZERO > SETTLES {
+                // Somebody else has taken them: what is shown is the truth.
+                slot.taken = slot.brought - shown.min(slot.brought);
+                return;
+            }
+            std::thread::yield_now();
+        }
+    }
+
+    /// The same for all ports, without a file of the client's.
+    pub(super) fn settle_all(&mut self) {
+        for port in 0..self.slots.len() {
+            let slot = self.slots[port];
+            if slot.is_open
+                && slot.brought > slot.taken
+                && let Some(fd) = self.realtime.client_side(port)
+            {
+                self.settle(port, &fd);
+            }
+        }
+    }
+
+    /// The modem lines of a port, as TIOCMGET has them.
+    pub(super) fn modem(&self, port: usize) -> u32 {
+        self.slots[port].outputs | INPUTS
+    }
+
+    /// The client sets its modem lines.
+    pub(super) fn set_modem(&mut self, port: usize, lines: u32) {
+        let slot = &mut self.slots[port];
+        let changed = (slot.outputs ^ lines) & OUTPUTS;
+        slot.outputs = lines & OUTPUTS;
+        let pins = slot.pins;
+        for (pin, line) in pins.into_iter().zip([DTR, RTS]) {
+            if let Some(pin) = pin.filter(|_| changed & line != 0) {
+                let level = u8::from(lines & line != 0);
+                self.realtime.inject(pin, &[level], &mut self.run);
+            }
+        }
+    }
+
+    /// The client sends a break.
+    pub(super) fn send_break(&mut self, port: usize) {
+        self.realtime
+            .change_line(port, LineEvent::Break, &mut self.run);
+    }
+}

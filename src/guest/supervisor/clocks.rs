@@ -1,0 +1,152 @@
+//! Clocks, sleeps and chance: all of it comes of virtual time and the run's seed.
+
+use core::time::Duration;
+
+use nix::errno::Errno;
+use nix::libc;
+use protocols::Instant;
+
+use super::{Memory, On, Outcome, Supervisor, Wait};
+use crate::guest::call::Call;
+
+const SECOND: i64 = 1_000_000_000;
+/// What the calendar shows when a run begins: 2026-01-01, 00:00 UTC.
+const EPOCH_S: i64 = 1_767_225_600;
+/// What the clock since the machine's start shows then: some programs take 0 for "not set".
+const UPTIME_S: i64 = 1_000;
+/// As much chance as is given at once.
+const RANDOM_MAX: u64 = 1 << 20;
+
+/// What a clock of this number shows when the run begins, nanoseconds.
+pub(super) const fn begins(clock: i64) -> i64 {
+    const REALTIME: i64 = libc::CLOCK_REALTIME as i64;
+    const COARSE: i64 = libc::CLOCK_REALTIME_COARSE as i64;
+    const ALARM: i64 = libc::CLOCK_REALTIME_ALARM as i64;
+    const TAI: i64 = libc::CLOCK_TAI as i64;
+    const PROCESS: i64 = libc::CLOCK_PROCESS_CPUTIME_ID as i64;
+    const THREAD: i64 = libc::CLOCK_THREAD_CPUTIME_ID as i64;
+    match clock {
+        REALTIME | COARSE | ALARM | TAI => EPOCH_S * SECOND,
+        PROCESS | THREAD => 0,
+        clock if clock < 0 => 0,
+        _ => UPTIME_S * SECOND,
+    }
+}
+
+/// A `timespec` as nanoseconds.
+pub(super) fn nanos([seconds, nanos]: [i64; 2]) -> Result<i64, Errno> {
+    if seconds < 0 || !(0..SECOND).contains(&nanos) {
+        return Err(Errno::EINVAL);
+    }
+    Ok(seconds.saturating_mul(SECOND).saturating_add(nanos))
+}
+
+/// Nanoseconds as a `timespec`.
+pub(super) const fn timespec(nanos: i64) -> [i64; 2] {
+    [nanos / SECOND, nanos % SECOND]
+}
+
+impl Supervisor {
+    /// What `clock` shows now, nanoseconds.
+    pub(super) fn shown(&self, clock: i64) -> i64 {
+        begins(clock).saturating_add_unsigned(self.stage.now().as_nanos())
+    }
+
+    /// When `clock` shows `nanos`; past times are now.
+    pub(super) fn instant_of(clock: i64, nanos: i64) -> Instant {
+        let since = nanos.saturating_sub(begins(clock)).max(0);
+        Instant::from_nanos(since.cast_unsigned())
+    }
+
+    pub(super) fn look_at_clock(&self, memory: Memory, call: &Call) -> Result<Outcome, Errno> {
+        let [first, second, ..] = call.args;
+        let clock = i64::from(low_i32(first));
+        match call.number {
+            libc::SYS_clock_gettime => {
+                memory.write_pair(second, timespec(self.shown(clock)))?;
+            }
+            libc::SYS_clock_getres if second != 0 => memory.write_pair(second, [0, 1])?,
+            libc::SYS_clock_settime => return Err(Errno::EPERM),
+            libc::SYS_gettimeofday if first != 0 => {
+                let [seconds, nanos] = timespec(self.shown(0));
+                memory.write_pair(first, [seconds, nanos / 1_000])?;
+                if second != 0 {
+                    memory.write(second, &[0; 8])?;
+                }
+            }
+            libc::SYS_time => {
+                let seconds = self.shown(0) / SECOND;
+                if first != 0 {
+                    memory.write(first, &seconds.to_ne_bytes())?;
+                }
+                return Ok(Outcome::Answer(seconds));
+            }
+            libc::SYS_times => {
+                let ticks = self.shown(1) / (SECOND / 100);
+                if first != 0 {
+                    memory.write(first, &[0; 32])?;
+                }
+                return Ok(Outcome::Answer(ticks));
+            }
+            _ => {}
+        }
+        Ok(Outcome::Answer(0))
+    }
+
+    pub(super) fn sleep(&self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
+        let memory = Memory(nix::unistd::Pid::from_raw(tid));
+        let [first, flags, third, ..] = call.args;
+        let is_plain = call.number == libc::SYS_nanosleep;
+        let (clock, request) = match is_plain {
+            true => (1, first),
+            false => (i64::from(low_i32(first)), third),
+        };
+        let nanos = nanos(memory.pair(request)?)?;
+        let is_absolute = !is_plain && flags & 1 != 0;
+        let deadline = match is_absolute {
+            true => Self::instant_of(clock, nanos),
+            false => self.entered(tid) + Duration::from_nanos(nanos.cast_unsigned()),
+        };
+        if self.stage.now() >= deadline {
+            return Ok(Outcome::Answer(0));
+        }
+        Ok(Outcome::Block(Wait {
+            on: On::Others,
+            deadline: Some(deadline),
+        }))
+    }
+
+    /// When the thread made the call at which it stands.
+    pub(super) fn entered(&self, tid: i32) -> Instant {
+        let thread = self.threads.get(&tid);
+        thread.map_or(self.stage.now(), |thread| thread.entered)
+    }
+
+    pub(super) fn random(&mut self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
+        let [address, len, ..] = call.args;
+        let len = len.min(RANDOM_MAX);
+        let bytes = self.chance(tid, usize::try_from(len).unwrap_or_default());
+        Memory(nix::unistd::Pid::from_raw(tid)).write(address, &bytes)?;
+        Ok(Outcome::Answer(len.cast_signed()))
+    }
+
+    /// Bytes of chance for the process of `tid`.
+    pub(super) fn chance(&mut self, tid: i32, len: usize) -> Vec<u8> {
+        let process = self.threads.get(&tid).map(|thread| thread.process);
+        let process = process.and_then(|pid| self.processes.get_mut(&pid));
+        let mut bytes = Vec::with_capacity(len + 8);
+        if let Some(process) = process {
+            while bytes.len() < len {
+                bytes.extend(process.random.next_u64().to_le_bytes());
+            }
+        }
+        bytes.resize(len, 0);
+        bytes
+    }
+}
+
+/// The lower half of a register, as the kernel takes an `int`.
+pub(super) fn low_i32(value: u64) -> i32 {
+    let [a, b, c, d, ..] = value.to_le_bytes();
+    i32::from_le_bytes([a, b, c, d])
+}

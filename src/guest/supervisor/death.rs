@@ -1,0 +1,270 @@
+//! Threads and processes that begin, become other programs, and end.
+
+use std::collections::BTreeMap;
+
+use emulators::rng::Rng;
+use nix::libc;
+use nix::sys::ptrace;
+use nix::unistd::Pid;
+use rustix::process::WaitOptions;
+
+use super::{Call, Flow, GuestError, Memory, Next, On, State, Supervisor, is_death, wait};
+use crate::guest::task::{Process, Thread, Timer};
+
+/// Entries of the table that the kernel leaves a new program.
+const AT_IGNORE: u64 = 1;
+const AT_RANDOM: u64 = 25;
+const AT_SYSINFO_EHDR: u64 = 33;
+/// Most arguments and variables that are passed over on the way to it.
+const WORDS_MAX: u64 = 1 << 20;
+
+impl Supervisor {
+    pub(super) fn add_thread(&mut self, tid: Pid, process: Pid, vfork_parent: Option<i32>) {
+        let [threads, processes] = &mut self.born;
+        let pid = process.as_raw();
+        if !self.processes.contains_key(&pid) {
+            let stream = format!("guest.{processes}.random");
+            *processes += 1;
+            let process = Process {
+                handle: None,
+                random: Rng::stream(self.settings.seed, &stream),
+                restarts: 0,
+                alarm: Timer::default(),
+                timers: BTreeMap::new(),
+                is_dying: false,
+            };
+            self.processes.insert(pid, process);
+        }
+        let thread = Thread {
+            tid,
+            index: *threads,
+            process: pid,
+            state: State::Ready(Next::Go(None)),
+            call: None,
+            entered: self.stage.now(),
+            blocked_at: 0,
+            is_woken: false,
+            is_at_end: false,
+            progress: 0,
+            slice: 0,
+            vfork_parent,
+        };
+        *threads += 1;
+        self.threads.insert(tid.as_raw(), thread);
+        match vfork_parent {
+            Some(_) => self.queue.push_front(tid.as_raw()),
+            None => self.queue.push_back(tid.as_raw()),
+        }
+    }
+
+    /// A thread has made another one, or a process.
+    pub(super) fn cloned(&mut self, tid: i32, event: i32) -> Flow {
+        let new = ptrace::getevent(Pid::from_raw(tid)).ok();
+        let Some(new) = new.and_then(|new| i32::try_from(new).ok()) else {
+            return Flow::Goes(None);
+        };
+        let pid = Pid::from_raw(new);
+        if !self.early.remove(&new) && wait(Some(pid), WaitOptions::empty()).is_none() {
+            return Flow::Goes(None);
+        }
+        let group = Pid::from_raw(group_of(new).unwrap_or(new));
+        let is_vfork = event == libc::PTRACE_EVENT_VFORK;
+        self.add_thread(pid, group, is_vfork.then_some(tid));
+        if !is_vfork {
+            return Flow::Goes(None);
+        }
+        // It waits in the kernel until its child has become another program, or has ended.
+        let _ = ptrace::cont(Pid::from_raw(tid), None);
+        self.set_state(tid, State::Outside);
+        Flow::Stays
+    }
+
+    /// The child no longer uses the memory of `parent`, which goes on.
+    fn release(&mut self, parent: Option<i32>) {
+        let Some(parent) = parent else { return };
+        let state = self.threads.get(&parent).map(|thread| thread.state);
+        if !matches!(state, Some(State::Outside)) {
+            // The news came already.
+            return;
+        }
+        match self.wait_for(parent) {
+            Some((_, status)) if is_death(status) => self.died(parent, status),
+            Some((_, status)) if status >> 16 == libc::PTRACE_EVENT_VFORK_DONE => {
+                self.ready(parent, Next::Go(None));
+            }
+            Some((_, status)) => self.ready(parent, Next::Stopped(status)),
+            None => self.forget(parent),
+        }
+    }
+
+    /// A process has become another program: its clock page is hidden, so that each look at a clock
+    /// is a call.
+    pub(super) fn execed(&mut self, tid: i32) -> Flow {
+        self.is_launched = true;
+        let others = self.threads.values().filter(|thread| thread.process == tid);
+        let others: Vec<i32> = others.map(|thread| thread.tid.as_raw()).collect();
+        let mut parent = None;
+        for other in others {
+            if other == tid {
+                parent = self
+                    .threads
+                    .get_mut(&tid)
+                    .and_then(|it| it.vfork_parent.take());
+            } else {
+                self.threads.remove(&other);
+            }
+        }
+        let is_known = self.threads.contains_key(&tid);
+        if !is_known {
+            self.add_thread(Pid::from_raw(tid), Pid::from_raw(tid), None);
+            self.queue.retain(|&waiting| waiting != tid);
+        }
+        self.set_state(tid, State::Running);
+        if let Some(process) = self.processes.get_mut(&tid) {
+            process.restarts = 0;
+            process.timers.clear();
+        }
+        if let Err(error) = refuse(tid) {
+            self.trouble = Some(error);
+        }
+        self.hide_clock_page(tid);
+        self.release(parent);
+        Flow::Goes(None)
+    }
+
+    fn hide_clock_page(&mut self, tid: i32) {
+        let pid = Pid::from_raw(tid);
+        let memory = Memory(pid);
+        let Ok(call) = Call::of(pid) else { return };
+        let chance = self.chance(tid, 16);
+        // The stack: a count, the arguments and a zero, the variables and a zero, the table.
+        let mut at = call.stack();
+        let Ok(count) = memory.u64(at) else { return };
+        at += 8 * (count + 2);
+        for _ in 0..WORDS_MAX {
+            let Ok(word) = memory.u64(at) else { return };
+            at += 8;
+            if word == 0 {
+                break;
+            }
+        }
+        for _ in 0..64 {
+            let (Ok(key), Ok(value)) = (memory.u64(at), memory.u64(at + 8)) else {
+                return;
+            };
+            match key {
+                0 => return,
+                AT_SYSINFO_EHDR => drop(memory.write(at, &AT_IGNORE.to_ne_bytes())),
+                AT_RANDOM => drop(memory.write(value, &chance)),
+                _ => {}
+            }
+            at += 16;
+        }
+    }
+
+    /// All threads of the process are about to end.
+    pub(super) fn dies(&mut self, tid: i32) {
+        let process = self.threads.get(&tid).map(|thread| thread.process);
+        if let Some(process) = process.and_then(|pid| self.processes.get_mut(&pid)) {
+            process.is_dying = true;
+        }
+    }
+
+    /// A thread has ended.
+    pub(super) fn died(&mut self, tid: i32, status: i32) {
+        let Some(process) = self.threads.get(&tid).map(|thread| thread.process) else {
+            return;
+        };
+        self.buried(tid, status);
+        let is_signal = status & 0x7F != 0;
+        let is_dying = self.processes.get(&process).is_some_and(|it| it.is_dying);
+        while (is_signal || is_dying) && self.has_threads(process) {
+            let Some((pid, status)) = wait(None, WaitOptions::empty()) else {
+                break;
+            };
+            match is_death(status) {
+                true => self.buried(pid, status),
+                false
+                    if self
+                        .threads
+                        .get(&pid)
+                        .is_some_and(|it| it.process == process) =>
+                {
+                    let _ = ptrace::cont(Pid::from_raw(pid), None);
+                }
+                false => self.note_other(pid, status),
+            }
+        }
+        self.wake_after_death();
+    }
+
+    fn has_threads(&self, process: i32) -> bool {
+        self.threads
+            .values()
+            .any(|thread| thread.process == process)
+    }
+
+    /// One thread is no more; with the first one of a process, the process.
+    pub(super) fn buried(&mut self, tid: i32, status: i32) {
+        let Some(thread) = self.threads.remove(&tid) else {
+            return;
+        };
+        self.queue.retain(|&waiting| waiting != tid);
+        self.is_changed = true;
+        if tid != thread.process {
+            return;
+        }
+        self.processes.remove(&tid);
+        self.threads.retain(|_, other| other.process != tid);
+        if tid == self.root.as_raw() {
+            self.root_status = Some(status);
+        }
+        self.is_touched = true;
+        self.is_signalled = true;
+        let parents = self
+            .threads
+            .values()
+            .filter(|thread| matches!(thread.state, State::Blocked(wait) if wait.on == On::Child));
+        let mut parents: Vec<(u32, i32)> = parents
+            .map(|thread| (thread.index, thread.tid.as_raw()))
+            .collect();
+        parents.sort_unstable();
+        for (_, parent) in parents {
+            self.set_at_end(parent, false);
+            self.ready(parent, Next::Go(None));
+        }
+        self.release(thread.vfork_parent);
+    }
+
+    /// A thread of which there are no news any more.
+    pub(super) fn forget(&mut self, tid: i32) {
+        self.buried(tid, 0);
+    }
+}
+
+/// The process of a thread.
+fn group_of(tid: i32) -> Option<i32> {
+    let status = std::fs::read_to_string(format!("/proc/{tid}/status")).ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("Tgid:"))?;
+    line.trim().parse().ok()
+}
+
+/// Programs that cannot be supervised.
+fn refuse(pid: i32) -> Result<(), GuestError> {
+    use std::io::Read as _;
+    use std::os::unix::fs::PermissionsExt as _;
+
+    let path = format!("/proc/{pid}/exe");
+    let name = std::fs::read_link(&path).unwrap_or_default();
+    let mode = std::fs::metadata(&path).map_or(0, |data| data.permissions().mode());
+    if mode & 0o6000 != 0 {
+        return Err(GuestError::Setuid(name));
+    }
+    let mut head = [0; 5];
+    let read = std::fs::File::open(&path).and_then(|mut file| file.read_exact(&mut head));
+    // The fifth byte of an ELF file: 2 is 64 bit.
+    match read {
+        Ok(()) if head[4] != 2 => Err(GuestError::OtherArchitecture(name)),
+        _ => Ok(()),
+    }
+}

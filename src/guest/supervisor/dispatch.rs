@@ -1,0 +1,132 @@
+//! Which call is answered where, and what becomes of a thread that makes none.
+
+use nix::libc;
+use nix::sys::ptrace;
+use nix::unistd::Pid;
+
+use super::{Flow, Memory, Next, Outcome, State, Supervisor, Wait};
+use crate::guest::GuestError;
+use crate::guest::call::{self, Call};
+use crate::guest::trace::Record;
+use crate::guest::watchdog::Kick;
+
+impl Supervisor {
+    pub(super) fn record(&mut self, tid: i32, call: &Call, outcome: &Outcome) {
+        let result = match outcome {
+            Outcome::Answer(result) | Outcome::Yield(result) => Some(*result),
+            Outcome::Kernel | Outcome::Leave(_) => None,
+            Outcome::Block(_) => return,
+        };
+        let thread = self.threads.get(&tid).map_or(0, |thread| thread.index);
+        self.calls.add(Record {
+            at: self.stage.now(),
+            thread,
+            number: call.number,
+            result,
+        });
+    }
+
+    /// Which call it is.
+    pub(super) fn outcome(&mut self, tid: i32, call: &Call) -> Outcome {
+        let memory = Memory(Pid::from_raw(tid));
+        let done = match call.number {
+            libc::SYS_clock_gettime
+            | libc::SYS_clock_getres
+            | libc::SYS_clock_settime
+            | libc::SYS_gettimeofday
+            | libc::SYS_time
+            | libc::SYS_times => self.look_at_clock(memory, call),
+            libc::SYS_nanosleep | libc::SYS_clock_nanosleep => self.sleep(tid, call),
+            libc::SYS_pause => Ok(Outcome::Block(Wait::for_ever())),
+            libc::SYS_sched_yield => Ok(Outcome::Yield(0)),
+            libc::SYS_getrandom => self.random(tid, call),
+            libc::SYS_futex => self.futex(tid, call),
+            libc::SYS_poll | libc::SYS_ppoll => self.poll(tid, call),
+            libc::SYS_select | libc::SYS_pselect6 => self.select(tid, call),
+            libc::SYS_epoll_wait | libc::SYS_epoll_pwait | libc::SYS_epoll_pwait2 => {
+                self.epoll(tid, call)
+            }
+            libc::SYS_read
+            | libc::SYS_readv
+            | libc::SYS_recvfrom
+            | libc::SYS_recvmsg
+            | libc::SYS_accept
+            | libc::SYS_accept4 => self.read(tid, call),
+            libc::SYS_write | libc::SYS_writev | libc::SYS_sendto | libc::SYS_sendmsg => {
+                self.write(tid, call)
+            }
+            libc::SYS_open | libc::SYS_openat => Ok(self.open(tid, call)),
+            libc::SYS_ioctl => self.ioctl(tid, call),
+            libc::SYS_alarm | libc::SYS_setitimer | libc::SYS_getitimer => {
+                self.interval_timer(tid, call)
+            }
+            libc::SYS_timerfd_create | libc::SYS_timerfd_settime | libc::SYS_timerfd_gettime => {
+                self.timer_file(tid, call)
+            }
+            _ => Ok(self.about_processes(tid, call)),
+        };
+        done.unwrap_or_else(Outcome::from)
+    }
+
+    /// Calls about processes and signals, and what is not handled.
+    fn about_processes(&mut self, tid: i32, call: &Call) -> Outcome {
+        match call.number {
+            libc::SYS_wait4 | libc::SYS_waitid => self.wait_for_child(tid, call),
+            libc::SYS_exit => self.exits(tid),
+            libc::SYS_exit_group => {
+                self.dies(tid);
+                Outcome::Kernel
+            }
+            libc::SYS_kill
+            | libc::SYS_tkill
+            | libc::SYS_tgkill
+            | libc::SYS_rt_sigqueueinfo
+            | libc::SYS_rt_tgsigqueueinfo => {
+                self.is_signalled = true;
+                Outcome::Kernel
+            }
+            libc::SYS_rt_sigaction => {
+                self.sets_handler(tid, call);
+                Outcome::Kernel
+            }
+            libc::SYS_rt_sigsuspend => Outcome::Leave(State::Outside),
+            number => {
+                self.note(format!("{} is done by the kernel", call::name(number)));
+                Outcome::Kernel
+            }
+        }
+    }
+
+    /// Whoever watches over wall time has stopped the thread, or somebody wants it stopped.
+    pub(super) fn kicked(&mut self, tid: i32) -> Flow {
+        let number = self.threads.get(&tid).and_then(|thread| thread.call);
+        match self.watchdog.take_kick() {
+            Some(Kick::Sleeps) => {
+                let name = number.map_or_else(|| "a call".to_owned(), |it| call::name(it.number));
+                self.note(format!("waits in the kernel, last seen at {name}"));
+                let _ = ptrace::cont(Pid::from_raw(tid), None);
+                self.set_state(tid, State::Outside);
+                Flow::Stays
+            }
+            Some(Kick::Computes(wall)) if wall >= self.settings.supervision.spin_max => {
+                let name = thread_name(tid);
+                self.trouble = Some(GuestError::Spins(name, wall));
+                self.ready(tid, Next::Go(None));
+                Flow::Stays
+            }
+            Some(Kick::Computes(_)) => {
+                // Whoever wants to end the run is heard; others who can run may be what it waits
+                // for.
+                self.ready(tid, Next::Go(None));
+                Flow::Stays
+            }
+            None => Flow::Goes(None),
+        }
+    }
+}
+
+/// The name of a thread, as the system lists it.
+fn thread_name(tid: i32) -> String {
+    let name = std::fs::read_to_string(format!("/proc/{tid}/comm")).unwrap_or_default();
+    format!("{} ({tid})", name.trim())
+}

@@ -1,0 +1,250 @@
+//! Waiting for several files at once.
+
+use core::time::Duration;
+
+use nix::errno::Errno;
+use nix::libc;
+use nix::unistd::Pid;
+use protocols::Instant;
+use rustix::event::{PollFd, PollFlags, Timespec, epoll, poll};
+
+use super::clocks::{low_i32, nanos, timespec};
+use super::files::File;
+use super::{Memory, On, Outcome, Supervisor, Wait};
+use crate::guest::call::Call;
+
+/// Most files that are waited for at once.
+const FILES_MAX: u64 = 4096;
+/// Bytes of a `pollfd`, and of an `epoll_event` on this processor.
+const POLLFD: u64 = 8;
+const EPOLL_EVENT: usize = 12;
+
+impl Supervisor {
+    pub(super) fn poll(&mut self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
+        let memory = Memory(Pid::from_raw(tid));
+        let [address, count, timeout, ..] = call.args;
+        if count > FILES_MAX {
+            return Err(Errno::EINVAL);
+        }
+        let deadline = match call.number {
+            libc::SYS_poll => self.millis_from(tid, low_i32(timeout)),
+            _ => self.timespec_from(tid, timeout, 1)?,
+        };
+        let mut entries = vec![0; usize::try_from(count * POLLFD).unwrap_or_default()];
+        if count > 0 {
+            memory.read(address, &mut entries)?;
+        }
+        let wanted = entries.chunks_exact(8).map(|entry| {
+            let fd = i32::from_ne_bytes([entry[0], entry[1], entry[2], entry[3]]);
+            (fd, u16::from_ne_bytes([entry[4], entry[5]]))
+        });
+        let wanted: Vec<(i32, u16)> = wanted.collect();
+        let found = self.look_at(tid, &wanted);
+        let ready = found.iter().filter(|&&flags| flags != 0).count();
+        let is_time_up = deadline.is_some_and(|at| self.stage.now() >= at);
+        if ready == 0 && !is_time_up {
+            return Ok(wait_until(deadline));
+        }
+        for (entry, flags) in entries.chunks_exact_mut(8).zip(&found) {
+            entry[6..].copy_from_slice(&flags.to_ne_bytes());
+        }
+        memory.write(address, &entries)?;
+        if call.number == libc::SYS_ppoll {
+            self.tell_rest(memory, timeout, deadline, 1)?;
+        }
+        Ok(Outcome::Answer(i64::try_from(ready).unwrap_or(0)))
+    }
+
+    /// What is ready of each file, as the kernel's flags.
+    fn look_at(&mut self, tid: i32, wanted: &[(i32, u16)]) -> Vec<u16> {
+        let files: Vec<Option<File>> = wanted
+            .iter()
+            .map(|&(fd, _)| self.file(tid, fd).filter(|_| fd >= 0))
+            .collect();
+        let mut polled: Vec<PollFd<'_>> = files
+            .iter()
+            .zip(wanted)
+            .filter_map(|(file, &(_, flags))| {
+                let flags = PollFlags::from_bits_retain(flags);
+                Some(PollFd::new(&file.as_ref()?.fd, flags))
+            })
+            .collect();
+        let done = poll(&mut polled, Some(&Timespec::default()));
+        let mut found = polled.iter().map(|one| match done {
+            Ok(_) => one.revents().bits(),
+            Err(_) => 0,
+        });
+        let not_open = PollFlags::NVAL.bits();
+        files
+            .iter()
+            .zip(wanted)
+            .map(|(file, &(fd, _))| match file {
+                Some(_) => found.next().unwrap_or(0),
+                None if fd < 0 => 0,
+                None => not_open,
+            })
+            .collect()
+    }
+
+    pub(super) fn select(&mut self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
+        let memory = Memory(Pid::from_raw(tid));
+        let [count, read, write, except, timeout, _] = call.args;
+        let unit = match call.number {
+            libc::SYS_select => 1_000,
+            _ => 1,
+        };
+        let deadline = self.timespec_from(tid, timeout, unit)?;
+        let count = u64::from(low_i32(count).max(0).unsigned_abs()).min(1024);
+        let len = usize::try_from(count.div_ceil(64) * 8).unwrap_or_default();
+        let mut sets = [(); 3].map(|()| vec![0_u8; len]);
+        let addresses = [read, write, except];
+        for (set, &address) in sets.iter_mut().zip(&addresses) {
+            if address != 0 && len > 0 {
+                memory.read(address, set)?;
+            }
+        }
+        let kinds = [PollFlags::IN, PollFlags::OUT, PollFlags::PRI];
+        let found = self.select_from(tid, count, &sets, kinds);
+        if found.contains(&None) {
+            return Err(Errno::EBADF);
+        }
+        let is_time_up = deadline.is_some_and(|at| self.stage.now() >= at);
+        let mut ready = 0;
+        let mut results = [(); 3].map(|()| vec![0_u8; len]);
+        for (place, flags) in found.into_iter().flatten() {
+            let (byte, bit) = (place / 8, 1_u8 << (place % 8));
+            for (index, kind) in kinds.into_iter().enumerate() {
+                let is_wanted = sets[index][byte] & bit != 0;
+                if is_wanted && is_selected(kind, flags) {
+                    results[index][byte] |= bit;
+                    ready += 1;
+                }
+            }
+        }
+        if ready == 0 && !is_time_up {
+            return Ok(wait_until(deadline));
+        }
+        for (result, &address) in results.iter().zip(&addresses) {
+            if address != 0 {
+                memory.write(address, result)?;
+            }
+        }
+        self.tell_rest(memory, timeout, deadline, unit)?;
+        Ok(Outcome::Answer(ready))
+    }
+
+    /// The files of three sets with what is ready of each; `None` for one that is not open.
+    fn select_from(
+        &mut self,
+        tid: i32,
+        count: u64,
+        sets: &[Vec<u8>; 3],
+        kinds: [PollFlags; 3],
+    ) -> Vec<Option<(usize, PollFlags)>> {
+        let mut wanted = Vec::new();
+        for place in 0..usize::try_from(count).unwrap_or_default() {
+            let is_in = |set: &Vec<u8>| set[place / 8] & (1 << (place % 8)) != 0;
+            let mut flags = PollFlags::empty();
+            for (set, kind) in sets.iter().zip(kinds) {
+                if is_in(set) {
+                    flags |= kind;
+                }
+            }
+            if !flags.is_empty() {
+                wanted.push((i32::try_from(place).unwrap_or(-1), flags.bits()));
+            }
+        }
+        let found = self.look_at(tid, &wanted);
+        let found = wanted.into_iter().zip(found).map(|((fd, _), flags)| {
+            let flags = PollFlags::from_bits_retain(flags);
+            let place = usize::try_from(fd).unwrap_or_default();
+            (!flags.contains(PollFlags::NVAL)).then_some((place, flags))
+        });
+        found.collect()
+    }
+
+    pub(super) fn epoll(&mut self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
+        let [fd, address, most, timeout, ..] = call.args;
+        let deadline = match call.number {
+            libc::SYS_epoll_pwait2 => self.timespec_from(tid, timeout, 1)?,
+            _ => self.millis_from(tid, low_i32(timeout)),
+        };
+        let most = usize::try_from(low_i32(most)).map_err(|_| Errno::EINVAL)?;
+        // Readiness of a port reaches such a set only with the bytes themselves.
+        self.stage.settle_all();
+        let file = self.file(tid, low_i32(fd)).ok_or(Errno::EBADF)?;
+        let mut events = Vec::with_capacity(most.clamp(1, 4096));
+        let buffer = rustix::buffer::spare_capacity(&mut events);
+        match epoll::wait(&file.fd, buffer, Some(&Timespec::default())) {
+            Ok(_) => {}
+            Err(errno) => return Err(Errno::from_i32(errno.raw_os_error())),
+        }
+        let is_time_up = deadline.is_some_and(|at| self.stage.now() >= at);
+        if events.is_empty() && !is_time_up {
+            return Ok(wait_until(deadline));
+        }
+        let mut bytes = Vec::with_capacity(events.len() * EPOLL_EVENT);
+        for event in &events {
+            // Copied out first: the event is packed.
+            let (flags, data) = (event.flags, event.data);
+            bytes.extend(flags.bits().to_ne_bytes());
+            bytes.extend(data.u64().to_ne_bytes());
+        }
+        Memory(Pid::from_raw(tid)).write(address, &bytes)?;
+        Ok(Outcome::Answer(i64::try_from(events.len()).unwrap_or(0)))
+    }
+
+    /// The end of a wait of so many milliseconds; negative: none.
+    fn millis_from(&self, tid: i32, millis: i32) -> Option<Instant> {
+        let millis = u64::try_from(millis).ok()?;
+        Some(self.entered(tid) + Duration::from_millis(millis))
+    }
+
+    /// The end of a wait as long as two numbers at `address` say, the second in `unit` ns; none at
+    /// 0.
+    fn timespec_from(&self, tid: i32, address: u64, unit: i64) -> Result<Option<Instant>, Errno> {
+        if address == 0 {
+            return Ok(None);
+        }
+        let [seconds, parts] = Memory(Pid::from_raw(tid)).pair(address)?;
+        // A time of more than a second in microseconds is allowed.
+        let carry = parts / (1_000_000_000 / unit);
+        let parts = parts % (1_000_000_000 / unit) * unit;
+        let nanos = nanos([seconds.saturating_add(carry), parts])?;
+        let length = Duration::from_nanos(nanos.cast_unsigned());
+        Ok(Some(self.entered(tid) + length))
+    }
+
+    /// The kernel says how much of the time was left.
+    fn tell_rest(
+        &self,
+        memory: Memory,
+        address: u64,
+        deadline: Option<Instant>,
+        unit: i64,
+    ) -> Result<(), Errno> {
+        let Some(deadline) = deadline else {
+            return Ok(());
+        };
+        let left = deadline - self.stage.now();
+        let [seconds, nanos] = timespec(i64::try_from(left.as_nanos()).unwrap_or(i64::MAX));
+        memory.write_pair(address, [seconds, nanos / unit])
+    }
+}
+
+const fn wait_until(deadline: Option<Instant>) -> Outcome {
+    Outcome::Block(Wait {
+        on: On::Files,
+        deadline,
+    })
+}
+
+/// Which readiness counts for which of select's sets, as the kernel has it.
+fn is_selected(kind: PollFlags, found: PollFlags) -> bool {
+    let counts = match kind {
+        PollFlags::IN => PollFlags::IN | PollFlags::RDNORM | PollFlags::HUP | PollFlags::ERR,
+        PollFlags::OUT => PollFlags::OUT | PollFlags::WRNORM | PollFlags::ERR,
+        _ => PollFlags::PRI,
+    };
+    found.intersects(counts)
+}

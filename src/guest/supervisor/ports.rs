@@ -1,0 +1,137 @@
+//! The rig's ports: what the line has brought can be read, what is written goes to the line now.
+
+use core::time::Duration;
+
+use nix::errno::Errno;
+use rustix::io::ioctl_fionread;
+use rustix::termios::{LocalModes, SpecialCodeIndex, Termios, tcgetattr};
+
+use super::files::File;
+use super::streams::{buffers, gather, lens, scatter};
+use super::{On, Outcome, PollFlags, Supervisor, Wait};
+use crate::guest::call::Call;
+
+/// Bytes that are read at once.
+const READ_MAX: usize = 64 << 10;
+/// Bytes that are put into a port at once; the kernel has room for more.
+const PIECE: usize = 1024;
+
+impl Supervisor {
+    pub(super) fn read_port(
+        &mut self,
+        tid: i32,
+        call: &Call,
+        file: &File,
+        port: usize,
+    ) -> Result<Outcome, Errno> {
+        let buffers = buffers(tid, call)?;
+        let wanted = lens(&buffers).min(READ_MAX);
+        if wanted == 0 {
+            return Ok(Outcome::Answer(0));
+        }
+        let modes = tcgetattr(&file.fd).map_err(|errno| Errno::from_i32(errno.raw_os_error()))?;
+        self.stage.settle(port, &file.fd);
+        let there = match modes.local_modes.contains(LocalModes::ICANON) {
+            // Whole lines: the kernel knows.
+            true if file.readiness(PollFlags::IN).is_empty() => 0,
+            true => wanted,
+            false => ioctl_fionread(&file.fd).map_or(0, |len| usize::try_from(len).unwrap_or(0)),
+        };
+        if let Some(outcome) = self.not_yet(tid, file, port, &modes, [there, wanted]) {
+            return outcome;
+        }
+        let mut bytes = vec![0; wanted.min(there)];
+        let len = rustix::io::read(&file.fd, &mut bytes)
+            .map_err(|errno| Errno::from_i32(errno.raw_os_error()))?;
+        self.stage.took(port, len);
+        scatter(tid, &buffers, &bytes[..len])?;
+        Ok(Outcome::Answer(i64::try_from(len).unwrap_or(0)))
+    }
+
+    /// Why a read does not return bytes now: by the rules of VMIN and VTIME, see termios(3).
+    fn not_yet(
+        &self,
+        tid: i32,
+        file: &File,
+        port: usize,
+        modes: &Termios,
+        [there, wanted]: [usize; 2],
+    ) -> Option<Result<Outcome, Errno>> {
+        let is_canonical = modes.local_modes.contains(LocalModes::ICANON);
+        let code = |index| modes.special_codes[index];
+        let tenths = |count: u8| Duration::from_millis(100 * u64::from(count));
+        let (least, time) = match is_canonical {
+            true => (1, 0),
+            false => (code(SpecialCodeIndex::VMIN), code(SpecialCodeIndex::VTIME)),
+        };
+        let wait = |deadline| {
+            Some(Ok(Outcome::Block(Wait {
+                on: On::Files,
+                deadline,
+            })))
+        };
+        let now = self.stage.now();
+        if least == 0 {
+            let deadline = self.entered(tid) + tenths(time);
+            return match there {
+                0 if now >= deadline => Some(Ok(Outcome::Answer(0))),
+                0 if file.never_waits() => Some(Err(Errno::EAGAIN)),
+                0 => wait(Some(deadline)),
+                _ => None,
+            };
+        }
+        if there >= usize::from(least).min(wanted) {
+            return None;
+        }
+        if file.never_waits() {
+            return (there == 0).then_some(Err(Errno::EAGAIN));
+        }
+        // Between bytes the timer begins anew with each.
+        let deadline = (there > 0 && time > 0).then(|| self.stage.heard(port) + tenths(time));
+        match deadline {
+            Some(at) if now >= at => None,
+            deadline => wait(deadline),
+        }
+    }
+
+    pub(super) fn write_port(
+        &mut self,
+        tid: i32,
+        call: &Call,
+        file: &File,
+        port: usize,
+    ) -> Result<Outcome, Errno> {
+        let buffers = buffers(tid, call)?;
+        let total = lens(&buffers);
+        let mut done = self.threads.get(&tid).map_or(0, |thread| thread.progress);
+        while done < total {
+            let room = self.stage.room(port).min(PIECE);
+            if room == 0 {
+                break;
+            }
+            let bytes = gather(tid, &buffers, done, room)?;
+            let len = rustix::io::write(&file.fd, &bytes)
+                .map_err(|errno| Errno::from_i32(errno.raw_os_error()))?;
+            done += len;
+            self.stage.carry().map_err(|_| Errno::EIO)?;
+            if len == 0 {
+                break;
+            }
+        }
+        if let Some(thread) = self.threads.get_mut(&tid) {
+            thread.progress = done;
+        }
+        match done {
+            done if done == total => {}
+            0 if file.never_waits() => return Err(Errno::EAGAIN),
+            _ if file.never_waits() => {}
+            _ => {
+                return Ok(Outcome::Block(Wait {
+                    on: On::Line,
+                    deadline: None,
+                }));
+            }
+        }
+        Ok(Outcome::Answer(i64::try_from(done).unwrap_or(0)))
+    }
+}

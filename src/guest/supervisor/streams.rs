@@ -1,0 +1,131 @@
+//! Reading and writing: what may wait is done when it can be done.
+
+use nix::errno::Errno;
+use nix::libc;
+use nix::unistd::Pid;
+use rustix::event::PollFlags;
+use rustix::fs::{FileType, fstat};
+
+use super::clocks::low_i32;
+use super::files::{File, Kind};
+use super::{Memory, On, Outcome, Supervisor, Wait};
+use crate::guest::call::Call;
+
+/// What a pipe that has room at all takes at once.
+const PIPE_PAGE: u64 = 4096;
+
+impl Supervisor {
+    pub(super) fn read(&mut self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
+        let fd = low_i32(call.args[0]);
+        let Some(file) = self.file(tid, fd) else {
+            return Ok(Outcome::Kernel);
+        };
+        match file.kind {
+            Kind::Prompt | Kind::Mouth => Ok(Outcome::Kernel),
+            Kind::Port(port) => self.read_port(tid, call, &file, port),
+            Kind::Chance => {
+                let total = lens(&buffers(tid, call)?);
+                let bytes = self.chance(tid, total.min(1 << 20));
+                scatter(tid, &buffers(tid, call)?, &bytes)?;
+                Ok(Outcome::Answer(i64::try_from(bytes.len()).unwrap_or(0)))
+            }
+            Kind::Stream => {
+                if let Some(outcome) = self.read_timer(tid, call, &file) {
+                    return outcome;
+                }
+                Ok(when_ready(&file, PollFlags::IN, waits_by_flag(call)))
+            }
+        }
+    }
+
+    pub(super) fn write(&mut self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
+        let fd = low_i32(call.args[0]);
+        let Some(file) = self.file(tid, fd) else {
+            return Ok(Outcome::Kernel);
+        };
+        match file.kind {
+            Kind::Prompt | Kind::Mouth | Kind::Chance => Ok(Outcome::Kernel),
+            Kind::Port(port) => self.write_port(tid, call, &file, port),
+            Kind::Stream => {
+                let outcome = when_ready(&file, PollFlags::OUT, waits_by_flag(call));
+                // More than there is room for would wait in the kernel.
+                let is_large = call.number == libc::SYS_write && call.args[2] > PIPE_PAGE;
+                if matches!(outcome, Outcome::Kernel) && is_large && is_pipe(&file) {
+                    call.with(Pid::from_raw(tid), 2, PIPE_PAGE)?;
+                }
+                Ok(outcome)
+            }
+        }
+    }
+}
+
+fn is_pipe(file: &File) -> bool {
+    fstat(&file.fd).is_ok_and(|stat| FileType::from_raw_mode(stat.st_mode) == FileType::Fifo)
+}
+
+/// The kernel does it once it does not have to wait.
+fn when_ready(file: &File, wanted: PollFlags, waits: bool) -> Outcome {
+    if !waits || file.never_waits() || !file.readiness(wanted).is_empty() {
+        return Outcome::Kernel;
+    }
+    Outcome::Block(Wait {
+        on: On::Files,
+        deadline: None,
+    })
+}
+
+/// Whether a call's own flags let it wait.
+fn waits_by_flag(call: &Call) -> bool {
+    let flags = match call.number {
+        libc::SYS_recvfrom | libc::SYS_sendto => call.args[3],
+        libc::SYS_recvmsg | libc::SYS_sendmsg => call.args[2],
+        _ => 0,
+    };
+    low_i32(flags) & libc::MSG_DONTWAIT == 0
+}
+
+/// The buffers of a call that reads or writes: address and length.
+pub(super) fn buffers(tid: i32, call: &Call) -> Result<Vec<(u64, usize)>, Errno> {
+    let [_, address, len, ..] = call.args;
+    match call.number {
+        libc::SYS_readv | libc::SYS_writev => Memory(Pid::from_raw(tid)).iovecs(address, len),
+        _ => Ok(vec![(address, usize::try_from(len).unwrap_or(usize::MAX))]),
+    }
+}
+
+/// Bytes of all of them.
+pub(super) fn lens(buffers: &[(u64, usize)]) -> usize {
+    let lens = buffers.iter().map(|&(_, len)| len);
+    lens.fold(0, usize::saturating_add)
+}
+
+/// Fills them with `bytes`.
+pub(super) fn scatter(tid: i32, buffers: &[(u64, usize)], bytes: &[u8]) -> Result<(), Errno> {
+    let mut rest = bytes;
+    for &(address, len) in buffers {
+        let (now, later) = rest.split_at(len.min(rest.len()));
+        Memory(Pid::from_raw(tid)).write(address, now)?;
+        rest = later;
+    }
+    Ok(())
+}
+
+/// At most `most` bytes of them, `skip` left out.
+pub(super) fn gather(
+    tid: i32,
+    buffers: &[(u64, usize)],
+    skip: usize,
+    most: usize,
+) -> Result<Vec<u8>, Errno> {
+    let mut bytes = Vec::new();
+    let mut skip = skip;
+    for &(address, len) in buffers {
+        let from = skip.min(len);
+        skip -= from;
+        let take = (len - from).min(most - bytes.len());
+        let start = bytes.len();
+        bytes.resize(start + take, 0);
+        Memory(Pid::from_raw(tid)).read(address + from as u64, &mut bytes[start..])?;
+    }
+    Ok(bytes)
+}

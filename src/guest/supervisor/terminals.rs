@@ -1,0 +1,122 @@
+//! What a program asks of a port besides bytes: rates, queues, modem lines, breaks.
+
+use nix::errno::Errno;
+use nix::libc;
+use nix::unistd::Pid;
+
+use super::clocks::low_i32;
+use super::files::Kind;
+use super::{Memory, On, Outcome, Supervisor, Wait};
+use crate::guest::call::Call;
+
+/// Requests of rates that all processors know, but not `libc`'s module for this system.
+const TCSETS2: u64 = 0x402C_542B;
+const TCSETSW2: u64 = 0x402C_542C;
+const TCSETSF2: u64 = 0x402C_542D;
+const TIOCMIWAIT: u64 = 0x545C;
+const TIOCGICOUNT: u64 = 0x545D;
+
+impl Supervisor {
+    pub(super) fn ioctl(&mut self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
+        let [fd, request, argument, ..] = call.args;
+        // Most are about other terminals and sockets.
+        if !is_of_ports(request) {
+            return Ok(Outcome::Kernel);
+        }
+        let file = self.file(tid, low_i32(fd));
+        let Some((Kind::Port(port), file)) = file.map(|file| (file.kind, file)) else {
+            return Ok(Outcome::Kernel);
+        };
+        self.is_touched = true;
+        let memory = Memory(Pid::from_raw(tid));
+        match request {
+            libc::FIONREAD => {
+                self.stage.settle(port, &file.fd);
+                Ok(Outcome::Kernel)
+            }
+            libc::TIOCOUTQ => {
+                let waiting = i32::try_from(self.stage.backlog(port)).unwrap_or(i32::MAX);
+                memory.write(argument, &waiting.to_ne_bytes())?;
+                Ok(Outcome::Answer(0))
+            }
+            // The rig itself opens the port now and then; two programs at one port see each other
+            // all the same, by their locks.
+            libc::TIOCEXCL | libc::TIOCNXCL => Ok(Outcome::Answer(0)),
+            libc::TCFLSH => {
+                if matches!(low_i32(argument), libc::TCIFLUSH | libc::TCIOFLUSH) {
+                    self.stage.forget_unread(port);
+                }
+                Ok(Outcome::Kernel)
+            }
+            libc::TCSETSF | TCSETSF2 => Ok(self.once_sent(port, Outcome::Kernel, true)),
+            libc::TCSETSW | TCSETSW2 => Ok(self.once_sent(port, Outcome::Kernel, false)),
+            libc::TCSETS | TCSETS2 => Ok(Outcome::Kernel),
+            libc::TCSBRK if argument != 0 => Ok(self.once_sent(port, Outcome::Answer(0), false)),
+            _ => self.modem(memory, port, request, argument),
+        }
+    }
+
+    /// What is done once all that was written has left.
+    fn once_sent(&mut self, port: usize, then: Outcome, forgets: bool) -> Outcome {
+        if self.stage.backlog(port) > 0 {
+            return Outcome::Block(Wait {
+                on: On::Line,
+                deadline: None,
+            });
+        }
+        if forgets {
+            self.stage.forget_unread(port);
+        }
+        then
+    }
+
+    fn modem(
+        &mut self,
+        memory: Memory,
+        port: usize,
+        request: u64,
+        argument: u64,
+    ) -> Result<Outcome, Errno> {
+        let lines = self.stage.modem(port);
+        match request {
+            libc::TIOCMGET => memory.write(argument, &lines.to_ne_bytes())?,
+            libc::TIOCMBIS => self.stage.set_modem(port, lines | memory.u32(argument)?),
+            libc::TIOCMBIC => self.stage.set_modem(port, lines & !memory.u32(argument)?),
+            libc::TIOCMSET => self.stage.set_modem(port, memory.u32(argument)?),
+            libc::TCSBRK | libc::TCSBRKP | libc::TIOCSBRK => self.stage.send_break(port),
+            // No line of a device here ever changes by itself.
+            TIOCMIWAIT => return Ok(Outcome::Block(Wait::for_ever())),
+            TIOCGICOUNT => memory.write(argument, &[0; 80])?,
+            _ => {}
+        }
+        Ok(Outcome::Answer(0))
+    }
+}
+
+/// Whether a request may be one that a port answers in its own way.
+const fn is_of_ports(request: u64) -> bool {
+    matches!(
+        request,
+        libc::FIONREAD
+            | libc::TIOCOUTQ
+            | libc::TIOCEXCL
+            | libc::TIOCNXCL
+            | libc::TCFLSH
+            | libc::TCSETS
+            | libc::TCSETSW
+            | libc::TCSETSF
+            | TCSETS2
+            | TCSETSW2
+            | TCSETSF2
+            | libc::TCSBRK
+            | libc::TCSBRKP
+            | libc::TIOCSBRK
+            | libc::TIOCCBRK
+            | libc::TIOCMGET
+            | libc::TIOCMBIS
+            | libc::TIOCMBIC
+            | libc::TIOCMSET
+            | TIOCMIWAIT
+            | TIOCGICOUNT
+    )
+}

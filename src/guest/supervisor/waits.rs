@@ -1,0 +1,62 @@
+//! Waiting for children: the kernel is asked without waiting, and again when a child has ended.
+
+use nix::libc;
+use nix::sys::ptrace;
+use nix::unistd::Pid;
+
+use super::{Memory, On, Outcome, Supervisor, Wait, is_death};
+use crate::guest::call::Call;
+
+impl Supervisor {
+    pub(super) fn wait_for_child(&mut self, tid: i32, call: &Call) -> Outcome {
+        let pid = Pid::from_raw(tid);
+        let (index, place) = match call.number {
+            libc::SYS_wait4 => (2, call.args[1]),
+            _ => (3, call.args[2]),
+        };
+        let nohang = u64::from(libc::WNOHANG.unsigned_abs());
+        let options = call.args[index];
+        if options & nohang != 0 {
+            return Outcome::Kernel;
+        }
+        if call.number == libc::SYS_waitid && place != 0 {
+            let _ = Memory(pid).write(place, &[0; 4]);
+        }
+        let asked = call.with(pid, index, options | nohang);
+        if asked.is_err() || ptrace::syscall(pid, None).is_err() {
+            return Outcome::Kernel;
+        }
+        let Some((_, status)) = self.wait_for(tid) else {
+            return Outcome::Kernel;
+        };
+        if is_death(status) {
+            self.died(tid, status);
+            return Outcome::Kernel;
+        }
+        let Ok(end) = Call::of(pid) else {
+            return Outcome::Kernel;
+        };
+        let is_nobody = match call.number {
+            libc::SYS_wait4 => end.result() == 0,
+            _ => end.result() == 0 && Memory(pid).u32(place).is_ok_and(|signal| signal == 0),
+        };
+        if !is_nobody {
+            // The rest of the way is the program's; its option is given back.
+            let _ = end.with_result(pid, index, options, end.result());
+            return Outcome::Kernel;
+        }
+        // It makes the call again when it goes on.
+        let _ = end.with_result_again(pid, index, options, call.number);
+        self.set_at_end(tid, true);
+        Outcome::Block(Wait {
+            on: On::Child,
+            deadline: None,
+        })
+    }
+
+    pub(super) fn set_at_end(&mut self, tid: i32, is_at_end: bool) {
+        if let Some(thread) = self.threads.get_mut(&tid) {
+            thread.is_at_end = is_at_end;
+        }
+    }
+}

@@ -1,0 +1,164 @@
+//! Threads and processes of a foreign program, as the supervisor knows them.
+
+use std::collections::BTreeMap;
+use std::os::fd::OwnedFd;
+
+use emulators::rng::Rng;
+use nix::sys::signal::Signal;
+use nix::unistd::Pid;
+use protocols::Instant;
+
+use super::call::Call;
+
+/// How a thread goes on.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Next {
+    /// With this signal, if any.
+    Go(Option<Signal>),
+    /// It tries the call at which it stands once more.
+    Attempt,
+    /// It has stopped with this status, which nobody has looked at.
+    Stopped(i32),
+}
+
+/// What a thread waits for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum On {
+    /// Somebody else's call, or nothing.
+    Others,
+    /// A word in memory: where it is, and which of its bits.
+    Futex(FutexKey, u32),
+    /// Something to read or room to write.
+    Files,
+    /// Bytes that leave a port.
+    Line,
+    /// A child that ends.
+    Child,
+}
+
+/// A word in memory: that of a process, or of a file or of memory that processes share.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum FutexKey {
+    /// Process and address.
+    Own(i32, u64),
+    /// Device and number of the file, offset.
+    Shared(u64, u64, u64),
+}
+
+/// A wait: at the deadline the call is tried again and sees that its time is up.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Wait {
+    pub(super) on: On,
+    pub(super) deadline: Option<Instant>,
+}
+
+impl Wait {
+    /// Until a signal comes.
+    pub(super) const fn for_ever() -> Self {
+        Self {
+            on: On::Others,
+            deadline: None,
+        }
+    }
+}
+
+/// What a thread does.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum State {
+    /// It is in the queue of those who can run.
+    Ready(Next),
+    Running,
+    Blocked(Wait),
+    /// It is in the kernel, and virtual time does not count there.
+    Outside,
+    /// The first thread of a process has ended, others have not.
+    Ended,
+}
+
+/// One thread.
+#[derive(Debug)]
+pub(super) struct Thread {
+    pub(super) tid: Pid,
+    /// How many there were before it.
+    pub(super) index: u32,
+    /// The number of its process.
+    pub(super) process: i32,
+    pub(super) state: State,
+    /// The call at which it stands, or made last.
+    pub(super) call: Option<Call>,
+    /// When it made that call.
+    pub(super) entered: Instant,
+    /// Counts all beginnings of waits.
+    pub(super) blocked_at: u64,
+    pub(super) is_woken: bool,
+    /// It stands at the end of a call that it will make again.
+    pub(super) is_at_end: bool,
+    /// Bytes of the call that are done.
+    pub(super) progress: usize,
+    pub(super) slice: u32,
+    /// The thread that waits in the kernel until this one has become another program.
+    pub(super) vfork_parent: Option<i32>,
+}
+
+impl Thread {
+    const fn wait(&self) -> Option<Wait> {
+        match self.state {
+            State::Blocked(wait) => Some(wait),
+            _ => None,
+        }
+    }
+
+    pub(super) fn deadline(&self) -> Option<Instant> {
+        self.wait()?.deadline
+    }
+
+    pub(super) fn waits_for_files(&self) -> bool {
+        let on = self.wait().map(|wait| wait.on);
+        matches!(on, Some(On::Files | On::Line))
+    }
+
+    /// Whether it waits for bytes to leave.
+    pub(super) fn watches_lines(&self) -> bool {
+        self.wait().is_some_and(|wait| wait.on == On::Line)
+    }
+}
+
+/// A timer behind a file descriptor.
+#[derive(Debug)]
+pub(super) struct TimerFile {
+    /// The kernel's own, which is made readable when its time has come.
+    pub(super) file: OwnedFd,
+    pub(super) clock: i64,
+    pub(super) timer: Timer,
+    /// Expirations that nobody has read.
+    pub(super) expired: u64,
+}
+
+/// When it expires next, and each how many nanoseconds after that; 0: never again.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Timer {
+    pub(super) at: Option<Instant>,
+    pub(super) interval: u64,
+}
+
+/// One process.
+#[derive(Debug)]
+pub(super) struct Process {
+    /// By which its files can be had.
+    pub(super) handle: Option<OwnedFd>,
+    pub(super) random: Rng,
+    /// Signals, as bits, whose handlers ask for interrupted calls to be made again.
+    pub(super) restarts: u64,
+    pub(super) alarm: Timer,
+    pub(super) timers: BTreeMap<i32, TimerFile>,
+    /// All its threads are about to end.
+    pub(super) is_dying: bool,
+}
+
+impl Process {
+    /// When the next of its timers expires.
+    pub(super) fn next_timer(&self) -> Option<Instant> {
+        let files = self.timers.values().filter_map(|file| file.timer.at);
+        files.chain(self.alarm.at).min()
+    }
+}

@@ -1,0 +1,446 @@
+//! Somebody's program in virtual time: the same bytes each time, whatever it is written in and
+//! however busy the machine is, and a clear word about those that misbehave.
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+
+use crate::support::{Ended, ended_in, short};
+
+/// "mm=700" and two bytes more each 100 ms, a character at 9600 baud being 1.0417 ms; no robot.
+const SONAR: &str = r#"
+schema = 1
+name = "sonar"
+robot = "none"
+duration = "3s"
+device.sonar.text.baud = 9600
+device.sonar.text.terminator = "\r\n"
+device.sonar.text.unknown = "?"
+device.sonar.text.periodic = { line = "mm=700", period = "100ms" }
+device.sonar.text.command = [{ request = "ping", reply = "pong" }]
+"#;
+
+fn folder(name: &str) -> PathBuf {
+    let folder = format!("guest-{name}-{}", std::process::id());
+    PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(folder)
+}
+
+/// `hilrig run --exec COMMAND --virtual` in a fresh folder with these files.
+fn start(name: &str, command: &str, files: &[(&str, &str)], more: &[&str]) -> Child {
+    let folder = folder(name);
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir_all(&folder).expect("a fresh folder");
+    fs::write(folder.join("sonar.toml"), SONAR).expect("a fresh file");
+    for (file, text) in files {
+        fs::write(folder.join(file), text).expect("a fresh file");
+    }
+    let mut run = Command::new(env!("CARGO_BIN_EXE_hilrig"));
+    run.current_dir(&folder);
+    if more.iter().all(|word| !word.ends_with(".toml")) {
+        run.args(["run", "sonar.toml", "--exec-needs", "sonar"]);
+    }
+    run.args(more)
+        .args(["--exec", command, "--virtual", "--out", "out"])
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the binary is built")
+}
+
+fn end(name: &str, child: Child) -> Ended {
+    let output = child.wait_with_output().expect("it ends");
+    ended_in(&folder(name), output)
+}
+
+fn run(name: &str, command: &str, files: &[(&str, &str)], more: &[&str]) -> Ended {
+    end(name, start(name, command, files, more))
+}
+
+/// The fingerprint of all bytes on all lines.
+fn trace(ended: &Ended) -> String {
+    let line = ended
+        .said
+        .lines()
+        .find_map(|line| line.trim().strip_prefix("trace "));
+    line.expect("each run says it").to_owned()
+}
+
+/// The robot's own program, a Rust program with threads on pollable ports, drives its mission; two
+/// runs at once, so that each loads the machine of the other, give the same bytes.
+#[test]
+fn the_robots_own_program_makes_the_same_bytes_on_a_busy_machine() {
+    let path = short().to_str().expect("a plain path");
+    let command = format!("{} dut --dir \"$HILRIG_DIR\"", env!("CARGO_BIN_EXE_hilrig"));
+    let names = ["dut-a", "dut-b"];
+    let started = names.map(|name| start(name, &command, &[], &["run", path]));
+    let mut ended = names
+        .into_iter()
+        .zip(started)
+        .map(|(name, child)| end(name, child));
+    let (one, other) = (ended.next().expect("two"), ended.next().expect("two"));
+    assert_eq!(
+        one.failed(),
+        Vec::<&str>::new(),
+        "{}\n{}",
+        one.said,
+        one.log
+    );
+    assert_eq!(one.check("waypoints-visited").0, "pass");
+    assert_eq!(trace(&one), trace(&other));
+}
+
+/// A thread reads, another one sleeps and writes; all stamps are virtual, so they are exact.
+const THREADS: &str = "\
+import os, threading, time
+fd = os.open(os.environ['HILRIG_PORT_SONAR'], os.O_RDWR | os.O_NOCTTY)
+begin, got = time.monotonic(), b''
+def reader():
+    global got
+    while True:
+        got += os.read(fd, 100)
+threading.Thread(target=reader, daemon=True).start()
+for beat in range(4):
+    os.write(fd, b'ping\\r\\n')
+    time.sleep(0.5)
+    print(round(time.monotonic() - begin, 2), flush=True)
+print(got.count(b'pong'), 'pongs', os.urandom(8), hash('word'), time.time() < 1.8e9, flush=True)
+time.sleep(60)
+";
+
+#[test]
+fn a_python_program_with_a_reader_thread_is_the_same_twice() {
+    let files = [("program.py", THREADS)];
+    let ended = run("threads", "python3 program.py", &files, &["--check"]);
+    assert_eq!(ended.failed(), Vec::<&str>::new(), "{}", ended.said);
+    let (_, detail) = ended.check("deterministic");
+    assert!(detail.starts_with("twice the same bytes"), "{detail}");
+    let first: Vec<&str> = ended.log.lines().take(4).collect();
+    assert_eq!(first, ["0.5", "1.0", "1.5", "2.0"], "{}", ended.log);
+    assert!(ended.log.contains("4 pongs"), "{}", ended.log);
+    // The calendar begins at the same moment in each run: 2026-01-01.
+    assert!(ended.log.contains("True"), "{}", ended.log);
+}
+
+/// Whether a compiler is there; says loudly if not.
+fn compiled(name: &str, compiler: &str, source: &str, flags: &[&str]) -> Option<PathBuf> {
+    let folder = folder(&format!("{name}-build"));
+    fs::create_dir_all(&folder).expect("a fresh folder");
+    let file = folder.join(if compiler == "c++" {
+        "program.cpp"
+    } else {
+        "program.c"
+    });
+    fs::write(&file, source).expect("a fresh file");
+    let program = folder.join("program");
+    let mut command = Command::new(compiler);
+    command
+        .arg("-O1")
+        .arg("-o")
+        .arg(&program)
+        .arg(&file)
+        .args(flags);
+    match command.status() {
+        Ok(status) => {
+            assert!(status.success(), "{compiler} {flags:?}");
+            Some(program)
+        }
+        Err(error) => {
+            eprintln!("SKIPPED: {name}: no {compiler}: {error}");
+            None
+        }
+    }
+}
+
+/// Each poll times out after 30 ms unless bytes come: those of the sonar come in lumps of 8.3 ms
+/// each 100 ms, so three of them time out in each gap.
+const POLL: &str = r#"
+#include <fcntl.h>
+#include <poll.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <time.h>
+#include <unistd.h>
+int main(void) {
+    int fd = open(getenv("HILRIG_PORT_SONAR"), O_RDWR | O_NOCTTY | O_NONBLOCK);
+    int timeouts = 0, bytes = 0, n;
+    char buf[64];
+    struct timespec t;
+    do {
+        struct pollfd p = {fd, POLLIN, 0};
+        if (poll(&p, 1, 30) == 0)
+            timeouts++;
+        else if ((n = read(fd, buf, 64)) > 0)
+            bytes += n;
+        clock_gettime(CLOCK_MONOTONIC, &t);
+    } while (t.tv_sec < 1002);
+    printf("%d timeouts, %d lines\n", timeouts, bytes / 8);
+    fflush(stdout);
+    sleep(60);
+}
+"#;
+
+/// Linked for the machine, and static, where no library of ours could reach it: 2 s are 19 whole
+/// lines after the port was opened, and three time-outs in each of 20 gaps but for the edges.
+#[test]
+fn a_c_program_on_poll_hears_the_same_static_or_not() {
+    let mut traces = Vec::new();
+    for (name, flags) in [("poll", &[][..]), ("static", &["-static"][..])] {
+        let Some(program) = compiled(name, "cc", POLL, flags) else {
+            return;
+        };
+        let ended = run(name, &program.display().to_string(), &[], &["--check"]);
+        assert_eq!(ended.failed(), Vec::<&str>::new(), "{}", ended.said);
+        let said = ended.log.lines().find(|line| line.contains("timeouts"));
+        let said = said.expect("it says so");
+        let figures: Vec<i32> = said
+            .split(|c: char| !c.is_ascii_digit())
+            .filter_map(|word| word.parse().ok())
+            .collect();
+        assert!(
+            (55..=63).contains(&figures[0]) && (18..=20).contains(&figures[1]),
+            "{said}"
+        );
+        traces.push(trace(&ended));
+    }
+    assert_eq!(traces[0], traces[1]);
+}
+
+/// Three threads: one reads and notifies, one waits for that with a time limit, one sleeps.
+const CONDITION: &str = r#"
+#include <chrono>
+#include <condition_variable>
+#include <cstdio>
+#include <cstdlib>
+#include <fcntl.h>
+#include <mutex>
+#include <thread>
+#include <unistd.h>
+using namespace std::chrono_literals;
+std::mutex m;
+std::condition_variable cv;
+int lines = 0;
+int main() {
+    int fd = open(getenv("HILRIG_PORT_SONAR"), O_RDWR | O_NOCTTY);
+    std::thread reader([&] {
+        for (char c; read(fd, &c, 1) == 1;)
+            if (c == '\n') {
+                std::lock_guard<std::mutex> g(m);
+                lines++;
+                cv.notify_one();
+            }
+    });
+    reader.detach();
+    int timeouts = 0;
+    std::thread waiter([&] {
+        for (int i = 0; i < 40; i++) {
+            std::unique_lock<std::mutex> l(m);
+            if (cv.wait_for(l, 37ms) == std::cv_status::timeout) timeouts++;
+        }
+    });
+    auto begin = std::chrono::steady_clock::now();
+    std::thread sleeper([&] { for (int i = 0; i < 20; i++) std::this_thread::sleep_for(50ms); });
+    sleeper.join();
+    long ms = (std::chrono::steady_clock::now() - begin) / 1ms;
+    waiter.join();
+    std::printf("%ld ms, %d timeouts of 40\n", ms, timeouts);
+    std::fflush(stdout);
+    std::this_thread::sleep_for(60s);
+}
+"#;
+
+/// Between two lines, 100 ms apart, the waiter times out twice and is notified once: two of three.
+#[test]
+fn three_cpp_threads_and_a_condition_variable_are_the_same_twice() {
+    let Some(program) = compiled("condition", "c++", CONDITION, &["-pthread"]) else {
+        return;
+    };
+    let ended = run(
+        "condition",
+        &program.display().to_string(),
+        &[],
+        &["--check"],
+    );
+    assert_eq!(ended.failed(), Vec::<&str>::new(), "{}", ended.said);
+    let said = ended
+        .log
+        .lines()
+        .find(|line| line.contains("timeouts"))
+        .expect("it says so");
+    assert!(said.starts_with("1000 ms"), "{said}");
+    let timeouts = ["26 timeouts", "27 timeouts", "28 timeouts"];
+    assert!(timeouts.iter().any(|count| said.contains(count)), "{said}");
+}
+
+#[test]
+fn two_processes_of_a_shell_pipeline_are_the_same_twice() {
+    let command = "while read line; do echo \"$line\"; done < \"$HILRIG_PORT_SONAR\" | \
+                   sed -u s/mm/MM/";
+    let ended = run("pipeline", command, &[], &["--check"]);
+    assert_eq!(ended.failed(), Vec::<&str>::new(), "{}", ended.said);
+    assert!(
+        ended
+            .log
+            .lines()
+            .filter(|line| line.starts_with("MM=700"))
+            .count()
+            >= 25
+    );
+}
+
+const BEGIN: &str = "\
+import os, signal, subprocess, sys, time
+print('group', os.getpgrp(), flush=True)
+fd = os.open(os.environ['HILRIG_PORT_SONAR'], os.O_RDWR | os.O_NOCTTY)
+";
+
+/// Each ends with a clear word, and nothing stays behind: `ended_in` looks for their groups.
+#[test]
+fn programs_that_misbehave_end_with_a_clear_word() {
+    let cases = [
+        (
+            "spins",
+            "while True: pass",
+            "program-yields",
+            "computes without a call",
+        ),
+        (
+            "killed",
+            "os.kill(os.getpid(), signal.SIGSEGV)",
+            "program-alive",
+            "SIGSEGV",
+        ),
+        (
+            "exits",
+            "time.sleep(1); sys.exit(3)",
+            "program-alive",
+            "exit code 3",
+        ),
+        (
+            "keeps",
+            "child = subprocess.Popen(['sleep', '77'], pass_fds=[fd])\ntime.sleep(1); sys.exit(0)",
+            "no-children-left",
+            "sleep 77",
+        ),
+        (
+            "forks",
+            "os.fork() and os._exit(0)\ntime.sleep(77)",
+            "program-alive",
+            "exit code 0",
+        ),
+    ];
+    let mut started = Vec::new();
+    for (name, program, ..) in cases {
+        let program = format!("{BEGIN}{program}\n");
+        let files = [("program.py", program.as_str())];
+        started.push(start(
+            name,
+            "exec python3 program.py",
+            &files,
+            &["--spin-max", "1s"],
+        ));
+    }
+    for ((name, _, check, word), child) in cases.into_iter().zip(started) {
+        let ended = end(name, child);
+        let (_, detail) = ended.check(check);
+        assert!(detail.contains(word), "{name}: {detail}\n{}", ended.said);
+        assert_eq!(ended.code, Some(1), "{name}: {}", ended.said);
+    }
+}
+
+/// A timer's signal interrupts a read each quarter of a second; the end of the run is a signal too.
+#[test]
+fn signals_come_at_their_virtual_time() {
+    let program = "\
+beats = []
+signal.signal(signal.SIGALRM, lambda *_: beats.append(round(time.monotonic() - begin, 2)))
+def over(*_):
+    print(beats[:4], flush=True)
+    os._exit(0)
+signal.signal(signal.SIGTERM, over)
+begin = time.monotonic()
+signal.setitimer(signal.ITIMER_REAL, 0.25, 0.25)
+while True:
+    os.read(fd, 1)
+";
+    let program = format!("{BEGIN}{program}");
+    let files = [("program.py", program.as_str())];
+    let ended = run("signals", "python3 program.py", &files, &[]);
+    assert_eq!(ended.failed(), Vec::<&str>::new(), "{}", ended.said);
+    assert!(
+        ended.log.contains("[0.25, 0.5, 0.75, 1.0]"),
+        "{}",
+        ended.log
+    );
+}
+
+/// Process numbers are the system's: a program that sleeps by its own is told apart from itself.
+#[test]
+fn a_program_that_is_not_the_same_twice_is_told_where_it_parts() {
+    let program = format!(
+        "{BEGIN}time.sleep(os.getpid() % 1000 / 1e4)\nos.write(fd, b'ping\\r\\n')\ntime.sleep(60)\n"
+    );
+    let files = [("program.py", program.as_str())];
+    let ended = run("parts", "exec python3 program.py", &files, &["--check"]);
+    let (status, detail) = ended.check("deterministic");
+    assert_eq!(status, "fail", "{}", ended.said);
+    assert!(
+        detail.contains("at call") && detail.contains("nanosleep"),
+        "{detail}"
+    );
+}
+
+/// A lidar's adapter runs the motor while DTR is low. Opening raises it; the client lowers it, asks
+/// for a scan, and raises it again: nodes come only in between. The lines read back as they are.
+#[test]
+fn dtr_reaches_the_motor_of_a_lidar() {
+    let lidar = "\
+schema = 1
+name = \"sonar\"
+robot = \"custom\"
+duration = \"8s\"
+device.sonar.rplidar = { profile = \"fw1.29\", motor = \"dtr\" }
+[world]
+start = { x_m = 1.0, y_m = 1.4, heading_deg = 0 }
+[[world.wall]]
+path_m = [[0, 0], [2.6, 0], [2.6, 2.2], [0, 2.2], [0, 0]]
+";
+    let program = "\
+import fcntl, struct, termios
+def lines():
+    return struct.unpack('I', fcntl.ioctl(fd, termios.TIOCMGET, bytes(4)))[0]
+def dtr(request):
+    fcntl.ioctl(fd, request, struct.pack('I', termios.TIOCM_DTR))
+os.set_blocking(fd, False)
+def heard(seconds):
+    end, count = time.monotonic() + seconds, 0
+    while time.monotonic() < end:
+        try:
+            count += len(os.read(fd, 4096))
+        except BlockingIOError:
+            time.sleep(0.01)
+    return count
+print('high', bool(lines() & termios.TIOCM_DTR), bool(lines() & termios.TIOCM_CTS))
+os.write(fd, b'\\xa5\\x20')
+print('stands', heard(1) < 10)
+dtr(termios.TIOCMBIC)
+print('low', bool(lines() & termios.TIOCM_DTR))
+print('turns', heard(3) > 5000)
+dtr(termios.TIOCMBIS)
+heard(2)
+print('ends', heard(0.5) < 10, flush=True)
+time.sleep(60)
+";
+    let program = format!("{BEGIN}{program}");
+    let files = [("program.py", program.as_str()), ("sonar.toml", lidar)];
+    let ended = run("dtr", "python3 program.py", &files, &[]);
+    let said: Vec<&str> = ended.log.lines().skip(1).collect();
+    let wanted = [
+        "high True True",
+        "stands True",
+        "low False",
+        "turns True",
+        "ends True",
+    ];
+    assert_eq!(said, wanted, "{}", ended.said);
+}
