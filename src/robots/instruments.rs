@@ -169,6 +169,11 @@ pub trait Instruments {
         Some(rig.program()?.mode())
     }
 
+    /// Whether a search that the robot does by itself has come to its end; `None` if there is none.
+    fn is_done(&self, rig: &Rig) -> Option<bool> {
+        rig.program()?.is_done()
+    }
+
     /// Values to be shown, always the same panels.
     fn panels(&self, _rig: &Rig) -> Vec<Panel> {
         Vec::new()

@@ -327,10 +327,11 @@ fn program(
 }
 
 /// Modes that the PC can order, by name; to drive by hand is an order of its own.
-const MODES: [(&str, Mode); 3] = [
+const MODES: [(&str, Mode); 4] = [
     ("stop", Mode::Stop),
     ("exploration", Mode::Exploration),
     ("waypoint", Mode::Waypoint),
+    ("explore", Mode::Explore),
 ];
 
 /// The mode of that name, or what was expected.

@@ -10,7 +10,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
-use super::{ScenarioError, Source, Span};
+use super::{MazeSpec, ScenarioError, Source, Span};
 use crate::scenario::plan;
 
 /// Ground truth as data.
@@ -30,6 +30,10 @@ pub struct WorldSpec {
     /// The robot's body.
     #[serde(default)]
     pub body: BodySpec,
+    /// An arena of tiles, made from a seed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<MazeSpec>")]
+    pub maze: Option<Spanned<MazeSpec>>,
     /// Walls along a line of points.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(with = "Vec<WallSpec>")]
@@ -300,6 +304,7 @@ impl WorldSpec {
             start: Spanned::new(0..0, start),
             bounds: None,
             plan: None,
+            maze: None,
             body: BodySpec::default(),
             wall: Vec::new(),
             polygon: Vec::new(),
@@ -432,6 +437,18 @@ impl WorldSpec {
                 };
                 let looks = [pillar.reflectivity, height(pillar.height_m)];
                 add(shape, looks, "pillar", index, spec.span());
+            }
+        }
+        if let Some(spec) = &self.maze {
+            let maze = spec.get_ref();
+            maze.check().map_err(|flaw| {
+                let key = format!("world.maze.{}", flaw.key);
+                source.invalid(Some(spec.span()), key, flaw.message)
+            })?;
+            for corners in maze.boards() {
+                let corners = corners.into_iter().map(point).collect();
+                let looks = [1.0, f64::INFINITY];
+                add(Shape::Polygon { corners }, looks, "maze", 0, spec.span());
             }
         }
         if let Some(spec) = &self.plan {

@@ -15,6 +15,7 @@
 mod config;
 mod defects;
 mod drive;
+mod explore;
 mod lidar;
 mod lost;
 mod orders;
@@ -30,6 +31,7 @@ use protocols::{Instant, LineConfig, LineEvent, Port, avr, panel, pcui, xv11};
 pub use config::{Config, Display, WHEELS};
 pub use defects::{Defects, Own};
 pub use drive::Battery;
+pub use explore::Progress;
 
 use crate::navigation::{Goal, HALT, Navigator, Step, Surroundings};
 use crate::pc_link::{PcLink, View};
@@ -39,6 +41,7 @@ use crate::slam::Mapper;
 use crate::waypoints::{Waypoint, Waypoints};
 use crate::{Master, Work};
 use drive::Drive;
+use explore::{Explore, Sight};
 use lidar::Lidar;
 use lost::Lost;
 use screen::{Screen, Switches};
@@ -79,6 +82,7 @@ pub struct Rescue {
     mapper: Mapper,
     scan: Scan,
     navigator: Navigator,
+    explore: Explore,
     waypoints: Waypoints,
     mode: Mode,
     ordered_at: Instant,
@@ -140,6 +144,7 @@ impl Rescue {
             mapper: Mapper::new(config.mapping),
             scan: Scan::EMPTY,
             navigator: Navigator::new(config.navigation),
+            explore: Explore::new(config.sought),
             waypoints: Waypoints::with_defects(config.defects.waypoints),
             mode,
             ordered_at: Instant::ZERO,
@@ -294,6 +299,7 @@ impl Rescue {
         self.mode = mode;
         self.drive.is_mute = self.own().stops_without_a_word && mode == Mode::Stop;
         self.navigator.reset();
+        self.explore.pause();
         self.drive.command(now, HALT, now);
     }
 
@@ -337,8 +343,31 @@ impl Rescue {
             _ if !self.lidar.is_steady() => HALT,
             Mode::Exploration => self.navigator.explore(pose, &around),
             Mode::Waypoint => self.approach(pose, &around),
+            Mode::Explore => self.search(pose, &around),
         };
         self.drive.command(now, set_point, now + DECISION_HOLDS);
+    }
+
+    /// One step of the search that ends at home.
+    fn search(&mut self, pose: Pose, around: &Surroundings) -> [i8; 2] {
+        let sight = Sight {
+            map: self.mapper.grid(),
+            pose,
+            around,
+        };
+        let set_point = self.explore.step(&mut self.navigator, sight);
+        let points = self.explore.take_points();
+        self.work.points = self.work.points.saturating_add(points);
+        set_point
+    }
+
+    /// How far the search has got; `None` if nobody has asked for it yet.
+    pub const fn search_progress(&self) -> Option<Progress> {
+        if self.explore.has_begun() {
+            Some(self.explore.progress())
+        } else {
+            None
+        }
     }
 
     /// One step to the next waypoint that is not reached yet.
