@@ -18,8 +18,6 @@ use super::cells::{COARSE, Cell, Cells, EDGE, NEIGHBOURS, neighbour};
 use super::raster::{Front, Raster};
 use super::{Body, Surroundings};
 
-/// Map values below this are free: most of the way from unknown.
-const FREE_BELOW: u8 = 100;
 /// Most of the nine map cells of a cell.
 const MOST: u8 = 5;
 /// Rays of a view.
@@ -29,11 +27,12 @@ const REACH: i16 = 60;
 /// Unknown cells that a ray counts: 0.3 m. What is behind them nobody knows.
 const UNKNOWN_MAX: u16 = 10;
 /// An edge of fewer cells is a crack between two boards, not a way.
-const EDGE_CELLS_MIN: u8 = 3;
+const EDGE_CELLS_MIN: u8 = 4;
 /// Views stand so many cells apart.
 const VIEW_CELLS: u8 = 3;
-/// Fewer unknown cells are not worth a way.
-const GAIN_MIN: u16 = 6;
+/// Fewer unknown cells are not worth a way: three rays full of them. A corridor's mouth shows more
+/// from as far as a ray reaches.
+const GAIN_MIN: u16 = 30;
 /// What a cell of the way costs, in unknown cells.
 const WAY_WEIGHT: i32 = 3;
 /// Cells at which heat is felt well enough: 0.42 m.
@@ -173,6 +172,15 @@ impl Frontiers {
         best.map(|(_, cell, way)| (cell, way))
     }
 
+    /// Cells of the planner of which something is known, walls that were felt counted once more.
+    pub fn known_cells(&self, map: &Grid) -> u16 {
+        let mut unknown = 0;
+        self.scene(map).unknown.each(|_| unknown += 1);
+        let mut felt = 0;
+        self.felt.each(|_| felt += 1);
+        u16::from(EDGE) * u16::from(EDGE) - unknown + felt
+    }
+
     fn scene(&self, map: &Grid) -> Scene {
         Scene::of(map, self)
     }
@@ -267,7 +275,7 @@ impl Scene {
                 let cells = rows.iter().flat_map(|row| &row[first..first + COARSE]);
                 let (mut free, mut unknown) = (0, 0);
                 for &value in cells {
-                    free += u8::from(value < FREE_BELOW);
+                    free += u8::from(value < UNKNOWN);
                     unknown += u8::from(value == UNKNOWN);
                 }
                 let cell = Cell { x, y };

@@ -15,6 +15,10 @@ use crate::pose::{Point, Pose, normalised};
 
 /// Scans after which the view is judged again: a second.
 const JUDGE_SCANS: u8 = 5;
+/// So many views in a row that show less than so many cells, 0.02 m2, and the rest is noise of the
+/// map, not floor.
+const VAIN_VIEWS: u8 = 8;
+const NEWS_CELLS: u16 = 25;
 /// Scans for which the robot looks at what it came for.
 const LOOK_SCANS: u8 = 4;
 /// Scans that a way may take: 20 s, and 13 cm/s.
@@ -70,6 +74,9 @@ pub(super) struct Explore {
     /// Whether what was given up got its other chance.
     is_second: bool,
     views: u16,
+    /// Cells known at the last view that showed something, and views since.
+    known: u16,
+    vain: u8,
 }
 
 impl Explore {
@@ -81,6 +88,8 @@ impl Explore {
             at: None,
             is_second: false,
             views: 0,
+            known: 0,
+            vain: 0,
         }
     }
 
@@ -105,6 +114,7 @@ impl Explore {
             self.progress = Progress::Seeks;
             self.home = None;
             self.is_second = false;
+            self.vain = 0;
         }
     }
 
@@ -163,8 +173,17 @@ impl Explore {
 
     fn choose(&mut self, body: Body, sight: Sight<'_>) -> [i8; 2] {
         let Sight { map, pose, around } = sight;
-        let view = self.frontiers.next_view(map, &body, pose, around);
-        match view {
+        let known = self.frontiers.known_cells(map);
+        if known >= self.known.saturating_add(NEWS_CELLS) {
+            (self.known, self.vain) = (known, 0);
+        } else {
+            self.vain = self.vain.saturating_add(1);
+        }
+        if self.vain > VAIN_VIEWS {
+            self.progress = Progress::GoesHome;
+            return HALT;
+        }
+        match self.frontiers.next_view(map, &body, pose, around) {
             Some(view) => {
                 self.views = self.views.saturating_add(1);
                 self.at = Some(At::Way {
