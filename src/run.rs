@@ -37,6 +37,7 @@ pub(crate) mod mission;
 pub(crate) mod scene;
 pub(crate) mod score;
 mod steps;
+mod victims;
 pub(crate) mod watch;
 
 use core::time::Duration;

@@ -79,6 +79,9 @@ pub trait Inspect {
         None
     }
 
+    /// Names the places in its map where the program has found somebody.
+    fn victims(&self, _report: &mut dyn FnMut(crate::pose::Point)) {}
+
     /// Names every buffer beside which the program would have written; see [`crate::memory`].
     fn stray_writes(&self, _report: &mut dyn FnMut(&'static str, crate::memory::StrayWrites)) {}
 

@@ -22,6 +22,7 @@ use core::time::Duration;
 use emulators::avr_base::{self, AvrBaseConfig};
 use emulators::hc06::Hc06;
 use emulators::pc::{self, Pc};
+use firmware_core::navigation::Sought;
 use firmware_core::pose::Pose;
 use firmware_core::robots::rescue::{Config, Rescue};
 use firmware_core::slam;
@@ -315,6 +316,10 @@ fn program(
         mapping,
         initial_mode,
         display: display::fitted(scenario),
+        sought: match base(scenario, source)?.heat {
+            avr_base::Heat::None => Sought::Floor,
+            avr_base::Heat::Fitted => Sought::FloorAndHeat,
+        },
         ..Config::default()
     };
     for id in &scenario.program.defects {

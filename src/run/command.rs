@@ -77,6 +77,7 @@ impl Run {
                 return_within_mm: None,
                 home_within_mm: None,
                 explored_min: None,
+                victims_within_mm: None,
                 settle: None,
                 wall_overlap_min: None,
                 map_received: None,

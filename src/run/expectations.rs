@@ -1,6 +1,6 @@
 //! What a scenario expects of a run, judged in the end.
 
-use super::{Run, explored};
+use super::{Run, explored, victims};
 use super::check::Check;
 use super::score::{PoseError, WallOverlap};
 
@@ -14,6 +14,7 @@ pub(crate) fn is_of_the_end(name: &str) -> bool {
         "map-received",
         "home",
         "explored",
+        "victims-found",
     ];
     names.contains(&name) || name.starts_with("mission-step-")
 }
@@ -31,6 +32,10 @@ impl Run {
                 "{far:.1} mm from the start, at most {most}; the robot {says} that it is home"
             );
             checks.push(Check::new("home", is_done && far <= most, detail));
+        }
+        if let Some(most) = expect.victims_within_mm {
+            let found = self.instruments.found(&self.rig).unwrap_or_default();
+            checks.push(victims::check(&found, &self.rig.world, most));
         }
         if let Some(least) = expect.explored_min {
             let map = self.instruments.map(&self.rig);

@@ -120,3 +120,50 @@ fn covered(floor: &Floor, mut world: World, start: Pose) -> Vec<bool> {
     }
     covered
 }
+
+#[cfg(test)]
+mod tests {
+    use emulators::world::{BodyConfig, Scene, Shape};
+
+    use super::*;
+
+    /// A room of 1 m x 1 m, and another one behind a wall: x from 0.5 to 1.5 and from 1.5 to 2.5.
+    fn world() -> World {
+        let wall = |from: [f64; 2], to: [f64; 2]| Shape::Wall {
+            from: Point::new(from[0], from[1]),
+            to: Point::new(to[0], to[1]),
+        };
+        let walls = vec![
+            wall([0.5, 0.5], [2.5, 0.5]),
+            wall([2.5, 0.5], [2.5, 1.5]),
+            wall([2.5, 1.5], [0.5, 1.5]),
+            wall([0.5, 1.5], [0.5, 0.5]),
+            wall([1.5, 0.5], [1.5, 1.5]),
+        ];
+        let scene = Scene::new(walls, Vec::new()).expect("sound");
+        World::new(scene, BodyConfig::default(), START, 1).expect("free")
+    }
+
+    const START: Pose = Pose {
+        x: 1.0,
+        y: 1.0,
+        theta: 0.0,
+    };
+
+    /// Of 300 x 300 cells of 10 mm those with x below `known_to` are free.
+    fn share(known_to: usize) -> Option<f64> {
+        let cells: Vec<u8> = (0..300 * 300)
+            .map(|cell| if cell % 300 < known_to { 0 } else { UNKNOWN })
+            .collect();
+        explored(MapView::new(300, 10.0, [0.0; 2], &cells), &world(), START)
+    }
+
+    /// Half of the room lies left of x = 1 m; the other room counts for nothing.
+    #[test]
+    fn the_floor_that_counts_is_what_the_body_can_cover() {
+        assert_eq!(share(0), Some(0.0));
+        assert_eq!(share(150), Some(1.0));
+        let half = share(100).expect("there is floor");
+        assert!((half - 0.5).abs() < 0.03, "{half}");
+    }
+}

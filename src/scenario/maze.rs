@@ -17,6 +17,11 @@ use super::Flaw;
 /// Most tiles along a side.
 const TILES_MAX: usize = 100;
 
+/// Width of a warm plate.
+const PLATE_M: f64 = 0.1;
+/// Victims are no nearer to each other than this, through boards as well.
+const APART_M: f64 = 0.5;
+
 /// An arena of tiles.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -47,6 +52,10 @@ pub struct MazeSpec {
     #[serde(default = "open")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub open: f64,
+    /// Warm plates on boards, each on another tile and not on the first one, 10 cm wide and as warm
+    /// as a body; 0 to the number of tiles less one.
+    #[serde(default)]
+    pub victims: usize,
 }
 
 const fn seed() -> u64 {
@@ -96,6 +105,11 @@ impl MazeSpec {
                 return Err(Flaw::new(key, format!("is {value}, expected {least} to {most}")));
             }
         }
+        let others = self.columns * self.rows - 1;
+        if self.victims > others {
+            let message = format!("is {}, expected at most {others}", self.victims);
+            return Err(Flaw::new("victims", message));
+        }
         Ok(())
     }
 
@@ -124,6 +138,59 @@ impl MazeSpec {
             .chain(inner)
             .map(|(from, to)| self.board(from, to))
             .collect()
+    }
+
+    /// Both ends of each warm plate.
+    pub fn victims(&self) -> Vec<[[f64; 2]; 2]> {
+        let closed = self.closed(&mut Rng::stream(self.seed, "maze.boards"));
+        let mut rng = Rng::stream(self.seed, "maze.victims");
+        let mut tiles: Vec<usize> = (1..self.columns * self.rows).collect();
+        let mut plates: Vec<[[f64; 2]; 2]> = Vec::new();
+        while plates.len() < self.victims && !tiles.is_empty() {
+            let drawn = rng.below(tiles.len() as u64);
+            let tile = tiles.swap_remove(usize::try_from(drawn).unwrap_or(0));
+            let sides = self.boarded(tile, &closed);
+            let side = rng.below(sides.len().max(1) as u64);
+            let side = sides.get(usize::try_from(side).unwrap_or(0));
+            let plate = side.map(|side| self.plate(tile, *side));
+            let is_apart = |plate: &[[f64; 2]; 2]| {
+                plates.iter().all(|other| {
+                    let [dx, dy] = [0, 1].map(|axis: usize| plate[0][axis] - other[0][axis]);
+                    dx.hypot(dy) >= APART_M
+                })
+            };
+            plates.extend(plate.filter(is_apart));
+        }
+        plates
+    }
+
+    /// Directions in which a tile has a board.
+    fn boarded(&self, tile: usize, closed: &[Gap]) -> Vec<[i8; 2]> {
+        let (x, y, w) = (tile % self.columns, tile / self.columns, self.columns);
+        let has = |tile: usize, other: usize| closed.contains(&Gap { tile, other });
+        let sides = [
+            ([-1, 0], x == 0 || has(tile - 1, tile)),
+            ([1, 0], x + 1 == w || has(tile, tile + 1)),
+            ([0, -1], y == 0 || has(tile - w, tile)),
+            ([0, 1], y + 1 == self.rows || has(tile, tile + w)),
+        ];
+        let sides = sides.into_iter().filter(|(_, is_closed)| *is_closed);
+        sides.map(|(side, _)| side).collect()
+    }
+
+    /// The plate in the middle of the face of the board on that side of a tile.
+    fn plate(&self, tile: usize, side: [i8; 2]) -> [[f64; 2]; 2] {
+        let tiles = [tile % self.columns, tile / self.columns];
+        let to_face = self.tile_m / 2.0 - self.wall_m / 2.0;
+        let middle = [0, 1].map(|axis| {
+            let middle = self.corner_m[axis] + (tiles[axis] as f64 + 0.5) * self.tile_m;
+            middle + f64::from(side[axis]) * to_face
+        });
+        let half = PLATE_M / 2.0;
+        [-half, half].map(|along| {
+            let [dx, dy] = side.map(f64::from);
+            [middle[0] - dy * along, middle[1] + dx * along]
+        })
     }
 
     /// The gaps between tiles that have a board.
@@ -172,5 +239,70 @@ impl MazeSpec {
         let [x0, y0] = [0, 1].map(|axis| millimetre(place(axis, from[axis]) - half));
         let [x1, y1] = [0, 1].map(|axis| millimetre(place(axis, to[axis]) + half));
         [[x0, y0], [x1, y0], [x1, y1], [x0, y1]]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn maze(seed: u64, open: f64) -> MazeSpec {
+        let text = format!("seed = {seed}\ncolumns = 5\nrows = 4\nopen = {open:?}\n");
+        toml::from_str(&text).expect("sound")
+    }
+
+    /// Tiles that can be reached from the first one, by hand: over every gap without a board.
+    fn reached(maze: &MazeSpec) -> usize {
+        let closed = maze.closed(&mut Rng::stream(maze.seed, "maze.boards"));
+        let gaps: Vec<Gap> = maze.gaps();
+        let mut reached = vec![false; maze.columns * maze.rows];
+        reached[0] = true;
+        for _ in 0..reached.len() {
+            for gap in gaps.iter().filter(|gap| !closed.contains(gap)) {
+                let either = reached[gap.tile] || reached[gap.other];
+                (reached[gap.tile], reached[gap.other]) = (either, either);
+            }
+        }
+        reached.iter().filter(|reached| **reached).count()
+    }
+
+    #[test]
+    fn every_tile_can_be_reached() {
+        for seed in 0..50 {
+            assert_eq!(reached(&maze(seed, 0.0)), 20, "seed {seed}");
+        }
+    }
+
+    /// 5 x 4 tiles have 4 * 4 + 5 * 3 = 31 gaps; a tree takes 19 of them. With the rim's four
+    /// boards 16 are left, and 4 if all that are not needed are taken out.
+    #[test]
+    fn a_maze_without_loops_has_as_many_boards_as_a_tree_leaves() {
+        assert_eq!(maze(1, 0.0).boards().len(), 16);
+        assert_eq!(maze(1, 1.0).boards().len(), 4);
+    }
+
+    /// The lower board of an arena of 5 tiles of 0.55 m at 0.1 m: 2.75 m and half a board more at
+    /// each end.
+    #[test]
+    fn boards_lie_between_tiles() {
+        let rim = [[0.09, 0.09], [2.86, 0.09], [2.86, 0.11], [0.09, 0.11]];
+        assert_eq!(maze(1, 0.0).boards()[0], rim);
+        assert_ne!(maze(1, 0.0).boards(), maze(2, 0.0).boards());
+        assert_eq!(maze(1, 0.2).boards(), maze(1, 0.2).boards());
+    }
+
+    #[test]
+    fn what_is_no_maze_is_refused_by_its_key() {
+        let flaw = |change: fn(&mut MazeSpec)| {
+            let mut maze = maze(1, 0.0);
+            change(&mut maze);
+            maze.check().map_err(|flaw| flaw.key)
+        };
+        assert_eq!(flaw(|_| ()), Ok(()));
+        assert_eq!(flaw(|maze| maze.rows = 0), Err("rows"));
+        assert_eq!(flaw(|maze| maze.columns = 101), Err("columns"));
+        assert_eq!(flaw(|maze| maze.tile_m = f64::NAN), Err("tile_m"));
+        assert_eq!(flaw(|maze| maze.wall_m = 0.3), Err("wall_m"));
+        assert_eq!(flaw(|maze| maze.open = -0.1), Err("open"));
     }
 }

@@ -3,8 +3,8 @@
 use core::time::Duration;
 
 use emulators::world::{
-    BodyConfig, Bounds, Chassis, Fixture, Obstacle, OccupancyImage, Part, Path, Point, Pose,
-    Repeat, Scene, Shape, Waypoint, World,
+    BodyConfig, Bounds, Chassis, Fixture, HeatPlate, Obstacle, OccupancyImage, Part, Path, Point,
+    Pose, Repeat, Scene, Shape, Waypoint, World,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -46,6 +46,10 @@ pub struct WorldSpec {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(with = "Vec<PillarSpec>")]
     pub pillar: Vec<Spanned<PillarSpec>>,
+    /// Warm plates: victims.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(with = "Vec<HeatSpec>")]
+    pub heat: Vec<Spanned<HeatSpec>>,
     /// Round obstacles that move.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(with = "Vec<MovingSpec>")]
@@ -153,6 +157,20 @@ pub struct PillarSpec {
     /// Is not on the floor plan that a robot may be given.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub unmapped: bool,
+}
+
+/// A warm plate on a wall, as wide as it is seen from above.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HeatSpec {
+    /// One end, metres; on the wall's surface, or less than 5 mm beside it.
+    pub from_m: [f64; 2],
+    /// The other end, metres.
+    pub to_m: [f64; 2],
+    /// How warm, degrees Celsius, -50 to 150; all else has 22.
+    #[schemars(range(min = -50.0, max = 150.0))]
+    #[serde(default = "body")]
+    pub temperature_c: f64,
 }
 
 /// A round obstacle that moves along a line of points at constant speed.
@@ -274,6 +292,10 @@ impl From<BodySpec> for BodyConfig {
     }
 }
 
+const fn body() -> f64 {
+    37.0
+}
+
 const fn white() -> f64 {
     1.0
 }
@@ -309,6 +331,7 @@ impl WorldSpec {
             wall: Vec::new(),
             polygon: Vec::new(),
             pillar: Vec::new(),
+            heat: Vec::new(),
             moving: Vec::new(),
             push: Vec::new(),
             is_nowhere: true,
@@ -364,6 +387,7 @@ impl WorldSpec {
     fn scene(&self, source: &Source) -> Result<Scene, ScenarioError> {
         let (fixtures, fixture_origins) = self.fixtures(source)?;
         let (obstacles, obstacle_origins) = self.obstacles(source)?;
+        let plates = self.heat_plates(source)?;
         let scene = match &self.bounds {
             Some(bounds) => {
                 let bounds = Bounds {
@@ -374,6 +398,7 @@ impl WorldSpec {
             }
             None => Scene::new(fixtures, obstacles),
         };
+        let scene = scene.map(|scene| scene.with_heat_plates(plates));
         scene.map_err(|error| {
             let origin = match error.part {
                 Part::Fixture(index) => fixture_origins.get(index),
@@ -459,6 +484,23 @@ impl WorldSpec {
             }
         }
         Ok((fixtures, origins))
+    }
+
+    fn heat_plates(&self, source: &Source) -> Result<Vec<HeatPlate>, ScenarioError> {
+        let maze = self.maze.iter().flat_map(|maze| maze.get_ref().victims());
+        let maze = maze.map(|[from, to]| HeatPlate::new(point(from), point(to), body()));
+        let own = self.heat.iter().enumerate().map(|(index, spec)| {
+            let heat = spec.get_ref();
+            let plate = HeatPlate::new(point(heat.from_m), point(heat.to_m), heat.temperature_c);
+            plate.map_err(|error| {
+                let key = format!("world.heat[{index}]");
+                source.invalid(Some(spec.span()), key, error.to_string())
+            })
+        });
+        let maze = maze.map(|plate| {
+            plate.map_err(|error| source.invalid(None, "world.maze", error.to_string()))
+        });
+        maze.chain(own).collect()
     }
 
     fn obstacles(&self, source: &Source) -> Result<(Vec<Obstacle>, Vec<Origin>), ScenarioError> {

@@ -2,6 +2,7 @@
 
 mod error;
 mod floor;
+mod heat;
 mod view;
 
 use std::sync::Arc;
@@ -13,6 +14,7 @@ use super::grid::Grid;
 use super::path::{Path, Repeat};
 pub use error::{Cause, Part, SceneError};
 pub use floor::{FloorLine, FloorLineError};
+pub use heat::{AMBIENT_C, HeatPlate, HeatPlateError};
 pub use view::Cone;
 
 /// Coordinates beyond this are taken for a mistake (a floor plan in millimetres, say).
@@ -95,6 +97,7 @@ pub struct Hit {
 pub struct Scene {
     inner: Arc<Inner>,
     floor: Arc<[FloorLine]>,
+    heat: Arc<[HeatPlate]>,
 }
 
 #[derive(Debug)]
@@ -309,6 +312,7 @@ impl Scene {
         let grid = Grid::new(&fixed.primitives, bounds);
         Ok(Self {
             floor: Arc::new([]),
+            heat: Arc::new([]),
             inner: Arc::new(Inner {
                 fixtures,
                 obstacles,

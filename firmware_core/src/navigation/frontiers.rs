@@ -27,12 +27,9 @@ const REACH: i16 = 60;
 /// Unknown cells that a ray counts: 0.3 m. What is behind them nobody knows.
 const UNKNOWN_MAX: u16 = 10;
 /// An edge of fewer cells is a crack between two boards, not a way.
-const EDGE_CELLS_MIN: u8 = 4;
+const EDGE_CELLS_MIN: u8 = 3;
 /// Views stand so many cells apart.
 const VIEW_CELLS: u8 = 3;
-/// Fewer unknown cells are not worth a way: three rays full of them. A corridor's mouth shows more
-/// from as far as a ray reaches.
-const GAIN_MIN: u16 = 30;
 /// What a cell of the way costs, in unknown cells.
 const WAY_WEIGHT: i32 = 3;
 /// Cells at which heat is felt well enough: 0.42 m.
@@ -50,6 +47,8 @@ const STRAY_CELLS: i8 = 5;
 /// Steps of rays that cost as much as a point of a candidate pose, 580 cycles of the STM32F4: a
 /// step takes 18.
 const STEPS_PER_POINT: u32 = 32;
+/// Steps that sorting 90,000 cells of the map costs, at 4 cycles each.
+const SCENE_STEPS: u32 = 20_000;
 
 /// What the robot looks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,9 +78,14 @@ pub struct Outlook {
 }
 
 impl Outlook {
+    /// Unknown cells that are worth a way: a corridor seen along its wall shows few at first.
+    pub const SMALL: u16 = 6;
+    /// Three rays full of them.
+    pub const LARGE: u16 = 30;
+
     /// Whether it is worth a way.
     pub const fn is_worth_a_way(self) -> bool {
-        self.gain() >= GAIN_MIN
+        self.gain() >= Self::SMALL
     }
 
     const fn gain(self) -> u16 {
@@ -128,11 +132,11 @@ impl Frontiers {
     }
 
     /// The view that is worth most, its way taken off; `None` if nothing that `body` can reach is
-    /// unknown. A way that the body only just fits through is the last resort.
+    /// unknown, or less than `least` cells of it. A way that the body only just fits through is the last resort.
     pub fn next_view(
         &mut self,
         map: &Grid,
-        body: &Body,
+        (body, least): (&Body, u16),
         pose: Pose,
         around: &Surroundings,
     ) -> Option<View> {
@@ -144,7 +148,7 @@ impl Frontiers {
         keeps.find_map(|keep_mm| {
             let near = raster.blocked(&obstacles, raster.reach(keep_mm - 25.0), [here; 2]);
             let start = open_near(&scene, &near, raster.cell_of(here)?)?;
-            let (cell, way_cells) = self.best_view(&scene, &near, start)?;
+            let (cell, way_cells) = self.best_view(&scene, &near, start, least)?;
             Some(View {
                 place: raster.middle(cell),
                 way_cells,
@@ -152,7 +156,13 @@ impl Frontiers {
         })
     }
 
-    fn best_view(&mut self, scene: &Scene, near: &Cells, start: Cell) -> Option<(Cell, u16)> {
+    fn best_view(
+        &mut self,
+        scene: &Scene,
+        near: &Cells,
+        start: Cell,
+        least: u16,
+    ) -> Option<(Cell, u16)> {
         let rays = Rays::new();
         let mut best: Option<(i32, Cell, u16)> = None;
         let mut steps = 0;
@@ -164,7 +174,7 @@ impl Frontiers {
             }
             let outlook = scene.look(&rays, cell, &mut steps);
             let worth = i32::from(outlook.gain()) - WAY_WEIGHT * i32::from(way);
-            if outlook.is_worth_a_way() && best.is_none_or(|(most, ..)| worth > most) {
+            if outlook.gain() >= least && best.is_none_or(|(most, ..)| worth > most) {
                 best = Some((worth, cell, way));
             }
         });
@@ -173,7 +183,7 @@ impl Frontiers {
     }
 
     /// Cells of the planner of which something is known, walls that were felt counted once more.
-    pub fn known_cells(&self, map: &Grid) -> u16 {
+    pub fn known_cells(&mut self, map: &Grid) -> u16 {
         let mut unknown = 0;
         self.scene(map).unknown.each(|_| unknown += 1);
         let mut felt = 0;
@@ -181,7 +191,8 @@ impl Frontiers {
         u16::from(EDGE) * u16::from(EDGE) - unknown + felt
     }
 
-    fn scene(&self, map: &Grid) -> Scene {
+    fn scene(&mut self, map: &Grid) -> Scene {
+        self.steps += SCENE_STEPS;
         Scene::of(map, self)
     }
 
@@ -226,15 +237,17 @@ impl Frontiers {
         self.given_up.add(&near.grown(1));
     }
 
-    /// A heat sensor at `place` has looked along `bearing` (radians, in the map's frame).
-    pub fn feel(&mut self, map: &Grid, place: Point, bearing: f32) {
+    /// Heat sensors at `place` have looked along `bearings` (radians, in the map's frame).
+    pub fn feel(&mut self, map: &Grid, place: Point, bearings: impl Iterator<Item = f32>) {
         let raster = Raster::of(map);
         let Some(from) = raster.cell_of(place) else {
             return;
         };
         let scene = self.scene(map);
-        if let Some(wall) = scene.cast(from, direction(bearing), &mut self.steps).unfelt {
-            wall.each_within(FELT_AROUND, |cell| self.felt.set(cell));
+        for ray in bearings.map(direction) {
+            if let Some(wall) = scene.cast(from, ray, &mut self.steps).unfelt {
+                wall.each_within(FELT_AROUND, |cell| self.felt.set(cell));
+            }
         }
     }
 }
@@ -417,3 +430,6 @@ fn wave(scene: &Scene, near: &Cells, start: Cell, mut visit: impl FnMut(Cell, u1
         way += 1;
     }
 }
+
+#[cfg(test)]
+mod tests;

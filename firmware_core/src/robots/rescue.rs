@@ -22,6 +22,7 @@ mod orders;
 mod report;
 mod screen;
 mod touch;
+mod victims;
 
 use core::time::Duration;
 
@@ -32,6 +33,7 @@ pub use config::{Config, Display, WHEELS};
 pub use defects::{Defects, Own};
 pub use drive::Battery;
 pub use explore::Progress;
+pub use victims::{VICTIMS_MAX, Victim};
 
 use crate::navigation::{Goal, HALT, Navigator, Step, Surroundings};
 use crate::pc_link::{PcLink, View};
@@ -45,6 +47,7 @@ use explore::{Explore, Sight};
 use lidar::Lidar;
 use lost::Lost;
 use screen::{Screen, Switches};
+use victims::Victims;
 
 /// How long a decision holds if no other one follows: three turns.
 const DECISION_HOLDS: Duration = Duration::from_millis(600);
@@ -83,6 +86,7 @@ pub struct Rescue {
     scan: Scan,
     navigator: Navigator,
     explore: Explore,
+    victims: Victims,
     waypoints: Waypoints,
     mode: Mode,
     ordered_at: Instant,
@@ -145,6 +149,7 @@ impl Rescue {
             scan: Scan::EMPTY,
             navigator: Navigator::new(config.navigation),
             explore: Explore::new(config.sought),
+            victims: Victims::new(),
             waypoints: Waypoints::with_defects(config.defects.waypoints),
             mode,
             ordered_at: Instant::ZERO,
@@ -240,6 +245,7 @@ impl Rescue {
             self.drive.command(now, HALT, now);
         }
         self.drive.tick(now);
+        self.feel(now);
         if let Some(frame) = self.pc.freed(now) {
             self.obey(now, &frame);
         }
@@ -359,6 +365,27 @@ impl Rescue {
         let points = self.explore.take_points();
         self.work.points = self.work.points.saturating_add(points);
         set_point
+    }
+
+    /// Looks for victims with what the thermometers have read since.
+    fn feel(&mut self, now: Instant) {
+        let Some(readings) = self.drive.take_heat() else {
+            return;
+        };
+        if self.matched.is_none() || self.is_lost() || !self.drive.odometry.remembers(now) {
+            return;
+        }
+        let since = self.motion_until(now);
+        let pose = self.mapper.pose().then(since);
+        let around = Surroundings::seen(&self.scan, since);
+        if self.victims.take(readings, pose, &around) {
+            self.drive.drop_kit();
+        }
+    }
+
+    /// The victims that it has found.
+    pub fn victims(&self) -> &[Victim] {
+        self.victims.all()
     }
 
     /// How far the search has got; `None` if nobody has asked for it yet.

@@ -63,6 +63,7 @@ fn nothing_in_the_end(case: &Scenario) -> Scenario {
         return_within_mm: None,
         home_within_mm: None,
         explored_min: None,
+        victims_within_mm: None,
         settle: None,
         wall_overlap_min: None,
         map_received: None,

@@ -9,15 +9,19 @@
 //! is left, what it has given up gets one more chance: something that moves may have been in the
 //! way.
 
+use core::f32::consts::FRAC_PI_2;
+
 use crate::grid::Grid;
-use crate::navigation::{Body, Frontiers, Goal, HALT, Navigator, Sought, Step, Surroundings, View};
+use crate::navigation::{
+    Body, Frontiers, Goal, HALT, Navigator, Outlook, Sought, Step, Surroundings, View,
+};
 use crate::pose::{Point, Pose, normalised};
 
 /// Scans after which the view is judged again: a second.
 const JUDGE_SCANS: u8 = 5;
-/// So many views in a row that show less than so many cells, 0.02 m2, and the rest is noise of the
-/// map, not floor.
-const VAIN_VIEWS: u8 = 8;
+/// After so many views in a row that show less than so many cells, 0.02 m2, only large ones are
+/// tried, and after twice as many none: what is left is noise of the map, not floor.
+const VAIN_VIEWS: u8 = 6;
 const NEWS_CELLS: u16 = 25;
 /// Scans for which the robot looks at what it came for.
 const LOOK_SCANS: u8 = 4;
@@ -29,6 +33,9 @@ const PATIENCE_PER_CELL: u16 = 2;
 const TURN: i8 = 9;
 /// Both sides together see everything in half a turn.
 const TURN_RAD: f32 = 3.4;
+
+/// Beside the middle of a heat sensor's view this is felt well.
+const FELT_RAD: f32 = 0.2;
 
 /// How far the robot has got with its search.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,6 +75,7 @@ pub(super) struct Sight<'a> {
 #[derive(Clone, Debug)]
 pub(super) struct Explore {
     progress: Progress,
+    sought: Sought,
     home: Option<Point>,
     frontiers: Frontiers,
     at: Option<At>,
@@ -83,6 +91,7 @@ impl Explore {
     pub(super) const fn new(sought: Sought) -> Self {
         Self {
             progress: Progress::Seeks,
+            sought,
             home: None,
             frontiers: Frontiers::new(sought),
             at: None,
@@ -124,17 +133,18 @@ impl Explore {
     }
 
     /// The heat sensors, left and right, have looked from `pose`.
-    pub(super) fn feel(&mut self, map: &Grid, pose: Pose) {
-        for side in [1.0, -1.0] {
-            for spread in [-0.2, 0.0, 0.2] {
-                let bearing = pose.heading + side * core::f32::consts::FRAC_PI_2 + spread;
-                self.frontiers.feel(map, pose.position(), bearing);
-            }
-        }
+    fn feel(&mut self, Sight { map, pose, .. }: Sight<'_>) {
+        let sides = [FRAC_PI_2, -FRAC_PI_2].into_iter();
+        let beside = |side| [-FELT_RAD, 0.0, FELT_RAD].map(|beside| pose.heading + side + beside);
+        let bearings = sides.flat_map(beside);
+        self.frontiers.feel(map, pose.position(), bearings);
     }
 
     /// One step of the search, once a scan.
     pub(super) fn step(&mut self, navigator: &mut Navigator, sight: Sight<'_>) -> [i8; 2] {
+        if self.sought == Sought::FloorAndHeat {
+            self.feel(sight);
+        }
         let home = *self.home.get_or_insert(sight.pose.position());
         match self.progress {
             Progress::Seeks => self.seek(navigator, sight),
@@ -179,11 +189,15 @@ impl Explore {
         } else {
             self.vain = self.vain.saturating_add(1);
         }
-        if self.vain > VAIN_VIEWS {
-            self.progress = Progress::GoesHome;
-            return HALT;
-        }
-        match self.frontiers.next_view(map, &body, pose, around) {
+        let least = match self.vain {
+            0..=VAIN_VIEWS => Outlook::SMALL,
+            _ if self.vain <= 2 * VAIN_VIEWS => Outlook::LARGE,
+            _ => {
+                self.progress = Progress::GoesHome;
+                return HALT;
+            }
+        };
+        match self.frontiers.next_view(map, (&body, least), pose, around) {
             Some(view) => {
                 self.views = self.views.saturating_add(1);
                 self.at = Some(At::Way {

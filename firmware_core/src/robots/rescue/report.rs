@@ -54,6 +54,10 @@ impl Inspect for Rescue {
         Some(self.search_progress()? == Progress::IsHome)
     }
 
+    fn victims(&self, report: &mut dyn FnMut(Point)) {
+        self.victims.all().iter().for_each(|victim| report(victim.place));
+    }
+
     fn is_dead(&self) -> bool {
         self.has_ended()
     }
