@@ -50,8 +50,8 @@ use crate::world::{Drive, Wheel, World};
 use crate::{Device, Event};
 
 pub use battery::BatteryConfig;
-pub use heat::Heat;
 pub use config::{Announce, AvrBaseConfig, DebugText, NATURAL_TEAR, StartCause};
+pub use heat::Heat;
 pub use led::Led;
 pub use profile::{Profile, Quirks};
 

@@ -1,8 +1,8 @@
 //! What a scenario expects of a run, judged in the end.
 
-use super::{Run, explored, victims};
 use super::check::Check;
 use super::score::{PoseError, WallOverlap};
+use super::{Run, explored, victims};
 
 /// Whether the check called `name` says what has not come true in the end: a run that is too short
 /// fails it as well.

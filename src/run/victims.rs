@@ -27,11 +27,17 @@ pub(super) fn check(found: &Found, world: &World, most: f64) -> Check {
     let wrong = wrong.count();
     let worst = errors.iter().copied().fold(0.0, f64::max);
     let all = plates.len();
-    let kits = found.kits.map_or_else(|| "unknown".to_owned(), |kits| kits.to_string());
+    let kits = found
+        .kits
+        .map_or_else(|| "unknown".to_owned(), |kits| kits.to_string());
     let detail = format!(
         "{near} of {all} victims within {most} mm, the worst {worst:.0} mm; {wrong} marks without \
          one; {kits} kits dropped"
     );
     let is_once = marks.len() == all && found.kits.is_none_or(|kits| kits == all);
-    Check::new("victims-found", near == all && wrong == 0 && is_once, detail)
+    Check::new(
+        "victims-found",
+        near == all && wrong == 0 && is_once,
+        detail,
+    )
 }

@@ -93,16 +93,26 @@ impl MazeSpec {
     pub fn check(&self) -> Result<(), Flaw> {
         for (key, value) in [("columns", self.columns), ("rows", self.rows)] {
             if !(1..=TILES_MAX).contains(&value) {
-                return Err(Flaw::new(key, format!("is {value}, expected 1 to {TILES_MAX}")));
+                return Err(Flaw::new(
+                    key,
+                    format!("is {value}, expected 1 to {TILES_MAX}"),
+                ));
             }
         }
         for (key, value, [least, most]) in [
             ("tile_m", self.tile_m, [0.1, 10.0]),
-            ("wall_m", self.wall_m, [0.001, self.tile_m.clamp(0.1, 10.0) / 2.0]),
+            (
+                "wall_m",
+                self.wall_m,
+                [0.001, self.tile_m.clamp(0.1, 10.0) / 2.0],
+            ),
             ("open", self.open, [0.0, 1.0]),
         ] {
             if !(least..=most).contains(&value) {
-                return Err(Flaw::new(key, format!("is {value}, expected {least} to {most}")));
+                return Err(Flaw::new(
+                    key,
+                    format!("is {value}, expected {least} to {most}"),
+                ));
             }
         }
         let others = self.columns * self.rows - 1;

@@ -1,10 +1,12 @@
 //! The world of a scenario: what is solid, where the robot starts, what moves and pushes.
 
+mod body;
+
 use core::time::Duration;
 
 use emulators::world::{
-    BodyConfig, Bounds, Chassis, Fixture, HeatPlate, Obstacle, OccupancyImage, Part, Path, Point,
-    Pose, Repeat, Scene, Shape, Waypoint, World,
+    Bounds, Chassis, Fixture, HeatPlate, Obstacle, OccupancyImage, Part, Path, Point, Pose, Repeat,
+    Scene, Shape, Waypoint, World,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -12,6 +14,7 @@ use toml::Spanned;
 
 use super::{MazeSpec, ScenarioError, Source, Span};
 use crate::scenario::plan;
+pub use body::BodySpec;
 
 /// Ground truth as data.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -219,77 +222,6 @@ pub struct PushSpec {
     pub turn_deg: f64,
     /// How long it takes; a push faster than 5 m/s or 20 rad/s takes longer.
     pub over: Span,
-}
-
-/// The robot's body; what is not given is the rescue robot's.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct BodySpec {
-    /// Radius of the disc that collides, metres, 0.02 to 2.
-    #[schemars(range(min = 0.02, max = 2.0))]
-    pub radius_m: f64,
-    /// Radius of the wheels, metres, 0.001 to 1.
-    #[schemars(range(min = 0.001, max = 1.0))]
-    pub wheel_radius_m: f64,
-    /// Distance between the wheels, metres, 0.01 to 4.
-    #[schemars(range(min = 0.01, max = 4.0))]
-    pub axle_m: f64,
-    /// Encoder ticks per turn of a wheel, 1 to 1000000.
-    #[schemars(range(min = 1, max = 1_000_000))]
-    pub ticks_per_turn: u32,
-    /// Speed of a wheel at full drive, metres per second, 0 to 5.
-    #[schemars(range(min = 0.0, max = 5.0))]
-    pub full_speed_m_s: f64,
-    /// Time constant of a driven wheel, seconds, 0 to 10.
-    #[schemars(range(min = 0.0, max = 10.0))]
-    pub lag_s: f64,
-    /// Share of the wheels' travel that is lost on the floor, left and right, -0.5 to 0.9.
-    pub slip: [f64; 2],
-    /// Noise of each wheel's travel after one metre: standard deviation, metres, 0 to 0.1.
-    #[schemars(range(min = 0.0, max = 0.1))]
-    pub slip_noise_m: f64,
-    /// Noise of the heading after one metre: standard deviation, radians, 0 to 0.5.
-    #[schemars(range(min = 0.0, max = 0.5))]
-    pub heading_noise_rad: f64,
-    /// Relative error of each wheel's radius, drawn once a run: standard deviation, 0 to 0.1.
-    #[schemars(range(min = 0.0, max = 0.1))]
-    pub scale_noise: f64,
-}
-
-impl Default for BodySpec {
-    fn default() -> Self {
-        let config = BodyConfig::default();
-        Self {
-            radius_m: config.radius_m,
-            wheel_radius_m: config.wheel_radius_m,
-            axle_m: config.axle_m,
-            ticks_per_turn: config.ticks_per_turn,
-            full_speed_m_s: config.full_speed_m_s,
-            lag_s: config.lag_s,
-            slip: config.slip,
-            slip_noise_m: config.slip_noise_m,
-            heading_noise_rad: config.heading_noise_rad,
-            scale_noise: config.scale_noise,
-        }
-    }
-}
-
-impl From<BodySpec> for BodyConfig {
-    fn from(spec: BodySpec) -> Self {
-        Self {
-            radius_m: spec.radius_m,
-            wheel_radius_m: spec.wheel_radius_m,
-            axle_m: spec.axle_m,
-            ticks_per_turn: spec.ticks_per_turn,
-            full_speed_m_s: spec.full_speed_m_s,
-            lag_s: spec.lag_s,
-            slip: spec.slip,
-            slip_noise_m: spec.slip_noise_m,
-            heading_noise_rad: spec.heading_noise_rad,
-            scale_noise: spec.scale_noise,
-            ..Self::default()
-        }
-    }
 }
 
 const fn body() -> f64 {

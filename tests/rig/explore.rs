@@ -8,7 +8,9 @@ use super::{failures, shipped};
 
 fn judged(name: &str, more: &str, change: impl FnOnce(&mut Scenario)) -> Vec<String> {
     let (_, source) = shipped(name);
-    let text = source.text.replace("[expect]", &format!("{more}\n[expect]"));
+    let text = source
+        .text
+        .replace("[expect]", &format!("{more}\n[expect]"));
     let (mut scenario, source) = Scenario::parse(&source.path, text).expect("sound");
     change(&mut scenario);
     let run = Run::new(scenario, &source, None).expect("can be wired");
@@ -69,9 +71,13 @@ fn a_robot_that_does_not_search_is_told_from_one_that_does() {
             }
             scenario.duration = "40s".parse().expect("a span");
         });
-        failed.iter().map(|check| check.split(':').next().unwrap_or_default().to_owned()).collect()
+        failed
+            .iter()
+            .map(|check| check.split(':').next().unwrap_or_default().to_owned())
+            .collect()
     };
-    let (walls, stopped): (Vec<String>, Vec<String>) = (told("exploration", "1s"), told("stop", "8s"));
+    let (walls, stopped): (Vec<String>, Vec<String>) =
+        (told("exploration", "1s"), told("stop", "8s"));
     assert!(walls.contains(&"home".to_owned()), "{walls:?}");
     assert_eq!(stopped, ["home", "explored"]);
     let (scenario, _) = shipped("rescue-explore");

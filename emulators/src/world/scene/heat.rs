@@ -124,6 +124,9 @@ mod tests {
         assert_eq!(HeatPlate::new(here, here, 37.0), Err(HeatPlateError));
         let there = Point::new(0.1, 0.0);
         assert_eq!(HeatPlate::new(here, there, 151.0), Err(HeatPlateError));
-        assert_eq!(HeatPlate::new(here, there, 37.0).map(|plate| plate.middle().x), Ok(0.05));
+        assert_eq!(
+            HeatPlate::new(here, there, 37.0).map(|plate| plate.middle().x),
+            Ok(0.05)
+        );
     }
 }

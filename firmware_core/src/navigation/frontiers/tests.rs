@@ -109,7 +109,12 @@ fn a_short_way_is_better_than_a_long_one() {
 fn a_robot_off_its_map_finds_nothing() {
     let mut frontiers = Frontiers::new(Sought::Floor);
     let pose = Pose::new(-50.0, 900.0, 0.0);
-    let view = frontiers.next_view(&room(60), (&BODY, Outlook::SMALL), pose, &Surroundings::EMPTY);
+    let view = frontiers.next_view(
+        &room(60),
+        (&BODY, Outlook::SMALL),
+        pose,
+        &Surroundings::EMPTY,
+    );
     assert_eq!(view, None);
     let off = Point::new(f32::NAN, 0.0);
     assert_eq!(frontiers.outlook(&room(60), off), Outlook::default());

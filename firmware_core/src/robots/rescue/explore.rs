@@ -168,7 +168,9 @@ impl Explore {
     fn seek(&mut self, navigator: &mut Navigator, sight: Sight<'_>) -> [i8; 2] {
         match self.at {
             None => self.choose(navigator.settings().body, sight),
-            Some(At::Way { view, scans, age }) => self.go(navigator, sight, view, [scans, age.into()]),
+            Some(At::Way { view, scans, age }) => {
+                self.go(navigator, sight, view, [scans, age.into()])
+            }
             Some(At::Look { place, scans }) => self.look(sight, place, scans),
             Some(At::Turn {
                 place,

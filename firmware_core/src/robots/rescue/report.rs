@@ -55,7 +55,10 @@ impl Inspect for Rescue {
     }
 
     fn victims(&self, report: &mut dyn FnMut(Point)) {
-        self.victims.all().iter().for_each(|victim| report(victim.place));
+        self.victims
+            .all()
+            .iter()
+            .for_each(|victim| report(victim.place));
     }
 
     fn is_dead(&self) -> bool {
