@@ -1,5 +1,5 @@
-//! The rescue robot's search: all that it can reach is looked at, then it goes home. The figures over
-//! 100 mazes are in FIDELITY.md; here are a few of them, and what must not pass.
+//! The rescue robot's search: all that it can reach is looked at, then it goes home. Here are a few
+//! mazes of many, and what must not pass.
 
 use hilrig::run::Run;
 use hilrig::scenario::{Action, Scenario};

@@ -132,7 +132,8 @@ impl Frontiers {
     }
 
     /// The view that is worth most, its way taken off; `None` if nothing that `body` can reach is
-    /// unknown, or less than `least` cells of it. A way that the body only just fits through is the last resort.
+    /// unknown, or less than `least` cells of it. A way that the body only just fits through is the
+    /// last resort.
     pub fn next_view(
         &mut self,
         map: &Grid,

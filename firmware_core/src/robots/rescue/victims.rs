@@ -9,8 +9,8 @@ use super::Surroundings;
 
 /// Victims that are kept.
 pub const VICTIMS_MAX: usize = 16;
-/// Warmer than its surroundings by so much, in tenths of a degree: a body's 37 degrees on a third of
-/// what the sensor sees, in a hall of 22.
+/// Warmer than its surroundings by so much, in tenths of a degree: 37 degrees on a third of what
+/// the sensor sees, in a hall of 22.
 const WARM: i16 = 45;
 /// What is kept of the surroundings' temperature at each reading, in 64ths.
 const KEEP_64: i32 = 62;
