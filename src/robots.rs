@@ -27,7 +27,9 @@ use protocols::{LineConfig, Port};
 pub use crate::scenario::device::scan::{Beam, ScanDecoder};
 pub use axis::Axis;
 pub use checker::{Check, Checker, Look, Status};
-pub use instruments::{Command, Console, Dialect, Display, Instruments, Panel, PanelRow, Silence};
+pub use instruments::{
+    Command, Console, Dialect, Display, Found, Instruments, Panel, PanelRow, Silence,
+};
 pub use kept_map::KeptMap;
 pub use overlay::{Overlay, OverlayRole};
 pub use station::{Gesture, Hand, RemoteStation, Station, StationView};

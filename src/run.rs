@@ -29,6 +29,7 @@ mod command;
 mod condition;
 mod contacts;
 mod expectations;
+mod explored;
 mod faults;
 pub(crate) mod history;
 mod line_watch;
@@ -36,6 +37,7 @@ pub(crate) mod mission;
 pub(crate) mod scene;
 pub(crate) mod score;
 mod steps;
+mod victims;
 pub(crate) mod watch;
 
 use core::time::Duration;
@@ -294,9 +296,18 @@ impl Run {
         };
         let phases = self.scenario.phases;
         let judged = phases.is_none_or(|phases| now >= phases.windows()[3].until);
-        let over = judged && received && !self.steps.is_waiting() && self.progress.is_over(now);
+        let came = self.progress.is_over(now) || self.has_come_home(now);
+        let over = judged && received && !self.steps.is_waiting() && came;
         let done = !self.scenario.mission.to_the_end && over;
         self.is_over = now >= self.scenario.duration.instant() || done;
+    }
+
+    /// Whether what the robot searched by itself is done and it rests.
+    fn has_come_home(&self, now: Instant) -> bool {
+        let is_wanted = self.scenario.expect.home_within_mm.is_some();
+        is_wanted
+            && self.instruments.is_done(&self.rig) == Some(true)
+            && self.progress.has_settled(now)
     }
 
     /// Runs until `deadline`, whether or not the mission is over by then.

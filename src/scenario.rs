@@ -7,6 +7,7 @@ pub mod device;
 mod drives;
 mod fault;
 mod limits;
+mod maze;
 mod mission;
 mod own;
 mod phases;
@@ -35,6 +36,7 @@ pub use drives::DrivesSpec;
 pub use fault::{
     AdapterSpec, DirectionSpec, FaultKind, FaultPlace, FaultSpec, Flaw, LinkSpec, WhenSpec,
 };
+pub use maze::MazeSpec;
 pub use mission::{Action, Expect, Mission, SetPoint, Step};
 pub use own::{
     AccessSpec, CommandSpec, OrderSpec, PeriodicSpec, RegisterSpec, RegistersSpec, SourceSpec,

@@ -21,6 +21,7 @@ mod cpu;
 mod drive;
 mod fault;
 mod hand;
+mod heat;
 mod infrared;
 pub mod journal;
 pub mod led;
@@ -50,12 +51,14 @@ use crate::{Device, Event};
 
 pub use battery::BatteryConfig;
 pub use config::{Announce, AvrBaseConfig, DebugText, NATURAL_TEAR, StartCause};
+pub use heat::Heat;
 pub use led::Led;
 pub use profile::{Profile, Quirks};
 
 use battery::Battery;
 use drive::{Counter, Regulator};
 use fault::Encoders;
+use heat::Thermometers;
 use journal::{Journal, rules};
 use led::Trouble;
 use memory::{Memory, Tasks};
@@ -92,6 +95,7 @@ pub struct AvrBase {
     last_frame: Instant,
     chip: Chip,
     tear: Rng,
+    thermometers: Thermometers,
     journal: Journal,
 }
 
@@ -224,6 +228,7 @@ impl AvrBase {
             last_frame: Instant::ZERO,
             chip: Chip::new(Instant::ZERO, ticks, Instant::ZERO),
             tear: Rng::stream(seed, "base.tear"),
+            thermometers: Thermometers::new(seed),
             journal: Journal::default(),
             config,
             quirks,
@@ -420,6 +425,7 @@ impl AvrBase {
             .feed_i16(infrared::FLOOR_REGISTER, infrared::FLOOR_RAW);
         self.battery
             .sample(at, self.quirks.battery, &mut self.memory);
+        self.feel(world);
     }
 }
 

@@ -206,7 +206,7 @@ impl Pc {
                     Mode::Manual => Insist::ForEver {
                         every: self.patience.order_period,
                     },
-                    Mode::Stop | Mode::Exploration | Mode::Waypoint => {
+                    Mode::Stop | Mode::Exploration | Mode::Waypoint | Mode::Explore => {
                         self.patience.until_confirmed()
                     }
                 };

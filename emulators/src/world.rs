@@ -41,8 +41,8 @@ pub use geometry::{Bounds, Point, Pose, wrap_angle};
 pub use occupancy::OccupancyImage;
 pub use path::{Path, Repeat, Waypoint};
 pub use scene::{
-    Cause, Cone, Fixture, FloorLine, FloorLineError, Hit, Obstacle, PRIMITIVES_MAX, Part, Row,
-    Scene, SceneError, Shape,
+    AMBIENT_C, Cause, Cone, Fixture, FloorLine, FloorLineError, HeatPlate, HeatPlateError, Hit,
+    Obstacle, PRIMITIVES_MAX, Part, Row, Scene, SceneError, Shape,
 };
 
 /// Steps whose motion is remembered: a lidar's packet holds beams of the last few milliseconds,

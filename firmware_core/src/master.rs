@@ -73,6 +73,15 @@ pub trait Inspect {
     /// What the program is doing, in one or two words, e.g. `waypoint` or `stop`.
     fn mode(&self) -> &'static str;
 
+    /// Whether a search that the program does by itself has come to its end; `None` if there is
+    /// none.
+    fn is_done(&self) -> Option<bool> {
+        None
+    }
+
+    /// Names the places in its map where the program has found somebody.
+    fn victims(&self, _report: &mut dyn FnMut(crate::pose::Point)) {}
+
     /// Names every buffer beside which the program would have written; see [`crate::memory`].
     fn stray_writes(&self, _report: &mut dyn FnMut(&'static str, crate::memory::StrayWrites)) {}
 

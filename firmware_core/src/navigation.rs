@@ -13,13 +13,16 @@ mod cells;
 mod escape;
 mod explore;
 mod fielded;
+mod frontiers;
 mod planner;
+mod raster;
 mod surroundings;
 
 use crate::grid::Grid;
 use crate::pose::{Point, Pose, normalised, sin_cos};
 use escape::Escape;
 pub use explore::{Explorer, WallFollowing, WallLaw};
+pub use frontiers::{Frontiers, Outlook, Sought, View};
 use planner::Planner;
 pub use surroundings::Surroundings;
 
@@ -237,7 +240,12 @@ impl Navigator {
         }
     }
 
-    /// One step of exploration.
+    /// What it was told.
+    pub const fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// One step along walls.
     pub fn explore(&mut self, pose: Pose, around: &Surroundings) -> [i8; 2] {
         self.fielded.turned(pose);
         if self.settings.defects.drives_blind && around.is_blind() {

@@ -29,8 +29,9 @@ pub static PCUI: Codec = Codec::of::<Pcui>("Messages between robot and PC")
 const FIELDS: [LuaField; 10] = [
     field("id", "string", "hilrig.pcui.id", "Message"),
     field("length", "uint16", "hilrig.pcui.length", "Payload length"),
-    field("mode", "uint8", "hilrig.pcui.mode", "Mode")
-        .shown_as("base.DEC, { [0] = \"stop\", \"exploration\", \"waypoint\", \"manual\" }"),
+    field("mode", "uint8", "hilrig.pcui.mode", "Mode").shown_as(
+        "base.DEC, { [0] = \"stop\", \"exploration\", \"waypoint\", \"manual\", \"explore\" }",
+    ),
     field("layer", "uint8", "hilrig.pcui.layer", "Layer"),
     field("row", "uint16", "hilrig.pcui.row", "Row"),
     field("pixels", "uint32", "hilrig.pcui.pixels", "Pixels"),

@@ -65,6 +65,15 @@ pub struct PanelRow {
     pub unit: Cow<'static, str>,
 }
 
+/// Who a robot says that it has found.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Found {
+    /// Where, in the frame of the world, metres.
+    pub places: Vec<[f64; 2]>,
+    /// Rescue kits that its devices have dropped, if they are known.
+    pub kits: Option<usize>,
+}
+
 /// The robot's own display.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Display<'a> {
@@ -175,6 +184,16 @@ pub trait Instruments {
     /// What the robot is doing, in one or two words.
     fn mode(&self, rig: &Rig) -> Option<&'static str> {
         Some(rig.program()?.mode())
+    }
+
+    /// Whether a search that the robot does by itself has come to its end; `None` if there is none.
+    fn is_done(&self, rig: &Rig) -> Option<bool> {
+        rig.program()?.is_done()
+    }
+
+    /// Who the robot has found; `None` if it looks for nobody.
+    fn found(&self, _rig: &Rig) -> Option<Found> {
+        None
     }
 
     /// Values to be shown, always the same panels.

@@ -22,6 +22,7 @@ use core::time::Duration;
 use emulators::avr_base::{self, AvrBaseConfig};
 use emulators::hc06::Hc06;
 use emulators::pc::{self, Pc};
+use firmware_core::navigation::Sought;
 use firmware_core::pose::Pose;
 use firmware_core::robots::rescue::{Config, Rescue};
 use firmware_core::slam;
@@ -315,6 +316,10 @@ fn program(
         mapping,
         initial_mode,
         display: display::fitted(scenario),
+        sought: match base(scenario, source)?.heat {
+            avr_base::Heat::None => Sought::Floor,
+            avr_base::Heat::Fitted => Sought::FloorAndHeat,
+        },
         ..Config::default()
     };
     for id in &scenario.program.defects {
@@ -327,10 +332,11 @@ fn program(
 }
 
 /// Modes that the PC can order, by name; to drive by hand is an order of its own.
-const MODES: [(&str, Mode); 3] = [
+const MODES: [(&str, Mode); 4] = [
     ("stop", Mode::Stop),
     ("exploration", Mode::Exploration),
     ("waypoint", Mode::Waypoint),
+    ("explore", Mode::Explore),
 ];
 
 /// The mode of that name, or what was expected.

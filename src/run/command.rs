@@ -71,10 +71,13 @@ impl Run {
         case.duration = Span(self.rig.now() - Instant::ZERO);
         case.mission.to_the_end = true;
         let [done, wanted] = [self.progress.visits().len(), self.progress.waypoints()];
-        if done < wanted {
+        if done < wanted || self.instruments.is_done(&self.rig) == Some(false) {
             case.expect = Expect {
                 visit_within_mm: None,
                 return_within_mm: None,
+                home_within_mm: None,
+                explored_min: None,
+                victims_within_mm: None,
                 settle: None,
                 wall_overlap_min: None,
                 map_received: None,

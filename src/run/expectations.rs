@@ -1,8 +1,8 @@
 //! What a scenario expects of a run, judged in the end.
 
-use super::Run;
 use super::check::Check;
 use super::score::{PoseError, WallOverlap};
+use super::{Run, explored, victims};
 
 /// Whether the check called `name` says what has not come true in the end: a run that is too short
 /// fails it as well.
@@ -12,11 +12,43 @@ pub(crate) fn is_of_the_end(name: &str) -> bool {
         "settled",
         "wall-overlap",
         "map-received",
+        "home",
+        "explored",
+        "victims-found",
     ];
     names.contains(&name) || name.starts_with("mission-step-")
 }
 
 impl Run {
+    /// What is expected of a search that the robot does by itself.
+    fn search_expectations(&self, checks: &mut Vec<Check>) {
+        let (expect, start) = (&self.scenario.expect, self.scenario.world.start_pose());
+        if let Some(most) = expect.home_within_mm {
+            let far = self.progress.distance_from_mm(start.point());
+            let far = far.unwrap_or(f64::INFINITY);
+            let is_done = self.instruments.is_done(&self.rig) == Some(true);
+            let says = if is_done { "says" } else { "does not say" };
+            let detail = format!(
+                "{far:.1} mm from the start, at most {most}; the robot {says} that it is home"
+            );
+            checks.push(Check::new("home", is_done && far <= most, detail));
+        }
+        if let Some(most) = expect.victims_within_mm {
+            let found = self.instruments.found(&self.rig).unwrap_or_default();
+            checks.push(victims::check(&found, &self.rig.world, most));
+        }
+        if let Some(least) = expect.explored_min {
+            let map = self.instruments.map(&self.rig);
+            let share = map.and_then(|map| explored::explored(map, &self.rig.world, start));
+            let detail = match share {
+                Some(share) => format!("{share:.4} of the floor, at least {least}"),
+                None => format!("not observed, expected at least {least}"),
+            };
+            let pass = share.is_some_and(|share| share >= least);
+            checks.push(Check::new("explored", pass, detail));
+        }
+    }
+
     pub(super) fn expectations(
         &self,
         pose_error: Option<PoseError>,
@@ -54,6 +86,7 @@ impl Run {
             from_last,
             "mm from the last waypoint",
         );
+        self.search_expectations(&mut checks);
         if let Some(within) = expect.visit_within_mm {
             let (visits, all) = (self.progress.visits().len(), self.progress.waypoints());
             let detail = match all {

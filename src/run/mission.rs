@@ -90,7 +90,17 @@ impl Progress {
     pub fn is_over(&self, now: Instant) -> bool {
         !self.waypoints.is_empty()
             && self.visits.len() == self.waypoints.len()
-            && self.rested(now) >= self.settle
+            && self.has_settled(now)
+    }
+
+    /// Whether the robot has been at rest for long enough.
+    pub fn has_settled(&self, now: Instant) -> bool {
+        self.rested(now) >= self.settle
+    }
+
+    /// Distance from `place`, mm.
+    pub fn distance_from_mm(&self, place: Point) -> Option<f64> {
+        Some(place.distance(self.last?) * 1000.0)
     }
 
     /// How long the robot has been at rest.

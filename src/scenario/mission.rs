@@ -134,6 +134,21 @@ pub struct Expect {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
     pub return_within_mm: Option<f64>,
+    /// In the end the robot, having searched by itself, says that it is home and rests where it
+    /// started, at most this far off, millimetres.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0))]
+    pub home_within_mm: Option<f64>,
+    /// Share of the floor that the robot's body covers wherever it can get to, of which its map
+    /// says anything, 0 to 1, at least.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub explored_min: Option<f64>,
+    /// Each victim of the world is marked by the robot at most this far off, millimetres, nothing
+    /// else is, and a rescue kit was dropped once for each.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0))]
+    pub victims_within_mm: Option<f64>,
     /// Having visited its waypoints, the robot rests for this long, and nothing goes wrong then.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub settle: Option<Span>,

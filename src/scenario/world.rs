@@ -1,17 +1,20 @@
 //! The world of a scenario: what is solid, where the robot starts, what moves and pushes.
 
+mod body;
+
 use core::time::Duration;
 
 use emulators::world::{
-    BodyConfig, Bounds, Chassis, Fixture, Obstacle, OccupancyImage, Part, Path, Point, Pose,
-    Repeat, Scene, Shape, Waypoint, World,
+    Bounds, Chassis, Fixture, HeatPlate, Obstacle, OccupancyImage, Part, Path, Point, Pose, Repeat,
+    Scene, Shape, Waypoint, World,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
-use super::{ScenarioError, Source, Span};
+use super::{MazeSpec, ScenarioError, Source, Span};
 use crate::scenario::plan;
+pub use body::BodySpec;
 
 /// Ground truth as data.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -30,6 +33,10 @@ pub struct WorldSpec {
     /// The robot's body.
     #[serde(default)]
     pub body: BodySpec,
+    /// An arena of tiles, made from a seed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<MazeSpec>")]
+    pub maze: Option<Spanned<MazeSpec>>,
     /// Walls along a line of points.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(with = "Vec<WallSpec>")]
@@ -42,6 +49,10 @@ pub struct WorldSpec {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(with = "Vec<PillarSpec>")]
     pub pillar: Vec<Spanned<PillarSpec>>,
+    /// Warm plates: victims.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(with = "Vec<HeatSpec>")]
+    pub heat: Vec<Spanned<HeatSpec>>,
     /// Round obstacles that move.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(with = "Vec<MovingSpec>")]
@@ -151,6 +162,20 @@ pub struct PillarSpec {
     pub unmapped: bool,
 }
 
+/// A warm plate on a wall, as wide as it is seen from above.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HeatSpec {
+    /// One end, metres; on the wall's surface, or less than 5 mm beside it.
+    pub from_m: [f64; 2],
+    /// The other end, metres.
+    pub to_m: [f64; 2],
+    /// How warm, degrees Celsius, -50 to 150; all else has 22.
+    #[schemars(range(min = -50.0, max = 150.0))]
+    #[serde(default = "body")]
+    pub temperature_c: f64,
+}
+
 /// A round obstacle that moves along a line of points at constant speed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -199,75 +224,8 @@ pub struct PushSpec {
     pub over: Span,
 }
 
-/// The robot's body; what is not given is the rescue robot's.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct BodySpec {
-    /// Radius of the disc that collides, metres, 0.02 to 2.
-    #[schemars(range(min = 0.02, max = 2.0))]
-    pub radius_m: f64,
-    /// Radius of the wheels, metres, 0.001 to 1.
-    #[schemars(range(min = 0.001, max = 1.0))]
-    pub wheel_radius_m: f64,
-    /// Distance between the wheels, metres, 0.01 to 4.
-    #[schemars(range(min = 0.01, max = 4.0))]
-    pub axle_m: f64,
-    /// Encoder ticks per turn of a wheel, 1 to 1000000.
-    #[schemars(range(min = 1, max = 1_000_000))]
-    pub ticks_per_turn: u32,
-    /// Speed of a wheel at full drive, metres per second, 0 to 5.
-    #[schemars(range(min = 0.0, max = 5.0))]
-    pub full_speed_m_s: f64,
-    /// Time constant of a driven wheel, seconds, 0 to 10.
-    #[schemars(range(min = 0.0, max = 10.0))]
-    pub lag_s: f64,
-    /// Share of the wheels' travel that is lost on the floor, left and right, -0.5 to 0.9.
-    pub slip: [f64; 2],
-    /// Noise of each wheel's travel after one metre: standard deviation, metres, 0 to 0.1.
-    #[schemars(range(min = 0.0, max = 0.1))]
-    pub slip_noise_m: f64,
-    /// Noise of the heading after one metre: standard deviation, radians, 0 to 0.5.
-    #[schemars(range(min = 0.0, max = 0.5))]
-    pub heading_noise_rad: f64,
-    /// Relative error of each wheel's radius, drawn once a run: standard deviation, 0 to 0.1.
-    #[schemars(range(min = 0.0, max = 0.1))]
-    pub scale_noise: f64,
-}
-
-impl Default for BodySpec {
-    fn default() -> Self {
-        let config = BodyConfig::default();
-        Self {
-            radius_m: config.radius_m,
-            wheel_radius_m: config.wheel_radius_m,
-            axle_m: config.axle_m,
-            ticks_per_turn: config.ticks_per_turn,
-            full_speed_m_s: config.full_speed_m_s,
-            lag_s: config.lag_s,
-            slip: config.slip,
-            slip_noise_m: config.slip_noise_m,
-            heading_noise_rad: config.heading_noise_rad,
-            scale_noise: config.scale_noise,
-        }
-    }
-}
-
-impl From<BodySpec> for BodyConfig {
-    fn from(spec: BodySpec) -> Self {
-        Self {
-            radius_m: spec.radius_m,
-            wheel_radius_m: spec.wheel_radius_m,
-            axle_m: spec.axle_m,
-            ticks_per_turn: spec.ticks_per_turn,
-            full_speed_m_s: spec.full_speed_m_s,
-            lag_s: spec.lag_s,
-            slip: spec.slip,
-            slip_noise_m: spec.slip_noise_m,
-            heading_noise_rad: spec.heading_noise_rad,
-            scale_noise: spec.scale_noise,
-            ..Self::default()
-        }
-    }
+const fn body() -> f64 {
+    37.0
 }
 
 const fn white() -> f64 {
@@ -300,10 +258,12 @@ impl WorldSpec {
             start: Spanned::new(0..0, start),
             bounds: None,
             plan: None,
+            maze: None,
             body: BodySpec::default(),
             wall: Vec::new(),
             polygon: Vec::new(),
             pillar: Vec::new(),
+            heat: Vec::new(),
             moving: Vec::new(),
             push: Vec::new(),
             is_nowhere: true,
@@ -359,6 +319,7 @@ impl WorldSpec {
     fn scene(&self, source: &Source) -> Result<Scene, ScenarioError> {
         let (fixtures, fixture_origins) = self.fixtures(source)?;
         let (obstacles, obstacle_origins) = self.obstacles(source)?;
+        let plates = self.heat_plates(source)?;
         let scene = match &self.bounds {
             Some(bounds) => {
                 let bounds = Bounds {
@@ -369,6 +330,7 @@ impl WorldSpec {
             }
             None => Scene::new(fixtures, obstacles),
         };
+        let scene = scene.map(|scene| scene.with_heat_plates(plates));
         scene.map_err(|error| {
             let origin = match error.part {
                 Part::Fixture(index) => fixture_origins.get(index),
@@ -434,6 +396,18 @@ impl WorldSpec {
                 add(shape, looks, "pillar", index, spec.span());
             }
         }
+        if let Some(spec) = &self.maze {
+            let maze = spec.get_ref();
+            maze.check().map_err(|flaw| {
+                let key = format!("world.maze.{}", flaw.key);
+                source.invalid(Some(spec.span()), key, flaw.message)
+            })?;
+            for corners in maze.boards() {
+                let corners = corners.into_iter().map(point).collect();
+                let looks = [1.0, f64::INFINITY];
+                add(Shape::Polygon { corners }, looks, "maze", 0, spec.span());
+            }
+        }
         if let Some(spec) = &self.plan {
             let image: OccupancyImage = plan::read(&spec.get_ref().yaml, source)
                 .map_err(|message| source.invalid(Some(spec.span()), "world.plan", message))?;
@@ -442,6 +416,23 @@ impl WorldSpec {
             }
         }
         Ok((fixtures, origins))
+    }
+
+    fn heat_plates(&self, source: &Source) -> Result<Vec<HeatPlate>, ScenarioError> {
+        let maze = self.maze.iter().flat_map(|maze| maze.get_ref().victims());
+        let maze = maze.map(|[from, to]| HeatPlate::new(point(from), point(to), body()));
+        let own = self.heat.iter().enumerate().map(|(index, spec)| {
+            let heat = spec.get_ref();
+            let plate = HeatPlate::new(point(heat.from_m), point(heat.to_m), heat.temperature_c);
+            plate.map_err(|error| {
+                let key = format!("world.heat[{index}]");
+                source.invalid(Some(spec.span()), key, error.to_string())
+            })
+        });
+        let maze = maze.map(|plate| {
+            plate.map_err(|error| source.invalid(None, "world.maze", error.to_string()))
+        });
+        maze.chain(own).collect()
     }
 
     fn obstacles(&self, source: &Source) -> Result<(Vec<Obstacle>, Vec<Origin>), ScenarioError> {

@@ -9,6 +9,7 @@ mod custom;
 mod determinism;
 mod device_keys;
 mod display;
+mod explore;
 mod faults;
 mod figures;
 mod maps;

@@ -223,8 +223,8 @@ fn what_a_frame_cannot_mean_is_refused_with_its_reason() {
         ("02 00 01 00 00 00 4C 57 50 01 00", length(11, 2)),
         ("01 00 00 00 00 00 53 54 41 00", length(9, 1)),
         (
-            "03 00 04 00 00 00 53 54 41 04 00 00",
-            Err(MessageError::Mode(4)),
+            "03 00 05 00 00 00 53 54 41 05 00 00",
+            Err(MessageError::Mode(5)),
         ),
     ];
     for (bytes, reason) in refused {

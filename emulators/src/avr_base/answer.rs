@@ -153,7 +153,7 @@ impl AvrBase {
         let order = self.quirks.checksum;
         let (first, count) = (request.register(), request.count());
         let end = usize::from(first) + usize::from(count);
-        let known = usize::from(first) < registers::COUNT && end <= registers::COUNT;
+        let known = usize::from(first) < self.map_len() && end <= self.map_len();
         let allowed = request.kind() == RequestKind::Read || read_only(first, count).is_none();
         if !known || !allowed {
             return Frame::read(ERROR_REGISTER, 0, order);
@@ -175,7 +175,7 @@ impl AvrBase {
         let (first, count) = (request.register(), request.count());
         let last = u16::from(first) + u16::from(count.max(1)) - 1;
         let at = request.at;
-        let map_end = registers::COUNT - 1;
+        let map_end = self.map_len() - 1;
         if usize::from(last) > map_end {
             let rule = rules::UNKNOWN_REGISTER;
             self.journal.violation(at, rule, &request.bytes, || {

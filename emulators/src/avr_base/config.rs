@@ -3,6 +3,7 @@
 use core::time::Duration;
 
 use super::battery::BatteryConfig;
+use super::heat::Heat;
 use super::profile::{Profile, Quirks};
 
 /// How a base is set up.
@@ -25,6 +26,8 @@ pub struct AvrBaseConfig {
     /// Chance that a read of an encoder meets a count that carried into a higher byte while the
     /// registers were filled, given that it carried since the last look. See [`NATURAL_TEAR`].
     pub encoder_tear: f64,
+    /// Thermometers and rescue kits; only firmware that refuses what is not in its map has them.
+    pub heat: Heat,
 }
 
 impl AvrBaseConfig {
@@ -69,6 +72,7 @@ impl Default for AvrBaseConfig {
             announce: Announce::Nothing,
             debug_text: DebugText::Off,
             encoder_tear: NATURAL_TEAR,
+            heat: Heat::None,
         }
     }
 }

@@ -2,6 +2,7 @@
 
 mod error;
 mod floor;
+mod heat;
 mod row;
 mod view;
 
@@ -14,6 +15,7 @@ use super::grid::Grid;
 use super::path::{Path, Repeat};
 pub use error::{Cause, Part, SceneError};
 pub use floor::{FloorLine, FloorLineError};
+pub use heat::{AMBIENT_C, HeatPlate, HeatPlateError};
 pub use row::Row;
 pub use view::Cone;
 
@@ -97,6 +99,7 @@ pub struct Hit {
 pub struct Scene {
     inner: Arc<Inner>,
     floor: Arc<[FloorLine]>,
+    heat: Arc<[HeatPlate]>,
 }
 
 #[derive(Debug)]
@@ -311,6 +314,7 @@ impl Scene {
         let grid = Grid::new(&fixed.primitives, bounds);
         Ok(Self {
             floor: Arc::new([]),
+            heat: Arc::new([]),
             inner: Arc::new(Inner {
                 fixtures,
                 obstacles,

@@ -40,6 +40,23 @@ impl Cell {
     }
 }
 
+/// The eight cells around one.
+pub(super) const NEIGHBOURS: [(i8, i8); 8] = [
+    (1, 0),
+    (0, 1),
+    (-1, 0),
+    (0, -1),
+    (1, 1),
+    (-1, 1),
+    (-1, -1),
+    (1, -1),
+];
+
+pub(super) fn neighbour(cell: Cell, index: usize) -> Option<Cell> {
+    let (dx, dy) = NEIGHBOURS[index];
+    cell.moved(dx, dy)
+}
+
 /// Some cells of the planner's map, a bit each.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Cells([[u8; SIDE.div_ceil(8)]; SIDE]);
@@ -59,16 +76,28 @@ impl Cells {
         self.0[y as usize][x as usize / 8] &= !(1 << (x % 8));
     }
 
-    /// These and all that are at most `reach` cells away from one of them.
-    pub(super) fn grown(&self, reach: i8) -> Self {
-        let mut grown = Self::NONE;
+    /// Calls `visit` for each of them.
+    pub(super) fn each(&self, mut visit: impl FnMut(Cell)) {
         for y in 0..EDGE {
             for x in 0..EDGE {
                 if self.has(Cell { x, y }) {
-                    Cell { x, y }.each_within(reach, |cell| grown.set(cell));
+                    visit(Cell { x, y });
                 }
             }
         }
+    }
+
+    /// These and the others.
+    pub(super) fn add(&mut self, others: &Self) {
+        let rows = self.0.iter_mut().zip(&others.0);
+        rows.flat_map(|(row, other)| row.iter_mut().zip(other))
+            .for_each(|(bits, other)| *bits |= other);
+    }
+
+    /// These and all that are at most `reach` cells away from one of them.
+    pub(super) fn grown(&self, reach: i8) -> Self {
+        let mut grown = Self::NONE;
+        self.each(|cell| cell.each_within(reach, |near| grown.set(near)));
         grown
     }
 }

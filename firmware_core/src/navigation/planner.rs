@@ -11,36 +11,21 @@
 use crate::grid::Grid;
 use crate::pose::{Point, Pose};
 
-use super::cells::{COARSE, Cell, Cells, EDGE, SIDE};
+use super::cells::{Cell, Cells, SIDE, neighbour};
+use super::raster::{Front, OPENED_MM, Raster};
 use super::{Body, Surroundings};
 
-/// Map value from which a cell counts as an obstacle. A beam's end is drawn as a ramp; this much of
-/// it lies within 25 mm of the end.
-const OBSTACLE_FROM: u8 = 215;
-/// What is blocked only because it is near something is opened this far around start and goal.
-const OPENED_MM: f32 = 120.0;
 /// The robot steers for a cell of its way at most so far ahead.
 const AHEAD_CELLS: usize = 20;
 /// The robot finds back to its way from so far beside it.
 const STRAY_CELLS: i8 = 4;
 /// Places at which ways were found blocked: so many are remembered.
 const REFUSED_MAX: usize = 8;
-/// A wave front cannot be longer than the map's rim.
-const FRONT_MAX: usize = 4 * SIDE + 112;
 
 /// Not reached by the wave.
 const UNREACHED: u8 = 0;
-/// The wave came from this neighbour: number in [`NEIGHBOURS`] plus one, 1 to 8.
-const NEIGHBOURS: [(i8, i8); 8] = [
-    (1, 0),
-    (0, 1),
-    (-1, 0),
-    (0, -1),
-    (1, 1),
-    (-1, 1),
-    (-1, -1),
-    (1, -1),
-];
+/// The goal itself; the wave came to other cells from a neighbour: number in [`NEIGHBOURS`] plus
+/// one, 1 to 8.
 const GOAL: u8 = 9;
 
 /// The newest plan.
@@ -50,7 +35,7 @@ pub(super) struct Planner {
     field: [[u8; SIDE / 2]; SIDE],
     /// Cells too near to an obstacle.
     near: Cells,
-    cell_mm: f32,
+    raster: Raster,
     /// Where the ways lead, if they may be kept.
     kept: Option<Cell>,
     /// Places that blocked ways to the goal, the newest at `refusals` - 1.
@@ -63,7 +48,7 @@ impl Planner {
         Self {
             field: [[UNREACHED * 0x11; SIDE / 2]; SIDE],
             near: Cells::NONE,
-            cell_mm: 1.0,
+            raster: Raster::NONE,
             kept: None,
             refused: [Cell { x: 0, y: 0 }; REFUSED_MAX],
             refusals: 0,
@@ -86,20 +71,20 @@ impl Planner {
         goal: Point,
         around: &Surroundings,
     ) {
-        self.cell_mm = map.resolution_mm() * COARSE as f32;
-        let obstacles = self.obstacles(map, pose, around);
+        self.raster = Raster::of(map);
+        let obstacles = self.raster.obstacles(map, pose, around);
         let ends = [pose.position(), goal];
-        let reach = self.reach(body.keep_mm() - 25.0);
-        let Some(goal) = self.cell_of(goal) else {
+        let reach = self.raster.reach(body.keep_mm() - 25.0);
+        let Some(goal) = self.raster.cell_of(goal) else {
             self.field = [[UNREACHED * 0x11; SIDE / 2]; SIDE];
             return;
         };
         if self.kept == Some(goal) {
             // What was free by a cell when the way was chosen may be drawn a cell nearer now.
-            let tight = self.blocked(&obstacles, reach - 1, ends);
+            let tight = self.raster.blocked(&obstacles, reach - 1, ends);
             match self.stretch_on_way(pose.position(), &tight) {
                 Some(None) => {
-                    self.near = self.blocked(&obstacles, reach, ends);
+                    self.near = self.raster.blocked(&obstacles, reach, ends);
                     return;
                 }
                 Some(Some(cell)) => self.refuse(cell),
@@ -122,24 +107,24 @@ impl Planner {
         if !self.reaches(&obstacles, reach, ends, goal) {
             // A narrow way is the last resort, and taken for no longer than there is no other.
             self.kept = None;
-            let reach = self.reach(thin_mm - 25.0);
+            let reach = self.raster.reach(thin_mm - 25.0);
             self.reaches(&obstacles, reach, ends, goal);
         }
     }
 
     /// The way from `from` turned out to be none: another one is taken, if there is one.
     pub(super) fn refuse_way_from(&mut self, from: Point) {
-        let far = f32::from(self.reach(OPENED_MM)) + 2.0;
+        let far = f32::from(self.raster.reach(OPENED_MM)) + 2.0;
         let mut ahead = self.way_from(from);
         if let Some(aim) = ahead {
             let apart = from.distance_mm(aim).max(1.0);
-            let part = (far * self.cell_mm / apart).min(1.0);
+            let part = (far * self.raster.cell_mm() / apart).min(1.0);
             ahead = Some(Point::new(
                 from.x_mm + (aim.x_mm - from.x_mm) * part,
                 from.y_mm + (aim.y_mm - from.y_mm) * part,
             ));
         }
-        if let Some(cell) = ahead.and_then(|place| self.cell_of(place)) {
+        if let Some(cell) = ahead.and_then(|place| self.raster.cell_of(place)) {
             self.refuse(cell);
             self.field = [[UNREACHED * 0x11; SIDE / 2]; SIDE];
         }
@@ -153,7 +138,7 @@ impl Planner {
     /// The point to steer for from `from`: the farthest one of the way that can be seen from there.
     /// `None` if no way leads to the goal, or if it has been reached.
     pub(super) fn way_from(&self, from: Point) -> Option<Point> {
-        let start = self.nearest_reached(self.cell_of(from)?)?;
+        let start = self.nearest_reached(self.raster.cell_of(from)?)?;
         let (mut here, mut best) = (start, None);
         for _ in 0..AHEAD_CELLS {
             let Some(next) = self.next(here) else {
@@ -165,13 +150,13 @@ impl Planner {
             }
             best = Some(here);
         }
-        best.map(|cell| self.middle(cell))
+        best.map(|cell| self.raster.middle(cell))
     }
 
     /// The middle of the first stretch of the way from `from` that leads over `cells`: `None` if
     /// there is no way, `Some(None)` if it leads over none of them.
     fn stretch_on_way(&self, from: Point, cells: &Cells) -> Option<Option<Cell>> {
-        let mut here = self.nearest_reached(self.cell_of(from)?)?;
+        let mut here = self.nearest_reached(self.raster.cell_of(from)?)?;
         let (mut middle, mut length) = (None, 0_u16);
         loop {
             if cells.has(here) {
@@ -212,44 +197,12 @@ impl Planner {
         })
     }
 
-    fn obstacles(&self, map: &Grid, pose: Pose, around: &Surroundings) -> Cells {
-        let mut obstacles = Cells::NONE;
-        for (y, rows) in (0..).zip(map.rows().chunks_exact(COARSE)) {
-            for row in rows {
-                for (x, cells) in (0..).zip(row.chunks_exact(COARSE)) {
-                    if cells.iter().any(|value| *value >= OBSTACLE_FROM) {
-                        obstacles.set(Cell { x, y });
-                    }
-                }
-            }
-        }
-        for (point, _) in around.points() {
-            if let Some(cell) = self.cell_of(pose.to_world(point)) {
-                obstacles.set(cell);
-            }
-        }
-        obstacles
-    }
-
-    /// What lies within `reach` cells of an obstacle, but open around `ends`.
-    fn blocked(&self, obstacles: &Cells, reach: i8, ends: [Point; 2]) -> Cells {
-        let mut blocked = obstacles.grown(reach);
-        for cell in ends.into_iter().filter_map(|end| self.cell_of(end)) {
-            cell.each_within(self.reach(OPENED_MM), |cell| {
-                if !obstacles.has(cell) {
-                    blocked.clear(cell);
-                }
-            });
-        }
-        blocked
-    }
-
     /// Plans with what is `reach` cells off the obstacles: whether a way leads from end to end.
     fn reaches(&mut self, obstacles: &Cells, reach: i8, ends: [Point; 2], goal: Cell) -> bool {
-        self.near = self.blocked(obstacles, reach, ends);
+        self.near = self.raster.blocked(obstacles, reach, ends);
         self.field = [[UNREACHED * 0x11; SIDE / 2]; SIDE];
         self.spread(goal);
-        let start = self.cell_of(ends[0]);
+        let start = self.raster.cell_of(ends[0]);
         start.and_then(|cell| self.nearest_reached(cell)).is_some()
     }
 
@@ -291,31 +244,6 @@ impl Planner {
         })
     }
 
-    fn reach(&self, mm: f32) -> i8 {
-        super::ticks((mm / self.cell_mm).min(20.0))
-    }
-
-    fn cell_of(&self, point: Point) -> Option<Cell> {
-        let index = |mm: f32| {
-            let cell = libm::floorf(mm / self.cell_mm);
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "range checked"
-            )]
-            (cell >= 0.0 && cell < f32::from(EDGE)).then_some(cell as u8)
-        };
-        Some(Cell {
-            x: index(point.x_mm)?,
-            y: index(point.y_mm)?,
-        })
-    }
-
-    fn middle(&self, cell: Cell) -> Point {
-        let middle = |index: u8| (f32::from(index) + 0.5) * self.cell_mm;
-        Point::new(middle(cell.x), middle(cell.y))
-    }
-
     fn get(&self, cell: Cell) -> u8 {
         let pair = self.field[usize::from(cell.y)][usize::from(cell.x) / 2];
         if cell.x.is_multiple_of(2) {
@@ -332,46 +260,6 @@ impl Planner {
         } else {
             (*pair & 0x0F) | value << 4
         };
-    }
-}
-
-fn neighbour(cell: Cell, index: usize) -> Option<Cell> {
-    let (dx, dy) = NEIGHBOURS[index];
-    cell.moved(dx, dy)
-}
-
-/// Cells that the wave has reached but not yet left.
-struct Front {
-    cells: [Cell; FRONT_MAX],
-    head: usize,
-    len: usize,
-}
-
-impl Front {
-    const fn new() -> Self {
-        Self {
-            cells: [Cell { x: 0, y: 0 }; FRONT_MAX],
-            head: 0,
-            len: 0,
-        }
-    }
-
-    /// A front that is full loses the cell: the way may then lead around it.
-    const fn push(&mut self, cell: Cell) {
-        if self.len < FRONT_MAX {
-            self.cells[(self.head + self.len) % FRONT_MAX] = cell;
-            self.len += 1;
-        }
-    }
-
-    const fn pop(&mut self) -> Option<Cell> {
-        if self.len == 0 {
-            return None;
-        }
-        let cell = self.cells[self.head];
-        self.head = (self.head + 1) % FRONT_MAX;
-        self.len -= 1;
-        Some(cell)
     }
 }
 

@@ -13,14 +13,17 @@
 //! when it is known how long it took.
 
 mod config;
+mod decide;
 mod defects;
 mod drive;
+mod explore;
 mod lidar;
 mod lost;
 mod orders;
 mod report;
 mod screen;
 mod touch;
+mod victims;
 
 use core::time::Duration;
 
@@ -30,18 +33,22 @@ use protocols::{Instant, LineConfig, LineEvent, Port, avr, panel, pcui, xv11};
 pub use config::{Config, Display, WHEELS};
 pub use defects::{Defects, Own};
 pub use drive::Battery;
+pub use explore::Progress;
+pub use victims::{VICTIMS_MAX, Victim};
 
-use crate::navigation::{Goal, HALT, Navigator, Step, Surroundings};
+use crate::navigation::{HALT, Navigator, Surroundings};
 use crate::pc_link::{PcLink, View};
-use crate::pose::{Point, Pose, PoseChange};
+use crate::pose::{Pose, PoseChange};
 use crate::scan::Scan;
 use crate::slam::Mapper;
 use crate::waypoints::{Waypoint, Waypoints};
 use crate::{Master, Work};
 use drive::Drive;
+use explore::Explore;
 use lidar::Lidar;
 use lost::Lost;
 use screen::{Screen, Switches};
+use victims::Victims;
 
 /// How long a decision holds if no other one follows: three turns.
 const DECISION_HOLDS: Duration = Duration::from_millis(600);
@@ -79,6 +86,8 @@ pub struct Rescue {
     mapper: Mapper,
     scan: Scan,
     navigator: Navigator,
+    explore: Explore,
+    victims: Victims,
     waypoints: Waypoints,
     mode: Mode,
     ordered_at: Instant,
@@ -140,6 +149,8 @@ impl Rescue {
             mapper: Mapper::new(config.mapping),
             scan: Scan::EMPTY,
             navigator: Navigator::new(config.navigation),
+            explore: Explore::new(config.sought),
+            victims: Victims::new(),
             waypoints: Waypoints::with_defects(config.defects.waypoints),
             mode,
             ordered_at: Instant::ZERO,
@@ -235,6 +246,7 @@ impl Rescue {
             self.drive.command(now, HALT, now);
         }
         self.drive.tick(now);
+        self.feel(now);
         if let Some(frame) = self.pc.freed(now) {
             self.obey(now, &frame);
         }
@@ -294,6 +306,7 @@ impl Rescue {
         self.mode = mode;
         self.drive.is_mute = self.own().stops_without_a_word && mode == Mode::Stop;
         self.navigator.reset();
+        self.explore.pause();
         self.drive.command(now, HALT, now);
     }
 
@@ -337,30 +350,9 @@ impl Rescue {
             _ if !self.lidar.is_steady() => HALT,
             Mode::Exploration => self.navigator.explore(pose, &around),
             Mode::Waypoint => self.approach(pose, &around),
+            Mode::Explore => self.search(pose, &around),
         };
         self.drive.command(now, set_point, now + DECISION_HOLDS);
-    }
-
-    /// One step to the next waypoint that is not reached yet.
-    fn approach(&mut self, pose: Pose, around: &Surroundings) -> [i8; 2] {
-        while let Some(target) = self.waypoints.target() {
-            let [x, y] = target.position_mm.map(f32::from);
-            let goal = Goal {
-                position: Point::new(x, y),
-                is_last: self.waypoints.is_last(),
-            };
-            match self
-                .navigator
-                .approach(self.mapper.grid(), pose, goal, around)
-            {
-                Step::Drive(set_point) => return set_point,
-                Step::Arrived => {
-                    self.waypoints.advance();
-                    self.counters.arrivals = self.counters.arrivals.saturating_add(1);
-                }
-            }
-        }
-        HALT
     }
 }
 

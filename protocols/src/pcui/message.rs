@@ -73,6 +73,9 @@ pub enum Mode {
     Waypoint,
     /// Driven by the PC.
     Manual,
+    /// Looks at all that it can reach, then goes home. Ours: the report promises it, and its
+    /// protocol has no number for it.
+    Explore,
 }
 
 impl Mode {
@@ -83,6 +86,7 @@ impl Mode {
             1 => Some(Self::Exploration),
             2 => Some(Self::Waypoint),
             3 => Some(Self::Manual),
+            4 => Some(Self::Explore),
             _ => None,
         }
     }
@@ -177,7 +181,7 @@ impl core::fmt::Display for MessageError {
             Self::Length { expected, found } => {
                 write!(f, "payload has {found} bytes, expected {expected}")
             }
-            Self::Mode(number) => write!(f, "mode is {number}, expected 0 to 3"),
+            Self::Mode(number) => write!(f, "mode is {number}, expected 0 to 4"),
         }
     }
 }
@@ -479,14 +483,20 @@ mod tests {
         assert_eq!(lens, [(0, true, 0), (1, false, 1), (2, false, 2)]);
     }
 
-    /// Modes 0 to 3; 4 is none.
+    /// Modes 0 to 4; 5 is none.
     #[test]
     fn each_mode_has_its_number() {
-        let modes = [Mode::Stop, Mode::Exploration, Mode::Manual, Mode::Waypoint];
+        let modes = [
+            Mode::Stop,
+            Mode::Exploration,
+            Mode::Manual,
+            Mode::Waypoint,
+            Mode::Explore,
+        ];
         for known in modes {
             assert_eq!(mode(known as u8), Ok(known));
         }
-        assert_eq!(mode(4), Err(MessageError::Mode(4)));
+        assert_eq!(mode(5), Err(MessageError::Mode(5)));
         assert_eq!(mode(255), Err(MessageError::Mode(255)));
     }
 

@@ -14,7 +14,7 @@ use crate::codec::Codec;
 use crate::rig::Rig;
 use crate::robots::instruments::in_metres;
 use crate::robots::{
-    Axis, Console, Dialect, Display, Instruments, Panel, ScanDecoder, Silence, Station,
+    Axis, Console, Dialect, Display, Found, Instruments, Panel, ScanDecoder, Silence, Station,
 };
 use crate::scenario::device::xv11_scans::Xv11Scans;
 
@@ -91,6 +91,20 @@ impl Instruments for RescueInstruments {
     fn scanner(&self, _: &Rig) -> Option<(String, Box<dyn ScanDecoder>)> {
         let scans = Xv11Scans::new(view::FIRST_BEARING);
         Some((view::SCAN_LINK.to_owned(), Box::new(scans)))
+    }
+
+    /// What the program in this process has marked.
+    fn found(&self, rig: &Rig) -> Option<Found> {
+        let mut places = Vec::new();
+        rig.program()?.victims(&mut |place| {
+            let metres = |mm: f32| f64::from(mm) / 1000.0;
+            places.push([metres(place.x_mm), metres(place.y_mm)]);
+        });
+        let base = rig.device::<AvrBase>("base");
+        Some(Found {
+            places,
+            kits: base.map(|base| base.kits().len()),
+        })
     }
 
     fn panels(&self, rig: &Rig) -> Vec<Panel> {

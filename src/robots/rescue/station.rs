@@ -29,12 +29,13 @@ const fn mode_name(mode: Mode) -> &'static str {
         Mode::Exploration => "exploration",
         Mode::Waypoint => "waypoint",
         Mode::Manual => "manual",
+        Mode::Explore => "explore",
     }
 }
 
 impl Station for Pc {
     fn modes(&self) -> &'static [&'static str] {
-        const NAMES: [&str; MODES.len()] = [MODES[0].0, MODES[1].0, MODES[2].0];
+        const NAMES: [&str; MODES.len()] = [MODES[0].0, MODES[1].0, MODES[2].0, MODES[3].0];
         &NAMES
     }
 

@@ -1,6 +1,6 @@
 //! `avr-base`: the base with motors and sensors behind a register bus.
 
-use emulators::avr_base::{AvrBase, AvrBaseConfig, Profile};
+use emulators::avr_base::{AvrBase, AvrBaseConfig, Heat, Profile};
 use protocols::LineConfig;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Serialize};
@@ -21,6 +21,10 @@ pub struct AvrBaseSpec {
     /// How long before the run its tasks ran together, up to 200.8 ms; drawn if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub phase: Option<Span>,
+    /// Has a thermometer on each side, and rescue kits; only with the firmware `document`. The
+    /// robot then searches for victims as well.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub heat: bool,
 }
 
 impl AvrBaseSpec {
@@ -38,6 +42,14 @@ impl AvrBaseSpec {
             let key = format!("device.{name}.avr-base.profile");
             config.profile = Profile::from_name(found.get_ref())
                 .ok_or_else(|| source.unknown(&key, found, &known))?;
+        }
+        if self.heat && config.profile != Profile::Document {
+            let key = format!("device.{name}.avr-base.heat");
+            let message = "is there only with profile = \"document\"";
+            return Err(source.invalid(source.find("heat"), key, message));
+        }
+        if self.heat {
+            config.heat = Heat::Fitted;
         }
         Ok(config)
     }

@@ -32,7 +32,7 @@ pub fn examples() -> Vec<(String, String)> {
     paths.chain(kinds).filter_map(whole).collect()
 }
 
-const EXAMPLES: [(&str, &str); 17] = [
+const EXAMPLES: [(&str, &str); 19] = [
     (
         "",
         r#"
@@ -197,6 +197,22 @@ corners_m = [[1.8, 1.8], [2.2, 1.8], [2.2, 2.2]]
 [[world.pillar]]
 at_m = [[2.0, 0.5], [2.0, 2.0]]
 radius_m = 0.025
+"#,
+    ),
+    (
+        "world.maze",
+        r#"
+[world]
+start = { x_m = 0.375, y_m = 0.375, heading_deg = 0 }
+maze = { seed = 3, columns = 4, rows = 3 }
+"#,
+    ),
+    (
+        "world.heat",
+        r#"
+[[world.heat]]
+from_m = [2.7, 1.0]
+to_m = [2.7, 1.1]
 "#,
     ),
     (

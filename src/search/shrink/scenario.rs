@@ -61,6 +61,9 @@ fn nothing_in_the_end(case: &Scenario) -> Scenario {
     let expect = Expect {
         visit_within_mm: None,
         return_within_mm: None,
+        home_within_mm: None,
+        explored_min: None,
+        victims_within_mm: None,
         settle: None,
         wall_overlap_min: None,
         map_received: None,

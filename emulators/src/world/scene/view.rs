@@ -38,6 +38,7 @@ impl Scene {
         let seen = seen.unwrap_or_else(|_| self.clone());
         Self {
             floor: self.floor.clone(),
+            heat: self.heat.clone(),
             ..seen
         }
     }

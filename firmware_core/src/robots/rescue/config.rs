@@ -5,7 +5,7 @@ use protocols::avr::ChecksumOrder;
 use protocols::pcui::message::Mode;
 
 use super::Defects;
-use crate::navigation::{self, Body};
+use crate::navigation::{self, Body, Sought};
 use crate::odometry::WheelGeometry;
 use crate::pose::Point;
 use crate::scan::{Mounting, WeakReadings};
@@ -27,6 +27,8 @@ pub struct Config {
     pub wheels: WheelGeometry,
     /// Body, steering, wall follower.
     pub navigation: navigation::Settings,
+    /// What a search looks for.
+    pub sought: Sought,
     /// What the robot does until it is told otherwise.
     pub initial_mode: Mode,
     /// The PC link.
@@ -47,6 +49,7 @@ impl Config {
         mounting: MOUNTING,
         wheels: WHEELS,
         navigation: navigation::Settings::new(BODY),
+        sought: Sought::Floor,
         initial_mode: Mode::Stop,
         pc_link: pc_link::Settings::DEFAULT,
         defects: Defects::NONE,

@@ -4,17 +4,23 @@ use protocols::Instant;
 use protocols::avr::registers;
 
 use crate::base_link::{BaseLink, Completion, Outcome, READ_MAX, Request};
-use crate::navigation::HALT;
+use crate::navigation::{HALT, Sought};
 use crate::odometry::Odometry;
 
 use super::config::{Config, TICK_MM_S};
 
 /// Encoders and measured speeds: ten registers in one answer, so that they belong together.
 const WHEELS: Request = Request::read(registers::ENCODER_LEFT, 10);
+/// Both thermometers, and the floor sensor that lies between them.
+const HEAT: Request = Request::read(registers::HEAT_LEFT, 6);
+/// One rescue kit.
+const KIT: Request = Request::write(registers::KITS, [1]);
 const BATTERY: Request = Request::read(registers::BATTERY_MV, 3);
 
 /// The base measures its speeds every 40 ms.
 const WHEELS_PERIOD: Duration = Duration::from_millis(40);
+/// The base reads its thermometers every 50 ms.
+const HEAT_PERIOD: Duration = Duration::from_millis(100);
 const BATTERY_PERIOD: Duration = Duration::from_secs(1);
 /// Longest time between two writes of the set-points. The base stops by itself after a second.
 const REFRESH: Duration = Duration::from_millis(150);
@@ -54,6 +60,11 @@ pub(super) struct Drive {
     written_at: Instant,
     wheels_at: Instant,
     battery_at: Instant,
+    /// `None` if there are no thermometers.
+    heat_at: Option<Instant>,
+    heat: Option<[i16; 2]>,
+    /// Kits that are still to be dropped.
+    kits: u8,
     probe_at: Instant,
     was_silent: bool,
     speed: [i8; 2],
@@ -81,6 +92,12 @@ impl Drive {
             written_at: Instant::ZERO,
             wheels_at: Instant::ZERO,
             battery_at: Instant::ZERO,
+            heat_at: match config.sought {
+                Sought::Floor => None,
+                Sought::FloorAndHeat => Some(Instant::ZERO),
+            },
+            heat: None,
+            kits: 0,
             probe_at: Instant::ZERO,
             was_silent: false,
             speed: HALT,
@@ -149,6 +166,13 @@ impl Drive {
             self.battery_at = now + BATTERY_PERIOD;
             self.link.submit(now, BATTERY);
         }
+        if self.heat_at.is_some_and(|at| now >= at) {
+            self.heat_at = Some(now + HEAT_PERIOD);
+            self.link.submit(now, HEAT);
+            if self.kits > 0 {
+                self.link.submit(now, KIT);
+            }
+        }
     }
 
     pub(super) fn next_at(&self) -> Instant {
@@ -169,6 +193,17 @@ impl Drive {
             .min(refresh)
             .min(self.wheels_at)
             .min(self.battery_at)
+            .min(self.heat_at.unwrap_or(FAR))
+    }
+
+    /// The newest reading of the thermometers, left and right, tenths of a degree, once.
+    pub(super) const fn take_heat(&mut self) -> Option<[i16; 2]> {
+        self.heat.take()
+    }
+
+    /// A kit is to be dropped; again and again until the base has said that it is.
+    pub(super) const fn drop_kit(&mut self) {
+        self.kits = self.kits.saturating_add(1);
     }
 
     pub(super) const fn is_silent(&self) -> bool {
@@ -249,6 +284,11 @@ impl Drive {
     fn apply(&mut self, done: &Completion) {
         match done.outcome {
             Outcome::Data(data) if done.request == WHEELS => self.wheels_read(done.at, &data),
+            Outcome::Data(data) if done.request == HEAT => {
+                let value = |at: usize| i16::from_le_bytes([data[at], data[at + 1]]);
+                self.heat = Some([value(0), value(4)]);
+            }
+            Outcome::Written if done.request == KIT => self.kits = self.kits.saturating_sub(1),
             Outcome::Data(data) => {
                 self.battery = Some(Battery {
                     millivolts: u16::from_le_bytes([data[0], data[1]]),

@@ -62,6 +62,6 @@ impl Rescue {
     /// Whether the robot has to go to a place and does not know where it is: it stands, because
     /// looking for itself takes its processor longer than its decisions hold.
     pub fn is_lost(&self) -> bool {
-        self.mode == Mode::Waypoint && self.lost.is_lost()
+        matches!(self.mode, Mode::Waypoint | Mode::Explore) && self.lost.is_lost()
     }
 }

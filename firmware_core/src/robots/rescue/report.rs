@@ -1,7 +1,7 @@
 use protocols::Instant;
 use protocols::pcui::message::Mode;
 
-use super::Rescue;
+use super::{Progress, Rescue};
 use crate::Inspect;
 use crate::map_view::MapView;
 use crate::memory::StrayWrites;
@@ -31,6 +31,11 @@ impl Inspect for Rescue {
             Mode::Exploration => "exploration",
             _ if self.is_lost() => "lost",
             Mode::Waypoint => "waypoint",
+            Mode::Explore => match self.explore.progress() {
+                Progress::Seeks => "explore",
+                Progress::GoesHome => "home",
+                Progress::IsHome => "is home",
+            },
         }
     }
 
@@ -43,6 +48,17 @@ impl Inspect for Rescue {
         for (buffer, stray) in buffers.into_iter().filter(|(_, stray)| stray.count > 0) {
             report(buffer, stray);
         }
+    }
+
+    fn is_done(&self) -> Option<bool> {
+        Some(self.search_progress()? == Progress::IsHome)
+    }
+
+    fn victims(&self, report: &mut dyn FnMut(Point)) {
+        self.victims
+            .all()
+            .iter()
+            .for_each(|victim| report(victim.place));
     }
 
     fn is_dead(&self) -> bool {
@@ -84,6 +100,7 @@ impl Inspect for Rescue {
             ("radio queue overflows", self.pc.overflows()),
             ("waypoints reached", self.counters.arrivals),
             ("waypoints refused", self.counters.refused_waypoints),
+            ("views", self.explore.views().into()),
             ("manual fallbacks", self.counters.fallbacks),
             ("line errors", self.counters.line_errors),
         ];

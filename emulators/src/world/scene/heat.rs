@@ -1,0 +1,132 @@
+//! Warm plates on walls: what stands for a victim in RoboCup Rescue's arenas.
+
+use core::fmt;
+use std::sync::Arc;
+
+use protocols::Instant;
+
+use super::Scene;
+use crate::world::geometry::Point;
+
+/// Temperature of everything else, degrees Celsius: a hall.
+pub const AMBIENT_C: f64 = 22.0;
+/// A plate lies on its wall: so far in front of it or behind its surface it is seen, metres.
+const ON_WALL_M: f64 = 0.005;
+
+/// A plate on a wall, seen from above as a line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HeatPlate {
+    from: Point,
+    to: Point,
+    celsius: f64,
+}
+
+/// Why there is no such plate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct HeatPlateError;
+
+impl fmt::Display for HeatPlateError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a heat plate has finite ends apart from each other, and -50 to 150 degrees")
+    }
+}
+
+impl core::error::Error for HeatPlateError {}
+
+impl HeatPlate {
+    /// A plate between two points, as warm as `celsius`.
+    ///
+    /// # Errors
+    /// If a figure is out of range.
+    pub fn new(from: Point, to: Point, celsius: f64) -> Result<Self, HeatPlateError> {
+        let is_sound = from.is_finite() && to.is_finite() && from != to;
+        let plate = Self { from, to, celsius };
+        let sound = is_sound && (-50.0..=150.0).contains(&celsius);
+        sound.then_some(plate).ok_or(HeatPlateError)
+    }
+
+    /// Its middle.
+    pub fn middle(&self) -> Point {
+        Point::new(
+            (self.from.x + self.to.x) / 2.0,
+            (self.from.y + self.to.y) / 2.0,
+        )
+    }
+
+    /// How far along a ray it is met.
+    fn met_at(&self, origin: Point, [cos, sin]: [f64; 2]) -> Option<f64> {
+        let (ex, ey) = (self.to.x - self.from.x, self.to.y - self.from.y);
+        let (fx, fy) = (self.from.x - origin.x, self.from.y - origin.y);
+        let cross = cos * ey - sin * ex;
+        let along = (fx * ey - fy * ex) / cross;
+        let share = (fx * sin - fy * cos) / cross;
+        (along > 0.0 && (0.0..=1.0).contains(&share)).then_some(along)
+    }
+}
+
+impl Scene {
+    /// The same scene with these plates, and no others.
+    #[must_use]
+    pub fn with_heat_plates(self, plates: Vec<HeatPlate>) -> Self {
+        Self {
+            heat: Arc::from(plates),
+            ..self
+        }
+    }
+
+    /// The plates.
+    pub fn heat_plates(&self) -> &[HeatPlate] {
+        &self.heat
+    }
+
+    /// Temperature of what a ray meets at `at`, degrees Celsius.
+    pub fn temperature(&self, at: Instant, from: Point, angle: f64, max_range: f64) -> f64 {
+        let direction = [libm::cos(angle), libm::sin(angle)];
+        let wall = self.cast_ray(at, from, angle, max_range);
+        let wall_m = wall.map_or(max_range, |hit| hit.distance + ON_WALL_M);
+        let met = self.heat.iter().filter_map(|plate| {
+            let far = plate.met_at(from, direction)?;
+            (far <= wall_m).then_some((far, plate.celsius))
+        });
+        let nearest = met.min_by(|one, other| one.0.total_cmp(&other.0));
+        nearest.map_or(AMBIENT_C, |(_, celsius)| celsius)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::world::scene::{Obstacle, Shape};
+
+    /// A wall along x = 1 with a plate from y = -0.05 to 0.05 on its left face, and one behind it.
+    #[test]
+    fn a_plate_is_felt_on_its_side_of_the_wall_only() {
+        let wall = Shape::Wall {
+            from: Point::new(1.0, -1.0),
+            to: Point::new(1.0, 1.0),
+        };
+        let plate = |x: f64, celsius| {
+            HeatPlate::new(Point::new(x, -0.05), Point::new(x, 0.05), celsius).expect("sound")
+        };
+        let scene = Scene::new(vec![wall], Vec::<Obstacle>::new()).expect("sound");
+        let scene = scene.with_heat_plates(vec![plate(1.0, 37.0), plate(1.02, 60.0)]);
+        let felt = |x, angle| scene.temperature(Instant::ZERO, Point::new(x, 0.0), angle, 2.0);
+        assert_eq!(felt(0.5, 0.0), 37.0);
+        // Half a metre away the plate ends at 5.7 degrees.
+        assert_eq!((felt(0.5, 0.095), felt(0.5, 0.105)), (37.0, AMBIENT_C));
+        assert_eq!(felt(0.5, core::f64::consts::PI), AMBIENT_C);
+        assert_eq!(felt(1.5, core::f64::consts::PI), 60.0);
+    }
+
+    #[test]
+    fn what_is_no_plate_is_refused() {
+        let here = Point::new(0.0, 0.0);
+        assert_eq!(HeatPlate::new(here, here, 37.0), Err(HeatPlateError));
+        let there = Point::new(0.1, 0.0);
+        assert_eq!(HeatPlate::new(here, there, 151.0), Err(HeatPlateError));
+        assert_eq!(
+            HeatPlate::new(here, there, 37.0).map(|plate| plate.middle().x),
+            Ok(0.05)
+        );
+    }
+}

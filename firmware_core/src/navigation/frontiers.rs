@@ -1,0 +1,436 @@
+//! Where to look next, and when nothing that can be reached is unknown any more.
+//!
+//! ```text
+//! map -> free, unknown, solid cells -> wave from the robot -> views -> the one worth its way
+//! ```
+//!
+//! A view is a place that the robot can drive to over known floor. It is worth what its rays would
+//! show: unknown cells behind an edge of the known floor and, for a robot that feels heat, walls
+//! that its sensors have not passed yet; the way to it is taken off that. What a robot has looked
+//! at and that did not become known is doubted, which means that only a view from near by counts,
+//! and if that shows nothing either, given up. So the search comes to an end: each view shows
+//! something or takes something off the list.
+
+use crate::grid::{Grid, UNKNOWN};
+use crate::pose::{Point, Pose, sin_cos};
+
+use super::cells::{COARSE, Cell, Cells, EDGE, NEIGHBOURS, neighbour};
+use super::raster::{Front, Raster};
+use super::{Body, Surroundings};
+
+/// Most of the nine map cells of a cell.
+const MOST: u8 = 5;
+/// Rays of a view.
+const RAYS: usize = 48;
+/// Cells that a ray reaches, 1.8 m: farther away a corridor is better seen from nearer.
+const REACH: i16 = 60;
+/// Unknown cells that a ray counts: 0.3 m. What is behind them nobody knows.
+const UNKNOWN_MAX: u16 = 10;
+/// An edge of fewer cells is a crack between two boards, not a way.
+const EDGE_CELLS_MIN: u8 = 3;
+/// Views stand so many cells apart.
+const VIEW_CELLS: u8 = 3;
+/// What a cell of the way costs, in unknown cells.
+const WAY_WEIGHT: i32 = 3;
+/// Cells at which heat is felt well enough: 0.42 m.
+const FEEL_CELLS: i16 = 14;
+/// What is doubted counts from so near: 0.42 m, farther than the robot keeps off a corner.
+const NEAR_CELLS: i16 = 14;
+/// What a ray to a wall that was not felt is worth, in unknown cells.
+const FEEL_WEIGHT: u16 = 4;
+/// Cells around the end of a ray that were felt with it.
+const FELT_AROUND: i8 = 2;
+/// Clearance of a way that is the last resort.
+const THIN_MM: f32 = 15.0;
+/// The robot stands at most so many cells off the floor that its body may reach.
+const STRAY_CELLS: i8 = 5;
+/// Steps of rays that cost as much as a point of a candidate pose, 580 cycles of the STM32F4: a
+/// step takes 18.
+const STEPS_PER_POINT: u32 = 32;
+/// Steps that sorting 90,000 cells of the map costs, at 4 cycles each.
+const SCENE_STEPS: u32 = 20_000;
+
+/// What the robot looks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sought {
+    /// What the lidar has not seen.
+    Floor,
+    /// Besides, walls that the heat sensors have not passed.
+    FloorAndHeat,
+}
+
+/// A place to look from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    /// Where.
+    pub place: Point,
+    /// Cells of the planner between the robot and it, along the way.
+    pub way_cells: u16,
+}
+
+/// What can be seen from a place, as counted by rays.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Outlook {
+    /// Unknown cells behind edges of the known floor.
+    pub unknown: u16,
+    /// Rays that end near by on a wall that was not felt.
+    pub unfelt: u16,
+}
+
+impl Outlook {
+    /// Unknown cells that are worth a way: a corridor seen along its wall shows few at first.
+    pub const SMALL: u16 = 6;
+    /// Three rays full of them.
+    pub const LARGE: u16 = 30;
+
+    /// Whether it is worth a way.
+    pub const fn is_worth_a_way(self) -> bool {
+        self.gain() >= Self::SMALL
+    }
+
+    const fn gain(self) -> u16 {
+        self.unknown + FEEL_WEIGHT * self.unfelt
+    }
+}
+
+/// What is still to be looked at.
+#[derive(Clone, Debug)]
+pub struct Frontiers {
+    sought: Sought,
+    /// Edges that were looked at in vain from afar.
+    doubted: Cells,
+    /// Edges and walls that were looked at in vain from near by.
+    given_up: Cells,
+    /// Walls that the heat sensors have passed.
+    felt: Cells,
+    steps: u32,
+}
+
+impl Frontiers {
+    /// Nothing was looked at yet.
+    pub const fn new(sought: Sought) -> Self {
+        Self {
+            sought,
+            doubted: Cells::NONE,
+            given_up: Cells::NONE,
+            felt: Cells::NONE,
+            steps: 0,
+        }
+    }
+
+    /// What was given up gets another chance.
+    pub const fn forgive(&mut self) {
+        self.doubted = Cells::NONE;
+        self.given_up = Cells::NONE;
+    }
+
+    /// Computing since the last call, in points of candidate poses; see [`crate::Work`].
+    pub const fn take_points(&mut self) -> u32 {
+        let points = self.steps / STEPS_PER_POINT;
+        self.steps %= STEPS_PER_POINT;
+        points
+    }
+
+    /// The view that is worth most, its way taken off; `None` if nothing that `body` can reach is
+    /// unknown, or less than `least` cells of it. A way that the body only just fits through is the
+    /// last resort.
+    pub fn next_view(
+        &mut self,
+        map: &Grid,
+        (body, least): (&Body, u16),
+        pose: Pose,
+        around: &Surroundings,
+    ) -> Option<View> {
+        let raster = Raster::of(map);
+        let obstacles = raster.obstacles(map, pose, around);
+        let scene = self.scene(map);
+        let here = pose.position();
+        let mut keeps = [body.keep_mm(), body.radius_mm + THIN_MM].into_iter();
+        keeps.find_map(|keep_mm| {
+            let near = raster.blocked(&obstacles, raster.reach(keep_mm - 25.0), [here; 2]);
+            let start = open_near(&scene, &near, raster.cell_of(here)?)?;
+            let (cell, way_cells) = self.best_view(&scene, &near, start, least)?;
+            Some(View {
+                place: raster.middle(cell),
+                way_cells,
+            })
+        })
+    }
+
+    fn best_view(
+        &mut self,
+        scene: &Scene,
+        near: &Cells,
+        start: Cell,
+        least: u16,
+    ) -> Option<(Cell, u16)> {
+        let rays = Rays::new();
+        let mut best: Option<(i32, Cell, u16)> = None;
+        let mut steps = 0;
+        wave(scene, near, start, |cell, way| {
+            steps += 8;
+            let is_view = cell.x.is_multiple_of(VIEW_CELLS) && cell.y.is_multiple_of(VIEW_CELLS);
+            if !is_view && way > 0 {
+                return;
+            }
+            let outlook = scene.look(&rays, cell, &mut steps);
+            let worth = i32::from(outlook.gain()) - WAY_WEIGHT * i32::from(way);
+            if outlook.gain() >= least && best.is_none_or(|(most, ..)| worth > most) {
+                best = Some((worth, cell, way));
+            }
+        });
+        self.steps += steps;
+        best.map(|(_, cell, way)| (cell, way))
+    }
+
+    /// Cells of the planner of which something is known, walls that were felt counted once more.
+    pub fn known_cells(&mut self, map: &Grid) -> u16 {
+        let mut unknown = 0;
+        self.scene(map).unknown.each(|_| unknown += 1);
+        let mut felt = 0;
+        self.felt.each(|_| felt += 1);
+        u16::from(EDGE) * u16::from(EDGE) - unknown + felt
+    }
+
+    fn scene(&mut self, map: &Grid) -> Scene {
+        self.steps += SCENE_STEPS;
+        Scene::of(map, self)
+    }
+
+    const fn wants_to_feel(&self, cell: Cell) -> bool {
+        matches!(self.sought, Sought::FloorAndHeat)
+            && !self.felt.has(cell)
+            && !self.given_up.has(cell)
+    }
+
+    /// What is to be seen from `place`.
+    pub fn outlook(&mut self, map: &Grid, place: Point) -> Outlook {
+        let scene = self.scene(map);
+        let cell = Raster::of(map).cell_of(place);
+        cell.map_or(Outlook::default(), |cell| {
+            scene.look(&Rays::new(), cell, &mut self.steps)
+        })
+    }
+
+    /// What is to be seen from `place`, or beside it, was looked at in vain, or the robot does not
+    /// get there.
+    pub fn give_up(&mut self, map: &Grid, place: Point) {
+        let scene = self.scene(map);
+        let Some(from) = Raster::of(map).cell_of(place) else {
+            return;
+        };
+        let (mut far, mut near) = (Cells::NONE, Cells::NONE);
+        let rays = Rays::new();
+        from.each_within(1, |from| {
+            for ray in rays.0 {
+                let end = scene.cast(from, ray, &mut self.steps);
+                match end.edge {
+                    Some((edge, step)) if step <= NEAR_CELLS => near.set(edge),
+                    Some((edge, _)) => far.set(edge),
+                    None => {}
+                }
+                if let Some(wall) = end.unfelt {
+                    near.set(wall);
+                }
+            }
+        });
+        self.doubted.add(&far.grown(1));
+        self.given_up.add(&near.grown(1));
+    }
+
+    /// Heat sensors at `place` have looked along `bearings` (radians, in the map's frame).
+    pub fn feel(&mut self, map: &Grid, place: Point, bearings: impl Iterator<Item = f32>) {
+        let raster = Raster::of(map);
+        let Some(from) = raster.cell_of(place) else {
+            return;
+        };
+        let scene = self.scene(map);
+        for ray in bearings.map(direction) {
+            if let Some(wall) = scene.cast(from, ray, &mut self.steps).unfelt {
+                wall.each_within(FELT_AROUND, |cell| self.felt.set(cell));
+            }
+        }
+    }
+}
+
+/// The map in three kinds of cells; what is none of them is a wall's soft flank.
+struct Scene {
+    free: Cells,
+    unknown: Cells,
+    /// Free cells beside unknown ones.
+    edges: Cells,
+    /// Those of them that only count from near by.
+    doubted: Cells,
+    /// Walls that are to be felt.
+    unfelt: Cells,
+}
+
+/// Where a ray ended.
+#[derive(Clone, Copy, Debug, Default)]
+struct End {
+    unknown: u16,
+    /// The edge, and the step of the ray behind it.
+    edge: Option<(Cell, i16)>,
+    unfelt: Option<Cell>,
+}
+
+impl Scene {
+    fn of(map: &Grid, frontiers: &Frontiers) -> Self {
+        let mut scene = Self {
+            free: Cells::NONE,
+            unknown: Cells::NONE,
+            edges: Cells::NONE,
+            doubted: frontiers.doubted.clone(),
+            unfelt: Cells::NONE,
+        };
+        for (y, rows) in (0..).zip(map.rows().chunks_exact(COARSE)) {
+            for x in 0..EDGE {
+                let first = usize::from(x) * COARSE;
+                let cells = rows.iter().flat_map(|row| &row[first..first + COARSE]);
+                let (mut free, mut unknown) = (0, 0);
+                for &value in cells {
+                    free += u8::from(value < UNKNOWN);
+                    unknown += u8::from(value == UNKNOWN);
+                }
+                let cell = Cell { x, y };
+                if free >= MOST {
+                    scene.free.set(cell);
+                } else if unknown >= MOST {
+                    scene.unknown.set(cell);
+                } else if frontiers.wants_to_feel(cell) {
+                    scene.unfelt.set(cell);
+                }
+            }
+        }
+        scene.find_edges(&frontiers.given_up);
+        scene
+    }
+
+    fn find_edges(&mut self, given_up: &Cells) {
+        let mut open = Cells::NONE;
+        self.free.each(|cell| {
+            let beside = (0..4).filter_map(|side| neighbour(cell, side));
+            if !given_up.has(cell) && beside.into_iter().any(|near| self.unknown.has(near)) {
+                open.set(cell);
+            }
+        });
+        let mut edges = Cells::NONE;
+        open.each(|cell| {
+            let mut count = 0;
+            cell.each_within(2, |near| count += u8::from(open.has(near)));
+            if count >= EDGE_CELLS_MIN {
+                edges.set(cell);
+            }
+        });
+        self.edges = edges;
+    }
+
+    fn look(&self, rays: &Rays, from: Cell, steps: &mut u32) -> Outlook {
+        let mut outlook = Outlook::default();
+        for ray in rays.0 {
+            let end = self.cast(from, ray, steps);
+            outlook.unknown += end.unknown;
+            outlook.unfelt += u16::from(end.unfelt.is_some());
+        }
+        outlook
+    }
+
+    /// Whether `cell` is an edge that counts for a ray's `step` behind it.
+    const fn counts(&self, cell: Cell, step: i16) -> bool {
+        self.edges.has(cell) && (step <= NEAR_CELLS || !self.doubted.has(cell))
+    }
+
+    /// Follows a ray over free cells, and over the unknown ones behind an edge.
+    fn cast(&self, from: Cell, [dx, dy]: [i16; 2], steps: &mut u32) -> End {
+        let mut end = End::default();
+        let mut last = from;
+        for step in 1..=REACH {
+            *steps += 1;
+            let Some(cell) = along(from, [dx, dy], step) else {
+                break;
+            };
+            if end.edge.is_none() && self.free.has(cell) {
+                last = cell;
+            } else if self.unknown.has(cell) && (end.edge.is_some() || self.counts(last, step)) {
+                end.edge = Some(end.edge.unwrap_or((last, step)));
+                end.unknown += 1;
+                if end.unknown == UNKNOWN_MAX {
+                    break;
+                }
+            } else {
+                let is_near = end.edge.is_none() && step <= FEEL_CELLS;
+                end.unfelt = (is_near && self.unfelt.has(cell)).then_some(cell);
+                break;
+            }
+        }
+        end
+    }
+}
+
+/// Directions in 256ths of a cell.
+struct Rays([[i16; 2]; RAYS]);
+
+impl Rays {
+    fn new() -> Self {
+        let mut rays = [[0; 2]; RAYS];
+        for (index, ray) in (0_u8..).zip(&mut rays) {
+            // Half a step beside the axes, along which walls run.
+            let turns = (f32::from(index) + 0.5) / RAYS as f32;
+            *ray = direction(turns * core::f32::consts::TAU);
+        }
+        Self(rays)
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "at most 256")]
+fn direction(bearing: f32) -> [i16; 2] {
+    let (sin, cos) = sin_cos(bearing);
+    [cos, sin].map(|part| libm::roundf(part * 256.0) as i16)
+}
+
+fn along(from: Cell, [dx, dy]: [i16; 2], step: i16) -> Option<Cell> {
+    let cells = |part: i16| {
+        let far = (i32::from(part) * i32::from(step) + 128) >> 8;
+        i8::try_from(far).ok()
+    };
+    from.moved(cells(dx)?, cells(dy)?)
+}
+
+/// The cell nearest to the robot's own from which the wave can set out.
+fn open_near(scene: &Scene, near: &Cells, cell: Cell) -> Option<Cell> {
+    let is_open = |cell: &Cell| scene.free.has(*cell) && !near.has(*cell);
+    (0..=STRAY_CELLS).find_map(|apart| {
+        (-apart..=apart)
+            .flat_map(|dy| (-apart..=apart).map(move |dx| (dx, dy)))
+            .filter_map(|(dx, dy)| cell.moved(dx, dy))
+            .find(is_open)
+    })
+}
+
+/// Calls `visit` for each cell that can be reached over known floor, nearest first, with the cells
+/// of the way there.
+fn wave(scene: &Scene, near: &Cells, start: Cell, mut visit: impl FnMut(Cell, u16)) {
+    let mut reached = Cells::NONE;
+    let mut front = Front::new();
+    reached.set(start);
+    front.push(start);
+    let mut way = 0;
+    while front.len() > 0 {
+        for _ in 0..front.len() {
+            let Some(cell) = front.pop() else {
+                return;
+            };
+            visit(cell, way);
+            for next in (0..NEIGHBOURS.len()).filter_map(|side| neighbour(cell, side)) {
+                if scene.free.has(next) && !near.has(next) && !reached.has(next) {
+                    reached.set(next);
+                    front.push(next);
+                }
+            }
+        }
+        way += 1;
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,121 @@
+extern crate std;
+
+use std::boxed::Box;
+
+use super::*;
+
+const BODY: Body = Body {
+    radius_mm: 160.0,
+    clearance_mm: 45.0,
+    tick_mm_s: 11.345,
+    axle_mm: 260.0,
+};
+
+fn fill(map: &mut Grid, [x0, y0, x1, y1]: [usize; 4], value: u8) {
+    for y in y0..=y1 {
+        for x in x0..=x1 {
+            map.set(x, y, value);
+        }
+    }
+}
+
+/// A known room from 0.3 m to 1.5 m, whose right wall has a door of `door` cells of 10 mm, from y =
+/// 0.6 m up; nothing is known behind it.
+fn room(door: usize) -> Box<Grid> {
+    let mut map = Box::new(Grid::new(10.0));
+    fill(&mut map, [27, 27, 152, 152], 255);
+    fill(&mut map, [30, 30, 149, 149], 0);
+    if door > 0 {
+        fill(&mut map, [150, 60, 152, 59 + door], 0);
+    }
+    map
+}
+
+const MIDDLE: Pose = Pose {
+    x_mm: 900.0,
+    y_mm: 900.0,
+    heading: 0.0,
+};
+
+fn next(frontiers: &mut Frontiers, map: &Grid) -> Option<View> {
+    frontiers.next_view(map, (&BODY, Outlook::SMALL), MIDDLE, &Surroundings::EMPTY)
+}
+
+#[test]
+fn a_room_without_a_way_out_is_done() {
+    assert_eq!(next(&mut Frontiers::new(Sought::Floor), &room(0)), None);
+}
+
+/// From the view the open door is seen, and a body of 205 mm fits there.
+#[test]
+fn a_door_is_looked_through() {
+    let (map, mut frontiers) = (room(60), Frontiers::new(Sought::Floor));
+    let view = next(&mut frontiers, &map).expect("a view");
+    assert!(frontiers.outlook(&map, view.place).is_worth_a_way());
+    let Point { x_mm, y_mm } = view.place;
+    assert!((480.0..1320.0).contains(&y_mm) && x_mm > 480.0, "{view:?}");
+    assert!(frontiers.take_points() > 100, "rays cost time");
+}
+
+/// A crack of 6 cm is no door.
+#[test]
+fn a_crack_is_not_worth_a_way() {
+    assert_eq!(next(&mut Frontiers::new(Sought::Floor), &room(6)), None);
+}
+
+/// Floor that is known, but behind a wall with a hole through which nobody fits, is no place to
+/// look from.
+#[test]
+fn what_cannot_be_reached_is_not_sought() {
+    let mut map = room(0);
+    fill(&mut map, [153, 30, 280, 149], 0);
+    fill(&mut map, [150, 80, 152, 88], 0);
+    assert_eq!(next(&mut Frontiers::new(Sought::Floor), &map), None);
+}
+
+/// A door that stays dark, seen from afar and from near by, is given up; asked again, it counts
+/// again.
+#[test]
+fn what_shows_nothing_is_given_up_in_the_end() {
+    let (map, mut frontiers) = (room(60), Frontiers::new(Sought::Floor));
+    let mut looks = 0;
+    while let Some(view) = next(&mut frontiers, &map) {
+        frontiers.give_up(&map, view.place);
+        looks += 1;
+        assert!(looks < 20, "never ends");
+    }
+    assert!(looks >= 1, "{looks}");
+    frontiers.forgive();
+    assert!(next(&mut frontiers, &map).is_some());
+}
+
+/// Of two doors alike the nearer one comes first.
+#[test]
+fn a_short_way_is_better_than_a_long_one() {
+    let mut map = room(0);
+    fill(&mut map, [70, 150, 129, 152], 0);
+    fill(&mut map, [27, 60, 29, 119], 0);
+    let mut view = |x_mm: f32, y_mm: f32| {
+        let pose = Pose::new(x_mm, y_mm, 0.0);
+        let mut frontiers = Frontiers::new(Sought::Floor);
+        let view = frontiers.next_view(&map, (&BODY, Outlook::SMALL), pose, &Surroundings::EMPTY);
+        view.expect("a view").place
+    };
+    let (left, up) = (view(560.0, 560.0), view(1240.0, 1240.0));
+    assert!(left.x_mm + left.y_mm < up.x_mm + up.y_mm, "{left:?} {up:?}");
+}
+
+#[test]
+fn a_robot_off_its_map_finds_nothing() {
+    let mut frontiers = Frontiers::new(Sought::Floor);
+    let pose = Pose::new(-50.0, 900.0, 0.0);
+    let view = frontiers.next_view(
+        &room(60),
+        (&BODY, Outlook::SMALL),
+        pose,
+        &Surroundings::EMPTY,
+    );
+    assert_eq!(view, None);
+    let off = Point::new(f32::NAN, 0.0);
+    assert_eq!(frontiers.outlook(&room(60), off), Outlook::default());
+}

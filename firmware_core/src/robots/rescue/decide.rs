@@ -1,0 +1,74 @@
+use protocols::Instant;
+
+use super::explore::Sight;
+use super::{Progress, Rescue, Victim};
+use crate::navigation::{Goal, HALT, Step, Surroundings};
+use crate::pose::{Point, Pose};
+
+/// What the robot does by itself.
+impl Rescue {
+    /// One step of the search that ends at home.
+    pub(super) fn search(&mut self, pose: Pose, around: &Surroundings) -> [i8; 2] {
+        let sight = Sight {
+            map: self.mapper.grid(),
+            pose,
+            around,
+        };
+        let set_point = self.explore.step(&mut self.navigator, sight);
+        let points = self.explore.take_points();
+        self.work.points = self.work.points.saturating_add(points);
+        set_point
+    }
+
+    /// Looks for victims with what the thermometers have read since.
+    pub(super) fn feel(&mut self, now: Instant) {
+        let Some(readings) = self.drive.take_heat() else {
+            return;
+        };
+        if self.matched.is_none() || self.is_lost() || !self.drive.odometry.remembers(now) {
+            return;
+        }
+        let since = self.motion_until(now);
+        let pose = self.mapper.pose().then(since);
+        let around = Surroundings::seen(&self.scan, since);
+        if self.victims.take(readings, pose, &around) {
+            self.drive.drop_kit();
+        }
+    }
+
+    /// The victims that it has found.
+    pub fn victims(&self) -> &[Victim] {
+        self.victims.all()
+    }
+
+    /// How far the search has got; `None` if nobody has asked for it yet.
+    pub const fn search_progress(&self) -> Option<Progress> {
+        if self.explore.has_begun() {
+            Some(self.explore.progress())
+        } else {
+            None
+        }
+    }
+
+    /// One step to the next waypoint that is not reached yet.
+    pub(super) fn approach(&mut self, pose: Pose, around: &Surroundings) -> [i8; 2] {
+        while let Some(target) = self.waypoints.target() {
+            let [x, y] = target.position_mm.map(f32::from);
+            let goal = Goal {
+                position: Point::new(x, y),
+                is_last: self.waypoints.is_last(),
+            };
+            match self
+                .navigator
+                .approach(self.mapper.grid(), pose, goal, around)
+            {
+                Step::Drive(set_point) => return set_point,
+                Step::Arrived => {
+                    self.waypoints.advance();
+                    self.counters.arrivals = self.counters.arrivals.saturating_add(1);
+                }
+            }
+        }
+        HALT
+    }
+}

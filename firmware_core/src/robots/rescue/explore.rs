@@ -1,0 +1,304 @@
+//! The report's promise: searches the maze by itself and comes home.
+//!
+//! ```text
+//! seeks: view -> way -> look round -> next view ... nothing left -> goes home -> is home
+//! ```
+//!
+//! A view is dropped as soon as what it was to show is seen, which is mostly on the way to it, and
+//! given up when the way takes much longer than its length. Before the robot believes that nothing
+//! is left, what it has given up gets one more chance: something that moves may have been in the
+//! way.
+
+use core::f32::consts::FRAC_PI_2;
+
+use crate::grid::Grid;
+use crate::navigation::{
+    Body, Frontiers, Goal, HALT, Navigator, Outlook, Sought, Step, Surroundings, View,
+};
+use crate::pose::{Point, Pose, normalised};
+
+/// Scans after which the view is judged again: a second.
+const JUDGE_SCANS: u8 = 5;
+/// After so many views in a row that show less than so many cells, 0.02 m2, only large ones are
+/// tried, and after twice as many none: what is left is noise of the map, not floor.
+const VAIN_VIEWS: u8 = 6;
+const NEWS_CELLS: u16 = 25;
+/// Scans for which the robot looks at what it came for.
+const LOOK_SCANS: u8 = 4;
+/// Scans that a way may take: 20 s, and 13 cm/s.
+const PATIENCE_SCANS: u16 = 100;
+const PATIENCE_PER_CELL: u16 = 2;
+/// Speed of the wheels in a turn on the spot that shows the walls to the heat sensors: 45 degrees a
+/// second.
+const TURN: i8 = 9;
+/// Both sides together see everything in half a turn.
+const TURN_RAD: f32 = 3.4;
+
+/// Beside the middle of a heat sensor's view this is felt well.
+const FELT_RAD: f32 = 0.2;
+
+/// How far the robot has got with its search.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Progress {
+    /// It looks for what is unknown.
+    Seeks,
+    /// Nothing that it can reach is unknown: it goes home.
+    GoesHome,
+    /// It is there.
+    IsHome,
+}
+
+/// What is done at a view.
+#[derive(Clone, Copy, Debug)]
+enum At {
+    /// On the way there.
+    Way { view: View, scans: u16, age: u8 },
+    /// Standing there and looking.
+    Look { place: Point, scans: u8 },
+    /// Turning on the spot; `turned` radians of it are done since `heading`.
+    Turn {
+        place: Point,
+        heading: f32,
+        turned: f32,
+    },
+}
+
+/// What the robot knows and sees when it decides.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sight<'a> {
+    pub(super) map: &'a Grid,
+    pub(super) pose: Pose,
+    pub(super) around: &'a Surroundings,
+}
+
+/// The search of the maze.
+#[derive(Clone, Debug)]
+pub(super) struct Explore {
+    progress: Progress,
+    sought: Sought,
+    home: Option<Point>,
+    frontiers: Frontiers,
+    at: Option<At>,
+    /// Whether what was given up got its other chance.
+    is_second: bool,
+    views: u16,
+    /// Cells known at the last view that showed something, and views since.
+    known: u16,
+    vain: u8,
+}
+
+impl Explore {
+    pub(super) const fn new(sought: Sought) -> Self {
+        Self {
+            progress: Progress::Seeks,
+            sought,
+            home: None,
+            frontiers: Frontiers::new(sought),
+            at: None,
+            is_second: false,
+            views: 0,
+            known: 0,
+            vain: 0,
+        }
+    }
+
+    /// Whether it was ever asked for.
+    pub(super) const fn has_begun(&self) -> bool {
+        self.home.is_some()
+    }
+
+    pub(super) const fn progress(&self) -> Progress {
+        self.progress
+    }
+
+    /// Places that the robot has looked from.
+    pub(super) const fn views(&self) -> u16 {
+        self.views
+    }
+
+    /// Goes on from here: what lies behind the robot's back may have changed.
+    pub(super) const fn pause(&mut self) {
+        self.at = None;
+        if matches!(self.progress, Progress::IsHome) {
+            self.progress = Progress::Seeks;
+            self.home = None;
+            self.is_second = false;
+            self.vain = 0;
+        }
+    }
+
+    /// Computing since the last call, in points of candidate poses.
+    pub(super) const fn take_points(&mut self) -> u32 {
+        self.frontiers.take_points()
+    }
+
+    /// The heat sensors, left and right, have looked from `pose`.
+    fn feel(&mut self, Sight { map, pose, .. }: Sight<'_>) {
+        let sides = [FRAC_PI_2, -FRAC_PI_2].into_iter();
+        let beside = |side| [-FELT_RAD, 0.0, FELT_RAD].map(|beside| pose.heading + side + beside);
+        let bearings = sides.flat_map(beside);
+        self.frontiers.feel(map, pose.position(), bearings);
+    }
+
+    /// One step of the search, once a scan.
+    pub(super) fn step(&mut self, navigator: &mut Navigator, sight: Sight<'_>) -> [i8; 2] {
+        if self.sought == Sought::FloorAndHeat {
+            self.feel(sight);
+        }
+        let home = *self.home.get_or_insert(sight.pose.position());
+        match self.progress {
+            Progress::Seeks => self.seek(navigator, sight),
+            Progress::GoesHome => {
+                let goal = Goal {
+                    position: home,
+                    is_last: true,
+                };
+                match navigator.approach(sight.map, sight.pose, goal, sight.around) {
+                    Step::Drive(set_point) => set_point,
+                    Step::Arrived => {
+                        self.progress = Progress::IsHome;
+                        HALT
+                    }
+                }
+            }
+            Progress::IsHome => HALT,
+        }
+    }
+
+    fn seek(&mut self, navigator: &mut Navigator, sight: Sight<'_>) -> [i8; 2] {
+        match self.at {
+            None => self.choose(navigator.settings().body, sight),
+            Some(At::Way { view, scans, age }) => {
+                self.go(navigator, sight, view, [scans, age.into()])
+            }
+            Some(At::Look { place, scans }) => self.look(sight, place, scans),
+            Some(At::Turn {
+                place,
+                heading,
+                turned,
+            }) => {
+                let body = &navigator.settings().body;
+                self.turn(body, sight, place, [heading, turned])
+            }
+        }
+    }
+
+    fn choose(&mut self, body: Body, sight: Sight<'_>) -> [i8; 2] {
+        let Sight { map, pose, around } = sight;
+        let known = self.frontiers.known_cells(map);
+        if known >= self.known.saturating_add(NEWS_CELLS) {
+            (self.known, self.vain) = (known, 0);
+        } else {
+            self.vain = self.vain.saturating_add(1);
+        }
+        let least = match self.vain {
+            0..=VAIN_VIEWS => Outlook::SMALL,
+            _ if self.vain <= 2 * VAIN_VIEWS => Outlook::LARGE,
+            _ => {
+                self.progress = Progress::GoesHome;
+                return HALT;
+            }
+        };
+        match self.frontiers.next_view(map, (&body, least), pose, around) {
+            Some(view) => {
+                self.views = self.views.saturating_add(1);
+                self.at = Some(At::Way {
+                    view,
+                    scans: 0,
+                    age: 0,
+                });
+            }
+            None if !self.is_second => {
+                self.is_second = true;
+                self.frontiers.forgive();
+            }
+            None => self.progress = Progress::GoesHome,
+        }
+        HALT
+    }
+
+    fn go(
+        &mut self,
+        navigator: &mut Navigator,
+        sight: Sight<'_>,
+        view: View,
+        [scans, age]: [u16; 2],
+    ) -> [i8; 2] {
+        let Sight { map, pose, around } = sight;
+        if scans > PATIENCE_SCANS.saturating_add(view.way_cells.saturating_mul(PATIENCE_PER_CELL)) {
+            self.frontiers.give_up(map, view.place);
+            self.at = None;
+            return HALT;
+        }
+        let is_due = age >= JUDGE_SCANS.into();
+        if is_due && !self.frontiers.outlook(map, view.place).is_worth_a_way() {
+            return self.choose(navigator.settings().body, sight);
+        }
+        let goal = Goal {
+            position: view.place,
+            is_last: false,
+        };
+        let (next, set_point) = match navigator.approach(map, pose, goal, around) {
+            Step::Drive(set_point) => {
+                let age = if is_due { 0 } else { age.saturating_add(1) };
+                let at = At::Way {
+                    view,
+                    scans: scans + 1,
+                    age: u8::try_from(age).unwrap_or(u8::MAX),
+                };
+                (at, set_point)
+            }
+            Step::Arrived => {
+                let place = view.place;
+                (At::Look { place, scans: 0 }, HALT)
+            }
+        };
+        self.at = Some(next);
+        set_point
+    }
+
+    fn look(&mut self, sight: Sight<'_>, place: Point, scans: u8) -> [i8; 2] {
+        let outlook = self.frontiers.outlook(sight.map, place);
+        self.at = if !outlook.is_worth_a_way() {
+            None
+        } else if outlook.unfelt > 0 {
+            let heading = sight.pose.heading;
+            Some(At::Turn {
+                place,
+                heading,
+                turned: 0.0,
+            })
+        } else if scans < LOOK_SCANS {
+            let scans = scans + 1;
+            Some(At::Look { place, scans })
+        } else {
+            self.frontiers.give_up(sight.map, place);
+            None
+        };
+        HALT
+    }
+
+    fn turn(
+        &mut self,
+        body: &Body,
+        sight: Sight<'_>,
+        place: Point,
+        [heading, turned]: [f32; 2],
+    ) -> [i8; 2] {
+        let turned = turned + normalised(sight.pose.heading - heading).abs();
+        let outlook = self.frontiers.outlook(sight.map, place);
+        if outlook.unfelt == 0 || turned >= TURN_RAD {
+            if outlook.unfelt > 0 {
+                self.frontiers.give_up(sight.map, place);
+            }
+            self.at = None;
+            return HALT;
+        }
+        self.at = Some(At::Turn {
+            place,
+            heading: sight.pose.heading,
+            turned,
+        });
+        sight.around.guarded(body, [-TURN, TURN])
+    }
+}

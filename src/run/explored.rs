@@ -1,0 +1,169 @@
+//! How much of the floor that a robot could see from near by its map says anything about.
+
+use emulators::world::{Point, Pose, World};
+use firmware_core::grid::UNKNOWN;
+use firmware_core::map_view::MapView;
+
+/// Edge of a cell of the floor, metres.
+const CELL_M: f64 = 0.02;
+
+/// Cells of the world's floor.
+struct Floor {
+    origin: Point,
+    width: usize,
+    height: usize,
+}
+
+impl Floor {
+    fn of(map: MapView<'_>) -> Self {
+        let [x, y] = map.origin_mm().map(|mm| f64::from(mm) / 1000.0);
+        let cell_m = f64::from(map.cell_mm()) / 1000.0;
+        #[expect(clippy::cast_possible_truncation, reason = "as many as the map has")]
+        #[expect(clippy::cast_sign_loss, reason = "a length")]
+        let cells = |count: usize| (count as f64 * cell_m / CELL_M).floor() as usize;
+        Self {
+            origin: Point::new(x, y),
+            width: cells(map.width()),
+            height: cells(map.height()),
+        }
+    }
+
+    fn middle(&self, cell: usize) -> Point {
+        let along = |index: usize| (index as f64 + 0.5) * CELL_M;
+        let (x, y) = (along(cell % self.width), along(cell / self.width));
+        Point::new(self.origin.x + x, self.origin.y + y)
+    }
+
+    /// The cell that holds `place`, if it is on the map.
+    fn cell(&self, place: Point) -> Option<usize> {
+        let index = |metres: f64, count: usize| {
+            let cell = (metres / CELL_M).floor();
+            #[expect(clippy::cast_possible_truncation, reason = "range checked")]
+            #[expect(clippy::cast_sign_loss, reason = "range checked")]
+            (cell >= 0.0 && cell < count as f64).then_some(cell as usize)
+        };
+        let column = index(place.x - self.origin.x, self.width)?;
+        Some(index(place.y - self.origin.y, self.height)? * self.width + column)
+    }
+
+    /// The four cells around one.
+    fn around(&self, cell: usize) -> impl Iterator<Item = usize> {
+        let (x, y, width) = (cell % self.width, cell / self.width, self.width);
+        let near = [
+            (x > 0).then(|| cell - 1),
+            (x + 1 < width).then(|| cell + 1),
+            (y > 0).then(|| cell - width),
+            (y + 1 < self.height).then(|| cell + width),
+        ];
+        near.into_iter().flatten()
+    }
+}
+
+/// Share of the floor that the body covers wherever it can get to from `start`, of which `map` says
+/// anything; `None` if it can get nowhere on the map. What moves stands where it is now.
+pub(crate) fn explored(map: MapView<'_>, world: &World, start: Pose) -> Option<f64> {
+    let floor = Floor::of(map);
+    let covered = covered(&floor, world.clone(), start);
+    let all = covered.iter().filter(|covered| **covered).count();
+    let known = |cell: usize| {
+        let place = floor.middle(cell);
+        let [x0, y0] = map.origin_mm();
+        let index = |metres: f64, origin_mm: f32| {
+            let cell = (metres * 1000.0 - f64::from(origin_mm)) / f64::from(map.cell_mm());
+            #[expect(clippy::cast_possible_truncation, reason = "on the map")]
+            #[expect(clippy::cast_sign_loss, reason = "on the map")]
+            let cell = cell.max(0.0) as usize;
+            cell
+        };
+        let value = map.get(index(place.x, x0), index(place.y, y0));
+        value.is_some_and(|value| value != UNKNOWN)
+    };
+    let cells = covered.iter().enumerate().filter(|(_, covered)| **covered);
+    let seen = cells.filter(|(cell, _)| known(*cell)).count();
+    (all > 0).then(|| seen as f64 / all as f64)
+}
+
+/// The cells that the body covers, as a disc.
+fn covered(floor: &Floor, mut world: World, start: Pose) -> Vec<bool> {
+    let radius_m = world.footprint().reach_m();
+    let mut fits = |cell: usize| {
+        let place = floor.middle(cell);
+        world.teleport(Pose::new(place.x, place.y, start.theta));
+        world.clearance() >= 0.0
+    };
+    let mut reached = vec![false; floor.width * floor.height];
+    let mut open: Vec<usize> = floor.cell(start.point()).into_iter().collect();
+    open.iter().for_each(|&cell| reached[cell] = true);
+    while let Some(cell) = open.pop() {
+        for near in floor.around(cell) {
+            if !reached[near] && fits(near) {
+                reached[near] = true;
+                open.push(near);
+            }
+        }
+    }
+    let mut covered = reached.clone();
+    // A body's rim is enough: what lies within it, others cover.
+    let rim: Vec<(f64, f64)> = (0..72_u16)
+        .map(|step| {
+            let angle = f64::from(step * 5).to_radians();
+            (libm::cos(angle) * radius_m, libm::sin(angle) * radius_m)
+        })
+        .collect();
+    for cell in (0..reached.len()).filter(|&cell| reached[cell]) {
+        let place = floor.middle(cell);
+        for (dx, dy) in &rim {
+            if let Some(cell) = floor.cell(Point::new(place.x + dx, place.y + dy)) {
+                covered[cell] = true;
+            }
+        }
+    }
+    covered
+}
+
+#[cfg(test)]
+mod tests {
+    use emulators::world::{BodyConfig, Scene, Shape};
+
+    use super::*;
+
+    /// A room of 1 m x 1 m, and another one behind a wall: x from 0.5 to 1.5 and from 1.5 to 2.5.
+    fn world() -> World {
+        let wall = |from: [f64; 2], to: [f64; 2]| Shape::Wall {
+            from: Point::new(from[0], from[1]),
+            to: Point::new(to[0], to[1]),
+        };
+        let walls = vec![
+            wall([0.5, 0.5], [2.5, 0.5]),
+            wall([2.5, 0.5], [2.5, 1.5]),
+            wall([2.5, 1.5], [0.5, 1.5]),
+            wall([0.5, 1.5], [0.5, 0.5]),
+            wall([1.5, 0.5], [1.5, 1.5]),
+        ];
+        let scene = Scene::new(walls, Vec::new()).expect("sound");
+        World::new(scene, BodyConfig::default(), START, 1).expect("free")
+    }
+
+    const START: Pose = Pose {
+        x: 1.0,
+        y: 1.0,
+        theta: 0.0,
+    };
+
+    /// Of 300 x 300 cells of 10 mm those with x below `known_to` are free.
+    fn share(known_to: usize) -> Option<f64> {
+        let cells: Vec<u8> = (0..300 * 300)
+            .map(|cell| if cell % 300 < known_to { 0 } else { UNKNOWN })
+            .collect();
+        explored(MapView::new(300, 10.0, [0.0; 2], &cells), &world(), START)
+    }
+
+    /// Half of the room lies left of x = 1 m; the other room counts for nothing.
+    #[test]
+    fn the_floor_that_counts_is_what_the_body_can_cover() {
+        assert_eq!(share(0), Some(0.0));
+        assert_eq!(share(150), Some(1.0));
+        let half = share(100).expect("there is floor");
+        assert!((half - 0.5).abs() < 0.03, "{half}");
+    }
+}

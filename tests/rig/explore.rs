@@ -1,0 +1,86 @@
+//! The rescue robot's search: all that it can reach is looked at, then it goes home. Here are a few
+//! mazes of many, and what must not pass.
+
+use hilrig::run::Run;
+use hilrig::scenario::{Action, Scenario};
+
+use super::{failures, shipped};
+
+fn judged(name: &str, more: &str, change: impl FnOnce(&mut Scenario)) -> Vec<String> {
+    let (_, source) = shipped(name);
+    let text = source
+        .text
+        .replace("[expect]", &format!("{more}\n[expect]"));
+    let (mut scenario, source) = Scenario::parse(&source.path, text).expect("sound");
+    change(&mut scenario);
+    let run = Run::new(scenario, &source, None).expect("can be wired");
+    failures(&run.finish())
+}
+
+/// The maze of this seed and size.
+fn maze(seed: u64, [columns, rows]: [usize; 2]) -> impl FnOnce(&mut Scenario) {
+    move |scenario| {
+        scenario.seed = seed;
+        let maze = scenario.world.maze.as_mut().expect("it has one").get_mut();
+        (maze.seed, maze.columns, maze.rows) = (seed, columns, rows);
+    }
+}
+
+#[test]
+fn a_flat_is_searched_to_its_last_corner_and_left_for_home() {
+    assert_eq!(judged("rescue-explore", "", |_| {}), [""; 0]);
+}
+
+#[test]
+fn mazes_of_all_sizes_are_searched() {
+    for (seed, size) in [(2, [3, 3]), (3, [4, 3]), (4, [4, 4])] {
+        let failed = judged("rescue-maze", "", maze(seed, size));
+        assert_eq!(failed, [""; 0], "seed {seed}, {size:?}");
+    }
+}
+
+/// Somebody walks through the door to and fro: at most one of them finds the other in its way at a
+/// time, and what could not be reached gets another chance.
+#[test]
+fn something_that_moves_keeps_the_robot_from_nothing() {
+    let walker = "[[world.moving]]\npath_m = [[2.2, 2.6], [2.2, 1.3]]\nspeed_m_s = 0.1\n\
+        radius_m = 0.08\nrepeat = \"ping-pong\"\n";
+    let failed = judged("rescue-explore", walker, |_| {});
+    let in_earnest = |check: &&String| !check.starts_with("no-collision");
+    assert_eq!(failed.iter().find(in_earnest), None);
+}
+
+/// Each tenth packet of the lidar and each fiftieth frame of the base is damaged.
+#[test]
+fn faults_on_the_links_cost_time_only() {
+    let faults = "[[fault]]\nlink = \"lidar\"\ndirection = \"to-master\"\nkind = \"flip\"\n\
+        rate = 0.005\n[[fault]]\nlink = \"base\"\ndirection = \"to-master\"\nkind = \"flip\"\n\
+        rate = 0.002\n";
+    assert_eq!(judged("rescue-maze", faults, maze(5, [3, 3])), [""; 0]);
+}
+
+/// The mutants: a robot that follows walls for ever, as before, is not home, and one that is
+/// stopped on its way has not seen everything.
+#[test]
+fn a_robot_that_does_not_search_is_told_from_one_that_does() {
+    let told = |mode: &str, at: &str| {
+        let order = format!("[[mission.step]]\nat = \"{at}\"\ndo = {{ mode = \"{mode}\" }}\n");
+        let failed = judged("rescue-explore", &order, |scenario| {
+            if at == "1s" {
+                scenario.mission.step.remove(0);
+            }
+            scenario.duration = "40s".parse().expect("a span");
+        });
+        failed
+            .iter()
+            .map(|check| check.split(':').next().unwrap_or_default().to_owned())
+            .collect()
+    };
+    let (walls, stopped): (Vec<String>, Vec<String>) =
+        (told("exploration", "1s"), told("stop", "8s"));
+    assert!(walls.contains(&"home".to_owned()), "{walls:?}");
+    assert_eq!(stopped, ["home", "explored"]);
+    let (scenario, _) = shipped("rescue-explore");
+    let order = &scenario.mission.step[0].action;
+    assert_eq!(*order, Action::Mode("explore".to_owned()));
+}
