@@ -9,7 +9,7 @@ use protocols::Instant;
 
 use super::script::WHEEL_MAX_M_S;
 use super::station::PcStation;
-use super::{PC, TELEMETRY};
+use super::{BOARD, PC, TELEMETRY};
 use crate::codec::{self, Codec};
 use crate::rig::Rig;
 use crate::robots::instruments::in_metres;
@@ -38,7 +38,7 @@ fn pc(rig: &Rig) -> Option<&PcProgram> {
 }
 
 fn board(rig: &Rig) -> Option<&WheelBoard> {
-    rig.device("board")
+    rig.device(BOARD)
 }
 
 impl Instruments for YellowInstruments {
@@ -113,7 +113,7 @@ impl Instruments for YellowInstruments {
     fn codec(&self, _: &Rig, link: &str) -> Option<&'static Codec> {
         match link {
             "lidar" => Some(&codec::RPLIDAR),
-            "board" => Some(&codec::PERIPHERALS),
+            BOARD => Some(&codec::PERIPHERALS),
             TELEMETRY | PC => Some(&codec::TELEMETRY),
             _ => None,
         }

@@ -6,6 +6,7 @@ mod config;
 mod drive;
 mod explore;
 mod find;
+mod journey;
 mod link;
 mod look;
 mod run;
