@@ -255,8 +255,8 @@ mod tests {
         assert_eq!(middle(&[10, 1, 2, 3, 4, 5, 6, 99]), 5);
     }
 
-    /// A wall ends at 1 m before one at 2 m. By hand: of 1000, 1000, 2000, 2000, 2000, which are left
-    /// without the ends, the median is 2000; nothing is at their mean of 1600.
+    /// A wall ends at 1 m before one at 2 m. By hand: without the ends 1000, 1000, 2000, 2000, 2000
+    /// are left. Their median is 2000; nothing is at their mean of 1600.
     #[test]
     fn nothing_is_seen_between_two_surfaces() {
         let items = [2_000, 1_000, 2_010, 1_000, 2_000, 1_000, 2_000];
