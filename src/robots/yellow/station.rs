@@ -104,8 +104,8 @@ impl PcStation {
         self.look_at = Some(now);
     }
 
-    /// Other targets for a tour, also for one that has ended; the same ones do not begin it anew, and
-    /// the map that it waits for is made all the same.
+    /// Other targets for a tour, also for one that has ended. The same ones do not begin it anew,
+    /// and the map that it waits for is made all the same.
     fn aim(&mut self, targets: Vec<[f64; 2]>) {
         let is_new = self.targets != targets;
         self.targets = targets;
