@@ -73,10 +73,8 @@ impl Run {
                 heading_rad: heading,
             } => {
                 let place = Point::new(x_m * 1_000.0, y_m * 1_000.0);
-                (
-                    Task::Navigating,
-                    Self::Go(Journey::new(Goal { place, heading })),
-                )
+                let goal = Goal { place, heading };
+                (Task::Navigating, Self::Go(Journey::new(goal)))
             }
             PcCommand::SetPose {
                 x_m,
