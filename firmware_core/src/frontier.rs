@@ -90,8 +90,9 @@ pub fn random_view(map: &CellMap, open: &CellMap, dice: &mut Dice) -> Option<Cel
         .map(|(_, place)| place)
 }
 
-/// Cells that the robot's middle can get to, with the steps to there.
-fn reach(map: &CellMap, open: &CellMap, start: Cell) -> BTreeMap<Cell, u32> {
+/// Cells of `open` that the middle of a robot at `start` can get to over `map`, with the steps to
+/// there.
+pub fn reach(map: &CellMap, open: &CellMap, start: Cell) -> BTreeMap<Cell, u32> {
     let mut reach = BTreeMap::new();
     let first = escape(map, open, start).and_then(|way| way.last().copied());
     let mut next: VecDeque<Cell> = first.into_iter().collect();

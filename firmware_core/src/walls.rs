@@ -40,6 +40,11 @@ impl Walls {
         self.segments.extend(faces(robot, lines).take(room));
     }
 
+    /// Whether no wall is known.
+    pub const fn is_empty(&self) -> bool {
+        self.segments.is_empty()
+    }
+
     /// Where a robot stands that believes to be at `robot` and sees `lines`; there, if the walls do
     /// not say better.
     pub fn corrected(&self, robot: Pose, lines: &[Segment]) -> Pose {

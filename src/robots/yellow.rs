@@ -39,14 +39,15 @@ use station::PcStation;
 const PC: &str = "pc";
 /// Link to the PC.
 const TELEMETRY: &str = "telemetry";
-const LINKS: [&str; 4] = ["lidar", "lidar-motor", "board", TELEMETRY];
+/// The chip's own hardware, as a device, and the link to it.
+const BOARD: &str = "board";
+const LINKS: [&str; 4] = ["lidar", "lidar-motor", BOARD, TELEMETRY];
 
 /// Bytes that the bridge hands over at once.
 const TELEMETRY_PIECE: usize = 16;
 
 /// Situations that a campaign must bring about: what each link can do to the program.
-const SITUATIONS: [&str; 8] = [
-    "board samples bad",
+const SITUATIONS: [&str; 7] = [
     "encoder samples disbelieved",
     "lidar resyncs",
     "lidar silences",
@@ -114,7 +115,7 @@ fn wire(plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
     let scanner = lidar_spec.scanner().map(|_| lidar_spec);
     let mut rig = Rig::new(world);
     let lidar_node = rig.add_boxed_device("lidar", lidar.device);
-    let board_node = rig.add_boxed_device("board", board.device);
+    let board_node = rig.add_boxed_device(BOARD, board.device);
     let mut wired = Wired::new(rig, YellowInstruments::new(scanner));
     let program = match dut {
         Dut::Internal => {
@@ -203,7 +204,7 @@ fn alone(scenario: &Scenario, source: &Source) -> Result<Alone, ScenarioError> {
     let ports = vec![
         port("lidar", Yellow::LIDAR, false),
         port("lidar-motor", Yellow::LIDAR_MOTOR, true),
-        port("board", Yellow::BOARD, false),
+        port(BOARD, Yellow::BOARD, false),
         port(TELEMETRY, Yellow::TELEMETRY, false),
     ];
     Ok(Alone {
@@ -233,9 +234,9 @@ fn board(
     source: &Source,
     world: &emulators::world::World,
 ) -> Result<Built, ScenarioError> {
-    let built = scenario.build_device("board", WHEEL_BOARD, source)?;
-    if let Some(spec) = scenario.device.get("board") {
-        spec.check("board", source, built.device.as_ref(), world)?;
+    let built = scenario.build_device(BOARD, WHEEL_BOARD, source)?;
+    if let Some(spec) = scenario.device.get(BOARD) {
+        spec.check(BOARD, source, built.device.as_ref(), world)?;
     }
     Ok(built)
 }
@@ -244,7 +245,7 @@ fn check_names(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError
     for (name, spec) in &scenario.device {
         let kind = match name.as_str() {
             "lidar" => "rplidar",
-            "board" => "wheel-board",
+            BOARD => "wheel-board",
             _ if spec.is_own() => continue,
             _ => {
                 let message = "no such device; yellow has lidar, board";

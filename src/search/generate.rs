@@ -269,6 +269,29 @@ mod tests {
         );
     }
 
+    /// A chip's own registers are neither garbled nor late; what they stand for may fail.
+    #[test]
+    fn registers_of_the_chip_are_no_wire() {
+        let mut other = base();
+        other.robot = "yellow".into();
+        let made = |seed| scenario(&other, Vary::ALL, &mut Dice::of_seed(seed, "base"));
+        let all: Vec<Scenario> = (0..100).map(made).collect();
+        assert!(all.iter().all(|made| !made.link.contains_key("board")));
+        let faults = || all.iter().flat_map(|made| &made.fault);
+        let links: BTreeSet<_> = faults()
+            .flat_map(|fault| [&fault.link, &fault.with])
+            .flatten()
+            .map(String::as_str)
+            .collect();
+        assert_eq!(Vec::from_iter(links), ["lidar", "telemetry"]);
+        let of_board = faults().filter(|fault| fault.device.as_deref() == Some("board"));
+        let kinds: BTreeSet<_> = of_board.map(|fault| fault.kind.name()).collect();
+        assert!(
+            kinds.contains("stuck") && !kinds.contains("delayed"),
+            "{kinds:?}"
+        );
+    }
+
     /// What was made is sound, and means the same when it is read from its file.
     #[test]
     fn a_mission_survives_its_file() {

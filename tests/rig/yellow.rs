@@ -33,6 +33,19 @@ fn nineteen_of_twenty_leave_the_labyrinth_by_infrared_alone() {
     assert!(out >= 19, "{out} of 20");
 }
 
+/// YR-01, the published law: it touches walls at the corners that ours passes, faster than a touch
+/// that does no harm.
+#[test]
+fn the_published_law_runs_into_corners() {
+    let fielded = |scenario: &mut Scenario| {
+        let law = toml::Spanned::new(0..0, "YR-01".to_owned());
+        scenario.program.defects.push(law);
+    };
+    let failed = judged("yellow-reactive", 1, fielded);
+    let is_contact = |check: &String| check.starts_with("no-collision-at-speed");
+    assert!(failed.iter().any(is_contact), "{failed:?}");
+}
+
 #[test]
 fn a_labyrinth_with_forks_is_mapped_to_its_last_edge() {
     passes("yellow-map", [1, 2]);
@@ -43,11 +56,10 @@ fn a_place_that_looks_like_others_is_told_and_found_from_elsewhere() {
     passes("yellow-alike", [1, 2]);
 }
 
-/// Not steady yet: of the first six seeds three end beside the last target, find no way, or touch
-/// a wall while they map. It is to become all of them; it must not become fewer.
+/// Acceptance YE12: within 5 cm of four targets, one after the other, without a contact. Seed 4 saw
+/// a wall in mid-air, 6 ran into one after a long stretch by odometry alone, 103 stood 33 mm beside
+/// a target and was not waited for when it was told again.
 #[test]
-fn targets_are_reached_while_a_third_of_the_commands_is_lost_on_half_of_the_seeds() {
-    let passed = (1..=6).filter(|seed| judged("yellow-lost-commands", *seed, |_| {}).is_empty());
-    let passed = passed.count();
-    assert!(passed >= 3, "{passed} of 6");
+fn targets_are_reached_within_5_cm_while_a_third_of_the_commands_is_lost() {
+    passes("yellow-lost-commands", [4, 6, 103]);
 }

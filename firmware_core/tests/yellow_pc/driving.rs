@@ -1,12 +1,14 @@
 //! YE12: the robot drives to a goal.
 
 use firmware_core::map_view::MapView;
-use firmware_core::robots::yellow::pc::{Failure, PcCommand, PcConfig, Planning, TaskState};
+use firmware_core::robots::yellow::pc::{
+    Failure, Mapping, PcCommand, PcConfig, Planning, TaskState,
+};
 use protocols::telemetry::message::Telecommand;
 
 use crate::bench::{Bench, pose};
 use crate::looking::places;
-use crate::mapping::{CORRIDOR, LABYRINTH, median};
+use crate::mapping::{CORRIDOR, LABYRINTH, mapped, median};
 use crate::places::map_of;
 use crate::robot::{At, Errors, wrapped};
 use crate::world::World;
@@ -94,6 +96,37 @@ fn ye12_goals_are_reached_though_a_third_of_the_commands_is_lost() {
     println!("median {} resends {resends}", median(times));
     assert_eq!(arrived, PAIRS);
     assert!(resends > 0, "nothing was lost");
+}
+
+/// Odometry that is 1 % wrong: after the map is made the robot drives from end to end of the
+/// labyrinth and is within 5 cm, as it looks around on the way; by odometry alone it is not.
+#[test]
+fn ye12_a_robot_whose_odometry_drifts_is_told_where_it_is() {
+    let beside = |seed, odometry_alone| {
+        let mapping = Mapping {
+            odometry_alone,
+            ..Mapping::default()
+        };
+        let mut bench = mapped(
+            seed,
+            PcConfig {
+                mapping,
+                ..PcConfig::default()
+            },
+        );
+        let [x, y] = bench.world.room(11, 9, CORRIDOR);
+        let goal = At { x, y, heading: 1.0 };
+        navigate(&mut bench, goal);
+        let truth = bench.robot.truth;
+        (truth.x - x).abs().max((truth.y - y).abs())
+    };
+    let ours = [21, 22, 23].map(|seed| beside(seed, false));
+    assert!(ours.iter().all(|beside| *beside <= 0.05), "{ours:?}");
+    let by_odometry = [21, 22, 23].map(|seed| beside(seed, true));
+    assert!(
+        by_odometry.iter().any(|beside| *beside > 0.05),
+        "{by_odometry:?}"
+    );
 }
 
 /// Six corridors joined at alternating ends.

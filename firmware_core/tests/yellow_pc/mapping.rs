@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use firmware_core::map_view::MapView;
 use firmware_core::robots::yellow::pc::{
-    Mapping, NextView, PcCommand, PcConfig, Planning, TaskState,
+    Failure, Mapping, NextView, PcCommand, PcConfig, Planning, TaskState,
 };
 
 use crate::bench::{Bench, pose};
@@ -160,7 +160,7 @@ fn ye10_a_labyrinth_is_mapped_until_nothing_is_left() {
 }
 
 /// A finished exploration of a labyrinth, in the fielded way if wished.
-fn mapped(seed: u64, config: PcConfig) -> Bench {
+pub(crate) fn mapped(seed: u64, config: PcConfig) -> Bench {
     let (world, start, errors) = labyrinth(seed);
     let start_pose = Some(pose(start));
     let config = PcConfig {
@@ -172,6 +172,56 @@ fn mapped(seed: u64, config: PcConfig) -> Bench {
     bench.command(PcCommand::MapStart);
     bench.run_task(900);
     bench
+}
+
+/// A lidar that shows nothing for 8 s, as one that starts again, is waited for: an empty map is not
+/// a complete one.
+#[test]
+fn a_map_is_begun_when_something_is_seen() {
+    let (world, start, errors) = labyrinth(3);
+    let config = PcConfig {
+        start: Some(pose(start)),
+        ..PcConfig::default()
+    };
+    let mut bench = Bench::new(world, start, errors, config);
+    bench.robot.is_blind = true;
+    bench.command(PcCommand::MapStart);
+    bench.run_for(8);
+    assert_eq!(bench.pc.task_state(), TaskState::InProgress);
+    bench.robot.is_blind = false;
+    bench.run_task(900);
+    let overlap = overlap(&bench.world, &bench.pc.global_map().expect("a map"));
+    assert!(bench.pc.status() == "done" && overlap >= 0.85, "{overlap}");
+}
+
+/// A lidar that shows nothing at all ends it: nothing is complete where nothing was seen.
+#[test]
+fn without_a_wall_in_sight_there_is_no_map() {
+    let (world, start, errors) = labyrinth(3);
+    let mut bench = Bench::new(world, start, errors, PcConfig::default());
+    bench.robot.is_blind = true;
+    bench.command(PcCommand::MapStart);
+    bench.run_task(60);
+    let nothing = TaskState::Failed(Failure::NothingSeen);
+    assert_eq!(bench.pc.task_state(), nothing);
+}
+
+/// Drives that fail, here for 15 s, are followed by others: one alone gives up after 10 to 14 s.
+#[test]
+fn a_drive_that_fails_does_not_end_the_mapping() {
+    let (world, start, errors) = labyrinth(4);
+    let config = PcConfig {
+        start: Some(pose(start)),
+        ..PcConfig::default()
+    };
+    let mut bench = Bench::new(world, start, errors, config);
+    bench.lost_drives = 1.0;
+    bench.command(PcCommand::MapStart);
+    bench.run_for(18);
+    assert_eq!(bench.pc.task_state(), TaskState::InProgress);
+    bench.lost_drives = 0.0;
+    bench.run_task(900);
+    assert_eq!(bench.pc.status(), "done");
 }
 
 /// Unknown rows and columns around what is known, most of the four sides.

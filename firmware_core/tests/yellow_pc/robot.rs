@@ -84,6 +84,8 @@ pub(crate) struct Robot {
     stage: u8,
     speeds: (f64, f64),
     sees: bool,
+    /// Its lidar shows nothing.
+    pub(crate) is_blind: bool,
     /// Least room between it and a wall so far, metres.
     pub(crate) room: f64,
     pub(crate) driven: f64,
@@ -101,6 +103,7 @@ impl Robot {
             stage: 0,
             speeds: (0.0, 0.0),
             sees: false,
+            is_blind: false,
             room: f64::MAX,
             driven: 0.0,
         }
@@ -220,7 +223,7 @@ impl Robot {
             let At { x, y, heading } = self.truth;
             let range =
                 world.ray([x, y], heading + angle) + self.errors.range * self.chance.normal();
-            if (0.15..5.0).contains(&range) {
+            if (0.15..5.0).contains(&range) && !self.is_blind {
                 let (sin, cos) = libm::sincos(angle);
                 points.push([range * cos, range * sin]);
             }

@@ -11,7 +11,7 @@ use protocols::telemetry::message::State;
 use super::overlays;
 use super::script::WHEEL_MAX_M_S;
 use super::station::PcStation;
-use super::{PC, TELEMETRY, command};
+use super::{BOARD, PC, TELEMETRY, command};
 use crate::codec::{self, Codec};
 use crate::rig::Rig;
 use crate::robots::instruments::in_metres;
@@ -40,7 +40,7 @@ fn pc(rig: &Rig) -> Option<&PcProgram> {
 }
 
 fn board(rig: &Rig) -> Option<&WheelBoard> {
-    rig.device("board")
+    rig.device(BOARD)
 }
 
 impl Instruments for YellowInstruments {
@@ -128,7 +128,7 @@ impl Instruments for YellowInstruments {
     fn codec(&self, _: &Rig, link: &str) -> Option<&'static Codec> {
         match link {
             "lidar" => Some(&codec::RPLIDAR),
-            "board" => Some(&codec::PERIPHERALS),
+            BOARD => Some(&codec::PERIPHERALS),
             TELEMETRY | PC => Some(&codec::TELEMETRY),
             _ => None,
         }

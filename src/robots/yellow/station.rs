@@ -20,7 +20,7 @@ use crate::scenario::{Action, SetPoint, Step};
 
 /// Between two looks at a task that goes on.
 const LOOK: Duration = Duration::from_millis(50);
-/// A target that was not reached is tried so often.
+/// A target that was not reached is tried so often, as is what a person ordered and failed.
 const TRIES: u32 = 3;
 
 /// The PC.
@@ -33,6 +33,8 @@ pub(super) struct PcStation {
     wanted: Option<PcCommand>,
     targets: Vec<[f64; 2]>,
     tour: Option<Tour>,
+    /// The last command of a person, and how often it was tried.
+    tried: Option<(PcCommand, u32)>,
     order: Option<(&'static str, Vec<SetPoint>)>,
     /// The task whose end was not told yet.
     told: Option<(Task, TaskState)>,
@@ -58,6 +60,7 @@ impl PcStation {
             wanted: None,
             targets: Vec::new(),
             tour: None,
+            tried: None,
             order: None,
             told: None,
             alike: 0,
@@ -90,12 +93,7 @@ impl PcStation {
         match wish {
             Wish::Connect => self.connected = true,
             Wish::Disconnect => self.connected = false,
-            Wish::Targets(targets) => {
-                self.targets = targets;
-                if self.tour.is_some() {
-                    self.begin_tour();
-                }
-            }
+            Wish::Targets(targets) => self.aim(targets),
             Wish::Navigate => {
                 self.order = Some((NAVIGATE, Vec::new()));
                 self.begin_tour();
@@ -106,13 +104,35 @@ impl PcStation {
         self.look_at = Some(now);
     }
 
+    /// Other targets for a tour, also for one that has ended. The same ones do not begin it anew,
+    /// and the map that it waits for is made all the same.
+    fn aim(&mut self, targets: Vec<[f64; 2]>) {
+        let is_new = self.targets != targets;
+        self.targets = targets;
+        let is_tour = self
+            .order
+            .as_ref()
+            .is_some_and(|(name, _)| *name == NAVIGATE);
+        let maps = self.program.task() == Some(Task::Mapping)
+            && self.program.task_state() == TaskState::InProgress;
+        match self.tour {
+            Some(_) if !is_new => {}
+            Some(_) if maps => self.tour = Some(Tour { next: 0, tries: 0 }),
+            Some(_) => self.begin_tour(),
+            None if is_tour => self.begin_tour(),
+            None => {}
+        }
+    }
+
     fn begin(&mut self, command: PcCommand, order: (&'static str, Vec<SetPoint>)) {
         (self.tour, self.order) = (None, Some(order));
+        self.tried = Some((command, 1));
         self.wanted = Some(command);
     }
 
     fn begin_tour(&mut self) {
         self.tour = Some(Tour { next: 0, tries: 0 });
+        self.tried = None;
         self.wanted = self.to_target(0);
         if self.wanted.is_none() {
             self.tour = None;
@@ -187,23 +207,34 @@ impl PcStation {
             rule_of(task, is_done),
             self.program.status().to_owned(),
         );
-        if let Some(tour) = self.tour.filter(|_| self.wanted.is_none()) {
-            self.go_on(task, is_done, tour);
+        if self.wanted.is_some() {
+            return;
+        }
+        match (self.tour, self.tried) {
+            (Some(tour), _) => self.go_on(task, is_done, tour),
+            (None, Some((command, tries))) if !is_done && tries < TRIES => {
+                self.tried = Some((command, tries + 1));
+                self.wanted = Some(command);
+            }
+            (None, _) => {}
         }
     }
 
-    /// Odometry drifts: before the next target the robot finds itself anew.
+    /// To the next target; a robot that did not come there finds itself before it tries again.
     fn go_on(&mut self, task: Task, is_done: bool, tour: Tour) {
         let (next, tries) = match (task, is_done) {
             (Task::Navigating, true) => (tour.next + 1, 0),
-            (Task::Navigating, false) if tour.tries + 1 < TRIES => (tour.next, tour.tries + 1),
+            (Task::Navigating | Task::Mapping, false) if tour.tries + 1 < TRIES => {
+                (tour.next, tour.tries + 1)
+            }
             (Task::Mapping, true) | (Task::Localising, _) => (tour.next, tour.tries),
             _ => return self.tour = None,
         };
         let target = self.to_target(next);
         self.tour = target.map(|_| Tour { next, tries });
         self.wanted = match task {
-            Task::Navigating => target.map(|_| PcCommand::Localise),
+            Task::Navigating if !is_done => target.map(|_| PcCommand::Localise),
+            Task::Mapping if !is_done => target.map(|_| PcCommand::MapStart),
             _ => target,
         };
     }

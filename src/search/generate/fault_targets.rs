@@ -22,6 +22,8 @@ pub(super) struct Device {
     pub(super) faults: &'static [&'static str],
     /// Whether its registers can be looked at.
     pub(super) has_registers: bool,
+    /// Whether it sends messages. What has levels alone is read when it is looked at, never late.
+    pub(super) has_messages: bool,
 }
 
 impl Device {
@@ -79,11 +81,16 @@ impl FaultTargets {
         let links = links.filter(|link| link.kind != LinkKind::Pin);
         let links = links.filter(|link| !open.contains(&link.name.as_str()));
         let (links, link_kinds) = links.map(|link| (link.name.clone(), link.kind)).unzip();
+        let wires = || {
+            let wires = rig.links().iter().filter(|link| link.kind != LinkKind::Pin);
+            wires.flat_map(|link| &link.lines)
+        };
         let devices = rig.devices().filter(|(name, _)| !open.contains(name));
         let device = |(name, faults): (&str, _)| Device {
             name: name.to_owned(),
             faults,
             has_registers: rig.register(name, 0).is_some(),
+            has_messages: wires().any(|line| rig.node_name(line.from.node) == name),
         };
         Self {
             links,
@@ -120,7 +127,7 @@ impl FaultTargets {
     /// The devices that can have a fault of `kind`, or lose their supply with others.
     pub(super) fn devices(&self, kind: FaultKind) -> Vec<&Device> {
         let can = |device: &&Device| match kind {
-            FaultKind::Delayed => true,
+            FaultKind::Delayed => device.has_messages,
             FaultKind::Device => device.of_its_own().next().is_some(),
             FaultKind::PowerDip | FaultKind::Intermittent => device.faults.contains(&"off"),
             _ => device.faults.contains(&kind.name()),

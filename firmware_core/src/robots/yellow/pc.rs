@@ -7,6 +7,7 @@ mod defects;
 mod drive;
 mod explore;
 mod find;
+mod journey;
 mod link;
 mod look;
 mod run;

@@ -17,6 +17,8 @@ const SAMPLES_MIN: usize = 3;
 /// What the sensor can measure, and farther than what nothing is believed.
 const NEAREST_MM: f32 = 150.0;
 const FARTHEST_MM: f32 = 5_000.0;
+/// Samples of one direction that differ more are of two surfaces.
+const SURFACE_MM: u16 = 100;
 /// Told where nothing was measured.
 pub(super) const NOTHING_MM: i32 = 10_000;
 /// Weaker readings the fielded program takes for none.
@@ -201,7 +203,8 @@ impl Samples {
     }
 
     /// The mean without a quarter of the samples at each end, but at least one: the median of three
-    /// or four. 0 if there are too few.
+    /// or four. Of two surfaces, as at the end of a wall, the nearer the median: between them
+    /// nothing was measured. 0 if there are too few.
     fn middle(&mut self) -> u16 {
         if self.len < SAMPLES_MIN {
             return 0;
@@ -210,8 +213,12 @@ impl Samples {
         items.sort_unstable();
         let cut = (items.len() / 4).max(1);
         let middle = &items[cut..items.len() - cut];
-        let sum: u32 = middle.iter().copied().map(u32::from).sum();
-        let count = u32::try_from(middle.len()).unwrap_or(1);
+        let median = middle[(middle.len() - 1) / 2];
+        let is_near = |item: &u16| item.abs_diff(median) <= SURFACE_MM;
+        let (mut sum, mut count) = (0, 0);
+        for item in middle.iter().copied().filter(is_near) {
+            (sum, count) = (sum + u32::from(item), count + 1);
+        }
         u16::try_from((sum + count / 2) / count).unwrap_or(u16::MAX)
     }
 }
@@ -246,6 +253,17 @@ mod tests {
         assert_eq!(middle(&[4_000, 1_000, 1_010, 1_020]), 1_015);
         assert_eq!(middle(&[1_000, 160, 1_003, 1_005, 4_999]), 1_003);
         assert_eq!(middle(&[10, 1, 2, 3, 4, 5, 6, 99]), 5);
+    }
+
+    /// A wall ends at 1 m before one at 2 m. By hand: without the ends 1000, 1000, 2000, 2000, 2000
+    /// are left. Their median is 2000; nothing is at their mean of 1600.
+    #[test]
+    fn nothing_is_seen_between_two_surfaces() {
+        let items = [2_000, 1_000, 2_010, 1_000, 2_000, 1_000, 2_000];
+        assert_eq!(middle(&items), 2_000);
+        assert_eq!(middle(&[1_000, 1_000, 2_000, 2_000]), 1_000);
+        // 100 mm are one surface, seen at a flat angle.
+        assert_eq!(middle(&[900, 1_000, 1_100, 1_100]), 1_050);
     }
 
     /// 90 degrees to the right are 270 to the left; a sixteenth of a degree below ahead is ahead.

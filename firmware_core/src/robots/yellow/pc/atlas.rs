@@ -1,13 +1,15 @@
 //! What the PC knows of the place: the maps, the walls, and the last roadmap.
 
+use alloc::collections::{BTreeMap, VecDeque};
 use alloc::vec::Vec;
 
 use super::Failure;
 use super::config::{Following, Mapping, NextView, PcConfig, Planning};
-use super::drive::{Drive, Goal};
+use super::drive::Stretch;
 use super::link::Sight;
 use crate::cell_map::{Cell, CellMap};
 use crate::frontier;
+use crate::grid::{FREE, OBSTACLE, UNKNOWN};
 use crate::growing_map::NotWritten;
 use crate::local_map::{CELL_MM, local_map};
 use crate::localise::{Estimate, Votes};
@@ -31,6 +33,30 @@ impl From<NotWritten> for Failure {
     }
 }
 
+/// An obstacle that is looked through more often than it was seen, times this, is none.
+const DOUBTS: u8 = 2;
+
+/// How often a cell was seen to be an obstacle, and to be free.
+#[derive(Clone, Copy, Debug, Default)]
+struct Evidence {
+    wall: u8,
+    free: u8,
+}
+
+impl Evidence {
+    /// The value of a cell, after another look at it.
+    fn after(&mut self, value: u8) -> u8 {
+        match value {
+            OBSTACLE => self.wall = self.wall.saturating_add(1),
+            _ => self.free = self.free.saturating_add(1),
+        }
+        match self.free > self.wall.saturating_mul(DOUBTS) || self.wall == 0 {
+            true => FREE,
+            false => OBSTACLE,
+        }
+    }
+}
+
 /// Maps, walls and ways.
 #[derive(Clone, Debug)]
 pub(super) struct Atlas {
@@ -40,6 +66,7 @@ pub(super) struct Atlas {
     pub(super) view: NextView,
     pub(super) votes: Votes,
     pub(super) global: CellMap,
+    evidence: BTreeMap<Cell, Evidence>,
     pub(super) local: Option<CellMap>,
     pub(super) walls: Walls,
     pub(super) dice: Dice,
@@ -65,6 +92,7 @@ impl Atlas {
             view: config.view,
             votes: config.votes,
             global: CellMap::new(CELL_MM, margin, CELLS_MAX),
+            evidence: BTreeMap::new(),
             local: None,
             walls: Walls::default(),
             dice: Dice::new(config.seed),
@@ -85,6 +113,7 @@ impl Atlas {
             MARGIN
         };
         self.global = CellMap::new(CELL_MM, margin, CELLS_MAX);
+        self.evidence.clear();
         self.local = None;
         self.walls = Walls::default();
         self.vertices.clear();
@@ -100,7 +129,11 @@ impl Atlas {
         let low = self.global.cell_of(Point::new(x + half, y + half))?;
         for (row, cells) in (low.y..).zip(map.rows()) {
             for (column, value) in (low.x..).zip(cells) {
-                self.global.set(Cell::new(column, row), *value)?;
+                let cell = Cell::new(column, row);
+                self.global.set(cell, *value)?;
+                if *value != UNKNOWN {
+                    self.evidence.entry(cell).or_default().after(*value);
+                }
             }
         }
         Ok(())
@@ -122,10 +155,24 @@ impl Atlas {
         };
         let placed = Pose::new(limited(pose.x_mm), limited(pose.y_mm), pose.heading);
         let local = local_map(placed, &sight.lines)?;
-        self.global.merge(&local)?;
+        match self.mapping.odometry_alone {
+            true => self.global.merge(&local)?,
+            false => self.weigh(&local)?,
+        }
         self.local = Some(local);
         self.walls.add(placed, &sight.lines);
         self.views += 1;
+        Ok(())
+    }
+
+    /// Cells of a look, each by all that was ever seen of it: a wall that a bad look has put
+    /// somewhere must not bar the way for ever.
+    fn weigh(&mut self, local: &CellMap) -> Result<(), NotWritten> {
+        let known = local.iter().filter(|(_, value)| *value != UNKNOWN);
+        for (cell, value) in known {
+            let value = self.evidence.entry(cell).or_default().after(value);
+            self.global.set(cell, value)?;
+        }
         Ok(())
     }
 
@@ -134,11 +181,16 @@ impl Atlas {
         frontier::random_view(&self.global, &self.global.eroded(), &mut self.dice)
     }
 
-    /// A drive over `map` to a goal; `None` if no way leads there. The roadmap can be looked at
-    /// afterwards.
-    pub(super) fn drive(&mut self, map: &CellMap, from: Pose, goal: Goal) -> Option<Drive> {
+    /// Whether the robot is told where the walls say that it is.
+    pub(super) fn corrects(&self) -> bool {
+        !self.mapping.odometry_alone && !self.walls.is_empty()
+    }
+
+    /// The places of a way over `map`, without the beginning; `None` if no way leads there. The
+    /// roadmap can be looked at afterwards.
+    pub(super) fn plan(&mut self, map: &CellMap, from: Pose, to: Point) -> Option<VecDeque<Point>> {
         let start = map.cell_of(from.position()).ok()?;
-        let end = map.cell_of(goal.place).ok()?;
+        let end = map.cell_of(to).ok()?;
         let (roadmap, way) = match self.planning {
             Planning::Retried => plan(map, start, end, &mut self.dice),
             Planning::Once => plan_once(map, start, end, &mut self.dice),
@@ -151,13 +203,38 @@ impl Atlas {
         let via = between.iter().map(centre);
         self.way = core::iter::once(from.position())
             .chain(via)
-            .chain([goal.place])
+            .chain([to])
             .collect();
-        let last = self.way.len() - 1;
-        let goals = (1..=last).map(|at| Goal {
-            place: self.way[at],
-            heading: goal.heading.filter(|_| at == last),
-        });
-        Some(Drive::new(self.following, goals))
+        Some(self.way.iter().skip(1).copied().collect())
+    }
+
+    /// What the robot at `from` drives of `way` before it looks around; the rest is kept.
+    pub(super) fn stretch(
+        &self,
+        from: Pose,
+        way: &mut VecDeque<Point>,
+        heading: Option<f32>,
+    ) -> Stretch {
+        match self.corrects() {
+            true => Stretch::cut(self.following, from.position(), way, heading),
+            false => Stretch::whole(self.following, way, heading),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A cell of a wall that one look has put there is free after three looks through it, one that
+    /// two have seen after five; until a look more sees it.
+    #[test]
+    fn what_is_looked_through_is_no_wall() {
+        let mut seen = Evidence::default();
+        let values = [OBSTACLE, FREE, FREE, FREE, OBSTACLE, FREE, FREE];
+        let told = values.map(|value| seen.after(value));
+        assert_eq!(told[..5], [OBSTACLE, OBSTACLE, OBSTACLE, FREE, OBSTACLE]);
+        assert_eq!(told[5..], [OBSTACLE, FREE]);
+        assert_eq!(Evidence::default().after(FREE), FREE);
     }
 }

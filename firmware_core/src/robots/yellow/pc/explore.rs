@@ -1,5 +1,5 @@
-//! Making the map: look, put it on the map, choose where to look next, drive there, until nothing
-//! is left.
+//! Making the map: look, put it on the map, choose where to look next, drive a stretch of the way
+//! there, until nothing is left.
 
 use alloc::collections::{BTreeMap, BTreeSet};
 
@@ -8,27 +8,32 @@ use protocols::Instant;
 use super::Failure;
 use super::atlas::Atlas;
 use super::config::NextView;
-use super::drive::{Drive, Goal};
+use super::drive::Stretch;
 use super::link::{Link, Sight, Tell};
 use super::look::Look;
 use crate::cell_map::Cell;
-use crate::frontier::{next_view, open_edges};
-use crate::pose::{Pose, normalised};
+use crate::frontier::{View, next_view, open_edges};
+use crate::pose::Pose;
 
-/// Views of an open edge before it is given up: the lidar cannot see what is behind.
-const TRIES_MAX: u8 = 3;
+/// What a view of an open edge costs that shows nothing, and a drive towards it.
+const VIEW_COSTS: u8 = 4;
+const DRIVE_COSTS: u8 = 1;
+/// What may be spent on an open edge before it is given up: the lidar cannot see what is behind.
+const COSTS_MAX: u8 = 12;
 /// Ways that are looked for before the next view counts as unreachable.
 const PLANS_MAX: usize = 50;
-/// Smaller corrections are not worth a message.
-const CORRECTION_MM: f32 = 5.0;
-const CORRECTION_RAD: f32 = 0.005;
+/// Drives in sequence that may fail: the robot is asked where it is, and another one begins.
+const FAILURES_MAX: u32 = 5;
 
 /// How far the mapping is.
 #[derive(Clone, Debug)]
 pub(super) struct Explore {
     phase: Phase,
-    tries: BTreeMap<Cell, u8>,
+    costs: BTreeMap<Cell, u8>,
     given_up: BTreeSet<Cell>,
+    /// The open edges that are driven to.
+    edges: BTreeSet<Cell>,
+    failures: u32,
 }
 
 #[derive(Clone, Debug)]
@@ -36,15 +41,17 @@ enum Phase {
     Look(Look),
     /// The robot is told where it is, then the next view is chosen.
     Tell(Tell, Pose),
-    Drive(Drive),
+    Drive(Stretch),
 }
 
 impl Explore {
     pub(super) fn new(link: &Link) -> Self {
         Self {
             phase: Phase::Look(Look::new(link)),
-            tries: BTreeMap::new(),
+            costs: BTreeMap::new(),
             given_up: BTreeSet::new(),
+            edges: BTreeSet::new(),
+            failures: 0,
         }
     }
 
@@ -67,10 +74,18 @@ impl Explore {
                 }
                 false => Ok(false),
             },
-            Phase::Drive(drive) => {
-                if drive.step(now, link)? {
-                    self.phase = Phase::Look(Look::new(link));
+            Phase::Drive(stretch) => {
+                match stretch.drive.step(now, link) {
+                    Ok(false) => return Ok(false),
+                    Ok(true) => {
+                        let is_last = stretch.is_last;
+                        self.spend(if is_last { VIEW_COSTS } else { DRIVE_COSTS });
+                        self.failures = 0;
+                    }
+                    Err(_) if self.failures < FAILURES_MAX => self.failures += 1,
+                    Err(failure) => return Err(failure),
                 }
+                self.phase = Phase::Look(Look::new(link));
                 Ok(false)
             }
         }
@@ -79,9 +94,10 @@ impl Explore {
     fn put(&mut self, link: &Link, atlas: &mut Atlas, sight: &Sight) -> Result<bool, Failure> {
         let pose = atlas.corrected(sight);
         atlas.add(pose, sight)?;
-        let shift = pose.position().distance_mm(sight.pose.position());
-        let turn = normalised(pose.heading - sight.pose.heading).abs();
-        if shift < CORRECTION_MM && turn < CORRECTION_RAD {
+        if atlas.global.view().is_none() {
+            return Err(Failure::NothingSeen);
+        }
+        if !sight.is_off(pose) {
             return self.go_on(atlas, sight.pose);
         }
         self.phase = Phase::Tell(Tell::new(link, pose), pose);
@@ -99,17 +115,14 @@ impl Explore {
             let Some(place) = place else {
                 return Ok(true);
             };
-            let goal = Goal {
-                place: map.centre_of(place),
-                heading: None,
-            };
-            if let Some(drive) = atlas.drive(&map, pose, goal) {
-                self.phase = Phase::Drive(drive);
+            if let Some(mut way) = atlas.plan(&map, pose, map.centre_of(place)) {
+                self.phase = Phase::Drive(atlas.stretch(pose, &mut way, None));
                 return Ok(false);
             }
             if atlas.view == NextView::Random {
                 break;
             }
+            self.spend(VIEW_COSTS);
         }
         Err(Failure::NoWay)
     }
@@ -118,16 +131,21 @@ impl Explore {
         let map = &atlas.global;
         let start = map.cell_of(pose.position())?;
         let edges = open_edges(map, start, &self.given_up);
-        let Some(view) = next_view(map, start, &edges) else {
+        let Some(View { place, edges }) = next_view(map, start, &edges) else {
             return Ok(None);
         };
-        for edge in &view.edges {
-            let tries = self.tries.entry(*edge).or_default();
-            *tries += 1;
-            if *tries == TRIES_MAX {
+        self.edges = edges;
+        Ok(Some(place))
+    }
+
+    /// The open edges that are driven to have cost so much more.
+    fn spend(&mut self, more: u8) {
+        for edge in &self.edges {
+            let costs = self.costs.entry(*edge).or_default();
+            *costs = costs.saturating_add(more);
+            if *costs >= COSTS_MAX {
                 self.given_up.insert(*edge);
             }
         }
-        Ok(Some(view.place))
     }
 }

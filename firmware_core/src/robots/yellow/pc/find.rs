@@ -7,7 +7,7 @@ use protocols::Instant;
 
 use super::Failure;
 use super::atlas::Atlas;
-use super::drive::{Drive, Goal};
+use super::drive::Stretch;
 use super::link::{Link, Sight, Tell};
 use super::look::Look;
 use crate::frontier::{next_view, open_edges};
@@ -16,7 +16,7 @@ use crate::localise::{Matches, Votes};
 use crate::pose::Pose;
 
 /// Most looks: places that still look alike then are alike.
-const LOOKS_MAX: u32 = 5;
+const LOOKS_MAX: u32 = 8;
 
 /// How far it is.
 #[derive(Clone, Debug)]
@@ -30,7 +30,7 @@ pub(super) struct Find {
 #[derive(Clone, Debug)]
 enum Phase {
     Look(Look),
-    Drive(Drive),
+    Drive(Stretch),
     Tell(Tell),
 }
 
@@ -57,8 +57,8 @@ impl Find {
                 }
                 Ok(false)
             }
-            Phase::Drive(drive) => {
-                if drive.step(now, link)? {
+            Phase::Drive(stretch) => {
+                if stretch.drive.step(now, link)? {
                     self.phase = Phase::Look(Look::new(link));
                 }
                 Ok(false)
@@ -89,12 +89,9 @@ impl Find {
         let edges = open_edges(&local, start, &BTreeSet::new());
         let view = next_view(&local, start, &edges).filter(|_| self.looks < LOOKS_MAX);
         let place = local.centre_of(view.ok_or(Failure::Ambiguous)?.place);
-        let goal = Goal {
-            place,
-            heading: None,
-        };
-        let drive = atlas.drive(&local, sight.pose, goal);
-        self.phase = Phase::Drive(drive.ok_or(Failure::Ambiguous)?);
+        let way = atlas.plan(&local, sight.pose, place);
+        let mut way = way.ok_or(Failure::Ambiguous)?;
+        self.phase = Phase::Drive(atlas.stretch(sight.pose, &mut way, None));
         self.known = Some((sight.pose, matches));
         atlas.local = Some(local);
         Ok(())

@@ -74,6 +74,20 @@ pub(super) struct Sight {
     pub(super) lines: Vec<Segment>,
 }
 
+/// Smaller corrections are not worth a message.
+const CORRECTION_MM: f32 = 5.0;
+const CORRECTION_RAD: f32 = 0.005;
+
+impl Sight {
+    /// Whether the robot truly is at `pose`, and so far from where it believes to be that it is
+    /// worth telling.
+    pub(super) fn is_off(&self, pose: Pose) -> bool {
+        let shift = pose.position().distance_mm(self.pose.position());
+        let turn = normalised(pose.heading - self.pose.heading).abs();
+        shift >= CORRECTION_MM || turn >= CORRECTION_RAD
+    }
+}
+
 /// What a command is for the fielded program's queue.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {

@@ -6,9 +6,10 @@ use protocols::Instant;
 use protocols::telemetry::message::{Reactive, State, Telecommand, Velocities};
 
 use super::atlas::Atlas;
-use super::drive::{Drive, Goal};
+use super::drive::Goal;
 use super::explore::Explore;
 use super::find::Find;
+use super::journey::Journey;
 use super::link::{Kind, Link, Request, Tell};
 use super::{Failure, PcCommand, Task};
 use crate::pose::{Point, Pose};
@@ -26,9 +27,7 @@ pub(super) enum Run {
     Manual(Telecommand, Option<Instant>),
     Map(Explore),
     Find(Find),
-    /// The way is not chosen yet.
-    Plan(Goal),
-    Drive(Drive),
+    Go(Journey),
     Tell(Tell),
 }
 
@@ -74,7 +73,8 @@ impl Run {
                 heading_rad: heading,
             } => {
                 let place = Point::new(x_m * 1_000.0, y_m * 1_000.0);
-                (Task::Navigating, Self::Plan(Goal { place, heading }))
+                let goal = Goal { place, heading };
+                (Task::Navigating, Self::Go(Journey::new(goal)))
             }
             PcCommand::SetPose {
                 x_m,
@@ -123,16 +123,7 @@ impl Run {
             }
             Self::Map(explore) => explore.step(now, link, atlas),
             Self::Find(find) => find.step(now, link, atlas),
-            Self::Plan(goal) => {
-                let Some(pose) = link.heard().and_then(|heard| heard.pose()) else {
-                    return Ok(false);
-                };
-                let map = atlas.global.clone();
-                let drive = atlas.drive(&map, pose, *goal);
-                *self = Self::Drive(drive.ok_or(Failure::NoWay)?);
-                self.step(now, link, atlas)
-            }
-            Self::Drive(drive) => drive.step(now, link),
+            Self::Go(journey) => journey.step(now, link, atlas),
             Self::Tell(tell) => tell.step(now, link),
         }
     }

@@ -1,0 +1,159 @@
+//! A drive to a goal in stretches. Odometry drifts with the way, so behind each stretch the robot
+//! looks around and is told where the walls say that it is; also at the goal, to which it drives
+//! once more if it is beside it. Where no way is known it goes as near as it can and puts what it
+//! sees there on the map: what bars the way may have been seen wrongly.
+
+use alloc::collections::VecDeque;
+
+use protocols::Instant;
+
+use super::Failure;
+use super::atlas::Atlas;
+use super::drive::{Goal, Stretch};
+use super::link::{Link, Tell};
+use super::look::Look;
+use crate::cell_map::Cell;
+use crate::frontier::reach;
+use crate::pose::{Point, Pose};
+
+/// As near to the goal as the robot comes by one drive: its own 20 mm, and what it rolls on.
+const NEAR_MM: f32 = 30.0;
+const NEAR_RAD: f32 = 0.04;
+/// Most drives from beside the goal to the goal.
+const AGAIN_MAX: u32 = 4;
+/// Most looks for a way where none is known.
+const SEARCHES_MAX: u32 = 4;
+
+/// A drive to a goal.
+#[derive(Clone, Debug)]
+pub(super) struct Journey {
+    goal: Goal,
+    /// The places that are still to be driven to, the goal's last.
+    way: VecDeque<Point>,
+    phase: Phase,
+    again: u32,
+    /// The way does not lead to the goal, but to where more is to be seen of it.
+    searches: bool,
+    searched: u32,
+}
+
+#[derive(Clone, Debug)]
+enum Phase {
+    /// Nothing was done yet.
+    Begin,
+    Drive(Stretch),
+    /// At the end of a stretch, perhaps the last one.
+    Look(Look, bool),
+    Tell(Tell, Pose, bool),
+}
+
+impl Journey {
+    pub(super) const fn new(goal: Goal) -> Self {
+        Self {
+            goal,
+            way: VecDeque::new(),
+            phase: Phase::Begin,
+            again: 0,
+            searches: false,
+            searched: 0,
+        }
+    }
+
+    /// Whether the robot is there.
+    pub(super) fn step(
+        &mut self,
+        now: Instant,
+        link: &mut Link,
+        atlas: &mut Atlas,
+    ) -> Result<bool, Failure> {
+        match &mut self.phase {
+            Phase::Begin => {
+                let Some(pose) = link.heard().and_then(|heard| heard.pose()) else {
+                    return Ok(false);
+                };
+                self.drive(atlas, pose)?;
+                self.step(now, link, atlas)
+            }
+            Phase::Drive(stretch) => {
+                if !stretch.drive.step(now, link)? {
+                    return Ok(false);
+                }
+                let is_last = stretch.is_last;
+                if is_last && !atlas.corrects() {
+                    return Ok(true);
+                }
+                self.phase = Phase::Look(Look::new(link), is_last);
+                Ok(false)
+            }
+            Phase::Look(look, is_last) => {
+                let Some(sight) = look.step(now, link)? else {
+                    return Ok(false);
+                };
+                let (is_last, pose) = (*is_last, atlas.corrected(&sight));
+                if self.searches {
+                    atlas.add(pose, &sight)?;
+                }
+                if !sight.is_off(pose) {
+                    return self.go_on(atlas, sight.pose, is_last);
+                }
+                self.phase = Phase::Tell(Tell::new(link, pose), pose, is_last);
+                Ok(false)
+            }
+            Phase::Tell(tell, pose, is_last) => match tell.step(now, link)? {
+                true => {
+                    let (pose, is_last) = (*pose, *is_last);
+                    self.go_on(atlas, pose, is_last)
+                }
+                false => Ok(false),
+            },
+        }
+    }
+
+    fn go_on(&mut self, atlas: &mut Atlas, pose: Pose, is_last: bool) -> Result<bool, Failure> {
+        if is_last && !self.searches {
+            if self.goal.is_near(pose, NEAR_MM, NEAR_RAD) {
+                return Ok(true);
+            }
+            self.again += 1;
+            if self.again > AGAIN_MAX {
+                return Err(Failure::NoAnswer);
+            }
+        }
+        self.drive(atlas, pose)?;
+        Ok(false)
+    }
+
+    fn drive(&mut self, atlas: &mut Atlas, pose: Pose) -> Result<(), Failure> {
+        if self.way.is_empty() {
+            self.way = self.choose(atlas, pose)?;
+        }
+        let heading = self.goal.heading.filter(|_| !self.searches);
+        let mut stretch = atlas.stretch(pose, &mut self.way, heading);
+        if self.again > 0 {
+            stretch.drive.nearer(NEAR_MM, NEAR_RAD);
+        }
+        self.phase = Phase::Drive(stretch);
+        Ok(())
+    }
+
+    /// The way to the goal, or to where it may be found.
+    fn choose(&mut self, atlas: &mut Atlas, pose: Pose) -> Result<VecDeque<Point>, Failure> {
+        let map = atlas.global.clone();
+        let way = atlas.plan(&map, pose, self.goal.place);
+        self.searches = way.is_none();
+        if let Some(way) = way {
+            return Ok(way);
+        }
+        self.searched += 1;
+        if self.searched > SEARCHES_MAX || !atlas.corrects() {
+            return Err(Failure::NoWay);
+        }
+        let (start, goal) = (map.cell_of(pose.position())?, map.cell_of(self.goal.place)?);
+        let reach = reach(&map, &map.eroded(), start);
+        let order =
+            |one: &&Cell, other: &&Cell| one.distance(goal).total_cmp(&other.distance(goal));
+        let nearest = reach.keys().min_by(order).ok_or(Failure::NoWay)?;
+        let way = atlas.plan(&map, pose, map.centre_of(*nearest));
+        way.ok_or(Failure::NoWay)
+    }
+}
