@@ -164,5 +164,5 @@ fn a_seed_that_is_no_number_names_the_flag() {
 fn no_command_is_a_question_for_help() {
     let output = Session::new("none").hilrig(&[]);
     assert_eq!(output.status.code(), Some(2));
-    assert!(text(&output.stderr).contains("Usage: hilrig <COMMAND>"));
+    assert!(text(&output.stderr).contains("Usage: hilrig [OPTIONS] <COMMAND>"));
 }
