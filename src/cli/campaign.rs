@@ -48,8 +48,8 @@ pub(super) struct CampaignArgs {
     /// What is made anew for each seed: all, none, or some of world,mission,timing,faults
     #[arg(long, value_name = "WHAT", default_value = "none")]
     vary: Vary,
-    /// Run only every N-th run, from number I on; `auto`: I is what the queue tells this task of an
-    /// array (Slurm, Kubernetes, PBS, Grid Engine, LSF, AWS Batch, GitLab) or `HILRIG_SHARD`, from 0
+    /// Run only every N-th run, from number I on; auto: I is what the queue tells this task of an
+    /// array (Slurm, Kubernetes, PBS, Grid Engine, LSF, AWS Batch, GitLab), or HILRIG_SHARD
     #[arg(long, value_name = "I/N", default_value = "0/1")]
     shard: ShardChoice,
     /// How many shards there are, for `--shard auto`

@@ -30,8 +30,8 @@ impl core::fmt::Debug for Checkpoint {
 
 impl Run {
     /// The run as it is now. `None` if it cannot be copied: if somebody waits for bytes on its
-    /// lines, or one of its own checkers cannot be copied. Taps do not go with it: nobody listens to
-    /// what goes on from a checkpoint but the checkers.
+    /// lines, or one of its own checkers cannot be copied. Taps do not go with it: nobody but the
+    /// checkers listens to what goes on from a checkpoint.
     pub fn checkpoint(&self) -> Option<Checkpoint> {
         self.fork().map(Checkpoint)
     }

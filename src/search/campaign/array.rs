@@ -3,7 +3,7 @@
 //! How many shards there are cannot be read as safely: a task that is submitted again alone is told
 //! that it is the only one of its array.
 
-use std::num::NonZeroUsize;
+use core::num::NonZeroUsize;
 
 use super::Shard;
 
