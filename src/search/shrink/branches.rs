@@ -15,7 +15,7 @@ const POINTS: u32 = 24;
 /// Least time between two.
 const EVERY_MIN: Duration = Duration::from_millis(100);
 
-/// Runs the tries of a search in this process, as [`run_from`] from their beginning would.
+/// Runs the tries of a search in this process; each comes to what a run from the beginning does.
 ///
 /// The checkpoints are those of the last try that failed alike, which is the best so far or near
 /// it, and of the tries that it branched from: one way, with the latest at its end.
