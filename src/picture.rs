@@ -76,11 +76,34 @@ pub enum PictureError {
 impl<P: Copy> Picture<P> {
     /// A picture whose pixel at column `x` and row `y` is `pixel(x, y)`.
     pub fn from_fn(width: usize, height: usize, mut pixel: impl FnMut(usize, usize) -> P) -> Self {
-        let places = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        let mut pixels = Vec::with_capacity(width * height);
+        for y in 0..height {
+            pixels.extend((0..width).map(|x| pixel(x, y)));
+        }
         Self {
             width,
             height,
-            pixels: places.map(|(x, y)| pixel(x, y)).collect(),
+            pixels,
+        }
+    }
+
+    /// The same picture, each pixel `scale` times as wide and as high.
+    #[must_use]
+    pub fn magnified(&self, scale: usize) -> Self {
+        let mut pixels = Vec::with_capacity(self.pixels.len() * scale * scale);
+        for row in self.pixels.chunks(self.width.max(1)) {
+            let from = pixels.len();
+            let wide = row
+                .iter()
+                .flat_map(|&pixel| core::iter::repeat_n(pixel, scale));
+            pixels.extend(wide);
+            let to = pixels.len();
+            (1..scale).for_each(|_| pixels.extend_from_within(from..to));
+        }
+        Self {
+            width: self.width * scale,
+            height: self.height * scale,
+            pixels,
         }
     }
 
@@ -197,6 +220,20 @@ mod tests {
     fn a_gray_picture_is_a_binary_pgm() {
         let picture = Picture::from_fn(2, 1, |x, _| if x == 0 { 254 } else { 205 });
         assert_eq!(picture.pgm(), b"P5\n2 1\n255\n\xFE\xCD");
+    }
+
+    #[test]
+    fn a_magnified_picture_has_squares_for_pixels() {
+        let picture = Picture::from_fn(2, 2, |x, y| u8::try_from(10 * y + x).expect("small"));
+        let large = picture.magnified(2);
+        assert_eq!((large.width(), large.height()), (4, 4));
+        let rows = [
+            [0, 0, 1, 1],
+            [0, 0, 1, 1],
+            [10, 10, 11, 11],
+            [10, 10, 11, 11],
+        ];
+        assert_eq!(large.pixels(), rows.as_flattened());
     }
 
     /// White stays white, and green is brighter than blue.

@@ -363,12 +363,8 @@ impl Rig {
 
     /// Runs until `deadline`; events at the deadline itself still happen.
     pub fn run_until(&mut self, deadline: Instant) {
-        loop {
-            self.settle();
-            match self.next_event() {
-                Some(at) if at <= deadline => self.now = at.max(self.now),
-                _ => break,
-            }
+        while let Some(at) = self.settle().filter(|&at| at <= deadline) {
+            self.now = at.max(self.now);
         }
         self.now = self.now.max(deadline);
         self.world.advance(self.now);
@@ -396,14 +392,22 @@ impl Rig {
 
     /// When something will next happen by itself.
     pub fn next_event(&self) -> Option<Instant> {
-        if self.nodes.iter().any(|node| node.stirred) {
-            return Some(self.now);
+        // Plain loops: this is asked between any two events, of everything there is.
+        let mut next = line::NEVER;
+        for node in &self.nodes {
+            if node.stirred {
+                return Some(self.now);
+            }
+            if let Some(at) = node.poll_at {
+                next = next.min(at);
+            }
         }
-        let nodes = self.nodes.iter().filter_map(|node| node.poll_at);
-        let lines = self.links.iter().flat_map(|link| &link.lines);
-        nodes
-            .chain(lines.filter_map(|line| line.poll_at(self.now)))
-            .min()
+        for link in &self.links {
+            for line in &link.lines {
+                next = next.min(line.next_at(self.now));
+            }
+        }
+        (next < line::NEVER).then_some(next)
     }
 
     /// Gives bytes to an outside end, as if its owner had written them now: one message, at most

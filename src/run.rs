@@ -25,6 +25,7 @@
 mod agenda;
 pub mod bench;
 pub mod check;
+mod checkpoint;
 mod command;
 mod condition;
 mod contacts;
@@ -42,6 +43,7 @@ pub(crate) mod watch;
 
 use core::time::Duration;
 use std::collections::BTreeMap;
+use std::rc::Rc;
 
 use emulators::world::{Contact, Pose};
 use protocols::Instant;
@@ -59,6 +61,7 @@ use crate::scenario::world::PushSpec;
 use crate::scenario::{Scenario, ScenarioError, Source};
 
 use agenda::Agenda;
+pub use checkpoint::Checkpoint;
 pub use command::CommandError;
 pub use condition::Watch;
 pub use contacts::Contacts;
@@ -77,7 +80,9 @@ const WAY_EVERY: u32 = 5;
 pub struct Run {
     /// The rig.
     pub rig: Rig,
-    instruments: Box<dyn Instruments>,
+    instruments: Rc<dyn Instruments>,
+    /// As it was given; `scenario` changes as the run goes on.
+    asked: Rc<Scenario>,
     scenario: Scenario,
     seed: u64,
     watchers: Watchers,
@@ -209,12 +214,14 @@ impl Run {
         mut rig: Rig,
         instruments: Box<dyn Instruments>,
     ) -> Self {
+        let asked = Rc::new(scenario.clone());
         let mut pushes = scenario.world.push.clone();
         pushes.sort_by_key(|push| push.at);
         let watchers = Watchers::of(&scenario, &mut rig, &*instruments);
         let mut run = Self {
             rig,
-            instruments,
+            instruments: Rc::from(instruments),
+            asked,
             seed: scenario.seed,
             watchers,
             progress: Progress::new(&scenario.mission, &scenario.expect),

@@ -37,6 +37,8 @@ const BAND: u16 = 8;
 const BANDS: usize = (HEIGHT / BAND) as usize;
 const ROWS: usize = HEIGHT as usize;
 const TILES: usize = COLUMNS.len() * BANDS;
+/// All bands of a column.
+const ALL_BANDS: u64 = (1 << BANDS) - 1;
 const TILE_PIXELS: usize = (WIDTH - RIGHT) as usize * BAND as usize;
 /// Longest frame of one row of a tile.
 const ROW_FRAME_MAX: usize = FRAME_MAX - 2 * RIGHT as usize;
@@ -180,7 +182,7 @@ impl Display {
         Self {
             tx: Fifo::new(),
             sums: [[0; ROWS]; COLUMNS.len()],
-            dirty: [u64::MAX; COLUMNS.len()],
+            dirty: [ALL_BANDS; COLUMNS.len()],
             next: 0,
             heal: 0,
             heal_at: Instant::ZERO,
@@ -214,6 +216,12 @@ impl Display {
                 }
             }
         }
+    }
+
+    /// Whether [`paint`](Self::paint) would draw something, or send something anew.
+    pub fn has_work(&self, now: Instant) -> bool {
+        let is_dirty = self.dirty.iter().any(|&bands| bands != 0);
+        self.tx.room() >= TX_ENOUGH && (is_dirty || now >= self.heal_at)
     }
 
     /// Draws one tile that may have changed, if there is one and room to send it. `draw` draws all
@@ -268,11 +276,15 @@ impl Display {
 
     /// The next tile that may have changed, from where the last one was.
     fn next_tile(&mut self) -> Option<(usize, usize)> {
-        for step in 0..TILES {
-            let tile = (self.next + step) % (TILES);
-            let (column, band) = (tile / BANDS, tile % BANDS);
-            if self.dirty[column] & 1 << band != 0 {
-                self.next = tile;
+        let first = self.next % TILES;
+        // Once round, and what the first column has before the place where it was begun.
+        for step in 0..=COLUMNS.len() {
+            let column = (first / BANDS + step) % COLUMNS.len();
+            let from = if step == 0 { first % BANDS } else { 0 };
+            let left = self.dirty[column] >> from << from;
+            if left != 0 {
+                let band = left.trailing_zeros() as usize;
+                self.next = column * BANDS + band;
                 return Some((column, band));
             }
         }
@@ -432,6 +444,20 @@ mod tests {
         far.rows = 0;
         paint(&mut display, &mut far, Instant::ZERO, area(151));
         assert_eq!(far.rows, 200);
+    }
+
+    /// All is sent and the line is free: nothing is to be done before the next tile is sent anew, a
+    /// third of a second after the last, or something changes.
+    #[test]
+    fn a_display_that_shows_all_has_no_work() {
+        let (mut display, mut far) = (Display::new(), far());
+        let area = Rectangle::new(Point::new(10, 10), Size::new(400, 200));
+        assert!(display.has_work(Instant::ZERO));
+        paint(&mut display, &mut far, Instant::ZERO, area);
+        assert!(!display.has_work(Instant::from_millis(332)));
+        assert!(display.has_work(Instant::from_millis(333)));
+        display.mark(&Rectangle::new(Point::new(479, 271), Size::new(1, 1)));
+        assert!(display.has_work(Instant::from_millis(1)));
     }
 
     /// The far end forgot everything; each of the 102 tiles comes again, three a second.

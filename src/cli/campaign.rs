@@ -18,7 +18,9 @@ use crate::realtime::clock::{Clock, WallClock};
 use crate::realtime::exec::Foreign;
 use crate::run::Outcome;
 use crate::scenario::{Scenario, Source, Span};
-use crate::search::campaign::{self, CampaignPlan, Comparison, Merged, Record, Shard, Store};
+use crate::search::campaign::{
+    self, CampaignPlan, Comparison, Merged, Record, Shard, ShardChoice, Store,
+};
 use crate::search::generate::{self, Dice, Vary};
 use crate::show::folder::FolderError;
 
@@ -49,9 +51,13 @@ pub(super) struct CampaignArgs {
     /// What is made anew for each seed: all, none, or some of world,mission,timing,faults
     #[arg(long, value_name = "WHAT", default_value = "none")]
     vary: Vary,
-    /// Run only every N-th run, from number I on
+    /// Run only every N-th run, from number I on; auto: I is what the queue tells this task of an
+    /// array (Slurm, Kubernetes, PBS, Grid Engine, LSF, AWS Batch, GitLab), or HILRIG_SHARD
     #[arg(long, value_name = "I/N", default_value = "0/1")]
-    shard: Shard,
+    shard: ShardChoice,
+    /// How many shards there are, for `--shard auto`
+    #[arg(long, value_name = "N", requires = "shard")]
+    shards: Option<core::num::NonZeroUsize>,
     /// Start no further run after this time
     #[arg(long, value_name = "TIME")]
     budget: Option<Span>,
@@ -118,6 +124,7 @@ pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
         return Ok(report(&merged, &args.out, args.all_situations));
     }
     // Before the first run, so that nobody waits a night for the error.
+    let shard = shard_of(&args)?;
     let earlier = earlier(args.against.as_deref())?;
     let read = read_all(&args.scenarios)?;
     let texts = read
@@ -133,7 +140,7 @@ pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
     let mut store = Store::create(&args.out, &plan)?;
     let todo: Vec<(&str, u64)> = plan
         .runs()
-        .filter(|&(number, name, seed)| args.shard.has(number) && !store.has(name, seed))
+        .filter(|&(number, name, seed)| shard.has(number) && !store.has(name, seed))
         .map(|(_, name, seed)| (name, seed))
         .collect();
     let made = |name: &str, seed| {
@@ -150,7 +157,7 @@ pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
             todo.len() - ended
         );
     }
-    if args.shard == Shard::WHOLE {
+    if shard == Shard::WHOLE {
         let merged = campaign::summarise(&store, earlier.as_ref())?;
         return Ok(report(&merged, &args.out, args.all_situations));
     }
@@ -175,6 +182,25 @@ pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
     } else {
         Verdict::Fail
     })
+}
+
+/// The shard that this is.
+fn shard_of(args: &CampaignArgs) -> Result<Shard, CliError> {
+    match (args.shard, args.shards) {
+        (ShardChoice::Given(shard), None) => Ok(shard),
+        (ShardChoice::Given(_), Some(_)) => {
+            let message = "--shards: means nothing to --shard I/N, expected --shard auto";
+            Err(CliError::Usage(message.to_owned()))
+        }
+        (ShardChoice::Auto, None) => {
+            let message = "--shard auto: expected --shards N, how many there are";
+            Err(CliError::Usage(message.to_owned()))
+        }
+        (ShardChoice::Auto, Some(of)) => {
+            let shard = campaign::array::shard(of, |name| std::env::var(name).ok());
+            shard.map_err(|error| CliError::Usage(format!("--shard auto: {error}")))
+        }
+    }
 }
 
 /// The scenarios in `paths` by their names.

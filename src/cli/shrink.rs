@@ -15,7 +15,7 @@ use crate::realtime::exec::Foreign;
 use crate::run::Outcome;
 use crate::scenario::{Scenario, Source};
 use crate::search::campaign::{self, Record};
-use crate::search::shrink::{self, Effort, Judged, Repair, Unit};
+use crate::search::shrink::{self, Branches, Effort, Judged, Repair, Unit};
 use crate::show::folder::FolderError;
 use crate::whole_file;
 
@@ -186,6 +186,7 @@ fn judge<'a>(
 ) -> impl FnMut(&Scenario) -> Judged + 'a {
     let foreign = args.program.foreign();
     let of = |record: Record| Judged::of(record.cause.as_deref(), cause);
+    let mut branches = Branches::new(source, cause);
     move |candidate| match (&args.command, &foreign) {
         (_, Some(foreign)) => match run_foreign(args, foreign, candidate, source, is_over) {
             Ok(Some((record, _))) => of(record),
@@ -198,10 +199,7 @@ fn judge<'a>(
                 false => Judged::Passes,
             }
         }
-        (None, None) => match campaign::run(candidate, source) {
-            Ok((record, _)) => of(record),
-            Err(_) => Judged::FailsOtherwise,
-        },
+        (None, None) => branches.judge(candidate),
     }
 }
 

@@ -63,7 +63,8 @@ pub(super) fn write(picture: &Picture, file: impl Write) -> io::Result<()> {
     );
     encoder.set_color(ColorType::Rgb);
     encoder.set_depth(BitDepth::Eight);
-    encoder.set_compression(Compression::Fast);
+    // Looking for the best filter of each row takes longer than all the rest of a run's folder.
+    encoder.set_compression(Compression::Fastest);
     let mut writer = encoder.write_header()?;
     writer.write_image_data(picture.pixels.as_flattened())?;
     Ok(writer.finish()?)

@@ -69,6 +69,21 @@ impl Rig {
         }
     }
 
+    /// Leaves out a fault that has not begun on any line.
+    pub(crate) fn leave_out_fault(&mut self, id: FaultId) {
+        for line in self.links.iter_mut().flat_map(|link| &mut link.lines) {
+            line.faults.leave_out(id);
+            line.note_due();
+        }
+    }
+
+    /// Gives the faults other numbers.
+    pub(crate) fn renumber_faults(&mut self, to: impl Fn(FaultId) -> FaultId) {
+        for line in self.links.iter_mut().flat_map(|link| &mut link.lines) {
+            line.faults.renumber(&to);
+        }
+    }
+
     /// Begins or ends what a fault does besides damaging bytes. What two faults do at a time ends
     /// with the second.
     pub fn disturb(&mut self, what: &Disturbance, begins: bool) {

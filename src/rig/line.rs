@@ -116,7 +116,7 @@ const CHUNKS_MAX: usize = 1 << 16;
 /// Most stalls, one after the other, that withhold a byte.
 const GATES_MAX: usize = 1000;
 /// Later than any run.
-const NEVER: Instant = Instant::from_nanos(u64::MAX);
+pub(super) const NEVER: Instant = Instant::from_nanos(u64::MAX);
 
 impl Line {
     /// An ideal line.
@@ -177,14 +177,23 @@ impl Line {
     /// When the line next has something to deliver, or can take more from a sender that had more
     /// the last time.
     pub fn poll_at(&self, now: Instant) -> Option<Instant> {
+        let at = self.next_at(now);
+        (at < NEVER).then_some(at)
+    }
+
+    /// The same as a bare time, [`NEVER`] if there is none.
+    #[inline]
+    pub(super) fn next_at(&self, now: Instant) -> Instant {
         let asks_again = self.silent_since.is_none() && self.free_at > now;
-        let due = asks_again
-            .then_some(self.free_at)
-            .map_or(self.due, |at| at.min(self.due));
-        (due < NEVER).then_some(due)
+        if asks_again {
+            self.free_at.min(self.due)
+        } else {
+            self.due
+        }
     }
 
     /// Whether something has arrived by `now`.
+    #[inline]
     pub(crate) fn is_due(&self, now: Instant) -> bool {
         self.due <= now
     }
@@ -322,6 +331,12 @@ impl Line {
         mut original: Option<Box<Original>>,
     ) {
         let (late, len) = (self.latency + passed.late, passed.bytes.len());
+        let parity_errors = passed.parity_errors;
+        if passed.pauses.is_empty() && passed.piece.is_none_or(|piece| piece >= len) {
+            let (at, bytes) = (ends + late, passed.bytes);
+            self.put(at, bytes, framing_errors, parity_errors, original);
+            return;
+        }
         let mut paused = Duration::ZERO;
         let mut pauses = core::mem::take(&mut passed.pauses).into_iter().peekable();
         let piece = passed.piece.unwrap_or(usize::MAX).max(1);

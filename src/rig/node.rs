@@ -208,6 +208,7 @@ impl Node {
     }
 
     /// Whether the node wants to be polled by `now`.
+    #[inline]
     pub(super) fn is_due(&self, now: Instant) -> bool {
         self.stirred || self.poll_at.is_some_and(|at| at <= now)
     }
@@ -219,11 +220,10 @@ impl Node {
         }
     }
 
-    /// Polls the node if it is due or was stirred; whether it was polled.
-    pub(super) fn poll(&mut self, now: Instant, world: &mut World, cpu: CpuModel) -> bool {
-        let due = self.poll_at.is_some_and(|at| at <= now);
+    /// Polls the node, which is due.
+    pub(super) fn poll(&mut self, now: Instant, world: &mut World, cpu: CpuModel) {
         match &mut self.body {
-            Body::Device(device) if due || self.stirred => {
+            Body::Device(device) => {
                 device.poll(now, world);
                 self.poll_at = device.poll_at().map(|at| later_than(now, at));
             }
@@ -231,7 +231,7 @@ impl Node {
                 program,
                 busy_until,
                 last_cost,
-            } if due || self.stirred => {
+            } => {
                 if *busy_until > now {
                     self.poll_at = Some(*busy_until);
                 } else {
@@ -246,12 +246,10 @@ impl Node {
                     };
                 }
             }
-            _ if self.stirred => {}
-            _ => return false,
+            Body::Outside(_) => {}
         }
         self.stirred = false;
         self.epoch += 1;
-        true
     }
 }
 

@@ -1,7 +1,7 @@
 //! One round of a rig: what has arrived is delivered, nodes do their work, lines take what they
 //! send.
 
-use protocols::LineEvent;
+use protocols::{Instant, LineEvent};
 
 use super::line::Direction;
 use super::node::Body;
@@ -11,8 +11,9 @@ use super::{LinkKind, Rig};
 const ROUNDS_MAX: usize = 1000;
 
 impl Rig {
-    /// Does all that is due now, until nothing changes any more.
-    pub(super) fn settle(&mut self) {
+    /// Does all that is due now, until nothing changes any more; when something will next happen by
+    /// itself.
+    pub(super) fn settle(&mut self) -> Option<Instant> {
         self.world.advance(self.now);
         // A further round needs a byte that takes no time, or a node that another one stirred; the
         // bound only guards against a broken device.
@@ -20,19 +21,21 @@ impl Rig {
             self.deliver();
             self.poll();
             self.take();
-            let mut lines = self.links.iter().flat_map(|link| &link.lines);
-            if !self.nodes.iter().any(|node| node.is_due(self.now))
-                && !lines.any(|line| line.is_due(self.now))
-            {
-                return;
+            let next = self.next_event();
+            if next.is_none_or(|at| at > self.now) {
+                return next;
             }
         }
+        Some(self.now)
     }
 
     fn deliver(&mut self) {
         for (index, link) in self.links.iter_mut().enumerate() {
             for direction in [Direction::ToMaster, Direction::ToDevice] {
                 let line = &mut link.lines[direction as usize];
+                if !line.is_due(self.now) {
+                    continue;
+                }
                 while let Some(delivery) = line.deliver(self.now) {
                     for tap in &mut self.taps {
                         tap.arrived(index, direction, &delivery);
@@ -64,9 +67,10 @@ impl Rig {
     fn poll(&mut self) {
         for index in 0..self.nodes.len() {
             let node = &mut self.nodes[index];
-            if !node.poll(self.now, &mut self.world, self.cpu) {
+            if !node.is_due(self.now) {
                 continue;
             }
+            node.poll(self.now, &mut self.world, self.cpu);
             if let Body::Device(device) = &mut node.body {
                 let events = device.take_events();
                 if !events.is_empty() {

@@ -12,12 +12,18 @@ static CRC: Crc<u64, Table<16>> = Crc::<u64, Table<16>>::new(&CRC_64_XZ);
 #[derive(Clone)]
 pub struct Trace {
     digest: Digest<'static, u64, Table<16>>,
+    /// What `digest` has yet to take: pieces are short, and it is quick with long ones only.
+    waiting: Vec<u8>,
 }
+
+/// Bytes that go into the digest at once.
+const BLOCK: usize = 4096;
 
 impl Default for Trace {
     fn default() -> Self {
         Self {
             digest: CRC.digest(),
+            waiting: Vec::with_capacity(2 * BLOCK),
         }
     }
 }
@@ -72,15 +78,21 @@ impl Tap for Trace {
         head[2] = side as u8;
         head[3] = u8::try_from(bytes.len()).unwrap_or(u8::MAX);
         head[4..].copy_from_slice(&at.as_nanos().to_le_bytes());
-        self.digest.update(&head);
-        self.digest.update(bytes);
+        self.waiting.extend_from_slice(&head);
+        self.waiting.extend_from_slice(bytes);
+        if self.waiting.len() >= BLOCK {
+            self.digest.update(&self.waiting);
+            self.waiting.clear();
+        }
     }
 }
 
 impl Trace {
     /// The fingerprint so far, sixteen hex digits.
     pub fn hash(&self) -> String {
-        format!("{:016x}", self.digest.clone().finalize())
+        let mut digest = self.digest.clone();
+        digest.update(&self.waiting);
+        format!("{:016x}", digest.finalize())
     }
 }
 

@@ -110,4 +110,11 @@ pub trait Checker {
 
     /// The verdict so far. One that had nothing to watch says so.
     fn verdict(&self) -> Check;
+
+    /// The same checker in the same state, for a copy of the rig it looks at; what it listens with
+    /// it adds to `rig`, that copy. `None`: it cannot be copied, and a run that it watches has no
+    /// checkpoints.
+    fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {
+        None
+    }
 }

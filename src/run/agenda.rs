@@ -61,6 +61,16 @@ impl Agenda {
         self.0.retain(|item| item.due().is_some());
     }
 
+    /// Leaves out a fault that has not begun.
+    pub(super) fn leave_out(&mut self, id: FaultId) {
+        self.0.retain(|item| item.id != id);
+    }
+
+    /// Gives the faults other numbers.
+    pub(super) fn renumber(&mut self, to: impl Fn(FaultId) -> FaultId) {
+        self.0.iter_mut().for_each(|item| item.id = to(item.id));
+    }
+
     /// Ends a fault at `at`.
     pub(super) fn end(&mut self, id: FaultId, at: Instant) {
         for item in self.0.iter_mut().filter(|item| item.id == id) {

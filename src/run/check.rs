@@ -74,6 +74,10 @@ impl Checker for SetPointsInRange {
         };
         Check::new("set-points-in-range", self.worst.is_none(), detail).if_observed(self.looks > 0)
     }
+
+    fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {
+        Some(Box::new(self.clone()))
+    }
 }
 
 /// The motors come to rest when nothing reaches the base any more.
@@ -137,6 +141,10 @@ impl Checker for MotorsStopAfterSilence {
         let check = Check::new("motors-stop-after-silence", self.broken.is_none(), detail);
         check.if_observed(self.drives > 0)
     }
+
+    fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {
+        Some(Box::new(self.clone()))
+    }
 }
 
 /// The robot does not run into anything.
@@ -175,6 +183,10 @@ impl Checker for NoCollisionAtSpeed {
         let check = Check::new("no-collision-at-speed", self.first.is_none(), detail);
         check.if_observed(self.has_moved || self.contacts > 0)
     }
+
+    fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {
+        Some(Box::new(self.clone()))
+    }
 }
 
 /// Every byte sent was delivered, taken by a fault, garbled, or is on its way.
@@ -208,6 +220,10 @@ impl Checker for BytesConserved {
         };
         let check = Check::new("bytes-conserved", self.broken.is_none(), detail);
         check.if_observed(self.sent > 0)
+    }
+
+    fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {
+        Some(Box::new(self.clone()))
     }
 }
 
@@ -246,6 +262,10 @@ impl Checker for MemoryIntact {
         let check = Check::new("memory-intact", self.broken.is_none(), detail);
         check.if_observed(self.has_program)
     }
+
+    fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {
+        Some(Box::new(self.clone()))
+    }
 }
 
 /// The program does not end.
@@ -275,5 +295,9 @@ impl Checker for ProgramAlive {
         };
         let check = Check::new("program-alive", self.ended.is_none(), detail);
         check.if_observed(self.has_program)
+    }
+
+    fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {
+        Some(Box::new(self.clone()))
     }
 }

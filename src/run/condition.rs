@@ -16,6 +16,7 @@ use crate::scenario::{
 const UNKNOWN: u8 = 127;
 
 /// A condition under watch, from when it was made.
+#[derive(Clone)]
 pub struct Watch {
     condition: Condition,
     /// Entries of the log that were there before.

@@ -173,12 +173,12 @@ impl Run {
         })
     }
 
-    fn line_of(&self, fault: &FaultSpec) -> Option<&Line> {
+    pub(super) fn line_of(&self, fault: &FaultSpec) -> Option<&Line> {
         let link = self.rig.link(fault.link.as_deref()?)?;
         Some(link.line(fault.direction?.into()))
     }
 
-    fn faults_on(&mut self, fault: &FaultSpec) -> Option<&mut LineFaults> {
+    pub(super) fn faults_on(&mut self, fault: &FaultSpec) -> Option<&mut LineFaults> {
         let link = self.rig.link_mut(fault.link.as_deref()?)?;
         Some(&mut link.line_mut(fault.direction?.into()).faults)
     }

@@ -159,14 +159,15 @@ pub(crate) fn wall_overlap(map: MapView<'_>, world: &World, way: &[TruePose]) ->
         }
     }
     let mut seen = Cells::like(map);
+    let degrees = (0..360_u16).map(|degree| f64::from(degree).to_radians());
+    let degrees = degrees.map(|angle| (angle, libm::sin(angle), libm::cos(angle)));
+    let degrees: Vec<(f64, f64, f64)> = degrees.collect();
     for pose in way {
-        for degree in 0..360_u16 {
-            let angle = f64::from(degree).to_radians();
+        for &(angle, sin, cos) in &degrees {
             if let Some(hit) = world
                 .scene()
                 .cast_ray(Instant::ZERO, pose.point(), angle, REACH_M)
             {
-                let (sin, cos) = (libm::sin(angle), libm::cos(angle));
                 let place = Point::new(pose.x + hit.distance * cos, pose.y + hit.distance * sin);
                 seen.mark(place);
             }

@@ -20,7 +20,7 @@ struct Waiting {
 }
 
 /// All steps of a mission that wait, the next one first.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Steps {
     waiting: VecDeque<Waiting>,
     /// The watch of the next one, and since when.

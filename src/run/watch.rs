@@ -22,6 +22,13 @@ impl Watchers {
         Self { checkers }
     }
 
+    /// The same, for a copy of the rig that they look at; `None` if one of them cannot be copied.
+    pub(crate) fn fork(&self, rig: &mut Rig) -> Option<Self> {
+        let checkers = self.checkers.iter().map(|checker| checker.fork(rig));
+        let checkers = checkers.collect::<Option<Vec<_>>>()?;
+        Some(Self { checkers })
+    }
+
     /// One more.
     pub(crate) fn add(&mut self, checker: Box<dyn Checker>) {
         self.checkers.push(checker);

@@ -5,8 +5,9 @@
 //! lines, and goes on where it stopped. Shards are merged by sorting, so that it makes no
 //! difference how a campaign was cut, or in which order the runs ended.
 
+pub(crate) mod array;
 mod compare;
-mod judge;
+pub(in crate::search) mod judge;
 mod lines;
 mod lock;
 mod manner;
@@ -20,5 +21,5 @@ pub(crate) use judge::{Record, run, run_foreign};
 pub(crate) use judge::{without_figures, words_of_panic};
 pub(crate) use merge::{Merged, merge, summarise};
 pub(crate) use page::page;
-pub(crate) use plan::{CampaignPlan, Shard};
+pub(crate) use plan::{CampaignPlan, Shard, ShardChoice};
 pub(crate) use store::Store;

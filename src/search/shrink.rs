@@ -3,11 +3,13 @@
 //! Everything here is deterministic: the same case and the same judge come to the same bytes. When
 //! the effort is over the best so far is the result.
 
+mod branches;
 mod capture;
 mod culprit;
 mod list;
 mod scenario;
 
+pub use branches::Branches;
 pub use capture::{Repair, Unit, capture, fault_of, to_bytes, units, with_units};
 pub use list::fewest;
 pub use scenario::{in_words, scenario};

@@ -123,11 +123,11 @@ pub fn ros_yaml_at([x, y]: [f64; 2], cell_m: f64, image: &str) -> String {
 pub fn picture(grid: MapView<'_>, truth: &[Pose], estimate: &[Pose]) -> Picture {
     const SCALE: usize = 3;
     let height = grid.height();
-    let (w, h) = (grid.width() * SCALE, height * SCALE);
-    let mut image = Picture::from_fn(w, h, |x, y| {
-        let value = grid.get(x / SCALE, height - 1 - y / SCALE);
-        [255 - value.unwrap_or(127); 3]
+    let h = height * SCALE;
+    let cells = Picture::from_fn(grid.width(), height, |x, y| {
+        [255 - grid.get(x, height - 1 - y).unwrap_or(127); 3]
     });
+    let mut image = cells.magnified(SCALE);
     let pixel_m = f64::from(grid.cell_mm()) / 1000.0 / SCALE as f64;
     for (way, colour) in [(truth, [0, 160, 60]), (estimate, [220, 40, 30])] {
         for pair in way.windows(2) {

@@ -5,6 +5,7 @@ mod bench;
 mod capture;
 mod cases;
 mod checkers;
+mod checkpoint;
 mod custom;
 mod determinism;
 mod device_keys;

@@ -112,6 +112,17 @@ impl LineFaults {
         entries.for_each(|entry| entry.activity.end(at));
     }
 
+    /// Leaves out a fault that has not begun.
+    pub(crate) fn leave_out(&mut self, id: FaultId) {
+        self.entries.retain(|entry| entry.id != id);
+    }
+
+    /// Gives the faults other numbers.
+    pub(crate) fn renumber(&mut self, to: impl Fn(FaultId) -> FaultId) {
+        let entries = self.entries.iter_mut();
+        entries.for_each(|entry| entry.id = to(entry.id));
+    }
+
     /// When the fault is at work, as far as that is known by now.
     pub fn activity(&self, id: FaultId) -> Option<&Activity> {
         let mut entries = self.entries.iter();

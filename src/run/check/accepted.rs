@@ -26,6 +26,7 @@ pub struct SetPointsAsAccepted {
 }
 
 /// The memory of accepted frames.
+#[derive(Clone)]
 struct Heard {
     link: usize,
     dialect: Dialect,
@@ -118,5 +119,12 @@ impl Checker for SetPointsAsAccepted {
         };
         let check = Check::new("set-points-as-accepted", self.broken.is_none(), detail);
         check.if_observed(accepted > 0)
+    }
+
+    fn fork(&self, rig: &mut Rig) -> Option<Box<dyn Checker>> {
+        let heard = Rc::new(RefCell::new(self.heard.borrow().clone()));
+        rig.add_tap(Box::new(Ear(Rc::clone(&heard))));
+        let broken = self.broken.clone();
+        Some(Box::new(Self { heard, broken }))
     }
 }

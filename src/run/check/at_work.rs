@@ -5,6 +5,7 @@ use core::time::Duration;
 use protocols::Instant;
 
 use super::{Check, Checker, Look};
+use crate::rig::Rig;
 use crate::rig::fault::Window;
 use crate::rig::line::Direction;
 
@@ -108,6 +109,10 @@ impl Checker for AtWorkAgain {
             (true, false) => format!("all of {} lines that were busy before", lines.len()),
         };
         Check::new(name, silent.is_empty() && !lost, detail)
+    }
+
+    fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {
+        Some(Box::new(self.clone()))
     }
 }
 

@@ -43,10 +43,28 @@ pub(crate) fn run(
     scenario: &Scenario,
     source: &Source,
 ) -> Result<(Record, Option<Box<Outcome>>), ScenarioError> {
+    run_from(
+        scenario,
+        || Run::new(scenario.clone(), source, None),
+        |_| {},
+    )
+}
+
+/// The same for a run of `scenario` that `begin` makes, which may have come some way already;
+/// `watch` looks at it after every step.
+///
+/// # Errors
+/// That of `begin`.
+pub(crate) fn run_from(
+    scenario: &Scenario,
+    begin: impl FnOnce() -> Result<Run, ScenarioError>,
+    mut watch: impl FnMut(&Run),
+) -> Result<(Record, Option<Box<Outcome>>), ScenarioError> {
     let judged = catch_unwind(AssertUnwindSafe(|| {
-        let mut run = Run::new(scenario.clone(), source, None)?;
+        let mut run = begin()?;
         while !run.is_over() {
             run.step();
+            watch(&run);
         }
         Ok(Box::new(run.judge()))
     }));

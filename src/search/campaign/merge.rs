@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::judge::situations_of;
-use super::{CampaignPlan, Comparison, Record, Store, compare, page, run};
+use super::{CampaignPlan, Comparison, Record, Store, compare, page};
 use crate::scenario::Scenario;
 use crate::search::error::StoreError;
 use crate::search::files;
-use crate::search::shrink::{self, Effort, Judged};
+use crate::search::shrink::{self, Branches, Effort};
 
 /// Most seeds named for a group.
 const SEEDS_MAX: usize = 20;
@@ -181,11 +181,8 @@ fn minimise(group: &mut Group, number: u32, store: &Store) -> Result<(), StoreEr
         message: error.to_string(),
     })?;
     let cause = group.cause.clone();
-    let judge = |case: &Scenario| {
-        run(case, &source).map_or(Judged::FailsOtherwise, |(record, _)| {
-            Judged::of(record.cause.as_deref(), &cause)
-        })
-    };
+    let mut branches = Branches::new(&source, &cause);
+    let judge = |case: &Scenario| branches.judge(case);
     // A foreign program is not here to be asked: `hilrig shrink --exec` does so.
     let tries = if store.plan().exec.is_some() {
         0

@@ -30,6 +30,26 @@ impl Shard {
     }
 }
 
+/// Which part is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum ShardChoice {
+    /// The one that the queue tells this task, see [`array`](super::array).
+    Auto,
+    /// This one.
+    Given(Shard),
+}
+
+impl FromStr for ShardChoice {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "auto" => Ok(Self::Auto),
+            text => text.parse().map(Self::Given),
+        }
+    }
+}
+
 impl FromStr for Shard {
     type Err = String;
 
@@ -38,7 +58,7 @@ impl FromStr for Shard {
             let (index, of) = (index.parse().ok()?, of.parse().ok()?);
             (index < of).then_some(Self { index, of })
         });
-        parsed.ok_or_else(|| "expected I/N with I from 0 to N-1, e.g. 0/4".to_owned())
+        parsed.ok_or_else(|| "expected I/N with I from 0 to N-1, e.g. 0/4, or auto".to_owned())
     }
 }
 

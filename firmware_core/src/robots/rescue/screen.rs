@@ -156,6 +156,11 @@ impl Screen {
         self.display.transmit(buf)
     }
 
+    /// Whether [`refresh`](Self::refresh) would do anything.
+    pub(super) fn has_work(&self, now: Instant) -> bool {
+        now >= self.look_at || self.display.has_work(now)
+    }
+
     /// Looks for changes when it is time to, and draws a little.
     pub(super) fn refresh(&mut self, now: Instant, view: &View<'_>) {
         if now >= self.look_at {

@@ -22,7 +22,7 @@ impl Rescue {
     /// lowest priority of all as well.
     pub(super) fn refresh_screen(&mut self, now: Instant) {
         let is_busy = matches!(self.phase, Phase::Matched { .. });
-        if self.config.display == Display::None || is_busy {
+        if self.config.display == Display::None || is_busy || !self.screen.has_work(now) {
             return;
         }
         let pose = self.mapper.pose();

@@ -1,0 +1,217 @@
+//! A run as it was at one moment, from which it can go on as often as one likes, in other ways too.
+//!
+//! ```text
+//!   run ----+---------------------> its end
+//!           |
+//!           checkpoint --resume---> the same end
+//!           +----------resume_as--> the end of a run with fewer faults from here on
+//! ```
+//!
+//! All nodes are plain state, so a copy goes on as the run itself does. A run of another scenario
+//! that has come to the same moment in the same state need not be run again up to there: that is
+//! known of one that only leaves out, or ends earlier, what had not come to bear by then.
+
+use std::rc::Rc;
+
+use protocols::Instant;
+
+use super::Run;
+use crate::rig::fault::FaultId;
+use crate::scenario::{FaultKind, FaultSpec, Scenario};
+
+/// A run as it was at one moment.
+pub struct Checkpoint(Run);
+
+impl core::fmt::Debug for Checkpoint {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_tuple("Checkpoint").field(&self.at()).finish()
+    }
+}
+
+impl Run {
+    /// The run as it is now. `None` if it cannot be copied: if somebody waits for bytes on its
+    /// lines, or one of its own checkers cannot be copied. Taps do not go with it: nobody but the
+    /// checkers listens to what goes on from a checkpoint.
+    pub fn checkpoint(&self) -> Option<Checkpoint> {
+        self.fork().map(Checkpoint)
+    }
+
+    fn fork(&self) -> Option<Self> {
+        if self.line_watches.is_some() {
+            return None;
+        }
+        let mut rig = self.rig.fork();
+        let watchers = self.watchers.fork(&mut rig)?;
+        Some(Self {
+            rig,
+            instruments: Rc::clone(&self.instruments),
+            asked: Rc::clone(&self.asked),
+            scenario: self.scenario.clone(),
+            seed: self.seed,
+            watchers,
+            progress: self.progress.clone(),
+            pushes: self.pushes.clone(),
+            agenda: self.agenda.clone(),
+            waiting: self.waiting.clone(),
+            truth: self.truth.clone(),
+            pairs: self.pairs.clone(),
+            history: self.history.clone(),
+            contacts: self.contacts.clone(),
+            steps: self.steps.clone(),
+            line_watches: None,
+            looks: self.looks,
+            next_look: self.next_look,
+            is_over: self.is_over,
+        })
+    }
+}
+
+/// What becomes of the faults of a checkpoint's run.
+#[derive(Debug, Default)]
+struct Changes {
+    /// The new number of each, if it is kept.
+    numbers: Vec<Option<usize>>,
+    /// Those that end earlier, and when.
+    ended: Vec<(FaultId, Instant)>,
+}
+
+impl Checkpoint {
+    /// When it was taken.
+    pub fn at(&self) -> Instant {
+        self.0.rig.now()
+    }
+
+    /// The run, to go on from here.
+    ///
+    /// # Panics
+    /// Never: what was copied once can be copied again.
+    pub fn resume(&self) -> Run {
+        self.0.fork().expect("it was copied before")
+    }
+
+    /// A run of `scenario` that has come to here, if it is known to have come to here as this one
+    /// did: nothing of it differs but its length, and faults that are left out or end earlier and
+    /// had not come so far. Its [`history`](super::Outcome::history) is sampled as that of the run
+    /// that it branches from.
+    pub fn resume_as(&self, scenario: &Scenario) -> Option<Run> {
+        let (now, asked) = (self.at(), &*self.0.asked);
+        let ends = asked.duration.min(scenario.duration).instant();
+        let is_as_asked = self.0.scenario.fault == asked.fault;
+        if self.0.is_over || ends <= now || !is_as_asked || !is_alike(asked, scenario) {
+            return None;
+        }
+        let changes = self.changes(&scenario.fault)?;
+        let mut run = self.0.fork()?;
+        run.apply(&changes, &asked.fault)?;
+        run.scenario.fault.clone_from(&scenario.fault);
+        run.scenario.duration = scenario.duration;
+        run.asked = Rc::new(scenario.clone());
+        Some(run)
+    }
+
+    /// How `wanted` comes from the faults of this run; `None` if it does not, or if one that is not
+    /// in it, or not as it was, has come to bear.
+    fn changes(&self, wanted: &[FaultSpec]) -> Option<Changes> {
+        let mut wanted = wanted.iter().peekable();
+        let (mut changes, mut number) = (Changes::default(), 0);
+        for (index, fault) in self.0.asked.fault.iter().enumerate() {
+            if fault.when.is_some() {
+                return None;
+            }
+            let is_it = |other: &&FaultSpec| *other == fault || is_shorter(other, fault);
+            let kept = wanted.next_if(is_it);
+            let Some(kept) = kept else {
+                if !self.is_to_come(fault) {
+                    return None;
+                }
+                changes.numbers.push(None);
+                continue;
+            };
+            if kept != fault {
+                let until = kept.window().until;
+                if until <= self.at() {
+                    return None;
+                }
+                changes.ended.push((FaultId(index), until));
+            }
+            if index != number && has_numbered_dice(fault) {
+                return None;
+            }
+            changes.numbers.push(Some(number));
+            number += 1;
+        }
+        wanted.next().is_none().then_some(changes)
+    }
+
+    /// Whether a fault has not come to bear at all.
+    fn is_to_come(&self, fault: &FaultSpec) -> bool {
+        if let Some(byte) = fault.byte {
+            let line = self.0.line_of(fault);
+            return line.is_some_and(|line| line.traffic().sent <= byte);
+        }
+        let waits = fault.at_byte.is_some() || fault.at_frame.is_some();
+        !waits && fault.window().from > self.at()
+    }
+}
+
+impl Run {
+    fn apply(&mut self, changes: &Changes, faults: &[FaultSpec]) -> Option<()> {
+        for &(id, until) in &changes.ended {
+            self.rig.end_fault(id, until);
+            self.agenda.end(id, until);
+        }
+        for (index, fault) in faults.iter().enumerate() {
+            if changes.numbers[index].is_some() {
+                continue;
+            }
+            if let Some(strike) = fault.strike().ok()? {
+                let is_there = self.faults_on(fault)?.remove_strike(strike);
+                is_there.then_some(())?;
+            }
+            self.rig.leave_out_fault(FaultId(index));
+            self.agenda.leave_out(FaultId(index));
+        }
+        let to = |id: FaultId| {
+            let number = changes.numbers.get(id.0).copied().flatten();
+            number.map_or(id, FaultId)
+        };
+        self.rig.renumber_faults(to);
+        self.agenda.renumber(to);
+        Some(())
+    }
+}
+
+/// Whether the two differ in nothing but their faults, their length, and words.
+fn is_alike(a: &Scenario, b: &Scenario) -> bool {
+    let like = Scenario {
+        duration: a.duration,
+        fault: Vec::new(),
+        origin: a.origin.clone(),
+        description: a.description.clone(),
+        ..b.clone()
+    };
+    let plain = Scenario {
+        fault: Vec::new(),
+        ..a.clone()
+    };
+    like == plain
+}
+
+/// Whether `other` is `fault` with an earlier end.
+fn is_shorter(other: &FaultSpec, fault: &FaultSpec) -> bool {
+    let is_plain = fault.byte.is_none() && fault.at_byte.is_none() && fault.at_frame.is_none();
+    let as_long = FaultSpec {
+        until: fault.until,
+        ..other.clone()
+    };
+    is_plain
+        && fault.every.is_none()
+        && as_long == *fault
+        && other.window().until < fault.window().until
+}
+
+/// Whether its dice are named by its number.
+fn has_numbered_dice(fault: &FaultSpec) -> bool {
+    let kind = matches!(fault.kind, FaultKind::Jitter | FaultKind::Clog);
+    fault.stream.is_none() && (fault.rate.is_some() || kind)
+}

@@ -1,0 +1,88 @@
+//! Tries of one case that begin where they part from the best so far, not at the beginning.
+
+use std::collections::BTreeMap;
+
+use core::time::Duration;
+
+use super::Judged;
+use crate::rig::trace::fingerprint;
+use crate::run::{Checkpoint, Run};
+use crate::scenario::{Scenario, Source};
+use crate::search::campaign::judge::run_from;
+
+/// Checkpoints of one run, evenly over its time.
+const POINTS: u32 = 24;
+/// Least time between two.
+const EVERY_MIN: Duration = Duration::from_millis(100);
+
+/// Runs the tries of a search in this process; each comes to what a run from the beginning does.
+///
+/// The checkpoints are those of the last try that failed alike, which is the best so far or near
+/// it, and of the tries that it branched from: one way, with the latest at its end.
+#[derive(Debug)]
+pub struct Branches<'a> {
+    source: &'a Source,
+    cause: &'a str,
+    way: Vec<Checkpoint>,
+    /// What each scenario came to, by its fingerprint: that of a case without its faults is asked
+    /// after every step.
+    judged: BTreeMap<String, Judged>,
+}
+
+impl<'a> Branches<'a> {
+    /// Nothing tried yet; what fails for `cause` fails alike.
+    pub fn new(source: &'a Source, cause: &'a str) -> Self {
+        Self {
+            source,
+            cause,
+            way: Vec::new(),
+            judged: BTreeMap::new(),
+        }
+    }
+
+    /// What `candidate` comes to.
+    pub fn judge(&mut self, candidate: &Scenario) -> Judged {
+        let name = fingerprint(candidate.to_toml().as_bytes());
+        if let Some(known) = self.judged.get(&name) {
+            return *known;
+        }
+        let found = self.try_out(candidate);
+        self.judged.insert(name, found);
+        found
+    }
+
+    fn try_out(&mut self, candidate: &Scenario) -> Judged {
+        let points = self.way.iter().enumerate().rev();
+        let branched = points.into_iter().find_map(|(index, point)| {
+            let run = point.resume_as(candidate)?;
+            Some((index + 1, run))
+        });
+        let (kept, run) = branched.map_or((0, None), |(kept, run)| (kept, Some(run)));
+        let every = (candidate.duration.0 / POINTS).max(EVERY_MIN);
+        let mut next = run.as_ref().map_or(every, |run| time_of(run) + every);
+        let mut points = Vec::new();
+        let begin = || match run {
+            Some(run) => Ok(run),
+            None => Run::new(candidate.clone(), self.source, None),
+        };
+        let judged = run_from(candidate, begin, |run| {
+            if time_of(run) >= next {
+                next = time_of(run) + every;
+                points.extend(run.checkpoint());
+            }
+        });
+        let Ok((record, _)) = judged else {
+            return Judged::FailsOtherwise;
+        };
+        let found = Judged::of(record.cause.as_deref(), self.cause);
+        if found == Judged::FailsAlike {
+            self.way.truncate(kept);
+            self.way.append(&mut points);
+        }
+        found
+    }
+}
+
+fn time_of(run: &Run) -> Duration {
+    run.rig.now() - protocols::Instant::ZERO
+}

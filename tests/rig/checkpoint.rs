@@ -1,0 +1,216 @@
+//! A run goes on from a checkpoint as the uninterrupted one does, and a branch as a run of its own.
+
+use core::time::Duration;
+
+use hilrig::run::Outcome;
+use hilrig::scenario::{FaultSpec, Scenario, Source, Span};
+use proptest::prelude::*;
+use protocols::Instant;
+
+use super::{in_a_room, shipped, start};
+
+/// Twelve faults of all sorts, spread over six seconds. The dice of a rate are named by its place
+/// in the list: those two stand first.
+const FAULTS: &str = r#"
+[[fault]]
+kind = "drop"
+link = "base"
+direction = "to-device"
+at_byte = 2000
+lasting = "20ms"
+rate = 0.5
+[[fault]]
+kind = "flip"
+link = "lidar"
+direction = "to-master"
+rate = 0.001
+from = "2s"
+until = "4s"
+[[fault]]
+kind = "latency"
+link = "base"
+direction = "to-device"
+by = "2ms"
+from = "1500ms"
+until = "3s"
+[[fault]]
+kind = "stall"
+link = "lidar"
+direction = "to-master"
+from = "2500ms"
+until = "2600ms"
+[[fault]]
+kind = "jitter"
+link = "pc"
+direction = "to-master"
+by = "5ms"
+stream = "late"
+from = "3s"
+until = "5s"
+[[fault]]
+kind = "cut"
+link = "base"
+direction = "to-master"
+from = "1s"
+until = "1200ms"
+[[fault]]
+kind = "wrong-baud"
+link = "lidar"
+direction = "to-master"
+baud = 125000
+from = "3500ms"
+until = "3600ms"
+[[fault]]
+kind = "unplugged"
+link = "radio"
+direction = "to-device"
+from = "4s"
+until = "4200ms"
+[[fault]]
+kind = "clog"
+link = "base"
+direction = "to-master"
+every = "300ms"
+lasting = "10ms"
+stream = "clogs"
+from = "1800ms"
+until = "4500ms"
+[[fault]]
+kind = "flip"
+link = "base"
+direction = "to-device"
+byte = 3000
+bit = 3
+[[fault]]
+kind = "overrun"
+link = "lidar"
+direction = "to-master"
+from = "4700ms"
+until = "4750ms"
+[[fault]]
+kind = "truncate"
+link = "base"
+direction = "to-master"
+byte = 6000
+"#;
+
+fn faulted() -> (Scenario, Source) {
+    in_a_room("6s", FAULTS)
+}
+
+/// What must be equal for two runs to count as the same.
+fn identity(outcome: &Outcome) -> (String, Vec<String>, Vec<FaultSpec>, Vec<String>) {
+    let checks = outcome.checks.iter().map(ToString::to_string);
+    let events = outcome.events.iter().map(ToString::to_string);
+    (
+        outcome.trace_hash.clone(),
+        checks.collect(),
+        outcome.case.fault.clone(),
+        events.collect(),
+    )
+}
+
+fn cases(usual: u32) -> ProptestConfig {
+    let more = std::env::var("CHECKPOINT_CASES").ok();
+    let more = more.map(|count| count.parse().expect("a number"));
+    ProptestConfig::with_cases(more.unwrap_or(usual))
+}
+
+/// The run goes on as well, so both the checkpoint and what it was taken from are seen to be whole.
+#[test]
+fn taking_a_checkpoint_changes_nothing() {
+    let mut run = start(faulted());
+    run.go_on_until(Instant::from_millis(2_555));
+    let point = run.checkpoint().expect("nobody listens");
+    let whole = identity(&run.finish());
+    assert_eq!(identity(&point.resume().finish()), whole);
+    assert_eq!(identity(&point.resume().finish()), whole);
+    assert_eq!(identity(&start(faulted()).finish()), whole);
+}
+
+/// The branch was asked for at 2.555 s: what had begun by then cannot be left out, nor can the
+/// world be another.
+#[test]
+fn what_has_come_to_bear_cannot_be_taken_back() {
+    let (scenario, source) = faulted();
+    let mut run = start((scenario.clone(), source));
+    run.go_on_until(Instant::from_millis(2_555));
+    let point = run.checkpoint().expect("nobody listens");
+    let without = |index: usize| {
+        let mut other = scenario.clone();
+        other.fault.remove(index);
+        point.resume_as(&other).is_some()
+    };
+    let known: Vec<bool> = (0..12).map(without).collect();
+    let (yes, no) = (true, false);
+    let known_by_then = [no, no, no, no, yes, no, yes, yes, no, yes, yes, yes];
+    assert_eq!(known, known_by_then);
+    let mut moved = scenario.clone();
+    moved.mission.connect = Span::from_millis(700);
+    assert!(point.resume_as(&moved).is_none());
+    let mut ended = scenario.clone();
+    ended.duration = Span::from_millis(2_500);
+    assert!(point.resume_as(&ended).is_none());
+}
+
+proptest! {
+    #![proptest_config(cases(6))]
+
+    /// Whole missions of several robots, cut anywhere.
+    #[test]
+    fn resuming_equals_the_uninterrupted_run(
+        name in prop::sample::select(vec!["two-rooms", "own-slave", "yellow-reactive", "faulted"]),
+        at_us in 0_u64..4_000_000,
+        seed in 1_u64..1_000_000,
+    ) {
+        let made = || {
+            let (mut scenario, source) = match name {
+                "faulted" => faulted(),
+                name => shipped(name),
+            };
+            scenario.seed = seed;
+            scenario.duration = scenario.duration.min(Span::from_millis(4_000));
+            (scenario, source)
+        };
+        let mut run = start(made());
+        run.go_on_until(Instant::from_micros(at_us));
+        let point = run.checkpoint().expect("nobody listens");
+        drop(run);
+        prop_assert_eq!(identity(&point.resume().finish()), identity(&start(made()).finish()));
+    }
+
+    /// Of the twelve faults some are left out, one may end earlier, and the run may be shorter:
+    /// where a branch is possible it comes to what a run from the beginning comes to.
+    #[test]
+    fn a_branch_equals_a_run_of_its_own(
+        kept in 0_u16..1 << 12,
+        shorter in 0_usize..12,
+        lasts_ms in 4_000_u64..6_000,
+        at_us in 0_u64..4_500_000,
+        seed in 1_u64..1_000_000,
+    ) {
+        let (mut whole, source) = faulted();
+        whole.seed = seed;
+        let mut smaller = whole.clone();
+        smaller.duration = Span::from_millis(lasts_ms);
+        let fault = &mut smaller.fault[shorter];
+        if let (Some(from), Some(until)) = (fault.from, fault.until) {
+            fault.until = Some(Span((from.0 + until.0) / 2));
+        }
+        // What has begun, or waits for a byte, has to stay.
+        let at = Span(Duration::from_micros(at_us));
+        let mut index = 0;
+        smaller.fault.retain(|fault| {
+            index += 1;
+            let has_begun = fault.from.is_some_and(|from| from <= at) || fault.at_byte.is_some();
+            has_begun || kept >> (index - 1) & 1 == 1
+        });
+        let mut run = start((whole, source.clone()));
+        run.go_on_until(Instant::from_micros(at_us));
+        let point = run.checkpoint().expect("nobody listens");
+        if let Some(branch) = point.resume_as(&smaller) {
+            let own = start((smaller, source)).finish();
+            prop_assert_eq!(identity(&branch.finish()), identity(&own));
+        }
+    }
+}
