@@ -126,9 +126,9 @@ impl RemoteStation for Remote {
             _ => {}
         }
         let at = Span(now - Instant::ZERO);
-        // Behind all that was done: the script has nothing else.
+        // Behind all that was done: no step of the script is a mission's.
         self.station
-            .insert_step(0, usize::MAX, &Step::at(at, action.clone()))?;
+            .insert_step(0, 0, &Step::at(at, action.clone()))?;
         self.tick(now);
         Ok(())
     }
