@@ -3,6 +3,7 @@
 mod bench;
 mod desk;
 mod driving;
+mod head;
 mod lidar;
 mod lines;
 mod link;

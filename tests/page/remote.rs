@@ -59,13 +59,13 @@ fn yellows_pc_runs_against_a_robot_on_a_port() {
     assert_eq!(stage["footprint"], json!({"circle": [0.0, 0.0, 0.12]}));
     let does =
         |mode: &'static str| move |now: &serde_json::Value| now["pc"]["state"]["mode"] == mode;
-    page.hear("now", does("off"));
+    assert!(page.hear("now", does("off")).is_some());
     assert!(page.send(r#"{"do":"mode","mode":"reactive"}"#));
-    page.hear("now", does("auto-reactive"));
+    assert!(page.hear("now", does("auto-reactive")).is_some());
     assert!(page.send(r#"{"do":"mode","mode":"stop"}"#));
-    page.hear("now", does("off"));
+    assert!(page.hear("now", does("off")).is_some());
     assert!(page.send(r#"{"do":"drive","axes":[-0.1,0.1]}"#));
-    page.hear("now", does("manual"));
+    assert!(page.hear("now", does("manual")).is_some());
     let believed = page.hear("now", |now| now["believed"].is_array());
     assert!(believed.is_some());
 }

@@ -10,7 +10,7 @@ use protocols::telemetry::message::{State, Telecommand, Telemetry};
 use protocols::{Decode, Instant, telemetry};
 
 use super::config;
-use super::lidar::Head;
+use super::head::Head;
 use crate::codec::TELEMETRY;
 use crate::museum::{Observation, Variant};
 

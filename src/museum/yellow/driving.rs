@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use emulators::world::Wheel;
+use firmware_core::pose::sin_cos;
 use firmware_core::robots::yellow::Velocity;
 use protocols::Instant;
 use protocols::telemetry::message::{Reactive, State, Telecommand};
@@ -79,8 +80,9 @@ fn ym_02(variant: Variant) -> Observation {
     }
     // The left wheel stays where it was, 90 mm to the left of the start.
     let pose = robot.program.pose();
-    let aside = pose.heading.cos() * 90.0 + pose.y_mm - 90.0;
-    let along = pose.x_mm - pose.heading.sin() * 90.0;
+    let (sin, cos) = sin_cos(pose.heading);
+    let aside = cos * 90.0 + pose.y_mm - 90.0;
+    let along = pose.x_mm - sin * 90.0;
     let off = aside.hypot(along);
     let name = "off after half a turn on one wheel, mm";
     robot.seen.figure(name, format!("{off:.1}"));

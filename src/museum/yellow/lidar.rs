@@ -2,10 +2,9 @@
 
 use firmware_core::Inspect;
 use firmware_core::pose::Point;
-use protocols::Decode;
-use protocols::rplidar::{Command, Descriptor, Health, Node, RequestDecoder, Status};
 
 use super::bench::{Robot, SECOND};
+use super::head::Head;
 use crate::codec::RPLIDAR;
 use crate::museum::{Bug, Observation, Variant};
 
@@ -58,101 +57,6 @@ pub(super) const ROWS: [Bug; 7] = [
         yl_05,
     ),
 ];
-
-/// Nodes of a turn, one each half degree, and in a millisecond.
-const NODES: u16 = 720;
-const NODES_PER_MS: u16 = 2;
-
-/// The lidar: answers scan, health and reset requests.
-#[derive(Default)]
-pub(super) struct Head {
-    /// Millimetres by turn and by half degree, clockwise; 0 is no return.
-    scene: Option<fn(u32, u16) -> u16>,
-    /// The robot was restarted while it scans.
-    streams: bool,
-    /// In Protection Stop.
-    is_stopped: bool,
-    loses_byte: bool,
-    /// Comes before the next descriptor.
-    stray: Vec<u8>,
-    turn: u32,
-    node: u16,
-    requests: RequestDecoder,
-    asked: Vec<Command>,
-    answer: Vec<u8>,
-    /// The last batch of bytes.
-    sent: Vec<u8>,
-}
-
-impl Head {
-    pub(super) fn new(scene: fn(u32, u16) -> u16) -> Self {
-        Self {
-            scene: Some(scene),
-            ..Self::default()
-        }
-    }
-
-    pub(super) fn receive(&mut self, bytes: &[u8]) {
-        let requests: Vec<_> = self.requests.push(bytes).flatten().collect();
-        let commands = requests.iter().filter_map(|request| request.command());
-        for command in commands {
-            self.asked.push(command);
-            match command {
-                Command::Scan if !self.is_stopped => {
-                    if self.streams {
-                        // On its way when the request came: the rest of a node, and another one.
-                        let rest: Vec<u8> = (0..2).flat_map(|_| self.next_node()).skip(2).collect();
-                        self.answer.extend(rest);
-                    }
-                    self.answer.append(&mut self.stray);
-                    self.answer.extend(Descriptor::nodes().as_bytes());
-                    (self.streams, self.node) = (true, 0);
-                }
-                Command::Health => {
-                    let status = match self.is_stopped {
-                        true => Status::Error,
-                        false => Status::Good,
-                    };
-                    let health = Health { status, error: 1 };
-                    self.answer.extend(health.answer().as_bytes());
-                }
-                Command::Reset => (self.is_stopped, self.streams) = (false, false),
-                _ => {}
-            }
-        }
-    }
-
-    /// What comes in a millisecond.
-    pub(super) fn step(&mut self) -> Vec<u8> {
-        let mut bytes = core::mem::take(&mut self.answer);
-        if self.streams && !self.is_stopped {
-            for _ in 0..NODES_PER_MS {
-                bytes.extend(self.next_node());
-            }
-        }
-        if !bytes.is_empty() && core::mem::take(&mut self.loses_byte) {
-            bytes.remove(0);
-        }
-        if !bytes.is_empty() {
-            self.sent.clone_from(&bytes);
-        }
-        bytes
-    }
-
-    fn next_node(&mut self) -> [u8; 5] {
-        let Some(scene) = self.scene else {
-            return *Node::new(self.node == 0, 0, 0, 0).as_bytes();
-        };
-        let distance_mm = scene(self.turn, self.node);
-        let quality = if distance_mm == 0 { 0 } else { 47 };
-        let node = Node::new(self.node == 0, quality, self.node * 32, distance_mm * 4);
-        self.node += 1;
-        if self.node == NODES {
-            (self.node, self.turn) = (0, self.turn + 1);
-        }
-        *node.as_bytes()
-    }
-}
 
 /// A robot in a round room of 1 m.
 fn robot(variant: Variant, id: &str) -> Robot {

@@ -1,7 +1,7 @@
 //! The search for lines.
 
 use firmware_core::lines::{Line, Lines, Settings};
-use firmware_core::pose::Point;
+use firmware_core::pose::{Point, sin_cos};
 
 use super::config;
 use crate::museum::{Bug, Observation, Variant};
@@ -56,9 +56,9 @@ fn polygon(corners: u16) -> Vec<Point> {
     let points = (0..720_u16).map(|half| {
         let degrees = f32::from(half) / 2.0;
         let beside = (degrees % sector - sector / 2.0).to_radians();
-        let far = 1_000.0 / beside.cos();
-        let angle = degrees.to_radians();
-        Point::new(far * angle.cos(), far * angle.sin())
+        let far = 1_000.0 / sin_cos(beside).1;
+        let (sin, cos) = sin_cos(degrees.to_radians());
+        Point::new(far * cos, far * sin)
     });
     points.collect()
 }

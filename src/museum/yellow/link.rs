@@ -3,7 +3,7 @@
 use protocols::telemetry::message::{State, Telecommand, Velocities};
 
 use super::bench::{Robot, SECOND, flipped, framed};
-use super::lidar::Head;
+use super::head::Head;
 use crate::museum::{Bug, Observation, Variant};
 
 const LINK: &str = "robot's program, telemetry link";

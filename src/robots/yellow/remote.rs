@@ -18,7 +18,8 @@ use crate::robots::{Gesture, RemoteStation, Station, StationView};
 use crate::scenario::{Action, Scenario, Span, Step};
 
 /// A mission without a step: the PC connects.
-const IDLE: &str = "schema = 1\nname = \"remote\"\nrobot = \"yellow\"\nduration = \"1s\"\n";
+const IDLE: &str = "schema = 1\nname = \"remote\"\nrobot = \"yellow\"\nduration = \"1s\"\n\
+    [world]\nstart = { x_m = 0, y_m = 0, heading_deg = 0 }\n";
 
 /// The PC, and what it wants of its port.
 struct Remote {
@@ -125,9 +126,9 @@ impl RemoteStation for Remote {
             _ => {}
         }
         let at = Span(now - Instant::ZERO);
-        // Behind all that was done: the script has nothing else.
+        // Behind all that was done: no step of the script is a mission's.
         self.station
-            .insert_step(0, usize::MAX, &Step::at(at, action.clone()))?;
+            .insert_step(0, 0, &Step::at(at, action.clone()))?;
         self.tick(now);
         Ok(())
     }
