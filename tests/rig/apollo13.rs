@@ -58,7 +58,8 @@ fn drawn_gates(seed: u64) -> (Scenario, Source) {
     }
     let text = format!(
         "schema = 1\nname = \"gates\"\nrobot = \"apollo13\"\nduration = \"120s\"\nseed = {seed}\n\
-         [mission]\nwaypoints_m = [{}]\n[[mission.step]]\nat = \"1s\"\ndo = {{ mode = \"gates\" }}\n\
+         [mission]\nwaypoints_m = [{}]\n[[mission.step]]\nat = \"1s\"\n\
+         do = {{ mode = \"gates\" }}\n\
          [expect]\nvisit_within_mm = 150\nviolations_max = 0\n{markers}[world]\n\
          start = {{ x_m = 0.7, y_m = 1.9, heading_deg = 0 }}\n[[world.wall]]\n\
          path_m = [[0, 0], [10.4, 0], [10.4, 4], [0, 4], [0, 0]]\n[[world.pillar]]\n\
