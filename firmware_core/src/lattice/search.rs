@@ -243,13 +243,8 @@ impl<'a> Search<'a> {
             }
             if !is_whole && found.is_none() {
                 // A way that no bound is known of is better than none.
-                let limited = end.zip(cost).ok_or(NoPlan::Limit)?;
-                found = Some((
-                    limited.0,
-                    limited.1,
-                    f64::INFINITY,
-                    self.way(begin, limited.0),
-                ));
+                let (end, cost) = end.zip(cost).ok_or(NoPlan::Limit)?;
+                found = Some((end, cost, f64::INFINITY, self.way(begin, end)));
             }
             if !is_whole || bound <= 1.0 || end.is_none() {
                 break;

@@ -271,7 +271,7 @@ fn p5_plans_are_within_their_bounds_on_random_maps() {
 }
 
 /// P5: across 20 m by 20 m between 60 blocks. What a plan takes is counted in poses that are
-/// expanded, some 300,000 of which take a second; the passes only get better.
+/// expanded; the passes only get better.
 #[test]
 fn p5_a_map_of_20_m_is_planned_promptly() {
     let lattice = car();

@@ -17,8 +17,6 @@ pub mod pilot;
 #[cfg(feature = "host")]
 mod program;
 pub mod steering;
-#[cfg(feature = "host")]
-pub mod survey;
 pub mod wall;
 
 #[cfg(feature = "host")]

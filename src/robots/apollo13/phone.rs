@@ -1,7 +1,7 @@
 //! The phone: an app with faders and toggles, and the person who holds it and watches the car.
 //!
 //! Addresses are those of the car's layout: `/1/speed`, `/1/direction`, `/1/kill`,
-//! `/modes/toggle4`, `/modes/follow_aruco`, and `/modes/mapping`, which is ours. Goals, which in the seed are set by mouse on the PC, go
+//! `/modes/toggle4`, `/modes/follow_aruco`. Goals, which in the seed are set by mouse on the PC, go
 //! as `/goal` with x, y and heading. The person sends the next goal when the car has come to rest
 //! near the last one, and the same once more when it rests elsewhere: packets are lost, and nobody
 //! confirms them.
@@ -139,20 +139,15 @@ impl Phone {
     fn order(&mut self, mode: Mode) {
         self.mode = Some(mode);
         self.by_hand = [0, STRAIGHT];
-        let [auto, gates, mapping]: [f32; 3] = match mode {
+        let [auto, gates]: [f32; 2] = match mode {
             Mode::Stop => return self.say("/1/kill", &[1.0]),
-            Mode::Remote => [0.0; 3],
-            Mode::Autonomous => [1.0, 0.0, 0.0],
-            Mode::Gates => [0.0, 1.0, 0.0],
-            Mode::Mapping => [0.0, 0.0, 1.0],
+            Mode::Remote => [0.0, 0.0],
+            Mode::Autonomous => [1.0, 0.0],
+            Mode::Gates => [0.0, 1.0],
         };
-        // Never two at once: what is switched off comes first.
+        // Never both at once: what is switched off comes first.
         self.say("/1/speed", &[0.0]);
-        let mut toggles = [
-            ("/modes/toggle4", auto),
-            ("/modes/follow_aruco", gates),
-            ("/modes/mapping", mapping),
-        ];
+        let mut toggles = [("/modes/toggle4", auto), ("/modes/follow_aruco", gates)];
         toggles.sort_by(|one, other| one.1.total_cmp(&other.1));
         for (address, value) in toggles {
             self.say(address, &[value]);
@@ -226,7 +221,7 @@ impl Device for Phone {
             self.say("/ping", &[]);
         }
         if self.look_at.is_some_and(|at| at <= now) {
-            let drives_itself = [Mode::Autonomous, Mode::Gates, Mode::Mapping];
+            let drives_itself = [Mode::Autonomous, Mode::Gates];
             let is_driving =
                 self.connected && self.mode.is_some_and(|mode| drives_itself.contains(&mode));
             if is_driving {
@@ -262,7 +257,7 @@ impl Device for Phone {
 
 impl Station for Phone {
     fn modes(&self) -> &'static [&'static str] {
-        const NAMES: [&str; 5] = [MODES[0].0, MODES[1].0, MODES[2].0, MODES[3].0, MODES[4].0];
+        const NAMES: [&str; 4] = [MODES[0].0, MODES[1].0, MODES[2].0, MODES[3].0];
         &NAMES
     }
 

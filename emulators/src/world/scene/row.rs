@@ -1,8 +1,8 @@
 //! A whole row of a camera at once: what is nearest in each column.
 //!
 //! Each surface is drawn into the row instead of casting a ray for each column. In a pinhole camera
-//! the inverse of the depth of a straight wall is linear in the column, so a wall costs two ends and
-//! an addition a column, without any trigonometry. The result is that of a ray for each column but
+//! Each surface is drawn into the row, not a ray cast for each column. In a pinhole camera the
+//! inverse of the depth of a straight wall is linear in the column, so a wall costs two ends and
 //! for the last bits, and for columns that just touch the end of a wall.
 
 use protocols::Instant;
@@ -217,7 +217,9 @@ mod tests {
             let mut columns = vec![0.0; 640];
             scene.draw_row(Instant::ZERO, row, &mut columns);
             let rays = by_rays(&scene, Instant::ZERO, row, 640);
-            let differs = |(one, other): &(&f64, &f64)| (**one - **other).abs() > 1e-6 * (1.0 + **other);
+            let differs = |pair: &(&f64, &f64)| {
+                (pair.0 - pair.1).abs() > 1e-6 * (1.0 + pair.1)
+            };
             let differing = columns.iter().zip(&rays).filter(differs).count();
             prop_assert!(differing <= 4, "{differing} columns differ");
         }

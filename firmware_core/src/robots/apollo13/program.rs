@@ -8,7 +8,6 @@
 //! | [`MARKERS`](Apollo13::MARKERS) | markers that were recognised, messages, in |
 //! | [`REMOTE`](Apollo13::REMOTE) | Open Sound Control of the phone, packets, in |
 
-mod mapping;
 mod passing;
 mod senses;
 mod sight;
@@ -25,9 +24,8 @@ use super::floor::{Floor, FloorPlan};
 use super::follower;
 use super::gates::{self, Gates, Passage};
 use super::gyro_odometry::{self, GyroOdometry};
-use super::pilot::{GoalState, Pilot};
+use super::pilot::Pilot;
 use super::steering;
-use super::survey::Survey;
 use super::wall::{Gains, Side, WallDistance};
 use crate::ackermann::CarPose;
 use crate::costmap::Inflation;
@@ -125,8 +123,6 @@ pub struct Apollo13 {
     /// Where the odometry's origin lies on the map.
     origin: CarPose,
     floor: Floor,
-    /// The map under way, from when mapping is ordered until something else is.
-    survey: Option<Survey>,
     pilot: Pilot,
     gates: Gates,
     passage: Option<Passage>,
@@ -169,7 +165,7 @@ impl Apollo13 {
     pub fn new(config: Config) -> Self {
         let defects = config.defects;
         let floor = Floor::new(config.floor.clone(), INFLATION);
-        let localiser = floor.is_known().then(|| localiser(&config, config.start));
+        let localiser = floor.is_known().then(|| localiser(&config));
         let outline = Outline::rectangle(0.359 + ROOM_M, 0.101 + ROOM_M, 0.165 + ROOM_M);
         let rules = match defects.gates_as_fielded {
             true => gates::Settings::fielded(),
@@ -189,7 +185,6 @@ impl Apollo13 {
             localiser,
             origin: config.start,
             floor,
-            survey: None,
             pilot: Pilot::new(PrimitiveSet::car(), &outline, follower::Settings::default()),
             gates: Gates::new(rules),
             passage: None,
@@ -269,10 +264,8 @@ impl Apollo13 {
     /// What the planner wants: to pass gates, to get to the goal, or along the wall.
     fn planned(&mut self) -> Option<Drive> {
         let pose = self.pose();
-        self.begin_or_end_mapping(pose);
         match self.arbiter.mode() {
             Mode::Gates => self.choose_gate(pose),
-            Mode::Mapping => self.explore(pose),
             Mode::Autonomous => {}
             _ => return None,
         }
@@ -282,7 +275,7 @@ impl Apollo13 {
                 let (floor, now) = (&mut self.floor, self.now);
                 self.pilot.drive(now, pose, || floor.costs(now))?
             }
-            false if self.is_along_wall() => [0.22, self.wall_angle_rad],
+            false if self.wall.is_some() => [0.22, self.wall_angle_rad],
             false => return None,
         };
         if speed_m_s > 0.0 && self.is_too_near() {
@@ -297,10 +290,6 @@ impl Apollo13 {
             level: steering::level_for(speed_m_s),
             steering: steering::value_for(angle_rad.to_degrees()).unwrap_or(steering::STRAIGHT),
         })
-    }
-
-    fn is_along_wall(&self) -> bool {
-        self.wall.is_some() && self.arbiter.mode() != Mode::Mapping
     }
 
     fn is_too_near(&self) -> bool {
@@ -349,7 +338,7 @@ const NOISE: Noise = Noise {
     way_by_turn: 0.04,
 };
 
-fn localiser(config: &Config, start: CarPose) -> Localiser {
+fn localiser(config: &Config) -> Localiser {
     let floor = &config.floor;
     let field = LikelihoodField::new(
         floor.width,
@@ -364,7 +353,7 @@ fn localiser(config: &Config, start: CarPose) -> Localiser {
         noise: NOISE,
         ..ParticleSettings::default()
     };
-    Localiser::new(field, settings, camera, start, sigma, config.seed)
+    Localiser::new(field, settings, camera, config.start, sigma, config.seed)
 }
 
 impl Master for Apollo13 {
@@ -434,10 +423,7 @@ impl Inspect for Apollo13 {
     }
 
     fn map(&self) -> Option<MapView<'_>> {
-        match &self.survey {
-            Some(survey) => Some(survey.view()),
-            None => self.floor.view(),
-        }
+        self.floor.view()
     }
 
     fn scan(&self) -> &[Point] {
@@ -449,10 +435,6 @@ impl Inspect for Apollo13 {
             Mode::Remote => "remote",
             Mode::Autonomous => "autonomous",
             Mode::Gates => "gates",
-            Mode::Mapping => match &self.survey {
-                Some(survey) if survey.is_complete() => "mapped",
-                _ => "mapping",
-            },
             Mode::Contradiction => "contradiction",
             Mode::Killed => "killed",
         }

@@ -13,6 +13,7 @@ use std::vec::Vec;
 use super::*;
 use crate::ackermann::{CarGeometry, wrapped};
 use crate::random::Pcg32;
+use crate::robots::apollo13::pilot::GoalState;
 
 const STEP: Duration = Duration::from_millis(10);
 
