@@ -6,7 +6,7 @@
 mod boards;
 mod program;
 
-use super::{Bug, Live, Observation, Variant};
+use super::{Bug, Live};
 
 const BOARD: &str = "model car, board";
 const HOST: &str = "model car, host";
