@@ -258,7 +258,7 @@ impl Wire for Odometer {
             Some(Meaning::Pose(dialect, _)) => dialect as u64,
             _ => 3,
         };
-        dialect << 8 | line.bytes.len() as u64 / 4
+        (dialect << 8) | (line.bytes.len() as u64 / 4)
     }
 }
 

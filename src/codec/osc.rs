@@ -227,7 +227,7 @@ impl Wire for Osc {
             .iter()
             .take(3)
             .fold(0, |sum, kind| sum << 8 | u64::from(*kind));
-        types << 4 | address.len() as u64 / 4 % 16
+        (types << 4) | (address.len() as u64 / 4 % 16)
     }
 }
 

@@ -50,10 +50,11 @@ fn commands_each_millisecond_take_a_sixth_of_the_line() {
     assert_figure("AF-04", "of the line, per cent", "17", "0");
 }
 
-/// 25 * 131 / 2000 / 0.061 would be 1: it is a fifth. 5 s of 5.1 degrees are 26.
+/// 25 of 2000 are 0.205 of the sensor's 0.061: 0.36 rad/s and its bias of 0.5 degrees a second come
+/// to 0.076. 5 s of 5.1 degrees are 26.
 #[test]
 fn rates_and_turns_are_those_of_the_catalogue() {
-    assert_figure("AF-12", "0.36 rad/s are told as", "0.07", "0.36");
+    assert_figure("AF-12", "0.36 rad/s are told as", "0.08", "0.36");
     let turned = shown("AF-15");
     let degrees: f64 = figure(&turned.defective, "turned in 5 s, degrees")
         .parse()

@@ -89,21 +89,20 @@ impl Default for FrameFormat {
 pub type Decoder = crate::Decoder<FrameFormat, { FRAME_LEN + SYNC.len() }>;
 
 impl FrameFormat {
-    /// The first value of those that `bytes` hold that no sensor has, and where it is.
+    /// The first value of those that `bytes` hold that no sensor has, and where it is. In the order
+    /// in which they come, so that it is the same one however the bytes are cut.
     fn implausible(self, bytes: &[u8]) -> Option<(usize, u16)> {
-        let [least, greatest] = self.battery_mv;
-        let words = [
-            (2, 0, ULTRASONIC_MAX_CM),
-            (4, 0, ULTRASONIC_MAX_CM),
-            (6, 0, ULTRASONIC_MAX_CM),
-            (11, least, greatest),
-        ];
-        let word = words.into_iter().find_map(|(at, least, greatest)| {
+        let word = |at: usize, [least, greatest]: [u16; 2]| {
             let word = u16::from_le_bytes([*bytes.get(at)?, *bytes.get(at + 1)?]);
             (!(least..=greatest).contains(&word)).then_some((at, word))
-        });
+        };
+        let range = |at: usize| word(at, [0, ULTRASONIC_MAX_CM]);
         let line = bytes.get(8).filter(|line| **line > 1);
-        word.or(line.map(|line| (8, u16::from(*line))))
+        range(2)
+            .or_else(|| range(4))
+            .or_else(|| range(6))
+            .or(line.map(|line| (8, u16::from(*line))))
+            .or_else(|| word(11, self.battery_mv))
     }
 }
 

@@ -3,9 +3,10 @@
 //! Nobody opens or closes such a port. Who sent the last packet is the far end, which is open from
 //! its first packet on; what is sent before that is heard by nobody.
 
+use core::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::collections::VecDeque;
 use std::io::{self, ErrorKind};
-use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
+use std::net::UdpSocket;
 use std::os::fd::{AsFd, BorrowedFd};
 use std::path::{Path, PathBuf};
 
