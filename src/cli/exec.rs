@@ -13,9 +13,9 @@ use crate::scenario::Span;
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Somebody's program")]
 pub(super) struct ExecArgs {
-    /// Start this shell command on the rig's ports and judge it, in real time or virtual. Its environment has
-    /// HILRIG_DIR (directory of the ports), HILRIG_PORT_<NAME> (each port), HILRIG_SEED and
-    /// HILRIG_SCENARIO (the scenario as a file)
+    /// Start this shell command on the rig's ports and judge it, in real time or virtual. Its
+    /// environment has HILRIG_DIR (directory of the ports), HILRIG_PORT_<NAME> (each port),
+    /// HILRIG_SEED and HILRIG_SCENARIO (the scenario as a file)
     #[arg(long, value_name = "CMD")]
     pub(super) exec: Option<String>,
     /// Time of the wall clock within which it must open its ports; rig time stands until then

@@ -86,7 +86,6 @@ fn the_robots_own_program_makes_the_same_bytes_on_a_busy_machine() {
         one.said,
         one.log
     );
-    assert_eq!(one.check("waypoints-visited").0, "pass");
     assert_eq!(trace(&one), trace(&other));
 }
 
@@ -378,7 +377,7 @@ while True:
 #[test]
 fn a_program_that_is_not_the_same_twice_is_told_where_it_parts() {
     let program = format!(
-        "{BEGIN}time.sleep(os.getpid() % 1000 / 1e4)\nos.write(fd, b'ping\\r\\n')\ntime.sleep(60)\n"
+        "{BEGIN}time.sleep(0.1 + os.getpid() % 1000 / 1e4)\nos.write(fd, b'ping\\r\\n')\ntime.sleep(60)\n"
     );
     let files = [("program.py", program.as_str())];
     let ended = run("parts", "exec python3 program.py", &files, &["--check"]);

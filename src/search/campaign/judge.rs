@@ -83,8 +83,8 @@ pub(crate) fn run_from(
     }
 }
 
-/// Runs `scenario` with somebody's program, in real time or virtual, its ports in the first of `places` and
-/// what it says in the second. `None` if `goes_on` said no.
+/// Runs `scenario` with somebody's program, in real time or virtual, its ports in the first of
+/// `places` and what it says in the second. `None` if `goes_on` said no.
 ///
 /// # Errors
 /// If the program cannot be put on trial.
