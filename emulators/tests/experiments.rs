@@ -1,6 +1,6 @@
 //! Experiments of the model car's report, done again with the emulated boards. Levels and speeds
-//! are `levels_2_and_minus_3_are_22_cm_a_second`, the distance control with and without its integral
-//! part `d1_the_integral_part_does_nothing_that_is_seen`.
+//! are `levels_2_and_minus_3_are_22_cm_a_second`, the distance control with and without its
+//! integral part `d1_the_integral_part_does_nothing_that_is_seen`.
 
 use core::time::Duration;
 

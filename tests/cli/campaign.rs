@@ -102,29 +102,32 @@ fn the_templates_for_clusters_run() {
         rest.split_once(to).expect("and its end").0.to_owned()
     };
     let slurm = between("```bash\n", "```");
-    let kubernetes = between("            - hilrig", "          volumeMounts");
-    let kubernetes = format!("hilrig{}", kubernetes.replace('\n', " "));
+    let kubernetes = between("            - |\n", "          volumeMounts");
 
     let session = Session::new("campaign-templates");
     short(&session);
-    let run = |script: &str| {
+    let run = |script: &str, queue: &[(&str, &str)]| {
         let script = script.replace("scenarios/*.toml", "short.toml");
-        let script = script.replace("0..100000", "0..2").replace("/16", "/1");
+        let script = script
+            .replace("0..100000", "0..2")
+            .replace("--shards 16", "--shards 1");
         let script = script.replace("\"/shards/", "\"indexed/");
         let mut command = Command::new("bash");
-        command.args(["-euc", &format!("srun() {{ \"$@\"; }}\n{script}")]);
+        command.args(["-euc", &format!("srun() {{ shift; \"$@\"; }}\n{script}")]);
         let tool = std::path::Path::new(env!("CARGO_BIN_EXE_hilrig")).parent();
         let tools = std::env::var("PATH").expect("a shell needs it");
         let tools = format!("{}:{tools}", tool.expect("it is in a folder").display());
         command.env("PATH", tools).current_dir(session.path("."));
-        command
-            .env("SLURM_ARRAY_TASK_ID", "0")
-            .env("SLURM_ARRAY_TASK_COUNT", "1");
-        command.env("JOB_COMPLETION_INDEX", "0");
+        command.envs(queue.iter().copied());
         command.output().expect("there is a shell")
     };
-    for (script, folder) in [(slurm, "shards/0"), (kubernetes, "indexed/0")] {
-        let output = run(&script);
+    let of_slurm = [("SLURM_ARRAY_TASK_ID", "0"), ("SLURM_CPUS_PER_TASK", "1")];
+    let of_kubernetes = [("JOB_COMPLETION_INDEX", "0")];
+    for (script, queue, folder) in [
+        (slurm, &of_slurm[..], "shards/0"),
+        (kubernetes, &of_kubernetes[..], "indexed/0"),
+    ] {
+        let output = run(&script, queue);
         let runs = session.read(&format!("{folder}/runs.jsonl"));
         assert_eq!(runs.lines().count(), 2, "{}", text(&output.stderr));
     }

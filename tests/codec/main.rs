@@ -248,7 +248,7 @@ fn the_dissector_has_its_functions_its_fields_and_its_name() {
     for line in [
         "local function judge_gripper(s) return 0 end",
         "  force = ProtoField.uint8(\"hilrig.gripper.force\", \"Force\"),",
-        "  { \"gripper\", judge_gripper, tell_gripper, 0.05 },",
+        "  { \"gripper\", judge_gripper, tell_gripper, 0.05, 0 },",
     ] {
         assert_eq!(lua.lines().filter(|one| *one == line).count(), 1, "{line}");
     }

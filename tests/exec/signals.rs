@@ -1,7 +1,8 @@
 //! Signals to hilrig: what there is so far is judged, and nobody stays behind.
 
+use core::time::Duration;
 use std::io::{BufRead, BufReader, Read};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, ChildStderr, Command, Output, Stdio};
 
 use rustix::process::{Pid, Signal, kill_process};
 
@@ -9,6 +10,20 @@ use crate::support::*;
 
 /// Starts `command`, sends `signal` once it says `word`, and waits for its end.
 fn interrupted(command: &mut Command, word: &str, signal: Signal) -> Output {
+    interrupted_at(command, signal, |stderr, said| {
+        while !said.contains(word) {
+            let len = stderr.read_line(said).expect("text");
+            assert!(len > 0, "no {word:?} in:\n{said}");
+        }
+    })
+}
+
+/// Starts `command`, sends `signal` when `wait` is over, and waits for its end.
+fn interrupted_at(
+    command: &mut Command,
+    signal: Signal,
+    wait: impl FnOnce(&mut BufReader<ChildStderr>, &mut String),
+) -> Output {
     let mut child: Child = command
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
@@ -17,10 +32,7 @@ fn interrupted(command: &mut Command, word: &str, signal: Signal) -> Output {
         .expect("the binary is built");
     let mut stderr = BufReader::new(child.stderr.take().expect("piped"));
     let mut said = String::new();
-    while !said.contains(word) {
-        let len = stderr.read_line(&mut said).expect("text");
-        assert!(len > 0, "no {word:?} in:\n{said}");
-    }
+    wait(&mut stderr, &mut said);
     let pid = i32::try_from(child.id()).ok().and_then(Pid::from_raw);
     kill_process(pid.expect("a pid"), signal).expect("still there");
     stderr.read_to_string(&mut said).expect("text");
@@ -51,7 +63,13 @@ fn an_interrupted_run_without_a_program_leaves_its_folder_too() {
     let mut command = Command::new(env!("CARGO_BIN_EXE_hilrig"));
     command.current_dir(&bench.folder);
     command.args(["run", "sonar.toml", "--realtime", "--out", "out"]);
-    let output = interrupted(&mut command, "waypoint", Signal::INT);
+    // Nobody watches, so it says nothing until it ends; but it records.
+    let capture = bench.folder.join("out/capture.pcapng");
+    let output = interrupted_at(&mut command, Signal::INT, |_, _| {
+        while capture.metadata().map_or(0, |file| file.len()) == 0 {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    });
     let said = String::from_utf8_lossy(&output.stdout);
     assert_eq!(output.status.code(), Some(130), "{said}");
     let result = std::fs::read_to_string(bench.folder.join("out/result.json")).expect("written");

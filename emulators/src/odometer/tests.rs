@@ -178,7 +178,8 @@ fn each_program_prints_what_the_car_does() {
     assert!((raw.accelerations[2] - 9.81).abs() < 0.02, "{line}");
     // 0.22 m/s * 0.3605 rad/s to the left.
     assert!((raw.accelerations[1] - 0.0793).abs() < 0.01, "{line}");
-    let field = raw.field[0].hypot(raw.field[1]);
+    // At 0.22 of 1.2 m/s the motor adds as much of 15 uT ahead.
+    let field = (raw.field[0] - 2.75).hypot(raw.field[1]);
     assert!((field - 20.0).abs() < 0.02, "{line}");
 }
 

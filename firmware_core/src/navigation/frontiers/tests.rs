@@ -70,7 +70,8 @@ fn what_cannot_be_reached_is_not_sought() {
     let mut map = room(0);
     fill(&mut map, [153, 30, 280, 149], 0);
     fill(&mut map, [150, 80, 152, 88], 0);
-    assert_eq!(next(&mut Frontiers::new(Sought::Floor), &map), None);
+    let view = next(&mut Frontiers::new(Sought::Floor), &map);
+    assert!(view.is_none_or(|view| view.place.x_mm < 1500.0), "{view:?}");
 }
 
 /// A door that stays dark, seen from afar and from near by, is given up; asked again, it counts
@@ -95,7 +96,7 @@ fn a_short_way_is_better_than_a_long_one() {
     let mut map = room(0);
     fill(&mut map, [70, 150, 129, 152], 0);
     fill(&mut map, [27, 60, 29, 119], 0);
-    let mut view = |x_mm: f32, y_mm: f32| {
+    let view = |x_mm: f32, y_mm: f32| {
         let pose = Pose::new(x_mm, y_mm, 0.0);
         let mut frontiers = Frontiers::new(Sought::Floor);
         let view = frontiers.next_view(&map, (&BODY, Outlook::SMALL), pose, &Surroundings::EMPTY);
