@@ -4,6 +4,7 @@ use core::time::Duration;
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Child, ChildStderr, Command, Output, Stdio};
 
+use hilrig::realtime::clock::{Clock, WallClock};
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::support::*;
@@ -66,8 +67,9 @@ fn an_interrupted_run_without_a_program_leaves_its_folder_too() {
     // Nobody watches, so it says nothing until it ends; but it records.
     let capture = bench.folder.join("out/capture.pcapng");
     let output = interrupted_at(&mut command, Signal::INT, |_, _| {
+        let clock = WallClock::start();
         while capture.metadata().map_or(0, |file| file.len()) == 0 {
-            std::thread::sleep(Duration::from_millis(1));
+            clock.sleep_until(clock.now() + Duration::from_millis(1));
         }
     });
     let said = String::from_utf8_lossy(&output.stdout);
