@@ -311,20 +311,8 @@ impl BaseLink {
         let is_error =
             frame.register() == avr::ERROR_REGISTER && !frame.is_write() && frame.count() == 0;
         match self.current {
-            Some(current)
-                if self.tx.is_empty() && current.request.is_answered_by(frame, &self.defects) =>
-            {
-                count(&mut self.counters.answered);
-                self.failures_in_a_row = 0;
-                if current.tries > 1 {
-                    self.quiet_until = now + self.timeout;
-                }
-                let outcome = if current.request.is_write() {
-                    Outcome::Written
-                } else {
-                    Outcome::Data(self.data_of(frame))
-                };
-                self.finish(now, current.request, outcome);
+            Some(current) if self.is_answered_by(current, frame) => {
+                self.take_answer(now, current, frame);
             }
             Some(_) if self.tx.is_empty() && is_error => {
                 count(&mut self.counters.errors);
@@ -332,6 +320,24 @@ impl BaseLink {
             }
             _ => count(&mut self.counters.unsolicited),
         }
+    }
+
+    fn is_answered_by(&self, current: Transaction, frame: &Frame) -> bool {
+        self.tx.is_empty() && current.request.is_answered_by(frame, &self.defects)
+    }
+
+    fn take_answer(&mut self, now: Instant, current: Transaction, frame: &Frame) {
+        count(&mut self.counters.answered);
+        self.failures_in_a_row = 0;
+        if current.tries > 1 {
+            self.quiet_until = now + self.timeout;
+        }
+        let outcome = if current.request.is_write() {
+            Outcome::Written
+        } else {
+            Outcome::Data(self.data_of(frame))
+        };
+        self.finish(now, current.request, outcome);
     }
 
     /// The data of a reply, in a buffer of their own; the fielded program's held what had been read
@@ -400,13 +406,13 @@ impl BaseLink {
         }
     }
 
-    /// Judges what the decoder frees after an idle line.
+    /// Takes an answer among what the decoder frees after an idle line.
     fn settle(&mut self, now: Instant) {
         while let Some(frame) = self.decoder.step(&mut &[][..]) {
             match frame {
                 Ok(frame) => match self.current {
-                    Some(current) if current.request.is_answered_by(&frame, &self.defects) => {
-                        self.judge(now, &frame)
+                    Some(current) if self.is_answered_by(current, &frame) => {
+                        self.take_answer(now, current, &frame);
                     }
                     _ => count(&mut self.counters.unsolicited),
                 },

@@ -80,23 +80,12 @@ prove() {
     [[ $robot -gt 0 ]] || die "the image does not hold $name"
     [[ $stack_max != shared ]] || stack_max=$((ram - robot))
 
-    # The frame of each function that was not inlined: its address (four bytes), size (LEB128).
-    local offset size frames
-    read -r _ _ offset size _ < <(readelf -SW "$image" | sed -n 's/.*\.stack_sizes//p')
-    frames=$(od -An -v -tu1 -w1 -j $((16#$offset)) -N $((16#$size)) "$image" | awk '
-        at < 4 { address += $1 * 256 ^ at++; next }
-        { size += $1 % 128 * 128 ^ digit++ }
-        $1 < 128 { print address - address % 2, size; at = address = size = digit = 0 }')
-
-    # Nothing recurses, so no chain of calls takes more than all frames together: coarse, but sound.
-    # Not counted: the codecs' exercise, which no robot calls.
-    local address codecs stack largest
-    address=$(awk '$8 == "decode_everything" { print $2 }' <<<"$symbols")
-    codecs=$(awk -v address=$((16#$address & ~1)) '$1 == address { print $2 }' <<<"$frames")
-    stack=$(awk -v sum=-"$codecs" '{ sum += $2 } END { print sum }' <<<"$frames")
-    largest=$(awk '{ print $2 }' <<<"$frames" | sort -n | tail -1)
+    # The deepest chain of calls; not counted is the codecs' exercise, which no robot calls.
+    local stack largest
+    read -r stack largest < <(python3 stack.py "$image" reset decode_everything) ||
+        die "the stack of $name has no bound"
     printf '%-7s static  %7d of %d bytes\n' "$name" "$robot" "$ram"
-    printf '%-7s stack   %7d of %d bytes at most, %d in the largest frame\n' \
+    printf '%-7s stack   %7d of %d bytes at most, %d in its largest frame\n' \
         "$name" "$stack" "$stack_max" "$largest"
     ((stack <= stack_max)) || die "the stack of $name does not fit"
 }
