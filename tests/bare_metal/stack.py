@@ -7,8 +7,8 @@ IMAGE is an ELF file for a Cortex-M whose compiler told the frame of each functi
 emit-stack-sizes); functions named WITHOUT and what only they call do not count. Each chain of calls
 from ENTRY is followed through the instructions themselves: BL, and jumps that leave their function.
 A call through a pointer is taken to reach the deepest of all functions whose address is anywhere in
-the image's data or loaded by its code, four such calls within each other at most: formatting a number
-takes two. Direct recursion has no bound, so it is an error.
+the image's data or loaded by its code, four such calls within each other at most: formatting a
+number takes two. Direct recursion has no bound, so it is an error.
 """
 import bisect
 import struct
