@@ -6,8 +6,9 @@
 
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
+use std::fs::File;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::thread;
 
@@ -15,11 +16,10 @@ use hilrig::capture::Capture;
 use hilrig::realtime::clock::{Clock, WallClock};
 use hilrig::realtime::transport::{PortDir, Pty, Transport};
 
-use rustix::process::Signal;
+use rustix::process::{Pid, Signal, kill_process};
 
 use crate::client::{BUG, Client};
-use crate::processes::Running;
-use crate::support::{LINE, fresh_path};
+use crate::support::{LINE, fresh_path, wait_until};
 
 const SCENARIO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/own-slave.toml");
 const HILRIG: &str = env!("CARGO_BIN_EXE_hilrig");
@@ -185,12 +185,33 @@ fn an_interrupted_search_ends_its_program() {
         "--out",
         out_text,
     ];
-    let mut search = Running::start(&[&args[..], &ON_LINK, &["--case", "300ms"]].concat());
+    // How far it is, it tells only somebody who watches on a terminal.
+    let dir = PortDir::open(&fresh_path("fuzz-screen")).expect("a fresh directory");
+    let mut screen = Pty::open(&dir, "screen", LINE).expect("a free name");
+    let terminal = File::options().write(true).open(screen.path());
+    let mut command = Command::new(HILRIG);
+    command.args([&args[..], &ON_LINK, &["--case", "300ms"]].concat());
+    command.stdin(Stdio::null()).stdout(Stdio::piped());
+    command.stderr(terminal.expect("somebody may open it"));
+    let search = command.spawn().expect("the binary is built");
+    drop(command);
+    let mut shown = String::new();
+    let mut buf = [0; 256];
     // From the first case on it is known which frames are answered.
-    while search.wait_for(" cases, ").contains(" 0 cases, ") {}
-    search.signal(Signal::INT);
-    let (status, said) = search.end();
-    assert_eq!(status.code(), Some(0), "{said}");
+    wait_until(|| {
+        let len = screen.read(&mut buf).unwrap_or(0);
+        shown += &String::from_utf8_lossy(&buf[..len]);
+        let mut told = shown.lines().filter(|line| line.contains(" cases, "));
+        told.any(|line| !line.contains(" 0 cases, "))
+    });
+    let pid = i32::try_from(search.id()).ok().and_then(Pid::from_raw);
+    kill_process(pid.expect("a pid"), Signal::INT).expect("still there");
+    let output = search.wait_with_output().expect("our own child");
+    while let Ok(len @ 1..) = screen.read(&mut buf) {
+        shown += &String::from_utf8_lossy(&buf[..len]);
+    }
+    let said = String::from_utf8_lossy(&output.stdout) + &*shown;
+    assert_eq!(output.status.code(), Some(0), "{said}");
     assert!(said.contains("frames are answered"), "{said}");
     assert!(!out.join("ports").exists(), "{said}");
 }

@@ -33,7 +33,7 @@ pub(crate) struct Running {
 }
 
 impl Running {
-    pub(crate) fn start(args: &[&str]) -> Self {
+    fn start(args: &[&str]) -> Self {
         let mut child = Command::new(env!("CARGO_BIN_EXE_hilrig"))
             .args(args)
             .stdin(Stdio::null())
