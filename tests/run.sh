@@ -74,7 +74,7 @@ bash tests/coverage.sh
 step "lints"
 cargo clippy --locked --workspace --all-targets -- -D warnings
 # Without page and MCAP, as the demo below is built.
-cargo clippy --locked --all-targets --no-default-features -- -D warnings
+cargo clippy --locked --lib --bins --no-default-features -- -D warnings
 # The coverage-guided targets, on stable. Nothing is linked, so libFuzzer's C++ is not compiled: it
 # is said to be there already.
 CUSTOM_LIBFUZZER_PATH=/dev/null CARGO_TARGET_DIR=$target \

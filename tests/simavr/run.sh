@@ -49,4 +49,5 @@ done
 gcc -O2 -Wall -Wextra -I/usr/include/simavr "$sources/harness.c" -o "$out/harness" \
     -lsimavr -lelf -lm
 
-HILRIG_SIMAVR=$out cargo test --locked -p emulators --test simavr
+# With the whole workspace, as which it was built before: alone, other features mean another build.
+HILRIG_SIMAVR=$out cargo test --locked --workspace --test simavr
