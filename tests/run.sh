@@ -43,7 +43,7 @@ command -v oscsend >/dev/null || install liblo-tools
 # Reads what the instrumented replay of the corpus writes.
 command -v llvm-cov-19 >/dev/null || install llvm-19
 # Read what is exported; pip has them, Debian 12 does not.
-target=${CARGO_TARGET_DIR:-target}
+target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
 [[ -x $target/tools/bin/evo_ape ]] || {
     python3 -m venv "$target/tools" 2>/dev/null || {
         install python3-venv
@@ -71,17 +71,35 @@ bash tests/every_build/prove.sh
 step "coverage of the decoders by the corpus"
 bash tests/coverage.sh
 
-step "lints"
-cargo clippy --locked --workspace --all-targets -- -D warnings
-# Without page and MCAP, as the demo below is built.
-cargo clippy --locked --lib --bins --no-default-features -- -D warnings
-# The coverage-guided targets, on stable. Nothing is linked, so libFuzzer's C++ is not compiled: it
-# is said to be there already.
-CUSTOM_LIBFUZZER_PATH=/dev/null CARGO_TARGET_DIR=$target \
-    cargo clippy --locked --manifest-path fuzz/Cargo.toml --all-targets -- -D warnings
+step "compiling the tests"
+cargo test --locked --workspace --no-run
 
-step "docs"
-RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps --quiet
+# The tests wait for ports and browsers half of their time. What only needs the processor is done
+# then, in a class that gives way to everything that keeps time.
+lints_and_builds() {
+    chrt --idle --pid 0 "$BASHPID" || renice -n 19 "$BASHPID"
+    step "lints"
+    cargo clippy --locked --workspace --all-targets -- -D warnings
+    # The coverage-guided targets, on stable. Nothing is linked, so libFuzzer's C++ is not
+    # compiled: it is said to be there already.
+    CUSTOM_LIBFUZZER_PATH=/dev/null CARGO_TARGET_DIR=$target \
+        cargo clippy --locked --manifest-path fuzz/Cargo.toml --all-targets -- -D warnings
+    step "docs"
+    RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps --quiet
+    step "compiling the robot in a crate of its own"
+    CARGO_TARGET_DIR=$target cargo test --locked --manifest-path tests/outside/Cargo.toml --no-run
+    step "compiling the demo"
+    # Without the page and MCAP, which have no part in it and take two minutes to compile.
+    cargo build --locked --release --no-default-features 2> >(tee "$target/demo.log" >&2)
+    ! grep -A9 '^warning: ' "$target/demo.log"
+}
+beside=$target/beside.log
+# A process group of its own, which ends with this script.
+set -m
+(lints_and_builds) >"$beside" 2>&1 &
+builds=$!
+set +m
+trap 'kill -- -"$builds" 2>/dev/null || true' EXIT
 
 step "tests"
 # The same cases on every run: a check that is red today and green tomorrow judges nobody's change.
@@ -94,25 +112,31 @@ for example in examples/*.rs; do
     "$target/debug/examples/$(basename "$example" .rs)" >/dev/null
 done
 
-step "a robot in a crate of its own"
-CARGO_TARGET_DIR=$(realpath "$target") bash tests/outside/run.sh
-
-step "the lidar and the telemetry, judged by what pip and cargo give"
-built=$(realpath "$target")/debug
-CARGO_TARGET_DIR=$(realpath "$target") HILRIG=$built/hilrig TELEMETRY=$built/examples/telemetry \
-    bash tests/lidar_clients/run.sh
-
-step "chips on the bus of a simulated microcontroller"
-CARGO_TARGET_DIR=$(realpath "$target") bash tests/simavr/run.sh
+built=$target/debug
+step "the package for Python, and the programs of the docs"
+CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash python/run.sh
 
 step "the model car, driven by what pip and Debian give"
-CARGO_TARGET_DIR=$(realpath "$target") HILRIG=$built/hilrig bash tests/osc_clients/run.sh
+CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/osc_clients/run.sh
 
-step "the package for Python, and the programs of the docs"
-CARGO_TARGET_DIR=$(realpath "$target") HILRIG=$built/hilrig bash python/run.sh
+step "chips on the bus of a simulated microcontroller"
+CARGO_TARGET_DIR=$target bash tests/simavr/run.sh
+
+step "the lidar and the telemetry, judged by what pip and cargo give"
+CARGO_TARGET_DIR=$target HILRIG=$built/hilrig TELEMETRY=$built/examples/telemetry \
+    bash tests/lidar_clients/run.sh
+
+step "what was linted and compiled beside the tests"
+status=0
+wait "$builds" || status=$?
+trap - EXIT
+cat "$beside"
+[[ $status -eq 0 ]] || exit "$status"
+
+step "a robot in a crate of its own"
+CARGO_TARGET_DIR=$target bash tests/outside/run.sh
 
 step "demo"
-# Without the page and MCAP, which have no part in it and take two minutes to compile.
 cargo run --locked --release --no-default-features -- demo --out target/demo/release
 
 step "the debug build of the tests gives the same bytes as the release build"
