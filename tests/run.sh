@@ -58,7 +58,7 @@ cargo --version
 step "format"
 cargo fmt --all --check
 rustfmt --edition 2024 --check tests/bare_metal/src/lib.rs tests/every_build/src/main.rs \
-    tests/outside/src/lib.rs tests/outside/tests/*.rs tests/lidar_clients/rust/src/main.rs \
+    tests/outside/src/lib.rs tests/outside/tests/*.rs tests/lidar_clients/rust/src/main.rs tests/mutants/src/main.rs \
     fuzz/src/lib.rs fuzz/src/bin/corpus.rs \
     fuzz/fuzz_targets/*.rs
 

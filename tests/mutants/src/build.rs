@@ -1,0 +1,281 @@
+//! The copy of the tree in which all drawn mutants are compiled in, and its tests.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use serde_json::Value;
+
+use crate::list::Mutant;
+use crate::switch::{self, Switched};
+
+/// The environment variable that names the active mutant.
+pub const ACTIVE: &str = "ACTIVE_MUTANT";
+
+/// Appended to the package's `lib.rs`. The attribute stands at its top.
+const SWITCH: &str = "
+/// Which mutant holds, by its number from 1; 0: none.
+#[doc(hidden)]
+pub fn active_mutant() -> u32 {
+    extern crate std;
+    static ACTIVE: std::sync::OnceLock<u32> = std::sync::OnceLock::new();
+    *ACTIVE.get_or_init(|| {
+        std::env::var(\"ACTIVE_MUTANT\").ok().and_then(|text| text.parse().ok()).unwrap_or(0)
+    })
+}
+";
+/// What the compiler proves of a mutant alone is for the tests to see.
+const ALLOWED: &str = "#![allow(warnings, arithmetic_overflow, unconditional_panic)]\n";
+
+/// What was built.
+pub struct Built {
+    /// The package's folder in the copy, where its tests run.
+    pub folder: PathBuf,
+    /// The test binaries.
+    pub tests: Vec<PathBuf>,
+    /// Mutants that are compiled in, by their place in the draw.
+    pub switched: Vec<usize>,
+    /// Those that do not compile.
+    pub unviable: Vec<usize>,
+    /// Those that no switch reaches.
+    pub unswitched: Vec<usize>,
+}
+
+/// Copies the workspace to `out`, with `mutants` of `package` compiled in, and builds its tests.
+pub fn all_at_once(package: &str, out: &Path, mutants: &[Mutant]) -> Result<Built, String> {
+    let tree = out.join("tree");
+    copy_tree(&tree)?;
+    let folder = if package == "hilrig" {
+        tree.clone()
+    } else {
+        tree.join(package)
+    };
+    let mut files: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+    for (at, mutant) in mutants.iter().enumerate() {
+        files.entry(&mutant.file).or_default().push(at);
+    }
+    let mut copy = Copy {
+        package,
+        tree: &tree,
+        target: out.join("target"),
+        mutants,
+        unviable: BTreeSet::new(),
+        still_const: BTreeSet::new(),
+    };
+    let switched = loop {
+        let switched = copy.write(&files)?;
+        eprintln!("compiling, {} mutants do not so far", copy.unviable.len());
+        if !copy.leave_out_what_does_not_compile(&switched)? {
+            break switched;
+        }
+    };
+    let tests = copy.tests()?;
+    let unswitched: Vec<usize> = switched
+        .values()
+        .flat_map(|file| file.unswitched.iter().copied())
+        .collect();
+    let unviable: Vec<usize> = copy.unviable.into_iter().collect();
+    let rest = |at: &usize| !unviable.contains(at) && !unswitched.contains(at);
+    let switched = (0..mutants.len()).filter(rest).collect();
+    Ok(Built {
+        folder,
+        tests,
+        switched,
+        unviable,
+        unswitched,
+    })
+}
+
+/// The tree without what was built of it. Its neighbour of facts is not copied but shown.
+fn copy_tree(tree: &Path) -> Result<(), String> {
+    let _ = fs::remove_dir_all(tree);
+    fs::create_dir_all(tree).map_err(|error| format!("{}: {error}", tree.display()))?;
+    let done = Command::new("sh")
+        .arg("-c")
+        .arg("git ls-files -z | xargs -0 cp --parents -t \"$0\"")
+        .arg(tree)
+        .status();
+    if !done.is_ok_and(|status| status.success()) {
+        return Err("the tree cannot be copied".to_owned());
+    }
+    if let (Ok(shared), Some(above)) = (fs::canonicalize("../shared"), tree.parent()) {
+        let _ = std::os::unix::fs::symlink(shared, above.join("shared"));
+    }
+    Ok(())
+}
+
+struct Copy<'a> {
+    package: &'a str,
+    tree: &'a Path,
+    target: PathBuf,
+    mutants: &'a [Mutant],
+    unviable: BTreeSet<usize>,
+    still_const: BTreeSet<String>,
+}
+
+impl<'a> Copy<'a> {
+    /// Writes all files that have mutants, without those that do not compile.
+    fn write(
+        &self,
+        files: &BTreeMap<&'a str, Vec<usize>>,
+    ) -> Result<BTreeMap<&'a str, Switched>, String> {
+        let mut written = BTreeMap::new();
+        for (&file, numbers) in files {
+            let text = fs::read_to_string(file).map_err(|error| format!("{file}: {error}"))?;
+            let viable = numbers.iter().filter(|at| !self.unviable.contains(at));
+            let viable: Vec<_> = viable.map(|&at| (at, &self.mutants[at])).collect();
+            let switched = switch::switched(&text, &viable, &self.still_const)
+                .map_err(|error| format!("{file}: {error}"))?;
+            fs::write(self.tree.join(file), &switched.text)
+                .map_err(|error| format!("{file}: {error}"))?;
+            written.insert(file, switched);
+        }
+        self.write_switch()?;
+        Ok(written)
+    }
+
+    fn write_switch(&self) -> Result<(), String> {
+        let folder = if self.package == "hilrig" {
+            "src"
+        } else {
+            &format!("{}/src", self.package)
+        };
+        let path = self.tree.join(folder).join("lib.rs");
+        let text = fs::read_to_string(&path).map_err(|error| format!("lib.rs: {error}"))?;
+        if !text.contains(SWITCH) {
+            // Behind the documentation of the crate attributes may follow, but nothing else.
+            let at = text.find("\n\n").map_or(0, |at| at + 2);
+            let (head, rest) = text.split_at(at);
+            fs::write(&path, format!("{head}{ALLOWED}{rest}{SWITCH}"))
+                .map_err(|error| format!("lib.rs: {error}"))?;
+        }
+        Ok(())
+    }
+
+    /// Whether something had to be left out, so that it is worth another try.
+    fn leave_out_what_does_not_compile(
+        &mut self,
+        files: &BTreeMap<&str, Switched>,
+    ) -> Result<bool, String> {
+        let before = (self.unviable.len(), self.still_const.len());
+        let mut unexplained = Vec::new();
+        for message in self.cargo(&["check", "--lib"])? {
+            if message["reason"] != "compiler-message" || message["message"]["level"] != "error" {
+                continue;
+            }
+            let error = &message["message"];
+            if let Some(name) = called_in_a_constant(error) {
+                self.still_const.insert(name);
+                continue;
+            }
+            let guilty = guilty(error, files);
+            if guilty.is_empty() && !error["spans"].as_array().is_none_or(Vec::is_empty) {
+                unexplained.push(error["rendered"].as_str().unwrap_or("").to_owned());
+            }
+            self.unviable.extend(guilty);
+        }
+        let more = before != (self.unviable.len(), self.still_const.len());
+        if !more && !unexplained.is_empty() {
+            return Err(format!(
+                "the copy does not compile:\n{}",
+                unexplained.join("\n")
+            ));
+        }
+        Ok(more)
+    }
+
+    fn tests(&self) -> Result<Vec<PathBuf>, String> {
+        let messages = self.cargo(&["test", "--no-run"])?;
+        let tests: Vec<PathBuf> = messages
+            .iter()
+            .filter(|message| message["profile"]["test"] == true)
+            .filter_map(|message| message["executable"].as_str().map(PathBuf::from))
+            .collect();
+        if tests.is_empty() {
+            return Err(format!("{} has no tests that compile", self.package));
+        }
+        Ok(tests)
+    }
+
+    fn cargo(&self, arguments: &[&str]) -> Result<Vec<Value>, String> {
+        let output = Command::new("cargo")
+            .args(arguments)
+            .args([
+                "--locked",
+                "--package",
+                self.package,
+                "--message-format",
+                "json",
+            ])
+            .current_dir(self.tree)
+            .env(
+                "CARGO_TARGET_DIR",
+                fs::canonicalize(&self.target).unwrap_or(self.target.clone()),
+            )
+            .stderr(Stdio::inherit())
+            .output()
+            .map_err(|error| format!("cargo: {error}"))?;
+        let text = String::from_utf8_lossy(&output.stdout);
+        Ok(text
+            .lines()
+            .filter_map(|line| serde_json::from_str(line).ok())
+            .collect())
+    }
+}
+
+/// The function that an error says is not constant where only constants may be.
+fn called_in_a_constant(error: &Value) -> Option<String> {
+    let text = error["message"].as_str()?;
+    if error["code"]["code"] != "E0015" {
+        return None;
+    }
+    let path = text.split('`').nth(1)?;
+    Some(path.rsplit("::").next().unwrap_or(path).to_owned())
+}
+
+/// The mutants in whose arms an error points; else those whose arms stand next to what it points at.
+fn guilty(error: &Value, files: &BTreeMap<&str, Switched>) -> Vec<usize> {
+    let mut inside = Vec::new();
+    let mut around = Vec::new();
+    for span in error["spans"].as_array().into_iter().flatten() {
+        let (Some(file), Some(from), Some(to)) = (
+            span["file_name"].as_str(),
+            span["byte_start"]
+                .as_u64()
+                .and_then(|at| usize::try_from(at).ok()),
+            span["byte_end"]
+                .as_u64()
+                .and_then(|at| usize::try_from(at).ok()),
+        ) else {
+            continue;
+        };
+        let Some(switched) = files.get(file) else {
+            continue;
+        };
+        let meets = |arm: &Range<usize>| arm.start < to && from < arm.end;
+        inside.extend(
+            switched
+                .arms
+                .iter()
+                .filter(|(arm, _)| meets(arm))
+                .map(|(_, at)| *at),
+        );
+        // From the arm's begin to the end of its line: the expression that it is an arm of.
+        around.extend(
+            switched
+                .arms
+                .iter()
+                .filter(|(arm, _)| same_line(&switched.text, arm.end, from))
+                .map(|(_, at)| *at),
+        );
+    }
+    if inside.is_empty() { around } else { inside }
+}
+
+fn same_line(text: &str, one: usize, other: usize) -> bool {
+    let (low, high) = (one.min(other), one.max(other));
+    text.get(low..high)
+        .is_some_and(|between| !between.contains('\n'))
+}

@@ -1,0 +1,108 @@
+//! Which changes of behaviour do the tests of a package see? cargo-mutants lists the changes; all
+//! that are drawn are compiled into one copy of the tree, each behind a switch, so that a trial costs
+//! a run of the tests and no build. What cannot be switched (a constant) is named, not judged.
+//!
+//! usage: mutants PACKAGE LIST.json OUT COUNT SEED EQUIVALENT.txt
+
+mod build;
+mod list;
+mod switch;
+mod trial;
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use list::Mutant;
+use trial::Fate;
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [package, list, out, count, seed, equivalent] = arguments.as_slice() else {
+        eprintln!("usage: mutants PACKAGE LIST.json OUT COUNT SEED EQUIVALENT.txt");
+        return ExitCode::from(2);
+    };
+    let (Ok(count), Ok(seed)) = (count.parse(), seed.parse()) else {
+        eprintln!("mutants: COUNT and SEED are numbers");
+        return ExitCode::from(2);
+    };
+    match judge(
+        package,
+        Path::new(list),
+        Path::new(out),
+        (count, seed),
+        Path::new(equivalent),
+    ) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(why) => {
+            eprintln!("mutants: {why}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// Draws, switches, builds, tries and tells the score of `package`.
+fn judge(
+    package: &str,
+    list: &Path,
+    out: &Path,
+    (count, seed): (usize, u64),
+    equivalent: &Path,
+) -> Result<(), String> {
+    let (drawn, total) = list::draw(list, equivalent, count, seed)?;
+    eprintln!("{} of {total} mutants of {package}", drawn.len());
+    let built = build::all_at_once(package, out, &drawn)?;
+    eprintln!(
+        "{} compiled in, {} do not compile, {} are in constants or alike",
+        built.switched.len(),
+        built.unviable.len(),
+        built.unswitched.len()
+    );
+    let fates = trial::all(&built, &drawn)?;
+    tell(package, out, &drawn, &built, &fates)
+}
+
+/// Writes who was caught, missed, late or never tried beside the copy, and prints the score.
+fn tell(
+    package: &str,
+    out: &Path,
+    drawn: &[Mutant],
+    built: &build::Built,
+    fates: &[(usize, Fate)],
+) -> Result<(), String> {
+    let names = |fate: Fate| -> Vec<&str> {
+        let with_it = fates.iter().filter(|(_, found)| *found == fate);
+        with_it
+            .map(|&(mutant, _)| drawn[mutant].name.as_str())
+            .collect()
+    };
+    let of = |mutants: &[usize]| -> Vec<&str> {
+        mutants
+            .iter()
+            .map(|&mutant| drawn[mutant].name.as_str())
+            .collect()
+    };
+    let (caught, late, missed) = (names(Fate::Caught), names(Fate::Late), names(Fate::Missed));
+    for (file, names) in [
+        ("caught.txt", &caught),
+        ("timeout.txt", &late),
+        ("missed.txt", &missed),
+        ("unviable.txt", &of(&built.unviable)),
+        ("unswitched.txt", &of(&built.unswitched)),
+    ] {
+        let lines: String = names.iter().map(|name| format!("{name}\n")).collect();
+        std::fs::write(out.join(file), lines).map_err(|error| format!("{file}: {error}"))?;
+    }
+    for name in &missed {
+        println!("missed: {name}");
+    }
+    let (seen, viable) = (caught.len() + late.len(), fates.len());
+    if viable == 0 {
+        return Err(format!("no mutant of {package} compiles: nothing was seen"));
+    }
+    println!(
+        "{package}: {seen} of {viable} viable mutants caught, {} % ({} by time-out)",
+        100 * seen / viable,
+        late.len()
+    );
+    Ok(())
+}
