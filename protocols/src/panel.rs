@@ -352,6 +352,20 @@ mod tests {
         assert_eq!(encode_pixels(window, &mixed[..3], &mut frame), None);
     }
 
+    /// A frame's payload has 968 bytes at most: with the window 480 pixels, one by one.
+    #[test]
+    fn as_many_pixels_as_a_frame_holds_are_sent_and_no_more() {
+        let mut frame = [0; 2000];
+        let pixels: [u16; 481] = core::array::from_fn(|at| u16::try_from(at).expect("below 481"));
+        let window = |count: u16| Window {
+            columns: [0, count - 1],
+            rows: [0, 0],
+        };
+        let sent = encode_pixels(window(480), &pixels[..480], &mut frame);
+        assert_eq!(sent, Some(4 + 8 + 960 + 2));
+        assert_eq!(encode_pixels(window(481), &pixels, &mut frame), None);
+    }
+
     #[test]
     fn a_pen_report_keeps_its_place() {
         let pen = Pen {

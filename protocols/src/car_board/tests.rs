@@ -60,6 +60,14 @@ fn figures_out_of_range_are_told() {
     assert_eq!(text, "motor level is 11, expected -10 to 10");
 }
 
+/// Both ends of the range, and its middle.
+#[test]
+fn a_steering_value_keeps_its_number() {
+    let kept = |value| Steering::new(value).map(Steering::get);
+    assert_eq!([-50, -1, 0, 50].map(kept), [-50, -1, 0, 50].map(Ok));
+    assert!(kept(51).is_err() && kept(-51).is_err());
+}
+
 /// 13 cm, 200 cm, 150 cm, no line, 269 pulses, 7200 mV.
 const VECTOR: [u8; FRAME_LEN] = [
     0x00, 0x0F, 0x0D, 0x00, 0xC8, 0x00, 0x96, 0x00, 0x00, 0x0D, 0x01, 0x20, 0x1C,

@@ -410,6 +410,60 @@ mod tests {
         assert_eq!(decoded.message(), Ok(Message::Map(map)));
     }
 
+    /// State of mode 2: 1 and -1, 300 and -300 mm/s, set point 5 and -5.
+    #[test]
+    fn a_state_is_read_by_hand() {
+        let payload = [2, 1, 0xFF, 0x2C, 0x01, 0xD4, 0xFE, 5, 0xFB];
+        let state = state(&payload).expect("mode 2 exists");
+        assert_eq!(state.speed, [1, -1]);
+        assert_eq!(state.speed_mm_s, [300, -300]);
+        assert_eq!(state.set_point, [5, -5]);
+        assert_eq!(super::state(&[5; 9]), Err(MessageError::Mode(5)));
+    }
+
+    /// What a refusal says to whoever reads a log.
+    #[test]
+    fn errors_say_what_was_found_and_expected() {
+        extern crate std;
+        use std::string::ToString;
+        let length = MessageError::Length {
+            expected: 9,
+            found: 4,
+        };
+        assert_eq!(length.to_string(), "payload has 4 bytes, expected 9");
+        let id = MessageError::Id(*b"X\0Y");
+        assert_eq!(id.to_string(), "no message is called \"X\\x00Y\"");
+        assert_eq!(
+            MessageError::Mode(9).to_string(),
+            "mode is 9, expected 0 to 4"
+        );
+    }
+
+    /// 511 bytes are the most that a payload has.
+    #[test]
+    fn the_longest_payload_is_sealed_and_one_byte_more_is_not() {
+        use crate::pcui::seal;
+        let mut frame = [1; 600];
+        assert_eq!(seal(&mut frame, *b"MAP", 511), Some(17 + 511));
+        assert_eq!(frame[8..14], [0xFF, 0x01, 0xFF, 0x01, 0x00, 0x00]);
+        assert_eq!(seal(&mut frame, *b"MAP", 512), None);
+        assert_eq!(seal(&mut frame[..527], *b"MAP", 511), None);
+    }
+
+    /// In a log a frame stands as its name and bytes.
+    #[test]
+    fn a_log_shows_name_and_bytes() {
+        extern crate std;
+        let golden = *b"PCUI_MSG\x01\x00\x07\x00\x00\x00MPD\x07";
+        let mut decoder = Decoder::default();
+        let frame = decoder
+            .push(&golden)
+            .next()
+            .expect("complete")
+            .expect("sound");
+        assert_eq!(std::format!("{frame:?}"), "pcui::Frame(MPD, [07])");
+    }
+
     /// Request and reply as the fielded robot exchanged them.
     #[test]
     fn state_and_order_are_the_golden_bytes() {

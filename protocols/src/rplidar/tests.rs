@@ -80,6 +80,47 @@ fn requests_are_those_of_the_document() {
 
 /// The size is one byte: of 300 bytes 255 are sent, with start, command, size and checksum 259. Of
 /// the checksum, 255 times 7 is 7: A5 ^ F0 ^ FF ^ 07 = AD.
+/// The same requests from their bytes; what the document does not know asks for nothing.
+#[test]
+fn the_document_s_requests_are_read_from_their_bytes() {
+    let asked = |code| Request::plain(code).command();
+    assert_eq!(asked(0x20), Some(Command::Scan));
+    assert_eq!(asked(0x21), Some(Command::ForceScan));
+    assert_eq!(asked(0x25), Some(Command::Stop));
+    assert_eq!(asked(0x40), Some(Command::Reset));
+    assert_eq!(asked(0x50), Some(Command::Info));
+    assert_eq!(asked(0x52), Some(Command::Health));
+    assert_eq!(asked(0x59), Some(Command::SampleRate));
+    assert_eq!(asked(0x31), None);
+    let with = |code, payload: &[u8]| Request::with_payload(code, payload).command();
+    assert_eq!(
+        with(0x82, &[4, 0, 0, 0, 0]),
+        Some(Command::ExpressScan { mode: 4 })
+    );
+    assert_eq!(with(0x82, &[4]), None);
+    let key = |mode| Some(Command::Conf { key: 0x71, mode });
+    assert_eq!(with(0x84, &[0x71, 0, 0, 0]), key(None));
+    assert_eq!(with(0x84, &[0x71, 0, 0, 0, 2, 0]), key(Some(2)));
+    assert_eq!(
+        with(0xA8, &[0x58, 0x02]),
+        Some(Command::MotorSpeed { rpm: 600 })
+    );
+    assert_eq!(
+        with(0xF0, &[0x94, 0x02]),
+        Some(Command::MotorPwm { pwm: 660 })
+    );
+    assert_eq!(with(0xFF, &[0, 0, 0, 0]), Some(Command::AccBoard));
+}
+
+/// In a log a request or an answer stands as its bytes.
+#[test]
+fn a_log_shows_bytes() {
+    let request = std::format!("{:?}", Command::Stop.request());
+    assert_eq!(request, "rplidar::Request([A5, 25])");
+    let (frames, _) = decode(Decoder::default(), &INFO);
+    assert!(std::format!("{frames:?}").contains("rplidar::Answer([A5, 5A, 14, 00, 00, 00, 04, 18"));
+}
+
 #[test]
 fn the_longest_request_has_a_payload_of_255_bytes() {
     let request = Request::with_payload(code::MOTOR_PWM, &[7; 300]);
@@ -420,6 +461,19 @@ fn a_lost_byte_costs_at_most_ten() {
 
 /// A damaged check bit costs its node and the one before it, which cannot be told from a torn one;
 /// any other bit costs nothing but its own truth.
+/// What comes ahead of the first node is noise; between nodes it is damage, and is told.
+#[test]
+fn bytes_that_begin_no_node_are_noise_only_before_the_first() {
+    let failures = |bytes: &[u8]| {
+        let mut decoder = streaming(Mode::Nodes);
+        decoder.push(bytes).filter(Result::is_err).count()
+    };
+    let sound = nodes(12).concat();
+    // Both start bits 0.
+    assert_eq!(failures(&[&[0x00][..], &sound].concat()), 0);
+    assert!(failures(&[&sound[..], &[0x00], &sound].concat()) > 0);
+}
+
 #[test]
 fn a_damaged_bit_costs_at_most_two_nodes() {
     let nodes = nodes(20);

@@ -80,3 +80,37 @@ impl Format for Turns {
         Frame(*bytes.first_chunk().expect("judged complete"))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Decode;
+
+    /// D194, 310.7 rpm; each reading its own degree, byte by byte.
+    #[test]
+    fn a_turn_is_laid_out_by_hand() {
+        let readings = core::array::from_fn(|degree| {
+            let [low, high] = u16::try_from(degree).expect("below 360").to_le_bytes();
+            RawReading([low, high, 0x10, 0x20])
+        });
+        let frame = Frame::new(0xD194, &readings);
+        assert_eq!(frame.as_bytes()[..6], [0x5A, 0xA5, 0x00, 0xC0, 0x94, 0xD1]);
+        assert_eq!(frame.as_bytes()[1442..], [0x67, 0x01, 0x10, 0x20]);
+        assert_eq!(frame.period(), 0xD194);
+        assert_eq!(frame.raw_reading(0), RawReading([0x00, 0x00, 0x10, 0x20]));
+        assert_eq!(frame.raw_reading(359), RawReading([0x67, 0x01, 0x10, 0x20]));
+        assert_eq!(frame.raw_reading(361), RawReading([0x01, 0x00, 0x10, 0x20]));
+    }
+
+    /// A turn is there with its last byte, not before, and behind anything.
+    #[test]
+    fn a_turn_is_whole_or_not_there() {
+        let frame = Frame::new(0xD194, &[RawReading([1, 2, 3, 4]); 360]);
+        let mut decoder = Decoder::default();
+        assert_eq!(decoder.push(&[0x5A, 0x00]).count(), 0);
+        let (most, last) = frame.as_bytes().split_at(FRAME_LEN - 1);
+        assert_eq!(decoder.push(most).count(), 0);
+        assert!(decoder.push(last).eq([Ok(frame)]));
+        assert_eq!(decoder.discarded(), 2);
+    }
+}
