@@ -144,6 +144,8 @@ pub(super) fn speed_register(ticks: i32) -> i8 {
 
 #[cfg(test)]
 mod tests {
+    use core::time::Duration;
+
     use super::*;
 
     const GAINS: Gains = Gains {
@@ -158,6 +160,16 @@ mod tests {
         let mut regulator = Regulator::default();
         let pulses: Vec<_> = (0..3).map(|_| regulator.step(GAINS, 20, 0)).collect();
         assert_eq!(pulses, [0xBF, 0xF1, 0xFE].map(Drive::Power));
+    }
+
+    /// 100 edges unseen, then 7 seen.
+    #[test]
+    fn edges_that_turned_by_unseen_are_never_counted() {
+        let ticks = Ticks::with_phase(Duration::ZERO);
+        let mut counter = Counter::started(Instant::ZERO, 0);
+        counter.miss(Instant::from_secs(1), 100);
+        counter.look(Odometer::EveryEdge, ticks, Instant::from_secs(2), 107);
+        assert_eq!(counter.count(), 7);
     }
 
     #[test]

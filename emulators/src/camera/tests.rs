@@ -178,6 +178,38 @@ fn a_marker_is_told_in_the_cameras_axes() {
     assert!(told(marker, vec![wall(1.0, 0.2, 0.2, 0.1)]).is_some());
 }
 
+/// The robot looks along y: what lies 1.5 m along y and 0.3 m against x is ahead to the left, and what
+/// lies ahead along x is not in view.
+#[test]
+fn a_marker_is_told_as_the_robot_stands() {
+    let told = |at_m| {
+        let marker = PlacedMarker {
+            id: 3,
+            at_m,
+            facing_rad: -PI / 2.0,
+        };
+        let config = CameraConfig {
+            markers: vec![marker],
+            ..exact()
+        };
+        let scene = Scene::new(Vec::<Fixture>::new(), Vec::new()).expect("sound");
+        let pose = Pose {
+            theta: PI / 2.0,
+            ..Pose::default()
+        };
+        let mut world = World::new(scene, BodyConfig::default(), pose, 1).expect("free");
+        let mut camera = Camera::new(config, 1, "camera");
+        sent(&mut camera, &mut world, Camera::MARKERS, 40).pop()
+    };
+    let message = told([-0.3, 1.5, 0.20]).expect("it is in view");
+    let Ok(Message::Marker(found)) = Message::decode(&message) else {
+        panic!("no marker");
+    };
+    let [right, down, ahead] = found.place_mm;
+    assert!((right + 300).abs() <= 30 && down == 140 && (ahead - 1_500).abs() <= 30);
+    assert_eq!(told([1.5, 0.3, 0.20]), None);
+}
+
 #[test]
 fn faults_do_what_they_say() {
     let mut world = world(vec![wall(2.0, 0.0, 5.0, 2.0)]);

@@ -675,3 +675,20 @@ fn a_lost_radio_ends_in_a_new_connection() {
     station.run_for(SECOND);
     assert_eq!(station.pc.record().counts.states, 1);
 }
+
+/// What a refused row says to whoever reads a log.
+#[test]
+fn a_refused_row_says_what_the_map_has() {
+    let row = RowError::Row {
+        height: 300,
+        found: 301,
+    };
+    assert_eq!(row.to_string(), "row 301, but the map has 300 rows");
+    let width = RowError::Width {
+        expected: 300,
+        found: 12,
+    };
+    assert_eq!(width.to_string(), "12 pixels in a row of 300");
+    let layer = RowError::Layer(2);
+    assert_eq!(layer.to_string(), "layer 2, but the map has only layer 0");
+}
