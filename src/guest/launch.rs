@@ -21,6 +21,7 @@ use nix::libc;
 use nix::sys::personality::{self, Persona};
 use nix::sys::ptrace;
 use nix::sys::signal::{Signal, raise};
+use rustix::process::{TimeStampCounterReadability, set_time_stamp_counter_readability};
 use seccompiler::{BpfProgram, SeccompAction, SeccompFilter, TargetArch};
 
 /// The hidden command.
@@ -31,7 +32,7 @@ pub(super) const NOT_TRACED: i32 = 125;
 pub(super) const NOT_LAUNCHED: i32 = 126;
 
 /// The calls at which a program is stopped.
-const STOPPED: [i64; 65] = [
+const STOPPED: [i64; 67] = [
     libc::SYS_clock_gettime,
     libc::SYS_clock_getres,
     libc::SYS_clock_settime,
@@ -85,6 +86,8 @@ const STOPPED: [i64; 65] = [
     libc::SYS_timer_settime,
     libc::SYS_timer_gettime,
     libc::SYS_timer_delete,
+    libc::SYS_signalfd,
+    libc::SYS_signalfd4,
     libc::SYS_timerfd_create,
     libc::SYS_timerfd_settime,
     libc::SYS_timerfd_gettime,
@@ -119,6 +122,8 @@ pub(crate) fn become_guest(command: &str) -> ExitCode {
     // Where things lie in memory is the same in each run; some systems forbid even that.
     let _ = personality::get()
         .and_then(|persona| personality::set(persona | Persona::ADDR_NO_RANDOMIZE));
+    // Where the processor's counter cannot be hidden it is as it is.
+    let _ = set_time_stamp_counter_readability(TimeStampCounterReadability::RaiseSIGSEGV);
     if let Err(error) = ptrace::traceme().and_then(|()| raise(Signal::SIGSTOP)) {
         eprintln!("ptrace: {error}");
         return code(NOT_TRACED);

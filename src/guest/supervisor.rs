@@ -215,7 +215,13 @@ impl Supervisor {
     }
 
     fn let_time_pass(&mut self) -> Result<(), GuestError> {
-        let is_out = |thread: &Thread| matches!(thread.state, State::Outside);
+        // Whoever waits for the child that has its memory does so in virtual time.
+        let lends = |tid: i32| {
+            let mut others = self.threads.values();
+            others.any(|other| other.vfork_parent == Some(tid))
+        };
+        let is_out =
+            |thread: &Thread| matches!(thread.state, State::Outside) && !lends(thread.tid.as_raw());
         if self.threads.values().any(is_out) {
             self.watchdog.pause(OUTSIDE);
             self.hear_outside();
@@ -369,6 +375,7 @@ impl Supervisor {
             | libc::PTRACE_EVENT_CLONE) => self.cloned(tid, event),
             libc::PTRACE_EVENT_EXEC => self.execed(tid),
             0 if signal == libc::SIGSTOP => self.kicked(tid),
+            0 if signal == libc::SIGSEGV && self.reads_counter(tid) => Flow::Goes(None),
             0 if signal & 0x80 == 0 => {
                 if Signal::try_from(signal).is_err() {
                     self.note(format!("signal {signal} is not passed on"));
