@@ -44,6 +44,8 @@ pub(super) fn document(
         Ok(Verdict::Fail) => End::Fail,
         Ok(Verdict::NotJudged) => End::NotJudged,
         Ok(Verdict::Interrupted(_)) => End::Interrupted,
+        Ok(Verdict::Program(0)) => End::Pass,
+        Ok(Verdict::Program(_)) => End::Fail,
         Err(_) => End::Error,
     };
     json!({

@@ -480,7 +480,7 @@ impl Supervisor {
 }
 
 /// The next news of a thread that this one traces: its number and the system's status.
-fn wait(pid: Option<Pid>, more: WaitOptions) -> Option<(i32, i32)> {
+pub(super) fn wait(pid: Option<Pid>, more: WaitOptions) -> Option<(i32, i32)> {
     let all = libc::__WALL | libc::__WNOTHREAD;
     let options = more | WaitOptions::from_bits_retain(all.cast_unsigned());
     let pid = pid.and_then(|pid| rustix::process::Pid::from_raw(pid.as_raw()));
@@ -499,6 +499,6 @@ fn wait(pid: Option<Pid>, more: WaitOptions) -> Option<(i32, i32)> {
     }
 }
 
-const fn is_death(status: i32) -> bool {
+pub(super) const fn is_death(status: i32) -> bool {
     status & 0xFF != 0x7F
 }
