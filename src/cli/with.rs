@@ -1,10 +1,13 @@
 use std::env;
 use std::ffi::OsString;
+use std::io;
 use std::path::PathBuf;
+use std::process::Stdio;
 
 use clap::Args;
 
-use super::{CliError, Verdict};
+use super::answer::ProgramEnded;
+use super::{CliError, Verdict, out};
 use crate::guest;
 use crate::realtime::exec::PORTS_VARIABLE;
 
@@ -39,8 +42,11 @@ pub(super) fn run(args: WithArgs) -> Result<Verdict, CliError> {
     })?;
     let dir = std::path::absolute(&dir)
         .map_err(|error| CliError::Usage(format!("--dir {}: {error}", dir.display())))?;
-    Ok(Verdict::Program(guest::run_with_lines(
-        &dir,
-        &args.command,
-    )?))
+    let speaks = match out::is_json() {
+        true => io::stderr().into(),
+        false => Stdio::inherit(),
+    };
+    let program_exit_code = guest::run_with_lines(&dir, &args.command, speaks)?;
+    out::answer(&ProgramEnded { program_exit_code });
+    Ok(Verdict::Program(program_exit_code))
 }

@@ -20,7 +20,7 @@ use std::process::{Child, Command, ExitCode, Stdio};
 use nix::libc;
 use nix::sys::personality::{self, Persona};
 use nix::sys::ptrace;
-use nix::sys::signal::{Signal, raise};
+use nix::sys::signal::{SigSet, Signal, raise};
 use rustix::process::{TimeStampCounterReadability, set_time_stamp_counter_readability};
 use seccompiler::{
     BpfProgram, SeccompAction, SeccompCmpArgLen, SeccompCmpOp, SeccompCondition, SeccompFilter,
@@ -136,17 +136,35 @@ pub(super) fn start(command: &str, env: &[(String, OsString)], mouth: File) -> i
 pub(super) fn start_with_lines(
     command: &[OsString],
     env: &[(String, OsString)],
+    speaks: Stdio,
 ) -> io::Result<Child> {
     let mut launcher = Command::new(std::env::current_exe()?);
     launcher
+        .stdout(speaks)
         .arg(LINES_VERB)
         .args(command)
         .envs(env.iter().map(|(name, value)| (name, value)));
     launcher.spawn()
 }
 
+/// The signals by which a program is asked to end.
+pub(super) fn requests_to_end() -> SigSet {
+    let mut set = SigSet::empty();
+    for signal in [
+        Signal::SIGINT,
+        Signal::SIGTERM,
+        Signal::SIGHUP,
+        Signal::SIGQUIT,
+    ] {
+        set.add(signal);
+    }
+    set
+}
+
 /// Becomes a program with its arguments, supervised by whoever started this process.
 pub(crate) fn become_guest_with_lines(words: impl IntoIterator<Item = OsString>) -> ExitCode {
+    // Whoever started this one holds them back.
+    let _ = requests_to_end().thread_unblock();
     let mut words = words.into_iter();
     let mut program = Command::new(words.next().unwrap_or_default());
     program.args(words);

@@ -13,10 +13,11 @@ use std::io::{self, BufRead as _, BufReader, Write as _};
 use std::os::unix::fs::{FileTypeExt as _, MetadataExt as _};
 use std::os::unix::net::UnixStream;
 use std::path::Path;
+use std::process::Stdio;
 
 use nix::libc;
 use nix::sys::ptrace::{self, Options};
-use nix::sys::signal::{SigSet, Signal};
+use nix::sys::signal::Signal;
 use nix::unistd::Pid;
 use rustix::process::WaitOptions;
 use serde_json::{Value, json};
@@ -40,11 +41,15 @@ const BITS: [(&str, u32); 5] = [
 ];
 
 /// Runs a program and its arguments with modem lines on the ports of the rig in `dir`; its exit
-/// code as a shell has it.
+/// code as a shell has it. What it says goes to `speaks`.
 ///
 /// # Errors
 /// If no rig answers there, or the program cannot be started or traced.
-pub(crate) fn run_with_lines(dir: &Path, command: &[OsString]) -> Result<u8, GuestError> {
+pub(crate) fn run_with_lines(
+    dir: &Path,
+    command: &[OsString],
+    speaks: Stdio,
+) -> Result<u8, GuestError> {
     let no_rig = |source| GuestError::NoRig {
         dir: dir.to_owned(),
         source,
@@ -60,18 +65,9 @@ pub(crate) fn run_with_lines(dir: &Path, command: &[OsString]) -> Result<u8, Gue
         env.push((port_variable(name), dir.join(name).into()));
     }
     // The program is in this group too: it is its answer to such a signal that counts.
-    let mut held = SigSet::empty();
-    for signal in [
-        Signal::SIGINT,
-        Signal::SIGTERM,
-        Signal::SIGHUP,
-        Signal::SIGQUIT,
-    ] {
-        held.add(signal);
-    }
-    let _ = held.thread_block();
+    let _ = launch::requests_to_end().thread_block();
     let not_started = |error: io::Error| GuestError::NotLaunched(error.to_string());
-    let root = launch::start_with_lines(command, &env).map_err(not_started)?;
+    let root = launch::start_with_lines(command, &env, speaks).map_err(not_started)?;
     let root = i32::try_from(root.id()).unwrap_or_default();
     let status = tracer.follow(root)?;
     Ok(match status & 0x7F {

@@ -8,6 +8,8 @@ mod custom;
 mod endings;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod guest;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod lines;
 mod signals;
 mod support;
 mod verdicts;
