@@ -14,7 +14,8 @@ bad=0
 for seed in $(seq "${1:-1}" "${2:-50}"); do
     python3 "$here/programs/generate.py" "$seed" > program.c
     cc -O1 -pthread -o program program.c
-    # In real time the port is a file; it goes on until it has said its last line.
+    # In real time the port is a file; it is ended when it has said its last line.
+    rm -f real
     HILRIG_PORT_SONAR=/dev/null timeout 30 ./program > real & pid=$!
     until grep -q ^sum real; do sleep 0.02; kill -0 $pid 2> /dev/null || break; done
     kill $pid 2> /dev/null || true
