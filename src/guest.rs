@@ -26,6 +26,8 @@ mod lines;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod memory;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod news;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod stage;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod supervisor;

@@ -24,7 +24,7 @@ use serde_json::{Value, json};
 
 use super::call::Call;
 use super::memory::Memory;
-use super::supervisor::{is_death, wait};
+use super::news::{is_death, wait};
 use super::{GuestError, launch};
 use crate::realtime::control;
 use crate::realtime::exec::{PORTS_VARIABLE, port_variable};
