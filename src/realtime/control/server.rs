@@ -83,6 +83,11 @@ impl Control {
         self.ports.extend(ports.into_iter().map(port));
     }
 
+    /// Whether it matters who has which port open.
+    pub fn has_lines(&self) -> bool {
+        self.clients.iter().any(Client::has_modem) || self.ports.iter().any(|port| port.is_open)
+    }
+
     /// Whether somebody has a port open. It counts for its modem lines if a client of this socket
     /// sets them.
     pub fn see(&mut self, sign: &Sign<'_>, run: &mut Run) {
