@@ -36,6 +36,7 @@ mod stop;
 mod ui;
 mod up;
 mod wireshark;
+mod with;
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -84,6 +85,7 @@ enum Command {
     Up(up::Up),
     Dut(dut::DutArgs),
     Fault(fault::FaultArgs),
+    With(with::WithArgs),
     #[cfg(feature = "ui")]
     Ui(ui::Ui),
     Record(record::RecordArgs),
@@ -114,6 +116,8 @@ pub enum Verdict {
     Fail,
     /// An expectation failed while the rig was so late that nobody can say why.
     NotJudged,
+    /// A program ended with this exit code, as a shell has it.
+    Program(u8),
     /// Ended by this signal; what there was is judged and written.
     Interrupted(u8),
 }
@@ -218,9 +222,13 @@ fn read(path: &Path) -> Result<Vec<u8>, CliError> {
 pub fn main() -> ExitCode {
     // The words as the system gave them: others' arguments need not be text.
     let mut words = std::env::args_os().skip(1);
-    if words.next().is_some_and(|word| word == guest::VERB) {
+    let first = words.next().unwrap_or_default();
+    if first == guest::VERB {
         let command = words.next().unwrap_or_default();
         return guest::become_guest(&command.to_string_lossy());
+    }
+    if first == guest::LINES_VERB {
+        return guest::become_guest_with_lines(words);
     }
     let matches = Cli::command().get_matches();
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
@@ -234,6 +242,7 @@ pub fn main() -> ExitCode {
         Ok(Verdict::Fail) => 1,
         Ok(Verdict::NotJudged) => 3,
         Ok(Verdict::Interrupted(signal)) => 128 + signal,
+        Ok(Verdict::Program(code)) => *code,
         Err(_) => 2,
     };
     match out::is_json() {
@@ -267,6 +276,7 @@ fn perform(command: Command) -> Result<Verdict, CliError> {
         Command::Up(args) => up::run(args),
         Command::Dut(args) => dut::run(args),
         Command::Fault(args) => fault::run(&args),
+        Command::With(args) => with::run(args),
         #[cfg(feature = "ui")]
         Command::Ui(args) => ui::run(args),
         Command::Record(args) => record::run(args),

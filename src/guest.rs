@@ -22,7 +22,11 @@ mod error;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod launch;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod lines;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod memory;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod news;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod stage;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
@@ -46,10 +50,14 @@ use crate::run::Outcome;
 use crate::scenario::{Scenario, Source};
 
 #[cfg(not(all(target_os = "linux", target_arch = "x86_64")))]
-pub(crate) use elsewhere::{Played, Trial, VERB, become_guest};
+pub(crate) use elsewhere::{
+    LINES_VERB, Played, Trial, VERB, become_guest, become_guest_with_lines, run_with_lines,
+};
 pub(crate) use error::GuestError;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
-pub(crate) use launch::{VERB, become_guest};
+pub(crate) use launch::{LINES_VERB, VERB, become_guest, become_guest_with_lines};
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+pub(crate) use lines::run_with_lines;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 pub(crate) use trial::{Played, Trial};
 

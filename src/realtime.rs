@@ -103,6 +103,19 @@ pub struct PortReport {
     pub lost: Counters,
 }
 
+/// A port and where it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Place<'a> {
+    /// The port's name.
+    pub name: &'a str,
+    /// Its path.
+    pub path: &'a Path,
+    /// Its rate, bit/s.
+    pub baud: u32,
+    /// Its node in the rig.
+    pub node: usize,
+}
+
 /// A sign of life of the client at a port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sign<'a> {
@@ -187,11 +200,13 @@ impl<C: Clock> Realtime<C> {
         self.ports.iter().map(|port| port.end.name.as_str())
     }
 
-    /// Each port's name, where it is, and its rate, bit/s.
-    pub fn places(&self) -> impl Iterator<Item = (&str, &Path, u32)> {
-        self.ports.iter().map(|port| {
-            let OpenEnd { name, line, .. } = &port.end;
-            (name.as_str(), port.transport.path(), line.baud)
+    /// Each port and where it is.
+    pub fn places(&self) -> impl Iterator<Item = Place<'_>> {
+        self.ports.iter().map(|port| Place {
+            name: &port.end.name,
+            path: port.transport.path(),
+            baud: port.end.line.baud,
+            node: port.end.node,
         })
     }
 

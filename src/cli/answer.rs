@@ -44,6 +44,8 @@ pub(super) fn document(
         Ok(Verdict::Fail) => End::Fail,
         Ok(Verdict::NotJudged) => End::NotJudged,
         Ok(Verdict::Interrupted(_)) => End::Interrupted,
+        Ok(Verdict::Program(0)) => End::Pass,
+        Ok(Verdict::Program(_)) => End::Fail,
         Err(_) => End::Error,
     };
     json!({
@@ -66,12 +68,13 @@ fn of<T: JsonSchema>(generator: &mut SchemaGenerator) -> Schema {
 }
 
 /// What the commands come to.
-const RESULTS: [(&str, Subschema); 24] = [
+const RESULTS: [(&str, Subschema); 25] = [
     ("demo", of::<Runs>),
     ("run", of::<Runs>),
     ("up", of::<UpEnded>),
     ("dut", of::<DutEnded>),
     ("fault", of::<Faults>),
+    ("with", of::<ProgramEnded>),
     ("ui", of::<UiEnded>),
     ("record", of::<RecordEnded>),
     ("replay", of::<ReplayEnded>),
@@ -185,6 +188,13 @@ pub(super) struct DutEnded {
     pub(super) ran_s: f64,
     /// The program's own counters, by name.
     pub(super) counters: std::collections::BTreeMap<String, u64>,
+}
+
+/// The end of a program on the ports of a running rig.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct ProgramEnded {
+    /// Its exit code as a shell has it: 128 and its number for a signal.
+    pub(super) program_exit_code: u8,
 }
 
 /// Faults of a running rig.

@@ -199,6 +199,11 @@ fn go(
     let mut log = Log::default();
     while !stop.is_due(realtime.clock().now()) && !going.is_over() && !control.has_quit() {
         realtime.turn(going)?;
+        if control.has_lines() {
+            for sign in realtime.signs() {
+                control.see(&sign, &mut going.run);
+            }
+        }
         let clock = realtime.clock();
         control.serve(&mut going.run, Some(clock), clock.now());
         // A page goes on when rig time stands.

@@ -7,6 +7,10 @@ use nix::unistd::Pid;
 /// Length of the instruction that makes a call.
 const INSTRUCTION: u64 = 2;
 
+/// The instructions that read the processor's counter.
+pub(super) const RDTSC: [u8; 2] = [0x0F, 0x31];
+pub(super) const RDTSCP: [u8; 3] = [0x0F, 0x01, 0xF9];
+
 /// A call at which a thread stands.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Call {
@@ -103,6 +107,25 @@ impl Call {
         ptrace::setregs(tid, registers)
     }
 
+    /// Where the thread's next instruction is.
+    pub(super) const fn instruction(&self) -> u64 {
+        self.registers.rip
+    }
+
+    /// The thread is past an instruction of `len` bytes that reads the processor's counter, and has
+    /// found `count` there.
+    pub(super) fn has_read_counter(&self, tid: Pid, len: u64, count: u64) -> nix::Result<()> {
+        let mut registers = self.registers;
+        registers.rip += len;
+        registers.rax = count & 0xFFFF_FFFF;
+        registers.rdx = count >> 32;
+        if len == RDTSCP.len() as u64 {
+            // The processor's number.
+            registers.rcx = 0;
+        }
+        ptrace::setregs(tid, registers)
+    }
+
     /// Where the thread's stack begins.
     pub(super) const fn stack(&self) -> u64 {
         self.registers.rsp
@@ -110,7 +133,7 @@ impl Call {
 }
 
 /// Names of the calls that people meet in messages.
-const NAMES: [(i64, &str); 60] = [
+const NAMES: [(i64, &str); 62] = [
     (libc::SYS_read, "read"),
     (libc::SYS_write, "write"),
     (libc::SYS_readv, "readv"),
@@ -171,6 +194,8 @@ const NAMES: [(i64, &str); 60] = [
     (libc::SYS_io_uring_enter, "io_uring_enter"),
     (libc::SYS_io_getevents, "io_getevents"),
     (libc::SYS_clone3, "clone3"),
+    (libc::SYS_signalfd, "signalfd"),
+    (libc::SYS_signalfd4, "signalfd4"),
 ];
 
 /// The name of a call, or its number.

@@ -1,8 +1,9 @@
 //! Where there is no supervisor: programs are refused in words.
 
+use std::ffi::OsString;
 use std::io;
 use std::path::Path;
-use std::process::ExitCode;
+use std::process::{ExitCode, Stdio};
 
 use super::GuestError;
 use crate::realtime::exec::{Foreign, Seat};
@@ -11,6 +12,9 @@ use crate::run::{Outcome, Run};
 
 /// The hidden command.
 pub(crate) const VERB: &str = "__guest";
+
+/// The same for a program in real time that has modem lines.
+pub(crate) const LINES_VERB: &str = "__guest-lines";
 
 /// A program on trial: there never is one.
 pub(crate) enum Trial {}
@@ -82,6 +86,19 @@ impl Trial {
     pub(crate) const fn end(self) -> Played {
         match self {}
     }
+}
+
+/// Refuses.
+///
+/// # Errors
+/// Always.
+pub(crate) fn run_with_lines(_: &Path, _: &[OsString], _: Stdio) -> Result<u8, GuestError> {
+    Err(GuestError::NotHere)
+}
+
+/// Refuses.
+pub(crate) fn become_guest_with_lines(_: impl IntoIterator<Item = OsString>) -> ExitCode {
+    become_guest("")
 }
 
 /// Refuses.

@@ -32,6 +32,14 @@ pub enum GuestError {
     /// This build has no supervisor.
     #[error("--virtual: expected Linux on x86-64; here run it without --virtual, in real time")]
     NotHere,
+    /// No rig answers.
+    #[error("--dir {}: no rig answers here, expected a directory of `hilrig up`: {source}", .dir.display())]
+    NoRig {
+        /// Where.
+        dir: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
     /// A thread computes on and on.
     #[error("{0} computes without a call for {secs:.0} s of wall time", secs = .1.as_secs_f64())]
     Spins(String, Duration),

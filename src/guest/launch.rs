@@ -20,18 +20,35 @@ use std::process::{Child, Command, ExitCode, Stdio};
 use nix::libc;
 use nix::sys::personality::{self, Persona};
 use nix::sys::ptrace;
-use nix::sys::signal::{Signal, raise};
-use seccompiler::{BpfProgram, SeccompAction, SeccompFilter, TargetArch};
+use nix::sys::signal::{SigSet, Signal, raise};
+use rustix::process::{TimeStampCounterReadability, set_time_stamp_counter_readability};
+use seccompiler::{
+    BpfProgram, SeccompAction, SeccompCmpArgLen, SeccompCmpOp, SeccompCondition, SeccompFilter,
+    SeccompRule, TargetArch,
+};
 
 /// The hidden command.
 pub(crate) const VERB: &str = "__guest";
+/// The same for a program in real time that has modem lines.
+pub(crate) const LINES_VERB: &str = "__guest-lines";
+/// Requests about modem lines.
+const LINES: [u64; 8] = [
+    libc::TIOCMGET,
+    libc::TIOCMBIS,
+    libc::TIOCMBIC,
+    libc::TIOCMSET,
+    libc::TIOCSBRK,
+    libc::TIOCCBRK,
+    libc::TCSBRK,
+    libc::TCSBRKP,
+];
 /// Exit code of a launcher that was not allowed to be traced.
 pub(super) const NOT_TRACED: i32 = 125;
 /// Exit code of a launcher that could not put on the filter, or find the shell.
 pub(super) const NOT_LAUNCHED: i32 = 126;
 
 /// The calls at which a program is stopped.
-const STOPPED: [i64; 65] = [
+const STOPPED: [i64; 67] = [
     libc::SYS_clock_gettime,
     libc::SYS_clock_getres,
     libc::SYS_clock_settime,
@@ -85,6 +102,8 @@ const STOPPED: [i64; 65] = [
     libc::SYS_timer_settime,
     libc::SYS_timer_gettime,
     libc::SYS_timer_delete,
+    libc::SYS_signalfd,
+    libc::SYS_signalfd4,
     libc::SYS_timerfd_create,
     libc::SYS_timerfd_settime,
     libc::SYS_timerfd_gettime,
@@ -113,30 +132,95 @@ pub(super) fn start(command: &str, env: &[(String, OsString)], mouth: File) -> i
     launcher.spawn()
 }
 
+/// Starts the launcher of a program and its arguments, stopped at calls about modem lines alone.
+pub(super) fn start_with_lines(
+    command: &[OsString],
+    env: &[(String, OsString)],
+    speaks: Stdio,
+) -> io::Result<Child> {
+    let mut launcher = Command::new(std::env::current_exe()?);
+    launcher
+        .stdout(speaks)
+        .arg(LINES_VERB)
+        .args(command)
+        .envs(env.iter().map(|(name, value)| (name, value)));
+    launcher.spawn()
+}
+
+/// The signals by which a program is asked to end.
+pub(super) fn requests_to_end() -> SigSet {
+    let mut set = SigSet::empty();
+    for signal in [
+        Signal::SIGINT,
+        Signal::SIGTERM,
+        Signal::SIGHUP,
+        Signal::SIGQUIT,
+    ] {
+        set.add(signal);
+    }
+    set
+}
+
+/// Becomes a program with its arguments, supervised by whoever started this process.
+pub(crate) fn become_guest_with_lines(words: impl IntoIterator<Item = OsString>) -> ExitCode {
+    // Whoever started this one holds them back.
+    let _ = requests_to_end().thread_unblock();
+    let mut words = words.into_iter();
+    let mut program = Command::new(words.next().unwrap_or_default());
+    program.args(words);
+    become_supervised(&mut program, about_lines)
+}
+
 /// Becomes `command`, supervised by whoever started this process.
 pub(crate) fn become_guest(command: &str) -> ExitCode {
-    let code = |code: i32| ExitCode::from(u8::try_from(code).unwrap_or(1));
     // Where things lie in memory is the same in each run; some systems forbid even that.
     let _ = personality::get()
         .and_then(|persona| personality::set(persona | Persona::ADDR_NO_RANDOMIZE));
+    // Where the processor's counter cannot be hidden it is as it is.
+    let _ = set_time_stamp_counter_readability(TimeStampCounterReadability::RaiseSIGSEGV);
+    let mut shell = Command::new("/bin/sh");
+    become_supervised(shell.args(["-c", command]), all_stopped)
+}
+
+fn become_supervised(
+    program: &mut Command,
+    stopped: fn() -> Result<Rules, seccompiler::BackendError>,
+) -> ExitCode {
+    let code = |code: i32| ExitCode::from(u8::try_from(code).unwrap_or(1));
     if let Err(error) = ptrace::traceme().and_then(|()| raise(Signal::SIGSTOP)) {
         eprintln!("ptrace: {error}");
         return code(NOT_TRACED);
     }
-    if let Err(error) = put_on_filter() {
+    if let Err(error) = put_on_filter(stopped) {
         eprintln!("seccomp: {error}");
         return code(NOT_LAUNCHED);
     }
-    let error = Command::new("/bin/sh").args(["-c", command]).exec();
-    eprintln!("/bin/sh: {error}");
+    let error = program.exec();
+    eprintln!("{}: {error}", program.get_program().display());
     code(NOT_LAUNCHED)
 }
 
-fn put_on_filter() -> Result<(), seccompiler::Error> {
-    let rules: BTreeMap<i64, Vec<seccompiler::SeccompRule>> =
-        STOPPED.iter().map(|&number| (number, Vec::new())).collect();
+/// Calls at which a program is stopped, and with which arguments.
+type Rules = BTreeMap<i64, Vec<SeccompRule>>;
+
+fn all_stopped() -> Result<Rules, seccompiler::BackendError> {
+    Ok(STOPPED.iter().map(|&number| (number, Vec::new())).collect())
+}
+
+fn about_lines() -> Result<Rules, seccompiler::BackendError> {
+    let rules = LINES.iter().map(|&request| {
+        let is = SeccompCondition::new(1, SeccompCmpArgLen::Dword, SeccompCmpOp::Eq, request)?;
+        SeccompRule::new(vec![is])
+    });
+    let rules: Result<Vec<SeccompRule>, _> = rules.collect();
+    Ok([(libc::SYS_ioctl, rules?)].into())
+}
+
+fn put_on_filter(
+    stopped: fn() -> Result<Rules, seccompiler::BackendError>,
+) -> Result<(), seccompiler::Error> {
     let filter = SeccompFilter::new(
-        rules,
+        stopped()?,
         SeccompAction::Allow,
         SeccompAction::Trace(0),
         TargetArch::x86_64,

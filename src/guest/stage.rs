@@ -78,9 +78,9 @@ impl Stage {
             let wanted = format!("{name}-{pin}");
             names.iter().position(|other| *other == wanted)
         };
-        let slots = realtime.places().map(|(name, path, _)| Slot {
-            pins: [pin(name, "dtr"), pin(name, "rts")],
-            device: std::fs::metadata(path).map_or(0, |data| data.rdev()),
+        let slots = realtime.places().map(|place| Slot {
+            pins: [pin(place.name, "dtr"), pin(place.name, "rts")],
+            device: std::fs::metadata(place.path).map_or(0, |data| data.rdev()),
             taken: 0,
             brought: 0,
             heard: Instant::ZERO,

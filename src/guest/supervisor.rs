@@ -29,6 +29,7 @@ use rustix::process::WaitOptions;
 use super::GuestError;
 use super::call::Call;
 use super::memory::Memory;
+use super::news::{is_death, wait};
 use super::stage::Stage;
 use super::task::{Next, On, Process, State, Thread, Wait};
 use super::trace::Calls;
@@ -215,7 +216,13 @@ impl Supervisor {
     }
 
     fn let_time_pass(&mut self) -> Result<(), GuestError> {
-        let is_out = |thread: &Thread| matches!(thread.state, State::Outside);
+        // Whoever waits for the child that has its memory does so in virtual time.
+        let lends = |tid: i32| {
+            let mut others = self.threads.values();
+            others.any(|other| other.vfork_parent == Some(tid))
+        };
+        let is_out =
+            |thread: &Thread| matches!(thread.state, State::Outside) && !lends(thread.tid.as_raw());
         if self.threads.values().any(is_out) {
             self.watchdog.pause(OUTSIDE);
             self.hear_outside();
@@ -369,6 +376,7 @@ impl Supervisor {
             | libc::PTRACE_EVENT_CLONE) => self.cloned(tid, event),
             libc::PTRACE_EVENT_EXEC => self.execed(tid),
             0 if signal == libc::SIGSTOP => self.kicked(tid),
+            0 if signal == libc::SIGSEGV && self.reads_counter(tid) => Flow::Goes(None),
             0 if signal & 0x80 == 0 => {
                 if Signal::try_from(signal).is_err() {
                     self.note(format!("signal {signal} is not passed on"));
@@ -470,28 +478,4 @@ impl Supervisor {
             self.notes.push(what);
         }
     }
-}
-
-/// The next news of a thread that this one traces: its number and the system's status.
-fn wait(pid: Option<Pid>, more: WaitOptions) -> Option<(i32, i32)> {
-    let all = libc::__WALL | libc::__WNOTHREAD;
-    let options = more | WaitOptions::from_bits_retain(all.cast_unsigned());
-    let pid = pid.and_then(|pid| rustix::process::Pid::from_raw(pid.as_raw()));
-    loop {
-        let news = match pid {
-            Some(pid) => rustix::process::waitpid(Some(pid), options),
-            None => rustix::process::wait(options),
-        };
-        match news {
-            Ok(Some((pid, status))) => {
-                return Some((pid.as_raw_nonzero().get(), status.as_raw()));
-            }
-            Err(rustix::io::Errno::INTR) => {}
-            _ => return None,
-        }
-    }
-}
-
-const fn is_death(status: i32) -> bool {
-    status & 0xFF != 0x7F
 }

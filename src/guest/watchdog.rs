@@ -17,6 +17,8 @@ use crate::realtime::clock::{Clock, WallClock};
 const EVERY: Duration = Duration::from_millis(50);
 /// Looks without a call after which a thread that sleeps is taken to wait for the world outside.
 const SLEEPS: u32 = 2;
+/// The same for one that waits for a disk.
+const FETCHES: u32 = 200;
 /// The same for one that computes.
 const COMPUTES: u32 = 20;
 
@@ -119,12 +121,13 @@ fn watch(shared: &Shared) {
         }
         looks += 1;
         let process = shared.process.load(Ordering::Relaxed);
-        let sleeps = match state(process, tid) {
-            Some('S' | 'D') => true,
-            Some('R') => false,
+        let (sleeps, limit) = match state(process, tid) {
+            Some('S') => (true, SLEEPS),
+            // For a disk, which on a busy machine takes its time.
+            Some('D') => (true, FETCHES),
+            Some('R') => (false, COMPUTES),
             _ => continue,
         };
-        let limit = if sleeps { SLEEPS } else { COMPUTES };
         if looks >= limit {
             computed = if sleeps { 0 } else { computed + looks };
             shared.sleeps.store(sleeps, Ordering::Relaxed);

@@ -18,6 +18,7 @@
 
 mod answer;
 mod client;
+mod modem;
 mod perform;
 mod request;
 mod server;
@@ -49,7 +50,7 @@ pub fn obey(run: &mut Run, request: &[u8], asked: Instant) -> Answer {
     let mut office = Office {
         run,
         tempo: None,
-        ports: &[],
+        ports: &mut [],
         clients: 0,
         tally: &mut tally,
     };

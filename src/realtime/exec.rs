@@ -203,8 +203,6 @@ impl Trial {
         let behind = self.realtime.clock().now() - before;
         let turned = self.realtime.turn(&mut self.run);
         let now = self.run.rig.now();
-        self.control
-            .serve(&mut self.run, Some(self.realtime.clock()), now);
         log_contacts(&mut self.run);
         let on_time = match behind > LATE {
             true => Duration::ZERO,
@@ -212,7 +210,10 @@ impl Trial {
         };
         for sign in self.realtime.signs() {
             self.ports.observe(now, on_time, &sign);
+            self.control.see(&sign, &mut self.run);
         }
+        self.control
+            .serve(&mut self.run, Some(self.realtime.clock()), now);
         self.look_at_process(now);
         if !self.has_begun {
             self.begin_if_ready();

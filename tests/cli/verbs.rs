@@ -45,7 +45,7 @@ impl Verb {
 }
 
 /// All of them. `base` is the folder of an earlier run, a rig runs in `live`.
-pub(crate) const VERBS: [Verb; 24] = [
+pub(crate) const VERBS: [Verb; 25] = [
     verb("demo", "demo --out o/demo"),
     verb("run", "run s.toml --out o/run --junit o/junit.xml"),
     verb("new", "new o/new"),
@@ -53,6 +53,7 @@ pub(crate) const VERBS: [Verb; 24] = [
     verb("up", "up s.toml --dir ports --out o/up --duration 200ms").fails(),
     verb("dut", "dut --dir live --duration 200ms").reads_only(),
     verb("fault", "fault --dir live list").reads_only(),
+    verb("with", "with --dir live -- true").reads_only(),
     verb("ui", "ui s.toml --duration 200ms --save o/ui.toml"),
     verb(
         "record",

@@ -8,17 +8,7 @@ use std::process::{Child, Command, Stdio};
 use crate::support::{Ended, ended_in, short};
 
 /// "mm=700" and two bytes more each 100 ms, a character at 9600 baud being 1.0417 ms; no robot.
-const SONAR: &str = r#"
-schema = 1
-name = "sonar"
-robot = "none"
-duration = "3s"
-device.sonar.text.baud = 9600
-device.sonar.text.terminator = "\r\n"
-device.sonar.text.unknown = "?"
-device.sonar.text.periodic = { line = "mm=700", period = "100ms" }
-device.sonar.text.command = [{ request = "ping", reply = "pong" }]
-"#;
+const SONAR: &str = include_str!("programs/sonar.toml");
 
 fn folder(name: &str) -> PathBuf {
     let folder = format!("guest-{name}-{}", std::process::id());
@@ -153,31 +143,7 @@ fn compiled(name: &str, compiler: &str, source: &str, flags: &[&str]) -> Option<
 
 /// Each poll times out after 30 ms unless bytes come: those of the sonar come in lumps of 8.3 ms
 /// each 100 ms, so three of them time out in each gap.
-const POLL: &str = r#"
-#include <fcntl.h>
-#include <poll.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <time.h>
-#include <unistd.h>
-int main(void) {
-    int fd = open(getenv("HILRIG_PORT_SONAR"), O_RDWR | O_NOCTTY | O_NONBLOCK);
-    int timeouts = 0, bytes = 0, n;
-    char buf[64];
-    struct timespec t;
-    do {
-        struct pollfd p = {fd, POLLIN, 0};
-        if (poll(&p, 1, 30) == 0)
-            timeouts++;
-        else if ((n = read(fd, buf, 64)) > 0)
-            bytes += n;
-        clock_gettime(CLOCK_MONOTONIC, &t);
-    } while (t.tv_sec < 1002);
-    printf("%d timeouts, %d lines\n", timeouts, bytes / 8);
-    fflush(stdout);
-    sleep(60);
-}
-"#;
+const POLL: &str = include_str!("programs/poll.c");
 
 /// Linked for the machine, and static, where no library of ours could reach it: 2 s are 19 whole
 /// lines after the port was opened, and three time-outs in each of 20 gaps but for the edges.
@@ -206,47 +172,7 @@ fn a_c_program_on_poll_hears_the_same_static_or_not() {
 }
 
 /// Three threads: one reads and notifies, one waits for that with a time limit, one sleeps.
-const CONDITION: &str = r#"
-#include <chrono>
-#include <condition_variable>
-#include <cstdio>
-#include <cstdlib>
-#include <fcntl.h>
-#include <mutex>
-#include <thread>
-#include <unistd.h>
-using namespace std::chrono_literals;
-std::mutex m;
-std::condition_variable cv;
-int lines = 0;
-int main() {
-    int fd = open(getenv("HILRIG_PORT_SONAR"), O_RDWR | O_NOCTTY);
-    std::thread reader([&] {
-        for (char c; read(fd, &c, 1) == 1;)
-            if (c == '\n') {
-                std::lock_guard<std::mutex> g(m);
-                lines++;
-                cv.notify_one();
-            }
-    });
-    reader.detach();
-    int timeouts = 0;
-    std::thread waiter([&] {
-        for (int i = 0; i < 40; i++) {
-            std::unique_lock<std::mutex> l(m);
-            if (cv.wait_for(l, 37ms) == std::cv_status::timeout) timeouts++;
-        }
-    });
-    auto begin = std::chrono::steady_clock::now();
-    std::thread sleeper([&] { for (int i = 0; i < 20; i++) std::this_thread::sleep_for(50ms); });
-    sleeper.join();
-    long ms = (std::chrono::steady_clock::now() - begin) / 1ms;
-    waiter.join();
-    std::printf("%ld ms, %d timeouts of 40\n", ms, timeouts);
-    std::fflush(stdout);
-    std::this_thread::sleep_for(60s);
-}
-"#;
+const CONDITION: &str = include_str!("programs/condition.cpp");
 
 /// Between two lines, 100 ms apart, the waiter times out twice and is notified once: two of three.
 #[test]
@@ -371,6 +297,38 @@ while True:
         "{}",
         ended.log
     );
+}
+
+/// What the supervisor does not know is done by the kernel, and named once however often it is asked.
+#[test]
+fn a_call_that_is_not_handled_is_named_once() {
+    let program = format!(
+        "{BEGIN}for _ in range(3): select.epoll(); ctypes.CDLL(None).signalfd(-1, bytes(8), 0)\n\
+         time.sleep(60)\n"
+    );
+    let program = format!("import ctypes, select\n{program}");
+    let files = [("program.py", program.as_str())];
+    let ended = run("unhandled", "exec python3 program.py", &files, &[]);
+    let named = ended.said.matches("leaves virtual time: signalfd4 is done");
+    assert_eq!(named.count(), 1, "{}", ended.said);
+}
+
+/// A child that is killed is gone before its parent goes on, a signal that is waited for comes at its
+/// time, and the processor's counter is the clock: 2 ms of sleep are 2,000,000 of its steps and those
+/// of the calls, and nothing of it differs when it is done again.
+#[test]
+fn kills_awaited_signals_and_the_processors_counter_are_in_virtual_time() {
+    let source = include_str!("programs/kills.c");
+    let Some(program) = compiled("kills", "cc", source, &[]) else {
+        return;
+    };
+    let program = program.display().to_string();
+    let ended = run("kills", &program, &[], &["--check"]);
+    let (status, detail) = ended.check("deterministic");
+    assert_eq!(status, "pass", "{detail}");
+    // The alarm is set a call before the first look, and ends the wait a call before the second.
+    let first = ended.log.lines().next();
+    assert_eq!(first, Some("1 1 -1 1 2000"), "{}", ended.said);
 }
 
 /// Process numbers are the system's: a program that sleeps by its own is told apart from itself.

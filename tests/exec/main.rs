@@ -7,7 +7,11 @@ mod commands;
 mod custom;
 mod endings;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod generated;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod guest;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod lines;
 mod signals;
 mod support;
 mod verdicts;

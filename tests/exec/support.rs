@@ -34,7 +34,7 @@ path_m = [[0.3, 0.3], [2.7, 0.3], [2.7, 2.7], [0.3, 2.7], [0.3, 0.3]]
 
 /// What every program begins with: it says who it is, so that a test can look whether its group is
 /// gone.
-const BEGIN: &str = "\
+pub(crate) const BEGIN: &str = "\
 import os, signal, subprocess, sys, time
 print('group', os.getpgrp(), flush=True)
 def port():
@@ -85,6 +85,28 @@ impl Bench {
     pub(crate) fn ended(&self, output: Output) -> Ended {
         ended_in(&self.folder, output)
     }
+}
+
+/// A folder for a test.
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+pub(crate) fn folder(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}-{}", std::process::id()))
+}
+
+/// `hilrig run --exec COMMAND` in a fresh folder with these files, among them `sonar.toml`.
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+pub(crate) fn run_in(folder: &Path, files: &[(&str, &str)], command: &str) -> Ended {
+    let _ = fs::remove_dir_all(folder);
+    fs::create_dir_all(folder).expect("a fresh folder");
+    for (file, text) in files {
+        fs::write(folder.join(file), text).expect("a fresh file");
+    }
+    let output = Command::new(env!("CARGO_BIN_EXE_hilrig"))
+        .current_dir(folder)
+        .args(["run", "sonar.toml", "--exec-needs", "sonar", "--out", "out"])
+        .args(["--exec", command])
+        .output();
+    ended_in(folder, output.expect("the binary is built"))
 }
 
 /// What a run in `folder` left behind; its program and its ports are gone.

@@ -7,7 +7,7 @@ use nix::libc;
 use protocols::Instant;
 
 use super::{Memory, On, Outcome, Supervisor, Wait};
-use crate::guest::call::Call;
+use crate::guest::call::{Call, RDTSC, RDTSCP};
 
 const SECOND: i64 = 1_000_000_000;
 /// What the calendar shows when a run begins: 2026-01-01, 00:00 UTC.
@@ -91,6 +91,31 @@ impl Supervisor {
             _ => {}
         }
         Ok(Outcome::Answer(0))
+    }
+
+    /// Whether the fault at which `tid` stands is a look at the processor's counter, which is hidden
+    /// from it: one that counts nanoseconds takes its place.
+    pub(super) fn reads_counter(&mut self, tid: i32) -> bool {
+        let pid = nix::unistd::Pid::from_raw(tid);
+        let Ok(call) = Call::of(pid) else {
+            return false;
+        };
+        let mut code = [0; 3];
+        let place = call.instruction();
+        // The last two bytes of a page may be the end of the program.
+        let read = Memory(pid).read(place, &mut code);
+        let read = read.or_else(|_| Memory(pid).read(place, &mut code[..2]));
+        let len = match code {
+            _ if read.is_err() => return false,
+            [a, b, _] if [a, b] == RDTSC => RDTSC.len(),
+            RDTSCP => RDTSCP.len(),
+            _ => return false,
+        };
+        if let Err(error) = self.stage.pass(self.settings.supervision.call_cost) {
+            self.trouble = Some(error.into());
+        }
+        let count = self.shown(1).cast_unsigned();
+        call.has_read_counter(pid, len as u64, count).is_ok()
     }
 
     pub(super) fn sleep(&self, tid: i32, call: &Call) -> Result<Outcome, Errno> {

@@ -41,6 +41,8 @@ impl Supervisor {
             libc::SYS_sched_yield => Ok(Outcome::Yield(0)),
             libc::SYS_getrandom => self.random(tid, call),
             libc::SYS_futex => self.futex(tid, call),
+            libc::SYS_rt_sigsuspend | libc::SYS_rt_sigtimedwait => self.wait_for_signal(tid, call),
+            _ if self.is_interrupted_at_once(tid, call) => Ok(Outcome::Kernel),
             libc::SYS_poll | libc::SYS_ppoll => self.poll(tid, call),
             libc::SYS_select | libc::SYS_pselect6 => self.select(tid, call),
             libc::SYS_epoll_wait | libc::SYS_epoll_pwait | libc::SYS_epoll_pwait2 => {
@@ -81,15 +83,11 @@ impl Supervisor {
             | libc::SYS_tkill
             | libc::SYS_tgkill
             | libc::SYS_rt_sigqueueinfo
-            | libc::SYS_rt_tgsigqueueinfo => {
-                self.is_signalled = true;
-                Outcome::Kernel
-            }
+            | libc::SYS_rt_tgsigqueueinfo => self.kill(tid, call),
             libc::SYS_rt_sigaction => {
                 self.sets_handler(tid, call);
                 Outcome::Kernel
             }
-            libc::SYS_rt_sigsuspend => Outcome::Leave(State::Outside),
             number => {
                 self.note(format!("{} is done by the kernel", call::name(number)));
                 Outcome::Kernel

@@ -9,7 +9,7 @@ use protocols::Instant;
 use rustix::event::{PollFd, PollFlags, Timespec, epoll, poll};
 
 use super::clocks::{low_i32, nanos, timespec};
-use super::files::File;
+use super::files::{File, Kind};
 use super::{Memory, On, Outcome, Supervisor, Wait};
 use crate::guest::call::Call;
 
@@ -78,7 +78,12 @@ impl Supervisor {
         files
             .iter()
             .zip(wanted)
-            .map(|(file, &(fd, _))| match file {
+            .map(|(file, &(fd, flags))| match file {
+                // Somebody listens all the time, at the pace of the wall clock.
+                Some(file) if file.kind == Kind::Mouth => {
+                    found.next();
+                    flags & PollFlags::OUT.bits()
+                }
                 Some(_) => found.next().unwrap_or(0),
                 None if fd < 0 => 0,
                 None => not_open,
@@ -202,7 +207,12 @@ impl Supervisor {
 
     /// The end of a wait as long as two numbers at `address` say, the second in `unit` ns; none at
     /// 0.
-    fn timespec_from(&self, tid: i32, address: u64, unit: i64) -> Result<Option<Instant>, Errno> {
+    pub(super) fn timespec_from(
+        &self,
+        tid: i32,
+        address: u64,
+        unit: i64,
+    ) -> Result<Option<Instant>, Errno> {
         if address == 0 {
             return Ok(None);
         }

@@ -1,11 +1,13 @@
 //! Signals to threads that wait: the kernel holds them back until the thread goes on, so the
 //! supervisor looks for them.
 
+use nix::errno::Errno;
 use nix::libc;
 use nix::unistd::Pid;
+use rustix::process::WaitOptions;
 
 use super::clocks::low_i32;
-use super::{Memory, Next, Outcome, State, Supervisor};
+use super::{Memory, Next, On, Outcome, State, Supervisor, Wait, is_death, wait};
 use crate::guest::call::Call;
 
 /// Bit of a handler that wants interrupted calls to be made again.
@@ -31,7 +33,7 @@ impl Supervisor {
         // One thread of a process takes a signal that is for all of it.
         let mut served = None;
         for (process, tid) in blocked {
-            let [own, common] = pending(process, tid);
+            let [own, common] = self.deliverable(process, tid);
             let is_taken = served == Some(process);
             let signals = if is_taken { own } else { own | common };
             if signals != 0 {
@@ -41,11 +43,103 @@ impl Supervisor {
         }
     }
 
+    /// The signals that end the wait of a thread: its own, and those for its process.
+    fn deliverable(&self, process: i32, tid: i32) -> [u64; 2] {
+        let call = self.threads.get(&tid).and_then(|thread| thread.call);
+        let held = call.and_then(|call| mask_of(tid, &call));
+        let pending = Pending::of(process, tid);
+        let quiet = pending.quiet(held.unwrap_or(pending.blocked));
+        let wanted = call.map_or(0, |call| wanted(tid, &call));
+        [pending.own, pending.common].map(|signals| signals & (!quiet | wanted))
+    }
+
+    /// rt_sigsuspend, rt_sigtimedwait.
+    pub(super) fn wait_for_signal(&self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
+        let process = self.threads.get(&tid).ok_or(Errno::ESRCH)?.process;
+        if self.deliverable(process, tid) != [0, 0] {
+            return Ok(Outcome::Kernel);
+        }
+        let deadline = match (call.number, call.args[2]) {
+            (libc::SYS_rt_sigtimedwait, timeout) => self.timespec_from(tid, timeout, 1)?,
+            _ => None,
+        };
+        if deadline.is_some_and(|at| self.stage.now() >= at) {
+            return Err(Errno::EAGAIN);
+        }
+        Ok(Outcome::Block(Wait {
+            on: On::Others,
+            deadline,
+        }))
+    }
+
+    /// Whether a call that lets through other signals than its thread does has to hear of one now.
+    pub(super) fn is_interrupted_at_once(&self, tid: i32, call: &Call) -> bool {
+        let process = self.threads.get(&tid).map(|thread| thread.process);
+        mask_of(tid, call).is_some()
+            && process.is_some_and(|process| self.deliverable(process, tid) != [0, 0])
+    }
+
+    /// kill and its like. A process that is killed is gone before its killer goes on.
+    pub(super) fn kill(&mut self, tid: i32, call: &Call) -> Outcome {
+        self.is_signalled = true;
+        let [target, signal, ..] = call.args;
+        let own = self.threads.get(&tid).map(|thread| thread.process);
+        if call.number != libc::SYS_kill || low_i32(signal) != libc::SIGKILL || own.is_none() {
+            return Outcome::Kernel;
+        }
+        let target = low_i32(target);
+        let group = |pid: Option<i32>| {
+            let pid = pid.and_then(rustix::process::Pid::from_raw);
+            rustix::process::getpgid(pid).ok()
+        };
+        let aimed = match target {
+            0 => group(own),
+            target if target < -1 => rustix::process::Pid::from_raw(-target),
+            _ => None,
+        };
+        let is_meant = |&pid: &i32| pid == target || aimed.is_some() && group(Some(pid)) == aimed;
+        let meant: Vec<i32> = self.processes.keys().copied().filter(is_meant).collect();
+        for &victim in meant.iter().filter(|&&pid| Some(pid) != own) {
+            self.put_to_death(victim);
+        }
+        match meant.iter().all(|&pid| Some(pid) != own) && !meant.is_empty() {
+            true => Outcome::Answer(0),
+            false => Outcome::Kernel,
+        }
+    }
+
+    fn put_to_death(&mut self, victim: i32) {
+        let Some(pid) = rustix::process::Pid::from_raw(victim) else {
+            return;
+        };
+        if rustix::process::kill_process(pid, rustix::process::Signal::KILL).is_err() {
+            return;
+        }
+        while self.processes.contains_key(&victim) {
+            let Some((pid, status)) = wait(None, WaitOptions::empty()) else {
+                return;
+            };
+            let is_victim = self.threads.get(&pid).map(|thread| thread.process) == Some(victim);
+            match is_death(status) && is_victim {
+                true => self.buried(pid, status),
+                // What it did last does not count any more.
+                false if is_victim => {}
+                false => self.note_other(pid, status),
+            }
+        }
+        self.wake_after_death();
+    }
+
     fn interrupt(&mut self, tid: i32, signals: u64) {
         let Some(thread) = self.threads.get(&tid) else {
             return;
         };
         let Some(call) = thread.call else { return };
+        if mask_of(tid, &call).is_some() || wanted(tid, &call) & signals != 0 {
+            // The kernel does the call after all: it takes the signal, or lets it through.
+            self.ready(tid, Next::Go(None));
+            return;
+        }
         let restarts = self
             .processes
             .get(&thread.process)
@@ -122,15 +216,57 @@ const fn is_restarted(call: &Call) -> bool {
     }
 }
 
-/// The signals that wait for a thread and would do something: its own, and those for its process.
-fn pending(process: i32, tid: i32) -> [u64; 2] {
-    let path = format!("/proc/{process}/task/{tid}/status");
-    let status = std::fs::read_to_string(path).unwrap_or_default();
-    let mask = |name: &str| {
-        let line = status.lines().find_map(|line| line.strip_prefix(name));
-        line.and_then(|text| u64::from_str_radix(text.trim(), 16).ok())
-            .unwrap_or(0)
+/// The signals that a call holds back while it waits, if it says so itself.
+fn mask_of(tid: i32, call: &Call) -> Option<u64> {
+    let memory = Memory(Pid::from_raw(tid));
+    let place = match call.number {
+        libc::SYS_rt_sigsuspend => call.args[0],
+        libc::SYS_ppoll => call.args[3],
+        libc::SYS_epoll_pwait | libc::SYS_epoll_pwait2 => call.args[4],
+        libc::SYS_pselect6 if call.args[5] != 0 => memory.u64(call.args[5]).ok()?,
+        _ => 0,
     };
-    let quiet = mask("SigBlk:") | mask("SigIgn:") | (MILD & !mask("SigCgt:"));
-    [mask("SigPnd:") & !quiet, mask("ShdPnd:") & !quiet]
+    (place != 0).then(|| memory.u64(place).ok()).flatten()
+}
+
+/// The signals that a call waits for.
+fn wanted(tid: i32, call: &Call) -> u64 {
+    match call.number {
+        libc::SYS_rt_sigtimedwait => Memory(Pid::from_raw(tid)).u64(call.args[0]).unwrap_or(0),
+        _ => 0,
+    }
+}
+
+/// The signals that wait for a thread, as bits.
+struct Pending {
+    own: u64,
+    /// For any thread of its process.
+    common: u64,
+    blocked: u64,
+    ignored: u64,
+    caught: u64,
+}
+
+impl Pending {
+    fn of(process: i32, tid: i32) -> Self {
+        let path = format!("/proc/{process}/task/{tid}/status");
+        let status = std::fs::read_to_string(path).unwrap_or_default();
+        let mask = |name: &str| {
+            let line = status.lines().find_map(|line| line.strip_prefix(name));
+            line.and_then(|text| u64::from_str_radix(text.trim(), 16).ok())
+                .unwrap_or(0)
+        };
+        Self {
+            own: mask("SigPnd:"),
+            common: mask("ShdPnd:"),
+            blocked: mask("SigBlk:"),
+            ignored: mask("SigIgn:"),
+            caught: mask("SigCgt:"),
+        }
+    }
+
+    /// Those that do nothing while `held` are held back.
+    const fn quiet(&self, held: u64) -> u64 {
+        held | self.ignored | (MILD & !self.caught)
+    }
 }

@@ -5,7 +5,7 @@ use nix::libc;
 use nix::unistd::Pid;
 
 use super::clocks::low_i32;
-use super::files::Kind;
+use super::files::{File, Kind};
 use super::{Memory, On, Outcome, Supervisor, Wait};
 use crate::guest::call::Call;
 
@@ -44,20 +44,25 @@ impl Supervisor {
             libc::TIOCEXCL | libc::TIOCNXCL => Ok(Outcome::Answer(0)),
             libc::TCFLSH => {
                 if matches!(low_i32(argument), libc::TCIFLUSH | libc::TCIOFLUSH) {
+                    // What is still on its way the kernel would bring later.
+                    self.stage.settle(port, &file.fd);
                     self.stage.forget_unread(port);
                 }
                 Ok(Outcome::Kernel)
             }
-            libc::TCSETSF | TCSETSF2 => Ok(self.once_sent(port, Outcome::Kernel, true)),
-            libc::TCSETSW | TCSETSW2 => Ok(self.once_sent(port, Outcome::Kernel, false)),
+            libc::TCSETSF | TCSETSF2 => Ok(self.once_sent(port, &file, true)),
+            libc::TCSETSW | TCSETSW2 => Ok(self.once_sent(port, &file, false)),
             libc::TCSETS | TCSETS2 => Ok(Outcome::Kernel),
-            libc::TCSBRK if argument != 0 => Ok(self.once_sent(port, Outcome::Answer(0), false)),
+            libc::TCSBRK if argument != 0 => Ok(match self.once_sent(port, &file, false) {
+                Outcome::Kernel => Outcome::Answer(0),
+                wait => wait,
+            }),
             _ => self.modem(memory, port, request, argument),
         }
     }
 
-    /// What is done once all that was written has left.
-    fn once_sent(&mut self, port: usize, then: Outcome, forgets: bool) -> Outcome {
+    /// The kernel does it once all that was written has left.
+    fn once_sent(&mut self, port: usize, file: &File, forgets: bool) -> Outcome {
         if self.stage.backlog(port) > 0 {
             return Outcome::Block(Wait {
                 on: On::Line,
@@ -65,9 +70,10 @@ impl Supervisor {
             });
         }
         if forgets {
+            self.stage.settle(port, &file.fd);
             self.stage.forget_unread(port);
         }
-        then
+        Outcome::Kernel
     }
 
     fn modem(

@@ -53,6 +53,11 @@ impl Client {
         self.is_broken || (self.has_ended && is_done)
     }
 
+    /// Whether it sets modem lines.
+    pub(super) const fn has_modem(&self) -> bool {
+        self.session.has_modem
+    }
+
     /// Since when it is idle, if it is: it waits for nothing, or would not hear of it. Comparable
     /// between clients.
     pub(super) fn idle_since(&self) -> Option<u64> {

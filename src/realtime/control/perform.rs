@@ -7,6 +7,7 @@ use protocols::Instant;
 use serde_json::json;
 
 use super::answer::{Answer, Refusal};
+use super::modem::Wish;
 use super::request::Request;
 use crate::realtime::clock::Clock as _;
 use crate::realtime::held::{Held, SPEEDS, STEP_MAX};
@@ -19,7 +20,7 @@ pub(super) struct Office<'a> {
     pub(super) run: &'a mut Run,
     /// What moves the run's clock, if clients may.
     pub(super) tempo: Option<&'a Held>,
-    pub(super) ports: &'a [Port],
+    pub(super) ports: &'a mut [Port],
     /// Clients at the moment.
     pub(super) clients: usize,
     pub(super) tally: &'a mut Tally,
@@ -33,6 +34,12 @@ pub(super) struct Port {
     pub(super) path: PathBuf,
     /// Its rate, bit/s.
     pub(super) baud: u32,
+    /// Its node in the rig.
+    pub(super) node: usize,
+    /// DTR and RTS.
+    pub(super) outputs: [bool; 2],
+    /// Whether a client that has modem lines has it open.
+    pub(super) is_open: bool,
 }
 
 /// What came of all requests.
@@ -51,6 +58,8 @@ pub(super) struct Tally {
 pub(super) struct Session {
     /// Contacts that it was told of.
     pub(super) contacts: u64,
+    /// It sets the modem lines of whoever opens ports.
+    pub(super) has_modem: bool,
 }
 
 /// An answer, or what has to come before it.
@@ -125,6 +134,21 @@ impl Office<'_> {
             Request::Quit {} => {
                 self.tally.quits = true;
                 self.granted_now()
+            }
+            Request::Modem {
+                port,
+                dtr,
+                rts,
+                sends_break,
+            } => {
+                session.has_modem = true;
+                let outputs = [dtr, rts];
+                let wish = Wish {
+                    outputs,
+                    sends_break,
+                };
+                let lines = port.map(|port| self.modem(&port, wish)).transpose()?;
+                Answer::granted(lines.unwrap_or_default()).at(self.run.rig.now())
             }
             Request::List {} => Answer {
                 ok: true,

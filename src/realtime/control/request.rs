@@ -64,6 +64,22 @@ pub enum Request {
         /// The fault, as in a scenario; times count from the start of the run.
         fault: Box<FaultSpec>,
     },
+    /// Lines of a port that a pseudo-terminal does not have. From the first of these until the
+    /// client hangs up, opening a port raises its DTR and RTS, and closing it lowers them.
+    Modem {
+        /// The port; none: nothing changes.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        port: Option<String>,
+        /// Whether DTR is on.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        dtr: Option<bool>,
+        /// Whether RTS is on.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        rts: Option<bool>,
+        /// A break is to be sent.
+        #[serde(default, rename = "break")]
+        sends_break: bool,
+    },
     /// All faults are to be listed.
     List {},
     /// A fault is to end now.
@@ -75,9 +91,9 @@ pub enum Request {
 }
 
 /// All that can be asked for.
-pub const VERBS: [&str; 14] = [
+pub const VERBS: [&str; 15] = [
     "hello", "state", "wait", "step", "pause", "resume", "speed", "press", "mission", "verdict",
-    "quit", "add", "list", "end",
+    "quit", "add", "modem", "list", "end",
 ];
 
 /// The JSON Schema (draft 2020-12) of a request.

@@ -10,10 +10,11 @@ use protocols::Instant;
 
 use super::answer::Refusal;
 use super::client::Client;
+use super::modem;
 use super::perform::{Office, Port, Tally, apart};
-use crate::realtime::Lateness;
 use crate::realtime::held::Held;
 use crate::realtime::transport::{PortDir, TransportError};
+use crate::realtime::{Lateness, Place, Sign};
 use crate::run::Run;
 
 /// Name of the socket in the directory of the ports.
@@ -69,14 +70,29 @@ impl Control {
         })
     }
 
-    /// Lets clients know of the rig's ports: each one's name, where it is, its rate in bit/s.
-    pub fn offer<'a>(&mut self, ports: impl IntoIterator<Item = (&'a str, &'a Path, u32)>) {
-        let port = |(name, path, baud): (&str, &Path, u32)| Port {
-            name: name.to_owned(),
-            path: path.to_owned(),
-            baud,
+    /// Lets clients know of the rig's ports.
+    pub fn offer<'a>(&mut self, ports: impl IntoIterator<Item = Place<'a>>) {
+        let port = |place: Place<'_>| Port {
+            name: place.name.to_owned(),
+            path: place.path.to_owned(),
+            baud: place.baud,
+            node: place.node,
+            outputs: [false; 2],
+            is_open: false,
         };
         self.ports.extend(ports.into_iter().map(port));
+    }
+
+    /// Whether it matters who has which port open.
+    pub fn has_lines(&self) -> bool {
+        self.clients.iter().any(Client::has_modem) || self.ports.iter().any(|port| port.is_open)
+    }
+
+    /// Whether somebody has a port open. It counts for its modem lines if a client of this socket
+    /// sets them.
+    pub fn see(&mut self, sign: &Sign<'_>, run: &mut Run) {
+        let has_lines = self.clients.iter().any(Client::has_modem);
+        modem::see(&mut self.ports, sign.name, sign.is_open && has_lines, run);
     }
 
     /// Does what clients have asked for. `now` is the time of the rig's clock; `tempo` is what
@@ -89,7 +105,7 @@ impl Control {
         let mut office = Office {
             run,
             tempo,
-            ports: &self.ports,
+            ports: &mut self.ports,
             clients: self.clients.len(),
             tally: &mut self.tally,
         };

@@ -1,0 +1,72 @@
+//! Modem lines of ports: a pseudo-terminal has none, so a client's supervisor sets them here.
+//!
+//! DTR and RTS reach a device by its links `NAME-dtr` and `NAME-rts`, a byte a level.
+
+use protocols::LineEvent;
+use serde_json::{Value, json};
+
+use super::answer::Refusal;
+use super::perform::{Office, Port};
+use crate::run::Run;
+
+/// Names of a port's links for what a client sets, behind its own name.
+const PINS: [&str; 2] = ["dtr", "rts"];
+
+/// What a client wants of a port's lines.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Wish {
+    /// DTR and RTS, as far as they are to change.
+    pub(super) outputs: [Option<bool>; 2],
+    /// A break is to be sent.
+    pub(super) sends_break: bool,
+}
+
+impl Office<'_> {
+    /// Changes lines of the port `name`; how they are then.
+    pub(super) fn modem(&mut self, name: &str, wish: Wish) -> Result<Value, Refusal> {
+        let index = self.ports.iter().position(|port| port.name == name);
+        let Some(index) = index else {
+            let known: Vec<&str> = self.ports.iter().map(|port| &*port.name).collect();
+            let message = format!("is {name:?}, expected one of {}", known.join(", "));
+            return Err(Refusal::new("port", message));
+        };
+        let [dtr, rts] = self.ports[index].outputs;
+        let outputs = [
+            wish.outputs[0].unwrap_or(dtr),
+            wish.outputs[1].unwrap_or(rts),
+        ];
+        set(self.ports, index, outputs, self.run);
+        if wish.sends_break {
+            let node = self.ports[index].node;
+            self.run.rig.change_line(node, LineEvent::Break);
+            // The rig holds one change of the line at a time.
+            self.run.go_on_until(self.run.rig.now());
+        }
+        let [dtr, rts] = outputs;
+        // A device here is always ready.
+        Ok(json!({"dtr": dtr, "rts": rts, "cts": true, "dsr": true, "dcd": true}))
+    }
+}
+
+/// A client has come to the port `name`, or left it: a serial port raises its lines when it is
+/// opened, and lowers them when it is closed.
+pub(super) fn see(ports: &mut [Port], name: &str, is_open: bool, run: &mut Run) {
+    let Some(index) = ports.iter().position(|port| port.name == name) else {
+        return;
+    };
+    if core::mem::replace(&mut ports[index].is_open, is_open) != is_open {
+        set(ports, index, [is_open; 2], run);
+    }
+}
+
+fn set(ports: &mut [Port], index: usize, outputs: [bool; 2], run: &mut Run) {
+    let before = core::mem::replace(&mut ports[index].outputs, outputs);
+    for (pin, (was, is)) in PINS.into_iter().zip(before.into_iter().zip(outputs)) {
+        let name = format!("{}-{pin}", ports[index].name);
+        let pin = ports.iter().find(|port| port.name == name);
+        if let Some(pin) = pin.filter(|_| was != is) {
+            run.rig.inject(pin.node, &[u8::from(is)]);
+        }
+    }
+    run.go_on_until(run.rig.now());
+}

@@ -1,0 +1,26 @@
+//! Programs that chance wrote, of threads, sleeps, pipes, polls and locks: in virtual time each makes
+//! the same calls twice, and says what it says in real time as far as that is determined.
+
+use std::process::{Command, Stdio};
+
+/// Three of them; `tests/exec/generated.sh` does as many as one likes.
+#[test]
+fn generated_programs_are_the_same_twice_and_as_in_real_time() {
+    let tools = ["cc", "python3"].map(|tool| Command::new(tool).arg("--version").output());
+    if tools.iter().any(Result::is_err) {
+        eprintln!("SKIPPED: generated programs: expected cc and python3");
+        return;
+    }
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/exec/generated.sh");
+    let output = Command::new(script)
+        .args(["1", "3"])
+        .env("HILRIG", env!("CARGO_BIN_EXE_hilrig"))
+        .env("TMPDIR", env!("CARGO_TARGET_TMPDIR"))
+        .stdin(Stdio::null())
+        .output()
+        .expect("a shell");
+    let said = String::from_utf8_lossy(&output.stdout).into_owned()
+        + &String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{said}");
+    assert!(said.contains("1 to 3: 0 differ"), "{said}");
+}

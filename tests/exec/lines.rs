@@ -1,0 +1,75 @@
+//! Modem lines in real time, for a program on the ports of a run.
+
+use crate::support::{BEGIN, folder, run_in};
+
+/// The adapter runs the lidar's head while DTR is low. Opening raises DTR, so a scan brings nothing
+/// until the program lowers it; lines read back as they were set, also in a child of the program.
+#[test]
+fn dtr_reads_back_and_stops_the_motor_of_a_lidar() {
+    let lidar = "\
+schema = 1
+name = \"sonar\"
+robot = \"custom\"
+duration = \"60s\"
+device.sonar.rplidar = { profile = \"fw1.29\", motor = \"dtr\" }
+[world]
+start = { x_m = 1.0, y_m = 1.4, heading_deg = 0 }
+[[world.wall]]
+path_m = [[0, 0], [2.6, 0], [2.6, 2.2], [0, 2.2], [0, 0]]
+";
+    let program = "\
+import fcntl, struct, termios, select
+fd = os.open(os.environ['HILRIG_PORT_SONAR'], os.O_RDWR | os.O_NOCTTY)
+def lines():
+    bits = struct.unpack('I', fcntl.ioctl(fd, termios.TIOCMGET, bytes(4)))[0]
+    names = ['DTR', 'RTS', 'CTS', 'DSR', 'CAR']
+    return [name for name in names if bits & getattr(termios, 'TIOCM_' + name)]
+def change(request, line):
+    fcntl.ioctl(fd, request, struct.pack('I', line))
+def hears(seconds, least):
+    count, end = 0, time.monotonic() + seconds
+    while count < least and time.monotonic() < end:
+        if select.select([fd], [], [], 0.05)[0]:
+            count += len(os.read(fd, 4096))
+    return count >= least
+print(*lines())
+os.write(fd, b'\\xa5\\x20')
+print('stands', not hears(0.3, 20))
+change(termios.TIOCMBIC, termios.TIOCM_DTR)
+print(*lines())
+print('turns', hears(10, 1000))
+change(termios.TIOCMSET, termios.TIOCM_DTR)
+if os.fork() == 0:
+    print(*lines(), flush=True)
+    os._exit(0)
+os.wait()
+termios.tcsendbreak(fd, 0)
+sys.stdout.flush()
+sys.exit(5)
+";
+    let folder = folder("lines");
+    let program = format!("{BEGIN}{program}");
+    let files = [("sonar.toml", lidar), ("program.py", &program)];
+    let command = format!(
+        "exec {} with -- python3 program.py",
+        env!("CARGO_BIN_EXE_hilrig")
+    );
+    let ended = run_in(&folder, &files, &command);
+    let said: Vec<&str> = ended.log.lines().skip(1).collect();
+    let wanted = [
+        "DTR RTS CTS DSR CAR",
+        "stands True",
+        "RTS CTS DSR CAR",
+        "turns True",
+        "DTR CTS DSR CAR",
+    ];
+    assert_eq!(said, wanted, "{}", ended.said);
+    // Its end is told as if it had been started by itself.
+    let (_, detail) = ended.check("program-alive");
+    assert!(detail.contains("exit code 5"), "{detail}");
+    assert!(
+        !ended.failed().contains(&"no-children-left"),
+        "{}",
+        ended.said
+    );
+}
