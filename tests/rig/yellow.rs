@@ -22,7 +22,7 @@ fn passes(name: &str, seeds: impl IntoIterator<Item = u64>) {
 
 /// Acceptance YE6: of 20 seeds 19 leave the labyrinth, none touches a wall.
 #[test]
-fn nineteen_of_twenty_leave_the_labyrinth_by_infrared_alone() {
+fn ye6_nineteen_of_twenty_leave_the_labyrinth_by_infrared_alone() {
     let mut out = 0;
     for seed in 0..20 {
         let failed = judged("yellow-reactive", seed, |_| {});
@@ -36,7 +36,7 @@ fn nineteen_of_twenty_leave_the_labyrinth_by_infrared_alone() {
 /// YR-01, the published law: it touches walls at the corners that ours passes, faster than a touch
 /// that does no harm.
 #[test]
-fn the_published_law_runs_into_corners() {
+fn ye6_the_published_law_runs_into_corners() {
     let fielded = |scenario: &mut Scenario| {
         let law = toml::Spanned::new(0..0, "YR-01".to_owned());
         scenario.program.defects.push(law);
@@ -47,12 +47,12 @@ fn the_published_law_runs_into_corners() {
 }
 
 #[test]
-fn a_labyrinth_with_forks_is_mapped_to_its_last_edge() {
+fn ye10_a_labyrinth_with_forks_is_mapped_to_its_last_edge() {
     passes("yellow-map", [1, 2]);
 }
 
 #[test]
-fn a_place_that_looks_like_others_is_told_and_found_from_elsewhere() {
+fn ye11_a_place_that_looks_like_others_is_told_and_found_from_elsewhere() {
     passes("yellow-alike", [1, 2]);
 }
 
@@ -60,6 +60,6 @@ fn a_place_that_looks_like_others_is_told_and_found_from_elsewhere() {
 /// a wall in mid-air, 6 ran into one after a long stretch by odometry alone, 103 stood 33 mm beside
 /// a target and was not waited for when it was told again.
 #[test]
-fn targets_are_reached_within_5_cm_while_a_third_of_the_commands_is_lost() {
+fn ye12_targets_are_reached_within_5_cm_while_a_third_of_the_commands_is_lost() {
     passes("yellow-lost-commands", [4, 6, 103]);
 }

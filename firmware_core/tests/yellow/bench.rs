@@ -96,6 +96,8 @@ pub(crate) struct Bench {
     pub(crate) counter_offset: [u16; 2],
     pub(crate) outputs: Outputs,
     pub(crate) button: bool,
+    /// The board has no supply: motors are off, and no sample comes.
+    pub(crate) is_unsupplied: bool,
     pub(crate) lidar: Lidar,
     pub(crate) heard: Vec<(Instant, Telemetry)>,
     /// Payloads as they came.
@@ -145,6 +147,7 @@ impl Bench {
             counter_offset: [0; 2],
             outputs: Outputs::default(),
             button: false,
+            is_unsupplied: false,
             lidar: Lidar::new(1),
             heard: Vec::new(),
             payloads: Vec::new(),
@@ -266,7 +269,7 @@ impl Bench {
     fn move_body(&mut self) {
         let Outputs { duty, enable, .. } = self.outputs;
         for (motor, duty) in self.motors.iter_mut().zip(duty) {
-            motor.step(duty, enable);
+            motor.step(duty, enable && !self.is_unsupplied);
         }
         let [linear, angular] = self.speed();
         let heading = self.body[2] + angular * 0.000_5;
@@ -310,8 +313,10 @@ impl Bench {
             supply_cv: 1_200,
             button: self.button,
         };
-        self.robot
-            .receive(Yellow::BOARD, self.now, &sample.encode());
+        if !self.is_unsupplied {
+            self.robot
+                .receive(Yellow::BOARD, self.now, &sample.encode());
+        }
     }
 
     /// Takes what the robot sends.

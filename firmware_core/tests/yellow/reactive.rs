@@ -72,7 +72,7 @@ const WAY: [[f64; 2]; 9] = [
 
 /// Of 20 seeds at least 19 come out without a touch (YE6's figure; whole labyrinths elsewhere).
 #[test]
-fn a_crooked_corridor_is_driven_through() {
+fn ye6_a_crooked_corridor_is_driven_through() {
     let (mut through, mut worst) = (0, f64::INFINITY);
     for seed in 1..=20 {
         let mut bench = Bench::new(corridor(&WAY)).seeded(seed);
@@ -102,7 +102,7 @@ fn a_corner_is_gone_round_without_a_touch() {
 
 /// YR-01: bang-bang and a little to the left; the demonstration failed with it.
 #[test]
-fn the_fielded_formula_touches_a_wall_in_the_corner() {
+fn ye6_the_fielded_formula_touches_a_wall_in_the_corner() {
     let mut bench = Bench::with_defect(corner(), "YR-01");
     bench.send(&Telecommand {
         reactive: Some(Reactive {

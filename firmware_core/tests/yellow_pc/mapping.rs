@@ -242,7 +242,7 @@ fn margin(map: &MapView<'_>) -> i64 {
 
 /// D2: at most five cells; "too much margin" of the course's report.
 #[test]
-fn a_complete_map_has_little_margin_but_in_the_fielded_way() {
+fn d2_a_complete_map_has_little_margin_but_in_the_fielded_way() {
     let ours = mapped(1, PcConfig::default());
     let margin_ours = margin(&ours.pc.global_map().expect("a map"));
     assert!(margin_ours <= 5, "{margin_ours}");

@@ -8,7 +8,7 @@ use protocols::Instant;
 use super::Failure;
 use super::atlas::Atlas;
 use super::config::NextView;
-use super::drive::Stretch;
+use super::drive::{Progress, Stretch};
 use super::link::{Link, Sight, Tell};
 use super::look::Look;
 use crate::cell_map::Cell;
@@ -76,13 +76,16 @@ impl Explore {
             },
             Phase::Drive(stretch) => {
                 match stretch.drive.step(now, link) {
-                    Ok(false) => return Ok(false),
-                    Ok(true) => {
+                    Ok(Progress::Driving) => return Ok(false),
+                    Ok(Progress::Arrived) => {
                         let is_last = stretch.is_last;
                         self.spend(if is_last { VIEW_COSTS } else { DRIVE_COSTS });
                         self.failures = 0;
                     }
-                    Err(_) if self.failures < FAILURES_MAX => self.failures += 1,
+                    Ok(Progress::Interrupted) | Err(_) if self.failures < FAILURES_MAX => {
+                        self.failures += 1;
+                    }
+                    Ok(Progress::Interrupted) => return Err(Failure::NoAnswer),
                     Err(failure) => return Err(failure),
                 }
                 self.phase = Phase::Look(Look::new(link));
