@@ -156,10 +156,12 @@ impl Yellow {
         let enable = self.machine.drivers_are_on();
         let target = enable.then_some(self.target);
         let disbelieved = self.wheels.disbelieved();
-        let duty = self.wheels.step(sample.counters, target);
+        let mut duty = self.wheels.step(sample.counters, target);
         let is_late = self.posed_at.is_some_and(|at| now - at > GAP);
-        if is_late || self.wheels.disbelieved() != disbelieved {
+        let is_lost = is_late || self.wheels.disbelieved() != disbelieved;
+        if is_lost || self.wheels.is_silent() {
             self.machine.interrupt();
+            duty = self.wheels.halt();
         }
         self.posed_at = Some(now);
         let outputs = Outputs {

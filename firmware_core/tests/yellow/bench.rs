@@ -60,6 +60,8 @@ pub(crate) struct Motor {
     /// Friction only holds the wheel: above its voltage it takes nothing.
     pub(crate) only_holds: bool,
     pub(crate) rpm: f64,
+    /// Its encoder counts nothing.
+    pub(crate) is_uncounted: bool,
     counts: f64,
 }
 
@@ -76,7 +78,9 @@ impl Motor {
         };
         // First order, 60 ms, a millisecond at a time.
         self.rpm += (driven * self.rpm_per_volt - self.rpm) * (1.0 - libm::exp(-1.0 / 60.0));
-        self.counts += self.rpm / 60.0 * 0.001 * 1_200.0;
+        if !self.is_uncounted {
+            self.counts += self.rpm / 60.0 * 0.001 * 1_200.0;
+        }
     }
 
     fn speed_m_s(&self) -> f64 {
@@ -132,6 +136,7 @@ impl Bench {
             friction_volts: 0.5,
             only_holds: false,
             rpm: 0.0,
+            is_uncounted: false,
             counts: 0.0,
         };
         Self {

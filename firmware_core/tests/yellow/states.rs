@@ -191,6 +191,23 @@ fn a_manoeuvre_ends_when_the_way_is_lost() {
     }
 }
 
+/// Encoders that stand still for half a second while the robot drives at 0.5 m/s: the controller
+/// must not make up for what it does not see, 1.9 m/s at 12 V and 0.9 m until they count again. At
+/// 120 V ms, 10 to 20 ms, it lets go; the motors run out in 60 ms.
+#[test]
+fn wheels_that_do_not_count_are_not_driven_on() {
+    let mut bench = Bench::new(square(10.0));
+    bench.go(3.0, 0.0, 0.0);
+    assert!(bench.run_until(3 * SECOND, |bench| bench.body[0] > 0.5));
+    bench.motors.iter_mut().for_each(|motor| motor.is_uncounted = true);
+    bench.run_for(SECOND / 2);
+    bench.motors.iter_mut().for_each(|motor| motor.is_uncounted = false);
+    assert!(bench.body[0] < 0.6, "{:?}", bench.body);
+    bench.run_for(SECOND);
+    assert_eq!(bench.mode(), "off");
+    assert!(bench.body[0] < 0.6 && bench.counter("manoeuvres interrupted") == 1);
+}
+
 #[test]
 fn modes_need_no_samples() {
     use firmware_core::Master as _;

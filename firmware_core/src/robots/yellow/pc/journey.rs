@@ -38,6 +38,8 @@ pub(super) struct Journey {
     searches: bool,
     searched: u32,
     interruptions: u32,
+    /// The robot does not know how far it has rolled.
+    is_lost: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -60,6 +62,7 @@ impl Journey {
             searches: false,
             searched: 0,
             interruptions: 0,
+            is_lost: false,
         }
     }
 
@@ -94,7 +97,11 @@ impl Journey {
                 let Some(sight) = look.step(now, link)? else {
                     return Ok(false);
                 };
-                let (is_last, pose) = (*is_last, atlas.corrected(&sight));
+                let is_last = *is_last;
+                let pose = match core::mem::take(&mut self.is_lost) {
+                    true => atlas.recovered(&sight),
+                    false => atlas.corrected(&sight),
+                };
                 if self.searches {
                     atlas.add(pose, &sight)?;
                 }
@@ -121,6 +128,7 @@ impl Journey {
             return Err(Failure::NoAnswer);
         }
         self.way.clear();
+        self.is_lost = true;
         Ok(())
     }
 
