@@ -33,7 +33,13 @@ const LOST_RAD: f32 = 0.9;
 const TURNS: [f32; 11] = [
     0.0, 0.15, -0.15, 0.3, -0.3, 0.45, -0.45, 0.6, -0.6, 0.75, -0.75,
 ];
-const SHIFTS_MM: [[f32; 2]; 5] = [[0.0, 0.0], [150.0, 0.0], [-150.0, 0.0], [0.0, 150.0], [0.0, -150.0]];
+const SHIFTS_MM: [[f32; 2]; 5] = [
+    [0.0, 0.0],
+    [150.0, 0.0],
+    [-150.0, 0.0],
+    [0.0, 150.0],
+    [0.0, -150.0],
+];
 /// So much more has to fit elsewhere.
 const BETTER: (usize, usize) = (6, 5);
 
@@ -106,9 +112,8 @@ impl Walls {
         let near_mm = NEAR_MM[NEAR_MM.len() - 1];
         let is_known = |face: Segment, point: Point| {
             let mut offsets = self.segments.iter();
-            offsets.any(|wall| {
-                offset(*wall, face, point).is_some_and(|(_, off)| off.abs() < near_mm)
-            })
+            offsets
+                .any(|wall| offset(*wall, face, point).is_some_and(|(_, off)| off.abs() < near_mm))
         };
         let points = |face: Segment| face.points(STEP_MM).filter(move |it| is_known(face, *it));
         faces(pose, lines).map(|face| points(face).count()).sum()
@@ -243,7 +248,12 @@ mod tests {
     /// 0.5 radians off: too far to be corrected, but nothing else fits so well.
     #[test]
     fn a_robot_that_rolled_without_knowing_is_found() {
-        let corners = [[0.0, 0.0], [3_000.0, 0.0], [3_000.0, 2_000.0], [0.0, 2_000.0]];
+        let corners = [
+            [0.0, 0.0],
+            [3_000.0, 0.0],
+            [3_000.0, 2_000.0],
+            [0.0, 2_000.0],
+        ];
         let point = |[x, y]: [f32; 2]| Point::new(x, y);
         let truth = Pose::new(1_000.0, 1_100.0, 0.5);
         let (sin, cos) = sin_cos(-truth.heading);
@@ -254,7 +264,9 @@ mod tests {
         let sides = |place: &dyn Fn([f32; 2]) -> Point| -> Vec<Segment> {
             let next = corners.iter().cycle().skip(1);
             let sides = corners.iter().zip(next);
-            sides.map(|(a, b)| Segment::new(place(*a), place(*b))).collect()
+            sides
+                .map(|(a, b)| Segment::new(place(*a), place(*b)))
+                .collect()
         };
         let mut walls = Walls::default();
         let home = Pose::new(0.0, 0.0, 0.0);
@@ -267,7 +279,10 @@ mod tests {
         let believed = Pose::new(1_080.0, 1_040.0, 0.0);
         assert_eq!(walls.corrected(believed, &lines), believed);
         let found = walls.recovered(believed, &lines);
-        assert!(found.position().distance_mm(truth.position()) < 10.0, "{found:?}");
+        assert!(
+            found.position().distance_mm(truth.position()) < 10.0,
+            "{found:?}"
+        );
         assert!((found.heading - truth.heading).abs() < 0.01, "{found:?}");
     }
 

@@ -306,11 +306,19 @@ mod tests {
         };
         assert_eq!(called("turned").chain(called("mirrored")).count(), 0);
         let lasts = |fault: &crate::scenario::FaultSpec| {
-            let window = fault.from.zip(fault.until).map(|(from, until)| until.0 - from.0);
-            window.or(fault.lasting.map(|lasting| lasting.0)).expect("it ends")
+            let window = fault
+                .from
+                .zip(fault.until)
+                .map(|(from, until)| until.0 - from.0);
+            window
+                .or(fault.lasting.map(|lasting| lasting.0))
+                .expect("it ends")
         };
         let longest = called("blind").map(lasts).max().expect("it comes");
-        assert!(longest <= core::time::Duration::from_millis(500), "{longest:?}");
+        assert!(
+            longest <= core::time::Duration::from_millis(500),
+            "{longest:?}"
+        );
     }
 
     /// What was made is sound, and means the same when it is read from its file.

@@ -1,6 +1,8 @@
 //! The robot yellow in whole runs: its four shipped scenarios over a few seeds, and what a fielded
 //! law or a dead PC does to them.
 
+use std::path::Path;
+
 use hilrig::run::Run;
 use hilrig::scenario::Scenario;
 
@@ -62,4 +64,45 @@ fn ye11_a_place_that_looks_like_others_is_told_and_found_from_elsewhere() {
 #[test]
 fn ye12_targets_are_reached_within_5_cm_while_a_third_of_the_commands_is_lost() {
     passes("yellow-lost-commands", [4, 6, 103]);
+}
+
+/// A room that one look shows.
+const ROOM: &str = r#"
+schema = 1
+name = "by-hand"
+robot = "yellow"
+duration = "40s"
+[[mission.step]]
+at = "1s"
+do = { mode = "map" }
+[[mission.step]]
+when = { event = { rule = "map-done", source = "pc" } }
+do = { mode = "go-to 1 0.9 90" }
+[[mission.step]]
+when = { event = { rule = "navigate-done", source = "pc" } }
+do = { mode = "set-pose 5 -5 180" }
+[world]
+start = { x_m = 0.5, y_m = 0.5, heading_deg = 0 }
+[[world.wall]]
+path_m = [[0, 0], [1.5, 0], [1.5, 1.4], [0, 1.4], [0, 0]]
+"#;
+
+/// D2: a target with an orientation, within 5 cm and 0.06 rad, 3.4 degrees; and a pose by hand, which
+/// the robot believes.
+#[test]
+fn d2_a_target_has_an_orientation_and_a_pose_can_be_given_by_hand() {
+    let (scenario, source) = Scenario::parse(Path::new("<test>"), ROOM.to_owned()).expect("sound");
+    let outcome = Run::new(scenario, &source, None)
+        .expect("can be wired")
+        .finish();
+    let pair = outcome.pairs.last().expect("it drove");
+    let [x, y] = [pair.truth.x - 1.0, pair.truth.y - 0.9];
+    assert!(x.abs().max(y.abs()) < 0.05, "{:?}", pair.truth);
+    let turned = (pair.truth.theta.to_degrees() - 90.0).abs();
+    assert!(turned < 3.4, "{:?}", pair.truth);
+    let believed = pair.estimate;
+    assert!(
+        (believed.x - 5.0).abs() < 0.01 && (believed.y + 5.0).abs() < 0.01,
+        "{believed:?}"
+    );
 }

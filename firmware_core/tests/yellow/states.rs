@@ -199,9 +199,15 @@ fn wheels_that_do_not_count_are_not_driven_on() {
     let mut bench = Bench::new(square(10.0));
     bench.go(3.0, 0.0, 0.0);
     assert!(bench.run_until(3 * SECOND, |bench| bench.body[0] > 0.5));
-    bench.motors.iter_mut().for_each(|motor| motor.is_uncounted = true);
+    bench
+        .motors
+        .iter_mut()
+        .for_each(|motor| motor.is_uncounted = true);
     bench.run_for(SECOND / 2);
-    bench.motors.iter_mut().for_each(|motor| motor.is_uncounted = false);
+    bench
+        .motors
+        .iter_mut()
+        .for_each(|motor| motor.is_uncounted = false);
     assert!(bench.body[0] < 0.6, "{:?}", bench.body);
     bench.run_for(SECOND);
     assert_eq!(bench.mode(), "off");

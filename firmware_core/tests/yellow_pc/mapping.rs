@@ -148,6 +148,9 @@ fn ye10_a_labyrinth_is_mapped_until_nothing_is_left() {
         assert!(bench.now_ms <= 900_000, "seed {seed}");
         assert!(overlap >= 0.85, "seed {seed}: {overlap}\n{}", drawn(&map));
         assert_eq!(edges, 0, "seed {seed}\n{}", drawn(&map));
+        if seed == 0 {
+            insta::assert_snapshot!("global_map", drawn(&map));
+        }
         times.push(bench.now_ms as f64 / 1e3);
         overlaps.push(overlap);
         rooms.push(bench.robot.room);

@@ -183,7 +183,13 @@ mod tests {
         };
         assert_eq!(wish("set-pose 0.5 -1.25 90"), Ok(Wish::Do(SET_POSE, set)));
         assert_eq!(wish("go-to 0.5 -1.25 90"), Ok(Wish::Do(GO_TO, go)));
-        for bad in ["go-to", "go-to 1 2", "go-to 1 2 3 4", "set-pose 1 2 nan", "map 1 2 3"] {
+        for bad in [
+            "go-to",
+            "go-to 1 2",
+            "go-to 1 2 3 4",
+            "set-pose 1 2 nan",
+            "map 1 2 3",
+        ] {
             assert!(wish(bad).is_err(), "{bad}");
         }
     }
