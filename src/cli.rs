@@ -18,6 +18,7 @@ mod fault;
 mod fidelity;
 mod fuzz;
 mod import;
+mod link;
 mod man;
 mod map;
 mod new;
@@ -86,6 +87,7 @@ enum Command {
     Fault(fault::FaultArgs),
     #[cfg(feature = "ui")]
     Ui(ui::Ui),
+    Link(link::LinkArgs),
     Record(record::RecordArgs),
     Replay(replay::ReplayArgs),
     Case(case::CaseArgs),
@@ -269,6 +271,7 @@ fn perform(command: Command) -> Result<Verdict, CliError> {
         Command::Fault(args) => fault::run(&args),
         #[cfg(feature = "ui")]
         Command::Ui(args) => ui::run(args),
+        Command::Link(args) => link::run(&args),
         Command::Record(args) => record::run(args),
         Command::Replay(args) => replay::run(args),
         Command::Case(args) => case::run(args),

@@ -45,7 +45,7 @@ impl Verb {
 }
 
 /// All of them. `base` is the folder of an earlier run, a rig runs in `live`.
-pub(crate) const VERBS: [Verb; 24] = [
+pub(crate) const VERBS: [Verb; 25] = [
     verb("demo", "demo --out o/demo"),
     verb("run", "run s.toml --out o/run --junit o/junit.xml"),
     verb("new", "new o/new"),
@@ -54,6 +54,10 @@ pub(crate) const VERBS: [Verb; 24] = [
     verb("dut", "dut --dir live --duration 200ms").reads_only(),
     verb("fault", "fault --dir live list").reads_only(),
     verb("ui", "ui s.toml --duration 200ms --save o/ui.toml"),
+    verb(
+        "link",
+        "link a=pty:a b=pty:b --fault drop,byte=1 -o o/link.pcapng --duration 100ms",
+    ),
     verb(
         "record",
         "record --tap a=pty:a b=pty:b -o o/recorded.pcapng --duration 100ms",
