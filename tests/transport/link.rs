@@ -48,7 +48,9 @@ fn rows() -> Vec<Row> {
     vec![
         row("none", |_| {}),
         row("flip,byte=10,bit=3", |bytes| bytes[10] = 0x02),
-        row("drop,byte=10", |bytes| drop(bytes.remove(10))),
+        row("drop,byte=10", |bytes| {
+            bytes.remove(10);
+        }),
         row("insert,byte=10,value=85", |bytes| bytes.insert(10, 0x55)),
         row("duplicate,byte=10", |bytes| bytes.insert(10, 10)),
         row("burst,byte=10,len=3,value=240", |bytes| {
@@ -56,9 +58,13 @@ fn rows() -> Vec<Row> {
         }),
         row("truncate,byte=10,len=5", |bytes| drop(bytes.drain(10..15))),
         row("swap,byte=10", |bytes| bytes.swap(10, 11)),
-        row("parity-error,byte=10", |bytes| drop(bytes.remove(10))),
+        row("parity-error,byte=10", |bytes| {
+            bytes.remove(10);
+        }),
         late("idle,byte=10,by=5ms"),
-        row("strip-nul", |bytes| drop(bytes.remove(0))),
+        row("strip-nul", |bytes| {
+            bytes.remove(0);
+        }),
         row("cr-to-lf", |bytes| bytes[0x0D] = 0x0A),
         row("eat-xon-xoff", |bytes| {
             bytes.retain(|byte| ![0x11, 0x13].contains(byte));
@@ -167,12 +173,12 @@ fn what_comes_out_of_a_link_differs_by_its_fault_alone() {
     link.signal(Signal::INT);
     let (status, said) = link.end();
     assert!(status.success(), "{said}");
-    all_have(&mut clients, &rows);
     for ([first, second], row) in clients.iter().zip(&rows) {
         assert_eq!(second.read, row.arrives[0], "{}", row.fault);
         assert_eq!(first.read, row.arrives[1], "{}", row.fault);
     }
 
+    // No more came than was read.
     let arrived = arrived(&said);
     let count = |n: usize| arrived[&format!("b{n}")];
     let expected: Vec<u64> = rows.iter().map(|row| row.arrives[0].len() as u64).collect();
