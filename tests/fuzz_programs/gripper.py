@@ -1,6 +1,6 @@
-"""A gripper behind the register bus, with five planted bugs: two exceptions over its frames, one over
-its registers, one endless sleep, and half a checksum."""
-import os, struct, sys, time
+"""A gripper behind the register bus, with five planted bugs: three exceptions, an endless sleep, and
+half a checksum."""
+import os, struct, time
 
 PORT = os.open(os.environ["HILRIG_DIR"] + "/gripper", os.O_RDWR | os.O_NOCTTY)
 registers = [0] * 256
@@ -11,12 +11,16 @@ def answer(register, data=b""):
     os.write(PORT, frame + struct.pack("<H", sum(frame)))
 
 def write(register, data):
-    if register == 0x2A:
-        registers[0] = 1000 // data[0]                  # bug 1: ZeroDivisionError
-    if len(data) > 100:
+    if not data:
+        return answer(register)
+    if register & 0x0F == 0x0A:
+        registers[0] = 1000 // (data[0] // 8)           # bug 1: ZeroDivisionError
+    if len(data) == 127:
         raise OverflowError("frame too long")           # bug 2
+    if register == 255:
+        registers[256] = data[-1]                       # bug 3: IndexError
     for place, value in enumerate(data):
-        registers[register + place] = value             # bug 3: IndexError at the last register
+        registers[(register + place) % 256] = value
     answer(register)
 
 def take(frame):
@@ -27,6 +31,8 @@ def take(frame):
         write(body[1], body[3:])
     else:
         count = body[2] & 0x7F
+        while body[1] & 0x3F == 0x15 and count > 100:   # bug 5: hangs
+            time.sleep(1)
         answer(body[1], bytes(registers[body[1]:body[1] + count]))
 
 while True:
@@ -36,9 +42,6 @@ while True:
         if held[0] != 0xAB:
             held = held[1:]
             continue
-        if held[:3] == b"\xab\xab\xab":
-            while True:                                 # bug 5: hangs
-                time.sleep(1)
         if len(held) < 3:
             break
         length = 5 + (held[2] & 0x7F if held[2] & 0x80 else 0)

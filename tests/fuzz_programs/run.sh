@@ -4,13 +4,15 @@
 #   tests/fuzz_programs/run.sh HILRIG [SECONDS [SEEDS [CASES]]]
 set -u
 hilrig=$(realpath "$1") seconds=${2:-60} seeds=${3:-5} cases=${4:-150}
-here=$(realpath "$(dirname "$0")") scenario=$(realpath "$here/../../scenarios/own-slave.toml")
+here=$(realpath "$(dirname "$0")")
+# The interpreter itself: a wrapper around it would be started under supervision as well.
+python=$(python3 -c 'import sys; print(sys.executable)')
 work=$(mktemp -d) && trap 'rm -rf "$work"' EXIT && cd "$work" || exit 2
 
 rate() { # NAME OPTION..
     local name=$1; shift
-    "$hilrig" fuzz --exec "python3 $here/gripper.py" --scenario "$scenario" --link gripper \
-        --case 1s --alive 1s --for "${seconds}s" --shrink 20 --out "$name" "$@" > "$name.txt" 2>&1
+    "$hilrig" fuzz --exec "exec $python -S -I $here/gripper.py" --link gripper \
+        --scenario "$here/gripper.toml" --for "${seconds}s" --shrink 20 --out "$name" "$@" > "$name.txt" 2>&1
     echo "$name: $(grep -o '[0-9]* cases, [0-9.]*/s, [0-9]* findings' "$name.txt" | tail -1)"
     ls "$name/findings" 2>/dev/null | sed 's/^/    /'
 }
@@ -29,8 +31,8 @@ gcc -O1 -c hilrig-coverage.c && gcc -O1 "$here/nested.c" -o without &&
     gcc -O1 -fsanitize-coverage=trace-pc "$here/nested.c" hilrig-coverage.o -o with || exit 2
 for program in with without; do
     for seed in $(seq "$seeds"); do
-        "$hilrig" fuzz --exec "exec ./$program" --virtual --scenario "$scenario" --link sonar \
-            --case 2s --cases "$cases" --seed "$seed" --shrink 0 --out "$program-$seed" > out.txt 2>&1
+        "$hilrig" fuzz --exec "exec ./$program" --virtual --scenario "$here/sonar.toml" --link sonar \
+            --case 1s --cases "$cases" --seed "$seed" --shrink 0 --out "$program-$seed" > out.txt 2>&1
         found=$(grep -o 'crash-.*first in case [0-9]*' out.txt | head -1)
         echo "$program, seed $seed: ${found:-nothing}; $(grep -o '[0-9]* cases, [0-9.]*/s' out.txt | tail -1)"
     done

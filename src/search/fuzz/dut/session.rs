@@ -24,6 +24,11 @@ const QUIET: Duration = Duration::from_millis(8);
 const PAUSE: Duration = Duration::from_millis(20);
 /// Bytes that may wait for the line of a raw link.
 const BACKLOG_MAX: usize = 1024;
+/// Between two looks at ports in virtual time.
+const LOOK_EVERY: Duration = Duration::from_millis(1);
+/// Bytes that a program in virtual time gets at once on a raw link, as by the FIFO of a 16550: each
+/// time that it is woken costs more than all that it computes.
+const FIFO: usize = 16;
 /// A capture of a case may have so many bytes; the rest is left out.
 const CAPTURE_MAX: u64 = 64 << 20;
 
@@ -49,6 +54,8 @@ pub(super) struct Session<'a> {
     heard: Vec<u8>,
     /// When the last byte was said there.
     said_at: Instant,
+    /// When the ports were looked at last.
+    looked_at: Instant,
     names: Vec<String>,
     ports: BTreeMap<String, PortActivity>,
     goes_on: &'a dyn Fn() -> bool,
@@ -78,6 +85,11 @@ impl<'a> Session<'a> {
         let link = case.told.raw.as_ref().map(|raw| raw.link.as_str());
         let (mut run, ends, raw) = wiring::wire(&harness.source, &case.scenario, link)?;
         run.go_on_until(Instant::ZERO + WARM_UP);
+        if let Some(link) = link.and_then(|link| run.rig.link_mut(link))
+            && harness.supervision.is_some()
+        {
+            link.lines.iter_mut().for_each(|line| line.piece = FIFO);
+        }
         record(&mut run, recording, harness.supervision.is_some())?;
         let (dir, ports) = harness.ports(&ends, &case.scenario)?;
         let names = ports.iter().map(|(end, _)| end.name.clone()).collect();
@@ -87,6 +99,7 @@ impl<'a> Session<'a> {
             raw,
             heard: Vec::new(),
             said_at: Instant::ZERO,
+            looked_at: Instant::ZERO,
             names,
             ports: BTreeMap::new(),
             goes_on: harness.goes_on,
@@ -155,6 +168,12 @@ impl<'a> Session<'a> {
         if let Some(node) = self.raw {
             self.heard.extend(self.player.rig().take_output(node));
         }
+        // Each look costs calls, and in virtual time a turn may be a thread's only.
+        let is_soon = self.player.now() < self.looked_at + LOOK_EVERY;
+        if is_soon && self.player.has_begun() {
+            return self.ended();
+        }
+        self.looked_at = self.player.now();
         let (now, is_started) = (self.player.now(), self.player.is_started());
         self.player.look(|sign| {
             let port = match self.ports.get_mut(sign.name) {
@@ -172,6 +191,10 @@ impl<'a> Session<'a> {
             port.is_open = sign.is_open || !is_started;
             port.was_opened |= port.is_open;
         });
+        self.ended()
+    }
+
+    fn ended(&mut self) -> Result<(), Halt> {
         match self.player.ended() {
             Some(ended) => Err(Halt::Ended(ended)),
             None => Ok(()),
