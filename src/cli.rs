@@ -18,6 +18,7 @@ mod fault;
 mod fidelity;
 mod fuzz;
 mod import;
+mod link;
 mod man;
 mod map;
 mod new;
@@ -88,6 +89,7 @@ enum Command {
     With(with::WithArgs),
     #[cfg(feature = "ui")]
     Ui(ui::Ui),
+    Link(link::LinkArgs),
     Record(record::RecordArgs),
     Replay(replay::ReplayArgs),
     Case(case::CaseArgs),
@@ -279,6 +281,7 @@ fn perform(command: Command) -> Result<Verdict, CliError> {
         Command::With(args) => with::run(args),
         #[cfg(feature = "ui")]
         Command::Ui(args) => ui::run(args),
+        Command::Link(args) => link::run(&args),
         Command::Record(args) => record::run(args),
         Command::Replay(args) => replay::run(args),
         Command::Case(args) => case::run(args),

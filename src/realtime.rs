@@ -14,6 +14,7 @@
 //! it was is measured: verdicts come from virtual time.
 
 mod adapter;
+pub(crate) mod bridge;
 pub mod clock;
 pub mod control;
 pub(crate) mod exec;

@@ -22,7 +22,7 @@
 //! # Ok::<(), Box<dyn core::error::Error>>(())
 //! ```
 
-mod agenda;
+pub(crate) mod agenda;
 pub mod bench;
 pub mod check;
 mod checkpoint;

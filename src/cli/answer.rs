@@ -76,6 +76,7 @@ const RESULTS: [(&str, Subschema); 25] = [
     ("fault", of::<Faults>),
     ("with", of::<ProgramEnded>),
     ("ui", of::<UiEnded>),
+    ("link", of::<LinkEnded>),
     ("record", of::<RecordEnded>),
     ("replay", of::<ReplayEnded>),
     ("case", of::<CaseMade>),
@@ -213,6 +214,34 @@ pub(super) struct UiEnded {
     pub(super) ran_s: Option<f64>,
     /// Fingerprint of all bytes; none with `--pc`.
     pub(super) trace_hash: Option<String>,
+}
+
+/// A line between two ports, faults included.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct LinkEnded {
+    /// The capture, if there is one.
+    pub(super) file: Option<String>,
+    pub(super) seed: u64,
+    pub(super) ran_s: f64,
+    pub(super) lines: Vec<LinePassed>,
+}
+
+/// One direction of it.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct LinePassed {
+    pub(super) from: String,
+    pub(super) to: String,
+    pub(super) bytes_sent: u64,
+    /// Bytes that came out of the line.
+    pub(super) bytes_arrived: u64,
+    pub(super) bytes_lost: u64,
+    pub(super) bytes_added: u64,
+    /// Characters without a valid stop bit.
+    pub(super) framing_errors: u64,
+    /// Bytes that came out while the port was closed.
+    pub(super) bytes_unheard: u64,
+    /// Bytes for which the port had no room.
+    pub(super) bytes_overrun: u64,
 }
 
 /// A recording between ports.

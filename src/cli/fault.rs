@@ -95,7 +95,7 @@ fn ask(args: &FaultArgs, request: &Value) -> io::Result<Value> {
 }
 
 /// A value is taken as in a scenario, or as text if it is nothing there: `rate=0.1`, `kind=cut`.
-fn fault(keys: &[String]) -> Result<Map<String, Value>, CliError> {
+pub(super) fn fault(keys: &[String]) -> Result<Map<String, Value>, CliError> {
     let mut fault = Map::new();
     for pair in keys {
         let Some((key, value)) = pair.split_once('=') else {

@@ -17,7 +17,7 @@ use crate::realtime::clock::{Clock, WallClock};
 use crate::run::Run;
 use crate::scenario::{Scenario, Span};
 use crate::search::fuzz::{
-    self, FirstCase, Folder, FuzzPlan, Fuzzer, Missions, Round, Subject, Wires,
+    self, FirstCase, Folder, FuzzPlan, Fuzzer, Missions, Round, Subject, Wires, dut,
 };
 use crate::search::generate::Vary;
 use crate::search::shrink::Effort;
@@ -38,6 +38,7 @@ use crate::search::shrink::Effort;
     hilrig fuzz --scenario my.toml --link base   # the wire format of that link\n  \
     hilrig fuzz pcui --repeat night/findings/no-frame-is-lost-1A2B3C4D\n  \
     hilrig fuzz --exec 'my-robot --ports \"$HILRIG_DIR\"' --scenario my.toml --for 10min\n  \
+    hilrig fuzz --exec ./parser --virtual --scenario my.toml --link base\n  \
     hilrig fuzz --dut-dir /dev/robot --scenario my.toml --link base\n\n\
     Exit code 1: something was found, now or earlier in the same folder.")]
 pub(super) struct FuzzArgs {
@@ -79,6 +80,10 @@ pub(super) struct FuzzArgs {
     /// Run one finding, a file or its folder, instead of looking for more
     #[arg(long, value_name = "FILE")]
     repeat: Option<PathBuf>,
+    /// Write the C file that a program is linked with to lead the search by what it reaches, and
+    /// end; the file says how
+    #[arg(long, value_name = "FILE", exclusive = true)]
+    coverage_runtime: Option<PathBuf>,
     /// Folder of the results, to be gone on with if it exists
     #[arg(long, value_name = "DIR", default_value = "hilrig-out/fuzz")]
     out: PathBuf,
@@ -92,6 +97,11 @@ const TIME: Duration = Duration::from_secs(60);
 const PROGRESS: Duration = Duration::from_secs(2);
 
 pub(super) fn run(args: &FuzzArgs) -> Result<Verdict, CliError> {
+    if let Some(file) = &args.coverage_runtime {
+        let what = || format!("--coverage-runtime {}", file.display());
+        fs::write(file, dut::RUNTIME).map_err(|error| CliError::write(what(), error))?;
+        return Ok(Verdict::Pass);
+    }
     if args.exec.is_wanted() {
         return exec::run(args);
     }

@@ -1,12 +1,17 @@
 //! Where there is no supervisor: programs are refused in words.
 
+use core::time::Duration;
 use std::ffi::OsString;
 use std::io;
 use std::path::Path;
 use std::process::{ExitCode, Stdio};
 
+use protocols::Instant;
+
 use super::GuestError;
+use crate::realtime::Sign;
 use crate::realtime::exec::{Foreign, Seat};
+use crate::realtime::process::Ended;
 use crate::realtime::transport::PortDir;
 use crate::run::{Outcome, Run};
 
@@ -80,6 +85,58 @@ impl Trial {
     /// Never.
     pub(crate) const fn turn(&mut self) -> Result<(), GuestError> {
         match *self {}
+    }
+
+    /// From now on the run goes on when its mission is over.
+    pub(crate) const fn make_endless(&mut self) {
+        match *self {}
+    }
+
+    /// Lets the rig's time run.
+    pub(crate) const fn begin(&mut self) {
+        match *self {}
+    }
+
+    /// Whether the rig's time runs.
+    pub(crate) const fn has_begun(&self) -> bool {
+        match *self {}
+    }
+
+    /// The program's time since it was started.
+    pub(crate) const fn waited(&self) -> Duration {
+        match *self {}
+    }
+
+    /// The rig's time.
+    pub(crate) const fn now(&self) -> Instant {
+        match *self {}
+    }
+
+    /// What can be seen of the program at its ports.
+    pub(crate) fn signs(&mut self) -> impl Iterator<Item = Sign<'_>> {
+        match *self {}
+        #[expect(unreachable_code, reason = "names the type")]
+        core::iter::empty()
+    }
+
+    /// How the program ended.
+    pub(crate) const fn ended(&self) -> Option<Ended> {
+        match *self {}
+    }
+
+    /// Who computes on and on.
+    pub(crate) const fn spins(&self) -> Option<&str> {
+        match *self {}
+    }
+
+    /// What it said so far.
+    pub(crate) const fn said(&self) -> String {
+        match *self {}
+    }
+
+    /// Ends it without a verdict.
+    pub(crate) const fn quit(self) -> (String, Run) {
+        match self {}
     }
 
     /// Ends it.

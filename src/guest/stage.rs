@@ -53,8 +53,11 @@ pub(super) struct Stage {
     pub(super) ports: Ports,
     readiness: Readiness,
     now: Instant,
-    /// When the rig's time began.
+    /// When the rig's time began, and what it was then.
     begun: Option<Instant>,
+    zero: Instant,
+    /// The run goes on when its mission is over.
+    pub(super) is_endless: bool,
     /// The rig stands: the run is over.
     pub(super) is_frozen: bool,
     slots: Vec<Slot>,
@@ -89,6 +92,8 @@ impl Stage {
         });
         Self {
             slots: slots.collect(),
+            zero: run.rig.now(),
+            is_endless: false,
             run,
             realtime,
             ports,
@@ -115,7 +120,24 @@ impl Stage {
     /// The rig's time at the program's `at`; `None` while it stands.
     fn rig_time(&self, at: Instant) -> Option<Instant> {
         let begun = self.begun.filter(|_| !self.is_frozen)?;
-        Some(Instant::ZERO + (at - begun))
+        Some(self.zero + (at - begun))
+    }
+
+    /// The rig's time runs from now on, if it does not yet.
+    pub(super) fn begin(&mut self) {
+        self.begun.get_or_insert(self.now);
+    }
+
+    /// Whether there is nothing more to run.
+    fn is_over(&self) -> bool {
+        !self.is_endless && self.run.is_over()
+    }
+
+    fn advance(&mut self, deadline: Instant) {
+        match self.is_endless {
+            true => self.run.go_on_until(deadline),
+            false => self.run.run_until(deadline),
+        }
     }
 
     /// A call has taken `cost`.
@@ -125,7 +147,7 @@ impl Stage {
             return Ok(());
         };
         if self.run.rig.next_event().is_some_and(|at| at <= rig_now) {
-            self.run.run_until(rig_now);
+            self.advance(rig_now);
             if self.realtime.has_output(&self.run.rig) {
                 return self.carry();
             }
@@ -152,10 +174,10 @@ impl Stage {
             let next = next.chain(self.realtime.next_expiry()).map(ahead).min();
             self.now = next.map_or(limit, |at| at.clamp(self.now, limit));
             if let Some(target) = self.rig_time(self.now) {
-                self.run.run_until(target);
+                self.advance(target);
             }
             let is_something = self.realtime.has_output(&self.run.rig) || watches;
-            if is_something || self.now >= limit || self.run.is_over() {
+            if is_something || self.now >= limit || self.is_over() {
                 break;
             }
         }

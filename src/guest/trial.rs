@@ -19,7 +19,6 @@ use super::stage::Stage;
 use super::supervisor::{Settings, Supervisor};
 use super::trace::Calls;
 use super::{GuestError, launch};
-use crate::realtime::Realtime;
 use crate::realtime::clock::{Clock as _, SimClock, WallClock};
 use crate::realtime::exec::{
     ExecError, Foreign, SETTLE, Seat, add_checks, alive, childless, environment, ports_of,
@@ -27,6 +26,7 @@ use crate::realtime::exec::{
 use crate::realtime::process::words::{Words, listen};
 use crate::realtime::process::{Ended, Farewell, Left, command_of};
 use crate::realtime::transport::{Note, PortDir};
+use crate::realtime::{Realtime, Sign};
 use crate::run::check::Check;
 use crate::run::{Outcome, Run};
 
@@ -164,27 +164,59 @@ impl Trial {
         Ok(())
     }
 
+    /// From now on the run goes on when its mission is over.
+    pub(crate) const fn make_endless(&mut self) {
+        self.supervisor.stage.is_endless = true;
+    }
+
+    /// Lets the rig's time run, if it does not yet.
+    pub(crate) fn begin(&mut self) {
+        self.supervisor.stage.begin();
+    }
+
+    /// Whether the rig's time runs.
+    pub(crate) const fn has_begun(&self) -> bool {
+        self.supervisor.stage.has_begun()
+    }
+
+    /// The program's time since it was started.
+    pub(crate) fn waited(&self) -> Duration {
+        self.supervisor.stage.now() - Instant::ZERO
+    }
+
+    /// The rig's time.
+    pub(crate) const fn now(&self) -> Instant {
+        self.supervisor.stage.run.rig.now()
+    }
+
+    /// What can be seen of the program at its ports.
+    pub(crate) fn signs(&mut self) -> impl Iterator<Item = Sign<'_>> {
+        self.supervisor.stage.realtime.signs()
+    }
+
+    /// How the program ended, if it did.
+    pub(crate) fn ended(&self) -> Option<Ended> {
+        self.ended.map(|(ended, _)| ended)
+    }
+
+    /// Who computes on and on.
+    pub(crate) fn spins(&self) -> Option<&str> {
+        self.spins.as_deref()
+    }
+
+    /// Ends the program without a verdict; what it said, and the run.
+    pub(crate) fn quit(mut self) -> (String, Run) {
+        let farewell = self.finish();
+        let mut run = self.supervisor.stage.run;
+        // The capture is for people; what cannot be written of it is not worth the case.
+        let _ = run.rig.finish_taps();
+        (farewell.said, run)
+    }
+
     /// Ends the program and judges what there is.
     pub(crate) fn end(mut self) -> Played {
         let is_over = self.supervisor.stage.run.is_over();
-        // What it did last may have been seen by nobody.
-        let _ = self.supervisor.stage.carry();
-        self.supervisor.stage.look();
-        self.supervisor.stage.is_frozen = true;
-        let (left, was_killed) = self.stop();
-        self.is_silent();
-        let said = self.said();
-        if let Ok(mut words) = self.words.lock() {
-            words.close();
-        }
-        if let Some(processors) = &self.processors {
-            let _ = sched_setaffinity(None, processors);
-        }
-        let farewell = Farewell {
-            said,
-            left,
-            was_killed,
-        };
+        let farewell = self.finish();
         let notes = self.supervisor.notes().to_vec();
         let Supervisor { stage, calls, .. } = self.supervisor;
         let Stage {
@@ -214,6 +246,28 @@ impl Trial {
             said: farewell.said,
             notes,
             calls,
+        }
+    }
+
+    /// Ends the program.
+    fn finish(&mut self) -> Farewell {
+        // What it did last may have been seen by nobody.
+        let _ = self.supervisor.stage.carry();
+        self.supervisor.stage.look();
+        self.supervisor.stage.is_frozen = true;
+        let (left, was_killed) = self.stop();
+        self.is_silent();
+        let said = self.said();
+        if let Ok(mut words) = self.words.lock() {
+            words.close();
+        }
+        if let Some(processors) = &self.processors {
+            let _ = sched_setaffinity(None, processors);
+        }
+        Farewell {
+            said,
+            left,
+            was_killed,
         }
     }
 
@@ -277,7 +331,8 @@ impl Trial {
             .collect()
     }
 
-    fn said(&self) -> String {
+    /// What it said so far.
+    pub(crate) fn said(&self) -> String {
         let words = self.words.lock();
         words.map(|words| words.text()).unwrap_or_default()
     }

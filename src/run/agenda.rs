@@ -7,7 +7,7 @@ use crate::rig::{Disturbance, Rig};
 
 /// Disturbances with their times.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Agenda(Vec<Item>);
+pub(crate) struct Agenda(Vec<Item>);
 
 #[derive(Clone, Debug)]
 struct Item {
@@ -29,7 +29,7 @@ impl Item {
 
 impl Agenda {
     /// Adds what is to be done when a fault begins and ends.
-    pub(super) fn add(&mut self, id: FaultId, activity: Activity, what: Vec<Disturbance>) {
+    pub(crate) fn add(&mut self, id: FaultId, activity: Activity, what: Vec<Disturbance>) {
         if !what.is_empty() {
             self.0.push(Item {
                 id,
@@ -42,12 +42,12 @@ impl Agenda {
     }
 
     /// When something is next to be done, if ever.
-    pub(super) fn due(&self) -> Option<Instant> {
+    pub(crate) fn due(&self) -> Option<Instant> {
         self.0.iter().filter_map(Item::due).min()
     }
 
     /// Does what is due at the rig's time.
-    pub(super) fn perform(&mut self, rig: &mut Rig) {
+    pub(crate) fn perform(&mut self, rig: &mut Rig) {
         let now = rig.now();
         for item in &mut self.0 {
             while item.due().is_some_and(|at| at <= now) {

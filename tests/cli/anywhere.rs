@@ -126,7 +126,7 @@ fn a_full_disk_leaves_no_torn_file() {
 
 /// Commands that go on, and how each ends by Ctrl-C; what they do not catch ends them as the shell
 /// expects.
-const ENDLESS: [(&str, &str, Option<i32>); 9] = [
+const ENDLESS: [(&str, &str, Option<i32>); 10] = [
     (
         "run long.toml --out o/run",
         "o/run/capture.pcapng",
@@ -144,6 +144,7 @@ const ENDLESS: [(&str, &str, Option<i32>); 9] = [
     ),
     ("ui long.toml --save o/ui.toml", "", Some(0)),
     ("dut --dir live", "", Some(0)),
+    ("link a=pty:a b=pty:b -o o/l.pcapng", "o/l.pcapng", Some(0)),
     (
         "record --tap a=pty:a b=pty:b -o o/r.pcapng",
         "o/r.pcapng",

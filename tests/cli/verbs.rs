@@ -56,6 +56,10 @@ pub(crate) const VERBS: [Verb; 25] = [
     verb("with", "with --dir live -- true").reads_only(),
     verb("ui", "ui s.toml --duration 200ms --save o/ui.toml"),
     verb(
+        "link",
+        "link a=pty:a b=pty:b --fault drop,byte=1 -o o/link.pcapng --duration 100ms",
+    ),
+    verb(
         "record",
         "record --tap a=pty:a b=pty:b -o o/recorded.pcapng --duration 100ms",
     ),

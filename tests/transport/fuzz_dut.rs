@@ -170,6 +170,65 @@ fn an_early_end_and_a_port_that_is_not_read_are_found() {
     }
 }
 
+/// In virtual time the repeated case makes the same capture, byte for byte.
+#[test]
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+fn a_crash_found_in_virtual_time_is_repeated_to_the_byte() {
+    let out = fresh_path("fuzz-virtual");
+    let more = ["--virtual", "--cases", "1", "--shrink", "2"];
+    let more = [&ON_LINK[..], &more].concat();
+    let (names, said) = search_in(&out, &client(), "crash", &more);
+    assert_eq!(names, ["01-crash-sigabrt"], "{said}");
+    let finding = out.join("findings/01-crash-sigabrt");
+    let repeat = read(&finding.join("repeat.txt")).replacen("hilrig", HILRIG, 1);
+    assert!(repeat.contains(" --virtual "), "{repeat}");
+    let (code, said) = run(Command::new("sh").args(["-c", &repeat]), "crash");
+    assert_eq!(code, Some(1), "{said}");
+    let bytes = |name: &str| std::fs::read(finding.join(name)).expect("written");
+    assert_eq!(bytes("capture.pcapng"), bytes("repeated.pcapng"));
+}
+
+/// A program of one line that computes on and on takes no virtual time, and is found all the same.
+#[test]
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+fn a_program_that_spins_is_found_in_virtual_time() {
+    let out = fresh_path("fuzz-spins");
+    let exec = "exec 3<>\"$HILRIG_DIR/gripper\"; sleep 0.5; while :; do :; done";
+    let more = ["--virtual", "--cases", "1", "--shrink", "0"];
+    let (names, said) = search_in(&out, exec, "none", &[&ON_LINK[..], &more].concat());
+    assert_eq!(names, ["01-spins"], "{said}");
+}
+
+/// A C program with counters is seen to have some, and what it was told is kept for being new.
+#[test]
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+fn a_program_that_counts_what_it_reaches_leads_the_search() {
+    let out = fresh_path("fuzz-coverage");
+    std::fs::create_dir_all(&out).expect("a fresh folder");
+    let nested = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fuzz_programs/nested.c");
+    let build = format!(
+        "cd '{}' && {HILRIG} fuzz --coverage-runtime c.c && gcc -Wall -Wextra -Werror -c c.c && \
+         gcc -fsanitize-coverage=trace-pc {nested} c.o -o nested",
+        out.display()
+    );
+    let built = Command::new("sh").args(["-c", &build]).output();
+    let built = built.expect("a shell starts");
+    if !built.status.success() && std::env::var_os("CI").is_none() {
+        eprintln!("SKIPPED: {}", String::from_utf8_lossy(&built.stderr));
+        return;
+    }
+    assert!(built.status.success(), "{built:?}");
+    let exec = format!("exec '{}'", out.join("nested").display());
+    let more = ["--virtual", "--link", "sonar", "--cases", "1"];
+    let (names, said) = search_in(&out, &exec, "none", &more);
+    assert_eq!(names, [""; 0], "{said}");
+    assert!(
+        said.contains("the program counts what it reaches"),
+        "{said}"
+    );
+    assert!(read(&out.join("dut.json")).contains("\"pool\""), "{said}");
+}
+
 /// Interrupted in the middle, it leaves no port and no program behind, and says what it did.
 #[test]
 fn an_interrupted_search_ends_its_program() {

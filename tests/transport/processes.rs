@@ -33,7 +33,7 @@ pub(crate) struct Running {
 }
 
 impl Running {
-    fn start(args: &[&str]) -> Self {
+    pub(crate) fn start(args: &[&str]) -> Self {
         let mut child = Command::new(env!("CARGO_BIN_EXE_hilrig"))
             .args(args)
             .stdin(Stdio::null())
@@ -118,7 +118,7 @@ impl Drop for Running {
     }
 }
 
-fn client_at(path: &Path, baud: u32) -> TTYPort {
+pub(crate) fn client_at(path: &Path, baud: u32) -> TTYPort {
     let builder = serialport::new(path.to_string_lossy(), baud).timeout(Duration::from_millis(100));
     TTYPort::open(&builder).expect("the port is free")
 }

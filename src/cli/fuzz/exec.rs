@@ -12,6 +12,7 @@ use crate::cli::answer::FuzzEnded;
 use crate::cli::stop::Stop;
 use crate::cli::{CliError, Verdict, out, progress};
 use crate::realtime::clock::{Clock, WallClock};
+use crate::realtime::exec::Supervision;
 use crate::scenario::{Scenario, Source, Span};
 use crate::search::fuzz::dut::{
     self, Finding, Harness, HarnessError, Progress, Search, Speech, TrialPlan, Whose,
@@ -43,6 +44,9 @@ pub(super) struct ExecArgs {
     /// Time within which the program must open a port
     #[arg(long, value_name = "TIME", default_value = "10s", requires = "exec")]
     start: Span,
+    /// In virtual time: as fast as it can, and the same bytes each time; Linux on x86-64
+    #[arg(long = "virtual", requires = "exec")]
+    is_virtual: bool,
     /// Judge rules about time too: a program that this machine does not run in time breaks them
     #[arg(long)]
     strict: bool,
@@ -55,6 +59,10 @@ pub(super) struct ExecArgs {
 const TIME: Duration = Duration::from_secs(60);
 /// Time between two lines of progress.
 const PROGRESS: Duration = Duration::from_secs(2);
+/// Virtual time that each stopped call takes.
+const CALL_COST: Duration = Duration::from_micros(1);
+/// Least wall time for which a program may compute in one piece: the machine may be busy.
+const SPIN_MIN: Duration = Duration::from_secs(2);
 /// Longest case: what a program is told in one is held in memory.
 const CASE_MAX: Duration = Duration::from_secs(3600);
 
@@ -100,6 +108,7 @@ impl ExecArgs {
         }
         words += &format!(" --alive {}", self.alive);
         words += if self.strict { " --strict" } else { "" };
+        words += if self.is_virtual { " --virtual" } else { "" };
         if self.exec.is_some() {
             words += &format!(" --start {}", self.start);
         }
@@ -127,7 +136,15 @@ fn harness<'a>(
     let whose = args.exec.whose(&args.out)?;
     let times = [args.exec.alive.0, args.exec.start.0];
     let mut harness = Harness::new(whose, source, times, goes_on);
-    harness.is_strict = args.exec.strict;
+    if args.exec.exec.is_some() {
+        harness.watch_coverage(&args.out)?;
+    }
+    harness.is_strict = args.exec.strict || args.exec.is_virtual;
+    harness.supervision = args.exec.is_virtual.then_some(Supervision {
+        call_cost: CALL_COST,
+        // No virtual time passes while it computes.
+        spin_max: args.exec.alive.0.max(SPIN_MIN),
+    });
     Ok(harness)
 }
 
@@ -234,7 +251,11 @@ fn in_words(progress: &Progress, time: Duration) -> String {
 fn report(args: &FuzzArgs, search: &Search<'_>) {
     for kept in search.findings() {
         let folder = args.out.join("findings").join(&kept.folder);
-        println!("{}: {}; {} times", folder.display(), kept.words, kept.count);
+        let (words, count, case) = (&kept.words, kept.count, kept.case);
+        println!(
+            "{}: {words}; {count} times, first in case {case}",
+            folder.display()
+        );
         println!(
             "  repeat with: {} --repeat '{}'",
             args.exec.repeat(),
@@ -252,6 +273,9 @@ fn report(args: &FuzzArgs, search: &Search<'_>) {
                 met.link
             ),
         }
+    }
+    if search.is_guided() {
+        println!("the program counts what it reaches: that led the traffic");
     }
     if search.doubtful() > 0 {
         let count = search.doubtful();

@@ -10,7 +10,8 @@
 //!
 //! A *case* is what the program is told, as a value: a scenario with faults in what the program
 //! hears, or traffic on one link in place of a device's. It is the same for the same seed. What the
-//! program does is not: it lives in the time of the wall clock. So it is judged by what needs no
+//! program does is the same in virtual time; else it is not, as it lives in the time of the wall
+//! clock. So it is judged by what needs no
 //! exact time, and with generous limits: whether it lives, whether a device calls what it does
 //! against the rules, whether it answers a damaged frame as it answers the sound one. The last is
 //! found out by asking: a frame that is answered twice in the same way and whose answer noise does
@@ -19,10 +20,13 @@
 
 mod case;
 mod cause;
+mod coverage;
 mod finding;
 mod found;
+mod guide;
 mod harness;
 mod plan;
+mod player;
 mod probe;
 mod search;
 mod session;
@@ -33,7 +37,9 @@ mod wiring;
 
 pub use case::{Answered, Case, Hex, Known, Pair, Raw, Told};
 pub use cause::Cause;
+pub use coverage::RUNTIME;
 pub use finding::{Finding, Kept, State};
+pub use guide::Guide;
 pub use harness::{Harness, HarnessError, Whose};
 pub use plan::{Progress, TrialPlan};
 pub use probe::Probed;

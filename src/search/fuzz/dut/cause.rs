@@ -30,6 +30,8 @@ pub enum Cause {
     Ended,
     /// It lives and gives no sign of it.
     Hang(String),
+    /// It computes on and on; only in virtual time, where it is seen who does.
+    Spins(String),
     /// It answered a damaged frame as if it were sound.
     Accepts {
         /// The frames.
@@ -94,6 +96,7 @@ impl Cause {
             Self::Crash { ended, .. } => format!("crash-{ended}"),
             Self::Ended => "ended".to_owned(),
             Self::Hang(_) => "hang".to_owned(),
+            Self::Spins(_) => "spins".to_owned(),
             Self::Accepts { .. } => "accepts-corrupt-frame".to_owned(),
             Self::Rule { rule, .. } => format!("rule-{rule}"),
             Self::Check { name, .. } => format!("check-{name}"),
@@ -125,7 +128,7 @@ impl fmt::Display for Cause {
                 write!(f, "the program crashed: {ended}; it said: {last_words}")
             }
             Self::Ended => f.write_str("the program ended with exit code 0, expected it to go on"),
-            Self::Hang(how) => write!(f, "the program hangs: {how}"),
+            Self::Hang(how) | Self::Spins(how) => write!(f, "the program hangs: {how}"),
             Self::Accepts { pair, link } => write!(
                 f,
                 "the program answers a damaged frame as if it were sound: on {link}, {} for {}",

@@ -1,5 +1,6 @@
 //! What is kept of a finding, and of a search so that it can go on.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -7,6 +8,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::case::{Case, Told};
+use super::guide::Guide;
 use super::harness::HarnessError;
 use crate::codec::wire::Stream;
 use crate::scenario::{Scenario, Source};
@@ -21,6 +23,9 @@ pub struct State {
     pub next: u64,
     /// What was found, a cause once.
     pub findings: Vec<Kept>,
+    /// What was learnt of a program that counts what it reaches, by link.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub guides: BTreeMap<String, Guide>,
 }
 
 /// A cause that was found.
@@ -35,6 +40,9 @@ pub struct Kept {
     pub words: String,
     /// In how many cases.
     pub count: u64,
+    /// In which case it was first seen, counted from 1; 0: before the first one.
+    #[serde(default)]
+    pub case: u64,
 }
 
 const STATE: &str = "dut.json";
@@ -46,8 +54,12 @@ impl State {
         let text = match fs::read_to_string(&path) {
             Ok(text) => text,
             Err(error) if error.kind() == io::ErrorKind::NotFound => {
-                let (next, findings) = (0, Vec::new());
-                return Ok(Self { of, next, findings });
+                return Ok(Self {
+                    of,
+                    next: 0,
+                    findings: Vec::new(),
+                    guides: BTreeMap::new(),
+                });
             }
             Err(error) => return Err(HarnessError::File(path, error)),
         };

@@ -3,10 +3,13 @@
 use core::cell::RefCell;
 use core::time::Duration;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use super::coverage::{Counters, VARIABLE};
 use super::speech::Speech;
 use super::wiring::{self, Placed};
+use crate::guest::GuestError;
+use crate::realtime::exec::Supervision;
 use crate::realtime::transport::{PortDir, Transport, TransportError};
 use crate::robots::OpenEnd;
 use crate::scenario::{Scenario, ScenarioError, Source};
@@ -37,8 +40,12 @@ pub struct Harness<'a> {
     pub start: Duration,
     /// Whether rules about time are judged too.
     pub is_strict: bool,
+    /// How the program is put into virtual time; `None`: it runs in real time.
+    pub(crate) supervision: Option<Supervision>,
     /// Whether to go on; asked a thousand times a second.
     pub goes_on: &'a dyn Fn() -> bool,
+    /// What programs share with us of what they reach.
+    pub(super) counters: Option<Counters>,
     /// Real ports stay open from case to case: to open one may reset the board behind it.
     open: RefCell<Vec<Box<dyn Transport>>>,
 }
@@ -64,6 +71,9 @@ pub enum HarnessError {
     /// A file does not say what it should.
     #[error("{path}: {1}", path = .0.display())]
     Content(PathBuf, String),
+    /// The program cannot be put into virtual time.
+    #[error(transparent)]
+    Guest(#[from] GuestError),
     /// Somebody wants to stop.
     #[error("interrupted")]
     Interrupted,
@@ -83,8 +93,32 @@ impl<'a> Harness<'a> {
             alive,
             start,
             is_strict: false,
+            supervision: None,
+            counters: None,
             goes_on,
             open: RefCell::default(),
+        }
+    }
+
+    /// Lets programs that count what they reach lead the search; in `dir` if the system has no file
+    /// system in memory.
+    ///
+    /// # Errors
+    /// If there is no room for the counters.
+    pub fn watch_coverage(&mut self, dir: &Path) -> Result<(), HarnessError> {
+        let wrong = |error| HarnessError::File(dir.to_owned(), error);
+        self.counters = Some(Counters::new(dir).map_err(wrong)?);
+        Ok(())
+    }
+
+    /// The command for the shell, with what it is told of counters.
+    pub(super) fn command(&self, command: &str) -> String {
+        match &self.counters {
+            Some(counters) => {
+                let path = counters.path().display();
+                format!("export {VARIABLE}='{path}'\n{command}")
+            }
+            None => command.to_owned(),
         }
     }
 

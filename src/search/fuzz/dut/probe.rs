@@ -97,6 +97,7 @@ impl Harness<'_> {
             causes.extend(met.farewell(&mut live, speech, self.alive)?);
             Ok(())
         });
+        live.note_reached(self);
         let seen = trial::judge(self, live, acted, causes)?;
         case.told.known = met.known.clone();
         let raw = case.told.raw.get_or_insert_default();

@@ -8,8 +8,10 @@ use emulators::rng::Rng;
 
 use super::case::{self, Case, Told};
 use super::cause::Cause;
+use super::coverage::Counters;
 use super::finding::{Finding, Kept, State};
 use super::found::OpenFinding;
+use super::guide::{Guide, Guided};
 use super::harness::{Harness, HarnessError, Whose};
 use super::plan::{Progress, RECORDINGS, TrialPlan};
 use super::probe::Probed;
@@ -103,11 +105,15 @@ impl<'a> Search<'a> {
     /// Tries one case; whether the program is still of use for another one.
     pub fn step(&mut self) -> Result<bool, HarnessError> {
         let kind = self.kind()?;
-        let (case, speech) = self.draw(kind);
+        let (case, speech, guided) = self.draw(kind);
         let seen = trial::run(self.harness, &case, &speech, &self.recording())?;
         self.state.next += 1;
         self.progress.cases.set(self.progress.cases.get() + 1);
         self.late += u64::from(seen.was_late);
+        if let Some(raw) = case.told.raw.as_ref().filter(|_| self.is_guided()) {
+            let guide = self.state.guides.entry(raw.link.clone()).or_default();
+            guide.learn(guided, &seen.reached);
+        }
         let is_gone = seen.causes.iter().any(Cause::is_final);
         self.keep(case, &speech, seen)?;
         self.state.write(&self.plan.out)?;
@@ -163,16 +169,27 @@ impl<'a> Search<'a> {
         Ok(Some(at))
     }
 
-    fn draw(&self, kind: Option<usize>) -> (Case, Speech) {
+    /// Whether the program counts what it reaches.
+    pub fn is_guided(&self) -> bool {
+        let counters = self.harness.counters.as_ref();
+        counters.is_some_and(Counters::was_used)
+    }
+
+    fn draw(&self, kind: Option<usize>) -> (Case, Speech, Guided) {
         let number = self.state.next;
         let dice = |of| Rng::stream(self.plan.seed, &format!("fuzz.dut.{number}.{of}"));
         let (lasting, met) = (self.plan.lasting, &self.met[&kind]);
         let mut scenario = case::quiet(&self.plan.scenario, lasting);
+        let mut guided = Guided::default();
         let (speech, raw) = match kind {
             Some(at) => {
                 let (end, speech) = &self.ends[at];
                 let dice = &mut ["pairs", "stream"].map(dice);
-                let raw = traffic::raw(met, speech, end.line.baud, lasting, dice);
+                let new = Guide::default();
+                let guide = self.state.guides.get(&end.link).unwrap_or(&new);
+                let guide = self.is_guided().then_some(guide);
+                let raw;
+                (raw, guided) = traffic::raw(met, speech, end.line.baud, lasting, dice, guide);
                 (speech.clone(), Some(raw))
             }
             None => {
@@ -187,7 +204,7 @@ impl<'a> Search<'a> {
             known: met.known.clone(),
             raw,
         };
-        (Case { scenario, told }, speech)
+        (Case { scenario, told }, speech, guided)
     }
 
     fn link_of(&self, name: &str) -> Option<String> {
@@ -249,6 +266,7 @@ impl<'a> Search<'a> {
             key: cause.key(),
             words: cause.to_string(),
             count: 1,
+            case: self.state.next,
         });
         self.progress.findings.set(self.state.findings.len());
         self.state.write(&self.plan.out)

@@ -1,4 +1,4 @@
-//! A case under way: the rig at the pace of the wall clock, its ports, and the program on them.
+//! A case under way: the rig, its ports, and the program on them.
 
 use core::time::Duration;
 use std::collections::BTreeMap;
@@ -7,16 +7,13 @@ use std::path::Path;
 use protocols::Instant;
 
 use super::case::{Case, Known, WARM_UP};
-use super::harness::{Harness, HarnessError, Whose};
+use super::harness::{Harness, HarnessError};
+use super::player::Player;
 use super::wiring;
 use crate::capture::{self, Limits, Recording};
-use crate::realtime::Realtime;
-use crate::realtime::clock::{Clock, utc};
-use crate::realtime::exec::PORTS_VARIABLE;
-use crate::realtime::held::Held;
-use crate::realtime::process::{Ended, Patience, Process};
-use crate::realtime::transport::PortDir;
-use crate::rig::{Paced, Rig};
+use crate::guest::GuestError;
+use crate::realtime::clock::utc;
+use crate::realtime::process::Ended;
 use crate::run::Run;
 
 /// Time without a further port being opened after which a program is taken to have opened all.
@@ -27,6 +24,11 @@ const QUIET: Duration = Duration::from_millis(8);
 const PAUSE: Duration = Duration::from_millis(20);
 /// Bytes that may wait for the line of a raw link.
 const BACKLOG_MAX: usize = 1024;
+/// Between two looks at ports in virtual time.
+const LOOK_EVERY: Duration = Duration::from_millis(1);
+/// Bytes that a program in virtual time gets at once on a raw link, as by the FIFO of a 16550: each
+/// time that it is woken costs more than all that it computes.
+const FIFO: usize = 16;
 /// A capture of a case may have so many bytes; the rest is left out.
 const CAPTURE_MAX: u64 = 64 << 20;
 
@@ -37,22 +39,28 @@ pub(super) enum Halt {
     Ended(Ended),
     /// A port went away.
     Lost(String),
+    /// It computes on and on.
+    Spins(String),
+    /// It cannot be supervised.
+    Guest(GuestError),
     /// Somebody wants to stop.
     Interrupted,
 }
 
 /// A case under way.
 pub(super) struct Session<'a> {
-    pub(super) run: Endless,
-    realtime: Realtime<Held>,
-    dir: Option<PortDir>,
-    process: Option<Process>,
+    player: Player,
     raw: Option<usize>,
     heard: Vec<u8>,
     /// When the last byte was said there.
     said_at: Instant,
+    /// When the ports were looked at last.
+    looked_at: Instant,
+    names: Vec<String>,
     ports: BTreeMap<String, PortActivity>,
     goes_on: &'a dyn Fn() -> bool,
+    /// What the program reached, as marks, from one look to the next.
+    reached: Vec<Vec<u32>>,
 }
 
 /// What was seen of a port.
@@ -66,19 +74,6 @@ struct PortActivity {
     reads: Option<u64>,
 }
 
-/// A run that goes on when its mission is over.
-pub(super) struct Endless(pub(super) Run);
-
-impl Paced for Endless {
-    fn rig(&mut self) -> &mut Rig {
-        &mut self.0.rig
-    }
-
-    fn run_until(&mut self, deadline: Instant) {
-        self.0.go_on_until(deadline);
-    }
-}
-
 impl<'a> Session<'a> {
     /// Sets up `case` and starts the program. It has opened its ports when this returns, unless it
     /// took too long or ended.
@@ -90,29 +85,25 @@ impl<'a> Session<'a> {
         let link = case.told.raw.as_ref().map(|raw| raw.link.as_str());
         let (mut run, ends, raw) = wiring::wire(&harness.source, &case.scenario, link)?;
         run.go_on_until(Instant::ZERO + WARM_UP);
-        record(&mut run, recording)?;
-        let (dir, ports) = harness.ports(&ends, &case.scenario)?;
-        let mut realtime = Realtime::new(Held::at(run.rig.now()));
-        for (end, port) in ports {
-            realtime.serve(end, port);
+        if let Some(link) = link.and_then(|link| run.rig.link_mut(link))
+            && harness.supervision.is_some()
+        {
+            link.lines.iter_mut().for_each(|line| line.piece = FIFO);
         }
-        let process = match &harness.whose {
-            Whose::Command { command, dir } => {
-                let ports = (PORTS_VARIABLE.to_owned(), dir.clone().into());
-                Some(Process::start(command, &[ports], None))
-            }
-            Whose::Ports(_) => None,
-        };
+        record(&mut run, recording, harness.supervision.is_some())?;
+        let (dir, ports) = harness.ports(&ends, &case.scenario)?;
+        let names = ports.iter().map(|(end, _)| end.name.clone()).collect();
+        let player = Player::start(harness, run, dir, ports, &case.told.known)?;
         let mut live = Self {
-            run: Endless(run),
-            realtime,
-            dir,
-            process: process.transpose().map_err(HarnessError::NotStarted)?,
+            player,
             raw,
             heard: Vec::new(),
             said_at: Instant::ZERO,
+            looked_at: Instant::ZERO,
+            names,
             ports: BTreeMap::new(),
             goes_on: harness.goes_on,
+            reached: Vec::new(),
         };
         let opened = live.wait_for_ports(harness, &case.told.known);
         Ok((live, opened))
@@ -120,11 +111,11 @@ impl<'a> Session<'a> {
 
     /// Waits until the program has opened what it opens, then lets time go.
     fn wait_for_ports(&mut self, harness: &Harness<'_>, known: &Known) -> Result<(), Halt> {
-        if self.process.is_some() {
+        if self.player.is_started() {
             let (mut count, mut since) = (0, Duration::ZERO);
-            while self.realtime.clock().waited() < harness.start {
+            while self.player.waited() < harness.start && !self.player.has_begun() {
                 self.turn()?;
-                let waited = self.realtime.clock().waited();
+                let waited = self.player.waited();
                 let open = self.opened();
                 if open.len() != count {
                     (count, since) = (open.len(), waited);
@@ -138,7 +129,7 @@ impl<'a> Session<'a> {
                 }
             }
         }
-        self.realtime.clock().let_go();
+        self.player.let_go();
         Ok(())
     }
 
@@ -150,23 +141,22 @@ impl<'a> Session<'a> {
 
     /// The names of all ports.
     pub(super) fn port_names(&self) -> Vec<&str> {
-        self.realtime.names().collect()
+        self.names.iter().map(String::as_str).collect()
     }
 
     /// What the program said on its standard error so far.
     pub(super) fn said_so_far(&self) -> String {
-        let said = self.process.as_ref().map(Process::said);
-        said.unwrap_or_default()
+        self.player.said()
     }
 
     /// The time.
     pub(super) fn now(&self) -> Instant {
-        self.realtime.clock().now()
+        self.player.now()
     }
 
     /// How late the rig was at most.
     pub(super) fn late(&self) -> Duration {
-        self.realtime.lateness().max()
+        self.player.late()
     }
 
     /// Runs the rig on and looks at the program.
@@ -174,13 +164,18 @@ impl<'a> Session<'a> {
         if !(self.goes_on)() {
             return Err(Halt::Interrupted);
         }
-        let turned = self.realtime.turn(&mut self.run);
-        turned.map_err(|error| Halt::Lost(error.to_string()))?;
+        self.player.turn()?;
         if let Some(node) = self.raw {
-            self.heard.extend(self.run.rig().take_output(node));
+            self.heard.extend(self.player.rig().take_output(node));
         }
-        let now = self.realtime.clock().now();
-        for sign in self.realtime.signs() {
+        // Each look costs calls, and in virtual time a turn may be a thread's only.
+        let is_soon = self.player.now() < self.looked_at + LOOK_EVERY;
+        if is_soon && self.player.has_begun() {
+            return self.ended();
+        }
+        self.looked_at = self.player.now();
+        let (now, is_started) = (self.player.now(), self.player.is_started());
+        self.player.look(|sign| {
             let port = match self.ports.get_mut(sign.name) {
                 Some(port) => port,
                 None => self.ports.entry(sign.name.to_owned()).or_default(),
@@ -193,10 +188,14 @@ impl<'a> Session<'a> {
                 port.drained_at = Some(now);
             }
             port.reads = sign.reads;
-            port.is_open = sign.is_open || self.process.is_none();
+            port.is_open = sign.is_open || !is_started;
             port.was_opened |= port.is_open;
-        }
-        match self.process.as_mut().and_then(Process::ended) {
+        });
+        self.ended()
+    }
+
+    fn ended(&mut self) -> Result<(), Halt> {
+        match self.player.ended() {
             Some(ended) => Err(Halt::Ended(ended)),
             None => Ok(()),
         }
@@ -215,10 +214,10 @@ impl<'a> Session<'a> {
     pub(super) fn say(&mut self, bytes: &[u8]) -> Result<(), Halt> {
         let Some(node) = self.raw else { return Ok(()) };
         for piece in bytes.chunks(BACKLOG_MAX) {
-            while self.run.rig().backlog(node) + piece.len() > BACKLOG_MAX {
+            while self.player.rig().backlog(node) + piece.len() > BACKLOG_MAX {
                 self.turn()?;
             }
-            self.run.rig().inject(node, piece);
+            self.player.rig().inject(node, piece);
             self.said_at = self.now();
         }
         Ok(())
@@ -227,11 +226,23 @@ impl<'a> Session<'a> {
     /// Waits until all has been said.
     fn flush(&mut self) -> Result<(), Halt> {
         let Some(node) = self.raw else { return Ok(()) };
-        while self.run.rig().backlog(node) > 0 {
+        while self.player.rig().backlog(node) > 0 {
             self.turn()?;
             self.said_at = self.now();
         }
         Ok(())
+    }
+
+    /// Notes what the program has reached since the last call.
+    pub(super) fn note_reached(&mut self, harness: &Harness<'_>) {
+        if let Some(counters) = &harness.counters {
+            self.reached.push(counters.take().marks().to_vec());
+        }
+    }
+
+    /// What was noted of that.
+    pub(super) fn take_reached(&mut self) -> Vec<Vec<u32>> {
+        core::mem::take(&mut self.reached)
     }
 
     /// Says nothing for a while once all has been said.
@@ -279,21 +290,17 @@ impl<'a> Session<'a> {
     }
 
     /// Ends the program; what it said on its standard error, and the run.
-    pub(super) fn end(mut self, harness: &Harness<'_>) -> (String, Run) {
-        let process = self.process.take();
-        let said = process.map(|process| process.end(Patience::LITTLE).said);
-        let transports = self.realtime.into_transports();
-        if self.dir.is_none() {
-            harness.keep_open(transports);
-        }
-        // The capture is for people; what cannot be written of it is not worth the finding.
-        let _ = self.run.0.rig.finish_taps();
-        (said.unwrap_or_default(), self.run.0)
+    pub(super) fn end(self, harness: &Harness<'_>) -> (String, Run) {
+        self.player.end(harness)
     }
 }
 
-fn record(run: &mut Run, path: &Path) -> Result<(), HarnessError> {
-    let about = capture::about_live(run.scenario(), utc());
+/// Writes down what passes; in virtual time twice the same if it is the same.
+fn record(run: &mut Run, path: &Path, is_virtual: bool) -> Result<(), HarnessError> {
+    let about = match is_virtual {
+        true => capture::about(run.scenario()),
+        false => capture::about_live(run.scenario(), utc()),
+    };
     let limits = Limits {
         file_bytes: CAPTURE_MAX,
         files: 1,

@@ -95,7 +95,7 @@ impl Speech {
     }
 
     /// The same bytes, a frame a piece: so frames can be left out one by one.
-    fn split(&self, stream: &Stream) -> Stream {
+    pub(super) fn split(&self, stream: &Stream) -> Stream {
         let Self::Frames(codec) = self else {
             return stream.clone();
         };

@@ -5,6 +5,7 @@ use core::time::Duration;
 use emulators::rng::Rng;
 
 use super::case::{Hex, Pair, Raw, index};
+use super::guide::{Guide, Guided};
 use super::probe::Probed;
 use super::speech::Speech;
 
@@ -16,14 +17,15 @@ const LOAD: f64 = 0.6;
 const BYTES: core::ops::Range<f64> = 200.0..200_000.0;
 
 /// Traffic on the link that `met` was met on. `dice` are for the pairs and for the stream: which
-/// frames are answered must not decide what else is said.
+/// frames are answered must not decide what else is said. With `guide` it is led by that.
 pub(super) fn raw(
     met: &Probed,
     speech: &Speech,
     baud: u32,
     lasting: Duration,
     [dice, rng]: &mut [Rng; 2],
-) -> Raw {
+    guide: Option<&Guide>,
+) -> (Raw, Guided) {
     let mut pairs = Vec::new();
     for _ in 0..PAIRS_MAX {
         let Some(last) = (met.answered.len() as u64).checked_sub(1) else {
@@ -42,18 +44,20 @@ pub(super) fn raw(
     }
     let bytes = f64::from(baud) / 10.0 * lasting.as_secs_f64() * LOAD;
     let bytes = bytes.clamp(BYTES.start, BYTES.end);
-    let (mut stream, mut len) = (String::new(), 0);
-    while (len as f64) < bytes {
+    let mut guided = guide.map_or_else(Guided::default, |guide| guide.traffic(speech, bytes, rng));
+    let (mut stream, mut len) = (core::mem::take(&mut guided.stream), 0);
+    while guide.is_none() && (len as f64) < bytes {
         let session = speech.session(rng);
         len += session.bytes().len().max(1);
         stream += &session.to_text();
         stream += "idle\n";
     }
-    Raw {
+    let raw = Raw {
         link: met.link.clone(),
         answered: met.answered.clone(),
         chatter: met.chatter.iter().cloned().map(Hex).collect(),
         pair: pairs,
         stream,
-    }
+    };
+    (raw, guided)
 }

@@ -28,6 +28,8 @@ pub struct TrialOutcome {
     pub known: Known,
     /// Whether the rig was too late to judge what may come of that.
     pub was_late: bool,
+    /// What the program reached, as marks, until each pause of the traffic; of one that counts it.
+    pub reached: Vec<Vec<u32>>,
 }
 
 /// Time for an answer to a frame.
@@ -91,12 +93,13 @@ impl<'a> Talk<'a> {
 /// Does what `case` says, then sees whether the program lives. What was wrong is in `causes`, also
 /// if it ended after that.
 pub(super) fn act(
+    harness: &Harness<'_>,
     live: &mut Session<'_>,
     case: &Case,
     speech: &Speech,
-    alive: Duration,
     causes: &mut Vec<Cause>,
 ) -> Result<(), Halt> {
+    let alive = harness.alive;
     let Some(raw) = &case.told.raw else {
         live.pass(case.told.lasting.0)?;
         causes.extend(settle(live, &case.told.known, None, alive)?);
@@ -112,10 +115,16 @@ pub(super) fn act(
     }
     // Whoever reads a case made sure that it can be read.
     let stream = Stream::parse(&raw.stream).unwrap_or_default();
+    // What it reached until here is not the traffic's doing.
+    live.note_reached(harness);
+    live.take_reached();
     for piece in stream.pieces() {
         match piece {
             Piece::Bytes(bytes) => live.say(bytes)?,
-            Piece::Idle => live.pause()?,
+            Piece::Idle => {
+                live.pause()?;
+                live.note_reached(harness);
+            }
         }
     }
     live.pause()?;
@@ -181,24 +190,30 @@ pub fn run(
 ) -> Result<TrialOutcome, HarnessError> {
     let (mut live, opened) = Session::begin(harness, case, recording)?;
     let mut causes = Vec::new();
-    let acted = opened.and_then(|()| act(&mut live, case, speech, harness.alive, &mut causes));
+    let acted = opened.and_then(|()| act(harness, &mut live, case, speech, &mut causes));
     judge(harness, live, acted, causes)
 }
 
 /// Ends the program and says what was wrong with it, besides `causes`.
 pub(super) fn judge(
     harness: &Harness<'_>,
-    live: Session<'_>,
+    mut live: Session<'_>,
     acted: Result<(), Halt>,
     mut causes: Vec<Cause>,
 ) -> Result<TrialOutcome, HarnessError> {
     let known = live.known(live.now());
     let was_late = live.late() > LATE;
+    if acted.is_err() {
+        live.note_reached(harness);
+    }
+    let reached = live.take_reached();
     let (said, run) = live.end(harness);
     match acted {
         Ok(()) => {}
         Err(Halt::Ended(ended)) => causes.push(Cause::of_end(ended, &said)),
         Err(Halt::Lost(how)) => causes.push(Cause::PortLost(how)),
+        Err(Halt::Spins(who)) => causes.push(Cause::Spins(who)),
+        Err(Halt::Guest(error)) => return Err(error.into()),
         Err(Halt::Interrupted) => return Err(HarnessError::Interrupted),
     }
     let ran = run.case();
@@ -213,6 +228,7 @@ pub(super) fn judge(
         ran,
         known,
         was_late,
+        reached,
     })
 }
 

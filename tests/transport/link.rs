@@ -1,0 +1,212 @@
+//! `hilrig link` between pairs of pseudo-terminals: what comes out differs by the fault, and by
+//! nothing else.
+
+use std::collections::BTreeMap;
+use std::io::{Read, Write};
+use std::path::Path;
+use std::process::Command;
+
+use hilrig::capture::Capture;
+use hilrig::scenario::{FaultKind, FaultPlace};
+use rustix::process::Signal;
+use serialport::TTYPort;
+
+use crate::processes::{Running, client_at};
+use crate::support::*;
+
+/// A pair of ports with one fault in the direction of the second.
+struct Row {
+    fault: &'static str,
+    sent: Vec<u8>,
+    /// At the second port, then back at the first one.
+    arrives: [Vec<u8>; 2],
+}
+
+fn all() -> Vec<u8> {
+    (0..=255).collect()
+}
+
+/// All byte values are sent; they come as `change` makes them.
+fn row(fault: &'static str, change: impl Fn(&mut Vec<u8>)) -> Row {
+    let mut changed = all();
+    change(&mut changed);
+    let (sent, arrives) = (all(), [changed, Vec::new()]);
+    Row {
+        fault,
+        sent,
+        arrives,
+    }
+}
+
+/// Only their times change.
+fn late(fault: &'static str) -> Row {
+    row(fault, |_| {})
+}
+
+/// One of each kind. Bytes that a fault names are counted from 0, and byte 10 is 0x0A.
+fn rows() -> Vec<Row> {
+    vec![
+        row("none", |_| {}),
+        row("flip,byte=10,bit=3", |bytes| bytes[10] = 0x02),
+        row("drop,byte=10", |bytes| {
+            bytes.remove(10);
+        }),
+        row("insert,byte=10,value=85", |bytes| bytes.insert(10, 0x55)),
+        row("duplicate,byte=10", |bytes| bytes.insert(10, 10)),
+        row("burst,byte=10,len=3,value=240", |bytes| {
+            bytes[10..13].copy_from_slice(&[0xFA, 0xFB, 0xFC]);
+        }),
+        row("truncate,byte=10,len=5", |bytes| drop(bytes.drain(10..15))),
+        row("swap,byte=10", |bytes| bytes.swap(10, 11)),
+        row("parity-error,byte=10", |bytes| {
+            bytes.remove(10);
+        }),
+        late("idle,byte=10,by=5ms"),
+        row("strip-nul", |bytes| {
+            bytes.remove(0);
+        }),
+        row("cr-to-lf", |bytes| bytes[0x0D] = 0x0A),
+        row("eat-xon-xoff", |bytes| {
+            bytes.retain(|byte| ![0x11, 0x13].contains(byte));
+        }),
+        row("clear-bit7", |bytes| bytes.copy_within(..128, 128)),
+        Row {
+            arrives: [all(), all()],
+            ..late("echo")
+        },
+        late("stall,at_byte=10,lasting=50ms"),
+        late("clog,every=10ms,lasting=5ms"),
+        // Room for two while nobody looks.
+        row("overrun,at_byte=10,lasting=300ms,fifo=2", |bytes| {
+            bytes.truncate(12);
+        }),
+        late("short-read,len=3"),
+        late("latency,by=20ms"),
+        late("jitter,by=5ms"),
+        row("cut,at_byte=10", |bytes| bytes.truncate(10)),
+        row("unplugged", Vec::clear),
+        row("break", Vec::clear),
+        // At half the rate each bit is two: the start bit and bit 0 of FE are four low bits, a start
+        // bit and three zeros: F8.
+        Row {
+            fault: "wrong-baud,baud=57600",
+            sent: vec![0xFE; 32],
+            arrives: [vec![0xF8; 32], Vec::new()],
+        },
+        Row {
+            fault: "swizzle,with=a26",
+            sent: vec![b's'; 20],
+            arrives: [vec![b't'; 30], Vec::new()],
+        },
+        Row {
+            fault: "none",
+            sent: vec![b't'; 30],
+            arrives: [vec![b's'; 20], Vec::new()],
+        },
+    ]
+}
+
+/// A client of a port, and what it has read.
+struct Client {
+    port: TTYPort,
+    read: Vec<u8>,
+}
+
+impl Client {
+    fn at(dir: &Path, name: &str) -> Self {
+        let (port, read) = (client_at(&dir.join(name), 115_200), Vec::new());
+        Self { port, read }
+    }
+
+    /// Whether it has read as much as `wanted`, after it took what there is.
+    fn has(&mut self, wanted: &[u8]) -> bool {
+        let mut buf = [0; 512];
+        if serialport::SerialPort::bytes_to_read(&self.port).expect("stays") > 0 {
+            let len = self.port.read(&mut buf).expect("there is something");
+            self.read.extend(&buf[..len]);
+        }
+        self.read.len() >= wanted.len()
+    }
+}
+
+fn all_have(clients: &mut [[Client; 2]], rows: &[Row]) -> bool {
+    let pairs = clients.iter_mut().zip(rows);
+    let have = pairs.map(|([first, second], row)| {
+        [second.has(&row.arrives[0]), first.has(&row.arrives[1])] == [true; 2]
+    });
+    have.fold(true, |all, one| all && one)
+}
+
+/// One pair of ports for each kind of line fault, all in one command: what is read is what was
+/// written, changed as the fault says. The summary counts it, and tshark reads the capture.
+#[test]
+fn what_comes_out_of_a_link_differs_by_its_fault_alone() {
+    let rows = rows();
+    let missing = FaultKind::ALL.iter().filter(|kind| {
+        let name = |row: &Row| row.fault.split(',').next() == Some(kind.name());
+        kind.place() == FaultPlace::Line && !rows.iter().any(name)
+    });
+    assert_eq!(missing.count(), 0, "a kind of line fault without a row");
+
+    let dir = fresh_path("link");
+    let file = dir.with_extension("pcapng");
+    let _ = std::fs::remove_file(&file);
+    let places = (0..rows.len())
+        .flat_map(|n| ["a", "b"].map(|end| format!("{end}{n}=pty:{}/{end}{n}", dir.display())));
+    let faults = rows
+        .iter()
+        .enumerate()
+        .filter(|(_, row)| row.fault != "none");
+    let faults = faults.map(|(n, row)| format!("--fault={},to=b{n}", row.fault));
+    let words: Vec<String> = places.chain(faults).collect();
+    let out = ["-o", file.to_str().expect("plain"), "--json"];
+    let words = words.iter().map(String::as_str).chain(out);
+    let mut link = Running::start(&["link"].into_iter().chain(words).collect::<Vec<_>>());
+    link.wait_for("until Ctrl-C");
+
+    let pair = |n| ["a", "b"].map(|end| Client::at(&dir, &format!("{end}{n}")));
+    let mut clients: Vec<[Client; 2]> = (0..rows.len()).map(pair).collect();
+    for ([first, _], row) in clients.iter_mut().zip(&rows) {
+        first.port.write_all(&row.sent).expect("there is room");
+    }
+    wait_until(|| all_have(&mut clients, &rows));
+    link.signal(Signal::INT);
+    let (status, said) = link.end();
+    assert!(status.success(), "{said}");
+    for ([first, second], row) in clients.iter().zip(&rows) {
+        assert_eq!(second.read, row.arrives[0], "{}", row.fault);
+        assert_eq!(first.read, row.arrives[1], "{}", row.fault);
+    }
+
+    // No more came than was read.
+    let arrived = arrived(&said);
+    let count = |n: usize| arrived[&format!("b{n}")];
+    let expected: Vec<u64> = rows.iter().map(|row| row.arrives[0].len() as u64).collect();
+    // What crosses is counted by its line, not by who reads it.
+    let lines = 0..rows.len() - 2;
+    let counted: Vec<u64> = lines.clone().map(count).collect();
+    assert_eq!(counted, expected[lines]);
+    let capture = Capture::read(&file).expect("readable");
+    assert_eq!((capture.broken, capture.skipped), (None, 0));
+    assert_eq!(capture.sections[0].fact("seed"), Some("1"));
+    match Command::new("tshark").arg("-nr").arg(&file).output() {
+        Ok(output) => {
+            let lines = String::from_utf8_lossy(&output.stdout).lines().count();
+            assert_eq!(lines, capture.records.len());
+        }
+        Err(error) if std::env::var_os("CI").is_none() => eprintln!("SKIPPED: {error}"),
+        Err(error) => panic!("tshark: {error}"),
+    }
+}
+
+/// Bytes that arrived, by the port at the end of the line.
+fn arrived(said: &str) -> BTreeMap<String, u64> {
+    let [begin, end] = [said.find("\n{\n"), said.rfind("\n}")].map(|at| at.expect("an object"));
+    let answer: serde_json::Value = serde_json::from_str(&said[begin..end + 2]).expect("JSON");
+    let lines = answer["result"]["lines"].as_array().expect("a list");
+    let lines = lines.iter().map(|line| {
+        let to = line["to"].as_str().expect("a name").to_owned();
+        (to, line["bytes_arrived"].as_u64().expect("a count"))
+    });
+    lines.collect()
+}
