@@ -120,6 +120,20 @@ impl Floor {
             .then(|| crate::map_view::MapView::new(self.plan.width, cell_mm, origin, &self.view))
     }
 
+    /// Places of cells that were seen or heard to be obstacles and are not on the plan, metres.
+    pub fn in_the_way(&self) -> impl Iterator<Item = [f64; 2]> {
+        let seen = self.seen.iter().enumerate();
+        let seen = seen.filter(|(_, seen)| **seen >= SURE).map(|(at, _)| at);
+        let all = seen.chain(self.heard.keys().copied());
+        let new = all.filter(|at| !self.plan.obstacles[*at]);
+        new.map(|at| {
+            let (row, column) = (at / self.plan.width, at % self.plan.width);
+            let [x0, y0] = self.plan.origin_m;
+            let middle = |cell: usize| (cell as f64 + 0.5) * self.plan.cell_m;
+            [x0 + middle(column), y0 + middle(row)]
+        })
+    }
+
     /// What it costs to be where, with all that was seen and heard; `None` without a map.
     pub fn costs(&mut self, now: Instant) -> Option<&Costmap> {
         let before = self.heard.len();

@@ -111,6 +111,14 @@ impl Gates {
         &self.passed
     }
 
+    /// All gates that were found, each by the places of its two markers, metres.
+    pub fn found(&self) -> Vec<[[f64; 2]; 2]> {
+        let pairs = self.pairs().into_iter();
+        let places = pairs.map(|[one, other]| [one.1, other.1]);
+        let wide = |[a, b]: &[[f64; 2]; 2]| self.is_gate(libm::hypot(b[0] - a[0], b[1] - a[1]));
+        places.filter(wide).collect()
+    }
+
     /// Where the markers are, metres.
     pub fn markers(&self) -> impl Iterator<Item = (u32, [f64; 2])> {
         let mean = |marker: &Marker| marker.sum_m.map(|sum| sum / f64::from(marker.seen));

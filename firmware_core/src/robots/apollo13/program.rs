@@ -17,13 +17,15 @@ mod tests;
 use alloc::collections::VecDeque;
 use core::time::Duration;
 
-use protocols::{Instant, LineConfig, Port, car_board, odometer};
+use protocols::{Instant, LineConfig, LineEvent, Port, car_board, odometer};
 
 use super::arbiter::{self, Arbiter, Drive, Mode};
+use super::board_odometry::BoardOdometry;
 use super::floor::{Floor, FloorPlan};
 use super::follower;
 use super::gates::{self, Gates, Passage};
 use super::gyro_odometry::{self, GyroOdometry};
+use super::odometer_watch::OdometerWatch;
 use super::pilot::Pilot;
 use super::steering;
 use super::wall::{Gains, Side, WallDistance};
@@ -41,6 +43,8 @@ const SEND_EVERY: Duration = Duration::from_millis(20);
 const FIELDED_SEND_EVERY: Duration = Duration::from_millis(1);
 /// Nearer ahead than this the car does not drive on, metres.
 const TOO_NEAR_M: f64 = 0.25;
+/// Longer without a distance from it, a wall is not followed: 11 cm of way.
+const WALL_SILENT_MAX: Duration = Duration::from_millis(500);
 /// Where the camera sits before the rear axle's middle, metres.
 const CAMERA_AHEAD_M: f64 = 0.18 + 0.129;
 /// Where the ultrasonic sensor ahead sits before the rear axle's middle.
@@ -117,6 +121,11 @@ pub struct Apollo13 {
     lines: odometer::Decoder,
     arbiter: Arbiter,
     odometry: GyroOdometry,
+    watch: OdometerWatch,
+    /// What the board tells of the way.
+    by_board: BoardOdometry,
+    /// The odometry at the last line, and the board's then.
+    at_line: (GyroOdometry, CarPose),
     /// The odometer's clock as it was told last, seconds.
     odometer_s: f64,
     localiser: Option<Localiser>,
@@ -171,6 +180,7 @@ impl Apollo13 {
             true => gates::Settings::fielded(),
             false => gates::Settings::default(),
         };
+        let odometry = GyroOdometry::new(CarPose::default(), defects.odometry);
         let wall = config.wall;
         let wall = wall.map(|(side, wanted_m)| WallDistance::new(side, wanted_m, Gains::default()));
         Self {
@@ -180,7 +190,10 @@ impl Apollo13 {
             },
             lines: odometer::Decoder::default(),
             arbiter: Arbiter::new(defects.arbiter),
-            odometry: GyroOdometry::new(CarPose::default(), defects.odometry),
+            at_line: (odometry.clone(), CarPose::default()),
+            odometry,
+            watch: OdometerWatch::default(),
+            by_board: BoardOdometry::default(),
             odometer_s: 0.0,
             localiser,
             origin: config.start,
@@ -235,6 +248,11 @@ impl Apollo13 {
         &self.gates
     }
 
+    /// Places of cells that are in the way and not on the map, metres.
+    pub fn in_the_way(&self) -> impl Iterator<Item = [f64; 2]> {
+        self.floor.in_the_way()
+    }
+
     /// The guesses of where the car is.
     pub fn particles(&self) -> &[crate::particles::Particle] {
         self.localiser.as_ref().map_or(&[], Localiser::particles)
@@ -269,13 +287,18 @@ impl Apollo13 {
             Mode::Autonomous => {}
             _ => return None,
         }
+        // Without an odometer it does not know where it is; one that is gone is done without.
+        if self.watch.wants_rest() {
+            return Some(Drive::STOP);
+        }
         let is_driving = self.pilot.goal().is_some();
         let [speed_m_s, angle_rad] = match is_driving {
             true => {
                 let (floor, now) = (&mut self.floor, self.now);
                 self.pilot.drive(now, pose, || floor.costs(now))?
             }
-            false if self.wall.is_some() => [0.22, self.wall_angle_rad],
+            false if self.hears_wall() => [0.22, self.wall_angle_rad],
+            false if self.wall.is_some() => return Some(Drive::STOP),
             false => return None,
         };
         if speed_m_s > 0.0 && self.is_too_near() {
@@ -292,6 +315,12 @@ impl Apollo13 {
         })
     }
 
+    /// Whether there is a wall to follow, and the board has lately told how far it is.
+    fn hears_wall(&self) -> bool {
+        let is_new = |heard: Instant| self.now - heard <= WALL_SILENT_MAX;
+        self.wall.is_some() && self.wall_heard.is_some_and(is_new)
+    }
+
     fn is_too_near(&self) -> bool {
         self.ultrasound_m[0].is_some_and(|range_m| range_m < TOO_NEAR_M)
     }
@@ -300,6 +329,10 @@ impl Apollo13 {
         let planned = self.planned();
         self.drive = self.arbiter.decide(self.now, planned);
         let Drive { level, steering } = self.drive;
+        self.by_board.command(self.drive);
+        if level != 0 {
+            self.watch.roll(self.now);
+        }
         let level = car_board::Level::new(level.into()).unwrap_or(car_board::Level::STOP);
         self.out
             .push_back(car_board::Command::Motor(level).encode());
@@ -371,6 +404,7 @@ impl Master for Apollo13 {
     fn poll(&mut self, now: Instant) {
         self.now = self.now.max(now);
         self.let_board_idle();
+        self.watch.poll(self.now);
         if self
             .sent
             .is_none_or(|sent| self.now - sent >= self.send_every())
@@ -389,6 +423,11 @@ impl Master for Apollo13 {
             *slot = byte;
         }
         len
+    }
+
+    fn line_change(&mut self, port: Port) -> Option<LineEvent> {
+        let is_opened = port == Self::ODOMETER && self.watch.take_opening();
+        is_opened.then_some(LineEvent::Opened)
     }
 
     fn poll_at(&self) -> Option<Instant> {
@@ -446,6 +485,7 @@ impl Inspect for Apollo13 {
         report("board bad frames", counters.bad_frames);
         report("odometer lines", counters.lines);
         report("odometer bad lines", counters.bad_lines);
+        report("odometer openings", self.watch.openings());
         report("scans", counters.scans);
         report("messages without meaning", counters.bad_messages);
         report("remote packets", counters.packets);

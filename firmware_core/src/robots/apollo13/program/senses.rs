@@ -70,6 +70,7 @@ impl Apollo13 {
 
     fn take_readings(&mut self, readings: car_board::Readings) {
         self.counters.frames += 1;
+        self.take_pulses(readings.hall);
         self.battery_mv = readings.battery_mv;
         let words = [readings.front_cm, readings.right_cm, readings.left_cm];
         for (slot, word) in self.ultrasound_m.iter_mut().zip(words) {
@@ -115,18 +116,50 @@ impl Apollo13 {
             match dialect.read(content).ok().filter(|_| is_taken) {
                 Some(reading) => {
                     self.counters.lines += 1;
-                    let before = self.pose();
-                    // Its clock falls back when it is reset.
-                    if reading.time_s < self.odometer_s {
-                        self.odometry.begin_anew();
-                    }
-                    self.odometer_s = reading.time_s;
-                    self.odometry.update(reading.distance_m, reading.yaw_rad);
-                    self.gates.moved(before, self.pose());
+                    self.take_line(reading);
                 }
                 None => self.counters.bad_lines += 1,
             }
         }
+    }
+
+    fn take_line(&mut self, reading: odometer::Reading) {
+        let before = self.pose();
+        // Its clock falls back when it is reset.
+        let is_reset = reading.time_s < self.odometer_s;
+        if is_reset {
+            self.bridge();
+            self.odometry.begin_anew();
+        } else {
+            // It counted on while its lines were lost, and better than the board.
+            self.odometry.clone_from(&self.at_line.0);
+        }
+        self.watch.hear(self.now, is_reset);
+        self.odometer_s = reading.time_s;
+        self.odometry.update(reading.distance_m, reading.yaw_rad);
+        self.at_line = (self.odometry.clone(), self.by_board.pose());
+        self.gates.moved(before, self.pose());
+    }
+
+    /// Pulses of the board, which bridge what the odometer does not tell.
+    fn take_pulses(&mut self, pulses: u16) {
+        if self.by_board.hear(pulses) {
+            self.watch.roll(self.now);
+        }
+        if !self.watch.is_silent(self.now) {
+            return;
+        }
+        let before = self.pose();
+        self.bridge();
+        self.gates.moved(before, self.pose());
+    }
+
+    /// From the last line on, the car moved as the board tells.
+    fn bridge(&mut self) {
+        let (odometry, board) = &self.at_line;
+        let motion = board.motion_to(self.by_board.pose());
+        self.odometry.clone_from(odometry);
+        self.odometry.bridge(motion);
     }
 
     pub(super) fn see(&mut self, message: &[u8]) {
@@ -233,6 +266,8 @@ impl Apollo13 {
         match (message.addr.as_str(), &values[..]) {
             ("/goal", []) => self.set_goal(None),
             ("/goal", values) => match pose(values) {
+                // Said again, as packets are lost.
+                Some(goal) if self.pilot.is_after(goal) => {}
                 Some(goal) => self.set_goal(Some(goal)),
                 None => return false,
             },
