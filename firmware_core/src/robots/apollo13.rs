@@ -20,6 +20,7 @@ pub mod pilot;
 mod program;
 pub mod steering;
 pub mod wall;
+pub mod witness;
 
 #[cfg(feature = "host")]
 pub use program::{Apollo13, Config, Defects};

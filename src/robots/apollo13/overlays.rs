@@ -10,7 +10,13 @@ const GUESSES_MAX: usize = 200;
 
 /// All that `program` has to show.
 pub(super) fn of(program: &Apollo13) -> Vec<Overlay> {
-    [plan(program), guesses(program), gates(program), sensed(program)].into()
+    [
+        plan(program),
+        guesses(program),
+        gates(program),
+        sensed(program),
+    ]
+    .into()
 }
 
 fn plan(program: &Apollo13) -> Overlay {
@@ -30,9 +36,7 @@ fn guesses(program: &Apollo13) -> Overlay {
     let step = all.len().div_ceil(GUESSES_MAX).max(1);
     let shown = all.iter().step_by(step).map(|one| one.pose);
     let guesses = Overlay::new("particles", OverlayRole::Guess);
-    shown.fold(guesses, |overlay, pose| {
-        overlay.point([pose.x_m, pose.y_m])
-    })
+    shown.fold(guesses, |overlay, pose| overlay.point([pose.x_m, pose.y_m]))
 }
 
 /// Markers as places, gates as lines between two of them.

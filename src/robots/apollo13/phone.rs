@@ -32,6 +32,8 @@ const LOOK: Duration = Duration::from_millis(100);
 const NEAR_M: f64 = 0.30;
 /// It has come to rest.
 const RESTED: Duration = Duration::from_millis(1_500);
+/// Whoever orders the same goals just after the last one was reached has not seen it yet.
+const JUST_NOW: Duration = Duration::from_secs(5);
 /// It has given up.
 const GAVE_UP: Duration = Duration::from_secs(12);
 /// How exactly somebody clicks on a map: to 10 cm, to 10 degrees.
@@ -56,6 +58,8 @@ pub(super) struct Phone {
     is_news: bool,
     /// The goal that was sent last, and when.
     sent: Option<([f32; 3], Instant)>,
+    /// When a goal was reached last.
+    arrived: Option<Instant>,
     rests_since: Option<Instant>,
     look_at: Option<Instant>,
     ping_at: Option<Instant>,
@@ -80,6 +84,7 @@ impl Phone {
             goal: 0,
             is_news: false,
             sent: None,
+            arrived: None,
             rests_since: None,
             look_at: None,
             ping_at: None,
@@ -91,6 +96,12 @@ impl Phone {
     /// The goals, and which of them is on the way.
     pub(super) fn goals(&self) -> (&[[f64; 2]], usize) {
         (&self.goals, self.goal)
+    }
+
+    /// Whether the goals need not be ordered once more.
+    fn is_at_them(&self, now: Instant) -> bool {
+        let is_new = |at: Instant| now - at <= JUST_NOW;
+        self.goal < self.goals.len() || self.arrived.is_some_and(is_new)
     }
 
     fn say(&mut self, address: &str, values: &[f32]) {
@@ -125,8 +136,8 @@ impl Phone {
                 self.connected = false;
                 self.ping_at = None;
             }
-            // They are being driven to.
-            Wish::Goals(goals) if goals == self.goals && self.goal < goals.len() => {}
+            // They are being driven to, or the car has just arrived.
+            Wish::Goals(goals) if goals == self.goals && self.is_at_them(now) => {}
             Wish::Goals(goals) if self.has_goals => {
                 (self.goals, self.goal) = (goals, 0);
                 self.is_news = self.mode == Some(Mode::Autonomous);
@@ -237,6 +248,7 @@ impl Phone {
             self.note(now, "goal-reached", detail);
             self.goal += 1;
             self.is_news = true;
+            self.arrived = Some(now);
         } else if rested >= GAVE_UP {
             self.note(now, "goal-again", format!("stands {off_m:.2} m off"));
             self.say_pose(world);

@@ -35,6 +35,11 @@ impl BoardOdometry {
         self.pose
     }
 
+    /// Whether it was told to drive backwards last.
+    pub const fn is_backwards(&self) -> bool {
+        self.is_backwards
+    }
+
     /// What is commanded from now on. A car that is told to stop rolls on as it did.
     pub fn command(&mut self, drive: Drive) {
         self.angle_rad = steering::angle_deg(drive.steering).to_radians();

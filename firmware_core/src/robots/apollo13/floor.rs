@@ -120,6 +120,18 @@ impl Floor {
             .then(|| crate::map_view::MapView::new(self.plan.width, cell_mm, origin, &self.view))
     }
 
+    /// Forgets all that was seen and heard.
+    pub fn forget(&mut self) {
+        self.seen.fill(0);
+        self.heard.clear();
+        self.costs = None;
+        for (byte, is) in self.view.iter_mut().zip(&self.plan.obstacles) {
+            if !*is {
+                *byte = crate::grid::FREE;
+            }
+        }
+    }
+
     /// Places of cells that were seen or heard to be obstacles and are not on the plan, metres.
     pub fn in_the_way(&self) -> impl Iterator<Item = [f64; 2]> {
         let seen = self.seen.iter().enumerate();

@@ -8,6 +8,7 @@
 //! | [`MARKERS`](Apollo13::MARKERS) | markers that were recognised, messages, in |
 //! | [`REMOTE`](Apollo13::REMOTE) | Open Sound Control of the phone, packets, in |
 
+mod inspect;
 mod passing;
 mod senses;
 mod sight;
@@ -29,13 +30,13 @@ use super::odometer_watch::OdometerWatch;
 use super::pilot::Pilot;
 use super::steering;
 use super::wall::{Gains, Side, WallDistance};
+use super::witness::Witness;
 use crate::ackermann::CarPose;
 use crate::costmap::Inflation;
 use crate::lattice::{Outline, PrimitiveSet};
-use crate::map_view::MapView;
 use crate::particles::{LikelihoodField, Localiser, Noise, Settings as ParticleSettings};
-use crate::pose::{Point, Pose};
-use crate::{Inspect, Master, Work};
+use crate::pose::Point;
+use crate::{Master, Work};
 
 /// How often commands are sent.
 const SEND_EVERY: Duration = Duration::from_millis(20);
@@ -111,6 +112,8 @@ struct Counters {
     packets: u64,
     bad_packets: u64,
     too_near: u64,
+    doubts: u64,
+    lost: u64,
 }
 
 /// The program.
@@ -126,6 +129,7 @@ pub struct Apollo13 {
     by_board: BoardOdometry,
     /// The odometry at the last line, and the board's then.
     at_line: (GyroOdometry, CarPose),
+    witness: Witness,
     /// The odometer's clock as it was told last, seconds.
     odometer_s: f64,
     localiser: Option<Localiser>,
@@ -135,6 +139,9 @@ pub struct Apollo13 {
     pilot: Pilot,
     gates: Gates,
     passage: Option<Passage>,
+    search: passing::Search,
+    /// Scans in a row, more or less, that do not fit where the car believes to be.
+    misfits: u8,
     wall: Option<WallDistance>,
     wall_heard: Option<Instant>,
     wall_angle_rad: f64,
@@ -194,6 +201,7 @@ impl Apollo13 {
             odometry,
             watch: OdometerWatch::default(),
             by_board: BoardOdometry::default(),
+            witness: Witness::default(),
             odometer_s: 0.0,
             localiser,
             origin: config.start,
@@ -201,6 +209,8 @@ impl Apollo13 {
             pilot: Pilot::new(PrimitiveSet::car(), &outline, follower::Settings::default()),
             gates: Gates::new(rules),
             passage: None,
+            search: passing::Search::default(),
+            misfits: 0,
             wall,
             wall_heard: None,
             wall_angle_rad: 0.0,
@@ -234,6 +244,14 @@ impl Apollo13 {
     pub fn set_pose(&mut self, pose: CarPose) {
         if let Some(localiser) = &mut self.localiser {
             localiser.place(pose, [0.3, 0.3, 0.17]);
+        }
+        // What was seen from elsewhere is not where it seemed to be.
+        self.gates.forget();
+        self.floor.forget();
+        self.misfits = 0;
+        match self.passage.take() {
+            Some(_) => self.pilot.set_goal(None),
+            None => self.pilot.plan_anew(),
         }
         self.move_origin(pose);
     }
@@ -292,6 +310,9 @@ impl Apollo13 {
             return Some(Drive::STOP);
         }
         let is_driving = self.pilot.goal().is_some();
+        if is_driving && self.is_lost() {
+            return Some(Drive::STOP);
+        }
         let [speed_m_s, angle_rad] = match is_driving {
             true => {
                 let (floor, now) = (&mut self.floor, self.now);
@@ -313,6 +334,11 @@ impl Apollo13 {
             level: steering::level_for(speed_m_s),
             steering: steering::value_for(angle_rad.to_degrees()).unwrap_or(steering::STRAIGHT),
         })
+    }
+
+    /// Whether what the camera sees has not fitted for long: somebody must say where the car is.
+    const fn is_lost(&self) -> bool {
+        self.misfits >= senses::MISFITS_MAX
     }
 
     /// Whether there is a wall to follow, and the board has lately told how far it is.
@@ -449,49 +475,5 @@ impl Master for Apollo13 {
     fn take_work(&mut self) -> Work {
         // It runs on a PC.
         Work::NONE
-    }
-}
-
-impl Inspect for Apollo13 {
-    fn estimate(&self) -> Option<(Instant, Pose)> {
-        let pose = self.pose();
-        #[expect(clippy::cast_possible_truncation, reason = "an observer needs 24 bits")]
-        let [x_mm, y_mm, heading] =
-            [pose.x_m * 1_000.0, pose.y_m * 1_000.0, pose.heading_rad].map(|value| value as f32);
-        Some((self.now, Pose::new(x_mm, y_mm, heading)))
-    }
-
-    fn map(&self) -> Option<MapView<'_>> {
-        self.floor.view()
-    }
-
-    fn scan(&self) -> &[Point] {
-        &self.scan
-    }
-
-    fn mode(&self) -> &'static str {
-        match self.arbiter.mode() {
-            Mode::Remote => "remote",
-            Mode::Autonomous => "autonomous",
-            Mode::Gates => "gates",
-            Mode::Contradiction => "contradiction",
-            Mode::Killed => "killed",
-        }
-    }
-
-    fn counters(&self, report: &mut dyn FnMut(&'static str, u64)) {
-        let counters = &self.counters;
-        report("board frames", counters.frames);
-        report("board bad frames", counters.bad_frames);
-        report("odometer lines", counters.lines);
-        report("odometer bad lines", counters.bad_lines);
-        report("odometer openings", self.watch.openings());
-        report("scans", counters.scans);
-        report("messages without meaning", counters.bad_messages);
-        report("remote packets", counters.packets);
-        report("remote bad packets", counters.bad_packets);
-        report("plans", self.pilot.plans());
-        report("obstacles too near", counters.too_near);
-        report("gates passed", self.gates.passed().len() as u64);
     }
 }

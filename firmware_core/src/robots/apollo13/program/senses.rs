@@ -13,6 +13,7 @@ use super::{Apollo13, Board, CAMERA_AHEAD_M, FRONT_AHEAD_M};
 use crate::ackermann::{CarPose, Motion};
 use crate::particles::Localiser;
 use crate::robots::apollo13::wall::Side;
+use crate::robots::apollo13::witness::Finding;
 
 /// Readings beyond this are none, metres: what the fielded program publishes.
 const ULTRASOUND_MAX_M: f64 = 3.0;
@@ -21,6 +22,17 @@ const SEE_EVERY: Duration = Duration::from_millis(100);
 /// Where the ultrasonic sensor ahead hears nothing up to here, columns without a depth are open
 /// floor, metres.
 const OPEN_M: f64 = 0.60;
+
+/// Of a scan at least so much fits where the car is, unless a box that is on no map fills the
+/// picture.
+const FIT_MIN: f64 = 0.35;
+/// After so many scans that do not fit, some guesses are laid elsewhere: 25 cm of way.
+const MISFITS_SEARCHED: u8 = 5;
+/// After so many, 2 m of way, the car is lost.
+pub(super) const MISFITS_MAX: u8 = 40;
+/// Part of the guesses that are laid elsewhere, and how far: metres, metres, radians.
+const SEARCHED: f64 = 0.05;
+const SEARCHED_SIGMA: [f64; 3] = [1.0, 1.0, 0.3];
 
 impl Apollo13 {
     pub(super) fn hear_board(&mut self, bytes: &[u8]) {
@@ -146,12 +158,38 @@ impl Apollo13 {
         if self.by_board.hear(pulses) {
             self.watch.roll(self.now);
         }
-        if !self.watch.is_silent(self.now) {
-            return;
-        }
         let before = self.pose();
-        self.bridge();
+        match self.watch.is_silent(self.now) {
+            true => {
+                self.bridge();
+                let (odometer, board) = (self.odometry.pose(), self.by_board.pose());
+                self.witness.begin(odometer, board);
+            }
+            false => self.compare(),
+        }
         self.gates.moved(before, self.pose());
+    }
+
+    /// What the odometer and the board tell of the same way must agree.
+    fn compare(&mut self) {
+        let (odometer, board) = (self.odometry.pose(), self.by_board.pose());
+        let is_backwards = self.by_board.is_backwards();
+        let finding = self.witness.compare(odometer, board, is_backwards);
+        self.counters.doubts += u64::from(finding.is_some());
+        match finding {
+            Some(Finding::Way(told, other)) => {
+                self.odometry.bridge(told.inverse());
+                self.odometry.bridge(other);
+                self.at_line = (self.odometry.clone(), board);
+                self.witness.begin(self.odometry.pose(), board);
+            }
+            Some(Finding::Turn(told, other)) => {
+                if let Some(localiser) = &mut self.localiser {
+                    localiser.doubt(told, other);
+                }
+            }
+            None => {}
+        }
     }
 
     /// From the last line on, the car moved as the board tells.
@@ -195,11 +233,28 @@ impl Apollo13 {
         {
             let pose = localiser.estimate().pose;
             self.move_origin(pose);
+            self.judge_fit();
         }
         if is_to_be_entered {
             self.seen = Some(self.now);
             let camera = self.pose().shifted(CAMERA_AHEAD_M);
             self.floor.see(camera, &beams);
+        }
+    }
+
+    /// Scans that do not fit for a while: the car may be elsewhere.
+    fn judge_fit(&mut self) {
+        let Some(localiser) = &mut self.localiser else {
+            return;
+        };
+        let was_lost = self.misfits >= MISFITS_MAX;
+        self.misfits = match localiser.fit() < FIT_MIN {
+            true => (self.misfits + 1).min(MISFITS_MAX),
+            false => self.misfits.saturating_sub(2),
+        };
+        self.counters.lost += u64::from(!was_lost && self.misfits == MISFITS_MAX);
+        if self.misfits >= MISFITS_SEARCHED {
+            localiser.search(SEARCHED, SEARCHED_SIGMA);
         }
     }
 
