@@ -1,6 +1,6 @@
 //! The floor as the planner sees it: the map that the car has, and what is in the way besides.
 
-use alloc::collections::BTreeMap;
+use alloc::collections::{BTreeMap, BTreeSet};
 use alloc::vec::Vec;
 use core::time::Duration;
 
@@ -57,8 +57,10 @@ pub struct Floor {
     /// The scan in which each cell was counted last.
     counted: Vec<u32>,
     scans: u32,
-    /// Cells that an ultrasonic echo came from or a marker stands on, and until when that counts.
+    /// Cells that an ultrasonic echo came from, and until when that counts.
     heard: BTreeMap<usize, Instant>,
+    /// Cells on which a marker stands.
+    posts: BTreeSet<usize>,
     /// All obstacles, one byte a cell as in [`grid`](crate::grid).
     view: Vec<u8>,
 }
@@ -92,6 +94,7 @@ impl Floor {
             seen,
             scans: 0,
             heard: BTreeMap::new(),
+            posts: BTreeSet::new(),
             view,
         }
     }
@@ -124,6 +127,7 @@ impl Floor {
     pub fn forget(&mut self) {
         self.seen.fill(0);
         self.heard.clear();
+        self.posts.clear();
         self.costs = None;
         for (byte, is) in self.view.iter_mut().zip(&self.plan.obstacles) {
             if !*is {
@@ -136,7 +140,7 @@ impl Floor {
     pub fn in_the_way(&self) -> impl Iterator<Item = [f64; 2]> {
         let seen = self.seen.iter().enumerate();
         let seen = seen.filter(|(_, seen)| **seen >= SURE).map(|(at, _)| at);
-        let all = seen.chain(self.heard.keys().copied());
+        let all = seen.chain(self.heard.keys().chain(&self.posts).copied());
         let new = all.filter(|at| !self.plan.obstacles[*at]);
         new.map(|at| {
             let (row, column) = (at / self.plan.width, at % self.plan.width);
@@ -157,7 +161,8 @@ impl Floor {
             let mut costs = self.plain.clone()?;
             let seen = self.seen.iter().enumerate();
             let seen = seen.filter(|(_, seen)| **seen >= SURE).map(|(at, _)| at);
-            for at in seen.chain(self.heard.keys().copied()) {
+            let low = self.heard.keys().chain(&self.posts).copied();
+            for at in seen.chain(low) {
                 if !self.plan.obstacles[at] {
                     costs.add(at);
                 }
@@ -239,19 +244,22 @@ impl Floor {
         }
     }
 
-    /// Something low stands at this place, metres, and counts for a while.
-    pub fn stand(&mut self, now: Instant, [x_m, y_m]: [f64; 2]) {
+    /// Something low stands at each of these places, metres, and nowhere else.
+    pub fn stand(&mut self, places: impl Iterator<Item = [f64; 2]>) {
         if !self.is_known() {
             return;
         }
-        let place = CarPose {
-            x_m,
-            y_m,
-            heading_rad: 0.0,
+        let cell = |[x_m, y_m]: [f64; 2]| {
+            let place = CarPose {
+                x_m,
+                y_m,
+                heading_rad: 0.0,
+            };
+            self.index(Ray::new(&self.plan, place, 0.0).at(0.0))
         };
-        if let Some(index) = self.index(Ray::new(&self.plan, place, 0.0).at(0.0))
-            && self.heard.insert(index, now + HEARD_FOR).is_none()
-        {
+        let posts: BTreeSet<usize> = places.filter_map(cell).collect();
+        if posts != self.posts {
+            self.posts = posts;
             self.costs = None;
         }
     }

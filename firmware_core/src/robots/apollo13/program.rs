@@ -249,6 +249,7 @@ impl Apollo13 {
         self.gates.forget();
         self.floor.forget();
         self.misfits = 0;
+        self.search.is_asked = true;
         match self.passage.take() {
             Some(_) => self.pilot.set_goal(None),
             None => self.pilot.plan_anew(),

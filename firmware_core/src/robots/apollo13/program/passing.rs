@@ -14,7 +14,7 @@ use crate::robots::apollo13::pilot::GoalState;
 /// lattice, and what following adds.
 const BEFORE_GATE: [f64; 2] = [0.15, 0.30];
 /// Without a gate to drive through for so long, the car looks for one elsewhere.
-const SEARCHES_AFTER: Duration = Duration::from_secs(5);
+const SEARCHES_AFTER: Duration = Duration::from_secs(2);
 /// How often it looks whether one has come into sight.
 const LOOKS_EVERY: Duration = Duration::from_secs(1);
 /// Places to look from, as parts of the map's width and height, and whichever way from each.
@@ -26,6 +26,8 @@ const LOOKOUTS_MAX: u32 = 3 * HEADINGS;
 /// The search for gates that are not in sight.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Search {
+    /// Somebody said where the car is, while there was no gate: there are more of them.
+    pub(super) is_asked: bool,
     /// Since when there is none.
     since: Option<Instant>,
     /// How many places were looked from.
@@ -60,7 +62,10 @@ impl Apollo13 {
                 self.passage = self.gates.next(pose, is_free);
                 match self.passage {
                     Some(passage) => {
-                        self.search = Search::default();
+                        self.search = Search {
+                            is_asked: self.search.is_asked,
+                            ..Search::default()
+                        };
                         let before = Some(passage.before);
                         self.pilot.set_exact_goal(before, BEFORE_GATE);
                     }
@@ -79,7 +84,7 @@ impl Apollo13 {
             return;
         }
         self.pilot.set_goal(None);
-        if now - since < SEARCHES_AFTER {
+        if !self.search.is_asked || now - since < SEARCHES_AFTER {
             return;
         }
         while self.search.places < LOOKOUTS_MAX {

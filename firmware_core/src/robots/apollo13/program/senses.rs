@@ -271,13 +271,10 @@ impl Apollo13 {
             left_m: -right,
             turn_rad: 0.0,
         });
-        let id = marker.id.into();
-        self.gates.see(id, [place.x_m, place.y_m]);
-        // What holds it may be lower than the camera.
-        let stands = self.gates.markers().find(|(other, _)| *other == id);
-        if let Some((_, place)) = stands {
-            self.floor.stand(self.now, place);
-        }
+        self.gates.see(marker.id.into(), [place.x_m, place.y_m]);
+        // What holds it may be lower than the camera, and stays.
+        let places = self.gates.markers().map(|(_, place)| place);
+        self.floor.stand(places);
     }
 
     pub(super) fn hear_phone(&mut self, packet: &[u8]) {

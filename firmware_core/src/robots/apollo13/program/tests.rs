@@ -11,6 +11,7 @@ use std::string::ToString as _;
 use std::vec::Vec;
 
 use super::*;
+use crate::Inspect as _;
 use crate::ackermann::{CarGeometry, wrapped};
 use crate::random::Pcg32;
 use crate::robots::apollo13::pilot::GoalState;
