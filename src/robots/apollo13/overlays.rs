@@ -52,3 +52,38 @@ fn sensed(program: &Apollo13) -> Overlay {
     let sensed = Overlay::new("costmap", OverlayRole::Sensed);
     program.in_the_way().fold(sensed, Overlay::point)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use firmware_core::ackermann::CarPose;
+    use firmware_core::robots::apollo13::Config;
+    use firmware_core::robots::apollo13::floor::FloorPlan;
+
+    /// A floor of 1 m by 1 m without anything: 2000 guesses, of which each tenth is shown, and a
+    /// goal to which there is no plan yet.
+    #[test]
+    fn plan_goal_and_guesses_are_shown() {
+        let floor = FloorPlan {
+            width: 20,
+            cell_m: 0.05,
+            origin_m: [0.0; 2],
+            obstacles: vec![false; 400],
+        };
+        let mut program = Apollo13::new(Config {
+            floor,
+            ..Config::default()
+        });
+        let x_m = 0.75;
+        program.set_goal(Some(CarPose {
+            x_m,
+            ..CarPose::default()
+        }));
+        let shown = of(&program);
+        let names: Vec<&str> = shown.iter().map(|overlay| overlay.name).collect();
+        assert_eq!(names, ["plan", "particles", "gates", "costmap"]);
+        assert_eq!(shown[0].points(), [0.75, 0.0]);
+        assert_eq!(shown[1].points().len(), 2 * 200);
+        assert!(shown[2].is_empty() && shown[3].is_empty());
+    }
+}
