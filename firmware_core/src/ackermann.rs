@@ -37,6 +37,14 @@ pub struct Motion {
     pub turn_rad: f64,
 }
 
+impl Motion {
+    /// The motion that leads back.
+    #[must_use]
+    pub fn inverse(self) -> Self {
+        CarPose::default().then(self).motion_to(CarPose::default())
+    }
+}
+
 /// A pose in double precision: metres and radians.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CarPose {

@@ -14,6 +14,12 @@ pub trait Master {
     /// Something besides bytes happened on `port`.
     fn line_event(&mut self, _port: Port, _now: Instant, _event: LineEvent) {}
 
+    /// A change of the program's end of the line that the device would see, such as the port being
+    /// opened anew, which resets many a microcontroller; taken once.
+    fn line_change(&mut self, _port: Port) -> Option<LineEvent> {
+        None
+    }
+
     /// Does all work due by `now`. Work that costs processor time is done here at once, but its
     /// results take effect in the next call, whose `now` tells how long it took: see
     /// [`take_work`](Self::take_work).

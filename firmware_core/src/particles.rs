@@ -19,11 +19,16 @@ use alloc::vec::Vec;
 pub use field::LikelihoodField;
 pub use motion::Noise;
 
-use crate::ackermann::{CarPose, wrapped};
+use crate::ackermann::{CarPose, Motion, wrapped};
 use crate::random::Pcg32;
 
 /// Edges of the boxes in which guesses are counted: metres, metres, radians.
 const BOX: [f64; 3] = [0.5, 0.5, PI / 18.0];
+
+/// A beam that ends no farther from an obstacle than this fits, metres.
+const FITS_M: f64 = 0.2;
+/// Fewer beams tell nothing of how they fit.
+const TELLING: usize = 10;
 
 /// How to weigh and how many guesses to keep.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -105,6 +110,9 @@ pub struct Localiser {
     odometry: Option<CarPose>,
     /// Place of the scanner on the robot.
     scanner: CarPose,
+    fit: f64,
+    /// Of a beam that ends near an obstacle.
+    fitting: f64,
 }
 
 impl Localiser {
@@ -133,6 +141,8 @@ impl Localiser {
             random: Pcg32::new(seed),
             odometry: None,
             scanner,
+            fit: 1.0,
+            fitting: weight(FITS_M),
         };
         localiser.place(start, sigma);
         localiser
@@ -188,6 +198,36 @@ impl Localiser {
         true
     }
 
+    /// Somebody else tells another motion than the odometry did, up to now: every second guess
+    /// believes it.
+    pub fn doubt(&mut self, told: Motion, other: Motion) {
+        let back = told.inverse();
+        for particle in self.particles.iter_mut().step_by(2) {
+            particle.pose = particle.pose.then(back).then(other);
+        }
+    }
+
+    /// Part of the beams of the last scan that end where the map has something, as the best guess
+    /// sees them; 1 if there were too few to say.
+    pub const fn fit(&self) -> f64 {
+        self.fit
+    }
+
+    /// Lets a part of the guesses lie about the estimate, by `sigma`: the robot may be elsewhere.
+    pub fn search(&mut self, part: f64, sigma: [f64; 3]) {
+        let about = self.estimate().pose;
+        let random = &mut self.random;
+        for particle in &mut self.particles {
+            if random.unit() < part {
+                particle.pose = CarPose {
+                    x_m: about.x_m + random.normal(sigma[0]),
+                    y_m: about.y_m + random.normal(sigma[1]),
+                    heading_rad: wrapped(about.heading_rad + random.normal(sigma[2])),
+                };
+            }
+        }
+    }
+
     /// Where the robot most likely is.
     pub fn estimate(&self) -> Estimate {
         let mut boxes: BTreeMap<[i64; 3], f64> = BTreeMap::new();
@@ -231,7 +271,7 @@ impl Localiser {
         let (origin_m, per_m) = self.weights.frame();
         let mut beams = self.usable(scan);
         beams.iter_mut().flatten().for_each(|along| *along *= per_m);
-        let mut whole = 0.0;
+        let (mut whole, mut best) = (0.0, (0.0, CarPose::default()));
         for Particle { pose, weight } in &mut self.particles {
             let (sin, cos) = libm::sincos(pose.heading_rad);
             let x = (pose.x_m - origin_m[0]) * per_m;
@@ -243,7 +283,11 @@ impl Localiser {
             }
             *weight *= likelihood;
             whole += *weight;
+            if likelihood > best.0 {
+                best = (likelihood, *pose);
+            }
         }
+        self.fit = self.fit_at(best.1, &beams);
         let even = 1.0 / self.particles.len() as f64;
         for particle in &mut self.particles {
             particle.weight = match whole > 0.0 && whole.is_finite() {
@@ -251,6 +295,22 @@ impl Localiser {
                 false => even,
             };
         }
+    }
+
+    /// Part of `beams`, in cells in the robot's frame, that end near an obstacle for a robot there.
+    fn fit_at(&self, pose: CarPose, beams: &[[f64; 2]]) -> f64 {
+        if beams.len() < TELLING {
+            return 1.0;
+        }
+        let (origin_m, per_m) = self.weights.frame();
+        let (sin, cos) = libm::sincos(pose.heading_rad);
+        let x = (pose.x_m - origin_m[0]) * per_m;
+        let y = (pose.y_m - origin_m[1]) * per_m;
+        let ends = beams
+            .iter()
+            .map(|[ahead, left]| [x + ahead * cos - left * sin, y + ahead * sin + left * cos]);
+        let fitting = ends.filter(|end| self.weights.at(*end) >= self.fitting);
+        fitting.count() as f64 / beams.len() as f64
     }
 
     /// Ends of the beams that are weighed, in the robot's frame.
@@ -261,7 +321,7 @@ impl Localiser {
         let beams = beams.filter(|beam| beam.range_m >= near && beam.range_m < far);
         let end = |beam: &Beam| {
             let (sin, cos) = libm::sincos(beam.bearing_rad);
-            let end = self.scanner.then(crate::ackermann::Motion {
+            let end = self.scanner.then(Motion {
                 ahead_m: beam.range_m * cos,
                 left_m: beam.range_m * sin,
                 turn_rad: 0.0,

@@ -194,7 +194,7 @@ impl Node {
     pub(super) fn line_change(&mut self, port: Port) -> Option<LineEvent> {
         match &mut self.body {
             Body::Device(device) => device.line_change(port),
-            Body::Program { .. } => None,
+            Body::Program { program, .. } => program.line_change(port),
             Body::Outside(outside) => outside.change.take(),
         }
     }

@@ -13,6 +13,7 @@
 mod defects;
 mod floor;
 mod instruments;
+mod overlays;
 mod phone;
 mod script;
 

@@ -241,6 +241,12 @@ pub trait Instruments {
         Vec::new()
     }
 
+    /// Links that carry something only when there is something to tell, e.g. of what a camera
+    /// recognises: that they are silent says nothing.
+    fn sporadic_links(&self) -> &'static [&'static str] {
+        &[]
+    }
+
     /// Links that reach a console, for faults that are made by chance.
     fn consoles(&self) -> &'static [Console] {
         &[]

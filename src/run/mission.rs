@@ -17,6 +17,8 @@ const REST: Duration = Duration::from_secs(2);
 pub struct Visit {
     /// When the robot was first near enough.
     pub at: Instant,
+    /// Which.
+    pub waypoint: Point,
     /// The least distance until the next one was reached.
     pub nearest_mm: f64,
 }
@@ -25,6 +27,9 @@ pub struct Visit {
 #[derive(Clone, Debug)]
 pub struct Progress {
     waypoints: Vec<Point>,
+    /// Which of them come next: the first alone, or any.
+    left: Vec<Point>,
+    any_order: bool,
     within_mm: f64,
     settle: Duration,
     visits: Vec<Visit>,
@@ -35,12 +40,12 @@ pub struct Progress {
 impl Progress {
     /// At the start of `mission`.
     pub fn new(mission: &Mission, expect: &Expect) -> Self {
+        let waypoints = mission.waypoints_m.iter();
+        let waypoints: Vec<Point> = waypoints.map(|&[x, y]| Point::new(x, y)).collect();
         Self {
-            waypoints: mission
-                .waypoints_m
-                .iter()
-                .map(|&[x, y]| Point::new(x, y))
-                .collect(),
+            left: waypoints.clone(),
+            waypoints,
+            any_order: mission.any_order,
             within_mm: expect.visit_within_mm.unwrap_or(WITHIN_MM),
             settle: expect.settle.map_or(REST, |settle| settle.0),
             visits: Vec::new(),
@@ -53,20 +58,19 @@ impl Progress {
     pub fn observe(&mut self, now: Instant, pose: Pose, is_moving: bool) {
         let place = pose.point();
         self.last = Some(place);
-        let distance_mm = |waypoint: &Point| waypoint.distance(place) * 1000.0;
-        let next = self.visits.len();
-        if let (Some(visit), Some(waypoint)) = (
-            self.visits.last_mut(),
-            next.checked_sub(1).and_then(|i| self.waypoints.get(i)),
-        ) {
-            visit.nearest_mm = visit.nearest_mm.min(distance_mm(waypoint));
+        let distance_mm = |waypoint: Point| waypoint.distance(place) * 1000.0;
+        if let Some(visit) = self.visits.last_mut() {
+            visit.nearest_mm = visit.nearest_mm.min(distance_mm(visit.waypoint));
         }
-        if let Some(distance_mm) = self.waypoints.get(next).map(distance_mm)
-            && distance_mm <= self.within_mm
-        {
+        let next = if self.any_order { self.left.len() } else { 1 };
+        let mut next = self.left.iter().take(next);
+        let is_near = |waypoint: &Point| distance_mm(*waypoint) <= self.within_mm;
+        if let Some(index) = next.position(is_near) {
+            let waypoint = self.left.remove(index);
             self.visits.push(Visit {
                 at: now,
-                nearest_mm: distance_mm,
+                waypoint,
+                nearest_mm: distance_mm(waypoint),
             });
         }
         if is_moving {
@@ -76,7 +80,7 @@ impl Progress {
         }
     }
 
-    /// The waypoints visited so far, in order.
+    /// The waypoints visited so far, in the order of the visits.
     pub fn visits(&self) -> &[Visit] {
         &self.visits
     }

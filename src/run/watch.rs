@@ -17,7 +17,10 @@ impl Watchers {
     pub(crate) fn of(scenario: &Scenario, rig: &mut Rig, instruments: &dyn Instruments) -> Self {
         let mut checkers = check::standard(rig, instruments);
         if let Some(phases) = scenario.phases {
-            checkers.push(Box::new(check::AtWorkAgain::new(phases.windows())));
+            checkers.push(Box::new(check::AtWorkAgain::new(
+                phases.windows(),
+                instruments.sporadic_links(),
+            )));
         }
         Self { checkers }
     }

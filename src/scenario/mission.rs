@@ -22,6 +22,9 @@ pub struct Mission {
     /// Goes on until the scenario's `duration`, even if all waypoints are visited before.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub to_the_end: bool,
+    /// The waypoints count in any order: a robot that finds them by itself chooses.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub any_order: bool,
 }
 
 impl Mission {

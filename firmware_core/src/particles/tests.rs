@@ -86,7 +86,7 @@ fn a_guess_moves_as_the_odometry_says() {
         heading_rad: 3.0,
     };
     for (ahead_m, left_m, turn_rad) in [(0.5, 0.1, 0.4), (-0.5, 0.1, -0.4), (0.001, 0.0, 1.0)] {
-        let motion = crate::ackermann::Motion {
+        let motion = Motion {
             ahead_m,
             left_m,
             turn_rad,

@@ -5,6 +5,7 @@
 //! and the planner and localisation beside this folder) is behind the feature `host`.
 
 pub mod arbiter;
+pub mod board_odometry;
 #[cfg(feature = "host")]
 pub mod floor;
 #[cfg(feature = "host")]
@@ -12,12 +13,14 @@ pub mod follower;
 #[cfg(feature = "host")]
 pub mod gates;
 pub mod gyro_odometry;
+pub mod odometer_watch;
 #[cfg(feature = "host")]
 pub mod pilot;
 #[cfg(feature = "host")]
 mod program;
 pub mod steering;
 pub mod wall;
+pub mod witness;
 
 #[cfg(feature = "host")]
 pub use program::{Apollo13, Config, Defects};

@@ -4,12 +4,13 @@ use emulators::car_board::{CarBoard, steering};
 use firmware_core::robots::apollo13::Apollo13;
 use protocols::car_board::{Level, Steering};
 
+use super::overlays;
 use super::phone::Phone;
 use super::{PHONE, REMOTE};
 use crate::codec::{self, Codec};
 use crate::rig::Rig;
 use crate::rig::line::Direction;
-use crate::robots::{Axis, Instruments, Panel, PanelRow, ScanDecoder, Station};
+use crate::robots::{Axis, Instruments, Overlay, Panel, PanelRow, ScanDecoder, Station};
 use crate::scenario::DeviceSpec;
 
 /// The robot's instruments.
@@ -77,6 +78,10 @@ impl Instruments for ApolloInstruments {
         panels.map(panel).collect()
     }
 
+    fn overlays(&self, rig: &Rig) -> Vec<Overlay> {
+        program(rig).map_or(Vec::new(), overlays::of)
+    }
+
     fn station<'a>(&'a self, rig: &'a Rig) -> Option<&'a dyn Station> {
         let phone = rig.device::<Phone>(PHONE)?;
         Some(phone)
@@ -89,6 +94,11 @@ impl Instruments for ApolloInstruments {
 
     fn scanner(&self, _: &Rig) -> Option<(String, Box<dyn ScanDecoder>)> {
         Some(("scan".to_owned(), self.camera.scanner()?))
+    }
+
+    /// Markers are seen now and then.
+    fn sporadic_links(&self) -> &'static [&'static str] {
+        &["markers"]
     }
 
     fn codec(&self, _: &Rig, link: &str) -> Option<&'static Codec> {

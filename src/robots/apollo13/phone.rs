@@ -2,9 +2,10 @@
 //!
 //! Addresses are those of the car's layout: `/1/speed`, `/1/direction`, `/1/kill`,
 //! `/modes/toggle4`, `/modes/follow_aruco`. Goals, which in the seed are set by mouse on the PC, go
-//! as `/goal` with x, y and heading. The person sends the next goal when the car has come to rest
-//! near the last one, and the same once more when it rests elsewhere: packets are lost, and nobody
-//! confirms them.
+//! as `/goal` with x, y and heading. Packets are lost and nobody confirms them, so the app says again
+//! and again where its controls stand, and a new goal for some seconds. The person sends the next
+//! goal when the car has come to rest near the last one. When it rests elsewhere, they say where
+//! it is, as with the mouse of the seed, `/pose`, and order the same once more.
 
 use core::time::Duration;
 use std::collections::VecDeque;
@@ -21,16 +22,23 @@ use crate::robots::station::DriveKeys;
 use crate::robots::{Gesture, Station, StationView};
 use crate::scenario::{Action, SetPoint, Step};
 
-/// The app tells that it is there.
-const PING: Duration = Duration::from_millis(500);
+/// The app tells that it is there, and where its controls stand.
+const PING: Duration = Duration::from_millis(250);
+/// So long a new goal is said again.
+const GOAL_SAID: Duration = Duration::from_secs(2);
 /// Between two looks at the car.
 const LOOK: Duration = Duration::from_millis(100);
 /// So near a goal the car is there, metres: what its follower is content with.
 const NEAR_M: f64 = 0.30;
 /// It has come to rest.
 const RESTED: Duration = Duration::from_millis(1_500);
+/// Whoever orders the same goals just after the last one was reached has not seen it yet.
+const JUST_NOW: Duration = Duration::from_secs(5);
 /// It has given up.
 const GAVE_UP: Duration = Duration::from_secs(12);
+/// How exactly somebody clicks on a map: to 10 cm, to 10 degrees.
+const CLICK_M: f32 = 0.1;
+const CLICK_RAD: f32 = core::f32::consts::PI / 18.0;
 /// Steering value of straight ahead.
 const STRAIGHT: i8 = 8;
 
@@ -48,6 +56,10 @@ pub(super) struct Phone {
     goal: usize,
     /// The goal is to be sent.
     is_news: bool,
+    /// The goal that was sent last, and when.
+    sent: Option<([f32; 3], Instant)>,
+    /// When a goal was reached last.
+    arrived: Option<Instant>,
     rests_since: Option<Instant>,
     look_at: Option<Instant>,
     ping_at: Option<Instant>,
@@ -71,6 +83,8 @@ impl Phone {
             goals: Vec::new(),
             goal: 0,
             is_news: false,
+            sent: None,
+            arrived: None,
             rests_since: None,
             look_at: None,
             ping_at: None,
@@ -82,6 +96,12 @@ impl Phone {
     /// The goals, and which of them is on the way.
     pub(super) fn goals(&self) -> (&[[f64; 2]], usize) {
         (&self.goals, self.goal)
+    }
+
+    /// Whether the goals need not be ordered once more.
+    fn is_at_them(&self, now: Instant) -> bool {
+        let is_new = |at: Instant| now - at <= JUST_NOW;
+        self.goal < self.goals.len() || self.arrived.is_some_and(is_new)
     }
 
     fn say(&mut self, address: &str, values: &[f32]) {
@@ -116,6 +136,8 @@ impl Phone {
                 self.connected = false;
                 self.ping_at = None;
             }
+            // They are being driven to, or the car has just arrived.
+            Wish::Goals(goals) if goals == self.goals && self.is_at_them(now) => {}
             Wish::Goals(goals) if self.has_goals => {
                 (self.goals, self.goal) = (goals, 0);
                 self.is_news = self.mode == Some(Mode::Autonomous);
@@ -127,9 +149,7 @@ impl Phone {
                     self.order(Mode::Remote);
                 }
                 self.by_hand = by_hand;
-                let [level, value] = by_hand.map(f32::from);
-                self.say("/1/direction", &[value]);
-                self.say("/1/speed", &[level]);
+                self.say_faders();
             }
         }
         self.rests_since = None;
@@ -139,6 +159,15 @@ impl Phone {
     fn order(&mut self, mode: Mode) {
         self.mode = Some(mode);
         self.by_hand = [0, STRAIGHT];
+        if mode != Mode::Stop {
+            self.say("/1/speed", &[0.0]);
+        }
+        self.say_toggles(mode);
+        self.sent = None;
+        self.is_news = mode == Mode::Autonomous;
+    }
+
+    fn say_toggles(&mut self, mode: Mode) {
         let [auto, gates]: [f32; 2] = match mode {
             Mode::Stop => return self.say("/1/kill", &[1.0]),
             Mode::Remote => [0.0, 0.0],
@@ -146,14 +175,45 @@ impl Phone {
             Mode::Gates => [0.0, 1.0],
         };
         // Never both at once: what is switched off comes first.
-        self.say("/1/speed", &[0.0]);
         let mut toggles = [("/modes/toggle4", auto), ("/modes/follow_aruco", gates)];
         toggles.sort_by(|one, other| one.1.total_cmp(&other.1));
         for (address, value) in toggles {
             self.say(address, &[value]);
         }
         self.say("/1/kill", &[0.0]);
-        self.is_news = mode == Mode::Autonomous;
+    }
+
+    fn say_faders(&mut self) {
+        let [level, value] = self.by_hand.map(f32::from);
+        self.say("/1/direction", &[value]);
+        self.say("/1/speed", &[level]);
+    }
+
+    /// Where all controls stand.
+    fn say_again(&mut self, now: Instant) {
+        if let Some(mode) = self.mode {
+            self.say_toggles(mode);
+        }
+        if self.mode == Some(Mode::Remote) {
+            self.say_faders();
+        }
+        if let Some((goal, _)) = self.sent.filter(|(_, at)| now - *at <= GOAL_SAID) {
+            self.say("/goal", &goal);
+        }
+    }
+
+    /// The car does not know where it is: somebody clicks on the place that they see.
+    fn say_pose(&mut self, world: &World) {
+        let car = world.pose();
+        #[expect(clippy::cast_possible_truncation, reason = "metres fit an f32")]
+        let [x, y, heading] = [car.x, car.y, car.theta].map(|value| value as f32);
+        let clicked = |value: f32, grain: f32| (value / grain).round() * grain;
+        let values = [
+            clicked(x, CLICK_M),
+            clicked(y, CLICK_M),
+            clicked(heading, CLICK_RAD),
+        ];
+        self.say("/pose", &values);
     }
 
     /// Looks at the car: whether it has arrived, or stands elsewhere.
@@ -172,6 +232,7 @@ impl Phone {
             #[expect(clippy::cast_possible_truncation, reason = "metres fit an f32")]
             let values = [x, y, heading].map(|value| value as f32);
             self.say("/goal", &values);
+            self.sent = Some((values, now));
             self.note(now, "goal-sent", format!("{x:.2}, {y:.2} m"));
             self.rests_since = None;
             return;
@@ -187,8 +248,10 @@ impl Phone {
             self.note(now, "goal-reached", detail);
             self.goal += 1;
             self.is_news = true;
+            self.arrived = Some(now);
         } else if rested >= GAVE_UP {
             self.note(now, "goal-again", format!("stands {off_m:.2} m off"));
+            self.say_pose(world);
             self.order(Mode::Autonomous);
         }
     }
@@ -202,6 +265,7 @@ impl Phone {
         let rested = now - *self.rests_since.get_or_insert(now);
         if let Some(mode) = self.mode.filter(|_| rested >= GAVE_UP) {
             self.note(now, "mode-again", mode.name().to_owned());
+            self.say_pose(world);
             self.order(mode);
             self.rests_since = Some(now);
         }
@@ -219,6 +283,7 @@ impl Device for Phone {
         if self.ping_at.take_if(|at| *at <= now).is_some() {
             self.ping_at = Some(now + PING);
             self.say("/ping", &[]);
+            self.say_again(now);
         }
         if self.look_at.is_some_and(|at| at <= now) {
             let drives_itself = [Mode::Autonomous, Mode::Gates];

@@ -63,6 +63,7 @@ path_m = [[0.3, 0.3], [2.7, 0.3], [2.7, 2.7], [0.3, 2.7], [0.3, 0.3]]
 connect = "1s"
 waypoints_m = [[1.0, 2.0], [1.0, 1.0]]
 to_the_end = true
+any_order = true
 "#,
     ),
     (

@@ -1,6 +1,6 @@
 //! The floor as the planner sees it: the map that the car has, and what is in the way besides.
 
-use alloc::collections::BTreeMap;
+use alloc::collections::{BTreeMap, BTreeSet};
 use alloc::vec::Vec;
 use core::time::Duration;
 
@@ -57,8 +57,10 @@ pub struct Floor {
     /// The scan in which each cell was counted last.
     counted: Vec<u32>,
     scans: u32,
-    /// Cells that an ultrasonic echo came from or a marker stands on, and until when that counts.
+    /// Cells that an ultrasonic echo came from, and until when that counts.
     heard: BTreeMap<usize, Instant>,
+    /// Cells on which a marker stands.
+    posts: BTreeSet<usize>,
     /// All obstacles, one byte a cell as in [`grid`](crate::grid).
     view: Vec<u8>,
 }
@@ -92,6 +94,7 @@ impl Floor {
             seen,
             scans: 0,
             heard: BTreeMap::new(),
+            posts: BTreeSet::new(),
             view,
         }
     }
@@ -120,6 +123,33 @@ impl Floor {
             .then(|| crate::map_view::MapView::new(self.plan.width, cell_mm, origin, &self.view))
     }
 
+    /// Forgets all that was seen and heard.
+    pub fn forget(&mut self) {
+        self.seen.fill(0);
+        self.heard.clear();
+        self.posts.clear();
+        self.costs = None;
+        for (byte, is) in self.view.iter_mut().zip(&self.plan.obstacles) {
+            if !*is {
+                *byte = crate::grid::FREE;
+            }
+        }
+    }
+
+    /// Places of cells that were seen or heard to be obstacles and are not on the plan, metres.
+    pub fn in_the_way(&self) -> impl Iterator<Item = [f64; 2]> {
+        let seen = self.seen.iter().enumerate();
+        let seen = seen.filter(|(_, seen)| **seen >= SURE).map(|(at, _)| at);
+        let all = seen.chain(self.heard.keys().chain(&self.posts).copied());
+        let new = all.filter(|at| !self.plan.obstacles[*at]);
+        new.map(|at| {
+            let (row, column) = (at / self.plan.width, at % self.plan.width);
+            let [x0, y0] = self.plan.origin_m;
+            let middle = |cell: usize| (cell as f64 + 0.5) * self.plan.cell_m;
+            [x0 + middle(column), y0 + middle(row)]
+        })
+    }
+
     /// What it costs to be where, with all that was seen and heard; `None` without a map.
     pub fn costs(&mut self, now: Instant) -> Option<&Costmap> {
         let before = self.heard.len();
@@ -131,7 +161,8 @@ impl Floor {
             let mut costs = self.plain.clone()?;
             let seen = self.seen.iter().enumerate();
             let seen = seen.filter(|(_, seen)| **seen >= SURE).map(|(at, _)| at);
-            for at in seen.chain(self.heard.keys().copied()) {
+            let low = self.heard.keys().chain(&self.posts).copied();
+            for at in seen.chain(low) {
                 if !self.plan.obstacles[at] {
                     costs.add(at);
                 }
@@ -213,19 +244,22 @@ impl Floor {
         }
     }
 
-    /// Something low stands at this place, metres, and counts for a while.
-    pub fn stand(&mut self, now: Instant, [x_m, y_m]: [f64; 2]) {
+    /// Something low stands at each of these places, metres, and nowhere else.
+    pub fn stand(&mut self, places: impl Iterator<Item = [f64; 2]>) {
         if !self.is_known() {
             return;
         }
-        let place = CarPose {
-            x_m,
-            y_m,
-            heading_rad: 0.0,
+        let cell = |[x_m, y_m]: [f64; 2]| {
+            let place = CarPose {
+                x_m,
+                y_m,
+                heading_rad: 0.0,
+            };
+            self.index(Ray::new(&self.plan, place, 0.0).at(0.0))
         };
-        if let Some(index) = self.index(Ray::new(&self.plan, place, 0.0).at(0.0))
-            && self.heard.insert(index, now + HEARD_FOR).is_none()
-        {
+        let posts: BTreeSet<usize> = places.filter_map(cell).collect();
+        if posts != self.posts {
+            self.posts = posts;
             self.costs = None;
         }
     }

@@ -38,6 +38,11 @@ impl GyroOdometry {
         self.told = None;
     }
 
+    /// The car moved so while the odometer was silent: somebody else tells.
+    pub fn bridge(&mut self, motion: Motion) {
+        self.pose = self.pose.then(motion);
+    }
+
     /// Travel since the board's start, metres, and heading by its gyroscope, radians; the first
     /// ones only set the beginning. A travel that falls back by more than a metre is that of a
     /// board that was reset: a new beginning.

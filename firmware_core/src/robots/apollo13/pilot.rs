@@ -102,6 +102,12 @@ impl Pilot {
         self.goal
     }
 
+    /// Whether `goal` is the one that it plans for or drives to.
+    pub fn is_after(&self, goal: CarPose) -> bool {
+        let is_at_it = matches!(self.state, GoalState::Planning | GoalState::Driving);
+        is_at_it && self.goal == Some(goal)
+    }
+
     /// What became of it.
     pub const fn state(&self) -> GoalState {
         self.state

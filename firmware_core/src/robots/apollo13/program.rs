@@ -8,6 +8,7 @@
 //! | [`MARKERS`](Apollo13::MARKERS) | markers that were recognised, messages, in |
 //! | [`REMOTE`](Apollo13::REMOTE) | Open Sound Control of the phone, packets, in |
 
+mod inspect;
 mod passing;
 mod senses;
 mod sight;
@@ -17,23 +18,25 @@ mod tests;
 use alloc::collections::VecDeque;
 use core::time::Duration;
 
-use protocols::{Instant, LineConfig, Port, car_board, odometer};
+use protocols::{Instant, LineConfig, LineEvent, Port, car_board, odometer};
 
 use super::arbiter::{self, Arbiter, Drive, Mode};
+use super::board_odometry::BoardOdometry;
 use super::floor::{Floor, FloorPlan};
 use super::follower;
 use super::gates::{self, Gates, Passage};
 use super::gyro_odometry::{self, GyroOdometry};
+use super::odometer_watch::OdometerWatch;
 use super::pilot::Pilot;
 use super::steering;
 use super::wall::{Gains, Side, WallDistance};
+use super::witness::Witness;
 use crate::ackermann::CarPose;
 use crate::costmap::Inflation;
 use crate::lattice::{Outline, PrimitiveSet};
-use crate::map_view::MapView;
 use crate::particles::{LikelihoodField, Localiser, Noise, Settings as ParticleSettings};
-use crate::pose::{Point, Pose};
-use crate::{Inspect, Master, Work};
+use crate::pose::Point;
+use crate::{Master, Work};
 
 /// How often commands are sent.
 const SEND_EVERY: Duration = Duration::from_millis(20);
@@ -41,6 +44,8 @@ const SEND_EVERY: Duration = Duration::from_millis(20);
 const FIELDED_SEND_EVERY: Duration = Duration::from_millis(1);
 /// Nearer ahead than this the car does not drive on, metres.
 const TOO_NEAR_M: f64 = 0.25;
+/// Longer without a distance from it, a wall is not followed: 11 cm of way.
+const WALL_SILENT_MAX: Duration = Duration::from_millis(500);
 /// Where the camera sits before the rear axle's middle, metres.
 const CAMERA_AHEAD_M: f64 = 0.18 + 0.129;
 /// Where the ultrasonic sensor ahead sits before the rear axle's middle.
@@ -107,6 +112,8 @@ struct Counters {
     packets: u64,
     bad_packets: u64,
     too_near: u64,
+    doubts: u64,
+    lost: u64,
 }
 
 /// The program.
@@ -117,6 +124,12 @@ pub struct Apollo13 {
     lines: odometer::Decoder,
     arbiter: Arbiter,
     odometry: GyroOdometry,
+    watch: OdometerWatch,
+    /// What the board tells of the way.
+    by_board: BoardOdometry,
+    /// The odometry at the last line, and the board's then.
+    at_line: (GyroOdometry, CarPose),
+    witness: Witness,
     /// The odometer's clock as it was told last, seconds.
     odometer_s: f64,
     localiser: Option<Localiser>,
@@ -126,6 +139,9 @@ pub struct Apollo13 {
     pilot: Pilot,
     gates: Gates,
     passage: Option<Passage>,
+    search: passing::Search,
+    /// Scans in a row, more or less, that do not fit where the car believes to be.
+    misfits: u8,
     wall: Option<WallDistance>,
     wall_heard: Option<Instant>,
     wall_angle_rad: f64,
@@ -171,6 +187,7 @@ impl Apollo13 {
             true => gates::Settings::fielded(),
             false => gates::Settings::default(),
         };
+        let odometry = GyroOdometry::new(CarPose::default(), defects.odometry);
         let wall = config.wall;
         let wall = wall.map(|(side, wanted_m)| WallDistance::new(side, wanted_m, Gains::default()));
         Self {
@@ -180,7 +197,11 @@ impl Apollo13 {
             },
             lines: odometer::Decoder::default(),
             arbiter: Arbiter::new(defects.arbiter),
-            odometry: GyroOdometry::new(CarPose::default(), defects.odometry),
+            at_line: (odometry.clone(), CarPose::default()),
+            odometry,
+            watch: OdometerWatch::default(),
+            by_board: BoardOdometry::default(),
+            witness: Witness::default(),
             odometer_s: 0.0,
             localiser,
             origin: config.start,
@@ -188,6 +209,8 @@ impl Apollo13 {
             pilot: Pilot::new(PrimitiveSet::car(), &outline, follower::Settings::default()),
             gates: Gates::new(rules),
             passage: None,
+            search: passing::Search::default(),
+            misfits: 0,
             wall,
             wall_heard: None,
             wall_angle_rad: 0.0,
@@ -222,6 +245,15 @@ impl Apollo13 {
         if let Some(localiser) = &mut self.localiser {
             localiser.place(pose, [0.3, 0.3, 0.17]);
         }
+        // What was seen from elsewhere is not where it seemed to be.
+        self.gates.forget();
+        self.floor.forget();
+        self.misfits = 0;
+        self.search.is_asked = true;
+        match self.passage.take() {
+            Some(_) => self.pilot.set_goal(None),
+            None => self.pilot.plan_anew(),
+        }
         self.move_origin(pose);
     }
 
@@ -233,6 +265,11 @@ impl Apollo13 {
     /// Markers and gates.
     pub const fn gates(&self) -> &Gates {
         &self.gates
+    }
+
+    /// Places of cells that are in the way and not on the map, metres.
+    pub fn in_the_way(&self) -> impl Iterator<Item = [f64; 2]> {
+        self.floor.in_the_way()
     }
 
     /// The guesses of where the car is.
@@ -269,13 +306,21 @@ impl Apollo13 {
             Mode::Autonomous => {}
             _ => return None,
         }
+        // Without an odometer it does not know where it is; one that is gone is done without.
+        if self.watch.wants_rest() {
+            return Some(Drive::STOP);
+        }
         let is_driving = self.pilot.goal().is_some();
+        if is_driving && self.is_lost() {
+            return Some(Drive::STOP);
+        }
         let [speed_m_s, angle_rad] = match is_driving {
             true => {
                 let (floor, now) = (&mut self.floor, self.now);
                 self.pilot.drive(now, pose, || floor.costs(now))?
             }
-            false if self.wall.is_some() => [0.22, self.wall_angle_rad],
+            false if self.hears_wall() => [0.22, self.wall_angle_rad],
+            false if self.wall.is_some() => return Some(Drive::STOP),
             false => return None,
         };
         if speed_m_s > 0.0 && self.is_too_near() {
@@ -292,6 +337,17 @@ impl Apollo13 {
         })
     }
 
+    /// Whether what the camera sees has not fitted for long: somebody must say where the car is.
+    const fn is_lost(&self) -> bool {
+        self.misfits >= senses::MISFITS_MAX
+    }
+
+    /// Whether there is a wall to follow, and the board has lately told how far it is.
+    fn hears_wall(&self) -> bool {
+        let is_new = |heard: Instant| self.now - heard <= WALL_SILENT_MAX;
+        self.wall.is_some() && self.wall_heard.is_some_and(is_new)
+    }
+
     fn is_too_near(&self) -> bool {
         self.ultrasound_m[0].is_some_and(|range_m| range_m < TOO_NEAR_M)
     }
@@ -300,6 +356,10 @@ impl Apollo13 {
         let planned = self.planned();
         self.drive = self.arbiter.decide(self.now, planned);
         let Drive { level, steering } = self.drive;
+        self.by_board.command(self.drive);
+        if level != 0 {
+            self.watch.roll(self.now);
+        }
         let level = car_board::Level::new(level.into()).unwrap_or(car_board::Level::STOP);
         self.out
             .push_back(car_board::Command::Motor(level).encode());
@@ -371,6 +431,7 @@ impl Master for Apollo13 {
     fn poll(&mut self, now: Instant) {
         self.now = self.now.max(now);
         self.let_board_idle();
+        self.watch.poll(self.now);
         if self
             .sent
             .is_none_or(|sent| self.now - sent >= self.send_every())
@@ -389,6 +450,11 @@ impl Master for Apollo13 {
             *slot = byte;
         }
         len
+    }
+
+    fn line_change(&mut self, port: Port) -> Option<LineEvent> {
+        let is_opened = port == Self::ODOMETER && self.watch.take_opening();
+        is_opened.then_some(LineEvent::Opened)
     }
 
     fn poll_at(&self) -> Option<Instant> {
@@ -410,48 +476,5 @@ impl Master for Apollo13 {
     fn take_work(&mut self) -> Work {
         // It runs on a PC.
         Work::NONE
-    }
-}
-
-impl Inspect for Apollo13 {
-    fn estimate(&self) -> Option<(Instant, Pose)> {
-        let pose = self.pose();
-        #[expect(clippy::cast_possible_truncation, reason = "an observer needs 24 bits")]
-        let [x_mm, y_mm, heading] =
-            [pose.x_m * 1_000.0, pose.y_m * 1_000.0, pose.heading_rad].map(|value| value as f32);
-        Some((self.now, Pose::new(x_mm, y_mm, heading)))
-    }
-
-    fn map(&self) -> Option<MapView<'_>> {
-        self.floor.view()
-    }
-
-    fn scan(&self) -> &[Point] {
-        &self.scan
-    }
-
-    fn mode(&self) -> &'static str {
-        match self.arbiter.mode() {
-            Mode::Remote => "remote",
-            Mode::Autonomous => "autonomous",
-            Mode::Gates => "gates",
-            Mode::Contradiction => "contradiction",
-            Mode::Killed => "killed",
-        }
-    }
-
-    fn counters(&self, report: &mut dyn FnMut(&'static str, u64)) {
-        let counters = &self.counters;
-        report("board frames", counters.frames);
-        report("board bad frames", counters.bad_frames);
-        report("odometer lines", counters.lines);
-        report("odometer bad lines", counters.bad_lines);
-        report("scans", counters.scans);
-        report("messages without meaning", counters.bad_messages);
-        report("remote packets", counters.packets);
-        report("remote bad packets", counters.bad_packets);
-        report("plans", self.pilot.plans());
-        report("obstacles too near", counters.too_near);
-        report("gates passed", self.gates.passed().len() as u64);
     }
 }

@@ -13,6 +13,7 @@ use super::{Apollo13, Board, CAMERA_AHEAD_M, FRONT_AHEAD_M};
 use crate::ackermann::{CarPose, Motion};
 use crate::particles::Localiser;
 use crate::robots::apollo13::wall::Side;
+use crate::robots::apollo13::witness::Finding;
 
 /// Readings beyond this are none, metres: what the fielded program publishes.
 const ULTRASOUND_MAX_M: f64 = 3.0;
@@ -21,6 +22,17 @@ const SEE_EVERY: Duration = Duration::from_millis(100);
 /// Where the ultrasonic sensor ahead hears nothing up to here, columns without a depth are open
 /// floor, metres.
 const OPEN_M: f64 = 0.60;
+
+/// Of a scan at least so much fits where the car is, unless a box that is on no map fills the
+/// picture.
+const FIT_MIN: f64 = 0.35;
+/// After so many scans that do not fit, some guesses are laid elsewhere: 25 cm of way.
+const MISFITS_SEARCHED: u8 = 5;
+/// After so many, 2 m of way, the car is lost.
+pub(super) const MISFITS_MAX: u8 = 40;
+/// Part of the guesses that are laid elsewhere, and how far: metres, metres, radians.
+const SEARCHED: f64 = 0.05;
+const SEARCHED_SIGMA: [f64; 3] = [1.0, 1.0, 0.3];
 
 impl Apollo13 {
     pub(super) fn hear_board(&mut self, bytes: &[u8]) {
@@ -70,6 +82,7 @@ impl Apollo13 {
 
     fn take_readings(&mut self, readings: car_board::Readings) {
         self.counters.frames += 1;
+        self.take_pulses(readings.hall);
         self.battery_mv = readings.battery_mv;
         let words = [readings.front_cm, readings.right_cm, readings.left_cm];
         for (slot, word) in self.ultrasound_m.iter_mut().zip(words) {
@@ -115,18 +128,76 @@ impl Apollo13 {
             match dialect.read(content).ok().filter(|_| is_taken) {
                 Some(reading) => {
                     self.counters.lines += 1;
-                    let before = self.pose();
-                    // Its clock falls back when it is reset.
-                    if reading.time_s < self.odometer_s {
-                        self.odometry.begin_anew();
-                    }
-                    self.odometer_s = reading.time_s;
-                    self.odometry.update(reading.distance_m, reading.yaw_rad);
-                    self.gates.moved(before, self.pose());
+                    self.take_line(reading);
                 }
                 None => self.counters.bad_lines += 1,
             }
         }
+    }
+
+    fn take_line(&mut self, reading: odometer::Reading) {
+        let before = self.pose();
+        // Its clock falls back when it is reset.
+        let is_reset = reading.time_s < self.odometer_s;
+        if is_reset {
+            self.bridge();
+            self.odometry.begin_anew();
+        } else {
+            // It counted on while its lines were lost, and better than the board.
+            self.odometry.clone_from(&self.at_line.0);
+        }
+        self.watch.hear(self.now, is_reset);
+        self.odometer_s = reading.time_s;
+        self.odometry.update(reading.distance_m, reading.yaw_rad);
+        self.at_line = (self.odometry.clone(), self.by_board.pose());
+        self.gates.moved(before, self.pose());
+    }
+
+    /// Pulses of the board, which bridge what the odometer does not tell.
+    fn take_pulses(&mut self, pulses: u16) {
+        if self.by_board.hear(pulses) {
+            self.watch.roll(self.now);
+        }
+        let before = self.pose();
+        match self.watch.is_silent(self.now) {
+            true => {
+                self.bridge();
+                let (odometer, board) = (self.odometry.pose(), self.by_board.pose());
+                self.witness.begin(odometer, board);
+            }
+            false => self.compare(),
+        }
+        self.gates.moved(before, self.pose());
+    }
+
+    /// What the odometer and the board tell of the same way must agree.
+    fn compare(&mut self) {
+        let (odometer, board) = (self.odometry.pose(), self.by_board.pose());
+        let is_backwards = self.by_board.is_backwards();
+        let finding = self.witness.compare(odometer, board, is_backwards);
+        self.counters.doubts += u64::from(finding.is_some());
+        match finding {
+            Some(Finding::Way(told, other)) => {
+                self.odometry.bridge(told.inverse());
+                self.odometry.bridge(other);
+                self.at_line = (self.odometry.clone(), board);
+                self.witness.begin(self.odometry.pose(), board);
+            }
+            Some(Finding::Turn(told, other)) => {
+                if let Some(localiser) = &mut self.localiser {
+                    localiser.doubt(told, other);
+                }
+            }
+            None => {}
+        }
+    }
+
+    /// From the last line on, the car moved as the board tells.
+    fn bridge(&mut self) {
+        let (odometry, board) = &self.at_line;
+        let motion = board.motion_to(self.by_board.pose());
+        self.odometry.clone_from(odometry);
+        self.odometry.bridge(motion);
     }
 
     pub(super) fn see(&mut self, message: &[u8]) {
@@ -162,11 +233,28 @@ impl Apollo13 {
         {
             let pose = localiser.estimate().pose;
             self.move_origin(pose);
+            self.judge_fit();
         }
         if is_to_be_entered {
             self.seen = Some(self.now);
             let camera = self.pose().shifted(CAMERA_AHEAD_M);
             self.floor.see(camera, &beams);
+        }
+    }
+
+    /// Scans that do not fit for a while: the car may be elsewhere.
+    fn judge_fit(&mut self) {
+        let Some(localiser) = &mut self.localiser else {
+            return;
+        };
+        let was_lost = self.misfits >= MISFITS_MAX;
+        self.misfits = match localiser.fit() < FIT_MIN {
+            true => (self.misfits + 1).min(MISFITS_MAX),
+            false => self.misfits.saturating_sub(2),
+        };
+        self.counters.lost += u64::from(!was_lost && self.misfits == MISFITS_MAX);
+        if self.misfits >= MISFITS_SEARCHED {
+            localiser.search(SEARCHED, SEARCHED_SIGMA);
         }
     }
 
@@ -183,13 +271,10 @@ impl Apollo13 {
             left_m: -right,
             turn_rad: 0.0,
         });
-        let id = marker.id.into();
-        self.gates.see(id, [place.x_m, place.y_m]);
-        // What holds it may be lower than the camera.
-        let stands = self.gates.markers().find(|(other, _)| *other == id);
-        if let Some((_, place)) = stands {
-            self.floor.stand(self.now, place);
-        }
+        self.gates.see(marker.id.into(), [place.x_m, place.y_m]);
+        // What holds it may be lower than the camera, and stays.
+        let places = self.gates.markers().map(|(_, place)| place);
+        self.floor.stand(places);
     }
 
     pub(super) fn hear_phone(&mut self, packet: &[u8]) {
@@ -233,6 +318,8 @@ impl Apollo13 {
         match (message.addr.as_str(), &values[..]) {
             ("/goal", []) => self.set_goal(None),
             ("/goal", values) => match pose(values) {
+                // Said again, as packets are lost.
+                Some(goal) if self.pilot.is_after(goal) => {}
                 Some(goal) => self.set_goal(Some(goal)),
                 None => return false,
             },

@@ -11,6 +11,7 @@ use std::string::ToString as _;
 use std::vec::Vec;
 
 use super::*;
+use crate::Inspect as _;
 use crate::ackermann::{CarGeometry, wrapped};
 use crate::random::Pcg32;
 use crate::robots::apollo13::pilot::GoalState;
@@ -30,6 +31,7 @@ struct Car<'a> {
     now: Instant,
     random: Pcg32,
     has_touched: bool,
+    has_odometer: bool,
 }
 
 impl<'a> Car<'a> {
@@ -45,6 +47,7 @@ impl<'a> Car<'a> {
             drive: Drive::STOP,
             now: Instant::ZERO,
             has_touched: false,
+            has_odometer: true,
         }
     }
 
@@ -126,8 +129,10 @@ impl<'a> Car<'a> {
             yaw_rad: wrapped(self.pose.heading_rad) as f32,
             time_ms: u32::try_from(ms).unwrap(),
         });
-        self.program
-            .receive(Apollo13::ODOMETER, self.now, line.as_bytes());
+        if self.has_odometer {
+            self.program
+                .receive(Apollo13::ODOMETER, self.now, line.as_bytes());
+        }
         if ms.is_multiple_of(70) {
             let cm = |range_m: f64| (range_m * 100.0).round() as u16;
             let front = self.range(self.pose.shifted(FRONT_AHEAD_M), 0.0, 6.0);
@@ -136,6 +141,8 @@ impl<'a> Car<'a> {
                 front_cm: cm(front),
                 right_cm: cm(side(-core::f64::consts::FRAC_PI_2)),
                 left_cm: cm(side(core::f64::consts::FRAC_PI_2)),
+                // A pulse each 25.13 mm.
+                hall: (self.travel / 0.02513) as u16,
                 battery_mv: 7_400,
                 ..car_board::Readings::default()
             };
@@ -245,6 +252,39 @@ fn d1_an_obstacle_that_is_on_no_map_is_passed() {
         assert!(off < 0.30, "seed {seed}: {off}");
         assert!(pilot.plans() > 1);
     }
+}
+
+/// The odometer falls silent on the way and never answers: the car gets there by its board.
+#[test]
+fn an_odometer_that_is_gone_for_good_is_done_without() {
+    for seed in 0..3 {
+        let mut car = Car::new(in_hall(seed, START), &hall);
+        car.say("/modes/toggle4", &[1.0]);
+        car.say("/goal", &[4.5, 1.5, 0.0]);
+        car.run(4.0);
+        car.has_odometer = false;
+        car.run(1.0);
+        assert_eq!(car.drive.level, 0, "seed {seed}");
+        car.run(60.0);
+        let state = (car.program.pilot().state(), car.has_touched);
+        assert_eq!(state, (GoalState::Reached, false), "seed {seed}");
+        let off = libm::hypot(car.pose.x_m - 4.5, car.pose.y_m - 1.5);
+        assert!(off < 0.40, "seed {seed}: {off}");
+    }
+}
+
+/// A click of 1.3 m and 0.5 rad beside where the car believes to be.
+#[test]
+fn a_pose_that_somebody_says_is_believed() {
+    let mut car = Car::new(in_hall(1, START), &hall);
+    car.markers = [(10, [3.0, 2.4])].into();
+    car.run(0.5);
+    assert_eq!(car.program.gates().markers().count(), 1);
+    car.say("/pose", &[2.0, 1.8, 0.5]);
+    let found = car.program.pose();
+    assert!(libm::hypot(found.x_m - 2.0, found.y_m - 1.8) < 1e-6);
+    assert!((found.heading_rad - 0.5).abs() < 1e-6);
+    assert_eq!(car.program.gates().markers().count(), 0);
 }
 
 /// AP14: three gates of 0.8 m, each crossed once, 5 cm and more from the boxes; one of 0.35 m is

@@ -1,0 +1,211 @@
+//! Watches whether the odometer can be believed, and what to do when it cannot.
+//!
+//! Its microcontroller takes the gyroscope's offset when it starts, from samples at rest. It starts
+//! whenever its port is opened, and by itself after a loss of supply. So an odometer that fell
+//! silent, or that began anew while the car was rolling, is started once more by opening its port,
+//! with the car at rest. If it stays silent, the car goes on by what its board tells.
+
+use core::time::Duration;
+
+use protocols::Instant;
+
+/// Lines come each 10 ms; longer silence is none that a scheduler makes.
+const SILENT: Duration = Duration::from_millis(250);
+/// The car is at rest when it was not told to move, and no wheel turned, for so long: its motor has
+/// a lag of 0.3 s.
+const AT_REST: Duration = Duration::from_millis(1_200);
+/// How long before the first line the offset was taken.
+const CALIBRATED_BEFORE: Duration = Duration::from_millis(200);
+/// A silent odometer is started even if the car does not come to rest, after so long: somebody
+/// drives it by hand. Once more at rest, then.
+const PATIENCE: Duration = Duration::from_secs(3);
+/// The first line comes 0.27 s after the start.
+const ANSWERS: Duration = Duration::from_millis(1_500);
+/// Attempts until the car goes on without.
+const ATTEMPTS: u8 = 3;
+/// After so long without it, one attempt more.
+const ONCE_MORE: Duration = Duration::from_secs(30);
+
+/// What is done about the odometer.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum State {
+    /// Nothing: it can be believed.
+    #[default]
+    Fine,
+    /// The car comes to rest, from then on.
+    Resting(Instant),
+    /// Its port was opened then.
+    Opened(Instant),
+    /// It is gone, since then.
+    Gone(Instant),
+}
+
+/// The watch.
+#[derive(Clone, Debug, Default)]
+pub struct OdometerWatch {
+    state: State,
+    heard: Option<Instant>,
+    /// When the car was last told to move, or a wheel turned.
+    rolled: Option<Instant>,
+    /// Whether its offset was taken while the car was rolling.
+    is_misled: bool,
+    attempts: u8,
+    is_to_be_opened: bool,
+    openings: u64,
+}
+
+impl OdometerWatch {
+    /// A line came; `is_first` after a start of the microcontroller.
+    pub fn hear(&mut self, now: Instant, is_first: bool) {
+        self.heard = Some(now);
+        let was_rolling = |rolled| now - rolled < AT_REST + CALIBRATED_BEFORE;
+        match self.state {
+            // What came before its start is still on the way.
+            State::Opened(_) if self.is_misled && !is_first => {}
+            _ if is_first && self.rolled.is_some_and(was_rolling) => {
+                (self.is_misled, self.attempts) = (true, 0);
+                self.state = State::Resting(now);
+            }
+            State::Resting(_) if self.is_misled && !is_first => {}
+            _ => {
+                self.is_misled = false;
+                self.state = State::Fine;
+            }
+        }
+    }
+
+    /// The car is told to move, or a wheel turned.
+    pub const fn roll(&mut self, now: Instant) {
+        self.rolled = Some(now);
+    }
+
+    /// Goes on in time.
+    pub fn poll(&mut self, now: Instant) {
+        let is_silent = self.is_silent(now);
+        match self.state {
+            State::Fine if is_silent => {
+                self.attempts = 0;
+                self.state = State::Resting(now);
+            }
+            State::Resting(began) => {
+                let since = self.rolled.map_or(began, |rolled| rolled.max(began));
+                if now - since >= AT_REST || is_silent && now - began >= PATIENCE {
+                    self.attempts += 1;
+                    self.openings += 1;
+                    self.is_to_be_opened = true;
+                    self.state = State::Opened(now);
+                }
+            }
+            State::Opened(at) if now - at >= ANSWERS => {
+                self.state = match self.attempts >= ATTEMPTS {
+                    true => State::Gone(now),
+                    false => State::Resting(now),
+                };
+            }
+            State::Gone(since) if is_silent && now - since >= ONCE_MORE => {
+                self.attempts = ATTEMPTS - 1;
+                self.state = State::Resting(now);
+            }
+            _ => {}
+        }
+    }
+
+    /// Whether no line has come for longer than usual.
+    pub fn is_silent(&self, now: Instant) -> bool {
+        now - self.heard.unwrap_or(Instant::ZERO) > SILENT
+    }
+
+    /// Whether the car must not drive where it has to know its place.
+    pub const fn wants_rest(&self) -> bool {
+        matches!(self.state, State::Resting(_) | State::Opened(_))
+    }
+
+    /// Whether the port is to be opened now; told once.
+    pub const fn take_opening(&mut self) -> bool {
+        core::mem::replace(&mut self.is_to_be_opened, false)
+    }
+
+    /// How often the port was opened.
+    pub const fn openings(&self) -> u64 {
+        self.openings
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use std::vec::Vec;
+
+    use super::*;
+
+    fn at(ms: u64) -> Instant {
+        Instant::ZERO + Duration::from_millis(ms)
+    }
+
+    /// Polls each 10 ms; when the port was opened.
+    fn openings(watch: &mut OdometerWatch, from_ms: u64, until_ms: u64) -> Vec<u64> {
+        let times = (from_ms..until_ms).step_by(10);
+        let opened = |ms: &u64| {
+            watch.poll(at(*ms));
+            watch.take_opening()
+        };
+        times.filter(opened).collect()
+    }
+
+    /// Silent from 1 s on: noticed after 250 ms, opened 1.2 s later, three times each 2.7 s, and
+    /// once more after half a minute.
+    #[test]
+    fn a_silent_odometer_is_opened_three_times_and_then_done_without() {
+        let mut watch = OdometerWatch::default();
+        watch.hear(at(1_000), true);
+        assert!(openings(&mut watch, 1_000, 1_250).is_empty() && !watch.wants_rest());
+        let opened = openings(&mut watch, 1_250, 9_400);
+        assert_eq!(opened, [2_460, 5_160, 7_860]);
+        assert!(!watch.wants_rest());
+        assert_eq!(openings(&mut watch, 9_400, 41_000), [40_560]);
+    }
+
+    /// It answers: the car may drive again.
+    #[test]
+    fn an_odometer_that_answers_is_believed() {
+        let mut watch = OdometerWatch::default();
+        watch.hear(at(0), true);
+        assert_eq!(openings(&mut watch, 0, 2_000), [1_460]);
+        assert!(watch.wants_rest());
+        watch.hear(at(2_000), true);
+        assert!(!watch.wants_rest() && openings(&mut watch, 2_000, 2_200).is_empty());
+    }
+
+    /// Silent from 0 on in a car that is driven by hand: opened after 3 s all the same.
+    #[test]
+    fn an_odometer_is_started_in_a_car_that_rolls_on() {
+        let mut watch = OdometerWatch::default();
+        let mut opened = Vec::new();
+        for ms in (0..4_000).step_by(10) {
+            watch.roll(at(ms));
+            watch.poll(at(ms));
+            opened.extend(watch.take_opening().then_some(ms));
+        }
+        assert_eq!(opened, [3_260]);
+    }
+
+    /// A start at 2 s while the car rolls took a wrong offset: rest, and a start at rest. Lines
+    /// that are not the first after a start prove nothing.
+    #[test]
+    fn an_odometer_that_started_while_the_car_rolled_is_started_at_rest() {
+        let mut watch = OdometerWatch::default();
+        watch.hear(at(0), true);
+        let mut opened = Vec::new();
+        for ms in (0..6_000).step_by(10) {
+            if (500..2_000).contains(&ms) {
+                watch.roll(at(ms));
+            }
+            watch.hear(at(ms), [2_000, 3_500].contains(&ms));
+            assert_eq!(watch.wants_rest(), (2_000..3_500).contains(&ms), "{ms}");
+            watch.poll(at(ms));
+            opened.extend(watch.take_opening().then_some(ms));
+        }
+        assert_eq!(opened, [3_200]);
+    }
+}

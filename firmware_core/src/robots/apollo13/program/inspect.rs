@@ -1,0 +1,55 @@
+//! What an observer may look at.
+
+use protocols::Instant;
+
+use super::{Apollo13, Mode};
+use crate::Inspect;
+use crate::map_view::MapView;
+use crate::pose::{Point, Pose};
+
+impl Inspect for Apollo13 {
+    fn estimate(&self) -> Option<(Instant, Pose)> {
+        let pose = self.pose();
+        #[expect(clippy::cast_possible_truncation, reason = "an observer needs 24 bits")]
+        let [x_mm, y_mm, heading] =
+            [pose.x_m * 1_000.0, pose.y_m * 1_000.0, pose.heading_rad].map(|value| value as f32);
+        Some((self.now, Pose::new(x_mm, y_mm, heading)))
+    }
+
+    fn map(&self) -> Option<MapView<'_>> {
+        self.floor.view()
+    }
+
+    fn scan(&self) -> &[Point] {
+        &self.scan
+    }
+
+    fn mode(&self) -> &'static str {
+        match self.arbiter.mode() {
+            Mode::Remote => "remote",
+            Mode::Autonomous | Mode::Gates if self.is_lost() => "lost",
+            Mode::Autonomous => "autonomous",
+            Mode::Gates => "gates",
+            Mode::Contradiction => "contradiction",
+            Mode::Killed => "killed",
+        }
+    }
+
+    fn counters(&self, report: &mut dyn FnMut(&'static str, u64)) {
+        let counters = &self.counters;
+        report("board frames", counters.frames);
+        report("board bad frames", counters.bad_frames);
+        report("odometer lines", counters.lines);
+        report("odometer bad lines", counters.bad_lines);
+        report("odometer openings", self.watch.openings());
+        report("scans", counters.scans);
+        report("messages without meaning", counters.bad_messages);
+        report("remote packets", counters.packets);
+        report("remote bad packets", counters.bad_packets);
+        report("odometer doubted", counters.doubts);
+        report("pose lost", counters.lost);
+        report("plans", self.pilot.plans());
+        report("obstacles too near", counters.too_near);
+        report("gates passed", self.gates.passed().len() as u64);
+    }
+}
