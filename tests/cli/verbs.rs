@@ -45,7 +45,7 @@ impl Verb {
 }
 
 /// All of them. `base` is the folder of an earlier run, a rig runs in `live`.
-pub(crate) const VERBS: [Verb; 25] = [
+pub(crate) const VERBS: [Verb; 26] = [
     verb("demo", "demo --out o/demo"),
     verb("run", "run s.toml --out o/run --junit o/junit.xml"),
     verb("new", "new o/new"),
