@@ -135,7 +135,8 @@
   }
   function play() {
     if (playing !== null) return stop();
-    if (Number(time.value) >= run.end) time.value = "0";
+    // The slider has steps: its last one may lie before the end.
+    if (Number(time.value) > run.end - 0.1) time.value = "0";
     const begun = performance.now(), from = Number(time.value);
     const speed = Math.max(run.end / 60, 1) * (run.end > 20 ? 5 : 1);
     const mine = playing = {};
