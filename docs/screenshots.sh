@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# Makes the pictures of the README anew, in docs/img, by the tests that look at the same things.
+# Makes the pictures of the README and of these docs anew, in docs/img: page, light and dark, of
+# three robots; report and the robot's display.
 #
 # usage: bash docs/screenshots.sh
 #
-# Needs chromium and chromedriver (Debian: chromium, chromium-driver).
+# Needs chromium, chromedriver, node and npm, and hilrig ($HILRIG, or target/debug/hilrig).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-mkdir -p docs/img
-HILRIG_PICTURES=$PWD/docs/img CI=1 cargo test --locked --test page picture
+bash tests/browser/run.sh --pictures
 ls -l docs/img

@@ -35,6 +35,7 @@ pub use device::{
 pub use drives::DrivesSpec;
 pub use fault::{
     AdapterSpec, DirectionSpec, FaultKind, FaultPlace, FaultSpec, Flaw, LinkSpec, WhenSpec,
+    catalogue as fault_catalogue,
 };
 pub use maze::MazeSpec;
 pub use mission::{Action, Expect, Mission, SetPoint, Step};

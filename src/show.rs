@@ -1,6 +1,7 @@
 //! What people look at: the page, the report, maps and pictures, the result folder.
 
 pub mod folder;
+mod meaning;
 mod metrics;
 pub mod render;
 pub mod report;

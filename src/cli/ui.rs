@@ -23,6 +23,7 @@ use crate::whole_file;
 #[command(after_long_help = "Examples:\n  \
     hilrig ui scenarios/rescue-flat.toml\n  \
     hilrig ui scenarios/rescue-flat.toml --port 8080 --speed 4 --save my-case.toml\n  \
+    hilrig ui scenarios/rescue-flat.toml --paused\n  \
     hilrig ui --pc /dev/rfcomm0            # the PC program alone, against a real robot\n  \
     hilrig ui --pc /tmp/robot/pc           # .. or against a rig of \"hilrig up --pc\"\n  \
     hilrig ui --pc /dev/ttyUSB0 --robot yellow")]
@@ -31,7 +32,7 @@ pub(super) struct Ui {
     #[arg(value_name = "SCENARIO", required_unless_present = "pc")]
     scenario: Option<PathBuf>,
     /// No rig: the PC program on this port, against whatever robot is there
-    #[arg(long, value_name = "PORT", conflicts_with_all = ["scenario", "speed", "seed", "save"])]
+    #[arg(long, value_name = "PORT", conflicts_with_all = ["scenario", "speed", "seed", "save", "paused"])]
     pc: Option<PathBuf>,
     /// Whose PC program it is [default: the first robot that has one]
     #[arg(long, value_name = "NAME", requires = "pc")]
@@ -42,6 +43,9 @@ pub(super) struct Ui {
     /// Virtual seconds per second, up to 100
     #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = speed)]
     speed: f64,
+    /// Stand still at the beginning
+    #[arg(long)]
+    paused: bool,
     /// Seed in place of the scenario's own
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
     seed: Option<u64>,
@@ -114,6 +118,9 @@ fn run_rig(args: &Ui, stop: &Stop) -> Result<(), CliError> {
     let hub = Hub::new();
     let clock = WallClock::start();
     let mut session = Session::new(scenario, source, Arc::clone(&hub), clock, args.speed)?;
+    if args.paused {
+        session.pause();
+    }
     let _server = args.place.serve("--port", hub)?;
     while !stop.is_due(session.clock().now()) {
         session.turn();

@@ -1,5 +1,6 @@
 //! Settings of links, and what goes wrong on them.
 
+mod catalogue;
 mod keys;
 mod kind;
 mod plan;
@@ -14,6 +15,7 @@ use super::Span;
 use crate::rig::fault::{Damage, Strike, Window};
 use crate::rig::line::Direction;
 
+pub use catalogue::catalogue;
 pub use kind::{FaultKind, FaultPlace};
 pub use when::WhenSpec;
 

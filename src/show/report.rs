@@ -55,7 +55,7 @@ pub fn html(outcome: &Outcome) -> String {
         counters(outcome),
     ]
     .concat();
-    let drawing = view::SCRIPT;
+    let (drawing, lanes) = (view::SCRIPT, view::LANES);
     format!(
         r#"<!doctype html>
 <html lang="en">
@@ -71,6 +71,8 @@ pub fn html(outcome: &Outcome) -> String {
 {body}<script type="application/json" id="run">{data}</script>
 <script nonce="{nonce}">
 {drawing}</script>
+<script nonce="{nonce}">
+{lanes}</script>
 <script nonce="{nonce}">
 {SCRIPT}</script>
 </body>
@@ -182,7 +184,7 @@ mod tests {
     /// What is inlined must not end the element that it stands in.
     #[test]
     fn nothing_inlined_ends_its_element() {
-        for part in [SCRIPT, view::SCRIPT] {
+        for part in [SCRIPT, view::SCRIPT, view::LANES] {
             assert!(!part.to_lowercase().contains("</script"));
             assert!(!part.contains("<!--"));
         }

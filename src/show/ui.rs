@@ -12,9 +12,12 @@
 //! through a queue that refuses what does not fit, is done between two steps of virtual time, and
 //! becomes part of the scenario, so that the session can be repeated byte by byte.
 
+mod checkpoints;
 mod command;
+mod deed;
 mod delta;
 mod desk;
+mod figures;
 mod guard;
 mod hub;
 mod map_layers;
@@ -24,7 +27,9 @@ mod server;
 mod session;
 mod snapshot;
 mod timeline;
+mod told;
 mod wire;
+mod wire_log;
 
 pub(crate) use desk::Desk;
 pub(crate) use hub::Hub;

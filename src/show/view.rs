@@ -8,6 +8,28 @@ pub use crate::run::scene::{Outline, Scene, footprint, millimetres, scene};
 /// The drawing functions: a classic script that defines `hilrigView`.
 pub const SCRIPT: &str = include_str!("view/view.js");
 
+/// The time line: lanes, marks and plots on a canvas; needs [`SCRIPT`] and defines `hilrigLanes`.
+pub const LANES: &str = include_str!("view/lanes.js");
+
+/// Bytes as text, RFC 4648 section 4, for `bytes` of the script: a third shorter than digits.
+pub(crate) fn base64(bytes: &[u8]) -> String {
+    const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    for group in bytes.chunks(3) {
+        let byte = |index: usize| u32::from(group.get(index).copied().unwrap_or(0));
+        let bits = byte(0) << 16 | byte(1) << 8 | byte(2);
+        for index in 0..4 {
+            let letter = LETTERS[(bits >> (18 - 6 * index) & 63) as usize];
+            out.push(if index <= group.len() {
+                letter.into()
+            } else {
+                '='
+            });
+        }
+    }
+    out
+}
+
 /// A picture as runs of count, red, green and blue, top row first: `drawPicture` of the script.
 pub fn picture_runs(picture: &Picture) -> Vec<u8> {
     let runs = picture.pixels().chunk_by(|a, b| a == b);
@@ -23,6 +45,21 @@ pub fn picture_runs(picture: &Picture) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The test vectors of RFC 4648, section 10.
+    #[test]
+    fn bytes_are_written_as_the_standard_says() {
+        let cases = [
+            ("", ""),
+            ("f", "Zg=="),
+            ("fo", "Zm8="),
+            ("foo", "Zm9v"),
+            ("foobar", "Zm9vYmFy"),
+        ];
+        for (bytes, text) in cases {
+            assert_eq!(base64(bytes.as_bytes()), text);
+        }
+    }
 
     /// 300 pixels of one colour and one of another: 255, 45 and 1.
     #[test]

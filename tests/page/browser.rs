@@ -245,12 +245,6 @@ impl Browser {
         done.expect("the key moves");
     }
 
-    /// A picture of the window, PNG.
-    pub(crate) fn picture(&self) -> Vec<u8> {
-        let picture = self.runtime.block_on(self.client().screenshot());
-        picture.expect("a picture")
-    }
-
     /// Pauses the run; the time at which it stands, everything the page shows belonging to it.
     pub(crate) fn pause(&self) -> u64 {
         if self.value("hilrig.now.paused") == false {

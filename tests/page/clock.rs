@@ -32,6 +32,7 @@ fn a_run_begins_anew_with_another_seed() {
     browser.wait("hilrig.now.at_ns > 5e9 && hilrig.stage.seed === 1");
     browser.set("#speed", "1");
     browser.wait("hilrig.now.speed === 1");
+    browser.click("#more summary");
     browser.set("#seed", "7");
     browser.click("#restart");
     browser.wait("hilrig.stage && hilrig.stage.seed === 7 && hilrig.stage.run === 2");

@@ -35,7 +35,13 @@ fn foreign_origins_and_hosts_are_refused() {
     let server = Server::of("empty-room", "1");
     let host = format!("Host: {}", server.host);
     assert_eq!(server.get("/").0, 200);
-    for path in ["/", "/ws", "/case.toml", "/map?at_ms=0"] {
+    for path in [
+        "/",
+        "/ws",
+        "/case.toml",
+        "/moment?at_ns=0",
+        "/frames?at_ns=0",
+    ] {
         let foreign = server.ask(path, &[&host, "Origin: http://evil.example"]);
         assert_eq!(foreign.0, 403, "{path}");
         assert_eq!(server.ask(path, &["Host: evil.example"]).0, 403, "{path}");
@@ -52,7 +58,7 @@ fn foreign_origins_and_hosts_are_refused() {
     let port = server.host.rsplit_once(':').expect("a port").1;
     let rebound = format!("Host: evil.example:{port}");
     assert_eq!(server.ask("/", &[&rebound]).0, 403);
-    assert_eq!(server.get("/map?at_ms=-1").0, 400);
+    assert_eq!(server.get("/moment?at_ns=-1").0, 400);
     assert_eq!(server.get("/../Cargo.toml").0, 404);
 }
 
@@ -105,7 +111,8 @@ fn a_huge_message_costs_the_page_its_connection_and_nobody_else() {
 /// fifty-first is refused, and places are given back.
 #[test]
 fn fifty_pages_that_do_not_read_hold_nothing_up() {
-    let server = Server::of("rescue-flat", "30");
+    let flat = super::server::endless("rescue-flat", "fifty");
+    let server = Server::start(&[&flat, "--speed", "30"]);
     let idle: Vec<Page> = (0..49)
         .map(|_| server.page().expect("there is room"))
         .collect();

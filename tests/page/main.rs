@@ -9,6 +9,7 @@ mod display;
 mod hostile;
 mod live;
 mod overlays;
+mod past;
 mod remote;
 mod report;
 mod server;

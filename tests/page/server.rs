@@ -78,6 +78,20 @@ pub(crate) fn scenario(name: &str) -> String {
     format!("{}/scenarios/{name}.toml", env!("CARGO_MANIFEST_DIR"))
 }
 
+/// The path of a shipped scenario that goes on for an hour whatever comes of its mission; `test`
+/// is whose it is.
+pub(crate) fn endless(name: &str, test: &str) -> String {
+    let text = std::fs::read_to_string(scenario(name)).expect("shipped");
+    let lines = text.lines().map(|line| match line {
+        "[mission]" => "[mission]\nto_the_end = true\n".to_owned(),
+        line if line.starts_with("duration = ") => "duration = \"1h\"\n".to_owned(),
+        line => format!("{line}\n"),
+    });
+    let path = folder(&format!("endless-{test}")).join(format!("{name}.toml"));
+    std::fs::write(&path, lines.collect::<String>()).expect("can be written");
+    path.to_str().expect("plain letters").to_owned()
+}
+
 /// A page being served.
 pub(crate) struct Server {
     process: Process,

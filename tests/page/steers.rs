@@ -10,7 +10,8 @@ use super::server::Server;
 
 /// A room without a mission, the PC connected.
 fn room(name: &str) -> Option<(Server, Browser)> {
-    let server = Server::start(&[&super::server::scenario("empty-room"), "--speed", "2"]);
+    let room = super::server::endless("empty-room", name);
+    let server = Server::start(&[&room, "--speed", "2"]);
     let browser = Browser::at(name, &server)?;
     browser.wait("hilrig.now.pc.connection === 'connected' && hilrig.now.pc.size_mm");
     browser.click("[data-mode=stop]");
@@ -122,12 +123,12 @@ fn a_fault_by_click_strikes_and_joins_the_session() {
     let Some((server, browser)) = room("faults") else {
         return;
     };
-    browser.set("#fault-link", "base");
-    browser.set("#fault-way", "to-master");
+    browser.click("#tab-faults");
+    browser.click("#wiring [aria-label='base, to the robot']");
     browser.set("#fault-kind", "flip");
-    browser.set("#fault-rate", "0.02");
+    browser.set("#fault-keys [name=rate]", "0.02");
     browser.set("#fault-s", "0");
-    browser.click("#fault button");
+    browser.click("#inject");
     let hits = "hilrig.slow.lanes.find((lane) => lane.name === 'base')['to-master'].tally.faults";
     browser.wait(&format!("{hits} > 3"));
     browser.wait("document.querySelector('#faults button')");

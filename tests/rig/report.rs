@@ -40,7 +40,7 @@ fn nothing_of_the_scenario_is_markup() {
     let html = wounded();
     assert!(html.contains("<p>&lt;img src=x onerror=alert(1)&gt;&lt;/script&gt;</p>"));
     assert!(!html.contains("<img"));
-    assert_eq!(html.matches("</script>").count(), 3);
+    assert_eq!(html.matches("</script>").count(), 4);
     assert!(html.contains("content=\"default-src 'none'; script-src 'nonce-"));
     assert!(!html.contains("://"), "an address");
 }

@@ -5,20 +5,13 @@ use core::fmt::{self, Write as _};
 use super::{Change, Comparison, Merged};
 use crate::html::Escaped;
 
-const HEAD: &str = "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\">\
-    <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
-    <title>hilrig campaign</title><style>\
-    body{font:15px/1.5 system-ui,sans-serif;margin:2em auto;max-width:70em;padding:0 1em;\
-    color:#222;background:#fff}table{border-collapse:collapse;width:100%}\
-    th,td{border:1px solid #ccc;padding:.3em .6em;text-align:left;vertical-align:top}\
-    th{background:#f2f2f2}td.n{text-align:right}code{font-size:.9em;white-space:pre-wrap}\
-    .bad{color:#a00}.good{color:#070}\
-    td{overflow-wrap:anywhere}\
-    @media(prefers-color-scheme:dark){:root{color-scheme:dark}body{color:#e6e6e6;background:#16191d}\
-    th{background:#22262b}th,td{border-color:#363c44}.bad{color:#ff8a80}.good{color:#66d19e}}\
-    @media(max-width:600px){body{margin:1em auto}table,tbody,tr,td{display:block;border:0}\
-    th{display:none}tr{border-top:1px solid #888;padding:.4em 0}td{padding:.1em 0}\
-    td.n{text-align:left;font-weight:bold}}</style>";
+const HEAD: &str = concat!(
+    "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n\
+     <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+     <title>hilrig campaign</title>\n<style>\n",
+    include_str!("page.css"),
+    "</style>\n<main>\n"
+);
 
 /// The page of `merged`.
 pub(crate) fn page(merged: &Merged) -> String {
@@ -53,37 +46,65 @@ fn write_page(merged: &Merged, out: &mut String) -> fmt::Result {
         )?;
     }
     write!(out, "<p>Trace <code>{}</code>", merged.trace)?;
-    out.write_str(
-        "<h2>Failures by cause</h2><table><tr><th>cause<th>runs<th>first<th>what it says\
-         <th>smallest case",
-    )?;
+    write_causes(merged, out)?;
+    if let Some(comparison) = &merged.comparison {
+        write_comparison(comparison, out)?;
+    }
+    write_situations(merged, out)?;
+    out.write_str("</main>\n</html>\n")
+}
+
+/// A card for each cause, the most frequent first.
+fn write_causes(merged: &Merged, out: &mut String) -> fmt::Result {
+    if merged.groups.is_empty() {
+        return Ok(());
+    }
+    out.write_str("<h2>Failures by cause</h2><ol class=\"causes\">")?;
     for group in &merged.groups {
         let (scenario, seed) = &group.first;
         write!(
             out,
-            "<tr><td>{}<td class=\"n\">{}<td>{} seed {seed}<td>{}<td>",
+            "<li><h3>{}</h3><p><b>{} of {} runs</b> <progress max=\"{}\" value=\"{}\" \
+             aria-label=\"share of all runs\"></progress><p>{}<p>first: {} seed {seed}",
             Escaped(&group.cause),
             group.runs,
+            merged.runs,
+            merged.runs,
+            group.runs,
+            Escaped(&group.detail),
             Escaped(scenario),
-            Escaped(&group.detail)
         )?;
+        for (scenario, seed) in &group.others {
+            write!(out, ", {} seed {seed}", Escaped(scenario))?;
+        }
         if let (Some(case), Some(left)) = (&group.case, &group.left) {
             let (case, left) = (Escaped(case), Escaped(left));
-            write!(out, "<a href=\"{case}\">{case}</a><br>{left}<br>")?;
-            write!(out, "<code>hilrig run {case}</code>")?;
+            write!(
+                out,
+                "<p>smallest case: <a href=\"{case}\">{case}</a>, {left}"
+            )?;
+            write!(out, "<p><code>hilrig run {case}</code>")?;
         }
     }
-    out.write_str("</table>")?;
-    if let Some(comparison) = &merged.comparison {
-        write_comparison(comparison, out)?;
+    out.write_str("</ol>")
+}
+
+/// Those that never came up, and folded those that did.
+fn write_situations(merged: &Merged, out: &mut String) -> fmt::Result {
+    let (met, never): (Vec<_>, Vec<_>) = merged.situations.iter().partition(|one| one.runs > 0);
+    out.write_str("<h2>Situations that must come up</h2>")?;
+    if !never.is_empty() {
+        out.write_str("<p class=\"bad\">Never came up: ")?;
+        let names: Vec<&str> = never.iter().map(|one| &*one.situation).collect();
+        write!(out, "{}.", Escaped(&names.join(", ")))?;
     }
-    out.write_str("<h2>Situations that must come up</h2><table><tr><th>what<th>runs")?;
-    for count in &merged.situations {
-        let class = if count.runs == 0 { "n bad" } else { "n" };
+    write!(out, "<details><summary>{} came up</summary>", met.len())?;
+    out.write_str("<table><tr><th>what<th>runs")?;
+    for count in met {
         let name = Escaped(&count.situation);
-        write!(out, "<tr><td>{name}<td class=\"{class}\">{}", count.runs)?;
+        write!(out, "<tr><td>{name}<td class=\"n\">{}", count.runs)?;
     }
-    out.write_str("</table></html>\n")
+    out.write_str("</table></details>")
 }
 
 fn write_comparison(comparison: &Comparison, out: &mut String) -> fmt::Result {

@@ -6,11 +6,12 @@
 //!  map: {width, height, resolution_m} | null, maps: [{at, shades} | {at, runs}],
 //!  layers: [{name, width, height, resolution_m, origin_m, runs}],
 //!  scans: [{at, points}], overlays: [{at, overlays}],
-//!  lanes: [{name, load, errors, faults}], marks: [{at, kind}],
+//!  bin, lanes: [{name, load, errors, faults}], marks: [{at, kind}],
+//!  bars: [{name, lane, from, to}], error: {at, mm}, failed: s | null,
 //!  display: {width, height, runs} | null}
 //! ```
 //!
-//! `runs` and `shades` are hexadecimal; the rest is as `view/view.js` takes it. The last map is
+//! `runs` and `shades` are base64; the rest is as `view/view.js` takes it. The last map is
 //! whole, those before it have 16 shades: a map is noise while it forms, and this bounds it.
 
 use emulators::world::Pose;
@@ -20,16 +21,20 @@ use protocols::rle::{self, Dialect};
 use serde_json::{Value, json};
 
 use super::text::first_time;
-use crate::hex::digits;
 use crate::rig::Logged;
+use crate::rig::line::Direction;
 use crate::robots::KeptMap;
 use crate::run::Outcome;
 use crate::run::check::Status;
 use crate::run::history::Lane;
-use crate::show::view::{self, millimetres};
+use crate::run::score::PosePair;
+use crate::scenario::FaultSpec;
+use crate::show::view::{self, base64, millimetres};
 
 /// Most points of a way.
 const WAY_MAX: usize = 1500;
+/// Most points of a plot.
+const PLOT_MAX: usize = 500;
 
 /// The data of `outcome`, `events` marked on the time line.
 pub(super) fn json(outcome: &Outcome, events: &[&Logged]) -> String {
@@ -43,8 +48,8 @@ pub(super) fn json(outcome: &Outcome, events: &[&Logged]) -> String {
         .map(|(at, map)| (*at, map.view()));
     let last = outcome.map.as_ref().map(KeptMap::view);
     let last = last.map(|map| (Instant::ZERO + outcome.ran, map));
-    let maps = maps.map(|(at, map)| json!({"at": seconds(at), "shades": digits(&map_shades(map))}));
-    let last = last.map(|(at, map)| json!({"at": seconds(at), "runs": digits(&map_runs(map))}));
+    let maps = maps.map(|(at, map)| json!({"at": seconds(at), "shades": base64(&map_shades(map))}));
+    let last = last.map(|(at, map)| json!({"at": seconds(at), "runs": base64(&map_runs(map))}));
     let scans = history.scans.samples.iter();
     let scans = scans.map(|(at, points)| json!({"at": seconds(*at), "points": points}));
     let overlays = history.overlays.samples.iter();
@@ -61,12 +66,16 @@ pub(super) fn json(outcome: &Outcome, events: &[&Logged]) -> String {
         "layers": outcome.layers.iter().map(layer).collect::<Vec<_>>(),
         "scans": scans.collect::<Vec<_>>(),
         "overlays": overlays.collect::<Vec<_>>(),
+        "bin": history.bin.as_secs_f64(),
         "lanes": history.lanes.iter().map(lane).collect::<Vec<_>>(),
         "marks": marks(outcome, events),
+        "bars": bars(&outcome.case.fault),
+        "error": error(outcome),
+        "failed": failures(outcome).next(),
         "display": outcome.display.as_ref().map(|picture| json!({
             "width": picture.width(),
             "height": picture.height(),
-            "runs": digits(&view::picture_runs(picture)),
+            "runs": base64(&view::picture_runs(picture)),
         })),
     });
     data.to_string()
@@ -100,7 +109,7 @@ fn map_head(map: MapView<'_>) -> Value {
 fn layer((name, map): &(&'static str, KeptMap)) -> Value {
     let mut layer = map_head(map.view());
     layer["name"] = (*name).into();
-    layer["runs"] = digits(&map_runs(map.view())).into();
+    layer["runs"] = base64(&map_runs(map.view())).into();
     layer
 }
 
@@ -136,6 +145,47 @@ fn lane(lane: &Lane) -> Value {
     })
 }
 
+/// Faults that last, those that strike single bytes not.
+fn bars(faults: &[FaultSpec]) -> Vec<Value> {
+    let lasting = faults.iter().filter(|fault| fault.byte.is_none());
+    let lasting = lasting.take(super::FAULTS_MAX).map(|fault| {
+        let direction = fault
+            .direction
+            .map(|direction| Direction::from(direction).name());
+        let lane = direction.map(|direction| format!("{} {direction}", fault.place()));
+        let window = fault.window();
+        let until = fault
+            .until
+            .or(fault.lasting.filter(|_| fault.every.is_none()));
+        json!({
+            "name": format!("{} {}", fault.kind.name(), fault.place()),
+            "lane": lane,
+            "from": seconds(window.from),
+            "to": until.map(|_| seconds(window.until)),
+        })
+    });
+    lasting.collect()
+}
+
+/// How far the believed pose was from the true one.
+fn error(outcome: &Outcome) -> Value {
+    let step = outcome.pairs.len().div_ceil(PLOT_MAX).max(1);
+    let pairs = outcome.pairs.iter().step_by(step);
+    let error = |pair: &PosePair| {
+        let far = pair.truth.point().distance(pair.estimate.point());
+        (seconds(pair.at), (far * 10_000.0).round() / 10.0)
+    };
+    let (at, mm): (Vec<f64>, Vec<f64>) = pairs.map(error).unzip();
+    json!({"at": at, "mm": mm})
+}
+
+/// The times that failed checks name.
+fn failures(outcome: &Outcome) -> impl Iterator<Item = f64> {
+    let failed = outcome.checks.iter();
+    let failed = failed.filter(|check| check.status == Status::Fail);
+    failed.filter_map(|check| first_time(&check.detail))
+}
+
 /// Events, times that failed verdicts name, and where faults begin.
 fn marks(outcome: &Outcome, events: &[&Logged]) -> Vec<Value> {
     let events = events.iter().map(|logged| {
@@ -146,9 +196,7 @@ fn marks(outcome: &Outcome, events: &[&Logged]) -> Vec<Value> {
         };
         (logged.event.at.as_secs_f64(), kind)
     });
-    let failed = outcome.checks.iter();
-    let failed = failed.filter(|check| check.status == Status::Fail);
-    let failed = failed.filter_map(|check| Some((first_time(&check.detail)?, "fail")));
+    let failed = failures(outcome).map(|at| (at, "fail"));
     let faults = outcome.case.fault.iter().take(super::FAULTS_MAX);
     let faults = faults.filter_map(|fault| Some((fault.from?.0.as_secs_f64(), "fault")));
     let marks = events.chain(faults).chain(failed);

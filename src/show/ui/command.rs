@@ -23,6 +23,8 @@ pub(super) enum Command {
     Speed { x: f64 },
     /// The run begins anew, with another seed if one is given.
     Restart { seed: Option<u64> },
+    /// The run goes on from an earlier time, nanoseconds, and stands still there.
+    Branch { at_ns: u64 },
     /// A waypoint, millimetres of the map.
     Add { at: [i32; 2] },
     /// A waypoint goes elsewhere.

@@ -26,6 +26,8 @@ pub(super) struct SentSoFar {
     slow: Option<u64>,
     scan: Option<u64>,
     overlays: Option<u64>,
+    checks: Option<u64>,
+    series: usize,
     rows: Vec<u64>,
 }
 
@@ -46,6 +48,10 @@ impl SentSoFar {
             self.generation = timeline.generation;
             self.samples = 0;
         }
+        if let Some((text, series)) = timeline.series_since(self.series) {
+            self.series = series;
+            news.push(Message::Text(text.into()));
+        }
         if let Some((text, samples)) = timeline.samples_since(self.samples) {
             self.samples = samples;
             news.push(Message::Text(text.into()));
@@ -58,6 +64,7 @@ impl SentSoFar {
             (&mut self.slow, &snapshot.slow),
             (&mut self.scan, &snapshot.scan),
             (&mut self.overlays, &snapshot.overlays),
+            (&mut self.checks, &snapshot.checks),
         ];
         for (seen, newest) in numbered {
             if *seen != Some(newest.number) && newest.number > 0 {
@@ -101,6 +108,7 @@ mod tests {
                 text: "scan".into(),
             },
             overlays: Numbered::new("never"),
+            checks: Numbered::new("never"),
             layers: vec![book.last()],
         }
     }

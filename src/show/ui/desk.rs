@@ -12,15 +12,17 @@ use protocols::Instant;
 use serde_json::{Value, json};
 
 use super::command::{Answer, Command, Envelope};
+use super::deed::{Deed, Deeds};
+use super::figures::{self, short_pose};
 use super::hub::Hub;
 use super::map_layers::MapLayer;
-use super::pace::{PagePace, SPEED_MAX};
+use super::pace::{PagePace, Tempo};
 use super::snapshot::{Numbered, Snapshot};
-use super::timeline::{Sample, Timeline, short_pose};
-use super::wire::{Tally, Wire};
+use super::timeline::{Sample, Timeline};
+use super::told;
+use super::wire::{Counted, Tally, Wire};
 use crate::rig::fault::FaultId;
-use crate::rig::line::Direction;
-use crate::robots::{Display, Gesture, Hand, Overlay, Station};
+use crate::robots::{Display, Gesture, Hand};
 use crate::run::Run;
 use crate::scenario::Span;
 use crate::show::view;
@@ -29,6 +31,10 @@ use crate::show::view;
 pub(super) const SHOW_EVERY: Duration = Duration::from_millis(50);
 /// Wall time between two looks at what is large or changes slowly.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
+/// Virtual time after which a run that is done again is recorded.
+const REDO_SLICE: Duration = Duration::from_millis(100);
+/// Wall time between two looks at the verdicts: some of them compare the whole map.
+const JUDGE_EVERY: Duration = Duration::from_millis(500);
 /// Most commands that are done between two steps.
 const COMMANDS_AT_ONCE: usize = 64;
 
@@ -43,14 +49,7 @@ pub(super) enum Effect {
     Step(u32),
     Speed(f64),
     Restart(Option<u64>),
-}
-
-/// What the pages have to know of the clock.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Tempo {
-    is_paused: bool,
-    speed: f64,
-    is_ours: bool,
+    Branch(Instant),
 }
 
 /// One run on show.
@@ -59,16 +58,23 @@ pub(crate) struct Desk {
     number: u64,
     wire: Rc<RefCell<Wire>>,
     stage: Utf8Bytes,
+    /// Where it went on from an earlier run.
+    branched: Option<Instant>,
     hand: Hand,
+    deeds: Deeds,
     /// The robot's map and display, and what else it has of maps.
     layers: Vec<MapLayer>,
     slow: Numbered,
     scan: Numbered,
     scan_turn: u64,
     overlays: Numbered,
+    checks: Numbered,
     shown: Option<(Instant, Shown)>,
     looked: Option<(Instant, Instant)>,
-    tallies: Vec<[Tally; 2]>,
+    judged: Option<(Instant, Instant)>,
+    /// What was counted at the last look, and at the one before it, when time had not stood still.
+    tallies: [Vec<[Tally; 2]>; 2],
+    counted_at: [Instant; 2],
     events: usize,
     changes: u64,
 }
@@ -84,28 +90,95 @@ struct Shown {
 impl Desk {
     /// Puts `run` on show; `number` tells it from those before it.
     pub(crate) fn new(run: &mut Run, hub: Arc<Hub>, number: u64) -> Self {
-        let wire = Wire::listen(run);
+        let wire = Wire::listen(run, &hub.log);
         let mut timeline = hub.timeline.write().unwrap_or_else(PoisonError::into_inner);
         *timeline = Timeline::new(timeline.generation + 1);
         drop(timeline);
+        Self::with(wire, hub, number)
+    }
+
+    /// Puts a run on show that goes on from an earlier time of the one that was, when `counted` was
+    /// so; what was done by `at` is still to be [done again](Self::redo).
+    pub(super) fn branch(
+        &self,
+        run: &mut Run,
+        counted: &Counted,
+        number: u64,
+        at: Instant,
+    ) -> Self {
+        let hub = Arc::clone(&self.hub);
+        let wire = Wire::go_on(run, &hub.log, counted);
+        let events = run.rig.events().len();
+        let mut timeline = hub.timeline.write().unwrap_or_else(PoisonError::into_inner);
+        timeline.cut(run.rig.now(), events);
+        drop(timeline);
+        Self {
+            branched: Some(at),
+            deeds: self.deeds.clone(),
+            counted_at: [run.rig.now(); 2],
+            events,
+            ..Self::with(wire, hub, number)
+        }
+    }
+
+    fn with(wire: Rc<RefCell<Wire>>, hub: Arc<Hub>, number: u64) -> Self {
         let tallies = wire.borrow().tallies();
         Self {
             hub,
             number,
-            tallies,
+            tallies: [tallies.clone(), tallies],
+            counted_at: [Instant::ZERO; 2],
             wire,
             stage: Utf8Bytes::default(),
+            branched: None,
             hand: Hand::default(),
+            deeds: Deeds::default(),
             layers: Vec::new(),
             slow: Numbered::new("{}"),
             scan: Numbered::new("{}"),
             scan_turn: 0,
-            overlays: Numbered::new(&overlays(&[])),
+            overlays: Numbered::new(&told::overlays(&[])),
+            checks: Numbered::new("{}"),
             shown: None,
             looked: None,
+            judged: None,
             events: 0,
             changes: 0,
         }
+    }
+
+    /// Goes on until `until` as the run did before, `wall` being the time of the wall clock.
+    pub(super) fn redo(&mut self, run: &mut Run, until: Instant, wall: Instant) {
+        // Only a clock of one's own can be turned back; it stands still in the end.
+        let tempo = Tempo {
+            is_paused: true,
+            speed: 1.0,
+            is_ours: true,
+        };
+        let mut deeds = self
+            .deeds
+            .split(run.rig.now(), until)
+            .into_iter()
+            .peekable();
+        loop {
+            let now = run.rig.now();
+            let slice = (now + REDO_SLICE).min(until);
+            while let Some((_, deed)) = deeds.next_if(|(at, _)| *at <= now) {
+                // It could be done before, in the same state.
+                drop(deed.perform(run));
+            }
+            self.record(run, wall, tempo);
+            if now >= until {
+                return;
+            }
+            let next = deeds.peek().map_or(slice, |(at, _)| slice.min(*at));
+            run.go_on_until(next);
+        }
+    }
+
+    /// What was counted so far.
+    pub(super) fn counted(&self) -> Counted {
+        self.wire.borrow().counted()
     }
 
     /// How often somebody at a page has changed the run so far.
@@ -148,7 +221,7 @@ impl Desk {
         }
         if let Some(gesture) = self.hand.tick(wall) {
             // Whoever drove is gone; if the robot is gone as well, nothing is left to do.
-            drop(does(run, gesture));
+            drop(self.deeds.perform(run, Deed::Gesture(gesture)));
         }
     }
 
@@ -164,22 +237,23 @@ impl Desk {
             Command::Step { ms } => return Ok(Effect::Step(*ms)),
             Command::Speed { x } => return Ok(Effect::Speed(*x)),
             Command::Restart { seed } => return Ok(Effect::Restart(*seed)),
+            Command::Branch { at_ns } => return Ok(Effect::Branch(Instant::from_nanos(*at_ns))),
             Command::Save => envelope.answer(Answer::Case(run.case_so_far().to_toml())),
             Command::Fault { fault, for_ms } => {
                 let mut fault = fault.clone();
                 let now = run.rig.now() - Instant::ZERO;
                 let until = for_ms.map(|ms| Span(now + Duration::from_millis(u64::from(ms))));
                 fault.until = until.or(fault.until);
-                run.inject(*fault).map_err(|flaw| flaw.to_string())?;
+                self.deeds.perform(run, Deed::Fault(fault))?;
             }
             Command::EndFault { id } => {
-                run.withdraw(FaultId(*id))
-                    .map_err(|flaw| flaw.to_string())?;
+                self.deeds.perform(run, Deed::EndFault(FaultId(*id)))?;
             }
-            Command::Tap { place } => run.tap(*place).map_err(|error| error.to_string())?,
+            Command::Tap { place } => self.deeds.perform(run, Deed::Tap(*place))?,
             Command::Drive { axes } => {
                 if let Some(gesture) = self.hand.hold(wall, axes) {
-                    does(run, gesture).inspect_err(|_| self.hand.let_go())?;
+                    let done = self.deeds.perform(run, Deed::Gesture(gesture));
+                    done.inspect_err(|_| self.hand.let_go())?;
                 }
             }
             command => {
@@ -187,7 +261,7 @@ impl Desk {
                 if matches!(gesture, Gesture::Mode(_) | Gesture::Disconnect) {
                     self.hand.let_go();
                 }
-                does(run, gesture)?;
+                self.deeds.perform(run, Deed::Gesture(gesture))?;
             }
         }
         Ok(Effect::Done)
@@ -196,12 +270,8 @@ impl Desk {
     /// Shows the run as it is, if there is something new and somebody to see it. `pace` is the
     /// clock, if it can be set.
     pub(super) fn show(&mut self, run: &Run, wall: Instant, pace: Option<&PagePace>) {
-        self.record(run);
-        let tempo = Tempo {
-            is_paused: pace.is_some_and(PagePace::is_paused),
-            speed: pace.map_or(1.0, PagePace::speed),
-            is_ours: pace.is_some(),
-        };
+        let tempo = Tempo::of(pace);
+        self.record(run, wall, tempo);
         let shown = Shown {
             now: run.rig.now(),
             clients: self.hub.clients(),
@@ -218,25 +288,36 @@ impl Desk {
             .shown
             .is_none_or(|(_, last)| last.tempo != tempo || tempo.is_paused);
         self.shown = Some((wall, shown));
-        if self.stage.is_empty() {
-            self.stage = stage(run, self.number, tempo).to_string().into();
-        }
         if forced || self.looked.is_none_or(|(at, _)| wall - at >= LOOK_EVERY) {
             self.look(run, wall);
         }
-        self.hub.show(Snapshot {
+        let is_old = |(at, of): (Instant, Instant)| wall - at >= JUDGE_EVERY && of < shown.now;
+        if forced || self.judged.is_none_or(is_old) {
+            self.judge(run, wall);
+        }
+        let snapshot = self.snapshot(run, tempo);
+        self.hub.show(snapshot);
+    }
+
+    fn snapshot(&mut self, run: &Run, tempo: Tempo) -> Snapshot {
+        if self.stage.is_empty() {
+            let stage = told::stage(run, self.number, tempo, self.branched);
+            self.stage = stage.to_string().into();
+        }
+        Snapshot {
             run: self.number,
             stage: self.stage.clone(),
             fast: self.fast(run, tempo).to_string().into(),
             slow: self.slow.clone(),
             scan: self.scan.clone(),
             overlays: self.overlays.clone(),
+            checks: self.checks.clone(),
             layers: self.layers.iter().map(MapLayer::last).collect(),
-        });
+        }
     }
 
     /// Keeps the timeline up.
-    fn record(&mut self, run: &Run) {
+    pub(super) fn record(&mut self, run: &Run, wall: Instant, tempo: Tempo) {
         let now = run.rig.now();
         let hub = Arc::clone(&self.hub);
         let mut timeline = hub.timeline.write().unwrap_or_else(PoisonError::into_inner);
@@ -250,37 +331,65 @@ impl Desk {
                 truth: Some(short_pose(run.rig.world.pose())),
                 believed: believed(run).map(short_pose),
                 tallies: &self.wire.borrow().tallies(),
+                figures: &figures::all(run),
             });
         }
-        if timeline.wants_maps(now) {
-            self.look_at_maps(run);
-            timeline.maps(now, self.layers.iter().map(MapLayer::last).collect());
+        if timeline.wants_moment(now) {
+            self.look(run, wall);
+            self.judge(run, wall);
+            timeline.moment(now, self.snapshot(run, tempo));
         }
+    }
+
+    /// Looks at the verdicts.
+    fn judge(&mut self, run: &Run, wall: Instant) {
+        let checks = told::checks(run).to_string();
+        if *self.checks.text != checks {
+            self.checks.renew(checks);
+        }
+        self.judged = Some((wall, run.rig.now()));
     }
 
     /// Looks at what is large or changes slowly.
     fn look(&mut self, run: &Run, wall: Instant) {
         self.look_at_maps(run);
         let now = run.rig.now();
-        let since = self.looked.map_or(Instant::ZERO, |(_, at)| at);
-        let tallies = self.wire.borrow().tallies();
-        let slow = slow(run, &self.tallies, &tallies, now - since);
+        // A look at a run that stands still tells the load that it had.
+        if now > self.counted_at[1] {
+            self.tallies.swap(0, 1);
+            self.tallies[1] = self.wire.borrow().tallies();
+            self.counted_at = [self.counted_at[1], now];
+        }
+        let ([before, after], [since, until]) = (&self.tallies, self.counted_at);
+        let slow = told::slow(run, before, after, until - since);
         self.slow.renew(slow.to_string());
-        self.tallies = tallies;
         self.looked = Some((wall, now));
-        let overlays = overlays(&run.instruments().overlays(&run.rig));
+        let overlays = told::overlays(&run.instruments().overlays(&run.rig));
         if *self.overlays.text != overlays {
             self.overlays.renew(overlays);
         }
-        let wire = self.wire.borrow();
-        let scan = wire.scan();
-        if scan.turn != self.scan_turn {
-            self.scan_turn = scan.turn;
-            let pose = believed(run).unwrap_or_else(|| run.rig.world.pose_at(scan.at));
-            let points = scan.points(pose);
-            let at = scan.at.as_nanos();
-            self.scan
-                .renew(json!({"type": "scan", "at_ns": at, "points": points}).to_string());
+        self.look_at_scan(run);
+    }
+
+    /// The scan as the program took it, or else the last turn that passed the wire.
+    fn look_at_scan(&mut self, run: &Run) {
+        let own = run.instruments().scan(&run.rig);
+        let turn = self.wire.borrow().scan().clone();
+        let (at, points) = if own.is_empty() {
+            if turn.turn == self.scan_turn {
+                return;
+            }
+            self.scan_turn = turn.turn;
+            let pose = believed(run).unwrap_or_else(|| run.rig.world.pose_at(turn.at));
+            (turn.at, turn.points(pose))
+        } else {
+            let at = run.estimate().map_or(turn.at, |(at, _)| at);
+            (at, own.into_iter().flatten().collect())
+        };
+        let at_ns = at.as_nanos();
+        let scan = json!({"type": "scan", "at_ns": at_ns, "points": points}).to_string();
+        if *self.scan.text != scan {
+            self.scan.renew(scan);
         }
     }
 
@@ -319,20 +428,14 @@ impl Desk {
             "speed": tempo.speed,
             "truth": short_pose(run.rig.world.pose()),
             "believed": believed(run).map(short_pose),
+            "gap": figures::gap(run),
+            "over": run.is_over(),
             "mode": instruments.mode(&run.rig),
             "pc": station.map(|station| station.view(run.rig.now())),
             "maps": heads,
             "scene": moving.then(|| view::scene(&run.rig.world)),
         })
     }
-}
-
-/// Lets the robot's station do a gesture.
-fn does(run: &mut Run, gesture: Gesture) -> Result<(), String> {
-    let station = run.instruments().station(&run.rig);
-    let station = station.ok_or("the PC's end of the radio is a port: this page cannot use it")?;
-    let action = station.answer(gesture)?;
-    run.command(action).map_err(|error| error.to_string())
 }
 
 /// Where the robot believes to be.
@@ -360,73 +463,4 @@ fn look_at_display(book: &mut MapLayer, display: Display<'_>) {
     let width = 2 * display.width;
     let row = |y: usize| bytes.get(y * width..(y + 1) * width);
     book.look([width, display.height()], 0.0, [0.0; 2], row);
-}
-
-/// What the robot has to show besides.
-fn overlays(overlays: &[Overlay]) -> String {
-    json!({"type": "overlays", "overlays": overlays}).to_string()
-}
-
-/// What stays the same.
-fn stage(run: &Run, number: u64, tempo: Tempo) -> Value {
-    let scenario = run.scenario();
-    let links = run.rig.links().iter().map(|link| {
-        let line = link.line(Direction::ToMaster);
-        let [sender, _] = run.rig.line_configs(line);
-        json!({"name": link.name, "baud": sender.baud})
-    });
-    let station = run.instruments().station(&run.rig);
-    json!({
-        "type": "stage",
-        "run": number,
-        "kind": "rig",
-        "name": scenario.name,
-        "description": scenario.description,
-        "seed": scenario.seed,
-        "scene": view::scene(&run.rig.world),
-        "robot": scenario.robot,
-        "footprint": view::footprint(&run.rig.world),
-        "links": links.collect::<Vec<_>>(),
-        "pace": tempo.is_ours,
-        "speed_max": SPEED_MAX,
-        "pc": station.is_some(),
-        "modes": station.map(Station::modes),
-        "keys": station.and_then(Station::keys),
-    })
-}
-
-/// What changes slowly: wires, registers, counters, faults.
-fn slow(run: &Run, before: &[[Tally; 2]], after: &[[Tally; 2]], span: Duration) -> Value {
-    let lanes = run.rig.links().iter().zip(before.iter().zip(after));
-    let lanes = lanes.map(|(link, (before, after))| {
-        let lane = |direction: Direction| {
-            let index = direction as usize;
-            let [sender, _] = run.rig.line_configs(link.line(direction));
-            let bytes = after[index].bytes - before[index].bytes;
-            let busy = sender.bytes_time(bytes).as_secs_f64();
-            let load = busy / span.as_secs_f64().max(1e-9);
-            json!({"load": (load * 1000.0).round() / 1000.0, "tally": after[index]})
-        };
-        json!({
-            "name": link.name,
-            "to-master": lane(Direction::ToMaster),
-            "to-device": lane(Direction::ToDevice),
-        })
-    });
-    let mut counters = Vec::new();
-    if let Some(program) = run.rig.program() {
-        program.counters(&mut |name, value| counters.push((name, value)));
-    }
-    let progress = run.progress();
-    json!({
-        "type": "slow",
-        "lanes": lanes.collect::<Vec<_>>(),
-        "axes": run.instruments().axes(&run.rig),
-        "panels": run.instruments().panels(&run.rig),
-        "counters": counters,
-        "faults": run.faults().collect::<Vec<_>>(),
-        "visited": [progress.visits().len(), progress.waypoints()],
-        "violations": run.rig.violations(),
-        "trace": run.rig.trace_hash(),
-    })
 }

@@ -8,6 +8,7 @@ use tokio::sync::{mpsc, watch};
 use super::command::{Answer, Command, Envelope};
 use super::snapshot::Snapshot;
 use super::timeline::Timeline;
+use super::wire_log::WireLog;
 
 /// Most commands that wait; further ones are refused.
 const COMMANDS_MAX: usize = 256;
@@ -19,6 +20,7 @@ pub(crate) struct Hub {
     commands: mpsc::Sender<Envelope>,
     waiting: Mutex<mpsc::Receiver<Envelope>>,
     pub(super) timeline: RwLock<Timeline>,
+    pub(super) log: Arc<Mutex<WireLog>>,
     clients: AtomicUsize,
 }
 
@@ -30,6 +32,7 @@ impl Default for Hub {
             commands,
             waiting: Mutex::new(waiting),
             timeline: RwLock::default(),
+            log: Arc::default(),
             clients: AtomicUsize::new(0),
         }
     }

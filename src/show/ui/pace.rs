@@ -79,6 +79,25 @@ impl PagePace {
     }
 }
 
+/// What the pages have to know of the clock.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Tempo {
+    pub(super) is_paused: bool,
+    pub(super) speed: f64,
+    pub(super) is_ours: bool,
+}
+
+impl Tempo {
+    /// That of `pace`, if the clock can be set.
+    pub(super) fn of(pace: Option<&PagePace>) -> Self {
+        Self {
+            is_paused: pace.is_some_and(PagePace::is_paused),
+            speed: pace.map_or(1.0, PagePace::speed),
+            is_ours: pace.is_some(),
+        }
+    }
+}
+
 /// A speed that makes sense, whatever is asked for.
 fn clamp(speed: f64) -> f64 {
     if speed.is_finite() {

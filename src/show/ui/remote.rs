@@ -10,10 +10,11 @@ use serde_json::{Value, json};
 
 use super::command::{Answer, Command};
 use super::desk::{SHOW_EVERY, look_at_map};
+use super::figures::short_pose;
 use super::hub::Hub;
 use super::map_layers::MapLayer;
 use super::snapshot::{Numbered, Snapshot};
-use super::timeline::{Sample, short_pose};
+use super::timeline::Sample;
 use crate::realtime::transport::{Serial, Transport};
 use crate::robots::{Gesture, Hand, RemoteStation, StationView};
 use crate::show::view::Outline;
@@ -173,13 +174,18 @@ impl Remote {
                 truth: None,
                 believed,
                 tallies: &[],
+                figures: &[],
             };
             timeline.sample(&sample);
         }
-        if timeline.wants_maps(now) {
-            timeline.maps(now, vec![self.layer.last()]);
+        if timeline.wants_moment(now) {
+            timeline.moment(now, self.snapshot(now, believed));
         }
         drop(timeline);
+        self.hub.show(self.snapshot(now, believed));
+    }
+
+    fn snapshot(&self, now: Instant, believed: Option<[f64; 3]>) -> Snapshot {
         let fast = json!({
             "type": "now",
             "run": 1,
@@ -195,15 +201,16 @@ impl Remote {
             "maps": [self.layer.last().head],
             "scene": null,
         });
-        self.hub.show(Snapshot {
+        Snapshot {
             run: 1,
             stage: self.stage().to_string().into(),
             fast: fast.to_string().into(),
             slow: Numbered::new("{}"),
             scan: Numbered::new("{}"),
             overlays: Numbered::new("{}"),
+            checks: Numbered::new("{}"),
             layers: vec![self.layer.last()],
-        });
+        }
     }
 
     fn stage(&self) -> Value {

@@ -1,4 +1,4 @@
-//! The HTTP server: four files, the maps of the past, the case, and a WebSocket per page.
+//! The HTTP server: four files, moments of the past, frames, the case, and a WebSocket per page.
 
 use core::future::{Future, poll_fn};
 use core::net::SocketAddr;
@@ -27,6 +27,7 @@ use super::delta::{Message, SentSoFar};
 use super::guard;
 use super::hub::Hub;
 use super::snapshot::Snapshot;
+use super::wire_log;
 use crate::show::view;
 
 /// Most pages at once.
@@ -37,6 +38,18 @@ const SEND_MAX: Duration = Duration::from_secs(20);
 const ANSWER_MAX: Duration = Duration::from_secs(5);
 /// Refusals that wait for a page; further ones are lost.
 const ANSWERS_MAX: usize = 16;
+
+/// The page's script: its parts in the order in which they need each other, one scope for all.
+const SCRIPT: &str = concat!(
+    include_str!("assets/page.js"),
+    include_str!("assets/stage.js"),
+    include_str!("assets/timeline.js"),
+    include_str!("assets/robot.js"),
+    include_str!("assets/checks.js"),
+    include_str!("assets/faults.js"),
+    include_str!("assets/frames.js"),
+    include_str!("assets/controls.js"),
+);
 
 /// Scripts, styles and pictures from here only; nothing from elsewhere, nothing inline, and
 /// nobody may put the page into a frame.
@@ -106,8 +119,10 @@ fn router(hub: Arc<Hub>, address: SocketAddr) -> Router {
         )
         .route("/style.css", file(style, include_str!("assets/style.css")))
         .route("/view.js", file(script, view::SCRIPT))
-        .route("/page.js", file(script, include_str!("assets/page.js")))
-        .route("/map", get(map))
+        .route("/lanes.js", file(script, view::LANES))
+        .route("/page.js", file(script, SCRIPT))
+        .route("/moment", get(moment))
+        .route("/frames", get(frames))
         .route("/case.toml", get(case))
         .route("/ws", get(page))
         .with_state(hub)
@@ -144,17 +159,45 @@ fn is_admitted(listen: SocketAddr, headers: &HeaderMap) -> bool {
     guard::admits(listen, text(header::HOST), text(header::ORIGIN))
 }
 
-/// The maps as they were at `/map?at_ms=..`, as a message of rows.
-async fn map(State(hub): State<Arc<Hub>>, uri: Uri) -> Response {
-    let millis = uri.query().and_then(|query| query.strip_prefix("at_ms="));
-    let Some(millis) = millis.and_then(|text| text.parse::<u32>().ok()) else {
-        return (StatusCode::BAD_REQUEST, "expected /map?at_ms=NUMBER\n").into_response();
+/// The number that a query gives for `key`.
+fn number(uri: &Uri, key: &str) -> Option<u64> {
+    let mut pairs = uri
+        .query()?
+        .split('&')
+        .filter_map(|pair| pair.split_once('='));
+    let (_, number) = pairs.find(|(name, _)| *name == key)?;
+    number.parse().ok()
+}
+
+fn expected(what: &'static str) -> Response {
+    (StatusCode::BAD_REQUEST, what).into_response()
+}
+
+/// All that a page showed at `/moment?at_ns=..`.
+async fn moment(State(hub): State<Arc<Hub>>, uri: Uri) -> Response {
+    let Some(at) = number(&uri, "at_ns").map(Instant::from_nanos) else {
+        return expected("expected /moment?at_ns=NUMBER\n");
     };
     let timeline = hub.timeline.read().unwrap_or_else(PoisonError::into_inner);
-    match timeline.maps_at(Instant::from_millis(u64::from(millis))) {
-        Some((_, rows)) => rows.into_response(),
-        None => (StatusCode::NOT_FOUND, "no map was recorded yet\n").into_response(),
+    match timeline.moment_at(at) {
+        Some(snapshot) => snapshot.whole().into_response(),
+        None => (StatusCode::NOT_FOUND, "nothing was recorded yet\n").into_response(),
     }
+}
+
+/// The newest frames up to `/frames?at_ns=..`, of one direction of a link with `&lane=..`.
+async fn frames(State(hub): State<Arc<Hub>>, uri: Uri) -> Response {
+    let Some(at) = number(&uri, "at_ns").map(Instant::from_nanos) else {
+        return expected("expected /frames?at_ns=NUMBER or /frames?at_ns=NUMBER&lane=NUMBER\n");
+    };
+    let lane = number(&uri, "lane").and_then(|lane| usize::try_from(lane).ok());
+    let log = hub.log.lock().unwrap_or_else(PoisonError::into_inner);
+    let tails = log.tails(at, lane);
+    // The run has not to wait for the decoders.
+    drop(log);
+    let kind = (header::CONTENT_TYPE, "application/json");
+    let text = serde_json::json!({"frames": wire_log::frames(&tails)});
+    ([kind], text.to_string()).into_response()
 }
 
 /// The run so far as a scenario.

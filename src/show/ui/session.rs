@@ -5,10 +5,12 @@ use std::sync::Arc;
 
 use protocols::Instant;
 
+use super::checkpoints::Checkpoints;
 use super::desk::{Desk, Effect};
 use super::hub::Hub;
-use super::pace::PagePace;
+use super::pace::{PagePace, Tempo};
 use crate::realtime::clock::Clock;
+use crate::rig::Paced;
 use crate::run::Run;
 use crate::scenario::{Scenario, ScenarioError, Source};
 
@@ -29,6 +31,9 @@ pub(crate) struct Session<C> {
     desk: Desk,
     pace: PagePace,
     number: u64,
+    checkpoints: Checkpoints,
+    /// The run has come to its end and stopped there once.
+    has_ended: bool,
 }
 
 impl<C: Clock> Session<C> {
@@ -56,7 +61,14 @@ impl<C: Clock> Session<C> {
             desk,
             pace,
             number: 1,
+            checkpoints: Checkpoints::default(),
+            has_ended: false,
         })
+    }
+
+    /// Stands still until somebody lets it go on.
+    pub(crate) const fn pause(&mut self) {
+        self.pace.pause();
     }
 
     /// The run.
@@ -72,7 +84,9 @@ impl<C: Clock> Session<C> {
     /// One turn: does what pages ask, brings the run up to where it should be, shows it, waits.
     pub(crate) fn turn(&mut self) {
         let wall = self.clock.now();
-        let mut restart = None;
+        let (mut restart, mut branch, mut step) = (None, None, None);
+        self.checkpoints.offer(&self.run, || self.desk.counted());
+        let first = self.checkpoints.first();
         let (pace, desk) = (&mut self.pace, &mut self.desk);
         desk.obey_all(&mut self.run, wall, |run, effect| {
             let now = run.rig.now();
@@ -80,25 +94,60 @@ impl<C: Clock> Session<C> {
                 Effect::Done => {}
                 Effect::Pause => pace.pause(),
                 Effect::Play => pace.play(wall, now),
-                Effect::Step(millis) => run.go_on_until(pace.step(millis, now)),
+                Effect::Step(millis) => step = Some(pace.step(millis, step.unwrap_or(now))),
                 Effect::Speed(speed) => pace.set_speed(speed, wall, now),
                 Effect::Restart(seed) => restart = Some(seed),
+                Effect::Branch(at) if at > now => {
+                    return Err("that time is still to come".to_owned());
+                }
+                Effect::Branch(at) if first.is_none_or(|first| at < first) => {
+                    return Err(
+                        "this run cannot be copied: a checker of its own, or somebody who \
+                                waits for bytes, cannot be"
+                            .to_owned(),
+                    );
+                }
+                Effect::Branch(at) => branch = Some(at),
             }
             Ok(())
         });
         if let Some(seed) = restart {
             self.restart(seed);
+        } else if let Some(at) = branch {
+            self.branch(at);
+        }
+        while step.is_some_and(|step| self.run.rig.now() < step) {
+            if self.slice(step.unwrap_or_default(), wall) {
+                break;
+            }
         }
         let target = self.pace.target(wall, self.run.rig.now());
         let enough = wall + BUSY_MAX;
         while self.run.rig.now() < target && self.clock.now() < enough {
-            let next = (self.run.rig.now() + SLICE).min(target);
-            self.run.go_on_until(next);
+            if self.slice(target, wall) {
+                break;
+            }
         }
+        self.checkpoints.offer(&self.run, || self.desk.counted());
         self.desk.show(&self.run, wall, Some(&self.pace));
         if self.run.rig.now() >= target {
             self.clock.sleep_until(wall + TURN);
         }
+    }
+
+    /// Goes on a little, at most to `target`; whether the run has just come to its end.
+    fn slice(&mut self, target: Instant, wall: Instant) -> bool {
+        // A busy machine makes fewer turns, not a coarser record.
+        let tempo = Tempo::of(Some(&self.pace));
+        self.desk.record(&self.run, wall, tempo);
+        let next = (self.run.rig.now() + SLICE).min(target);
+        forward(&mut self.run, next);
+        let ends = self.run.is_over() && !self.has_ended;
+        if ends {
+            self.has_ended = true;
+            self.pace.pause();
+        }
+        ends
     }
 
     /// Begins anew. The scenario could be wired before, and a seed changes nothing about that.
@@ -108,6 +157,32 @@ impl<C: Clock> Session<C> {
         self.run = run.expect("was wired before");
         self.number += 1;
         self.desk = Desk::new(&mut self.run, Arc::clone(&self.hub), self.number);
+        self.checkpoints = Checkpoints::default();
+        self.has_ended = false;
         self.pace.play(self.clock.now(), self.run.rig.now());
+    }
+
+    /// Goes back to `at` and stands still there, to go on in another way.
+    fn branch(&mut self, at: Instant) {
+        let Some(kept) = self.checkpoints.back_to(at) else {
+            return;
+        };
+        let wall = self.clock.now();
+        let mut run = kept.run.resume();
+        self.number += 1;
+        let mut desk = self.desk.branch(&mut run, &kept.counted, self.number, at);
+        desk.redo(&mut run, at, wall);
+        (self.run, self.desk) = (run, desk);
+        self.has_ended = self.run.is_over();
+        self.pace.pause();
+    }
+}
+
+/// Goes on to the end of the scenario; from there on unjudged.
+fn forward(run: &mut Run, until: Instant) {
+    if run.is_over() {
+        run.go_on_until(until);
+    } else {
+        run.run_until(until);
     }
 }

@@ -7,7 +7,7 @@ use axum::extract::ws::Utf8Bytes;
 use super::map_layers::Layer;
 
 /// What every page may get. Nothing in it ever changes.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Snapshot {
     /// Which run: another one after each restart.
     pub(super) run: u64,
@@ -21,12 +21,33 @@ pub(super) struct Snapshot {
     pub(super) scan: Numbered,
     /// What the robot has to show besides, as JSON.
     pub(super) overlays: Numbered,
+    /// The verdicts so far, as JSON.
+    pub(super) checks: Numbered,
     /// The maps.
     pub(super) layers: Vec<Arc<Layer>>,
 }
 
+impl Snapshot {
+    /// All of it in one piece, for a page that goes back in time.
+    ///
+    /// ```text
+    /// | length of the JSON u32 | {now, slow, scan, overlays, checks} | rows as in a message |
+    /// ```
+    pub(super) fn whole(&self) -> Vec<u8> {
+        let texts = [&self.fast, &self.slow.text, &self.scan.text];
+        let [now, slow, scan] = texts.map(|text| text.as_str());
+        let (overlays, checks) = (&self.overlays.text, &self.checks.text);
+        let json = format!(
+            r#"{{"now":{now},"slow":{slow},"scan":{scan},"overlays":{overlays},"checks":{checks}}}"#
+        );
+        let len = u32::try_from(json.len()).unwrap_or(u32::MAX);
+        let rows = Layer::whole(&self.layers);
+        [&len.to_le_bytes()[..], json.as_bytes(), &rows].concat()
+    }
+}
+
 /// A text and which one of its kind it is.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Numbered {
     pub(super) number: u64,
     pub(super) text: Utf8Bytes,

@@ -2,11 +2,13 @@
 
 use core::cell::RefCell;
 use std::rc::Rc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use emulators::world::Pose;
 use protocols::Instant;
 use serde::Serialize;
 
+use super::wire_log::WireLog;
 use crate::codec::{Codec, Count, Counter};
 use crate::rig::Link;
 use crate::rig::line::{Delivery, Direction};
@@ -72,14 +74,65 @@ pub(super) struct Wire {
     lanes: Vec<[Lane; 2]>,
     scanner: Option<(usize, Box<dyn ScanDecoder>)>,
     scan: Scan,
+    log: Arc<Mutex<WireLog>>,
 }
+
+/// What was counted by some time, to go on from there.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Counted {
+    tallies: Vec<[Tally; 2]>,
+    scan: Scan,
+}
+
+/// Bytes that tell a decoder where it is in a stream: a turn of a lidar and a frame of any format.
+const PRIMER: usize = 4_096;
 
 /// What puts the wire's bytes where the desk finds them.
 struct Ear(Rc<RefCell<Wire>>);
 
 impl Wire {
-    /// Listens to all links of `run` from now on.
-    pub(super) fn listen(run: &mut Run) -> Rc<RefCell<Self>> {
+    /// Listens to all links of `run` from now on, which is its beginning, and keeps what they carry
+    /// in `log`.
+    pub(super) fn listen(run: &mut Run, log: &Arc<Mutex<WireLog>>) -> Rc<RefCell<Self>> {
+        let wire = Self::of(run, log);
+        let mut kept = log.lock().unwrap_or_else(PoisonError::into_inner);
+        let links = run.rig.links().iter().zip(&wire.lanes);
+        kept.begin(links.flat_map(|(link, lanes)| {
+            [Direction::ToMaster, Direction::ToDevice].map(|direction| {
+                let codec = lanes[direction as usize].decoder.as_ref();
+                let codec = codec.map(|(codec, _)| *codec);
+                (&*link.name, direction.name(), codec)
+            })
+        }));
+        drop(kept);
+        wire.tapped(run)
+    }
+
+    /// The same for a run that goes on from `now`, when `counted` was so.
+    pub(super) fn go_on(
+        run: &mut Run,
+        log: &Arc<Mutex<WireLog>>,
+        counted: &Counted,
+    ) -> Rc<RefCell<Self>> {
+        let mut wire = Self::of(run, log);
+        let mut kept = log.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.cut(run.rig.now());
+        for (index, lane) in wire.lanes.iter_mut().flatten().enumerate() {
+            if let Some((_, counter)) = &mut lane.decoder {
+                counter.push(&kept.last_bytes(index, PRIMER));
+            }
+            lane.heard = run.rig.now();
+            lane.tally = counted.tallies[index / 2][index % 2];
+        }
+        if let Some((link, decoder)) = &mut wire.scanner {
+            decoder.push(&kept.last_bytes(2 * *link, PRIMER));
+        }
+        drop(kept);
+        wire.scan = counted.scan.clone();
+        wire.tapped(run)
+    }
+
+    fn of(run: &Run, log: &Arc<Mutex<WireLog>>) -> Self {
         let (instruments, rig) = (run.instruments(), &run.rig);
         let lane = |link: &Link| {
             [Direction::ToMaster, Direction::ToDevice].map(|direction| {
@@ -94,13 +147,30 @@ impl Wire {
             let index = rig.links().iter().position(|one| one.name == link)?;
             Some((index, decoder))
         });
-        let wire = Rc::new(RefCell::new(Self {
+        Self {
             lanes: rig.links().iter().map(lane).collect(),
             scanner,
             scan: Scan::default(),
-        }));
+            log: Arc::clone(log),
+        }
+    }
+
+    fn tapped(self, run: &mut Run) -> Rc<RefCell<Self>> {
+        let wire = Rc::new(RefCell::new(self));
         run.rig.add_tap(Box::new(Ear(Rc::clone(&wire))));
         wire
+    }
+
+    /// What was counted so far.
+    pub(super) fn counted(&self) -> Counted {
+        Counted {
+            tallies: self.tallies(),
+            scan: self.scan.clone(),
+        }
+    }
+
+    fn log(&self, act: impl FnOnce(&mut WireLog)) {
+        act(&mut self.log.lock().unwrap_or_else(PoisonError::into_inner));
     }
 
     /// The last whole turn.
@@ -147,6 +217,7 @@ impl Tap for Ear {
             tally.add(counter.push(bytes));
         }
         *heard = at;
+        wire.log(|log| log.push(2 * link + direction as usize, at, bytes));
         if direction == Direction::ToMaster {
             wire.scan_from(link, at, bytes);
         }
@@ -156,7 +227,11 @@ impl Tap for Ear {
         let mut wire = self.0.borrow_mut();
         if let (Some(lanes), Some(original)) = (wire.lanes.get_mut(link), &delivery.original) {
             let tally = &mut lanes[direction as usize].tally;
-            tally.faults += (original.strikes.len() + original.effects.len()) as u64;
+            let hits = (original.strikes.len() + original.effects.len()) as u64;
+            tally.faults += hits;
+            if hits > 0 {
+                wire.log(|log| log.hit(2 * link + direction as usize));
+            }
         }
     }
 }

@@ -1,5 +1,5 @@
-// Drawing of world, map, ways, scan, waypoints and wire lanes on a canvas, from plain JSON: shared
-// by the live page and by report.html. A classic script without dependencies; it adds one object,
+// Drawing of world, map, ways, scan and waypoints on a canvas, from plain JSON: shared by the live
+// page and by report.html. A classic script without dependencies; it adds one object,
 // `hilrigView`, and touches nothing but the canvas or element it is given. The JSON (metres,
 // radians, seconds):
 //
@@ -16,17 +16,25 @@
 //   pose       [x, y, theta]
 //   scan       [x0, y0, x1, y1, ..]        where beams ended, in the world's frame
 //   waypoints  [x0, y0, x1, y1, ..]        in the order of their visit
-//   lane       {name, load: [0..1 per bin], errors: [n per bin], faults: [n per bin]}
-//   mark       {at, kind: "event" | "violation" | "fail" | "fault"}
 "use strict";
 const hilrigView = (() => {
+  // Told apart by the colour-blind (Okabe and Ito); `setDark` changes what lies behind them.
   const colours = {
-    paper: "#ffffff", ink: "#1b1f24", faint: "#c9d1d9", unknown: 127,
-    shape: "#8a5a00", truth: "#00813c", belief: "#c62828", scan: "#0a62c9", waypoint: "#6a1b9a",
-    sensed: "#0a62c9", possible: "#6b7580", planned: "#6a1b9a", guess: "#c62828",
-    mark: "#a35200",
-    load: "#0a62c9", errors: "#c62828", faults: "#e07b00", cursor: "#1b1f24",
+    unknown: 127, truth: "#009e73", belief: "#d55e00", scan: "#0072b2", waypoint: "#cc79a7",
+    sensed: "#0072b2", planned: "#cc79a7", guess: "#d55e00", faults: "#e69f00",
   };
+  const light = {
+    paper: "#ffffff", ink: "#1b1f24", dim: "#57606a", grid: "#d8dee4", shape: "#8a5a00",
+    shapeIn: "rgba(138, 90, 0, 0.18)", possible: "#6b7580", mark: "#a35200", load: "#0072b2",
+    errors: "#b3261e", cursor: "#1b1f24", tones: [[255, 255, 255], [190, 196, 203], [0, 0, 0]],
+  };
+  const dark = {
+    paper: "#16191d", ink: "#e6e6e6", dim: "#a9b1ba", grid: "#30363d", shape: "#d9a441",
+    shapeIn: "rgba(217, 164, 65, 0.2)", possible: "#8b949e", mark: "#ffb74d", load: "#4aa3df",
+    errors: "#ff8a80", cursor: "#e6e6e6", tones: [[34, 38, 43], [74, 80, 88], [230, 230, 230]],
+  };
+  const setDark = (isDark) => Object.assign(colours, isDark ? dark : light, { isDark });
+  setDark(false);
 
   // A frame that shows `bounds` whole, with y upwards.
   function fit(canvas, bounds, margin = 8) {
@@ -63,7 +71,7 @@ const hilrigView = (() => {
 
   function drawWorld(context, frame, scene) {
     context.strokeStyle = colours.shape;
-    context.fillStyle = "rgba(138, 90, 0, 0.18)";
+    context.fillStyle = colours.shapeIn;
     context.lineWidth = 1.5;
     for (const shape of scene.shapes) {
       if (shape.wall) {
@@ -91,21 +99,34 @@ const hilrigView = (() => {
     return here >= 190 && (ridge(1, 0) || ridge(0, 1));
   }
 
+  // How sure a wall is, 0 free to 255.
   function shade(map, layer, x, y) {
     const value = map.cells[y * map.width + x];
-    if (layer === "walls") return isWall(map, x, y) ? 0 : 255;
-    if (layer === "known") return Math.abs(value - colours.unknown) < 12 ? 200 : 255;
-    return 255 - value;
+    if (layer === "walls") return isWall(map, x, y) ? 255 : 0;
+    if (layer === "known") return Math.abs(value - colours.unknown) < 12 ? colours.unknown : 0;
+    return value;
+  }
+
+  // The colour of a shade: from free over unknown to wall.
+  function tone(value) {
+    const [free, unknown, wall] = colours.tones, middle = colours.unknown;
+    const [a, b, share] = value <= middle ? [free, unknown, value / middle]
+      : [unknown, wall, (value - middle) / (255 - middle)];
+    return a.map((from, i) => from + (b[i] - from) * share);
   }
 
   // The map as a picture of one pixel a cell, top row first: to be kept and drawn again.
   function mapImage(map, layer) {
     const image = new ImageData(map.width, map.height);
+    const tones = Array.from({ length: 256 }, (_, value) => tone(value));
     for (let y = 0; y < map.height; y++) {
       for (let x = 0; x < map.width; x++) {
-        const value = shade(map, layer, x, y);
+        const [red, green, blue] = tones[shade(map, layer, x, y)];
         const at = ((map.height - 1 - y) * map.width + x) * 4;
-        image.data.set([value, value, value, 255], at);
+        image.data[at] = red;
+        image.data[at + 1] = green;
+        image.data[at + 2] = blue;
+        image.data[at + 3] = 255;
       }
     }
     const canvas = document.createElement("canvas");
@@ -197,9 +218,10 @@ const hilrigView = (() => {
         hidden[box.checked ? "delete" : "add"](name);
         changed();
       });
+      const sample = document.createElement("i");
       label.dataset.name = name;
-      label.style.color = colours[role];
-      label.append(box, ` ${name}`);
+      sample.className = `sample ${role}`;
+      label.append(box, sample, name);
       parent.append(label, " ");
     }
   }
@@ -216,63 +238,44 @@ const hilrigView = (() => {
       const [x, y] = toPixel(frame, waypoints[i], waypoints[i + 1]);
       context.beginPath();
       context.arc(x, y, 9, 0, 2 * Math.PI);
-      context.fillStyle = i / 2 < reached ? "#b794c9" : colours.waypoint;
+      context.globalAlpha = i / 2 < reached ? 0.5 : 1;
+      context.fillStyle = colours.waypoint;
       context.fill();
-      context.fillStyle = "#ffffff";
+      context.globalAlpha = 1;
+      context.fillStyle = "#000000";
       context.fillText(String(i / 2 + 1), x, y + 0.5);
     }
   }
 
-  const labelWidth = 130, laneHeight = 26;
-
-  // Pixel of a time on lanes from `from` to `to`, and back.
-  const timeToPixel = (canvas, from, to, at) =>
-    labelWidth + (at - from) / Math.max(to - from, 1e-9) * (canvas.width - labelWidth);
-  const pixelToTime = (canvas, from, to, x) => Math.min(to, Math.max(from,
-    from + (x - labelWidth) / (canvas.width - labelWidth) * (to - from)));
-
-  // One row a lane: load as bars, errors (red) and faults (orange) as ticks; `marks` on top of all;
-  // `at` is the cursor. Returns the height that was needed.
-  function drawLanes(context, lanes, from, to, marks = [], at = null) {
-    const canvas = context.canvas;
-    context.font = "12px sans-serif";
-    context.textBaseline = "middle";
+  // A grid of whole metres, or of whatever length leaves room, and a bar that says how long it is.
+  function drawGrid(context, frame, ratio) {
+    const { width, height } = context.canvas;
+    const lengths = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100];
+    const every = lengths.find((one) => one * frame.scale >= 56 * ratio) ?? 1000;
+    context.globalAlpha = 0.35;
+    context.fillStyle = colours.dim;
+    const [x0, y0] = toWorld(frame, 0, height), [x1, y1] = toWorld(frame, width, 0);
+    for (let x = Math.ceil(x0 / every) * every; x < x1; x += every) {
+      context.fillRect(Math.round(toPixel(frame, x, 0)[0]), 0, ratio / 2, height);
+    }
+    for (let y = Math.ceil(y0 / every) * every; y < y1; y += every) {
+      context.fillRect(0, Math.round(toPixel(frame, 0, y)[1]), width, ratio / 2);
+    }
+    context.globalAlpha = 1;
+    const long = every * frame.scale, left = 14 * ratio, low = height - 12 * ratio;
+    context.fillStyle = colours.paper;
+    context.fillRect(left - 6 * ratio, low - 20 * ratio, long + 12 * ratio, 26 * ratio);
+    context.fillStyle = colours.ink;
+    context.fillRect(left, low, long, 2 * ratio);
+    context.font = `${12 * ratio}px system-ui, sans-serif`;
     context.textAlign = "left";
-    lanes.forEach((lane, row) => {
-      const top = row * laneHeight, bottom = top + laneHeight - 4;
-      context.fillStyle = colours.ink;
-      context.fillText(lane.name, 2, (top + bottom) / 2, labelWidth - 6);
-      context.fillStyle = colours.faint;
-      context.fillRect(labelWidth, bottom, canvas.width - labelWidth, 1);
-      const width = (canvas.width - labelWidth) / Math.max(lane.load.length, 1);
-      const bar = (i, share, colour, high) => {
-        context.fillStyle = colour;
-        context.fillRect(labelWidth + i * width, bottom - share * high, Math.max(width, 1),
-                         share * high);
-      };
-      // What is little is still to be seen.
-      const share = (load) => load > 0 ? Math.max(Math.min(load, 1), 0.06) : 0;
-      lane.load.forEach((load, i) => bar(i, share(load), colours.load, bottom - top));
-      (lane.errors || []).forEach((count, i) => { if (count) bar(i, 1, colours.errors, 8); });
-      (lane.faults || []).forEach((count, i) => { if (count) bar(i, 1, colours.faults, 14); });
-    });
-    const high = lanes.length * laneHeight;
-    for (const mark of marks) {
-      const x = timeToPixel(canvas, from, to, mark.at);
-      context.fillStyle = mark.kind === "event" ? colours.ink
-        : mark.kind === "fault" ? colours.faults : colours.errors;
-      context.fillRect(x - 0.5, high, 1.5, laneHeight - 6);
-    }
-    if (at !== null) {
-      context.fillStyle = colours.cursor;
-      context.fillRect(timeToPixel(canvas, from, to, at) - 1, 0, 2, high + laneHeight);
-    }
-    return high + laneHeight;
+    context.textBaseline = "bottom";
+    const length = every >= 1 ? `${every} m` : `${Math.round(every * 100)} cm`;
+    context.fillText(length, left, low - ratio);
   }
 
-  // Bytes of hexadecimal digits.
-  const bytes = (text) => Uint8Array.from({ length: text.length / 2 },
-    (_, i) => parseInt(text.slice(2 * i, 2 * i + 2), 16));
+  // Bytes of base64.
+  const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
 
   // The cells of a map from pairs of count and value.
   function cells(runs, count) {
@@ -306,7 +309,7 @@ const hilrigView = (() => {
 
   return {
     colours, fit, toPixel, toWorld, clear, drawWorld, mapImage, drawMap, drawPath, drawScan,
-    drawRobot, drawOverlay, offerOverlays, drawWaypoints, drawLanes, timeToPixel, pixelToTime,
-    laneHeight, bytes, cells, shades, drawPicture,
+    drawRobot, drawOverlay, offerOverlays, drawWaypoints, drawGrid, setDark, bytes, cells, shades,
+    drawPicture,
   };
 })();

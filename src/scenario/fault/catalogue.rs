@@ -1,0 +1,75 @@
+//! All kinds of faults as a form needs them: from the same tables as the scenario.
+
+use schemars::generate::SchemaSettings;
+use serde_json::{Map, Value, json};
+
+use super::kind::TIME_KEYS;
+use super::{FaultKind, FaultSpec};
+
+/// All kinds of faults with their keys, and for each key its schema.
+///
+/// ```text
+/// {kinds: [{name, about, place: [key..], links: [kind..], keys: [key..]}],
+///  time: [key..], keys: {KEY: {description, type, minimum, maximum, ..}}}
+/// ```
+pub fn catalogue() -> Value {
+    let kinds = FaultKind::ALL.iter().map(|kind| {
+        let links: Vec<&str> = kind.links().iter().map(|link| link.name()).collect();
+        json!({
+            "name": kind.name(),
+            "about": kind.about(),
+            "place": kind.place().keys(),
+            "links": links,
+            "keys": kind.own_keys(),
+        })
+    });
+    let kinds: Vec<Value> = kinds.collect();
+    json!({"kinds": kinds, "time": TIME_KEYS, "keys": keys()})
+}
+
+/// The schema of each key, references followed.
+fn keys() -> Map<String, Value> {
+    let generator = SchemaSettings::draft2020_12().into_generator();
+    let schema = generator.into_root_schema_for::<FaultSpec>().to_value();
+    let properties = schema["properties"].as_object().into_iter().flatten();
+    let key = |(name, node): (&String, &Value)| (name.clone(), resolved(&schema, node));
+    properties.map(key).collect()
+}
+
+/// The node with what it refers to in place of the reference.
+fn resolved(schema: &Value, node: &Value) -> Value {
+    let choices = node["anyOf"].as_array().into_iter().flatten();
+    let reference = choices.chain([node]).find_map(|one| one["$ref"].as_str());
+    let name = reference.and_then(|path| path.rsplit('/').next());
+    let Some(named) = name.map(|name| &schema["$defs"][name]) else {
+        return node.clone();
+    };
+    let mut whole = named.clone();
+    if let (Some(whole), Some(about)) = (whole.as_object_mut(), node.get("description")) {
+        whole.insert("description".to_owned(), about.clone());
+    }
+    whole
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A form made of it has a field for each key of each kind, with its bounds.
+    #[test]
+    fn every_key_of_every_kind_is_described() {
+        let all = catalogue();
+        let kinds = all["kinds"].as_array().expect("a list");
+        assert_eq!(kinds.len(), FaultKind::ALL.len());
+        for kind in kinds {
+            let lists = [&kind["keys"], &kind["place"], &all["time"]];
+            for key in lists.into_iter().filter_map(Value::as_array).flatten() {
+                let described = &all["keys"][key.as_str().expect("a name")]["description"];
+                assert!(described.is_string(), "{key} of {}", kind["name"]);
+            }
+        }
+        let rate = &all["keys"]["rate"];
+        assert_eq!([&rate["minimum"], &rate["maximum"]], [0.0, 1.0]);
+        assert_eq!(kinds[0]["about"], "A bit is inverted.");
+    }
+}

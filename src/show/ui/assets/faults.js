@@ -1,0 +1,149 @@
+// ---- faults by click: place on the robot's wiring, kind, settings as a scenario has them
+
+// Where the next fault acts: {link, direction} or {device}.
+let target = null;
+
+function beginFaults(stage) {
+  target = null;
+  if (!stage.faults) return;
+  const pick = (text, label, place) => {
+    const node = button(text, label, () => choose(place, node));
+    node.setAttribute("role", "radio");
+    node.setAttribute("aria-checked", "false");
+    node.dataset.place = JSON.stringify(place);
+    return node;
+  };
+  const way = (link, direction) => {
+    const [arrow, words] = direction === "to-master" ? ["\u2190", "to the robot"]
+      : ["\u2192", "to the device"];
+    return pick(arrow, `${link.name}, ${words}`, { link: link.name, direction });
+  };
+  const lines = stage.links.map((link) => {
+    const line = make("div", "", { className: "link" }), wire = make("span");
+    wire.append(make("b", link.name));
+    line.append("robot", way(link, "to-master"), wire, way(link, "to-device"), "device");
+    return line;
+  });
+  const devices = make("div", "", { className: "bar" });
+  devices.append("supply and senses of", ...stage.devices.map(({ name }) =>
+    pick(name, `device ${name}`, { device: name })));
+  $("wiring").replaceChildren(...lines, ...(stage.devices.length ? [devices] : []));
+  $("wiring").querySelector("button")?.click();
+}
+
+function choose(place, node) {
+  target = place;
+  for (const other of $("wiring").querySelectorAll("button")) {
+    other.setAttribute("aria-checked", String(other === node));
+  }
+  const link = hilrig.stage.links.find((one) => one.name === place.link);
+  const fits = ({ place: keys, links }) => link
+    ? keys.includes("link") && links.includes(link.kind) : !keys.includes("link");
+  const before = $("fault-kind").value, kinds = hilrig.stage.faults.kinds.filter(fits);
+  // Those that strike single bytes, those of a line as a whole, those of a device.
+  const groups = [
+    ["single bytes", (kind) => kind.keys.includes("byte")],
+    ["the line", (kind) => !kind.keys.includes("byte") && kind.place.includes("link")],
+    ["the device", (kind) => !kind.place.includes("link")],
+  ];
+  $("fault-kind").replaceChildren(...groups.flatMap(([label, holds]) => {
+    const group = make("optgroup", "", { label });
+    group.append(...kinds.filter(holds).map(({ name }) => make("option", name, { value: name })));
+    return group.childElementCount ? [group] : [];
+  }));
+  if (kinds.some((kind) => kind.name === before)) $("fault-kind").value = before;
+  showKind();
+}
+
+const kindNow = () =>
+  hilrig.stage.faults.kinds.find((kind) => kind.name === $("fault-kind").value);
+
+// What a key may be: choices, a number between bounds, or a text.
+function keyField(key, first) {
+  const schema = hilrig.stage.faults.keys[key] ?? {};
+  const label = make("label", key), types = [schema.type].flat();
+  const devices = hilrig.stage.devices.map((device) => device.name);
+  const own = hilrig.stage.devices.find((device) => device.name === target.device)?.faults;
+  const choices = { with: hilrig.stage.links.map((link) => link.name), fault: own }[key];
+  const field = make(choices?.length ? "select" : "input", "", { name: key });
+  if (choices?.length) {
+    field.append(...choices.map((choice) => make("option", choice, { value: choice })));
+  } else if (types.includes("number") || types.includes("integer")) {
+    Object.assign(field, { type: "number", step: types.includes("integer") ? "1" : "any" });
+    if (schema.minimum !== undefined) field.min = schema.minimum;
+    if (schema.maximum !== undefined) field.max = schema.maximum;
+    field.dataset.number = "true";
+  } else {
+    field.placeholder = key === "devices" ? devices.join(", ") : "20ms";
+  }
+  if (key === "rate") field.value = "0.01";
+  if (first && key === "devices") field.value = devices.join(", ");
+  label.append(field, make("small", (schema.description ?? "").replaceAll("`", "")));
+  return label;
+}
+
+function showKind() {
+  const kind = kindNow();
+  if (!kind) return;
+  say("fault-about", kind.about);
+  const keys = [...(kind.place.includes("devices") ? ["devices"] : []), ...kind.keys];
+  $("fault-keys").replaceChildren(...keys.map((key) => keyField(key, true)));
+  // A condition is a table of its own, and an end is given in seconds below.
+  const times = hilrig.stage.faults.time.filter((key) => key !== "when" && key !== "until");
+  $("fault-when").replaceChildren(...times.map((key) => keyField(key, false)));
+}
+
+$("fault-kind").onchange = showKind;
+$("fault").onsubmit = (event) => {
+  event.preventDefault();
+  const kind = kindNow(), held = Number($("fault-s").value), fault = { kind: kind.name };
+  for (const key of kind.place) if (target[key] !== undefined) fault[key] = target[key];
+  for (const field of $("fault").querySelectorAll("[name]")) {
+    if (field.value === "") continue;
+    fault[field.name] = field.name === "devices" ? field.value.split(",").map((name) => name.trim())
+      : field.dataset.number ? Number(field.value) : field.value;
+  }
+  // A byte by its number is hit once; a rate beside it would contradict.
+  if (fault.byte !== undefined) delete fault.rate;
+  send({ do: "fault", fault, for_ms: held > 0 ? Math.round(held * 1000) : null });
+};
+
+// ---- what is at work
+
+function showFaults(faults) {
+  const now = seen().now.at_ns / 1e9;
+  const last = faults.slice(-30).reverse();
+  once("faults", [last, Boolean(hilrig.past)], () => last.map(faultItem));
+  for (const bar of document.querySelectorAll("#faults progress")) {
+    const [from, to] = [Number(bar.dataset.from), Number(bar.dataset.to)];
+    bar.value = Math.min(Math.max((now - from) / Math.max(to - from, 1e-9), 0), 1);
+  }
+}
+
+const HIDDEN = ["kind", "link", "direction", "device", "devices", "from", "until"];
+function faultItem({ id, state, fault }) {
+  const item = make("li"), [from, to] = [seconds(fault.from), seconds(fault.until)];
+  const settings = Object.entries(fault).filter(([key]) => !HIDDEN.includes(key))
+    .map(([key, value]) => `${key} ${typeof value === "object" ? JSON.stringify(value) : value}`);
+  const ways = { "to-master": ", to the robot", "to-device": ", to the device" };
+  const way = ways[fault.direction] ?? "";
+  const times = [["from", from], ["to", to]].map(([word, at]) =>
+    at === null ? "" : ` ${word} ${clockText(at)}`);
+  item.append(make("strong", fault.kind), ` ${placeOf(fault)}${way} ${settings.join(", ")}`,
+    `${times.join("")}: ${state} `);
+  if (state !== "over") {
+    const end = button("End", `end fault ${id}`, (event) => {
+      event.target.blur();
+      send({ do: "end-fault", id });
+    });
+    end.disabled = Boolean(hilrig.past);
+    item.append(end);
+    if (to !== null) {
+      const bar = make("progress", "", { max: 1, value: 0 });
+      bar.setAttribute("aria-label", `time of fault ${id}`);
+      Object.assign(bar.dataset, { from: from ?? 0, to });
+      item.append(bar);
+    }
+  }
+  return item;
+}

@@ -1,0 +1,208 @@
+// ---- the robot: what it is told and does, its panels, its display, its station
+
+function beginRobot(stage) {
+  const modes = (stage.modes ?? []).map((mode) => {
+    const node = make("button", mode[0].toUpperCase() + mode.slice(1), { type: "button" });
+    node.dataset.mode = mode;
+    node.onclick = () => { stopDriving(); send({ do: "mode", mode }); };
+    return node;
+  });
+  $("modes").replaceChildren(...modes);
+  $("drive").hidden = !stage.keys;
+}
+
+function showRobot() {
+  const { now } = seen(), { stage } = hilrig, { pc, gap } = now;
+  for (const id of ["connect", "drive", "clear"]) $(id).disabled = Boolean(hilrig.past);
+  for (const node of $("modes").children) {
+    node.disabled = Boolean(hilrig.past);
+    node.setAttribute("aria-pressed", String(node.dataset.mode === pc?.state?.mode));
+  }
+  say("error", gap ? `${gap.error_mm} mm, ${gap.error_deg}\u00b0` : "nothing to compare yet");
+  say("lag", gap ? `the belief is ${gap.lag_ms} ms old, the robot went ${gap.went_mm} mm since`
+    : "");
+  const ticks = pc?.state?.to.length ? `, told ${pc.state.to.join(", ")}` : "";
+  say("mode", `${now.mode ?? pc?.state?.mode ?? "unknown"}${ticks}`);
+  if (!stage.pc || !pc) { say("pc-state", "on a port"); return; }
+  const silent = pc.heard_ms > 1500 ? `, silent for ${(pc.heard_ms / 1000).toFixed(0)} s` : "";
+  say("pc-state", `${pc.connection}${silent}${now.trouble ? `: ${now.trouble}` : ""}`);
+  say("connect", pc.connection === "closed" ? "Connect" : "Disconnect");
+  say("pose", pc.pose ? `${pc.pose[0]} mm, ${pc.pose[1]} mm, ${pc.pose[2]}\u00b0` : "not told yet");
+  say("rows", pc.rows_missing === null ? "no map yet" : String(pc.rows_missing));
+  say("confirmed", pc.waypoints.length ? (pc.confirmed ? "confirmed" : "on their way") : "");
+  once("waypoints", [pc.waypoints, Boolean(hilrig.past)], () => pc.waypoints.map(waypointItem));
+}
+
+function waypointItem(place, index) {
+  const item = make("li"), past = Boolean(hilrig.past);
+  const number = (axis) => {
+    const input = make("input", "", { type: "number", value: place[axis], disabled: past });
+    input.setAttribute("aria-label", `${"xy"[axis]} of waypoint ${index + 1}, mm`);
+    input.onchange = () => {
+      const to = [...place];
+      to[axis] = Math.round(Number(input.value));
+      input.blur();
+      send({ do: "move", index, from: place, to });
+    };
+    return input;
+  };
+  const gone = button("Delete", `delete waypoint ${index + 1}`, (event) => {
+    event.target.blur();
+    send({ do: "delete", index, at: place });
+  });
+  gone.disabled = past;
+  item.append(number(0), " ", number(1), " ", gone);
+  return item;
+}
+
+// Its values, what passes its wires, what happened.
+function showSlow() {
+  const { slow } = seen();
+  once("axes", slow.axes, () => (slow.axes ?? []).map(axisRow));
+  once("panels", slow.panels, () => (slow.panels ?? []).map(panelItem));
+  once("counters", slow.counters, () => slow.counters.map(([name, value]) => row([name, value])));
+  once("wires", slow.lanes, () => slow.lanes.flatMap(wireRows));
+  showFaults(slow.faults);
+  showEvents();
+  showFrames();
+}
+
+// What an axis is told, what it does, and its limit.
+function axisRow({ name, unit, set_point, limit, actual }) {
+  const told = actual === null ? `${set_point}` : `${set_point}, is ${actual}`;
+  return row([name, `${told} ${unit}${limit === null ? "" : ` (at most ${limit})`}`]);
+}
+
+// A panel of the robot's: values that belong together, folded by a click. A value that is a number
+// is plotted by a click on its name.
+function panelItem({ name: group, rows }) {
+  const item = make("details"), table = make("table"), body = make("tbody");
+  item.open = !hilrig.folded.has(group);
+  item.addEventListener("toggle", () => hilrig.folded[item.open ? "delete" : "add"](group));
+  body.append(...rows.map(({ name, address, value, unit }) =>
+    row([address === null ? name : `${address} ${name}`, `${value} ${unit}`])));
+  table.append(body);
+  item.append(make("summary", group), table);
+  return item;
+}
+
+function wireRows(lane) {
+  return ["to-master", "to-device"].map((way) => {
+    const { load, tally } = lane[way];
+    const name = `${lane.name} ${way === "to-master" ? "<" : ">"}`;
+    return row([name, `${(load * 100).toFixed(1)} %`, tally.bytes, tally.frames, tally.errors,
+      tally.faults], [4, 5]);
+  });
+}
+
+const EVENTS_SHOWN = 300;
+function showEvents() {
+  const until = seen().now.at_ns / 1e9, past = hilrig.past ? until : "live";
+  const list = $("events");
+  const key = `${hilrig.events.length} ${past}`;
+  if (shown.events === key || $("panel-log").hidden && shown.events) return;
+  shown.events = key;
+  const atEnd = list.scrollTop + list.clientHeight >= list.scrollHeight - 20;
+  const all = hilrig.past ? hilrig.events.filter((event) => event.at <= until) : hilrig.events;
+  list.replaceChildren(...all.slice(-EVENTS_SHOWN).map((event) => {
+    const item = make("li", "", event.violation ? { className: "violation" } : {});
+    item.append(jump(event.at), ` ${event.source} ${event.rule} ${event.detail}`);
+    return item;
+  }));
+  if (atEnd) list.scrollTop = list.scrollHeight;
+}
+
+// The robot's display: a row is the upper bytes of its pixels (RGB565), then the lower ones.
+let screenShown = null;
+function drawScreen() {
+  const { display } = seen().maps;
+  $("display").hidden = !display;
+  if (!display || (display === screenShown && !dirty.display)) return;
+  screenShown = display;
+  dirty.display = false;
+  const width = display.width / 2, image = new ImageData(width, display.height);
+  for (let y = 0, at = 0; y < display.height; y++) {
+    for (let x = 0; x < width; x++, at += 4) {
+      const high = display.cells[y * display.width + x];
+      const low = display.cells[y * display.width + width + x];
+      const red = high >> 3, green = (high & 7) << 3 | low >> 5, blue = low & 31;
+      image.data[at] = red << 3 | red >> 2;
+      image.data[at + 1] = green << 2 | green >> 4;
+      image.data[at + 2] = blue << 3 | blue >> 2;
+      image.data[at + 3] = 255;
+    }
+  }
+  $("screen").getContext("2d").putImageData(image, 0, 0);
+}
+
+$("screen").onclick = (event) => {
+  if (hilrig.past) return;
+  const screen = event.currentTarget, box = screen.getBoundingClientRect();
+  const pixel = (at, from, span, all) =>
+    Math.max(0, Math.min(all - 1, Math.floor((at - from) * all / span)));
+  send({ do: "tap", place: [
+    pixel(event.clientX, box.left, box.width, screen.width),
+    pixel(event.clientY, box.top, box.height, screen.height),
+  ] });
+};
+
+$("add").onsubmit = (event) => {
+  event.preventDefault();
+  send({ do: "add", at: [Number($("add-x").value), Number($("add-y").value)].map(Math.round) });
+};
+$("clear").onclick = () => send({ do: "clear" });
+$("connect").onclick = () =>
+  send({ do: hilrig.now?.pc?.connection === "closed" ? "connect" : "disconnect" });
+
+// ---- driving by keys
+
+const keys = new Set();
+let driving = null;
+const directions = {
+  ArrowUp: ["ahead", 1], KeyW: ["ahead", 1], ArrowDown: ["ahead", -1], KeyS: ["ahead", -1],
+  ArrowLeft: ["left", 1], KeyA: ["left", 1], ArrowRight: ["left", -1], KeyD: ["left", -1],
+};
+
+// What the pressed keys come to, a set-point for each axis.
+function axes() {
+  const { limit, ...adds } = hilrig.stage.keys;
+  return limit.map((most, axis) => {
+    let sum = 0;
+    for (const key of keys) sum += adds[directions[key][0]][axis] * directions[key][1];
+    return Math.max(-most, Math.min(most, sum));
+  });
+}
+
+// Said again and again: a robot whose page is gone has to stop.
+function startDriving() {
+  keys.clear();
+  $("drive").setAttribute("aria-pressed", "true");
+  $("driving").hidden = false;
+  send({ do: "drive", axes: axes() });
+  driving = setInterval(() => send({ do: "drive", axes: axes() }), 250);
+}
+
+function stopDriving() {
+  if (driving === null) return;
+  clearInterval(driving);
+  driving = null;
+  keys.clear();
+  $("drive").setAttribute("aria-pressed", "false");
+  $("driving").hidden = true;
+}
+
+$("drive").onclick = () => {
+  if (driving === null) startDriving();
+  else { stopDriving(); send({ do: "drive", axes: axes() }); }
+};
+document.addEventListener("keydown", (event) => {
+  if (driving === null || !(event.code in directions)) return;
+  event.preventDefault();
+  if (!keys.has(event.code)) { keys.add(event.code); send({ do: "drive", axes: axes() }); }
+});
+document.addEventListener("keyup", (event) => {
+  if (driving !== null && keys.delete(event.code)) send({ do: "drive", axes: axes() });
+});
+window.addEventListener("blur", () => {
+  if (driving !== null && keys.size) { keys.clear(); send({ do: "drive", axes: axes() }); }
+});
