@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Programs with planted bugs under `hilrig fuzz --exec`, by hand: how many cases a second in real and
-# in virtual time, and what coverage is worth. Needs python3 and gcc.
+# Programs with planted bugs under `hilrig fuzz --exec`, by hand: how many cases a second in
+# real and in virtual time, and what coverage is worth. Needs python3 and gcc.
 #   tests/fuzz_programs/run.sh HILRIG [SECONDS [SEEDS [CASES]]]
 set -u
 hilrig=$(realpath "$1") seconds=${2:-60} seeds=${3:-5} cases=${4:-150}

@@ -86,8 +86,8 @@ fn rows() -> Vec<Row> {
         row("cut,at_byte=10", |bytes| bytes.truncate(10)),
         row("unplugged", Vec::clear),
         row("break", Vec::clear),
-        // At half the rate each bit is two: the start bit and bit 0 of FE are four low bits, a start
-        // bit and three zeros: F8.
+        // At half the rate each bit is two: the start bit and bit 0 of FE are four low bits, a
+        // start bit and three zeros: F8.
         Row {
             fault: "wrong-baud,baud=57600",
             sent: vec![0xFE; 32],

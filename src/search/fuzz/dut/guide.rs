@@ -1,5 +1,5 @@
-//! Traffic that is led by what a program reaches: choices that brought it somewhere new are kept and
-//! changed further, as for programs of our own.
+//! Traffic that is led by what a program reaches: choices that brought it somewhere new are kept
+//! and changed further, as for programs of our own.
 
 use std::collections::BTreeSet;
 

@@ -7,7 +7,6 @@ use protocols::Instant;
 
 use super::case::Known;
 use super::harness::{Harness, HarnessError, Whose};
-use super::session::Halt;
 use super::wiring::Placed;
 use crate::guest::{GuestError, Trial};
 use crate::realtime::clock::Clock;
@@ -18,6 +17,21 @@ use crate::realtime::transport::PortDir;
 use crate::realtime::{Realtime, Sign};
 use crate::rig::{Paced, Rig};
 use crate::run::Run;
+
+/// Why a case cannot go on.
+#[derive(Debug)]
+pub(super) enum Halt {
+    /// The program ended.
+    Ended(Ended),
+    /// A port went away.
+    Lost(String),
+    /// It computes on and on.
+    Spins(String),
+    /// It cannot be supervised.
+    Guest(GuestError),
+    /// Somebody wants to stop.
+    Interrupted,
+}
 
 /// The rig of a case, its clock, and the program.
 pub(super) enum Player {

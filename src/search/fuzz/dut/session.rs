@@ -8,12 +8,10 @@ use protocols::Instant;
 
 use super::case::{Case, Known, WARM_UP};
 use super::harness::{Harness, HarnessError};
-use super::player::Player;
+use super::player::{Halt, Player};
 use super::wiring;
 use crate::capture::{self, Limits, Recording};
-use crate::guest::GuestError;
 use crate::realtime::clock::utc;
-use crate::realtime::process::Ended;
 use crate::run::Run;
 
 /// Time without a further port being opened after which a program is taken to have opened all.
@@ -31,21 +29,6 @@ const LOOK_EVERY: Duration = Duration::from_millis(1);
 const FIFO: usize = 16;
 /// A capture of a case may have so many bytes; the rest is left out.
 const CAPTURE_MAX: u64 = 64 << 20;
-
-/// Why a case cannot go on.
-#[derive(Debug)]
-pub(super) enum Halt {
-    /// The program ended.
-    Ended(Ended),
-    /// A port went away.
-    Lost(String),
-    /// It computes on and on.
-    Spins(String),
-    /// It cannot be supervised.
-    Guest(GuestError),
-    /// Somebody wants to stop.
-    Interrupted,
-}
 
 /// A case under way.
 pub(super) struct Session<'a> {
