@@ -136,8 +136,8 @@ mod tests {
         }
     }
 
-    /// The verdict on the line of `link` of which `quarters` were delivered in the quarters of the second
-    /// half of a warm-up of 8 s, and `more` in the judgement.
+    /// The verdict on the line of `link` of which `quarters` were delivered in the quarters of the
+    /// second half of a warm-up of 8 s, and `more` in the judgement.
     fn verdict_on(link: &str, quarters: [u64; 4], more: u64) -> (Status, String) {
         let phases = [window(0, 8), window(8, 10), window(10, 12), window(12, 20)];
         let mut checker = AtWorkAgain::new(phases, &["markers"]);

@@ -10,6 +10,7 @@
 
 mod inspect;
 mod passing;
+mod search;
 mod senses;
 mod sight;
 #[cfg(test)]
@@ -46,6 +47,8 @@ const FIELDED_SEND_EVERY: Duration = Duration::from_millis(1);
 const TOO_NEAR_M: f64 = 0.25;
 /// Longer without a distance from it, a wall is not followed: 11 cm of way.
 const WALL_SILENT_MAX: Duration = Duration::from_millis(500);
+/// After so many scans that do not fit, 2 m of way, the car is lost.
+const MISFITS_MAX: u8 = 40;
 /// Where the camera sits before the rear axle's middle, metres.
 const CAMERA_AHEAD_M: f64 = 0.18 + 0.129;
 /// Where the ultrasonic sensor ahead sits before the rear axle's middle.
@@ -139,7 +142,7 @@ pub struct Apollo13 {
     pilot: Pilot,
     gates: Gates,
     passage: Option<Passage>,
-    search: passing::Search,
+    search: search::Search,
     /// Scans in a row, more or less, that do not fit where the car believes to be.
     misfits: u8,
     wall: Option<WallDistance>,
@@ -209,7 +212,7 @@ impl Apollo13 {
             pilot: Pilot::new(PrimitiveSet::car(), &outline, follower::Settings::default()),
             gates: Gates::new(rules),
             passage: None,
-            search: passing::Search::default(),
+            search: search::Search::default(),
             misfits: 0,
             wall,
             wall_heard: None,
@@ -339,7 +342,7 @@ impl Apollo13 {
 
     /// Whether what the camera sees has not fitted for long: somebody must say where the car is.
     const fn is_lost(&self) -> bool {
-        self.misfits >= senses::MISFITS_MAX
+        self.misfits >= MISFITS_MAX
     }
 
     /// Whether there is a wall to follow, and the board has lately told how far it is.

@@ -5,6 +5,7 @@ use core::time::Duration;
 use protocols::Instant;
 
 use super::Apollo13;
+use super::search::Search;
 use crate::ackermann::{CarPose, wrapped};
 use crate::robots::apollo13::floor::FloorPlan;
 use crate::robots::apollo13::gates::Passage;
@@ -22,18 +23,6 @@ const LOOKOUTS: [[f64; 2]; 3] = [[0.5, 0.5], [0.25, 0.5], [0.75, 0.5]];
 const HEADINGS: u32 = 4;
 /// So many places without a gate are enough.
 const LOOKOUTS_MAX: u32 = 3 * HEADINGS;
-
-/// The search for gates that are not in sight.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Search {
-    /// Somebody said where the car is, while there was no gate: there are more of them.
-    pub(super) is_asked: bool,
-    /// Since when there is none.
-    since: Option<Instant>,
-    /// How many places were looked from.
-    places: u32,
-    looked: Option<Instant>,
-}
 
 impl Apollo13 {
     /// Goes on to the next part of a passage, or to the next gate.

@@ -9,7 +9,7 @@ use protocols::tty::InputMode;
 use protocols::{Decode as _, Instant, car_board, odometer};
 use rosc::{OscMessage, OscPacket, OscType};
 
-use super::{Apollo13, Board, CAMERA_AHEAD_M, FRONT_AHEAD_M};
+use super::{Apollo13, Board, CAMERA_AHEAD_M, FRONT_AHEAD_M, MISFITS_MAX};
 use crate::ackermann::{CarPose, Motion};
 use crate::particles::Localiser;
 use crate::robots::apollo13::wall::Side;
@@ -28,8 +28,6 @@ const OPEN_M: f64 = 0.60;
 const FIT_MIN: f64 = 0.35;
 /// After so many scans that do not fit, some guesses are laid elsewhere: 25 cm of way.
 const MISFITS_SEARCHED: u8 = 5;
-/// After so many, 2 m of way, the car is lost.
-pub(super) const MISFITS_MAX: u8 = 40;
 /// Part of the guesses that are laid elsewhere, and how far: metres, metres, radians.
 const SEARCHED: f64 = 0.05;
 const SEARCHED_SIGMA: [f64; 3] = [1.0, 1.0, 0.3];
