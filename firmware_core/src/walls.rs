@@ -26,6 +26,23 @@ const TRUST: [f64; 3] = [0.04, 0.04, 146_000.0];
 /// Most walls kept.
 const WALLS_MAX: usize = 4_000;
 
+/// How far a robot may have rolled and turned without knowing: a motor runs on for 60 ms.
+const LOST_MM: f32 = 400.0;
+const LOST_RAD: f32 = 0.9;
+/// Where one that is lost is looked for, radians and millimetres off.
+const TURNS: [f32; 11] = [
+    0.0, 0.15, -0.15, 0.3, -0.3, 0.45, -0.45, 0.6, -0.6, 0.75, -0.75,
+];
+const SHIFTS_MM: [[f32; 2]; 5] = [
+    [0.0, 0.0],
+    [150.0, 0.0],
+    [-150.0, 0.0],
+    [0.0, 150.0],
+    [0.0, -150.0],
+];
+/// So much more has to fit elsewhere.
+const BETTER: (usize, usize) = (6, 5);
+
 /// Faces of walls in the map's frame, the oldest first; free space is to the left of them, so that
 /// the two faces of a thin wall are not taken for each other.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -48,23 +65,58 @@ impl Walls {
     /// Where a robot stands that believes to be at `robot` and sees `lines`; there, if the walls do
     /// not say better.
     pub fn corrected(&self, robot: Pose, lines: &[Segment]) -> Pose {
+        self.fitted(robot, lines)
+            .filter(|pose| is_within(*pose, robot, SHIFT_MAX_MM, ROTATION_MAX))
+            .unwrap_or(robot)
+    }
+
+    /// As [`corrected`](Self::corrected), of a robot that was turned and moved without knowing: it
+    /// is looked for in other headings and places near by, and is where clearly more of what it
+    /// sees lies on known walls.
+    pub fn recovered(&self, robot: Pose, lines: &[Segment]) -> Pose {
+        let near = self.corrected(robot, lines);
+        let mut best = (self.known(near, lines) * BETTER.0 / BETTER.1, near);
+        for turn in TURNS {
+            for [x, y] in SHIFTS_MM {
+                let start = Pose::new(robot.x_mm + x, robot.y_mm + y, robot.heading + turn);
+                let found = self.fitted(start, lines);
+                let is_near = |pose: &Pose| is_within(*pose, robot, LOST_MM, LOST_RAD);
+                let Some(pose) = found.filter(is_near) else {
+                    continue;
+                };
+                let known = self.known(pose, lines);
+                if known > best.0 {
+                    best = (known, pose);
+                }
+            }
+        }
+        best.1
+    }
+
+    /// The pose near `robot` from which `lines` lie on known walls.
+    fn fitted(&self, robot: Pose, lines: &[Segment]) -> Option<Pose> {
         let mut pose = robot;
         for near_mm in NEAR_MM {
             let mut sums = Sums::new(robot, pose);
             for face in faces(pose, lines) {
                 self.add_line(&mut sums, face, near_mm);
             }
-            let Some([x, y, turn]) = sums.solve() else {
-                return robot;
-            };
+            let [x, y, turn] = sums.solve()?;
             pose = Pose::new(pose.x_mm + x, pose.y_mm + y, pose.heading + turn);
         }
-        let shift = pose.position().distance_mm(robot.position());
-        let turn = normalised(pose.heading - robot.heading).abs();
-        match shift < SHIFT_MAX_MM && turn < ROTATION_MAX {
-            true => pose,
-            false => robot,
-        }
+        Some(pose)
+    }
+
+    /// How many points of `lines`, seen from `pose`, lie on known walls.
+    fn known(&self, pose: Pose, lines: &[Segment]) -> usize {
+        let near_mm = NEAR_MM[NEAR_MM.len() - 1];
+        let is_known = |face: Segment, point: Point| {
+            let mut offsets = self.segments.iter();
+            offsets
+                .any(|wall| offset(*wall, face, point).is_some_and(|(_, off)| off.abs() < near_mm))
+        };
+        let points = |face: Segment| face.points(STEP_MM).filter(move |it| is_known(face, *it));
+        faces(pose, lines).map(|face| points(face).count()).sum()
     }
 
     fn add_line(&self, sums: &mut Sums, line: Segment, near_mm: f32) {
@@ -79,6 +131,12 @@ impl Walls {
             }
         }
     }
+}
+
+/// Whether `pose` is no farther from `robot`.
+fn is_within(pose: Pose, robot: Pose, most_mm: f32, most_rad: f32) -> bool {
+    let turn = normalised(pose.heading - robot.heading).abs();
+    pose.position().distance_mm(robot.position()) < most_mm && turn < most_rad
 }
 
 /// The certain ones of the lines that a robot at `robot` sees, with the robot to the left of them.
@@ -185,6 +243,48 @@ fn determinant([a, b, c]: [[f64; 3]; 3]) -> f64 {
 mod tests {
     use super::*;
     use crate::pose::sin_cos;
+
+    /// A room of 3 by 2 m, seen from (1, 1.1) m by a robot that believes to be 10 cm and
+    /// 0.5 radians off: too far to be corrected, but nothing else fits so well.
+    #[test]
+    fn a_robot_that_rolled_without_knowing_is_found() {
+        let corners = [
+            [0.0, 0.0],
+            [3_000.0, 0.0],
+            [3_000.0, 2_000.0],
+            [0.0, 2_000.0],
+        ];
+        let point = |[x, y]: [f32; 2]| Point::new(x, y);
+        let truth = Pose::new(1_000.0, 1_100.0, 0.5);
+        let (sin, cos) = sin_cos(-truth.heading);
+        let seen = |[x, y]: [f32; 2]| {
+            let (x, y) = (x - truth.x_mm, y - truth.y_mm);
+            Point::new(cos * x - sin * y, sin * x + cos * y)
+        };
+        let sides = |place: &dyn Fn([f32; 2]) -> Point| -> Vec<Segment> {
+            let next = corners.iter().cycle().skip(1);
+            let sides = corners.iter().zip(next);
+            sides
+                .map(|(a, b)| Segment::new(place(*a), place(*b)))
+                .collect()
+        };
+        let mut walls = Walls::default();
+        let home = Pose::new(0.0, 0.0, 0.0);
+        // As from the middle, so that the robot is on their left.
+        let middle = Pose::new(1_500.0, 1_000.0, 0.0);
+        let from_middle = sides(&|corner| point([corner[0] - 1_500.0, corner[1] - 1_000.0]));
+        walls.add(middle, &from_middle);
+        assert_eq!(walls.recovered(home, &[]), home);
+        let lines = sides(&seen);
+        let believed = Pose::new(1_080.0, 1_040.0, 0.0);
+        assert_eq!(walls.corrected(believed, &lines), believed);
+        let found = walls.recovered(believed, &lines);
+        assert!(
+            found.position().distance_mm(truth.position()) < 10.0,
+            "{found:?}"
+        );
+        assert!((found.heading - truth.heading).abs() < 0.01, "{found:?}");
+    }
 
     /// A corner seen from (1, 1) m by a robot that believes to be 5 cm and 3 degrees off.
     #[test]

@@ -27,6 +27,8 @@ pub mod scans;
 pub mod state;
 pub mod wheels;
 
+use core::time::Duration;
+
 use protocols::peripherals::{Outputs, Sample, SampleDecoder, SampleFormat};
 use protocols::telemetry::message::{self, ANY_HEADING, State, Telecommand};
 use protocols::{Decode, Instant, LineConfig, LineEvent, Port, rplidar, telemetry};
@@ -49,6 +51,10 @@ use wheels::Wheels;
 
 /// Rate of the wires that are none on a board: PWM of the lidar's motor, the chip's own hardware.
 const BOARD_BAUD: u32 = 10_000_000;
+
+/// Without a sample for longer nobody knows how far the robot has rolled meanwhile: 5 mm at the
+/// speed of a manoeuvre.
+const GAP: Duration = Duration::from_millis(10);
 
 /// The robot's program.
 #[derive(Clone, Debug)]
@@ -149,7 +155,14 @@ impl Yellow {
         self.attend(now);
         let enable = self.machine.drivers_are_on();
         let target = enable.then_some(self.target);
-        let duty = self.wheels.step(sample.counters, target);
+        let disbelieved = self.wheels.disbelieved();
+        let mut duty = self.wheels.step(sample.counters, target);
+        let is_late = self.posed_at.is_some_and(|at| now - at > GAP);
+        let is_lost = is_late || self.wheels.disbelieved() != disbelieved;
+        if is_lost || self.wheels.is_silent() {
+            self.machine.interrupt();
+            duty = self.wheels.halt();
+        }
         self.posed_at = Some(now);
         let outputs = Outputs {
             duty,

@@ -60,6 +60,8 @@ pub(crate) struct Motor {
     /// Friction only holds the wheel: above its voltage it takes nothing.
     pub(crate) only_holds: bool,
     pub(crate) rpm: f64,
+    /// Its encoder counts nothing.
+    pub(crate) is_uncounted: bool,
     counts: f64,
 }
 
@@ -76,7 +78,9 @@ impl Motor {
         };
         // First order, 60 ms, a millisecond at a time.
         self.rpm += (driven * self.rpm_per_volt - self.rpm) * (1.0 - libm::exp(-1.0 / 60.0));
-        self.counts += self.rpm / 60.0 * 0.001 * 1_200.0;
+        if !self.is_uncounted {
+            self.counts += self.rpm / 60.0 * 0.001 * 1_200.0;
+        }
     }
 
     fn speed_m_s(&self) -> f64 {
@@ -96,6 +100,8 @@ pub(crate) struct Bench {
     pub(crate) counter_offset: [u16; 2],
     pub(crate) outputs: Outputs,
     pub(crate) button: bool,
+    /// The board has no supply: motors are off, and no sample comes.
+    pub(crate) is_unsupplied: bool,
     pub(crate) lidar: Lidar,
     pub(crate) heard: Vec<(Instant, Telemetry)>,
     /// Payloads as they came.
@@ -130,6 +136,7 @@ impl Bench {
             friction_volts: 0.5,
             only_holds: false,
             rpm: 0.0,
+            is_uncounted: false,
             counts: 0.0,
         };
         Self {
@@ -145,6 +152,7 @@ impl Bench {
             counter_offset: [0; 2],
             outputs: Outputs::default(),
             button: false,
+            is_unsupplied: false,
             lidar: Lidar::new(1),
             heard: Vec::new(),
             payloads: Vec::new(),
@@ -266,7 +274,7 @@ impl Bench {
     fn move_body(&mut self) {
         let Outputs { duty, enable, .. } = self.outputs;
         for (motor, duty) in self.motors.iter_mut().zip(duty) {
-            motor.step(duty, enable);
+            motor.step(duty, enable && !self.is_unsupplied);
         }
         let [linear, angular] = self.speed();
         let heading = self.body[2] + angular * 0.000_5;
@@ -310,8 +318,10 @@ impl Bench {
             supply_cv: 1_200,
             button: self.button,
         };
-        self.robot
-            .receive(Yellow::BOARD, self.now, &sample.encode());
+        if !self.is_unsupplied {
+            self.robot
+                .receive(Yellow::BOARD, self.now, &sample.encode());
+        }
     }
 
     /// Takes what the robot sends.

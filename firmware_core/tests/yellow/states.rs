@@ -161,6 +161,59 @@ fn the_end_of_a_manoeuvre_erases_no_order() {
 }
 
 /// Without a sample of the hardware the machine runs by the clock, and harms nothing.
+/// A board that counts anew, or was without supply for 50 ms: the robot has rolled, and nobody knows
+/// how far. A manoeuvre goes by that, so it ends; who drives by hand sees where the robot is.
+#[test]
+fn a_manoeuvre_ends_when_the_way_is_lost() {
+    for is_unsupplied in [false, true] {
+        let lose = |bench: &mut Bench| {
+            bench.run_for(SECOND / 2);
+            bench.is_unsupplied = is_unsupplied;
+            if !is_unsupplied {
+                bench.counter_offset = [20_000, 40_000];
+            }
+            bench.run_for(SECOND / 20);
+            bench.is_unsupplied = false;
+        };
+        let mut bench = Bench::new(square(10.0));
+        bench.go(2.0, 0.0, 0.0);
+        assert!(bench.run_until(SECOND, |bench| bench.mode() == "position"));
+        lose(&mut bench);
+        bench.run_for(SECOND);
+        assert_eq!((bench.mode(), bench.body[0] < 1.0), ("off", true));
+        assert_eq!(bench.counter("manoeuvres interrupted"), 1);
+
+        bench.drive(0.3, 0.0);
+        bench.run_for(SECOND);
+        lose(&mut bench);
+        assert_eq!(bench.mode(), "manual");
+        assert_eq!(bench.counter("manoeuvres interrupted"), 1);
+    }
+}
+
+/// Encoders that stand still for half a second while the robot drives at 0.5 m/s: the controller
+/// must not make up for what it does not see, 1.9 m/s at 12 V and 0.9 m until they count again. At
+/// 120 V ms, 10 to 20 ms, it lets go; the motors run out in 60 ms.
+#[test]
+fn wheels_that_do_not_count_are_not_driven_on() {
+    let mut bench = Bench::new(square(10.0));
+    bench.go(3.0, 0.0, 0.0);
+    assert!(bench.run_until(3 * SECOND, |bench| bench.body[0] > 0.5));
+    bench
+        .motors
+        .iter_mut()
+        .for_each(|motor| motor.is_uncounted = true);
+    bench.run_for(SECOND / 2);
+    bench
+        .motors
+        .iter_mut()
+        .for_each(|motor| motor.is_uncounted = false);
+    assert!(bench.body[0] < 0.6, "{:?}", bench.body);
+    bench.run_for(SECOND);
+    assert_eq!(bench.mode(), "off");
+    assert!(bench.body[0] < 0.6 && bench.counter("manoeuvres interrupted") == 1);
+}
+
 #[test]
 fn modes_need_no_samples() {
     use firmware_core::Master as _;

@@ -129,6 +129,40 @@ fn ye12_a_robot_whose_odometry_drifts_is_told_where_it_is() {
     );
 }
 
+/// A robot that stops on its way, behind 6 cm and 6 degrees that its wheels did not count, looks
+/// around before it is told to drive on; by the old pose it would be beside the goal.
+#[test]
+fn a_robot_that_stops_on_its_way_looks_around_before_it_goes_on() {
+    let mut bench = mapped(21, PcConfig::default());
+    let [x, y] = bench.world.room(11, 9, CORRIDOR);
+    bench.command(to(At { x, y, heading: 0.0 }, None));
+    let (driven, count) = (bench.robot.driven, bench.commands.len());
+    while bench.robot.driven < driven + 0.4 {
+        bench.step();
+    }
+    bench.robot.roll(0.06, 0.1);
+    let told = bench.commands.len();
+    bench.run_task(300);
+    let later = &bench.commands[told..];
+    let next = |is: fn(&Telecommand) -> bool| later.iter().position(|(_, it)| is(it));
+    let (look, drive) = (
+        next(|it| it.lines.is_some()),
+        next(|it| it.desired_pose.is_some()),
+    );
+    assert!(
+        told > count && look.is_some() && look < drive,
+        "{look:?} {drive:?}"
+    );
+    assert_eq!(bench.pc.task_state(), TaskState::Done);
+    let At {
+        x: at_x, y: at_y, ..
+    } = bench.robot.truth;
+    assert!(
+        (at_x - x).abs().max((at_y - y).abs()) <= 0.05,
+        "{at_x} {at_y}"
+    );
+}
+
 /// Six corridors joined at alternating ends.
 const SERPENTINE: &str = "
 #############

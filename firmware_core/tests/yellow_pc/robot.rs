@@ -145,6 +145,12 @@ impl Robot {
         }
     }
 
+    /// Its wheels were without supply: it rolled by so much without knowing, and has stopped.
+    pub(crate) fn roll(&mut self, forward: f64, turn: f64) {
+        self.truth = self.truth.moved(forward, turn);
+        self.mode = Mode::Switching(SWITCH_S, State::Off);
+    }
+
     pub(crate) fn step(&mut self, world: &World, seconds: f64) {
         let (speed, turn) = match self.mode {
             Mode::Off => (0.0, 0.0),

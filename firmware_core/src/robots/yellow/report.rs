@@ -48,6 +48,7 @@ impl Inspect for Yellow {
             ("lines left out", radio.lines_left_out),
             ("manual time-outs", self.machine.time_outs),
             ("arrivals", self.machine.arrivals),
+            ("manoeuvres interrupted", self.machine.interruptions),
             ("escapes", self.reactive.escapes),
             ("line errors", self.counters.line_errors),
         ];

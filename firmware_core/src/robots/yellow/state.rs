@@ -115,6 +115,7 @@ pub(super) struct Machine {
     has_arrived: bool,
     pub(super) time_outs: u32,
     pub(super) arrivals: u32,
+    pub(super) interruptions: u32,
 }
 
 impl Machine {
@@ -129,6 +130,7 @@ impl Machine {
             has_arrived: false,
             time_outs: 0,
             arrivals: 0,
+            interruptions: 0,
         }
     }
 
@@ -171,6 +173,14 @@ impl Machine {
             self.arrivals = self.arrivals.saturating_add(1);
         }
         self.has_arrived = true;
+    }
+
+    /// The way was lost for a while: a manoeuvre that goes by it ends where it is.
+    pub(super) fn interrupt(&mut self) {
+        if self.mode == Mode::AutoPosition && !self.has_arrived {
+            self.interruptions = self.interruptions.saturating_add(1);
+            self.has_arrived = true;
+        }
     }
 
     /// The button's state; only its going down counts.

@@ -45,6 +45,10 @@ const COUNTS_MAX: u16 = 100;
 /// Above this the fielded program takes the old speed.
 const RPM_BELIEVED: f32 = 1_500.0;
 
+/// Volts over time without a count, in volts a sample, behind which an encoder must have failed: a
+/// sound wheel counts within 50 when it begins to turn, and one that turns loses 5 cm until then.
+const SILENCE_MAX: f32 = 120.0;
+
 /// A wheel that turns slower stands: 20 ms behind its last count.
 const REST_RPM: f32 = 1.0;
 
@@ -78,6 +82,8 @@ struct Wheel {
     filter: [f32; 2],
     target_rpm: f32,
     integral_volts: f32,
+    /// What was put on the motor since the last count, volts a sample.
+    silence: f32,
 }
 
 impl Wheel {
@@ -87,6 +93,7 @@ impl Wheel {
         filter: [0.0; 2],
         target_rpm: 0.0,
         integral_volts: 0.0,
+        silence: 0.0,
     };
 
     /// Takes the counter; false if it cannot be believed.
@@ -131,7 +138,17 @@ impl Wheel {
             self.integral_volts =
                 (self.integral_volts + more).clamp(-INTEGRAL_MAX_VOLTS, INTEGRAL_MAX_VOLTS);
         }
+        let put_volts = (bounded - 0.5) * 2.0 * SUPPLY_VOLTS;
+        self.silence = match self.counts == 0.0 {
+            true => self.silence + put_volts.abs(),
+            false => 0.0,
+        };
         to_duty(bounded)
+    }
+
+    /// Forgets what the motor was to do.
+    const fn halt(&mut self) {
+        (self.target_rpm, self.integral_volts, self.silence) = (0.0, 0.0, 0.0);
     }
 }
 
@@ -168,11 +185,7 @@ impl Wheels {
         }
         self.advance();
         let Some(target) = target else {
-            self.velocity = Velocity::ZERO;
-            for wheel in &mut self.wheels {
-                (wheel.target_rpm, wheel.integral_volts) = (0.0, 0.0);
-            }
-            return [DUTY_STOP; 2];
+            return self.halt();
         };
         self.velocity = motion::approach(self.velocity, target, PERIOD_S);
         let turn = self.velocity.angular_rad_s * BASE_M / 2.0;
@@ -183,6 +196,18 @@ impl Wheels {
             l.control(left, &self.defects),
             r.control(-right, &self.defects),
         ]
+    }
+
+    /// The duties that leave the motors alone; speeds begin at rest again.
+    pub(super) fn halt(&mut self) -> [u16; 2] {
+        self.velocity = Velocity::ZERO;
+        self.wheels.iter_mut().for_each(Wheel::halt);
+        [DUTY_STOP; 2]
+    }
+
+    /// Whether a wheel that is driven does not count.
+    pub(super) fn is_silent(&self) -> bool {
+        self.wheels.iter().any(|wheel| wheel.silence > SILENCE_MAX)
     }
 
     /// Whether neither the profile nor a wheel moves.

@@ -147,6 +147,14 @@ impl Atlas {
         }
     }
 
+    /// Where the robot stands that has rolled by nobody knows how much.
+    pub(super) fn recovered(&self, sight: &Sight) -> Pose {
+        match self.mapping.odometry_alone {
+            true => sight.pose,
+            false => self.walls.recovered(sight.pose, &sight.lines),
+        }
+    }
+
     /// Puts what is seen from `pose` on the map.
     pub(super) fn add(&mut self, pose: Pose, sight: &Sight) -> Result<(), NotWritten> {
         let limited = |mm: f32| match self.mapping.eight_bits {

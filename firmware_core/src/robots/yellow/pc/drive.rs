@@ -116,6 +116,16 @@ impl Stretch {
     }
 }
 
+/// How far a drive is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Progress {
+    Driving,
+    /// The robot rests at the last goal.
+    Arrived,
+    /// It drove, and rests elsewhere: it does not know the way any more.
+    Interrupted,
+}
+
 /// A way that is driven.
 #[derive(Clone, Debug)]
 pub(super) struct Drive {
@@ -134,6 +144,8 @@ struct Sent {
     number: u64,
     /// Where the robot was last known to move.
     from: Pose,
+    /// It was seen to obey.
+    drove: bool,
     resting: u32,
     stuck: u32,
     resends: u32,
@@ -155,26 +167,27 @@ impl Drive {
     }
 
     /// Whether the robot has arrived at the last goal.
-    pub(super) fn step(&mut self, now: Instant, link: &mut Link) -> Result<bool, Failure> {
+    pub(super) fn step(&mut self, now: Instant, link: &mut Link) -> Result<Progress, Failure> {
         let Some(goal) = self.goals.front().copied() else {
-            return Ok(true);
+            return Ok(Progress::Arrived);
         };
         let Some((number, state, pose)) = link
             .heard()
             .and_then(|heard| Some((heard.number, heard.state()?, heard.pose()?)))
         else {
-            return Ok(false);
+            return Ok(Progress::Driving);
         };
         let Some(sent) = &mut self.sent else {
             self.sent = Some(Sent::new(now, number, pose));
             tell(now, link, goal);
-            return Ok(false);
+            return Ok(Progress::Driving);
         };
         if now < sent.next_poll || number == sent.number {
-            return Ok(false);
+            return Ok(Progress::Driving);
         }
         sent.next_poll = now + POLL;
         sent.number = number;
+        sent.drove |= state == State::AutoPosition;
         if state == State::Off && goal.is_near(pose, self.within.0, self.within.1) {
             self.goals.pop_front();
             self.sent = None;
@@ -188,11 +201,14 @@ impl Drive {
             if self.following == Following::Rested && sent.resends == RESENDS_MAX {
                 return Err(Failure::NoAnswer);
             }
+            if self.following == Following::Rested && sent.drove && state == State::Off {
+                return Ok(Progress::Interrupted);
+            }
             sent.resends += 1;
             link.counts.resends += 1;
             tell(now, link, goal);
         }
-        Ok(false)
+        Ok(Progress::Driving)
     }
 }
 
@@ -202,6 +218,7 @@ impl Sent {
             next_poll: now + POLL,
             number,
             from,
+            drove: false,
             resting: 0,
             stuck: 0,
             resends: 0,

@@ -8,11 +8,11 @@ use protocols::Instant;
 use super::Failure;
 use super::atlas::Atlas;
 use super::config::NextView;
-use super::drive::Stretch;
+use super::drive::{Progress, Stretch};
 use super::link::{Link, Sight, Tell};
 use super::look::Look;
 use crate::cell_map::Cell;
-use crate::frontier::{View, next_view, open_edges};
+use crate::frontier::{View, next_view, open_edges, reach};
 use crate::pose::Pose;
 
 /// What a view of an open edge costs that shows nothing, and a drive towards it.
@@ -34,6 +34,8 @@ pub(super) struct Explore {
     /// The open edges that are driven to.
     edges: BTreeSet<Cell>,
     failures: u32,
+    /// The robot does not know how far it has rolled.
+    is_lost: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -52,6 +54,7 @@ impl Explore {
             given_up: BTreeSet::new(),
             edges: BTreeSet::new(),
             failures: 0,
+            is_lost: false,
         }
     }
 
@@ -76,13 +79,17 @@ impl Explore {
             },
             Phase::Drive(stretch) => {
                 match stretch.drive.step(now, link) {
-                    Ok(false) => return Ok(false),
-                    Ok(true) => {
+                    Ok(Progress::Driving) => return Ok(false),
+                    Ok(Progress::Arrived) => {
                         let is_last = stretch.is_last;
                         self.spend(if is_last { VIEW_COSTS } else { DRIVE_COSTS });
                         self.failures = 0;
                     }
-                    Err(_) if self.failures < FAILURES_MAX => self.failures += 1,
+                    Ok(Progress::Interrupted) | Err(_) if self.failures < FAILURES_MAX => {
+                        self.failures += 1;
+                        self.is_lost = true;
+                    }
+                    Ok(Progress::Interrupted) => return Err(Failure::NoAnswer),
                     Err(failure) => return Err(failure),
                 }
                 self.phase = Phase::Look(Look::new(link));
@@ -92,7 +99,10 @@ impl Explore {
     }
 
     fn put(&mut self, link: &Link, atlas: &mut Atlas, sight: &Sight) -> Result<bool, Failure> {
-        let pose = atlas.corrected(sight);
+        let pose = match core::mem::take(&mut self.is_lost) {
+            true => atlas.recovered(sight),
+            false => atlas.corrected(sight),
+        };
         atlas.add(pose, sight)?;
         if atlas.global.view().is_none() {
             return Err(Failure::NothingSeen);
@@ -130,6 +140,10 @@ impl Explore {
     fn choose(&mut self, atlas: &Atlas, pose: Pose) -> Result<Option<Cell>, Failure> {
         let map = &atlas.global;
         let start = map.cell_of(pose.position())?;
+        // Walled in by what was seen from a pose that was none: such a map is not complete.
+        if reach(map, &map.eroded(), start).is_empty() {
+            return Err(Failure::NoWay);
+        }
         let edges = open_edges(map, start, &self.given_up);
         let Some(View { place, edges }) = next_view(map, start, &edges) else {
             return Ok(None);

@@ -7,7 +7,7 @@ use protocols::Instant;
 
 use super::Failure;
 use super::atlas::Atlas;
-use super::drive::Stretch;
+use super::drive::{Progress, Stretch};
 use super::link::{Link, Sight, Tell};
 use super::look::Look;
 use crate::frontier::{next_view, open_edges};
@@ -58,9 +58,13 @@ impl Find {
                 Ok(false)
             }
             Phase::Drive(stretch) => {
-                if stretch.drive.step(now, link)? {
-                    self.phase = Phase::Look(Look::new(link));
+                match stretch.drive.step(now, link)? {
+                    Progress::Driving => return Ok(false),
+                    Progress::Arrived => {}
+                    // Nobody knows how far it is from where it looked before.
+                    Progress::Interrupted => self.known = None,
                 }
+                self.phase = Phase::Look(Look::new(link));
                 Ok(false)
             }
             Phase::Tell(tell) => tell.step(now, link),

@@ -9,7 +9,7 @@ use protocols::Instant;
 
 use super::Failure;
 use super::atlas::Atlas;
-use super::drive::{Goal, Stretch};
+use super::drive::{Goal, Progress, Stretch};
 use super::link::{Link, Tell};
 use super::look::Look;
 use crate::cell_map::Cell;
@@ -21,6 +21,8 @@ const NEAR_MM: f32 = 30.0;
 const NEAR_RAD: f32 = 0.04;
 /// Most drives from beside the goal to the goal.
 const AGAIN_MAX: u32 = 4;
+/// Drives that the robot may end by itself before they are over.
+const INTERRUPTIONS_MAX: u32 = 5;
 /// Most looks for a way where none is known.
 const SEARCHES_MAX: u32 = 4;
 
@@ -35,6 +37,9 @@ pub(super) struct Journey {
     /// The way does not lead to the goal, but to where more is to be seen of it.
     searches: bool,
     searched: u32,
+    interruptions: u32,
+    /// The robot does not know how far it has rolled.
+    is_lost: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -56,6 +61,8 @@ impl Journey {
             again: 0,
             searches: false,
             searched: 0,
+            interruptions: 0,
+            is_lost: false,
         }
     }
 
@@ -75,12 +82,13 @@ impl Journey {
                 self.step(now, link, atlas)
             }
             Phase::Drive(stretch) => {
-                if !stretch.drive.step(now, link)? {
-                    return Ok(false);
-                }
-                let is_last = stretch.is_last;
-                if is_last && !atlas.corrects() {
-                    return Ok(true);
+                let progress = stretch.drive.step(now, link)?;
+                let is_last = stretch.is_last && progress == Progress::Arrived;
+                match progress {
+                    Progress::Driving => return Ok(false),
+                    Progress::Arrived if is_last && !atlas.corrects() => return Ok(true),
+                    Progress::Arrived => {}
+                    Progress::Interrupted => self.interrupt()?,
                 }
                 self.phase = Phase::Look(Look::new(link), is_last);
                 Ok(false)
@@ -89,7 +97,11 @@ impl Journey {
                 let Some(sight) = look.step(now, link)? else {
                     return Ok(false);
                 };
-                let (is_last, pose) = (*is_last, atlas.corrected(&sight));
+                let is_last = *is_last;
+                let pose = match core::mem::take(&mut self.is_lost) {
+                    true => atlas.recovered(&sight),
+                    false => atlas.corrected(&sight),
+                };
                 if self.searches {
                     atlas.add(pose, &sight)?;
                 }
@@ -107,6 +119,17 @@ impl Journey {
                 false => Ok(false),
             },
         }
+    }
+
+    /// Another way is chosen from wherever the robot is.
+    fn interrupt(&mut self) -> Result<(), Failure> {
+        self.interruptions += 1;
+        if self.interruptions > INTERRUPTIONS_MAX {
+            return Err(Failure::NoAnswer);
+        }
+        self.way.clear();
+        self.is_lost = true;
+        Ok(())
     }
 
     fn go_on(&mut self, atlas: &mut Atlas, pose: Pose, is_last: bool) -> Result<bool, Failure> {
