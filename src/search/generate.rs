@@ -292,6 +292,35 @@ mod tests {
         );
     }
 
+    /// Nothing tells a robot that its lidar sits otherwise, or that a sensor sees less than there is:
+    /// the former never comes, the latter for half a second at most.
+    #[test]
+    fn no_sensor_deceives_for_long() {
+        let mut other = base();
+        other.robot = "yellow".into();
+        let made = |seed| scenario(&other, Vary::ALL, &mut Dice::of_seed(seed, "base"));
+        let faults: Vec<_> = (0..300).flat_map(|seed| made(seed).fault).collect();
+        let called = |name: &'static str| {
+            let faults = faults.iter();
+            faults.filter(move |fault| fault.fault.as_deref() == Some(name))
+        };
+        assert_eq!(called("turned").chain(called("mirrored")).count(), 0);
+        let lasts = |fault: &crate::scenario::FaultSpec| {
+            let window = fault
+                .from
+                .zip(fault.until)
+                .map(|(from, until)| until.0 - from.0);
+            window
+                .or(fault.lasting.map(|lasting| lasting.0))
+                .expect("it ends")
+        };
+        let longest = called("blind").map(lasts).max().expect("it comes");
+        assert!(
+            longest <= core::time::Duration::from_millis(500),
+            "{longest:?}"
+        );
+    }
+
     /// What was made is sound, and means the same when it is read from its file.
     #[test]
     fn a_mission_survives_its_file() {

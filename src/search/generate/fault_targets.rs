@@ -26,14 +26,17 @@ pub(super) struct Device {
     pub(super) has_messages: bool,
 }
 
+/// How a sensor sits: that does not change while a robot drives, and no byte tells of it.
+const MOUNTS: [&str; 2] = ["turned", "mirrored"];
+
 impl Device {
-    /// Faults that no other device has.
+    /// Faults that no other device has, and that can come and go.
     pub(super) fn of_its_own(&self) -> impl Iterator<Item = &'static str> {
         let is_known = |name: &str| FaultKind::ALL.iter().any(|kind| kind.name() == name);
         self.faults
             .iter()
             .copied()
-            .filter(move |name| !is_known(name))
+            .filter(move |name| !is_known(name) && !MOUNTS.contains(name))
     }
 }
 

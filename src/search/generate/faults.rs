@@ -212,6 +212,11 @@ fn silences(kind: FaultKind) -> bool {
     )
 }
 
+/// Whether something that is there seems not to be, or to stand still: a robot can know no better.
+fn is_deceived(fault: &FaultSpec) -> bool {
+    fault.kind == FaultKind::Stuck || fault.fault.as_deref() == Some("blind")
+}
+
 /// Whether it comes and goes by its nature.
 fn comes_in_spells(kind: FaultKind) -> bool {
     matches!(kind, FaultKind::Clog | FaultKind::Intermittent)
@@ -221,7 +226,7 @@ fn comes_in_spells(kind: FaultKind) -> bool {
 fn foreseen(fault: &mut FaultSpec, is_late: bool, dice: &mut Draw) {
     let earliest = [ADVERSITY_FROM_MS, WARM_UP_MS][usize::from(is_late)];
     let most = match fault.kind {
-        FaultKind::Stuck => STUCK_MAX_MS,
+        _ if is_deceived(fault) => STUCK_MAX_MS,
         kind if silences(kind) => SILENCE_MAX_MS,
         _ => TROUBLE_MAX_MS,
     };
@@ -246,7 +251,7 @@ fn unforeseen(fault: &mut FaultSpec, targets: &FaultTargets, places: &[[f64; 2]]
     if comes_in_spells(fault.kind) {
         return foreseen(fault, false, dice);
     }
-    let most = if fault.kind == FaultKind::Stuck {
+    let most = if is_deceived(fault) {
         STUCK_MAX_MS
     } else {
         SURPRISE_MAX_MS
