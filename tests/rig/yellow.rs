@@ -1,6 +1,8 @@
 //! The robot yellow in whole runs: its four shipped scenarios over a few seeds, and what a fielded
 //! law or a dead PC does to them.
 
+use std::path::Path;
+
 use hilrig::run::Run;
 use hilrig::scenario::Scenario;
 
@@ -22,7 +24,7 @@ fn passes(name: &str, seeds: impl IntoIterator<Item = u64>) {
 
 /// Acceptance YE6: of 20 seeds 19 leave the labyrinth, none touches a wall.
 #[test]
-fn nineteen_of_twenty_leave_the_labyrinth_by_infrared_alone() {
+fn ye6_nineteen_of_twenty_leave_the_labyrinth_by_infrared_alone() {
     let mut out = 0;
     for seed in 0..20 {
         let failed = judged("yellow-reactive", seed, |_| {});
@@ -36,7 +38,7 @@ fn nineteen_of_twenty_leave_the_labyrinth_by_infrared_alone() {
 /// YR-01, the published law: it touches walls at the corners that ours passes, faster than a touch
 /// that does no harm.
 #[test]
-fn the_published_law_runs_into_corners() {
+fn ye6_the_published_law_runs_into_corners() {
     let fielded = |scenario: &mut Scenario| {
         let law = toml::Spanned::new(0..0, "YR-01".to_owned());
         scenario.program.defects.push(law);
@@ -47,12 +49,12 @@ fn the_published_law_runs_into_corners() {
 }
 
 #[test]
-fn a_labyrinth_with_forks_is_mapped_to_its_last_edge() {
+fn ye10_a_labyrinth_with_forks_is_mapped_to_its_last_edge() {
     passes("yellow-map", [1, 2]);
 }
 
 #[test]
-fn a_place_that_looks_like_others_is_told_and_found_from_elsewhere() {
+fn ye11_a_place_that_looks_like_others_is_told_and_found_from_elsewhere() {
     passes("yellow-alike", [1, 2]);
 }
 
@@ -60,6 +62,47 @@ fn a_place_that_looks_like_others_is_told_and_found_from_elsewhere() {
 /// a wall in mid-air, 6 ran into one after a long stretch by odometry alone, 103 stood 33 mm beside
 /// a target and was not waited for when it was told again.
 #[test]
-fn targets_are_reached_within_5_cm_while_a_third_of_the_commands_is_lost() {
+fn ye12_targets_are_reached_within_5_cm_while_a_third_of_the_commands_is_lost() {
     passes("yellow-lost-commands", [4, 6, 103]);
+}
+
+/// A room that one look shows.
+const ROOM: &str = r#"
+schema = 1
+name = "by-hand"
+robot = "yellow"
+duration = "40s"
+[[mission.step]]
+at = "1s"
+do = { mode = "map" }
+[[mission.step]]
+when = { event = { rule = "map-done", source = "pc" } }
+do = { mode = "go-to 1 0.9 90" }
+[[mission.step]]
+when = { event = { rule = "navigate-done", source = "pc" } }
+do = { mode = "set-pose 5 -5 180" }
+[world]
+start = { x_m = 0.5, y_m = 0.5, heading_deg = 0 }
+[[world.wall]]
+path_m = [[0, 0], [1.5, 0], [1.5, 1.4], [0, 1.4], [0, 0]]
+"#;
+
+/// D2: a target with an orientation, within 5 cm and 0.06 rad, 3.4 degrees; and a pose by hand, which
+/// the robot believes.
+#[test]
+fn d2_a_target_has_an_orientation_and_a_pose_can_be_given_by_hand() {
+    let (scenario, source) = Scenario::parse(Path::new("<test>"), ROOM.to_owned()).expect("sound");
+    let outcome = Run::new(scenario, &source, None)
+        .expect("can be wired")
+        .finish();
+    let pair = outcome.pairs.last().expect("it drove");
+    let [x, y] = [pair.truth.x - 1.0, pair.truth.y - 0.9];
+    assert!(x.abs().max(y.abs()) < 0.05, "{:?}", pair.truth);
+    let turned = (pair.truth.theta.to_degrees() - 90.0).abs();
+    assert!(turned < 3.4, "{:?}", pair.truth);
+    let believed = pair.estimate;
+    assert!(
+        (believed.x - 5.0).abs() < 0.01 && (believed.y + 5.0).abs() < 0.01,
+        "{believed:?}"
+    );
 }

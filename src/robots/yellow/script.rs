@@ -48,6 +48,10 @@ pub(super) const MODES: [(&str, PcCommand); 5] = [
 ];
 /// The mode of driving to the targets.
 pub(super) const NAVIGATE: &str = "navigate";
+/// The mode of telling the robot its pose, which follows.
+const SET_POSE: &str = "set-pose";
+/// The mode of driving to one pose, which follows.
+const GO_TO: &str = "go-to";
 
 impl Wish {
     /// What `action` means here.
@@ -61,18 +65,56 @@ impl Wish {
             Action::WaypointsM(targets) => Self::Targets(targets.clone()),
             Action::Mode(name) if name == NAVIGATE => Self::Navigate,
             Action::Mode(name) => {
-                let found = MODES.iter().find(|(known, _)| known == name);
+                let found = MODES.iter().find(|(known, _)| known == name).copied();
+                let found = found.or_else(|| with_pose(name));
                 let (name, command) = found.ok_or_else(|| unknown_mode(name))?;
-                Self::Do(name, *command)
+                Self::Do(name, command)
             }
             Action::Drive(set_points) => Self::Drive(set_points.clone(), by_hand(set_points)?),
         })
     }
 }
 
+/// A mode with a pose behind it, metres and degrees: `set-pose 0.5 1.2 90` tells the robot where it
+/// stands, `go-to 0.5 1.2 90` drives it there and turns it.
+fn with_pose(text: &str) -> Option<(&'static str, PcCommand)> {
+    let mut words = text.split_whitespace();
+    let name = words.next()?;
+    let figures: Vec<f32> = words.map(|word| word.parse().ok()).collect::<Option<_>>()?;
+    let &[x_m, y_m, degrees] = figures.as_slice() else {
+        return None;
+    };
+    if !figures.iter().all(|figure| figure.is_finite()) {
+        return None;
+    }
+    let heading_rad = degrees.to_radians();
+    match name {
+        SET_POSE => Some((
+            SET_POSE,
+            PcCommand::SetPose {
+                x_m,
+                y_m,
+                heading_rad,
+            },
+        )),
+        GO_TO => Some((
+            GO_TO,
+            PcCommand::Navigate {
+                x_m,
+                y_m,
+                heading_rad: Some(heading_rad),
+            },
+        )),
+        _ => None,
+    }
+}
+
 fn unknown_mode(name: &str) -> String {
     let known = MODES.map(|(name, _)| name).join(", ");
-    format!("mode \"{name}\": expected one of {known}, {NAVIGATE}")
+    format!(
+        "mode \"{name}\": expected one of {known}, {NAVIGATE}, or {SET_POSE} or {GO_TO} with metres \
+         along x and y and degrees"
+    )
 }
 
 fn by_hand(set_points: &[SetPoint]) -> Result<PcCommand, String> {
@@ -114,4 +156,41 @@ pub(super) fn script(mission: &Mission, source: &Source) -> Result<Script<Wish>,
         }
     }
     Script::of(mission, source, first, Wish::of)
+}
+
+#[cfg(test)]
+mod tests {
+    use core::f32::consts::FRAC_PI_2;
+
+    use super::*;
+
+    fn wish(name: &str) -> Result<Wish, String> {
+        Wish::of(&Action::Mode(name.to_owned()))
+    }
+
+    #[test]
+    fn a_pose_is_read_behind_its_mode() {
+        let (x_m, y_m, heading_rad) = (0.5, -1.25, FRAC_PI_2);
+        let set = PcCommand::SetPose {
+            x_m,
+            y_m,
+            heading_rad,
+        };
+        let go = PcCommand::Navigate {
+            x_m,
+            y_m,
+            heading_rad: Some(heading_rad),
+        };
+        assert_eq!(wish("set-pose 0.5 -1.25 90"), Ok(Wish::Do(SET_POSE, set)));
+        assert_eq!(wish("go-to 0.5 -1.25 90"), Ok(Wish::Do(GO_TO, go)));
+        for bad in [
+            "go-to",
+            "go-to 1 2",
+            "go-to 1 2 3 4",
+            "set-pose 1 2 nan",
+            "map 1 2 3",
+        ] {
+            assert!(wish(bad).is_err(), "{bad}");
+        }
+    }
 }
