@@ -522,7 +522,8 @@ mod tests {
 
     /// The report's weights: the cell, the four at its edges, the four at its corners.
     #[test]
-    fn votes_are_worth_less_beside_their_cell() {
+    fn d2_votes_of_360_headings_are_worth_less_beside_their_cell() {
+        assert_eq!(HEADINGS, 360);
         let at = |x, y| kernel(Cell::new(7, -3), Cell::new(7 + x, -3 + y));
         assert_eq!(at(0, 0), 1.0);
         assert_eq!([at(1, 0), at(-1, 0), at(0, 1), at(0, -1)], [0.75; 4]);

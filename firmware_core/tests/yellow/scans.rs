@@ -82,13 +82,19 @@ fn left_is_left() {
     assert_eq!(beside.iter().filter(|it| it.y_mm > 510.0).count(), 0);
 }
 
-/// Nearer than 150 mm and farther than 5 m nothing is believed: walls at 5.1 m and at 4.9 m.
+/// Nearer than 150 mm and farther than 5 m nothing is believed: walls at 5.1 m and at 4.9 m, at
+/// 140 mm and at 160 mm.
 #[test]
-fn what_is_too_far_is_left_out() {
+fn d2_what_is_too_near_or_too_far_is_left_out() {
     let mut bench = Bench::new(vec![[5.1, -9.0, 5.1, 9.0], [-4.9, -9.0, -4.9, 9.0]]);
     bench.run_for(4 * SECOND);
     assert!(points(&bench).iter().all(|it| it.x_mm < 0.0));
     assert!(points(&bench).iter().any(|it| it.x_mm < -4_890.0));
+    let mut bench = Bench::new(vec![[0.14, -9.0, 0.14, 9.0], [-0.16, -9.0, -0.16, 9.0]]);
+    bench.run_for(4 * SECOND);
+    let ranges = || points(&bench).iter().map(|it| it.x_mm.hypot(it.y_mm));
+    assert!(ranges().all(|range_mm| range_mm >= 149.0));
+    assert!(ranges().any(|range_mm| range_mm < 165.0));
 }
 
 /// YE3: a lost byte costs at most 10 bytes, two nodes, whatever byte it is; the set stays right.

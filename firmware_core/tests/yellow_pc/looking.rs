@@ -7,7 +7,7 @@ use firmware_core::pose::{Point, Pose};
 
 use crate::bench::pose;
 use crate::chance::Chance;
-use crate::mapping::{CORRIDOR, LABYRINTH, cells, is_near};
+use crate::mapping::{CORRIDOR, LABYRINTH, cells, drawn, is_near};
 use crate::robot::{At, Errors, Robot};
 use crate::world::{World, cell};
 
@@ -105,6 +105,7 @@ fn ye9_a_wall_ahead_frees_the_cone_before_it() {
     assert!(free.contains(&(9, 0)) && free.contains(&(0, 0)));
     // Half a metre ahead the cone is a metre wide; nothing is known behind.
     assert!(free.contains(&(5, 4)) && !free.contains(&(5, 6)) && !free.contains(&(11, 0)));
+    insta::assert_snapshot!("local_map", drawn(&view));
     // Five cells around all of it.
     assert_eq!(view.origin_mm(), [-500.0, -1_500.0]);
 }

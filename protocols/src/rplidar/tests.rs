@@ -184,7 +184,7 @@ fn the_first_nodes_of_a_real_sensor_are_read_as_sent() {
 
 /// By hand: quality 47 << 2 | 01 = BD; 90 degrees = 5760 = 45 * 128, so 01 2D; 1000 mm = 0FA0.
 #[test]
-fn a_node_is_laid_out_by_hand() {
+fn ye3_a_node_is_laid_out_by_hand() {
     let node = Node::new(true, 47, 5_760, 4_000);
     assert_eq!(node.as_bytes(), &[0xBD, 0x01, 0x2D, 0xA0, 0x0F]);
     assert!(node.starts_turn());
@@ -401,7 +401,7 @@ fn damage_that_looks_like_a_descriptor_swallows_no_nodes() {
 
 /// YE3: after a lost byte the next frames come out after at most ten bytes.
 #[test]
-fn a_lost_byte_costs_at_most_ten() {
+fn ye3_a_lost_byte_costs_at_most_ten() {
     let nodes = nodes(40);
     for lost in 0..200 {
         let mut bytes = [&SCAN[..], &nodes.concat()].concat();

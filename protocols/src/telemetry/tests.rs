@@ -89,7 +89,7 @@ fn a_pause_ends_a_frame_that_was_cut_off() {
 
 /// Defect 1: ERROR is overwritten by DONE. YE1 names it: sound ends drop the frame.
 #[test]
-fn corrupt_frames_are_delivered_only_with_the_defect() {
+fn ye1_corrupt_frames_are_delivered_only_with_the_defect() {
     let mut corrupt = PLAIN;
     corrupt[3] = 9;
     // FF - (09 + 02) = F4.
@@ -216,7 +216,7 @@ proptest! {
     /// YE1: one damaged byte costs its frame; the one behind it is decoded, unless the damage made
     /// a new start byte. A sum cannot see what adds up to the same, but one flipped byte does not.
     #[test]
-    fn one_damaged_byte_costs_one_frame(
+    fn ye1_one_damaged_byte_costs_one_frame(
         payload in bytes(byte(), 1..60),
         at in any::<Index>(),
         flip in 1_u8..,

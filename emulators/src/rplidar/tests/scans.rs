@@ -73,7 +73,7 @@ fn without_a_motor_there_is_only_a_descriptor() {
 
 /// YE3: 5.5 turns a second within 5 % at a duty of 0.6; LD108: 2,000 to 2,010 samples a second.
 #[test]
-fn yellow_gets_5_5_turns_and_2000_samples_a_second() {
+fn ye3_yellow_gets_5_5_turns_and_2000_samples_a_second() {
     let mut bench = yellow();
     bench.scan();
     let nodes = bench.nodes();

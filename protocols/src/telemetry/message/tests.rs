@@ -7,7 +7,7 @@ use super::*;
 /// Written by hand from the numbers of the fields: tag = number << 3 | wire type (0 whole number,
 /// 2 length and bytes, 5 four bytes, little-endian).
 #[test]
-fn telemetry_has_the_bytes_that_its_numbers_give() {
+fn ye2_telemetry_has_the_bytes_that_its_numbers_give() {
     let message = Telemetry {
         timestamp_ms: 300,
         state: Some(State::AutoReactive),
@@ -63,7 +63,7 @@ fn telemetry_has_the_bytes_that_its_numbers_give() {
 
 /// As above; 123456 is 0x47F12000.
 #[test]
-fn a_telecommand_has_the_bytes_that_its_numbers_give() {
+fn ye2_a_telecommand_has_the_bytes_that_its_numbers_give() {
     let message = Telecommand {
         timestamp_ms: 0,
         state: Some(State::AutoPosition),
@@ -109,7 +109,7 @@ fn a_telecommand_has_the_bytes_that_its_numbers_give() {
 
 /// Field 15 with each wire type, at both depths; a state without a meaning.
 #[test]
-fn fields_that_nobody_knows_are_skipped() {
+fn ye2_fields_that_nobody_knows_are_skipped() {
     let unknown = [
         0x78, 0x96, 0x01, 0x79, 1, 2, 3, 4, 5, 6, 7, 8, 0x7A, 2, 9, 9, 0x7D, 1, 2, 3, 4,
     ];
