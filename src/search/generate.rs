@@ -292,8 +292,8 @@ mod tests {
         );
     }
 
-    /// Nothing tells a robot that its lidar sits otherwise, or that a sensor sees less than there is:
-    /// the former never comes, the latter for half a second at most.
+    /// Nothing tells a robot that its lidar sits otherwise, or that a sensor sees less than there
+    /// is: the former never comes, the latter for half a second at most.
     #[test]
     fn no_sensor_deceives_for_long() {
         let mut other = base();

@@ -87,8 +87,8 @@ start = { x_m = 0.5, y_m = 0.5, heading_deg = 0 }
 path_m = [[0, 0], [1.5, 0], [1.5, 1.4], [0, 1.4], [0, 0]]
 "#;
 
-/// D2: a target with an orientation, within 5 cm and 0.06 rad, 3.4 degrees; and a pose by hand, which
-/// the robot believes.
+/// D2: a target with an orientation, within 5 cm and 0.06 rad, 3.4 degrees; and a pose by hand,
+/// which the robot believes.
 #[test]
 fn d2_a_target_has_an_orientation_and_a_pose_can_be_given_by_hand() {
     let (scenario, source) = Scenario::parse(Path::new("<test>"), ROOM.to_owned()).expect("sound");

@@ -89,7 +89,7 @@ fn fifty_goals(only_holds: bool) {
     let [apart, turned, beside] = all.each_ref().map(|all| all[49]);
     let [m, turn, aside] = all.each_ref().map(|all| all[25]);
     println!(
-        "YE7, medians and worst: {m:.4} {apart:.4} m, {:.2} {:.2} degrees, {aside:.4} {beside:.4} m",
+        "YE7, median worst: {m:.4} {apart:.4} m, {:.2} {:.2} degrees, {aside:.4} {beside:.4} m",
         turn.to_degrees(),
         turned.to_degrees()
     );

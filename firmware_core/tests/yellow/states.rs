@@ -161,8 +161,8 @@ fn the_end_of_a_manoeuvre_erases_no_order() {
 }
 
 /// Without a sample of the hardware the machine runs by the clock, and harms nothing.
-/// A board that counts anew, or was without supply for 50 ms: the robot has rolled, and nobody knows
-/// how far. A manoeuvre goes by that, so it ends; who drives by hand sees where the robot is.
+/// A board that counts anew, or was without supply for 50 ms: the robot has rolled, and nobody
+/// knows how far. A manoeuvre goes by that, so it ends; who drives by hand sees where the robot is.
 #[test]
 fn a_manoeuvre_ends_when_the_way_is_lost() {
     for is_unsupplied in [false, true] {

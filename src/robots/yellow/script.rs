@@ -112,8 +112,8 @@ fn with_pose(text: &str) -> Option<(&'static str, PcCommand)> {
 fn unknown_mode(name: &str) -> String {
     let known = MODES.map(|(name, _)| name).join(", ");
     format!(
-        "mode \"{name}\": expected one of {known}, {NAVIGATE}, or {SET_POSE} or {GO_TO} with metres \
-         along x and y and degrees"
+        "mode \"{name}\": expected one of {known}, {NAVIGATE}, or {SET_POSE} or {GO_TO} with \
+         metres along x and y and degrees"
     )
 }
 
