@@ -192,9 +192,11 @@ impl Rescue {
         self.mapper.improvements()
     }
 
-    /// Where the wheels alone, or the gyroscope with them, put the robot; it began at the origin.
-    pub fn dead_reckoned(&self) -> Pose {
-        self.drive.odometry.pose()
+    /// Where the wheels alone, or the gyroscope with them, put the robot, which began at the
+    /// origin, and when; `None` before their first reading.
+    pub fn dead_reckoned(&self) -> Option<(Instant, Pose)> {
+        let odometry = &self.drive.odometry;
+        Some((odometry.updated_at()?, odometry.pose()))
     }
 
     /// The waypoints.
@@ -322,6 +324,9 @@ impl Rescue {
     /// Whatever the robot was doing, it stops; the next scan decides how it goes on.
     fn set_mode(&mut self, now: Instant, mode: Mode) {
         self.mode = mode;
+        if mode != Mode::Stop {
+            self.health.goes_on();
+        }
         self.drive.is_mute = self.own().stops_without_a_word && mode == Mode::Stop;
         self.navigator.reset();
         self.explore.pause();

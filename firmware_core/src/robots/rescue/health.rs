@@ -38,6 +38,11 @@ impl Health {
         }
     }
 
+    /// Somebody has ordered the robot to go on: the base does not tell when its button is released.
+    pub(super) const fn goes_on(&mut self) {
+        self.is_stopped = false;
+    }
+
     /// Takes a reading of the battery; whether it has just become low.
     const fn take_battery(&mut self, battery: Battery) -> bool {
         if battery.percent > LOW_PERCENT {
