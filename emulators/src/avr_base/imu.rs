@@ -89,18 +89,18 @@ impl AvrBase {
 mod tests {
     use super::*;
 
-    /// Half a turn in a second, there and on: 360 degrees, half a per cent of scale and half a
+    /// 503 degrees in three seconds, half a per cent of scale and half a
     /// degree a second of offset, three deviations of each.
     #[test]
     fn a_turn_is_summed_up_with_scale_and_offset() {
         let mut gyro = Gyro::new(1);
-        for (second, theta) in [0.0, 3.0, -0.283_185, 3.0].into_iter().enumerate() {
+        for (second, theta) in [0.0, 3.0, -0.283_185, 2.5].into_iter().enumerate() {
             gyro.sum(Instant::from_secs(second as u64), theta);
         }
-        let turned = (3.0 + 3.0 + 3.283_185_f64).to_degrees();
+        let turned = (3.0 + 3.0 + 2.783_185_f64).to_degrees();
         assert!((gyro.sum_deg - turned).abs() < 13.0, "{}", gyro.sum_deg);
         let rest = gyro.sum_deg;
-        gyro.sum(Instant::from_secs(103), 3.0);
+        gyro.sum(Instant::from_secs(103), 2.5);
         let drift = gyro.sum_deg - rest;
         assert!((drift - 100.0 * gyro.offset_deg_s).abs() < 0.3, "{drift}");
     }

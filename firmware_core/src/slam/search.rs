@@ -359,7 +359,14 @@ mod tests {
         let scan = points(&[Point::new(350.0, 0.0)]);
         let settings = Settings::document();
         let mut random = Pcg32::new(1);
-        let found = run(&grid, &settings, scan.all(), CENTRE, 1000, &mut random);
+        let found = run(
+            &grid,
+            &settings,
+            scan.all(),
+            CENTRE,
+            1000,
+            (&mut random, &mut Improvements::NONE.clone()),
+        );
         assert_eq!((found.tally.sum, found.tries), (230, 1001));
     }
 
@@ -383,9 +390,16 @@ mod tests {
             settings.defects.never_narrows = never_narrows;
             let sums = (0..200_u64).map(|seed| {
                 let mut random = Pcg32::new(seed);
-                run(&grid, &settings, scan.all(), CENTRE, 60, &mut random)
-                    .tally
-                    .sum
+                run(
+                    &grid,
+                    &settings,
+                    scan.all(),
+                    CENTRE,
+                    60,
+                    (&mut random, &mut Improvements::NONE.clone()),
+                )
+                .tally
+                .sum
             });
             sums.sum::<u32>() / 200
         };
@@ -407,7 +421,7 @@ mod tests {
             let scan = points(&[Point::new(500.0, 0.0), Point::new(-100.0, 80.0)]);
             let here = tally(grid.rows(), scan.all(), &Placement::new(CENTRE, 10.0));
             let mut random = Pcg32::new(seed);
-            let found = run(&grid, &Settings::document(), scan.all(), CENTRE, tries, &mut random);
+            let found = run(&grid, &Settings::document(), scan.all(), CENTRE, tries, (&mut random, &mut Improvements::NONE.clone()));
             prop_assert!(found.tally.sum >= here.sum);
         }
     }
