@@ -1,5 +1,5 @@
-//! Figure 7 of the rescue robot's report: after 20 minutes along walls the map had turned. Its cures
-//! were to take the motion out of the scans and to draw weakly while the robot turns.
+//! Figure 7 of the rescue robot's report: after 20 minutes along walls the map had turned. Its
+//! cures were to take the motion out of the scans and to draw weakly while the robot turns.
 
 use protocols::Instant;
 

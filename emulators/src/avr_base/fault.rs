@@ -5,7 +5,8 @@ use protocols::Instant;
 use super::{Announce, AvrBase, StartCause};
 use crate::world::Wheel;
 
-/// Names of the faults; the last is that of a base that tells of its stop button: somebody holds it.
+/// Names of the faults; the last is that of a base that tells of its stop button, which somebody
+/// holds.
 const NAMES: [&str; 6] = [
     "off",
     "restart",

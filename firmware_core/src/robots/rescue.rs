@@ -41,7 +41,7 @@ use crate::navigation::{HALT, Navigator, Surroundings};
 use crate::pc_link::{PcLink, View};
 use crate::pose::{Pose, PoseChange};
 use crate::scan::Scan;
-use crate::slam::{Improvement, Mapper};
+use crate::slam::Mapper;
 use crate::waypoints::{Waypoint, Waypoints};
 use crate::{Master, Work};
 use drive::Drive;
@@ -187,18 +187,6 @@ impl Rescue {
         }
     }
 
-    /// The improvements of the last search, with the document's mapper.
-    pub fn improvements(&self) -> &[Improvement] {
-        self.mapper.improvements()
-    }
-
-    /// Where the wheels alone, or the gyroscope with them, put the robot, which began at the
-    /// origin, and when; `None` before their first reading.
-    pub fn dead_reckoned(&self) -> Option<(Instant, Pose)> {
-        let odometry = &self.drive.odometry;
-        Some((odometry.updated_at()?, odometry.pose()))
-    }
-
     /// The waypoints.
     pub const fn waypoints(&self) -> &Waypoints {
         &self.waypoints
@@ -222,11 +210,6 @@ impl Rescue {
     /// The battery; `None` until the base has told.
     pub const fn battery(&self) -> Option<Battery> {
         self.drive.battery()
-    }
-
-    /// Whether the lidar turns at its speed.
-    pub const fn lidar_speed_is_stable(&self) -> bool {
-        self.lidar.speed_is_stable()
     }
 
     /// Where the robot believes to be at `now`: the matched pose and the wheels since.

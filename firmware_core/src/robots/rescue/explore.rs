@@ -34,7 +34,7 @@ const TURN: i8 = 9;
 /// Both sides together see everything in half a turn.
 const TURN_RAD: f32 = 3.4;
 
-/// Beside the middle of a heat sensor's view this is felt well: a plate of 10 cm fills a third of it.
+/// Beside the middle of a heat sensor's view this is felt well: a plate of 10 cm fills a third.
 const FELT_RAD: f32 = 0.1;
 
 /// How far the robot has got with its search.

@@ -7,6 +7,8 @@ use protocols::pcui::message::Mode;
 use super::drive::Battery;
 use super::screen::Notice;
 use super::{Progress, Rescue};
+use crate::pose::Pose;
+use crate::slam::Improvement;
 
 /// Charge at which the robot goes home, in percent, and from which on a battery counts as another
 /// one.
@@ -95,6 +97,23 @@ impl Rescue {
     /// Whether the robot is where its map ends.
     pub const fn is_off_map(&self) -> bool {
         self.health.is_off_map
+    }
+
+    /// The improvements of the last search, with the document's mapper.
+    pub fn improvements(&self) -> &[Improvement] {
+        self.mapper.improvements()
+    }
+
+    /// Where the wheels alone, or the gyroscope with them, put the robot, which began at the
+    /// origin, and when; `None` before their first reading.
+    pub fn dead_reckoned(&self) -> Option<(Instant, Pose)> {
+        let odometry = &self.drive.odometry;
+        Some((odometry.updated_at()?, odometry.pose()))
+    }
+
+    /// Whether the lidar turns at its speed.
+    pub const fn lidar_speed_is_stable(&self) -> bool {
+        self.lidar.speed_is_stable()
     }
 
     /// What the PC is told.
