@@ -13,6 +13,7 @@ mod demo;
 mod dut;
 mod ends;
 mod exec;
+mod experiment;
 mod export;
 mod fault;
 mod fidelity;
@@ -101,6 +102,7 @@ enum Command {
     Fuzz(fuzz::FuzzArgs),
     Shrink(shrink::ShrinkArgs),
     Fidelity(fidelity::Fidelity),
+    Experiment(experiment::ExperimentArgs),
     Slam(slam::SlamArgs),
     Map(map::MapArgs),
     Schema(schema::SchemaArgs),
@@ -293,6 +295,7 @@ fn perform(command: Command) -> Result<Verdict, CliError> {
         Command::Fuzz(args) => fuzz::run(&args),
         Command::Shrink(args) => shrink::run(&args),
         Command::Fidelity(args) => fidelity::run(args),
+        Command::Experiment(args) => experiment::run(&args),
         Command::Slam(args) => slam::run(args),
         Command::Map(args) => map::run(args),
         Command::Schema(args) => schema::run(&args),

@@ -28,6 +28,7 @@
 pub mod capture;
 pub mod cli;
 pub mod codec;
+pub mod experiment;
 mod guest;
 mod hex;
 mod html;

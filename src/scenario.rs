@@ -15,6 +15,7 @@ pub(crate) mod plan;
 pub mod schema;
 mod source;
 mod span;
+pub mod tuning;
 pub mod world;
 
 use std::collections::BTreeMap;
@@ -46,6 +47,7 @@ pub use own::{
 pub use phases::{BudgetSpec, PhasesSpec};
 pub use source::{ScenarioError, Source};
 pub use span::Span;
+pub use tuning::TuningSpec;
 pub use world::WorldSpec;
 pub(crate) use world::{PillarSpec, StartSpec, WallSpec};
 
@@ -142,6 +144,13 @@ pub struct ProgramSpec {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(with = "Vec<String>")]
     pub defects: Vec<toml::Spanned<String>>,
+    /// Tells the PC of battery, errors and findings as well, where the robot's program can.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub diagnosis: bool,
+    /// Figures in place of the program's own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<TuningSpec>")]
+    pub tuning: Option<toml::Spanned<TuningSpec>>,
 }
 
 /// Mapping algorithms.

@@ -22,6 +22,7 @@ mod drive;
 mod fault;
 mod hand;
 mod heat;
+mod imu;
 mod infrared;
 pub mod journal;
 pub mod led;
@@ -52,6 +53,7 @@ use crate::{Device, Event};
 pub use battery::BatteryConfig;
 pub use config::{Announce, AvrBaseConfig, DebugText, NATURAL_TEAR, StartCause};
 pub use heat::Heat;
+pub use imu::Imu;
 pub use led::Led;
 pub use profile::{Profile, Quirks};
 
@@ -59,6 +61,7 @@ use battery::Battery;
 use drive::{Counter, Regulator};
 use fault::Encoders;
 use heat::Thermometers;
+use imu::Gyro;
 use journal::{Journal, rules};
 use led::Trouble;
 use memory::{Memory, Tasks};
@@ -96,6 +99,7 @@ pub struct AvrBase {
     chip: Chip,
     tear: Rng,
     thermometers: Thermometers,
+    gyro: Gyro,
     journal: Journal,
 }
 
@@ -229,6 +233,7 @@ impl AvrBase {
             chip: Chip::new(Instant::ZERO, ticks, Instant::ZERO),
             tear: Rng::stream(seed, "base.tear"),
             thermometers: Thermometers::new(seed),
+            gyro: Gyro::new(seed),
             journal: Journal::default(),
             config,
             quirks,
@@ -299,6 +304,7 @@ impl AvrBase {
         self.receiver = Receiver::new(&self.quirks);
         self.pending.clear();
         self.memory = Memory::new();
+        self.gyro.restart();
         self.sides = [Side::default(); 2];
         self.regulator_at = now + REGULATOR;
         self.regulated = now;
@@ -411,6 +417,7 @@ impl AvrBase {
                 side.counter.miss(self.now, edges);
             }
         }
+        self.look_at_turn(world);
     }
 
     /// One run of the analog task: one block of distance sensors, floor, battery.
@@ -513,7 +520,7 @@ impl Device for AvrBase {
     }
 
     fn known_faults(&self) -> &'static [&'static str] {
-        &fault::NAMES
+        self.faults()
     }
 
     fn set_fault(&mut self, now: Instant, fault: &str, figure: Option<f64>, begins: bool) {

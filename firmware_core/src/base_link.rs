@@ -15,7 +15,7 @@ mod listener;
 
 use core::time::Duration;
 
-use protocols::avr::{self, ChecksumOrder, Frame};
+use protocols::avr::{self, ChecksumOrder, Frame, registers};
 use protocols::{Decode, Instant};
 
 use crate::fifo::Fifo;
@@ -169,6 +169,8 @@ pub struct BaseLink {
     quiet_until: Instant,
     failures_in_a_row: u8,
     counters: Counters,
+    /// The status that came unasked and that nobody has looked at yet.
+    status: Option<u8>,
     defects: Defects,
     listener: Listener,
     /// What lies in the readers' buffer.
@@ -208,6 +210,7 @@ impl BaseLink {
                 bad_frames: 0,
                 overflows: 0,
             },
+            status: None,
         }
     }
 
@@ -318,8 +321,23 @@ impl BaseLink {
                 count(&mut self.counters.errors);
                 self.give_up_try(now);
             }
+            _ => self.take_unasked(frame),
+        }
+    }
+
+    /// The status of its own accord tells of the stop button (seed report, chapter on the slave).
+    fn take_unasked(&mut self, frame: &Frame) {
+        match frame.data() {
+            [status] if frame.is_write() && frame.register() == registers::SYSTEM_STATUS => {
+                self.status = Some(*status);
+            }
             _ => count(&mut self.counters.unsolicited),
         }
+    }
+
+    /// The status that the base has told unasked since the last call.
+    pub const fn take_status(&mut self) -> Option<u8> {
+        self.status.take()
     }
 
     fn is_answered_by(&self, current: Transaction, frame: &Frame) -> bool {
@@ -414,7 +432,7 @@ impl BaseLink {
                     Some(current) if self.is_answered_by(current, &frame) => {
                         self.take_answer(now, current, &frame);
                     }
-                    _ => count(&mut self.counters.unsolicited),
+                    _ => self.take_unasked(&frame),
                 },
                 Err(_) => count(&mut self.counters.bad_frames),
             }

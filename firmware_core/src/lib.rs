@@ -23,6 +23,7 @@ pub mod frontier;
 pub mod grid;
 #[cfg(feature = "host")]
 pub mod growing_map;
+pub mod gyro;
 #[cfg(feature = "host")]
 pub mod lattice;
 pub mod lidar_motor;

@@ -245,6 +245,11 @@ impl Navigator {
         &self.settings
     }
 
+    /// From now on it drives no faster than `cruise`, ticks per 40 ms.
+    pub const fn slow_down(&mut self, cruise: i8) {
+        self.settings.steering.cruise = cruise;
+    }
+
     /// One step along walls.
     pub fn explore(&mut self, pose: Pose, around: &Surroundings) -> [i8; 2] {
         self.fielded.turned(pose);

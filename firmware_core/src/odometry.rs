@@ -34,7 +34,12 @@ impl WheelGeometry {
     /// The arc that the robot runs when its wheels turn by `ticks` (left, right).
     pub fn arc(&self, ticks: [i32; 2]) -> PoseChange {
         let [left, right] = ticks.map(|count| count as f32 * self.tick_mm());
-        let turn = (right - left) / self.axle_mm;
+        self.arc_turning(ticks, (right - left) / self.axle_mm)
+    }
+
+    /// The arc when something that knows better says how far the robot turned, radians.
+    pub fn arc_turning(&self, ticks: [i32; 2], turn: f32) -> PoseChange {
+        let [left, right] = ticks.map(|count| count as f32 * self.tick_mm());
         let path = (right + left) / 2.0;
         // The chord leaves at half the turn.
         let (sin, cos) = sin_cos(turn / 2.0);
@@ -142,6 +147,17 @@ impl Odometry {
     /// previous one. The first reading, and the third unbelievable one in a row, only set the
     /// counters; other unbelievable readings are as if they had not been made.
     pub fn update(&mut self, now: Instant, ticks: [i32; 2]) -> PoseChange {
+        self.update_turning(now, ticks, None)
+    }
+
+    /// Takes a reading of both counters, and how far the robot has turned since the previous one
+    /// by a sensor that does not slip (radians), if there is one; see [`update`](Self::update).
+    pub fn update_turning(
+        &mut self,
+        now: Instant,
+        ticks: [i32; 2],
+        turn: Option<f32>,
+    ) -> PoseChange {
         let (Some(last_ticks), Some(newest)) = (self.last_ticks, self.newest()) else {
             self.last_ticks = Some(ticks);
             self.push(Sample {
@@ -177,10 +193,12 @@ impl Odometry {
         }
         self.disbelieved_in_a_row = 0;
         self.last_ticks = Some(ticks);
-        let change = if self.defects == Defects::NONE {
-            self.geometry.arc(step)
-        } else {
-            fielded::change(&self.geometry, self.defects, self.psi_deg, step)
+        let change = match turn {
+            _ if self.defects != Defects::NONE => {
+                fielded::change(&self.geometry, self.defects, self.psi_deg, step)
+            }
+            Some(turn) => self.geometry.arc_turning(step, turn),
+            None => self.geometry.arc(step),
         };
         self.psi_deg -= change.turn.to_degrees();
         self.push(Sample {

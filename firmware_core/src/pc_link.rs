@@ -9,6 +9,7 @@ mod fielded;
 
 use core::time::Duration;
 
+use protocols::pcui::diagnosis::{Diagnosis, encode_diagnosis, encode_victims};
 use protocols::pcui::message::{
     MapProperties, State, encode_map_properties, encode_row, encode_state, encode_waypoints,
 };
@@ -33,6 +34,9 @@ const ROW_RETRY: Duration = Duration::from_millis(5);
 const IDLE_GAP: Duration = Duration::from_millis(100);
 /// State is sent at 5 Hz.
 const STATE_PERIOD: Duration = Duration::from_millis(200);
+/// How the robot is, is told each second.
+const DIAGNOSIS_PERIOD: Duration = Duration::from_secs(1);
+const NEVER: Instant = Instant::from_nanos(u64::MAX);
 
 /// Settings of the link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,8 +47,20 @@ pub struct Settings {
     pub pace_bytes_per_s: Option<u32>,
     /// How rows are run-length coded.
     pub dialect: rle::Dialect,
+    /// What is told besides pose, state and map.
+    pub diagnosis: Diagnose,
     /// Faults of the fielded program to show.
     pub defects: Defects,
+}
+
+/// What is told besides pose, state and map.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Diagnose {
+    /// Nothing, as the report has it.
+    #[default]
+    Nothing,
+    /// Battery, conditions, errors and victims, once a second.
+    EachSecond,
 }
 
 impl Settings {
@@ -54,6 +70,7 @@ impl Settings {
         pose_period: Duration::from_millis(50),
         pace_bytes_per_s: Some(12_000),
         dialect: rle::Dialect::Lossless,
+        diagnosis: Diagnose::Nothing,
         defects: Defects::NONE,
     };
 }
@@ -75,6 +92,10 @@ pub struct View<'a> {
     pub state: State,
     /// Where it goes.
     pub waypoints: &'a Waypoints,
+    /// How it is.
+    pub diagnosis: Diagnosis,
+    /// Where it has found victims, millimetres in the map.
+    pub victims: &'a [[i16; 2]],
 }
 
 /// What happened on the link so far.
@@ -112,6 +133,7 @@ pub struct PcLink {
     tx: Fifo<TX_LEN>,
     pose_at: Instant,
     state_at: Instant,
+    diagnosis_at: Instant,
     row_at: Instant,
     /// When what has been sent will have passed the far side.
     passed_at: Instant,
@@ -149,6 +171,10 @@ impl PcLink {
             tx: Fifo::new(),
             pose_at: Instant::ZERO,
             state_at: Instant::ZERO,
+            diagnosis_at: match settings.diagnosis {
+                Diagnose::Nothing => NEVER,
+                Diagnose::EachSecond => Instant::ZERO,
+            },
             row_at: Instant::ZERO,
             passed_at: Instant::ZERO,
             row: 0,
@@ -239,6 +265,13 @@ impl PcLink {
             let len = encode_state(&view.state, &mut frame);
             self.queue(now, &frame, len);
         }
+        if now >= self.diagnosis_at {
+            self.diagnosis_at = next_period(self.diagnosis_at, DIAGNOSIS_PERIOD, now);
+            let len = encode_diagnosis(&view.diagnosis, &mut frame);
+            self.queue(now, &frame, len);
+            let len = encode_victims(view.victims.iter().copied(), &mut frame);
+            self.queue(now, &frame, len);
+        }
         while now >= self.row_at {
             self.tick_row(now, view, &mut frame);
         }
@@ -249,7 +282,8 @@ impl PcLink {
         if self.can_echo() {
             return Instant::ZERO;
         }
-        self.pose_at.min(self.state_at).min(self.row_at)
+        let figures = self.state_at.min(self.diagnosis_at);
+        self.pose_at.min(figures).min(self.row_at)
     }
 
     /// When [`freed`](Self::freed) wants to be called.

@@ -28,7 +28,8 @@ use core::time::Duration;
 
 pub use budget::Budget;
 pub use settings::{
-    DEFAULT_CELL_MM, Defects, Keyframes, Mode, MotionNoise, Pushes, Rounding, Search, Settings,
+    DEFAULT_CELL_MM, Defects, Fading, Keyframes, Mode, MotionNoise, Pushes, Rounding, Search,
+    Settings,
 };
 
 use crate::grid::{Grid, SIDE};
@@ -42,6 +43,8 @@ use matching::{EndPoints, Placement, tally};
 use prior::{Prior, Travel};
 use relocate::{Answer, relocate};
 use row::POINTS_MAX;
+use search::Improvements;
+pub use search::{IMPROVEMENTS_MAX, Improvement};
 use tracking::{DOUBTFUL, SUSPICIOUS};
 
 /// How sure a pose is.
@@ -112,6 +115,8 @@ pub struct Mapper<const W: usize = SIDE, const H: usize = SIDE> {
     settings: Settings,
     regulator: Regulator,
     random: Pcg32,
+    /// The document's last search, try by try that was better.
+    improvements: Improvements,
     sparse: EndPoints,
     dense: EndPoints,
     travel: Travel,
@@ -136,6 +141,7 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
             pose: settings.start,
             regulator: Regulator::new(&settings.budget, !settings.defects.unbounded_budget),
             random: Pcg32::new(settings.seed),
+            improvements: Improvements::NONE,
             sparse: EndPoints::EMPTY,
             dense: EndPoints::EMPTY,
             travel: Travel::NONE,
@@ -288,6 +294,11 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
         self.regulator.search_took(elapsed, &self.settings.budget);
     }
 
+    /// The tries of the document's last search that were better than all before them.
+    pub fn improvements(&self) -> &[Improvement] {
+        self.improvements.all()
+    }
+
     /// Tries that the document's next search may make.
     pub const fn tries(&self) -> u32 {
         self.regulator.tries()
@@ -317,7 +328,7 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
             self.sparse.all(),
             self.pose,
             self.regulator.tries(),
-            &mut self.random,
+            (&mut self.random, &mut self.improvements),
         );
         let defects = self.settings.defects;
         let count = count_u32(self.sparse.all().len());

@@ -8,6 +8,7 @@
 //! report 2015 allows 65536 bytes of payload; both fielded ends accept at most 511, and so do we.
 //! Free debug text may share the line.
 
+pub mod diagnosis;
 pub mod message;
 
 pub use message::{Message, MessageError};

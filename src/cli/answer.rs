@@ -68,7 +68,7 @@ fn of<T: JsonSchema>(generator: &mut SchemaGenerator) -> Schema {
 }
 
 /// What the commands come to.
-const RESULTS: [(&str, Subschema); 26] = [
+const RESULTS: [(&str, Subschema); 27] = [
     ("demo", of::<Runs>),
     ("run", of::<Runs>),
     ("up", of::<UpEnded>),
@@ -88,6 +88,7 @@ const RESULTS: [(&str, Subschema); 26] = [
     ("fuzz", of::<FuzzEnded>),
     ("shrink", of::<Shrunk>),
     ("fidelity", of::<Figures>),
+    ("experiment", of::<Experiments>),
     ("slam", of::<Surveyed>),
     ("map", of::<MapDifference>),
     ("schema", of::<Text>),
@@ -137,6 +138,34 @@ pub(super) fn json_schema() -> Value {
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct Text {
     pub(super) text: String,
+}
+
+/// Experiments that were done, or can be.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct Experiments {
+    pub(super) experiments: Vec<ExperimentDone>,
+}
+
+/// An experiment.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct ExperimentDone {
+    pub(super) name: String,
+    /// Where the report has it.
+    pub(super) place: String,
+    pub(super) seeds: u64,
+    pub(super) figures: Vec<ExperimentFigure>,
+    /// Table and plot.
+    pub(super) files: Vec<String>,
+}
+
+/// A figure of an experiment.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct ExperimentFigure {
+    pub(super) name: String,
+    /// As found, with its unit.
+    pub(super) ours: String,
+    /// As the report has it.
+    pub(super) report: Option<String>,
 }
 
 /// Files that were written.

@@ -2,6 +2,7 @@
 
 use core::fmt::Write as _;
 
+use protocols::pcui::diagnosis::Condition;
 use protocols::pcui::message::MapRow;
 use protocols::pcui::{self, Message};
 use protocols::{Decode, rle};
@@ -120,13 +121,15 @@ impl Wire for Pcui {
             Ok(Message::Waypoints(_)) => 4,
             Ok(Message::Order(_)) => 5,
             Ok(Message::State(_)) => 6,
+            Ok(Message::Diagnosis(_)) => 8,
+            Ok(Message::Victims(_)) => 9,
             Err(_) => 7,
         };
         message << 8 | size
     }
 
     fn means_itself(frame: &pcui::Frame) -> Result<(), Broken> {
-        use pcui::message;
+        use pcui::{diagnosis, message};
         let mut made = [0; pcui::FRAME_MAX];
         let len = match frame.message() {
             Err(_) => return Ok(()),
@@ -137,6 +140,12 @@ impl Wire for Pcui {
             }
             Ok(Message::Order(order)) => message::encode_order(&order, &mut made),
             Ok(Message::State(state)) => message::encode_state(&state, &mut made),
+            // Bits and states that nobody knows are not said again.
+            Ok(Message::Diagnosis(_)) => return Ok(()),
+            Ok(Message::Victims(list)) => {
+                let places: Vec<_> = list.iter().collect();
+                diagnosis::encode_victims(places.into_iter(), &mut made)
+            }
             Ok(Message::Row(row)) => return row_means_itself(&row, row.data),
             Ok(Message::CodedRow(row)) => {
                 let mut pixels = [0; 300];
@@ -212,6 +221,24 @@ fn words(frame: &pcui::Frame) -> String {
             let ([left, right], [l, r]) = (state.speed_mm_s, state.set_point);
             let mode = state.mode;
             format!("{id} state {mode:?}, speed {left} {right} mm/s, set-points {l} {r}")
+        }
+        Ok(Message::Diagnosis(told)) => {
+            let (mv, percent) = (told.battery_mv, told.battery_percent);
+            let [lidar, base, radio] = told.errors;
+            let conditions: Vec<&str> = told.conditions.iter().map(Condition::text).collect();
+            let conditions = conditions.join(", ");
+            format!(
+                "{id} battery {mv} mV {percent} %, search {}, errors {lidar} {base} {radio}; \
+                 {conditions}",
+                told.search.text()
+            )
+        }
+        Ok(Message::Victims(list)) => {
+            let mut out = format!("{id} victims");
+            for [x, y] in list.iter() {
+                write!(out, " {x},{y}").expect("a string takes everything");
+            }
+            out
         }
     }
 }

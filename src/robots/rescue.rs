@@ -15,6 +15,7 @@ mod display;
 mod instruments;
 pub mod pc_program;
 mod station;
+mod tuning;
 mod view;
 
 use core::time::Duration;
@@ -23,8 +24,9 @@ use emulators::avr_base::{self, AvrBaseConfig};
 use emulators::hc06::Hc06;
 use emulators::pc::{self, Pc};
 use firmware_core::navigation::Sought;
+use firmware_core::pc_link::Diagnose;
 use firmware_core::pose::Pose;
-use firmware_core::robots::rescue::{Config, Rescue};
+use firmware_core::robots::rescue::{Config, Rescue, Turning};
 use firmware_core::slam;
 use protocols::avr::ChecksumOrder;
 use protocols::pcui::message::{Mode, Order};
@@ -322,6 +324,22 @@ fn program(
         },
         ..Config::default()
     };
+    if base(scenario, source)?.imu == avr_base::Imu::Fitted {
+        config.turning = Turning::Gyroscope;
+    }
+    if scenario.program.diagnosis {
+        config.pc_link.diagnosis = Diagnose::EachSecond;
+    }
+    if let Some(spec) = &scenario.program.tuning {
+        spec.get_ref().check().map_err(|flaw| {
+            source.invalid(
+                Some(spec.span()),
+                format!("program.tuning.{}", flaw.key),
+                flaw.message,
+            )
+        })?;
+        tuning::tune(&mut config, spec.get_ref());
+    }
     for id in &scenario.program.defects {
         config = config.with_defect(id.get_ref()).ok_or_else(|| {
             let known: Vec<&str> = Config::defects().collect();

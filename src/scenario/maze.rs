@@ -150,6 +150,17 @@ impl MazeSpec {
             .collect()
     }
 
+    /// For each tile, row by row, those that lie beside it without a board between.
+    pub fn passages(&self) -> Vec<Vec<usize>> {
+        let closed = self.closed(&mut Rng::stream(self.seed, "maze.boards"));
+        let mut passages = vec![Vec::new(); self.columns * self.rows];
+        for gap in self.gaps().into_iter().filter(|gap| !closed.contains(gap)) {
+            passages[gap.tile].push(gap.other);
+            passages[gap.other].push(gap.tile);
+        }
+        passages
+    }
+
     /// Both ends of each warm plate.
     pub fn victims(&self) -> Vec<[[f64; 2]; 2]> {
         let closed = self.closed(&mut Rng::stream(self.seed, "maze.boards"));

@@ -4,6 +4,7 @@ use core::time::Duration;
 
 use super::battery::BatteryConfig;
 use super::heat::Heat;
+use super::imu::Imu;
 use super::profile::{Profile, Quirks};
 
 /// How a base is set up.
@@ -28,6 +29,8 @@ pub struct AvrBaseConfig {
     pub encoder_tear: f64,
     /// Thermometers and rescue kits; only firmware that refuses what is not in its map has them.
     pub heat: Heat,
+    /// A gyroscope; only firmware that refuses what is not in its map has one.
+    pub imu: Imu,
 }
 
 impl AvrBaseConfig {
@@ -73,6 +76,7 @@ impl Default for AvrBaseConfig {
             debug_text: DebugText::Off,
             encoder_tear: NATURAL_TEAR,
             heat: Heat::None,
+            imu: Imu::None,
         }
     }
 }

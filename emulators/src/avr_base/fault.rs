@@ -2,11 +2,19 @@
 
 use protocols::Instant;
 
-use super::{AvrBase, StartCause};
+use super::{Announce, AvrBase, StartCause};
 use crate::world::Wheel;
 
-/// Names of the faults.
-pub(super) const NAMES: [&str; 5] = ["off", "restart", "stuck", "wrong", "battery-low"];
+/// Names of the faults; the last is that of a base that tells of its stop button, which somebody
+/// holds.
+const NAMES: [&str; 6] = [
+    "off",
+    "restart",
+    "stuck",
+    "wrong",
+    "battery-low",
+    "stop-button",
+];
 
 /// Counts for each true one if nobody says how wrong they are: the two wires of each encoder are
 /// exchanged, so that it counts backwards.
@@ -52,6 +60,14 @@ impl Encoders {
 }
 
 impl AvrBase {
+    /// What can go wrong with this one.
+    pub(super) fn faults(&self) -> &'static [&'static str] {
+        match self.config.announce {
+            Announce::Nothing => &NAMES[..NAMES.len() - 1],
+            Announce::StopButton => &NAMES,
+        }
+    }
+
     pub(super) fn change_fault(
         &mut self,
         now: Instant,
@@ -72,6 +88,8 @@ impl AvrBase {
             ("wrong", true) => self.encoders.factor = figure.unwrap_or(WRONG),
             ("wrong", false) => self.encoders.factor = 1.0,
             ("battery-low", _) => self.battery.is_low = begins,
+            ("stop-button", true) => self.press_stop(now),
+            ("stop-button", false) => self.release_stop(now),
             _ => {}
         }
     }

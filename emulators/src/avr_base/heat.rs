@@ -7,9 +7,9 @@
 
 use core::f64::consts::FRAC_PI_2;
 
-use protocols::avr::registers::{HEAT_LEFT, HEAT_RIGHT, KITS};
+use protocols::avr::registers::{COUNT, HEAT_LEFT, HEAT_RIGHT, KITS, YAW};
 
-use super::AvrBase;
+use super::{AvrBase, Imu};
 use crate::rng::Rng;
 use crate::world::{Pose, World};
 
@@ -71,10 +71,14 @@ impl AvrBase {
         &self.thermometers.kits
     }
 
-    /// One more register if there are kits.
+    /// One more register if there are kits, five if there is a gyroscope behind them.
     pub(super) fn map_len(&self) -> usize {
-        let own = usize::from(self.config.heat == Heat::Fitted);
-        protocols::avr::registers::COUNT + own
+        let own = match (self.config.imu, self.config.heat) {
+            (Imu::Fitted, _) => usize::from(YAW - KITS) + 4,
+            (Imu::None, Heat::Fitted) => 1,
+            (Imu::None, Heat::None) => 0,
+        };
+        COUNT + own
     }
 
     /// One run of the analog task: both thermometers, and kits that are to be dropped.

@@ -1,5 +1,6 @@
 //! Everything the PC has learned from the robot.
 
+use protocols::pcui::diagnosis::Diagnosis;
 use protocols::pcui::message::{MapProperties, MapRow, Message, MessageError, State, Waypoint};
 use protocols::pcui::{Decoder, Frame};
 use protocols::{Decode, Instant};
@@ -35,6 +36,8 @@ pub struct Counts {
     pub waypoint_lists: u64,
     /// STA frames of the robot.
     pub states: u64,
+    /// DIA frames.
+    pub diagnoses: u64,
     /// Candidates with a wrong checksum or length, or cut off.
     pub bad_frames: u64,
     /// Sound frames that mean nothing.
@@ -58,6 +61,10 @@ pub struct Record {
     pub mode_since: Option<Instant>,
     /// The last list of waypoints.
     pub waypoints: Option<(Instant, Vec<Waypoint>)>,
+    /// How the robot is, if it tells.
+    pub diagnosis: Option<(Instant, Diagnosis)>,
+    /// Where the robot has found victims, millimetres in its map.
+    pub victims: Vec<[i16; 2]>,
     /// The map, once its size is known.
     pub map: Option<PcMap>,
     /// The poses that the robot stated, each change once.
@@ -78,6 +85,12 @@ pub(super) enum News {
     MapComplete,
     Waypoints,
     State,
+    /// How the robot is has changed but for its figures.
+    Condition,
+    /// What was told before, or is not looked at.
+    Nothing,
+    /// A victim more or less.
+    Victims,
     /// The map's size makes no sense.
     BadSize,
     BadMessage(MessageError),
@@ -131,6 +144,29 @@ impl Record {
                 }
                 self.state = Some((now, state));
                 News::State
+            }
+            Ok(Message::Diagnosis(told)) => {
+                self.counts.diagnoses += 1;
+                let now_told = Some((now, told));
+                let before = core::mem::replace(&mut self.diagnosis, now_told);
+                let is_same = before.is_some_and(|(_, before)| {
+                    (before.conditions, before.search) == (told.conditions, told.search)
+                });
+                if is_same {
+                    News::Nothing
+                } else {
+                    News::Condition
+                }
+            }
+            Ok(Message::Victims(list)) => {
+                let victims: Vec<_> = list.iter().collect();
+                let is_other = victims.len() != self.victims.len();
+                self.victims = victims;
+                if is_other {
+                    News::Victims
+                } else {
+                    News::Nothing
+                }
             }
             // Only the PC gives orders.
             Ok(Message::Order(_)) => self.refuse(MessageError::Length {

@@ -2,6 +2,7 @@
 
 use protocols::Instant;
 use protocols::pcui::FRAME_MAX;
+use protocols::pcui::diagnosis::Condition;
 use protocols::pcui::message::{self, NO_WAYPOINT, Waypoint};
 
 use super::record::News;
@@ -67,7 +68,12 @@ impl Pc {
         for item in news {
             self.connect(now);
             match item {
-                News::MapProperties | News::Row => {}
+                News::MapProperties | News::Row | News::Nothing => {}
+                News::Condition => self.note_condition(now),
+                News::Victims => {
+                    let detail = format!("{} victims", self.record.victims.len());
+                    self.log.note(now, "victims", detail);
+                }
                 News::MapSize => {
                     let map = self.record.map.as_ref().expect("its size is known");
                     let detail = format!("{} x {} cells", map.width, map.height);
@@ -93,6 +99,16 @@ impl Pc {
                 }
             }
         }
+    }
+
+    /// What the robot told of itself, for the log.
+    fn note_condition(&mut self, now: Instant) {
+        let Some((_, told)) = self.record.diagnosis else {
+            return;
+        };
+        let conditions: Vec<&str> = told.conditions.iter().map(Condition::text).collect();
+        let detail = format!("search {}; {}", told.search.text(), conditions.join(", "));
+        self.log.note(now, "robot-says", detail);
     }
 
     /// The robot renumbers its waypoints, so only the positions are compared.

@@ -39,7 +39,7 @@ const NEAR_CELLS: i16 = 14;
 /// What a ray to a wall that was not felt is worth, in unknown cells.
 const FEEL_WEIGHT: u16 = 4;
 /// Cells around the end of a ray that were felt with it.
-const FELT_AROUND: i8 = 2;
+const FELT_AROUND: i8 = 1;
 /// Clearance of a way that is the last resort.
 const THIN_MM: f32 = 15.0;
 /// The robot stands at most so many cells off the floor that its body may reach.

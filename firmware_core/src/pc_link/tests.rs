@@ -2,6 +2,7 @@ extern crate std;
 
 use std::vec::Vec;
 
+use protocols::pcui::diagnosis::Diagnosis;
 use protocols::pcui::message::{Message, Mode};
 
 use super::*;
@@ -46,6 +47,8 @@ impl Robot {
                 ..State::default()
             },
             waypoints: &self.waypoints,
+            diagnosis: Diagnosis::default(),
+            victims: &[],
         }
     }
 }

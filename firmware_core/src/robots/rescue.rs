@@ -17,6 +17,7 @@ mod decide;
 mod defects;
 mod drive;
 mod explore;
+mod health;
 mod lidar;
 mod lost;
 mod orders;
@@ -30,7 +31,7 @@ use core::time::Duration;
 use protocols::pcui::message::{Mode, State};
 use protocols::{Instant, LineConfig, LineEvent, Port, avr, panel, pcui, xv11};
 
-pub use config::{Config, Display, WHEELS};
+pub use config::{Config, Display, Smear, Turning, WHEELS};
 pub use defects::{Defects, Own};
 pub use drive::Battery;
 pub use explore::Progress;
@@ -45,6 +46,7 @@ use crate::waypoints::{Waypoint, Waypoints};
 use crate::{Master, Work};
 use drive::Drive;
 use explore::Explore;
+use health::Health;
 use lidar::Lidar;
 use lost::Lost;
 use screen::{Screen, Switches};
@@ -88,6 +90,7 @@ pub struct Rescue {
     navigator: Navigator,
     explore: Explore,
     victims: Victims,
+    health: Health,
     waypoints: Waypoints,
     mode: Mode,
     ordered_at: Instant,
@@ -151,6 +154,7 @@ impl Rescue {
             navigator: Navigator::new(config.navigation),
             explore: Explore::new(config.sought),
             victims: Victims::new(),
+            health: Health::new(),
             waypoints: Waypoints::with_defects(config.defects.waypoints),
             mode,
             ordered_at: Instant::ZERO,
@@ -208,11 +212,6 @@ impl Rescue {
         self.drive.battery()
     }
 
-    /// Whether the lidar turns at its speed.
-    pub const fn lidar_speed_is_stable(&self) -> bool {
-        self.lidar.speed_is_stable()
-    }
-
     /// Where the robot believes to be at `now`: the matched pose and the wheels since.
     pub fn pose_at(&self, now: Instant) -> Pose {
         self.mapper.pose().then(self.motion_until(now))
@@ -247,15 +246,19 @@ impl Rescue {
         }
         self.drive.tick(now);
         self.feel(now);
+        self.watch_health(now);
         if let Some(frame) = self.pc.freed(now) {
             self.obey(now, &frame);
         }
         if self.switches.pc_link && now >= self.pc.next_at() {
+            let mut places = [[0; 2]; VICTIMS_MAX];
             let view = View {
                 map: self.mapper.grid(),
                 pose: self.pose_at(now),
                 state: self.state(),
                 waypoints: &self.waypoints,
+                diagnosis: self.diagnosis(),
+                victims: self.victims.told(&mut places),
             };
             self.pc.tick(now, &view);
         }
@@ -304,6 +307,9 @@ impl Rescue {
     /// Whatever the robot was doing, it stops; the next scan decides how it goes on.
     fn set_mode(&mut self, now: Instant, mode: Mode) {
         self.mode = mode;
+        if mode != Mode::Stop {
+            self.health.goes_on();
+        }
         self.drive.is_mute = self.own().stops_without_a_word && mode == Mode::Stop;
         self.navigator.reset();
         self.explore.pause();
@@ -315,7 +321,10 @@ impl Rescue {
         let has_gap = self.drive.odometry.take_gap();
         let odometry = &self.drive.odometry;
         let turn = self.lidar.take_turn();
-        self.scan = Scan::deskewed(turn, &self.config.mounting, odometry);
+        self.scan = match self.config.smear {
+            Smear::Undone => Scan::deskewed(turn, &self.config.mounting, odometry),
+            Smear::Kept => Scan::raw(turn, &self.config.mounting),
+        };
         let end = self.scan.end;
         if self.matched.is_some() {
             self.mapper.predict(self.motion_until(end));
@@ -350,7 +359,7 @@ impl Rescue {
             _ if !self.lidar.is_steady() => HALT,
             Mode::Exploration => self.navigator.explore(pose, &around),
             Mode::Waypoint => self.approach(pose, &around),
-            Mode::Explore => self.search(pose, &around),
+            Mode::Explore => self.search(now, pose, &around),
         };
         self.drive.command(now, set_point, now + DECISION_HOLDS);
     }

@@ -18,6 +18,53 @@ pub(super) struct Found {
     pub(super) on_map: u32,
 }
 
+/// A try that was better than all before it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Improvement {
+    /// Its number in the search.
+    pub index: u32,
+    /// The candidate.
+    pub pose: Pose,
+    /// Mean map value at the end points, 0 to 255.
+    pub value: f32,
+}
+
+/// Improvements that are kept; the seed report shows a search of 32.
+pub const IMPROVEMENTS_MAX: usize = 48;
+
+/// The improvements of a search, the first of them.
+#[derive(Clone, Debug)]
+pub(super) struct Improvements {
+    list: [Improvement; IMPROVEMENTS_MAX],
+    len: usize,
+}
+
+impl Improvements {
+    pub(super) const NONE: Self = Self {
+        list: [Improvement {
+            index: 0,
+            pose: Pose {
+                x_mm: 0.0,
+                y_mm: 0.0,
+                heading: 0.0,
+            },
+            value: 0.0,
+        }; IMPROVEMENTS_MAX],
+        len: 0,
+    };
+
+    pub(super) fn all(&self) -> &[Improvement] {
+        &self.list[..self.len]
+    }
+
+    fn push(&mut self, index: u32, pose: Pose, value: f32) {
+        if let Some(slot) = self.list.get_mut(self.len) {
+            *slot = Improvement { index, pose, value };
+            self.len += 1;
+        }
+    }
+}
+
 /// The pose that candidates are drawn around, with its trigonometry done.
 struct Base {
     pose: Pose,
@@ -130,7 +177,7 @@ pub(super) fn run<const W: usize, const H: usize>(
     points: &[[i16; 2]],
     predicted: Pose,
     tries: u32,
-    random: &mut Pcg32,
+    (random, improvements): (&mut Pcg32, &mut Improvements),
 ) -> Found {
     let defects = settings.defects;
     let resolution_mm = grid.resolution_mm();
@@ -142,6 +189,7 @@ pub(super) fn run<const W: usize, const H: usize>(
     let mut spread_deg = u32::from(settings.search.spread_deg);
     let mut on_map = u32::from(best.1.inside > 0);
     let turns = Turns::new();
+    improvements.len = 0;
     for index in 0..tries {
         let shift = Shift {
             x_mm: offset(random, spread),
@@ -154,6 +202,7 @@ pub(super) fn run<const W: usize, const H: usize>(
             continue;
         }
         best = (base.pose(shift), found);
+        improvements.push(index, best.0, mean(found, points));
         if index > tries / 3 {
             base = Base::new(best.0, resolution_mm);
             if !defects.never_narrows {
@@ -168,6 +217,11 @@ pub(super) fn run<const W: usize, const H: usize>(
         tries: tries.saturating_add(1),
         on_map,
     }
+}
+
+/// Mean value of the cells at the end points.
+fn mean(found: Tally, points: &[[i16; 2]]) -> f32 {
+    found.sum as f32 / points.len().max(1) as f32
 }
 
 /// What candidates are compared by: the mean over all points, or over those on the map (SL-10).
@@ -305,7 +359,14 @@ mod tests {
         let scan = points(&[Point::new(350.0, 0.0)]);
         let settings = Settings::document();
         let mut random = Pcg32::new(1);
-        let found = run(&grid, &settings, scan.all(), CENTRE, 1000, &mut random);
+        let found = run(
+            &grid,
+            &settings,
+            scan.all(),
+            CENTRE,
+            1000,
+            (&mut random, &mut Improvements::NONE.clone()),
+        );
         assert_eq!((found.tally.sum, found.tries), (230, 1001));
     }
 
@@ -329,9 +390,16 @@ mod tests {
             settings.defects.never_narrows = never_narrows;
             let sums = (0..200_u64).map(|seed| {
                 let mut random = Pcg32::new(seed);
-                run(&grid, &settings, scan.all(), CENTRE, 60, &mut random)
-                    .tally
-                    .sum
+                run(
+                    &grid,
+                    &settings,
+                    scan.all(),
+                    CENTRE,
+                    60,
+                    (&mut random, &mut Improvements::NONE.clone()),
+                )
+                .tally
+                .sum
             });
             sums.sum::<u32>() / 200
         };
@@ -353,7 +421,7 @@ mod tests {
             let scan = points(&[Point::new(500.0, 0.0), Point::new(-100.0, 80.0)]);
             let here = tally(grid.rows(), scan.all(), &Placement::new(CENTRE, 10.0));
             let mut random = Pcg32::new(seed);
-            let found = run(&grid, &Settings::document(), scan.all(), CENTRE, tries, &mut random);
+            let found = run(&grid, &Settings::document(), scan.all(), CENTRE, tries, (&mut random, &mut Improvements::NONE.clone()));
             prop_assert!(found.tally.sum >= here.sum);
         }
     }

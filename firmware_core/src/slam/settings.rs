@@ -25,6 +25,16 @@ pub enum Rounding {
     Truncating,
 }
 
+/// How the weight of a map update falls with the difference of the wheels' speeds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Fading {
+    /// A tenth for each tick (seed figure S5).
+    #[default]
+    Linear,
+    /// The square of that: the report tried it (page 16).
+    Quadratic,
+}
+
 /// Settings of the search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Search {
@@ -197,6 +207,8 @@ pub struct Settings {
     pub weight: u16,
     /// Least weight, when the robot turns fast.
     pub weight_min: u16,
+    /// How the weight falls when the robot turns.
+    pub fading: Fading,
     /// Core mode: weight of the free way of a beam.
     pub free_weight: u16,
     /// Core mode: weight on a cell that was never drawn.
@@ -233,6 +245,7 @@ impl Settings {
             hole_mm: 350.0,
             weight: 10,
             weight_min: 3,
+            fading: Fading::Linear,
             free_weight: 10,
             first_weight: 10,
             search: Search {
@@ -279,7 +292,11 @@ impl Settings {
             self.weight_min
         };
         let tenths = 10_u16.saturating_sub(left.abs_diff(right));
-        (self.weight * tenths / 10).max(least)
+        let weight = match self.fading {
+            Fading::Linear => self.weight * tenths / 10,
+            Fading::Quadratic => self.weight * tenths * tenths / 100,
+        };
+        weight.max(least)
     }
 }
 

@@ -86,6 +86,9 @@ pub const HEAT_LEFT: u8 = 13;
 pub const HEAT_RIGHT: u8 = 17;
 /// How many rescue kits shall be dropped; ours, behind the fielded map.
 pub const KITS: u8 = 53;
+/// How far the base has turned by its gyroscope, hundredths of a degree, counter-clockwise, four
+/// bytes; ours, behind the kits.
+pub const YAW: u8 = 54;
 
 const fn reg(
     address: u8,

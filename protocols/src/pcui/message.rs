@@ -9,8 +9,11 @@
 //! | STA | PC to robot | mode u8, left, right i8 |
 //! | STA | robot to PC | mode u8, left, right measured i8, left, right i16 mm/s, left, right set i8 |
 //!
+//! DIA and VIC are in [`super::diagnosis`].
+//!
 //! psi turns clockwise: 0 looks to -x, 90 to +y, 180 to +x.
 
+use super::diagnosis::{self, Diagnosis, VictimList};
 use super::{Frame, HEADER_LEN, seal};
 
 /// Most waypoints that fit one frame: (511 - 2) / 9.
@@ -155,6 +158,10 @@ pub enum Message<'a> {
     Order(Order),
     /// STA as the robot sends it.
     State(State),
+    /// DIA.
+    Diagnosis(Diagnosis),
+    /// VIC.
+    Victims(VictimList<'a>),
 }
 
 /// Why a frame means nothing.
@@ -206,6 +213,8 @@ impl Frame {
                 }))
             }
             b"STA" => state(exactly(payload)?).map(Message::State),
+            b"DIA" => Ok(Message::Diagnosis(diagnosis::diagnosis(exactly(payload)?))),
+            b"VIC" => diagnosis::victims(payload).map(Message::Victims),
             id => Err(MessageError::Id(*id)),
         }
     }

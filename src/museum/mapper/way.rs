@@ -5,6 +5,7 @@ use firmware_core::odometry::fielded::change;
 use firmware_core::pc_link::{PcLink, View};
 use firmware_core::pose::{Pose, PoseChange, WirePose};
 use firmware_core::scan::Scan;
+use protocols::pcui::diagnosis::Diagnosis;
 use protocols::pcui::message::{Message, Mode, State};
 use protocols::{Decode, Instant, pcui};
 
@@ -79,6 +80,8 @@ pub(super) fn sl_13(variant: Variant) -> Observation {
                 set_point: HALT,
             },
             waypoints: &list,
+            diagnosis: Diagnosis::default(),
+            victims: &[],
         };
         link.tick(Instant::from_millis(50 * u64::from(step)), &view);
         let mut buf = [0; 4096];

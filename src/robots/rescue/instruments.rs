@@ -14,7 +14,8 @@ use crate::codec::Codec;
 use crate::rig::Rig;
 use crate::robots::instruments::in_metres;
 use crate::robots::{
-    Axis, Console, Dialect, Display, Found, Instruments, Panel, ScanDecoder, Silence, Station,
+    Axis, Console, Dialect, Display, Found, Instruments, Overlay, OverlayRole, Panel, ScanDecoder,
+    Silence, Station,
 };
 use crate::scenario::device::xv11_scans::Xv11Scans;
 
@@ -93,6 +94,19 @@ impl Instruments for RescueInstruments {
         Some((view::SCAN_LINK.to_owned(), Box::new(scans)))
     }
 
+    /// The victims, as the program in this process has marked them, else as the PC was told.
+    fn overlays(&self, rig: &Rig) -> Vec<Overlay> {
+        let own = self.found(rig).map(|found| found.places);
+        let told = || pc(rig).map(view::told_victims);
+        let places = own.or_else(told).unwrap_or_default();
+        let empty = Overlay::new("victims", OverlayRole::Mark);
+        let victims = places.into_iter().fold(empty, Overlay::point);
+        [victims]
+            .into_iter()
+            .filter(|one| !one.is_empty())
+            .collect()
+    }
+
     /// What the program in this process has marked.
     fn found(&self, rig: &Rig) -> Option<Found> {
         let mut places = Vec::new();
@@ -108,7 +122,8 @@ impl Instruments for RescueInstruments {
     }
 
     fn panels(&self, rig: &Rig) -> Vec<Panel> {
-        view::registers(rig).into_iter().collect()
+        let told = pc(rig).and_then(view::diagnosis);
+        view::registers(rig).into_iter().chain(told).collect()
     }
 
     fn display<'a>(&'a self, rig: &'a Rig) -> Option<Display<'a>> {

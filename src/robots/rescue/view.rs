@@ -1,8 +1,10 @@
 //! Where page and mapper find the robot's senses and devices.
 
 use emulators::avr_base::AvrBase;
+use emulators::pc::Pc;
 use protocols::avr::ChecksumOrder;
 use protocols::avr::registers::{self, Width};
+use protocols::pcui::diagnosis::Condition;
 
 use super::{base, display, order_of, program};
 use crate::codec::{self, Codec, PANEL, PCUI, XV11};
@@ -66,4 +68,41 @@ pub(super) fn registers(rig: &Rig) -> Option<Panel> {
         name: "base registers".to_owned(),
         rows: registers::TABLE.iter().map(shown).collect(),
     })
+}
+
+/// What the robot told the PC of itself, if it does.
+pub(super) fn diagnosis(pc: &Pc) -> Option<Panel> {
+    let (_, told) = pc.record().diagnosis?;
+    let row = |name: &str, value: String, unit: &'static str| PanelRow {
+        name: name.to_owned().into(),
+        address: None,
+        value,
+        unit: unit.into(),
+    };
+    let conditions: Vec<&str> = told.conditions.iter().map(Condition::text).collect();
+    let conditions = match conditions.is_empty() {
+        true => "none".to_owned(),
+        false => conditions.join(", "),
+    };
+    let [lidar, base, radio] = told.errors.map(|count| count.to_string());
+    let rows = vec![
+        row("battery", told.battery_mv.to_string(), "mV"),
+        row("charge", told.battery_percent.to_string(), "%"),
+        row("conditions", conditions, ""),
+        row("search", told.search.text().to_owned(), ""),
+        row("victims", pc.record().victims.len().to_string(), ""),
+        row("lidar errors", lidar, ""),
+        row("base errors", base, ""),
+        row("radio errors", radio, ""),
+    ];
+    Some(Panel {
+        name: "robot says".to_owned(),
+        rows,
+    })
+}
+
+/// Where the robot told the PC that victims are, metres.
+pub(super) fn told_victims(pc: &Pc) -> Vec<[f64; 2]> {
+    let metres = |mm: [i16; 2]| mm.map(|mm| f64::from(mm) / 1000.0);
+    pc.record().victims.iter().copied().map(metres).collect()
 }

@@ -1,6 +1,6 @@
 //! `avr-base`: the base with motors and sensors behind a register bus.
 
-use emulators::avr_base::{AvrBase, AvrBaseConfig, Heat, Profile};
+use emulators::avr_base::{Announce, AvrBase, AvrBaseConfig, Heat, Imu, Profile};
 use protocols::LineConfig;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Serialize};
@@ -25,6 +25,14 @@ pub struct AvrBaseSpec {
     /// robot then searches for victims as well.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub heat: bool,
+    /// Has a gyroscope, whose sum the robot takes for its heading; only with the firmware
+    /// `document`.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub imu: bool,
+    /// Tells the robot at once of its stop button, which somebody holds by the fault
+    /// `stop-button`; only with the firmware `document`.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub announce: bool,
 }
 
 impl AvrBaseSpec {
@@ -43,13 +51,26 @@ impl AvrBaseSpec {
             config.profile = Profile::from_name(found.get_ref())
                 .ok_or_else(|| source.unknown(&key, found, &known))?;
         }
-        if self.heat && config.profile != Profile::Document {
-            let key = format!("device.{name}.avr-base.heat");
-            let message = "is there only with profile = \"document\"";
-            return Err(source.invalid(source.find("heat"), key, message));
+        let own = [
+            ("heat", self.heat),
+            ("imu", self.imu),
+            ("announce", self.announce),
+        ];
+        for (key, _) in own.into_iter().filter(|(_, is_there)| *is_there) {
+            if config.profile != Profile::Document {
+                let message = "is there only with profile = \"document\"";
+                let path = format!("device.{name}.avr-base.{key}");
+                return Err(source.invalid(source.find(key), path, message));
+            }
         }
         if self.heat {
             config.heat = Heat::Fitted;
+        }
+        if self.imu {
+            config.imu = Imu::Fitted;
+        }
+        if self.announce {
+            config.announce = Announce::StopButton;
         }
         Ok(config)
     }

@@ -29,6 +29,10 @@ pub struct Config {
     pub navigation: navigation::Settings,
     /// What a search looks for.
     pub sought: Sought,
+    /// What is done about the robot's motion while a scan is taken.
+    pub smear: Smear,
+    /// What tells how far the robot has turned.
+    pub turning: Turning,
     /// What the robot does until it is told otherwise.
     pub initial_mode: Mode,
     /// The PC link.
@@ -50,11 +54,31 @@ impl Config {
         wheels: WHEELS,
         navigation: navigation::Settings::new(BODY),
         sought: Sought::Floor,
+        smear: Smear::Undone,
+        turning: Turning::Wheels,
         initial_mode: Mode::Stop,
         pc_link: pc_link::Settings::DEFAULT,
         defects: Defects::NONE,
         display: Display::Touch,
     };
+}
+
+/// What is done about the robot's motion while a scan is taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Smear {
+    /// Each beam is moved by it.
+    Undone,
+    /// Nothing: the report's robot before its cures.
+    Kept,
+}
+
+/// What tells how far the robot has turned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Turning {
+    /// Its wheels, which slip.
+    Wheels,
+    /// The gyroscope of its base.
+    Gyroscope,
 }
 
 /// Whether the robot has a display.

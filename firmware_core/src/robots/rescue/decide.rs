@@ -1,6 +1,7 @@
 use protocols::Instant;
 
 use super::explore::Sight;
+use super::screen::Notice;
 use super::{Progress, Rescue, Victim};
 use crate::navigation::{Goal, HALT, Step, Surroundings};
 use crate::pose::{Point, Pose};
@@ -8,7 +9,8 @@ use crate::pose::{Point, Pose};
 /// What the robot does by itself.
 impl Rescue {
     /// One step of the search that ends at home.
-    pub(super) fn search(&mut self, pose: Pose, around: &Surroundings) -> [i8; 2] {
+    pub(super) fn search(&mut self, now: Instant, pose: Pose, around: &Surroundings) -> [i8; 2] {
+        let before = self.explore.progress();
         let sight = Sight {
             map: self.mapper.grid(),
             pose,
@@ -17,6 +19,9 @@ impl Rescue {
         let set_point = self.explore.step(&mut self.navigator, sight);
         let points = self.explore.take_points();
         self.work.points = self.work.points.saturating_add(points);
+        if before == Progress::Seeks && self.explore.progress() == Progress::GoesHome {
+            self.screen.notices.push(now, Notice::Explored);
+        }
         set_point
     }
 
@@ -33,6 +38,7 @@ impl Rescue {
         let around = Surroundings::seen(&self.scan, since);
         if self.victims.take(readings, pose, &around) {
             self.drive.drop_kit();
+            self.screen.notices.push(now, Notice::VictimFound);
         }
     }
 

@@ -4,10 +4,11 @@ use protocols::Instant;
 use protocols::avr::registers;
 
 use crate::base_link::{BaseLink, Completion, Outcome, READ_MAX, Request};
+use crate::gyro::{Gyro, Wheels};
 use crate::navigation::{HALT, Sought};
 use crate::odometry::Odometry;
 
-use super::config::{Config, TICK_MM_S};
+use super::config::{Config, TICK_MM_S, Turning};
 
 /// Encoders and measured speeds: ten registers in one answer, so that they belong together.
 const WHEELS: Request = Request::read(registers::ENCODER_LEFT, 10);
@@ -16,6 +17,8 @@ const HEAT: Request = Request::read(registers::HEAT_LEFT, 6);
 /// One rescue kit.
 const KIT: Request = Request::write(registers::KITS, [1]);
 const BATTERY: Request = Request::read(registers::BATTERY_MV, 3);
+/// The sum of the gyroscope.
+const YAW: Request = Request::read(registers::YAW, 4);
 
 /// The base measures its speeds every 40 ms.
 const WHEELS_PERIOD: Duration = Duration::from_millis(40);
@@ -26,6 +29,11 @@ const BATTERY_PERIOD: Duration = Duration::from_secs(1);
 const REFRESH: Duration = Duration::from_millis(150);
 /// How often a silent base is asked whether it is back.
 const PROBE_PERIOD: Duration = Duration::from_millis(100);
+
+/// Bit of the status: the motors are off.
+const MOTORS_OFF: u8 = 2;
+/// A sum of the gyroscope that is older than this does not belong to the wheels' reading.
+const YAW_AGE_MAX: Duration = Duration::from_millis(10);
 
 /// Motor driver active.
 const ACTIVE: u8 = 0;
@@ -69,6 +77,12 @@ pub(super) struct Drive {
     was_silent: bool,
     speed: [i8; 2],
     battery: Option<Battery>,
+    /// It was read since somebody asked last.
+    is_battery_new: bool,
+    gyro: Option<Gyro>,
+    /// The sum of the gyroscope, read right before the wheels.
+    yaw: Option<(Instant, i32)>,
+    counters: [i32; 2],
     defects: super::Defects,
     /// Nothing is said to the base (field defect NV-04).
     pub(super) is_mute: bool,
@@ -106,6 +120,13 @@ impl Drive {
             } else {
                 None
             },
+            is_battery_new: false,
+            gyro: match config.turning {
+                Turning::Wheels => None,
+                Turning::Gyroscope => Some(Gyro::new()),
+            },
+            yaw: None,
+            counters: [0; 2],
             defects: config.defects,
             is_mute: false,
             expired: 0,
@@ -129,6 +150,9 @@ impl Drive {
     pub(super) fn read_wheels(&mut self, now: Instant) {
         if !self.link.is_silent() && !self.is_mute {
             self.wheels_at = now + WHEELS_PERIOD;
+            if self.gyro.is_some() {
+                self.link.submit(now, YAW);
+            }
             self.link.submit(now, WHEELS);
         }
     }
@@ -199,6 +223,19 @@ impl Drive {
     /// The newest reading of the thermometers, left and right, tenths of a degree, once.
     pub(super) const fn take_heat(&mut self) -> Option<[i16; 2]> {
         self.heat.take()
+    }
+
+    /// A new reading of the battery, once.
+    pub(super) fn take_battery(&mut self) -> Option<Battery> {
+        let is_new = core::mem::take(&mut self.is_battery_new);
+        self.battery.filter(|_| is_new)
+    }
+
+    /// Whether the stop button holds the motors, if the base has told since the last call.
+    pub(super) fn take_stop(&mut self) -> Option<bool> {
+        self.link
+            .take_status()
+            .map(|status| status & MOTORS_OFF != 0)
     }
 
     /// A kit is to be dropped; again and again until the base has said that it is.
@@ -288,8 +325,13 @@ impl Drive {
                 let value = |at: usize| i16::from_le_bytes([data[at], data[at + 1]]);
                 self.heat = Some([value(0), value(4)]);
             }
+            Outcome::Data(data) if done.request == YAW => {
+                let sum = i32::from_le_bytes([data[0], data[1], data[2], data[3]]);
+                self.yaw = Some((done.at, sum));
+            }
             Outcome::Written if done.request == KIT => self.kits = self.kits.saturating_sub(1),
             Outcome::Data(data) => {
+                self.is_battery_new = true;
                 self.battery = Some(Battery {
                     millivolts: u16::from_le_bytes([data[0], data[1]]),
                     percent: data[2].cast_signed(),
@@ -310,8 +352,29 @@ impl Drive {
         let counter = |from: usize| {
             i32::from_le_bytes([data[from], data[from + 1], data[from + 2], data[from + 3]])
         };
-        self.odometry.update(at, [counter(0), counter(4)]);
+        let counters = [counter(0), counter(4)];
+        let turn = self.turned(at, counters);
+        self.odometry.update_turning(at, counters, turn);
         self.speed = [data[8].cast_signed(), data[9].cast_signed()];
+    }
+
+    /// How far the robot has turned by its gyroscope since the wheels' reading before.
+    fn turned(&mut self, at: Instant, counters: [i32; 2]) -> Option<f32> {
+        let before = core::mem::replace(&mut self.counters, counters);
+        let gyro = self.gyro.as_mut()?;
+        let Some((read_at, sum)) = self
+            .yaw
+            .take()
+            .filter(|(read, _)| at - *read <= YAW_AGE_MAX)
+        else {
+            gyro.forget();
+            return None;
+        };
+        let wheels = match counters == before {
+            true => Wheels::AtRest,
+            false => Wheels::Turned,
+        };
+        gyro.turned(read_at, sum, wheels)
     }
 }
 

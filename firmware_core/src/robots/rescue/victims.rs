@@ -14,8 +14,11 @@ pub const VICTIMS_MAX: usize = 16;
 const WARM: i16 = 45;
 /// What is kept of the surroundings' temperature at each reading, in 64ths.
 const KEEP_64: i32 = 62;
-/// Farther than this the place on the wall is not sure, millimetres.
-const FAR_MM: f32 = 450.0;
+/// Farther than this the place on the wall is not sure, millimetres. What the search takes for felt
+/// lies nearer: 0.42 m, and the flank of 60 mm that the map draws before a wall.
+const FAR_MM: f32 = 550.0;
+/// What is warmer than its surroundings by so much, tenths of a degree, may be the rim of somebody.
+const CALM: i16 = 15;
 /// Beside the middle of the field of view a wall is looked for so far, radians.
 const BESIDE: f32 = 0.1;
 /// Nearer to a victim than this it is the same one.
@@ -60,6 +63,17 @@ impl Victims {
         &self.list[..self.len]
     }
 
+    /// Their places in whole millimetres, as the PC is told.
+    pub(super) fn told<'a>(&self, places: &'a mut [[i16; 2]; VICTIMS_MAX]) -> &'a [[i16; 2]] {
+        for (place, victim) in places.iter_mut().zip(self.all()) {
+            let Point { x_mm, y_mm } = victim.place;
+            #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+            let told = [x_mm, y_mm].map(|mm| libm::roundf(mm) as i16);
+            *place = told;
+        }
+        &places[..self.len]
+    }
+
     /// Takes the thermometers' readings, left and right, tenths of a degree; whether they belong to
     /// somebody who was not known.
     pub(super) fn take(&mut self, readings: [i16; 2], pose: Pose, around: &Surroundings) -> bool {
@@ -87,8 +101,9 @@ impl Victims {
             *ambient = reading_64;
         }
         let excess = i32::from(reading) - *ambient / 64;
-        // What is warm is no surroundings; what is colder than they were thought is.
-        if excess < i32::from(WARM) {
+        // What is warm is no surroundings, nor is the rim of it, beside which a robot may stand for
+        // long; what is colder than they were thought is.
+        if excess < i32::from(CALM) {
             *ambient = (*ambient * KEEP_64 + reading_64 * (64 - KEEP_64)) / 64;
         }
         i16::try_from(excess).unwrap_or(0)

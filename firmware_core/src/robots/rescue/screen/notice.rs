@@ -16,6 +16,11 @@ const BATTERY_LOW_PERCENT: i8 = 20;
 pub(in super::super) enum Notice {
     Started,
     BatteryLow,
+    GoesHome,
+    StopButton,
+    OffMap,
+    VictimFound,
+    Explored,
     BaseSilent,
     LidarSilent,
     AllWell,
@@ -33,6 +38,11 @@ impl Notice {
         match self {
             Self::Started => "started",
             Self::BatteryLow => "Battery warning!",
+            Self::GoesHome => "battery low, slows down",
+            Self::StopButton => "stop button pressed",
+            Self::OffMap => "at the end of the map",
+            Self::VictimFound => "victim found",
+            Self::Explored => "nothing left, goes home",
             Self::BaseSilent => "base does not answer",
             Self::LidarSilent => "lidar sends nothing",
             Self::AllWell => "base and lidar work",
@@ -49,7 +59,12 @@ impl Notice {
     pub(super) const fn is_warning(self) -> bool {
         matches!(
             self,
-            Self::BatteryLow | Self::BaseSilent | Self::LidarSilent
+            Self::BatteryLow
+                | Self::GoesHome
+                | Self::StopButton
+                | Self::OffMap
+                | Self::BaseSilent
+                | Self::LidarSilent
         )
     }
 }

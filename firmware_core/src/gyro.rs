@@ -1,0 +1,133 @@
+//! The turn by a gyroscope whose samples somebody else adds up: how far since the reading before,
+//! less the offset that is learned whenever the wheels stand still.
+
+use core::time::Duration;
+
+use protocols::Instant;
+
+/// Rest after which the offset is known well enough, and what is averaged at most.
+const KNOWN_AFTER_S: f32 = 0.4;
+const AVERAGED_S: f32 = 10.0;
+/// A robot that turns faster than this, degrees a second, is turned by somebody; no calibrated
+/// sensor is off by so much.
+const OFFSET_MAX_DEG_S: f32 = 3.0;
+/// Readings farther apart tell nothing of what was between them.
+const APART_MAX: Duration = Duration::from_millis(500);
+
+/// A gyroscope and its offset.
+#[derive(Clone, Copy, Debug)]
+pub struct Gyro {
+    /// When it was read last, and the sum then, hundredths of a degree.
+    last: Option<(Instant, i32)>,
+    offset_deg_s: f32,
+    /// Rest that the offset is the mean of.
+    rest_s: f32,
+}
+
+/// Whether the wheels have turned since the reading before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wheels {
+    /// Neither has.
+    AtRest,
+    /// One of them has.
+    Turned,
+}
+
+impl Gyro {
+    /// One that was not read yet.
+    pub const fn new() -> Self {
+        Self {
+            last: None,
+            offset_deg_s: 0.0,
+            rest_s: 0.0,
+        }
+    }
+
+    /// A reading failed: the next one has none before it.
+    pub const fn forget(&mut self) {
+        self.last = None;
+    }
+
+    /// Takes the sum at `now`, hundredths of a degree, counter-clockwise; the turn since the
+    /// reading before, radians. `None` without one, or while the offset is not known.
+    pub fn turned(&mut self, now: Instant, sum: i32, wheels: Wheels) -> Option<f32> {
+        let (at, before) = self.last.replace((now, sum))?;
+        let apart = now - at;
+        if apart > APART_MAX || apart.is_zero() {
+            return None;
+        }
+        let time_s = apart.as_secs_f32();
+        let turned_deg = sum.wrapping_sub(before) as f32 / 100.0;
+        let rate = turned_deg / time_s;
+        if wheels == Wheels::AtRest && rate.abs() <= OFFSET_MAX_DEG_S {
+            self.rest_s = (self.rest_s + time_s).min(AVERAGED_S);
+            self.offset_deg_s += (rate - self.offset_deg_s) * time_s / self.rest_s;
+            // A robot that rests does not turn, whatever the last digit does.
+            return self.is_known().then_some(0.0);
+        }
+        let turn_deg = turned_deg - self.offset_deg_s * time_s;
+        self.is_known().then(|| turn_deg.to_radians())
+    }
+
+    const fn is_known(&self) -> bool {
+        self.rest_s >= KNOWN_AFTER_S
+    }
+}
+
+impl Default for Gyro {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const STEP: Duration = Duration::from_millis(40);
+
+    /// Reads `count` times, with so many hundredths more each time; the sum of the turns, degrees.
+    fn run(gyro: &mut Gyro, from: (Instant, i32), count: u16, more: i32, wheels: Wheels) -> f32 {
+        let mut turned = 0.0;
+        for n in 1..=count {
+            let at = from.0 + STEP * n.into();
+            let sum = from.1 + more * i32::from(n);
+            turned += gyro.turned(at, sum, wheels).unwrap_or(0.0);
+        }
+        turned.to_degrees()
+    }
+
+    /// An offset of a degree a second is 4 hundredths in 40 ms; 104 are 26 degrees a second.
+    #[test]
+    fn what_drifts_at_rest_is_no_turn() {
+        let mut gyro = Gyro::new();
+        let at_rest = run(&mut gyro, (Instant::ZERO, 0), 50, 4, Wheels::AtRest);
+        assert!(at_rest.abs() < 1e-6, "{at_rest}");
+        let from = (Instant::ZERO + STEP * 50, 200);
+        let turned = run(&mut gyro, from, 25, 104, Wheels::Turned);
+        assert!((turned - 25.0).abs() < 0.1, "{turned}");
+    }
+
+    /// Nine degrees a second at rest are somebody who turns the robot; the offset stays.
+    #[test]
+    fn somebody_who_turns_a_robot_at_rest_is_no_offset() {
+        let mut gyro = Gyro::new();
+        run(&mut gyro, (Instant::ZERO, 0), 50, 0, Wheels::AtRest);
+        let from = (Instant::ZERO + STEP * 50, 0);
+        let turned = run(&mut gyro, from, 25, 36, Wheels::AtRest);
+        assert!((turned - 9.0).abs() < 0.1, "{turned}");
+    }
+
+    #[test]
+    fn without_a_reading_before_or_an_offset_nothing_is_told() {
+        let mut gyro = Gyro::new();
+        assert_eq!(gyro.turned(Instant::ZERO, 0, Wheels::Turned), None);
+        let at = Instant::ZERO + STEP;
+        assert_eq!(gyro.turned(at, 100, Wheels::Turned), None);
+        run(&mut gyro, (at, 100), 50, 0, Wheels::AtRest);
+        gyro.forget();
+        let later = Instant::from_secs(10);
+        assert_eq!(gyro.turned(later, 900, Wheels::Turned), None);
+        assert_eq!(gyro.turned(later + APART_MAX * 2, 0, Wheels::Turned), None);
+    }
+}

@@ -1,0 +1,176 @@
+//! What is out of the ordinary with the robot, what it does about that, and how it tells the PC.
+
+use protocols::Instant;
+use protocols::pcui::diagnosis::{Condition, Conditions, Diagnosis, Search};
+use protocols::pcui::message::Mode;
+
+use super::drive::Battery;
+use super::screen::Notice;
+use super::{Progress, Rescue};
+use crate::pose::Pose;
+use crate::slam::Improvement;
+
+/// Charge at which the robot goes home, in percent, and from which on a battery counts as another
+/// one.
+const LOW_PERCENT: i8 = 10;
+const FULL_PERCENT: i8 = 30;
+/// Readings in a row that say so, one a second: a motor that starts costs a little as well.
+const LOW_READINGS: u8 = 5;
+/// How fast it drives then: 136 mm/s.
+const SLOW_CRUISE: i8 = 12;
+/// What lies so near to the rim of the map may lie beyond it.
+const RIM_MM: f32 = 50.0;
+
+/// What is watched.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Health {
+    low_readings: u8,
+    is_low: bool,
+    is_stopped: bool,
+    is_off_map: bool,
+}
+
+impl Health {
+    pub(super) const fn new() -> Self {
+        Self {
+            low_readings: 0,
+            is_low: false,
+            is_stopped: false,
+            is_off_map: false,
+        }
+    }
+
+    /// Somebody has ordered the robot to go on: the base does not tell when its button is released.
+    pub(super) const fn goes_on(&mut self) {
+        self.is_stopped = false;
+    }
+
+    /// Takes a reading of the battery; whether it has just become low.
+    const fn take_battery(&mut self, battery: Battery) -> bool {
+        if battery.percent > LOW_PERCENT {
+            self.low_readings = 0;
+            self.is_low = self.is_low && battery.percent < FULL_PERCENT;
+            return false;
+        }
+        self.low_readings = self.low_readings.saturating_add(1);
+        let was_low = self.is_low;
+        self.is_low = was_low || self.low_readings >= LOW_READINGS;
+        self.is_low && !was_low
+    }
+}
+
+impl Rescue {
+    /// Looks at what the base has told since: its battery, its stop button.
+    pub(super) fn watch_health(&mut self, now: Instant) {
+        if let Some(battery) = self.drive.take_battery()
+            && self.health.take_battery(battery)
+        {
+            self.screen.notices.push(now, Notice::GoesHome);
+            self.navigator.slow_down(SLOW_CRUISE);
+            // A list of waypoints is the PC's affair: it is told, and may send others.
+            if matches!(self.mode, Mode::Exploration | Mode::Explore) {
+                if self.mode != Mode::Explore {
+                    self.set_mode(now, Mode::Explore);
+                }
+                self.explore.go_home(self.config.mapping.start.position());
+            }
+        }
+        if let Some(is_stopped) = self.drive.take_stop() {
+            if is_stopped && !self.health.is_stopped {
+                self.screen.notices.push(now, Notice::StopButton);
+                self.set_mode(now, Mode::Stop);
+            }
+            self.health.is_stopped = is_stopped;
+        }
+        let place = self.mapper.pose().position();
+        let map = self.mapper.grid();
+        let within = |mm: f32, cells: usize| {
+            (RIM_MM..=cells as f32 * map.resolution_mm() - RIM_MM).contains(&mm)
+        };
+        let is_off_map = !within(place.x_mm, map.width()) || !within(place.y_mm, map.height());
+        if is_off_map && !self.health.is_off_map {
+            self.screen.notices.push(now, Notice::OffMap);
+        }
+        self.health.is_off_map = is_off_map;
+    }
+
+    /// Whether the robot is where its map ends.
+    pub const fn is_off_map(&self) -> bool {
+        self.health.is_off_map
+    }
+
+    /// The improvements of the last search, with the document's mapper.
+    pub fn improvements(&self) -> &[Improvement] {
+        self.mapper.improvements()
+    }
+
+    /// Where the wheels alone, or the gyroscope with them, put the robot, which began at the
+    /// origin, and when; `None` before their first reading.
+    pub fn dead_reckoned(&self) -> Option<(Instant, Pose)> {
+        let odometry = &self.drive.odometry;
+        Some((odometry.updated_at()?, odometry.pose()))
+    }
+
+    /// Whether the lidar turns at its speed.
+    pub const fn lidar_speed_is_stable(&self) -> bool {
+        self.lidar.speed_is_stable()
+    }
+
+    /// What the PC is told.
+    pub(super) fn diagnosis(&self) -> Diagnosis {
+        let battery = self.drive.battery();
+        let (lidar, base, pc) = (
+            &self.lidar.counters,
+            self.drive.link().counters(),
+            self.pc.counters(),
+        );
+        let errors = [
+            lidar.bad_packets.saturating_add(lidar.lost_packets),
+            base.failures,
+            pc.bad_frames.saturating_add(pc.meaningless),
+        ];
+        Diagnosis {
+            battery_mv: battery.map_or(0, |battery| battery.millivolts),
+            battery_percent: battery.map_or(-1, |battery| battery.percent),
+            conditions: Conditions::NONE
+                .with(Condition::BatteryLow, self.health.is_low)
+                .with(Condition::BaseSilent, self.drive.is_silent())
+                .with(Condition::LidarSilent, !self.lidar.sees())
+                .with(Condition::Lost, self.is_lost())
+                .with(Condition::OffMap, self.health.is_off_map)
+                .with(Condition::Stopped, self.health.is_stopped),
+            search: match self.search_progress() {
+                None => Search::None,
+                Some(Progress::Seeks) => Search::Seeks,
+                Some(Progress::GoesHome) => Search::GoesHome,
+                Some(Progress::IsHome) => Search::IsHome,
+            },
+            errors: errors.map(|count| u16::try_from(count).unwrap_or(u16::MAX)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn take(health: &mut Health, percent: i8) -> bool {
+        health.take_battery(Battery {
+            millivolts: 10_000,
+            percent,
+        })
+    }
+
+    /// Five in a row; a full one makes it forget, one of 20 percent does not.
+    #[test]
+    fn a_low_battery_is_believed_after_five_readings() {
+        let mut health = Health::new();
+        let readings = [9, 9, 9, 9, 11, 10, 10, 10, 10];
+        assert!(readings.iter().all(|&percent| !take(&mut health, percent)));
+        assert!(take(&mut health, 10) && !take(&mut health, 3));
+        take(&mut health, 20);
+        assert!(health.is_low);
+        take(&mut health, 90);
+        assert!(!health.is_low);
+    }
+}

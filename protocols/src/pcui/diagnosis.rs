@@ -1,0 +1,258 @@
+//! What the robot tells the PC of itself besides pose and map. The report looks forward to it
+//! (chapter 6, "remote diagnosis") and gives no format; both messages are ours.
+//!
+//! | id | direction | payload |
+//! |---|---|---|
+//! | DIA | robot to PC | battery u16 mV, i8 % (-1: not known), conditions u16, search u8, errors u16 of lidar, base, radio |
+//! | VIC | robot to PC | per victim x, y i16 mm |
+
+use super::message::MessageError;
+use super::{HEADER_LEN, seal};
+
+/// Bytes of a DIA payload.
+pub const DIAGNOSIS_LEN: usize = 12;
+/// Bytes of a victim.
+const VICTIM_LEN: usize = 4;
+
+/// Something that somebody at the PC should know, one bit each.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Condition {
+    /// The battery is all but empty: the robot goes home slowly.
+    BatteryLow,
+    /// The base does not answer.
+    BaseSilent,
+    /// The lidar sends nothing.
+    LidarSilent,
+    /// The robot does not know where it is.
+    Lost,
+    /// The robot, or what it has to reach, is not on its map.
+    OffMap,
+    /// Somebody has pressed the stop button.
+    Stopped,
+}
+
+impl Condition {
+    /// All of them, in the order of their bits.
+    pub const ALL: [Self; 6] = [
+        Self::BatteryLow,
+        Self::BaseSilent,
+        Self::LidarSilent,
+        Self::Lost,
+        Self::OffMap,
+        Self::Stopped,
+    ];
+
+    /// As people say it.
+    pub const fn text(self) -> &'static str {
+        match self {
+            Self::BatteryLow => "battery low",
+            Self::BaseSilent => "base silent",
+            Self::LidarSilent => "lidar silent",
+            Self::Lost => "lost",
+            Self::OffMap => "off the map",
+            Self::Stopped => "stop button",
+        }
+    }
+
+    const fn bit(self) -> u16 {
+        1 << self as u16
+    }
+}
+
+/// The conditions that hold.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Conditions(u16);
+
+impl Conditions {
+    /// None.
+    pub const NONE: Self = Self(0);
+
+    /// With `condition`, if it holds.
+    #[must_use]
+    pub const fn with(self, condition: Condition, holds: bool) -> Self {
+        if holds {
+            Self(self.0 | condition.bit())
+        } else {
+            self
+        }
+    }
+
+    /// Whether `condition` holds.
+    pub const fn has(self, condition: Condition) -> bool {
+        self.0 & condition.bit() != 0
+    }
+
+    /// Those that hold.
+    pub fn iter(self) -> impl Iterator<Item = Condition> {
+        let holds = move |condition: &Condition| self.has(*condition);
+        Condition::ALL.into_iter().filter(holds)
+    }
+}
+
+/// How far the search of the maze has got.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Search {
+    /// Nobody has asked for one.
+    #[default]
+    None,
+    /// The robot looks for what is unknown.
+    Seeks,
+    /// Nothing that it can reach is unknown, or its battery is low: it goes home.
+    GoesHome,
+    /// It is there.
+    IsHome,
+}
+
+impl Search {
+    const ALL: [Self; 4] = [Self::None, Self::Seeks, Self::GoesHome, Self::IsHome];
+
+    /// As people say it.
+    pub const fn text(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Seeks => "seeks",
+            Self::GoesHome => "goes home",
+            Self::IsHome => "is home",
+        }
+    }
+}
+
+/// What the robot knows of its own state.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Diagnosis {
+    /// Voltage of the battery, mV; 0 if it is not known.
+    pub battery_mv: u16,
+    /// Its charge; -1 if it is not known.
+    pub battery_percent: i8,
+    /// What is out of the ordinary.
+    pub conditions: Conditions,
+    /// The search.
+    pub search: Search,
+    /// Errors so far, up to 65535, on the links to lidar (packets bad or lost), base (requests
+    /// that failed) and PC (frames bad or without meaning).
+    pub errors: [u16; 3],
+}
+
+/// Writes the DIA frame; the number of bytes, or `None` if `frame` is too small.
+pub fn encode_diagnosis(told: &Diagnosis, frame: &mut [u8]) -> Option<usize> {
+    let payload = frame.get_mut(HEADER_LEN..HEADER_LEN + DIAGNOSIS_LEN)?;
+    payload[..2].copy_from_slice(&told.battery_mv.to_le_bytes());
+    payload[2] = told.battery_percent.cast_unsigned();
+    payload[3..5].copy_from_slice(&told.conditions.0.to_le_bytes());
+    payload[5] = told.search as u8;
+    for (bytes, errors) in payload[6..].chunks_exact_mut(2).zip(told.errors) {
+        bytes.copy_from_slice(&errors.to_le_bytes());
+    }
+    seal(frame, *b"DIA", DIAGNOSIS_LEN)
+}
+
+/// Reads the payload of a DIA frame; bits and states that nobody knows are left out.
+pub(super) fn diagnosis(payload: &[u8; DIAGNOSIS_LEN]) -> Diagnosis {
+    let word = |at: usize| u16::from_le_bytes([payload[at], payload[at + 1]]);
+    let search = Search::ALL.get(usize::from(payload[5])).copied();
+    Diagnosis {
+        battery_mv: word(0),
+        battery_percent: payload[2].cast_signed(),
+        conditions: Conditions(word(3)),
+        search: search.unwrap_or_default(),
+        errors: [word(6), word(8), word(10)],
+    }
+}
+
+/// Places of victims, millimetres in the map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct VictimList<'a>(&'a [[u8; VICTIM_LEN]]);
+
+impl<'a> VictimList<'a> {
+    /// The places, in the order in which they were found.
+    pub fn iter(self) -> impl Iterator<Item = [i16; 2]> + 'a {
+        self.0
+            .iter()
+            .map(|&[x, x_high, y, y_high]| [[x, x_high], [y, y_high]].map(i16::from_le_bytes))
+    }
+}
+
+/// Reads the payload of a VIC frame.
+pub(super) fn victims(payload: &[u8]) -> Result<VictimList<'_>, MessageError> {
+    match payload.as_chunks() {
+        (places, []) => Ok(VictimList(places)),
+        (places, _) => Err(MessageError::Length {
+            expected: VICTIM_LEN * (places.len() + 1),
+            found: payload.len(),
+        }),
+    }
+}
+
+/// Writes the VIC frame; the number of bytes, or `None` if `frame` is too small.
+pub fn encode_victims(
+    places: impl ExactSizeIterator<Item = [i16; 2]>,
+    frame: &mut [u8],
+) -> Option<usize> {
+    let len = VICTIM_LEN * places.len();
+    let payload = frame.get_mut(HEADER_LEN..HEADER_LEN + len)?;
+    for (bytes, place) in payload.chunks_exact_mut(VICTIM_LEN).zip(places) {
+        bytes[..2].copy_from_slice(&place[0].to_le_bytes());
+        bytes[2..].copy_from_slice(&place[1].to_le_bytes());
+    }
+    seal(frame, *b"VIC", len)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Decode as _;
+    use crate::pcui::{Decoder, Message};
+
+    /// 12000 mV is 2EE0 hex; bits 0 and 4; the sum of the payload is 2E + E0 + 51 + 11 + 2 + 7 +
+    /// 1 + 1 = 17B hex.
+    #[test]
+    fn a_diagnosis_has_its_bytes() {
+        let told = Diagnosis {
+            battery_mv: 12_000,
+            battery_percent: 81,
+            conditions: Conditions::NONE
+                .with(Condition::BatteryLow, true)
+                .with(Condition::Lost, false)
+                .with(Condition::OffMap, true),
+            search: Search::GoesHome,
+            errors: [7, 256, 1],
+        };
+        let mut frame = [0xA5; 64];
+        let len = encode_diagnosis(&told, &mut frame).expect("fits");
+        let golden =
+            b"PCUI_MSG\x0C\x00\x7B\x01\x00\x00DIA\xE0\x2E\x51\x11\x00\x02\x07\x00\x00\x01\x01\x00";
+        assert_eq!(frame[..len], golden[..]);
+        let decoded = Decoder::default().push(golden).next().expect("whole");
+        let decoded = decoded.expect("sound");
+        assert_eq!(decoded.message(), Ok(Message::Diagnosis(told)));
+        let texts: [_; 2] = core::array::from_fn(|at| told.conditions.iter().nth(at));
+        assert_eq!(
+            texts,
+            [Some(Condition::BatteryLow), Some(Condition::OffMap)]
+        );
+    }
+
+    #[test]
+    fn victims_are_places_and_half_a_place_is_none() {
+        let mut frame = [0; 64];
+        let places = [[258, -1], [3, 4]];
+        let len = encode_victims(places.into_iter(), &mut frame).expect("fits");
+        assert_eq!(frame[HEADER_LEN..len], [2, 1, 0xFF, 0xFF, 3, 0, 4, 0]);
+        let list = victims(&frame[HEADER_LEN..len]).expect("sound");
+        assert!(list.iter().eq(places));
+        let error = MessageError::Length {
+            expected: 8,
+            found: 6,
+        };
+        assert_eq!(victims(&frame[..6]), Err(error));
+        assert_eq!(encode_victims(places.into_iter(), &mut frame[..24]), None);
+    }
+
+    /// A state of the search that a later robot may have is none.
+    #[test]
+    fn what_is_not_known_is_left_out() {
+        let told = diagnosis(&[0, 0, 0xFF, 0, 0x80, 9, 0, 0, 0, 0, 0, 0]);
+        assert_eq!((told.search, told.battery_percent), (Search::None, -1));
+        assert_eq!(told.conditions.iter().count(), 0);
+    }
+}

@@ -1,0 +1,143 @@
+//! The reports' own experiments, done again in the rig: a table and a plot beside the report's
+//! figures.
+//!
+//! ```text
+//! experiment --plan: seeds--> runs in virtual time --> findings: table, plot, figures
+//! ```
+//!
+//! Each is a row of [`all`]. What it finds comes from runs alone; a report's figure stands beside
+//! it as text, and nothing is judged: the reader sees how far a model carries.
+
+mod heading;
+mod loss;
+mod mazes;
+mod plot;
+mod push;
+mod regulator;
+mod runs;
+mod table;
+mod tries;
+mod turning;
+
+pub use plot::Plot;
+pub use table::Table;
+
+/// What is to be done.
+#[derive(Clone, Copy, Debug)]
+pub struct Plan {
+    /// Seeds from 1 on.
+    pub seeds: u64,
+    /// Runs at a time.
+    pub jobs: usize,
+}
+
+/// A figure that was found, and what the report says of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Figure {
+    /// What it is.
+    pub name: String,
+    /// As found, with its unit.
+    pub ours: String,
+    /// As the report has it; empty if it has none.
+    pub report: &'static str,
+}
+
+impl Figure {
+    fn new(name: impl Into<String>, ours: impl Into<String>, report: &'static str) -> Self {
+        Self {
+            name: name.into(),
+            ours: ours.into(),
+            report,
+        }
+    }
+}
+
+/// What an experiment found.
+#[derive(Clone, Debug)]
+pub struct Findings {
+    /// All of it.
+    pub table: Table,
+    /// The report's picture of it.
+    pub plot: Plot,
+    /// What it comes to.
+    pub figures: Vec<Figure>,
+}
+
+/// An experiment of a report.
+#[derive(Clone, Copy, Debug)]
+pub struct Experiment {
+    /// By which it is asked for.
+    pub name: &'static str,
+    /// What is done.
+    pub about: &'static str,
+    /// Where the report has it.
+    pub place: &'static str,
+    /// Seeds unless told otherwise.
+    pub seeds: u64,
+    /// Does it; told how many runs of how many are done.
+    pub perform: fn(&Plan, &(dyn Fn(usize, usize) + Sync)) -> Findings,
+}
+
+/// All experiments.
+pub const fn all() -> &'static [Experiment] {
+    &EXPERIMENTS
+}
+
+const EXPERIMENTS: [Experiment; 8] = [
+    Experiment {
+        name: "push",
+        about: "a robot at rest is pushed by 40 cm within a second: error search by search",
+        place: "rescue robot, figure 8",
+        seeds: 20,
+        perform: push::perform,
+    },
+    Experiment {
+        name: "turning",
+        about: "20 minutes along walls: how far the map turns, with the report's cures and without",
+        place: "rescue robot, figure 7",
+        seeds: 20,
+        perform: turning::perform,
+    },
+    Experiment {
+        name: "tries",
+        about: "error of the pose by the number of tries of a search",
+        place: "rescue robot, page 15",
+        seeds: 20,
+        perform: tries::by_number,
+    },
+    Experiment {
+        name: "settings",
+        about: "points, weights and hole width of the report's mapper against each other",
+        place: "rescue robot, pages 14 to 16 and 22",
+        seeds: 20,
+        perform: tries::by_settings,
+    },
+    Experiment {
+        name: "regulator",
+        about: "time of each search while the number of tries is regulated",
+        place: "rescue robot, page 16 and figure 9",
+        seeds: 1,
+        perform: regulator::perform,
+    },
+    Experiment {
+        name: "loss",
+        about: "map rows lost by the radio module against its baud rate",
+        place: "rescue robot, page 8",
+        seeds: 5,
+        perform: loss::perform,
+    },
+    Experiment {
+        name: "heading",
+        about: "wheels that slip: error of the dead-reckoned heading with a gyroscope and without",
+        place: "rescue robot, outlook on page 22",
+        seeds: 20,
+        perform: heading::perform,
+    },
+    Experiment {
+        name: "mazes",
+        about: "mazes of five sizes, searched; time and way against one who knows the map",
+        place: "rescue robot, pages 1, 5 and 22",
+        seeds: 20,
+        perform: mazes::perform,
+    },
+];

@@ -1,0 +1,91 @@
+//! How the robot's program is tuned: figures that the seed report weighs against each other.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::Flaw;
+
+/// Figures of the program in place of its own; each robot says which it has.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TuningSpec {
+    /// Points of a scan that each pose of a search is judged by, 1 to 360.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = 360))]
+    pub points: Option<u16>,
+    /// Tries of each search, 1 to 20000, instead of as many as there is time for; only of the
+    /// document's mapper.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = 20000))]
+    pub tries: Option<u16>,
+    /// Width of the hole that a beam's end draws into the map, mm, 20 to 2000.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 20, max = 2000))]
+    pub hole_mm: Option<u16>,
+    /// Weight of a map update, of 256, 1 to 255.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = 255))]
+    pub weight: Option<u16>,
+    /// How that falls when the robot turns.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fading: Option<FadingSpec>,
+    /// Keeps the robot's motion in the scans instead of taking it out.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub smear: bool,
+    /// Radius of the body that the program keeps free, mm, 50 to 500.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 50, max = 500))]
+    pub radius_mm: Option<u16>,
+    /// What it keeps between that and all that it sees, mm, 0 to 500.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0, max = 500))]
+    pub clearance_mm: Option<u16>,
+    /// How it follows walls.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub walls: Option<WallsSpec>,
+}
+
+/// How the weight of a map update falls with the difference of the wheels' speeds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum FadingSpec {
+    /// Not at all.
+    None,
+    /// A tenth for each tick.
+    Linear,
+    /// The square of that.
+    Quadratic,
+}
+
+/// How walls are followed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum WallsSpec {
+    /// By a single beam, as the seed document has it.
+    Beam,
+    /// By the nearest point.
+    Nearest,
+}
+
+impl TuningSpec {
+    /// Whether its figures make sense.
+    ///
+    /// # Errors
+    /// A flaw that names the key.
+    pub fn check(&self) -> Result<(), Flaw> {
+        for (key, value, [least, most]) in [
+            ("points", self.points, [1, 360]),
+            ("tries", self.tries, [1, 20_000]),
+            ("hole_mm", self.hole_mm, [20, 2_000]),
+            ("weight", self.weight, [1, 255]),
+            ("radius_mm", self.radius_mm, [50, 500]),
+            ("clearance_mm", self.clearance_mm, [0, 500]),
+        ] {
+            if let Some(value) = value.filter(|value| !(least..=most).contains(value)) {
+                let message = format!("is {value}, expected {least} to {most}");
+                return Err(Flaw::new(key, message));
+            }
+        }
+        Ok(())
+    }
+}
