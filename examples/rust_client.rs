@@ -1,15 +1,21 @@
 //! A client of a sonar, once on the crate `serialport` with a thread that reads, once on tokio with
 //! tasks: to be run by `hilrig run .. --exec 'rust_client serialport'`, also with `--virtual`.
+#![expect(
+    clippy::disallowed_methods,
+    reason = "a client is a program like any other, with clocks of its own"
+)]
+
+use core::time::Duration;
 use std::io::{self, BufRead as _, BufReader, Write as _};
 use std::sync::mpsc::channel;
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use tokio::time::{interval, sleep, timeout};
 
 const ASK_EVERY: Duration = Duration::from_millis(130);
 
-fn on_serialport(path: &str) -> Result<(), Box<dyn std::error::Error>> {
+fn on_serialport(path: &str) -> Result<(), Box<dyn core::error::Error>> {
     let mut port = serialport::new(path, 9600)
         .timeout(Duration::from_secs(60))
         .open()?;
@@ -63,7 +69,7 @@ async fn on_tokio(path: &str) -> io::Result<()> {
     ended
 }
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+fn main() -> Result<(), Box<dyn core::error::Error>> {
     let path = std::env::var("HILRIG_PORT_SONAR")?;
     match std::env::args().nth(1).as_deref() {
         Some("tokio") => {
