@@ -1,15 +1,15 @@
-//! A client of a sonar, once on the crate `serialport` with a thread that reads, once on tokio with
+//! A client of a sonar, once on the crate `serialport` with a thread that reads, once on
+//! tokio with
 //! tasks: to be run by `hilrig run .. --exec 'rust_client serialport'`, also with `--virtual`.
 #![expect(
     clippy::disallowed_methods,
-    reason = "a client is a program like any other, with clocks of its own"
+    reason = "a client is a program like any other, and sleeps by itself"
 )]
 
 use core::time::Duration;
 use std::io::{self, BufRead as _, BufReader, Write as _};
 use std::sync::mpsc::channel;
 use std::thread;
-use std::time::Instant;
 
 use tokio::time::{interval, sleep, timeout};
 
@@ -22,10 +22,9 @@ fn on_serialport(path: &str) -> Result<(), Box<dyn core::error::Error>> {
     let reader = BufReader::new(port.try_clone()?);
     let (sender, lines) = channel();
     thread::spawn(move || reader.lines().try_for_each(|line| sender.send(line)));
-    let begin = Instant::now();
     loop {
         match lines.recv_timeout(ASK_EVERY / 2) {
-            Ok(line) => println!("{:?} {}", begin.elapsed(), line?),
+            Ok(line) => println!("{}", line?),
             Err(_) => port.write_all(b"ping\r\n")?,
         }
     }
@@ -38,7 +37,6 @@ async fn on_tokio(path: &str) -> io::Result<()> {
         open.unchecked(true).open_receiver(path)?,
         open.unchecked(true).open_sender(path)?,
     );
-    let begin = Instant::now();
     let asking = async {
         let mut ticks = interval(ASK_EVERY);
         loop {
@@ -58,7 +56,7 @@ async fn on_tokio(path: &str) -> io::Result<()> {
             };
             ready?;
             match reader.try_read(&mut bytes) {
-                Ok(len) => println!("{:?} {}", begin.elapsed(), bytes[..len].escape_ascii()),
+                Ok(len) => println!("{}", bytes[..len].escape_ascii()),
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
                 Err(error) => return Err(error),
             }
