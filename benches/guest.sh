@@ -2,7 +2,8 @@
 # How fast foreign programs are in virtual time, beside the same run in real time, and what a stop
 # costs with program and supervisor on one processor and on two:
 #   benches/guest.sh
-# Needs a release build, a C compiler, and Python with pyserial as $PYTHON. By hand, on a quiet machine.
+# Needs a release build, a C compiler, and Python with pyserial as $PYTHON. By hand, on a quiet
+# machine.
 set -eu
 here=$(cd "$(dirname "$0")/.." && pwd)
 hilrig=${HILRIG:-${CARGO_TARGET_DIR:-$here/target}/release/hilrig}

@@ -1,25 +1,30 @@
-//! A client of a sonar, once on the crate `serialport` with a thread that reads, once on tokio with
+//! A client of a sonar, once on the crate `serialport` with a thread that reads, once on
+//! tokio with
 //! tasks: to be run by `hilrig run .. --exec 'rust_client serialport'`, also with `--virtual`.
+#![expect(
+    clippy::disallowed_methods,
+    reason = "a client is a program like any other, and sleeps by itself"
+)]
+
+use core::time::Duration;
 use std::io::{self, BufRead as _, BufReader, Write as _};
 use std::sync::mpsc::channel;
 use std::thread;
-use std::time::{Duration, Instant};
 
 use tokio::time::{interval, sleep, timeout};
 
 const ASK_EVERY: Duration = Duration::from_millis(130);
 
-fn on_serialport(path: &str) -> Result<(), Box<dyn std::error::Error>> {
+fn on_serialport(path: &str) -> Result<(), Box<dyn core::error::Error>> {
     let mut port = serialport::new(path, 9600)
         .timeout(Duration::from_secs(60))
         .open()?;
     let reader = BufReader::new(port.try_clone()?);
     let (sender, lines) = channel();
     thread::spawn(move || reader.lines().try_for_each(|line| sender.send(line)));
-    let begin = Instant::now();
     loop {
         match lines.recv_timeout(ASK_EVERY / 2) {
-            Ok(line) => println!("{:?} {}", begin.elapsed(), line?),
+            Ok(line) => println!("{}", line?),
             Err(_) => port.write_all(b"ping\r\n")?,
         }
     }
@@ -32,7 +37,6 @@ async fn on_tokio(path: &str) -> io::Result<()> {
         open.unchecked(true).open_receiver(path)?,
         open.unchecked(true).open_sender(path)?,
     );
-    let begin = Instant::now();
     let asking = async {
         let mut ticks = interval(ASK_EVERY);
         loop {
@@ -52,7 +56,7 @@ async fn on_tokio(path: &str) -> io::Result<()> {
             };
             ready?;
             match reader.try_read(&mut bytes) {
-                Ok(len) => println!("{:?} {}", begin.elapsed(), bytes[..len].escape_ascii()),
+                Ok(len) => println!("{}", bytes[..len].escape_ascii()),
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
                 Err(error) => return Err(error),
             }
@@ -63,7 +67,7 @@ async fn on_tokio(path: &str) -> io::Result<()> {
     ended
 }
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+fn main() -> Result<(), Box<dyn core::error::Error>> {
     let path = std::env::var("HILRIG_PORT_SONAR")?;
     match std::env::args().nth(1).as_deref() {
         Some("tokio") => {

@@ -20,6 +20,7 @@ pub mod control;
 pub(crate) mod exec;
 pub(crate) mod held;
 mod lateness;
+mod place;
 pub(crate) mod process;
 mod spread;
 pub(crate) mod standalone;
@@ -28,7 +29,6 @@ pub mod transport;
 use core::fmt;
 use core::time::Duration;
 use std::os::fd::OwnedFd;
-use std::path::Path;
 
 use emulators::{Event, EventKind};
 use protocols::{Instant, LineConfig, LineEvent};
@@ -42,6 +42,7 @@ use crate::scenario::Scenario;
 use adapter::Adapter;
 pub(crate) use lateness::LATE;
 pub use lateness::Lateness;
+pub use place::{Place, Sign};
 use spread::Spread;
 
 /// Most virtual time that passes in one turn. Late by more than this, the rig takes several turns,
@@ -102,34 +103,6 @@ pub struct PortReport {
     pub traffic: Traffic,
     /// What did not.
     pub lost: Counters,
-}
-
-/// A port and where it is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Place<'a> {
-    /// The port's name.
-    pub name: &'a str,
-    /// Its path.
-    pub path: &'a Path,
-    /// Its rate, bit/s.
-    pub baud: u32,
-    /// Its node in the rig.
-    pub node: usize,
-}
-
-/// A sign of life of the client at a port.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Sign<'a> {
-    /// The port's name.
-    pub name: &'a str,
-    /// Whether somebody has it open.
-    pub is_open: bool,
-    /// Bytes that clients sent so far.
-    pub from_client: u64,
-    /// Whether the client has read since the last write, see [`Transport::is_drained`].
-    pub is_drained: bool,
-    /// How often the client took bytes, see [`Transport::reads`].
-    pub reads: Option<u64>,
 }
 
 impl<C: Clock> Realtime<C> {

@@ -13,9 +13,10 @@ use crate::realtime::exec::PORTS_VARIABLE;
 
 /// Start a program on the ports of a rig that runs in real time, with modem lines.
 ///
-/// A pseudo-terminal has no modem lines, so clients that set DTR or RTS or send a break fail on one.
+/// A pseudo-terminal has no modem lines, so clients that set DTR or RTS or send a break
+/// fail on one.
 /// Under this command a port of the rig has them: DTR and RTS read as they were set and reach the
-/// devices that listen to them, CTS, DSR and DCD are on, and a break reaches the device. The program
+/// devices that listen to them, CTS, DSR and DCD are on, a break reaches the device. The program
 /// is not changed and runs at full speed. Ends as the program does.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \

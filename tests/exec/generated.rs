@@ -1,4 +1,5 @@
-//! Programs that chance wrote, of threads, sleeps, pipes, polls and locks: in virtual time each makes
+//! Programs that chance wrote, of threads, sleeps, pipes, polls and locks: in virtual time
+//! each makes
 //! the same calls twice, and says what it says in real time as far as that is determined.
 
 use std::process::{Command, Stdio};

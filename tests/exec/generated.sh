@@ -1,6 +1,7 @@
 #!/bin/sh
-# Generated C programs of threads, sleeps, pipes, polls and locks: each says the same in virtual time,
-# twice with the same calls, and in real time, where it is the same in any order of its threads.
+# Generated C programs of threads, sleeps, pipes, polls and locks: each says the same in virtual
+# time, twice with the same calls, and in real time, where it is the same in any order of
+# its threads.
 #   tests/exec/generated.sh [FIRST=1] [LAST=50]
 # Needs a C compiler and Python. The first few are in the tests, the others by hand.
 set -eu

@@ -273,7 +273,8 @@ fn programs_that_misbehave_end_with_a_clear_word() {
     }
 }
 
-/// A timer's signal interrupts a read each quarter of a second; the end of the run is a signal too.
+/// A timer's signal interrupts a read each quarter of a second; the end of the run is a
+/// signal too.
 #[test]
 fn signals_come_at_their_virtual_time() {
     let program = "\
@@ -299,7 +300,8 @@ while True:
     );
 }
 
-/// What the supervisor does not know is done by the kernel, and named once however often it is asked.
+/// What the supervisor does not know is done by the kernel, and named once however often
+/// it is asked.
 #[test]
 fn a_call_that_is_not_handled_is_named_once() {
     let program = format!(
@@ -313,8 +315,10 @@ fn a_call_that_is_not_handled_is_named_once() {
     assert_eq!(named.count(), 1, "{}", ended.said);
 }
 
-/// A child that is killed is gone before its parent goes on, a signal that is waited for comes at its
-/// time, and the processor's counter is the clock: 2 ms of sleep are 2,000,000 of its steps and those
+/// A child that is killed is gone before its parent goes on, a signal that is waited for
+/// comes at its
+/// time, and the processor's counter is the clock: 2 ms of sleep are 2,000,000 of its
+/// steps and those
 /// of the calls, and nothing of it differs when it is done again.
 #[test]
 fn kills_awaited_signals_and_the_processors_counter_are_in_virtual_time() {
@@ -347,7 +351,8 @@ fn a_program_that_is_not_the_same_twice_is_told_where_it_parts() {
     );
 }
 
-/// A lidar's adapter runs the motor while DTR is low. Opening raises it; the client lowers it, asks
+/// A lidar's adapter runs the motor while DTR is low. Opening raises it; the client lowers
+/// it, asks
 /// for a scan, and raises it again: nodes come only in between. The lines read back as they are.
 #[test]
 fn dtr_reaches_the_motor_of_a_lidar() {

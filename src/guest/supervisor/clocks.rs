@@ -93,7 +93,8 @@ impl Supervisor {
         Ok(Outcome::Answer(0))
     }
 
-    /// Whether the fault at which `tid` stands is a look at the processor's counter, which is hidden
+    /// Whether the fault at which `tid` stands is a look at the processor's counter, which
+    /// is hidden
     /// from it: one that counts nanoseconds takes its place.
     pub(super) fn reads_counter(&mut self, tid: i32) -> bool {
         let pid = nix::unistd::Pid::from_raw(tid);

@@ -2,11 +2,12 @@
 //!
 //! DTR and RTS reach a device by its links `NAME-dtr` and `NAME-rts`, a byte a level.
 
+use std::path::PathBuf;
+
 use protocols::LineEvent;
 use serde_json::{Value, json};
 
 use super::answer::Refusal;
-use super::perform::{Office, Port};
 use crate::run::Run;
 
 /// Names of a port's links for what a client sets, behind its own name.
@@ -21,31 +22,50 @@ pub(super) struct Wish {
     pub(super) sends_break: bool,
 }
 
-impl Office<'_> {
-    /// Changes lines of the port `name`; how they are then.
-    pub(super) fn modem(&mut self, name: &str, wish: Wish) -> Result<Value, Refusal> {
-        let index = self.ports.iter().position(|port| port.name == name);
-        let Some(index) = index else {
-            let known: Vec<&str> = self.ports.iter().map(|port| &*port.name).collect();
-            let message = format!("is {name:?}, expected one of {}", known.join(", "));
-            return Err(Refusal::new("port", message));
-        };
-        let [dtr, rts] = self.ports[index].outputs;
-        let outputs = [
-            wish.outputs[0].unwrap_or(dtr),
-            wish.outputs[1].unwrap_or(rts),
-        ];
-        set(self.ports, index, outputs, self.run);
-        if wish.sends_break {
-            let node = self.ports[index].node;
-            self.run.rig.change_line(node, LineEvent::Break);
-            // The rig holds one change of the line at a time.
-            self.run.go_on_until(self.run.rig.now());
-        }
-        let [dtr, rts] = outputs;
-        // A device here is always ready.
-        Ok(json!({"dtr": dtr, "rts": rts, "cts": true, "dsr": true, "dcd": true}))
+/// A port of the rig.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Port {
+    /// Name of its link.
+    pub(super) name: String,
+    pub(super) path: PathBuf,
+    /// Its rate, bit/s.
+    pub(super) baud: u32,
+    /// Its node in the rig.
+    pub(super) node: usize,
+    /// DTR and RTS.
+    pub(super) outputs: [bool; 2],
+    /// Whether a client that has modem lines has it open.
+    pub(super) is_open: bool,
+}
+
+/// Changes lines of the port `name`; how they are then.
+pub(super) fn change(
+    ports: &mut [Port],
+    run: &mut Run,
+    name: &str,
+    wish: Wish,
+) -> Result<Value, Refusal> {
+    let index = ports.iter().position(|port| port.name == name);
+    let Some(index) = index else {
+        let known: Vec<&str> = ports.iter().map(|port| &*port.name).collect();
+        let message = format!("is {name:?}, expected one of {}", known.join(", "));
+        return Err(Refusal::new("port", message));
+    };
+    let [dtr, rts] = ports[index].outputs;
+    let outputs = [
+        wish.outputs[0].unwrap_or(dtr),
+        wish.outputs[1].unwrap_or(rts),
+    ];
+    set(ports, index, outputs, run);
+    if wish.sends_break {
+        let node = ports[index].node;
+        run.rig.change_line(node, LineEvent::Break);
+        // The rig holds one change of the line at a time.
+        run.go_on_until(run.rig.now());
     }
+    let [dtr, rts] = outputs;
+    // A device here is always ready.
+    Ok(json!({"dtr": dtr, "rts": rts, "cts": true, "dsr": true, "dcd": true}))
 }
 
 /// A client has come to the port `name`, or left it: a serial port raises its lines when it is

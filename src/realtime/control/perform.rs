@@ -1,13 +1,11 @@
 //! Does what a request wants.
 
 use core::time::Duration;
-use std::path::PathBuf;
-
 use protocols::Instant;
 use serde_json::json;
 
 use super::answer::{Answer, Refusal};
-use super::modem::Wish;
+use super::modem::{self, Port, Wish};
 use super::request::Request;
 use crate::realtime::clock::Clock as _;
 use crate::realtime::held::{Held, SPEEDS, STEP_MAX};
@@ -24,22 +22,6 @@ pub(super) struct Office<'a> {
     /// Clients at the moment.
     pub(super) clients: usize,
     pub(super) tally: &'a mut Tally,
-}
-
-/// A port of the rig.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Port {
-    /// Name of its link.
-    pub(super) name: String,
-    pub(super) path: PathBuf,
-    /// Its rate, bit/s.
-    pub(super) baud: u32,
-    /// Its node in the rig.
-    pub(super) node: usize,
-    /// DTR and RTS.
-    pub(super) outputs: [bool; 2],
-    /// Whether a client that has modem lines has it open.
-    pub(super) is_open: bool,
 }
 
 /// What came of all requests.
@@ -147,7 +129,8 @@ impl Office<'_> {
                     outputs,
                     sends_break,
                 };
-                let lines = port.map(|port| self.modem(&port, wish)).transpose()?;
+                let lines = port.map(|port| modem::change(self.ports, self.run, &port, wish));
+                let lines = lines.transpose()?;
                 Answer::granted(lines.unwrap_or_default()).at(self.run.rig.now())
             }
             Request::List {} => Answer {

@@ -1,0 +1,32 @@
+//! What others see of a port: where it is, and what its client does.
+
+use std::path::Path;
+
+/// A port and where it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Place<'a> {
+    /// The port's name.
+    pub name: &'a str,
+    /// Its path.
+    pub path: &'a Path,
+    /// Its rate, bit/s.
+    pub baud: u32,
+    /// Its node in the rig.
+    pub node: usize,
+}
+
+/// A sign of life of the client at a port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sign<'a> {
+    /// The port's name.
+    pub name: &'a str,
+    /// Whether somebody has it open.
+    pub is_open: bool,
+    /// Bytes that clients sent so far.
+    pub from_client: u64,
+    /// Whether the client has read since the last write, see
+    /// [`super::transport::Transport::is_drained`].
+    pub is_drained: bool,
+    /// How often the client took bytes, see [`super::transport::Transport::reads`].
+    pub reads: Option<u64>,
+}
