@@ -21,8 +21,8 @@ use crate::scenario::{DirectionSpec, FaultKind, FaultPlace, FaultSpec, Span};
 ///
 /// Bytes pass both ways at the line's rate, and a capture holds what was sent and what arrived. A
 /// port is a path, or `pty:PATH` for a new pseudo-terminal at PATH; ports are given in pairs, and a
-/// link has the name of its first one. A fault is its kind, then its keys as in a scenario; `to=PORT`
-/// says which way it acts; without it, it acts on both ways of every link.
+/// link has the name of its first one. A fault is its kind, then its keys as in a scenario;
+/// `to=PORT` says which way it acts; without it, it acts on both ways of every link.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig link gps=/dev/ttyUSB0 robot=/dev/ttyUSB1 --fault flip,rate=0.001 -o link.pcapng\n  \
