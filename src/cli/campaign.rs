@@ -1,6 +1,7 @@
+mod live;
+
 use core::ops::Range;
 use core::sync::atomic::{AtomicUsize, Ordering};
-use core::time::Duration;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc;
@@ -8,10 +9,10 @@ use std::thread;
 
 use clap::{Args, Subcommand};
 
+use self::live::Live;
 use super::answer::{CampaignEnded, CauseFound};
 use super::exec::ExecArgs;
 use super::out::answer;
-use super::progress;
 use super::stop::Stop;
 use super::{CliError, Verdict};
 use crate::realtime::clock::{Clock, WallClock};
@@ -107,9 +108,6 @@ fn seeds(text: &str) -> Result<Range<u64>, String> {
     parsed.ok_or_else(|| "expected A..B with A below B, e.g. 0..100".to_owned())
 }
 
-/// Time between two lines of progress.
-const PROGRESS: Duration = Duration::from_secs(5);
-
 /// The earlier campaign in `dir`, if one was named.
 fn earlier(dir: Option<&Path>) -> Result<Option<(PathBuf, Store)>, CliError> {
     let Some(dir) = dir else { return Ok(None) };
@@ -150,25 +148,33 @@ pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
         scenario.seed = seed;
         (scenario, source)
     };
-    let ended = run_all(&todo, &args, made, &mut store)?;
-    if ended < todo.len() {
-        eprintln!(
-            "{} runs are left; the same command goes on",
-            todo.len() - ended
-        );
+    let Done { ended, signal } = run_all(&todo, &args, made, &mut store)?;
+    let left = todo.len() - ended;
+    if left > 0 {
+        eprintln!("{left} runs are left; the same command goes on");
     }
-    if shard == Shard::WHOLE {
+    let verdict = if shard == Shard::WHOLE {
         let merged = campaign::summarise(&store, earlier.as_ref())?;
-        return Ok(report(&merged, &args.out, args.all_situations));
-    }
-    let failed = store
-        .records()
-        .filter(|record| record.cause.is_some())
-        .count();
-    let runs = store.records().count();
+        report(&merged, &args.out, args.all_situations)
+    } else {
+        report_shard(&store, left, &args.out)?
+    };
+    // A queue must not take for done what has runs left because somebody ended it.
+    Ok(match signal.filter(|_| left > 0) {
+        Some(signal) => Verdict::Interrupted(signal),
+        None => verdict,
+    })
+}
+
+/// Says what a shard came to, `left` of whose runs are still to be done.
+fn report_shard(store: &Store, left: usize, out: &Path) -> Result<Verdict, CliError> {
+    let (runs, failed) = (store.len(), store.failed());
+    let far = format!("{runs} runs, {failed} failed, {left} left of this shard");
+    let failures = store.failures();
+    store.show(&campaign::live_page(store.plan(), &far, &failures, None))?;
     println!("{runs} runs, {failed} failed");
     answer(&CampaignEnded {
-        folder: args.out.display().to_string(),
+        folder: out.display().to_string(),
         runs: runs as u64,
         failed: failed as u64,
         missing: None,
@@ -176,7 +182,7 @@ pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
         causes: Vec::new(),
         never_came_up: Vec::new(),
     });
-    println!("results in {}", args.out.display());
+    println!("results in {}", out.display());
     Ok(if failed == 0 {
         Verdict::Pass
     } else {
@@ -222,14 +228,19 @@ fn read_all(paths: &[PathBuf]) -> Result<BTreeMap<String, (Scenario, Source)>, C
 /// A run that ended: what it came to, and its case if it failed.
 type Ended = (Record, Option<Box<Scenario>>);
 
-/// Runs `todo`, on all processors if they are runs in this process; how many ended before the time
-/// was up.
+/// How many runs have ended, and the signal that ended the campaign, if one did.
+struct Done {
+    ended: usize,
+    signal: Option<u8>,
+}
+
+/// Runs `todo` until the time is up, on all processors if they are runs in this process.
 fn run_all<'a>(
     todo: &[(&str, u64)],
     args: &CampaignArgs,
     made: impl Fn(&str, u64) -> (Scenario, &'a Source) + Sync,
     store: &mut Store,
-) -> Result<usize, CliError> {
+) -> Result<Done, CliError> {
     let clock = WallClock::start();
     let stop = Stop::new(args.budget.map(|budget| budget.0))?;
     let next = AtomicUsize::new(0);
@@ -264,20 +275,17 @@ fn run_all<'a>(
             });
         }
         drop(results);
-        let (mut count, mut failed, mut said) = (0, 0, clock.now());
+        let (mut count, mut live) = (0, Live::new(todo.len(), clock.now()));
         for result in ended {
             let (record, case) = result?;
             count += 1;
-            failed += usize::from(record.cause.is_some());
-            store.add(record, case.as_deref())?;
-            if clock.now() - said >= PROGRESS && progress::is_watched() {
-                said = clock.now();
-                let share = count as f64 / todo.len() as f64;
-                let left = progress::left(said - protocols::Instant::ZERO, share);
-                eprintln!("  {count} of {} runs, {failed} failed{left}", todo.len());
-            }
+            store.add(&record, case.as_deref())?;
+            live.look(count, clock.now(), store)?;
         }
-        Ok(count)
+        Ok(Done {
+            ended: count,
+            signal: stop.signal(),
+        })
     })
 }
 

@@ -14,12 +14,14 @@ mod manner;
 mod merge;
 mod page;
 mod plan;
+mod runs;
 mod store;
 
 pub(crate) use compare::{Change, Comparison, compare};
 pub(crate) use judge::{Record, run, run_foreign};
 pub(crate) use judge::{without_figures, words_of_panic};
 pub(crate) use merge::{Merged, merge, summarise};
-pub(crate) use page::page;
+pub(crate) use page::{live_page, page};
 pub(crate) use plan::{CampaignPlan, Shard, ShardChoice};
-pub(crate) use store::Store;
+pub(crate) use runs::Run;
+pub(crate) use store::{Failures, Store};

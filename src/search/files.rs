@@ -1,7 +1,7 @@
 //! Files that a kill at any moment leaves whole: read with what is expected, replaced in one step.
 
 use std::fs::{self, File};
-use std::io::{self, Write as _};
+use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 
 use super::error::{StoreError, failed};
@@ -11,6 +11,21 @@ use super::error::{StoreError, failed};
 /// # Errors
 /// If there is none, it cannot be read, or something else has its name, like a folder.
 pub(super) fn read(path: &Path, expected: &'static str) -> Result<Vec<u8>, StoreError> {
+    let (mut file, mut bytes) = (open(path, expected)?, Vec::new());
+    let read = file.read_to_end(&mut bytes);
+    read.map_err(|source| StoreError::Unusable {
+        path: path.to_owned(),
+        source,
+        expected,
+    })?;
+    Ok(bytes)
+}
+
+/// The file `path`, which should be `expected`, to be read.
+///
+/// # Errors
+/// If there is none, or something else has its name, like a folder.
+pub(super) fn open(path: &Path, expected: &'static str) -> Result<File, StoreError> {
     let unusable = |source| StoreError::Unusable {
         path: path.to_owned(),
         source,
@@ -20,7 +35,7 @@ pub(super) fn read(path: &Path, expected: &'static str) -> Result<Vec<u8>, Store
     if !fs::metadata(path).map_err(unusable)?.is_file() {
         return Err(unusable(io::Error::other("is not a file")));
     }
-    fs::read(path).map_err(unusable)
+    File::open(path).map_err(unusable)
 }
 
 /// Writes `bytes` beside `path` and renames: a kill leaves the old file or the new one. For what
@@ -37,8 +52,19 @@ pub(super) fn replace(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
 /// # Errors
 /// As [`replace`].
 pub(super) fn replace_for_good(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+    replace_with(path, |file| file.write_all(bytes))
+}
+
+/// As [`replace_for_good`], for what `write` writes bit by bit.
+///
+/// # Errors
+/// As [`replace`].
+pub(super) fn replace_with(
+    path: &Path,
+    write: impl FnOnce(&mut File) -> io::Result<()>,
+) -> Result<(), StoreError> {
     replace_after(path, |file| {
-        file.write_all(bytes)?;
+        write(file)?;
         file.sync_data()
     })
 }

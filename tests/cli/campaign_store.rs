@@ -6,6 +6,7 @@ use std::os::unix::fs::MetadataExt as _;
 use std::process::{Child, Command, Stdio};
 
 use hilrig::realtime::clock::{Clock as _, WallClock};
+use rustix::process::{Pid, Signal, kill_process};
 
 use super::campaign_folder::line;
 use super::{Session, shipped, text};
@@ -65,6 +66,28 @@ fn short(session: &Session) {
 /// The whole lines of `text`.
 fn whole(text: &str) -> &str {
     &text[..text.rfind('\n').map_or(0, |at| at + 1)]
+}
+
+/// 128 and the number of the signal, as a shell has it: with 0 or 1 a queue would take a shard for
+/// done that has runs left. Its page is the last, which loads no other.
+#[test]
+fn a_campaign_that_is_told_to_end_is_not_done() {
+    for (signal, code) in [(Signal::INT, 130), (Signal::TERM, 143)] {
+        let session = Session::new(&format!("campaign-told-{code}"));
+        calm(&session);
+        let campaign = "campaign calm.toml --seeds 0..100000 --shard 0/2 --out night";
+        let mut running = Running::start(&session, campaign);
+        let runs = session.path("night/runs.jsonl");
+        wait_until(|| std::fs::metadata(&runs).is_ok_and(|file| file.len() > 0));
+        kill_process(Pid::from_child(&running.0), signal).expect("it runs");
+        assert_eq!(running.0.wait().expect("it ends").code(), Some(code));
+        let done = session.read("night/runs.jsonl");
+        assert!(done.ends_with("}\n"), "{done}");
+        let (done, page) = (done.lines().count(), session.read("night/campaign.html"));
+        let far = format!("<p>{done} runs, 0 failed, {} left", 50_000 - done);
+        assert!(page.contains(&far), "{page}");
+        assert!(!page.contains("http-equiv"), "{page}");
+    }
 }
 
 /// Half of the kills hit the start, the other half come when some runs have ended since; before

@@ -10,7 +10,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::{CampaignPlan, Record, Store};
+use super::{CampaignPlan, Run, Store};
 use crate::scenario::Scenario;
 
 /// What became of a cause, what asks for attention first.
@@ -191,9 +191,7 @@ pub(crate) fn compare(now: &Store, earlier: &Store, against: &Path) -> Compariso
         let runs = core::cmp::Reverse(cause.now.runs.max(cause.earlier.runs));
         (cause.change, runs, cause.cause.clone())
     });
-    let in_both = now
-        .records()
-        .filter(|record| twin(record, earlier, &same).is_some());
+    let in_both = now.runs().filter(|run| twin(run, earlier, &same).is_some());
     Comparison {
         against: against.display().to_string(),
         tool: earlier.plan().tool.clone(),
@@ -205,7 +203,7 @@ pub(crate) fn compare(now: &Store, earlier: &Store, against: &Path) -> Compariso
 }
 
 fn causes_of(store: &Store) -> impl Iterator<Item = &str> {
-    store.records().filter_map(|record| record.cause.as_deref())
+    store.causes().map(|(cause, _)| cause)
 }
 
 /// Names of scenarios of both plans: those that are the same, and those that are not.
@@ -232,30 +230,30 @@ fn is_same(text: &str, other: &str) -> bool {
 }
 
 /// The same run in `other`, if it was done there.
-fn twin<'a>(record: &Record, other: &'a Store, same: &BTreeSet<&str>) -> Option<&'a Record> {
-    let is_same = same.contains(record.scenario.as_str());
-    let key = is_same.then_some((&record.scenario, record.seed));
-    key.and_then(|(scenario, seed)| other.record(scenario, seed))
+fn twin<'a>(run: &Run<'_>, other: &'a Store, same: &BTreeSet<&str>) -> Option<Run<'a>> {
+    let is_same = same.contains(run.scenario);
+    let key = is_same.then_some((run.scenario, run.seed));
+    key.and_then(|(scenario, seed)| other.run(scenario, seed))
 }
 
 /// A run by name and seed.
-type Run<'a> = (&'a str, u64);
+type RunKey<'a> = (&'a str, u64);
 
 /// For each cause in `store` what became of its runs in `other`, and its first run.
 fn elsewhere<'a>(
     store: &'a Store,
     other: &Store,
     same: &BTreeSet<&str>,
-) -> BTreeMap<&'a str, (Elsewhere, Run<'a>)> {
+) -> BTreeMap<&'a str, (Elsewhere, RunKey<'a>)> {
     let mut causes = BTreeMap::new();
-    for record in store.records() {
-        let Some(cause) = record.cause.as_deref() else {
+    for run in store.runs() {
+        let Some(cause) = run.cause else {
             continue;
         };
-        let first = (record.scenario.as_str(), record.seed);
+        let first = (run.scenario, run.seed);
         let (counts, _) = causes.entry(cause).or_insert((Elsewhere::default(), first));
         counts.runs += 1;
-        match twin(record, other, same).map(|twin| twin.cause.as_deref()) {
+        match twin(&run, other, same).map(|twin| twin.cause) {
             None => counts.not_run += 1,
             Some(None) => counts.pass += 1,
             Some(Some(theirs)) => counts.fail_otherwise += usize::from(theirs != cause),

@@ -4,8 +4,6 @@ use std::collections::BTreeSet;
 use std::panic::catch_unwind;
 use std::path::PathBuf;
 
-use serde::{Deserialize, Serialize};
-
 use super::manner;
 use crate::guest;
 use crate::realtime::exec::{ExecError, Foreign};
@@ -15,8 +13,7 @@ use crate::run::{Outcome, Run};
 use crate::scenario::{Scenario, ScenarioError, Source};
 
 /// What one run came to.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Record {
     /// Name of the scenario.
     pub scenario: String,

@@ -2,34 +2,132 @@
 //!
 //! A kill can leave the last line without its end; whatever has an end is whole.
 
-use super::Record;
+use std::borrow::Cow;
+use std::io::{self, BufRead};
+
+use serde::{Deserialize, Serialize};
+
+use super::{Record, Run};
 
 /// How every line begins.
 const START: &[u8] = b"{\"scenario\":\"";
 
-/// The line of `record`.
-pub(super) fn line(record: &Record) -> String {
-    serde_json::to_string(record).expect("plain data") + "\n"
+/// What one run came to, as it stands in the file. Whatever has no escapes is not copied.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Line<'a> {
+    #[serde(borrow)]
+    pub scenario: Cow<'a, str>,
+    pub seed: u64,
+    #[serde(borrow)]
+    cause: Option<Word<'a>>,
+    #[serde(borrow)]
+    detail: Option<Word<'a>>,
+    pub ran_ms: u64,
+    #[serde(borrow)]
+    pub trace: Cow<'a, str>,
+    #[serde(borrow)]
+    reached: Vec<Word<'a>>,
 }
 
-/// The runs in `bytes`, and how many bytes their lines have: what follows is a torn line.
+/// A text within something else: only so serde borrows it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+struct Word<'a>(#[serde(borrow)] Cow<'a, str>);
+
+impl<'a> Word<'a> {
+    fn of(text: &'a str) -> Self {
+        Self(Cow::Borrowed(text))
+    }
+}
+
+impl<'a> Line<'a> {
+    /// Of a run that has just ended.
+    pub(super) fn of(record: &'a Record) -> Self {
+        Self {
+            scenario: Cow::Borrowed(&record.scenario),
+            seed: record.seed,
+            cause: record.cause.as_deref().map(Word::of),
+            detail: record.detail.as_deref().map(Word::of),
+            ran_ms: record.ran_ms,
+            trace: Cow::Borrowed(&record.trace),
+            reached: record.reached.iter().map(|word| Word::of(word)).collect(),
+        }
+    }
+
+    /// Of a run that is kept.
+    pub(super) fn of_kept(run: &'a Run<'_>) -> Self {
+        Self {
+            scenario: Cow::Borrowed(run.scenario),
+            seed: run.seed,
+            cause: run.cause.map(Word::of),
+            detail: run.detail.map(Word::of),
+            ran_ms: run.ran_ms,
+            trace: run.trace(),
+            reached: run.reached.iter().map(|word| Word::of(word)).collect(),
+        }
+    }
+
+    /// Why it failed, without the figures.
+    pub(super) fn cause(&self) -> Option<&str> {
+        self.cause.as_ref().map(|word| &*word.0)
+    }
+
+    /// Why it failed, with the figures.
+    pub(super) fn detail(&self) -> Option<&str> {
+        self.detail.as_ref().map(|word| &*word.0)
+    }
+
+    /// Situations that came up.
+    pub(super) fn reached(&self) -> impl Iterator<Item = &str> {
+        self.reached.iter().map(|word| &*word.0)
+    }
+
+    /// As bytes of the file.
+    pub(super) fn text(&self) -> String {
+        serde_json::to_string(self).expect("plain data") + "\n"
+    }
+}
+
+/// Why a file is not one of runs.
+#[derive(Debug)]
+pub(super) enum LinesError {
+    /// It cannot be read.
+    Read(io::Error),
+    /// It says something else.
+    Content(String),
+}
+
+/// Gives `take` the runs in `file`, one at a time, and says how many bytes their lines have: what
+/// follows is a torn line.
 ///
 /// # Errors
-/// If a line is not a run, or the end is not what a kill leaves of a line.
-pub(super) fn parse(bytes: &[u8]) -> Result<(Vec<Record>, usize), String> {
-    let end = bytes.iter().rposition(|&byte| byte == b'\n');
-    let (lines, torn) = bytes.split_at(end.map_or(0, |at| at + 1));
-    let mut records = Vec::new();
-    for line in lines.split_inclusive(|&byte| byte == b'\n') {
-        let record = serde_json::from_slice(line);
-        let number = records.len() + 1;
-        records.push(record.map_err(|error| format!("line {number}: {error}, expected a run"))?);
+/// If a line is not a run, `take` refuses it, or the end is not what a kill leaves of a line.
+pub(super) fn read(
+    mut file: impl BufRead,
+    mut take: impl FnMut(&Line<'_>) -> Result<(), String>,
+) -> Result<u64, LinesError> {
+    let (mut whole, mut bytes) = (0, Vec::new());
+    for number in 1.. {
+        bytes.clear();
+        file.read_until(b'\n', &mut bytes)
+            .map_err(LinesError::Read)?;
+        let wrong = |what: String| Err(LinesError::Content(format!("line {number}: {what}")));
+        if bytes.last() != Some(&b'\n') {
+            if !is_torn_line(&bytes) {
+                return wrong("is no part of a run, expected runs".to_owned());
+            }
+            break;
+        }
+        let taken = match serde_json::from_slice(&bytes) {
+            Ok(line) => take(&line),
+            Err(error) => Err(format!("{error}, expected a run")),
+        };
+        if let Err(what) = taken {
+            return wrong(what);
+        }
+        whole += bytes.len() as u64;
     }
-    if !is_torn_line(torn) {
-        let number = records.len() + 1;
-        return Err(format!("line {number}: is no part of a run, expected runs"));
-    }
-    Ok((records, lines.len()))
+    Ok(whole)
 }
 
 /// Whether `bytes` are the beginning of a line. After a power cut some file systems have zeros in
@@ -62,6 +160,24 @@ mod tests {
         }
     }
 
+    fn line(record: &Record) -> String {
+        Line::of(record).text()
+    }
+
+    /// The texts of the runs in `bytes`, and how long they are.
+    fn parse(bytes: &[u8]) -> Result<(Vec<String>, u64), String> {
+        let mut lines = Vec::new();
+        let whole = read(bytes, |line| {
+            lines.push(line.text());
+            Ok(())
+        });
+        match whole {
+            Ok(whole) => Ok((lines, whole)),
+            Err(LinesError::Content(message)) => Err(message),
+            Err(LinesError::Read(error)) => Err(error.to_string()),
+        }
+    }
+
     proptest! {
         /// A kill cuts the file anywhere, a power cut may leave zeros behind the cut.
         #[test]
@@ -81,12 +197,13 @@ mod tests {
                 .take_while(|(end, _)| *end <= bytes.len())
                 .map(|(_, record)| record)
                 .collect();
-            let whole_len: usize = whole.iter().map(|record| line(record).len()).sum();
+            let whole: Vec<String> = whole.into_iter().map(line).collect();
+            let whole_len = whole.concat().len() as u64;
             bytes.resize(bytes.len() + zeros, 0);
 
             let (read, len) = parse(&bytes).expect("what a kill leaves is no error");
 
-            prop_assert_eq!(read.iter().collect::<Vec<_>>(), whole);
+            prop_assert_eq!(read, whole);
             prop_assert_eq!(len, whole_len);
         }
 

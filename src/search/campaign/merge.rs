@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::judge::situations_of;
-use super::{CampaignPlan, Comparison, Record, Store, compare, page};
+use super::{CampaignPlan, Comparison, Store, compare, page};
 use crate::scenario::Scenario;
 use crate::search::error::StoreError;
 use crate::search::files;
@@ -107,21 +107,25 @@ pub(crate) fn summarise(
     }
     merged.comparison = earlier.map(|(dir, earlier)| compare(store, earlier, dir));
     write(&merged, store.dir())?;
+    store.show(&page(&merged))?;
     Ok(merged)
 }
 
 fn count(store: &Store) -> Merged {
     let plan = store.plan();
-    let records: Vec<&Record> = store.records().collect();
     let mut groups: BTreeMap<&str, Group> = BTreeMap::new();
-    let mut traces = String::new();
-    for record in &records {
-        traces += &record.trace;
-        let Some(cause) = &record.cause else { continue };
-        let place = (record.scenario.clone(), record.seed);
+    let mut traces = String::with_capacity(store.len().saturating_mul(16));
+    let mut reached: BTreeMap<&[String], usize> = BTreeMap::new();
+    let mut ran_ms = 0_u64;
+    for run in store.runs() {
+        traces += &run.trace();
+        ran_ms = ran_ms.saturating_add(run.ran_ms);
+        *reached.entry(run.reached).or_default() += 1;
+        let Some(cause) = run.cause else { continue };
+        let place = (run.scenario.to_owned(), run.seed);
         let group = groups.entry(cause).or_insert_with(|| Group {
-            cause: cause.clone(),
-            detail: record.detail.clone().unwrap_or_default(),
+            cause: cause.to_owned(),
+            detail: run.detail.unwrap_or_default().to_owned(),
             runs: 0,
             first: place.clone(),
             others: Vec::new(),
@@ -135,6 +139,21 @@ fn count(store: &Store) -> Merged {
     }
     let mut groups: Vec<Group> = groups.into_values().collect();
     groups.sort_by(|a, b| b.runs.cmp(&a.runs).then_with(|| a.cause.cmp(&b.cause)));
+    Merged {
+        runs: store.len(),
+        missing: plan.len().saturating_sub(store.len()),
+        failed: store.failed(),
+        ran_ms,
+        trace: crate::rig::trace::fingerprint(traces.as_bytes()),
+        situations: situations(plan, &reached),
+        groups,
+        plan: plan.clone(),
+        comparison: None,
+    }
+}
+
+/// How many of the runs that `reached` these sets of situations came into each that must come up.
+fn situations(plan: &CampaignPlan, reached: &BTreeMap<&[String], usize>) -> Vec<SituationCount> {
     // Situations are counted inside the robot's own program.
     let inside = plan.scenarios.values().filter(|_| plan.exec.is_none());
     let wanted = inside.filter_map(|text| {
@@ -144,29 +163,15 @@ fn count(store: &Store) -> Merged {
     let mut names: Vec<&str> = wanted.flatten().copied().collect();
     let mut known = BTreeSet::new();
     names.retain(|&name| known.insert(name));
-    let situations = names.into_iter().map(|name| SituationCount {
-        situation: name.to_owned(),
-        runs: records
-            .iter()
-            .filter(|record| record.reached.contains(name))
-            .count(),
+    let counts = names.into_iter().map(|name| {
+        let has_it = |set: &[String]| set.iter().any(|reached| reached == name);
+        let sets = reached.iter().filter(|(set, _)| has_it(set));
+        SituationCount {
+            situation: name.to_owned(),
+            runs: sets.map(|(_, runs)| runs).sum(),
+        }
     });
-    Merged {
-        runs: records.len(),
-        missing: plan.len().saturating_sub(records.len()),
-        failed: records
-            .iter()
-            .filter(|record| record.cause.is_some())
-            .count(),
-        ran_ms: records
-            .iter()
-            .fold(0, |sum, record| sum.saturating_add(record.ran_ms)),
-        trace: crate::rig::trace::fingerprint(traces.as_bytes()),
-        situations: situations.collect(),
-        groups,
-        plan: plan.clone(),
-        comparison: None,
-    }
+    counts.collect()
 }
 
 /// Finds the smallest case that fails for the cause of `group`, and writes it.
@@ -201,5 +206,5 @@ fn minimise(group: &mut Group, number: u32, store: &Store) -> Result<(), StoreEr
 fn write(merged: &Merged, out: &Path) -> Result<(), StoreError> {
     let json = serde_json::to_string_pretty(merged).expect("plain data") + "\n";
     files::replace(&out.join("campaign.json"), json.as_bytes())?;
-    files::replace(&out.join("campaign.html"), page(merged).as_bytes())
+    Ok(())
 }

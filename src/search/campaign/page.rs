@@ -1,8 +1,9 @@
 //! A campaign as one HTML file that opens anywhere, without a network.
 
 use core::fmt::{self, Write as _};
+use core::time::Duration;
 
-use super::{Change, Comparison, Merged};
+use super::{CampaignPlan, Change, Comparison, Failures, Merged};
 use crate::html::Escaped;
 
 const HEAD: &str = concat!(
@@ -20,21 +21,70 @@ pub(crate) fn page(merged: &Merged) -> String {
     out
 }
 
+/// The page of a campaign of which only the `failures` are known; `far` says how far it is. It loads
+/// itself anew in each `period`, if there is one.
+pub(crate) fn live_page(
+    plan: &CampaignPlan,
+    far: &str,
+    failures: &[Failures<'_>],
+    period: Option<Duration>,
+) -> String {
+    let mut out = String::from(HEAD);
+    write_live_page(plan, far, failures, period, &mut out).expect("a string takes everything");
+    out
+}
+
+fn write_live_page(
+    plan: &CampaignPlan,
+    far: &str,
+    failures: &[Failures<'_>],
+    period: Option<Duration>,
+    out: &mut String,
+) -> fmt::Result {
+    if let Some(period) = period {
+        let seconds = period.as_secs();
+        write!(out, "<meta http-equiv=\"refresh\" content=\"{seconds}\">")?;
+    }
+    out.write_str("<h1>Campaign</h1><p>")?;
+    write_plan(plan, out)?;
+    write!(out, "<p>{}", Escaped(far))?;
+    out.write_str("<h2>Failures by cause</h2><table><tr><th>cause<th>runs<th>first")?;
+    for failures in failures {
+        let (scenario, seed) = failures.first;
+        write!(
+            out,
+            "<tr><td>{}<td class=\"n\">{}<td>{} seed {seed}",
+            Escaped(failures.cause),
+            failures.runs,
+            Escaped(scenario)
+        )?;
+    }
+    out.write_str("</table></html>\n")
+}
+
+/// What is run: scenarios, seeds, what is varied.
+fn write_plan(plan: &CampaignPlan, out: &mut String) -> fmt::Result {
+    let names: Vec<&str> = plan.scenarios.keys().map(String::as_str).collect();
+    write!(
+        out,
+        "{}, seeds {} to {}, varied: {}.",
+        Escaped(&names.join(", ")),
+        plan.seeds.start,
+        plan.seeds.end.saturating_sub(1),
+        Escaped(&plan.vary)
+    )
+}
+
 fn write_page(merged: &Merged, out: &mut String) -> fmt::Result {
-    let seeds = &merged.plan.seeds;
     let verdict = match merged.failed {
         0 => "<b class=\"good\">all pass</b>".to_owned(),
         failed => format!("<b class=\"bad\">{failed} fail</b>"),
     };
-    let names: Vec<&str> = merged.plan.scenarios.keys().map(String::as_str).collect();
+    out.write_str("<h1>Campaign</h1><p>")?;
+    write_plan(&merged.plan, out)?;
     write!(
         out,
-        "<h1>Campaign</h1><p>{}, seeds {} to {}, varied: {}. {} runs, {:.1} h of virtual time: \
-         {verdict}.",
-        Escaped(&names.join(", ")),
-        seeds.start,
-        seeds.end.saturating_sub(1),
-        Escaped(&merged.plan.vary),
+        " {} runs, {:.1} h of virtual time: {verdict}.",
         merged.runs,
         merged.ran_ms as f64 / 3.6e6
     )?;

@@ -5,12 +5,13 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, OpenOptions};
-use std::io::Write as _;
+use std::io::{BufReader, BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 
-use super::lines::{line, parse};
+use super::lines::{self, Line, LinesError};
 use super::lock::Lock;
-use super::{CampaignPlan, Record};
+use super::runs::Runs;
+use super::{CampaignPlan, Record, Run};
 use crate::scenario::Scenario;
 use crate::search::error::{StoreError, failed};
 use crate::search::files;
@@ -18,12 +19,23 @@ use crate::search::files;
 /// A run of a campaign: name of its scenario, seed.
 type RunKey = (String, u64);
 
+/// Runs that fail alike, as far as is known while others run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Failures<'a> {
+    /// Why they fail.
+    pub cause: &'a str,
+    /// How many they are.
+    pub runs: usize,
+    /// The first of them: scenario and seed.
+    pub first: (&'a str, u64),
+}
+
 /// The folder of a shard, or of shards that were merged.
 #[derive(Debug)]
 pub(crate) struct Store {
     dir: PathBuf,
     plan: CampaignPlan,
-    records: BTreeMap<RunKey, Record>,
+    runs: Runs,
     /// For each cause the first run in order that has it.
     first: BTreeMap<String, RunKey>,
     /// `None` if it is only read.
@@ -40,6 +52,9 @@ struct Writer {
 const PLAN: &str = "plan.json";
 const RUNS: &str = "runs.jsonl";
 const CASES: &str = "cases";
+const PAGE: &str = "campaign.html";
+/// Bytes of the runs that are read at once.
+const READ_AT_ONCE: usize = 1 << 16;
 
 impl Store {
     /// Opens `dir`, or makes it, to go on with `plan`, and keeps other processes out of it. A line
@@ -95,35 +110,33 @@ impl Store {
     /// Reads the runs of `plan` in `dir`, and how long their lines are in bytes.
     fn read(dir: &Path, plan: CampaignPlan) -> Result<(Self, u64), StoreError> {
         let path = dir.join(RUNS);
-        let bytes = if path.exists() {
-            files::read(&path, "the runs of a campaign")?
+        let mut runs = Runs::new(plan.scenarios.keys().cloned());
+        let whole = if path.exists() {
+            let file = files::open(&path, "the runs of a campaign")?;
+            let read = lines::read(BufReader::with_capacity(READ_AT_ONCE, file), |line| {
+                let (scenario, seed) = (&line.scenario, line.seed);
+                if plan.has(scenario, seed) && runs.insert(line) {
+                    return Ok(());
+                }
+                Err(format!(
+                    "{scenario:?} seed {seed} is not in plan.json, expected a run of this campaign"
+                ))
+            });
+            read.map_err(|error| match error {
+                LinesError::Read(error) => failed(&path)(error),
+                LinesError::Content(message) => StoreError::Content { path, message },
+            })?
         } else {
-            Vec::new()
+            0
         };
-        let wrong = |message| StoreError::Content {
-            path: path.clone(),
-            message,
-        };
-        let (read, whole) = parse(&bytes).map_err(wrong)?;
-        let mut records = BTreeMap::new();
-        for (number, record) in (1..).zip(read) {
-            let (scenario, seed) = (&record.scenario, record.seed);
-            if !plan.has(scenario, seed) {
-                return Err(wrong(format!(
-                    "line {number}: {scenario:?} seed {seed} is not in plan.json, expected a run \
-                     of this campaign"
-                )));
-            }
-            records.insert((scenario.clone(), seed), record);
-        }
         let store = Self {
             dir: dir.to_owned(),
             plan,
-            first: first_of_causes(&records),
-            records,
+            first: first_of_causes(&runs),
+            runs,
             writer: None,
         };
-        Ok((store, whole as u64))
+        Ok((store, whole))
     }
 
     /// The campaign that it belongs to.
@@ -138,26 +151,56 @@ impl Store {
 
     /// Whether this run is done.
     pub(crate) fn has(&self, scenario: &str, seed: u64) -> bool {
-        self.records.contains_key(&(scenario.to_owned(), seed))
+        self.runs.has(scenario, seed)
+    }
+
+    /// How many runs are done.
+    pub(crate) fn len(&self) -> usize {
+        self.runs.len()
+    }
+
+    /// How many of them failed.
+    pub(crate) fn failed(&self) -> usize {
+        self.runs.failed()
     }
 
     /// The runs done so far, in order.
-    pub(crate) fn records(&self) -> impl Iterator<Item = &Record> {
-        self.records.values()
+    pub(crate) fn runs(&self) -> impl Iterator<Item = Run<'_>> {
+        self.runs.iter()
     }
 
     /// What this run came to, if it is done.
-    pub(super) fn record(&self, scenario: &str, seed: u64) -> Option<&Record> {
-        self.records.get(&(scenario.to_owned(), seed))
+    pub(super) fn run(&self, scenario: &str, seed: u64) -> Option<Run<'_>> {
+        self.runs.get(scenario, seed)
     }
 
-    /// Adds what a run came to; its `case` is kept if it is the first of its cause.
+    /// Each cause so far, and how many runs failed for it.
+    pub(super) fn causes(&self) -> impl Iterator<Item = (&str, usize)> {
+        self.runs.causes()
+    }
+
+    /// Failures so far by cause, the most frequent first.
+    pub(crate) fn failures(&self) -> Vec<Failures<'_>> {
+        let known = self.causes().filter_map(|(cause, runs)| {
+            let (scenario, seed) = self.first.get(cause)?;
+            Some(Failures {
+                cause,
+                runs,
+                first: (scenario, *seed),
+            })
+        });
+        let mut known: Vec<Failures<'_>> = known.collect();
+        known.sort_by(|a, b| b.runs.cmp(&a.runs).then_with(|| a.cause.cmp(b.cause)));
+        known
+    }
+
+    /// Adds what a run of the plan came to; its `case` is kept if it is the first of its cause.
     ///
     /// # Errors
     /// If the folder cannot be written.
     pub(crate) fn add(
         &mut self,
-        record: Record,
+        record: &Record,
         case: Option<&Scenario>,
     ) -> Result<(), StoreError> {
         let key = (record.scenario.clone(), record.seed);
@@ -170,12 +213,13 @@ impl Store {
             }
             _ => None,
         };
+        let line = Line::of(record);
         // After the case: a run that has its line has its case as well.
         if let Some(writer) = &mut self.writer {
-            let written = writer.lines.write_all(line(&record).as_bytes());
+            let written = writer.lines.write_all(line.text().as_bytes());
             written.map_err(failed(&self.dir.join(RUNS)))?;
         }
-        self.records.insert(key, record);
+        self.runs.insert(&line);
         if let Some((scenario, seed)) = replaced {
             // It was the first until now; its case is of no use any more.
             let _ = fs::remove_file(self.case(&scenario, seed));
@@ -190,14 +234,14 @@ impl Store {
     /// If a case cannot be read or the folder cannot be written.
     pub(super) fn take_over(&mut self, others: &[Self]) -> Result<(), StoreError> {
         for other in others {
-            let records = other.records.iter();
-            self.records
-                .extend(records.map(|(key, record)| (key.clone(), record.clone())));
+            for run in other.runs() {
+                self.runs.insert(&Line::of_kept(&run));
+            }
         }
-        let before = core::mem::replace(&mut self.first, first_of_causes(&self.records));
+        let before = core::mem::replace(&mut self.first, first_of_causes(&self.runs));
         for (scenario, seed) in self.first.values() {
-            let record = self.record(scenario, *seed);
-            let has_it = |other: &&Self| other.record(scenario, *seed) == record;
+            let run = self.run(scenario, *seed);
+            let has_it = |other: &&Self| other.run(scenario, *seed) == run;
             let cases = others.iter().filter(has_it);
             let mut cases = cases.map(|other| other.case(scenario, *seed));
             if let Some(from) = cases.find(|path| path.exists()) {
@@ -207,8 +251,13 @@ impl Store {
         }
         if let Some(writer) = &mut self.writer {
             let path = self.dir.join(RUNS);
-            let lines: Vec<String> = self.records.values().map(line).collect();
-            files::replace_for_good(&path, lines.concat().as_bytes())?;
+            files::replace_with(&path, |file| {
+                let mut file = BufWriter::new(file);
+                for run in self.runs.iter() {
+                    file.write_all(Line::of_kept(&run).text().as_bytes())?;
+                }
+                file.flush()
+            })?;
             writer.lines = append_to(&path)?;
         }
         let needed: BTreeSet<&RunKey> = self.first.values().collect();
@@ -216,6 +265,14 @@ impl Store {
             let _ = fs::remove_file(self.case(&key.0, key.1));
         }
         Ok(())
+    }
+
+    /// Puts `page` into the folder, for whoever looks at it while others run.
+    ///
+    /// # Errors
+    /// If the folder cannot be written.
+    pub(crate) fn show(&self, page: &str) -> Result<(), StoreError> {
+        files::replace(&self.dir.join(PAGE), page.as_bytes())
     }
 
     /// The case of a run that was the first of its cause in this shard.
@@ -226,11 +283,14 @@ impl Store {
 }
 
 /// For each cause the first run in order that has it.
-fn first_of_causes(records: &BTreeMap<RunKey, Record>) -> BTreeMap<String, RunKey> {
-    let mut first = BTreeMap::new();
-    for (key, record) in records {
-        if let Some(cause) = &record.cause {
-            first.entry(cause.clone()).or_insert_with(|| key.clone());
+fn first_of_causes(runs: &Runs) -> BTreeMap<String, RunKey> {
+    let mut first = BTreeMap::<String, RunKey>::new();
+    for run in runs.iter() {
+        match run.cause {
+            Some(cause) if !first.contains_key(cause) => {
+                first.insert(cause.to_owned(), (run.scenario.to_owned(), run.seed));
+            }
+            _ => {}
         }
     }
     first
