@@ -28,8 +28,8 @@ pub(crate) fn page(merged: &Merged) -> String {
     out
 }
 
-/// The page of a campaign of which only the `failures` are known; `far` says how far it is. It loads
-/// itself anew in each `period`, if there is one.
+/// The page of a campaign of which only the `failures` are known; `far` says how far it is. It
+/// loads itself anew in each `period`, if there is one.
 pub(crate) fn live_page(
     plan: &CampaignPlan,
     far: &str,
@@ -103,6 +103,20 @@ fn write_page(merged: &Merged, out: &mut String) -> fmt::Result {
         )?;
     }
     write!(out, "<p>Trace <code>{}</code>", merged.trace)?;
+    write_groups(merged, out)?;
+    if let Some(comparison) = &merged.comparison {
+        write_comparison(comparison, out)?;
+    }
+    out.write_str("<h2>Situations that must come up</h2><table><tr><th>what<th>runs")?;
+    for count in &merged.situations {
+        let class = if count.runs == 0 { "n bad" } else { "n" };
+        let name = Escaped(&count.situation);
+        write!(out, "<tr><td>{name}<td class=\"{class}\">{}", count.runs)?;
+    }
+    out.write_str("</table></html>\n")
+}
+
+fn write_groups(merged: &Merged, out: &mut String) -> fmt::Result {
     out.write_str(
         "<h2>Failures by cause</h2><table><tr><th>cause<th>runs<th>first<th>what it says\
          <th>smallest case",
@@ -123,17 +137,7 @@ fn write_page(merged: &Merged, out: &mut String) -> fmt::Result {
             write!(out, "<code>hilrig run {case}</code>")?;
         }
     }
-    out.write_str("</table>")?;
-    if let Some(comparison) = &merged.comparison {
-        write_comparison(comparison, out)?;
-    }
-    out.write_str("<h2>Situations that must come up</h2><table><tr><th>what<th>runs")?;
-    for count in &merged.situations {
-        let class = if count.runs == 0 { "n bad" } else { "n" };
-        let name = Escaped(&count.situation);
-        write!(out, "<tr><td>{name}<td class=\"{class}\">{}", count.runs)?;
-    }
-    out.write_str("</table></html>\n")
+    out.write_str("</table>")
 }
 
 fn write_comparison(comparison: &Comparison, out: &mut String) -> fmt::Result {
