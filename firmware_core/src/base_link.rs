@@ -12,6 +12,7 @@
 //! way; the line is left alone for one time-out, so that it cannot pass for the answer to the next.
 
 mod listener;
+mod request;
 
 use core::time::Duration;
 
@@ -22,6 +23,7 @@ use crate::fifo::Fifo;
 use crate::memory::StrayWrites;
 pub use listener::Defects;
 use listener::Listener;
+pub use request::Request;
 
 /// Most registers that a request reads.
 pub const READ_MAX: usize = 16;
@@ -35,78 +37,6 @@ const TRIES: u8 = 3;
 const SILENT_AFTER: u8 = 2;
 const QUEUE: usize = 8;
 const REQUEST_MAX: usize = WRITE_MAX + avr::OVERHEAD;
-
-/// What to ask of the slave.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Request {
-    register: u8,
-    count: u8,
-    /// Of a write.
-    data: Option<[u8; WRITE_MAX]>,
-}
-
-impl Request {
-    /// Reads `count` registers, at most [`READ_MAX`], from `register` on.
-    pub const fn read(register: u8, count: u8) -> Self {
-        assert!(count as usize <= READ_MAX, "a reply must fit its place");
-        Self {
-            register,
-            count,
-            data: None,
-        }
-    }
-
-    /// Writes the registers from `register` on.
-    pub const fn write<const N: usize>(register: u8, values: [u8; N]) -> Self {
-        const { assert!(N <= WRITE_MAX, "data must fit their place") };
-        let mut data = [0; WRITE_MAX];
-        data.split_at_mut(N).0.copy_from_slice(&values);
-        #[expect(clippy::cast_possible_truncation, reason = "at most WRITE_MAX")]
-        let count = N as u8;
-        Self {
-            register,
-            count,
-            data: Some(data),
-        }
-    }
-
-    /// The first register in question.
-    pub const fn register(&self) -> u8 {
-        self.register
-    }
-
-    /// Whether it writes.
-    pub const fn is_write(&self) -> bool {
-        self.data.is_some()
-    }
-
-    fn frame(&self, order: ChecksumOrder) -> Frame {
-        match &self.data {
-            Some(data) => Frame::write(self.register, &data[..usize::from(self.count)], order),
-            None => Frame::read(self.register, self.count, order),
-        }
-    }
-
-    /// Whether `frame` is what the slave says to this request.
-    fn is_answered_by(&self, frame: &Frame, defects: &Defects) -> bool {
-        if frame.register() != self.register {
-            return false;
-        }
-        let count = if self.is_write() { 0 } else { self.count };
-        let is_read = !self.is_write();
-        let is_short = is_read && frame.is_write() && frame.count() < count;
-        let is_acknowledgement = is_read && !frame.is_write() && frame.count() == 0;
-        (frame.is_write() != self.is_write() && frame.count() == count)
-            || (defects.takes_short_replies && is_short)
-            || (defects.takes_acknowledgements && is_acknowledgement)
-    }
-
-    /// Whether one of the two makes the other needless: the same registers in the same direction.
-    fn replaces(&self, other: &Self) -> bool {
-        (self.register, self.count, self.is_write())
-            == (other.register, other.count, other.is_write())
-    }
-}
 
 /// How a request ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -9,9 +9,11 @@
 //! Free debug text may share the line.
 
 pub mod diagnosis;
+mod error;
 pub mod message;
 
-pub use message::{Message, MessageError};
+pub use error::MessageError;
+pub use message::Message;
 
 use crate::{Candidate, Format, FrameError};
 

@@ -245,12 +245,7 @@ fn run_all<'a>(
     let stop = Stop::new(args.budget.map(|budget| budget.0))?;
     let next = AtomicUsize::new(0);
     let foreign = args.program.foreign();
-    let jobs = match (args.jobs, &foreign) {
-        (Some(jobs), _) => Some(jobs),
-        (None, Some(_)) => None,
-        (None, None) => thread::available_parallelism().ok(),
-    };
-    let jobs = jobs.map_or(1, core::num::NonZeroUsize::get);
+    let jobs = jobs(args, foreign.is_some());
     let (results, ended) = mpsc::channel::<Result<Ended, CliError>>();
     thread::scope(|scope| {
         for job in 0..jobs {
@@ -287,6 +282,16 @@ fn run_all<'a>(
             signal: stop.signal(),
         })
     })
+}
+
+/// How many runs there are at the same time.
+fn jobs(args: &CampaignArgs, is_foreign: bool) -> usize {
+    let jobs = match (args.jobs, is_foreign) {
+        (Some(jobs), _) => Some(jobs),
+        (None, true) => None,
+        (None, false) => thread::available_parallelism().ok(),
+    };
+    jobs.map_or(1, core::num::NonZeroUsize::get)
 }
 
 /// One of those who run at the same time.

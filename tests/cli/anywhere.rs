@@ -154,7 +154,7 @@ const ENDLESS: [(&str, &str, Option<i32>); 10] = [
     (
         "campaign s.toml --seeds 0..100000 --out o/campaign",
         "o/campaign",
-        Some(1),
+        Some(130),
     ),
     ("fuzz pcui --for 1h --out o/fuzz", "o/fuzz", Some(0)),
 ];

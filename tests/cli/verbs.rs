@@ -45,7 +45,7 @@ impl Verb {
 }
 
 /// All of them. `base` is the folder of an earlier run, a rig runs in `live`.
-pub(crate) const VERBS: [Verb; 26] = [
+pub(crate) const VERBS: [Verb; 27] = [
     verb("demo", "demo --out o/demo"),
     verb("run", "run s.toml --out o/run --junit o/junit.xml"),
     verb("new", "new o/new"),
@@ -80,6 +80,10 @@ pub(crate) const VERBS: [Verb; 26] = [
         "fidelity xv11 --capture base/capture.pcapng --against none",
     )
     .reads_only(),
+    verb(
+        "experiment",
+        "experiment tries --seeds 1 --out o/experiment",
+    ),
     verb("slam", "slam base --out o/slam"),
     verb("map", "map diff base base --picture o/diff.png"),
     verb("schema", "schema").reads_only(),

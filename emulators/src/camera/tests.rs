@@ -178,8 +178,8 @@ fn a_marker_is_told_in_the_cameras_axes() {
     assert!(told(marker, vec![wall(1.0, 0.2, 0.2, 0.1)]).is_some());
 }
 
-/// The robot looks along y: what lies 1.5 m along y and 0.3 m against x is ahead to the left, and what
-/// lies ahead along x is not in view.
+/// The robot looks along y: what lies 1.5 m along y and 0.3 m against x is ahead to the left, and
+/// what lies ahead along x is not in view.
 #[test]
 fn a_marker_is_told_as_the_robot_stands() {
     let told = |at_m| {

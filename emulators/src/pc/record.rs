@@ -1,7 +1,8 @@
 //! Everything the PC has learned from the robot.
 
+use protocols::pcui::MessageError;
 use protocols::pcui::diagnosis::Diagnosis;
-use protocols::pcui::message::{MapProperties, MapRow, Message, MessageError, State, Waypoint};
+use protocols::pcui::message::{MapProperties, MapRow, Message, State, Waypoint};
 use protocols::pcui::{Decoder, Frame};
 use protocols::{Decode, Instant};
 

@@ -421,7 +421,10 @@ mod tests {
             let scan = points(&[Point::new(500.0, 0.0), Point::new(-100.0, 80.0)]);
             let here = tally(grid.rows(), scan.all(), &Placement::new(CENTRE, 10.0));
             let mut random = Pcg32::new(seed);
-            let found = run(&grid, &Settings::document(), scan.all(), CENTRE, tries, (&mut random, &mut Improvements::NONE.clone()));
+            let mut log = Improvements::NONE.clone();
+            let points = scan.all();
+            let settings = Settings::document();
+            let found = run(&grid, &settings, points, CENTRE, tries, (&mut random, &mut log));
             prop_assert!(found.tally.sum >= here.sum);
         }
     }

@@ -6,7 +6,7 @@
 //! | DIA | robot to PC | battery u16 mV, i8 % (-1: not known), conditions u16, search u8, errors u16 of lidar, base, radio |
 //! | VIC | robot to PC | per victim x, y i16 mm |
 
-use super::message::MessageError;
+use super::error::MessageError;
 use super::{HEADER_LEN, seal};
 
 /// Bytes of a DIA payload.

@@ -14,6 +14,7 @@
 //! psi turns clockwise: 0 looks to -x, 90 to +y, 180 to +x.
 
 use super::diagnosis::{self, Diagnosis, VictimList};
+use super::error::MessageError;
 use super::{Frame, HEADER_LEN, seal};
 
 /// Most waypoints that fit one frame: (511 - 2) / 9.
@@ -163,37 +164,6 @@ pub enum Message<'a> {
     /// VIC.
     Victims(VictimList<'a>),
 }
-
-/// Why a frame means nothing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum MessageError {
-    /// No message has this id.
-    Id([u8; 3]),
-    /// The payload is not as long as the message.
-    Length {
-        /// Bytes that the message has (for a row: at least).
-        expected: usize,
-        /// Bytes that came.
-        found: usize,
-    },
-    /// A mode that does not exist.
-    Mode(u8),
-}
-
-impl core::fmt::Display for MessageError {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Id(id) => write!(f, "no message is called \"{}\"", id.escape_ascii()),
-            Self::Length { expected, found } => {
-                write!(f, "payload has {found} bytes, expected {expected}")
-            }
-            Self::Mode(number) => write!(f, "mode is {number}, expected 0 to 4"),
-        }
-    }
-}
-
-impl core::error::Error for MessageError {}
 
 impl Frame {
     /// What the frame says.

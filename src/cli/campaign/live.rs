@@ -128,9 +128,16 @@ mod tests {
             failures("settled: to and fro", 14),
             failures("panic: \n\x1b[2J#", 2),
         ];
+        let table = table("40 of 90 runs, 16 failed", &causes, 30);
+        let rows: Vec<&str> = table.split('\n').collect();
         assert_eq!(
-            table("40 of 90 runs, 16 failed", &causes, 30),
-            "  40 of 90 runs, 16 failed\n     14  settled: to and fro (\n      2  panic: [2J# (first le\n"
+            rows,
+            [
+                "  40 of 90 runs, 16 failed",
+                "     14  settled: to and fro ",
+                "      2  panic: [2J# (first l",
+                "",
+            ]
         );
     }
 

@@ -21,8 +21,8 @@ pub(crate) fn page(merged: &Merged) -> String {
     out
 }
 
-/// The page of a campaign of which only the `failures` are known; `far` says how far it is. It loads
-/// itself anew in each `period`, if there is one.
+/// The page of a campaign of which only the `failures` are known; `far` says how far it is. It
+/// loads itself anew in each `period`, if there is one.
 pub(crate) fn live_page(
     plan: &CampaignPlan,
     far: &str,

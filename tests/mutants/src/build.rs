@@ -235,7 +235,7 @@ fn called_in_a_constant(error: &Value) -> Option<String> {
     Some(path.rsplit("::").next().unwrap_or(path).to_owned())
 }
 
-/// The mutants in whose arms an error points; else those whose arms stand next to what it points at.
+/// The mutants in whose arms an error points; else those whose arms stand beside that.
 fn guilty(error: &Value, files: &BTreeMap<&str, Switched>) -> Vec<usize> {
     let mut inside = Vec::new();
     let mut around = Vec::new();

@@ -22,8 +22,8 @@ pub struct Switched {
     pub unswitched: Vec<usize>,
 }
 
-/// `text` with `mutants` (number and mutant) compiled in; `still_const` names functions that are used
-/// where only constants may be.
+/// `text` with `mutants` (number and mutant) compiled in; `still_const` names functions that are
+/// used where only constants may be.
 pub fn switched(
     text: &str,
     mutants: &[(usize, &Mutant)],

@@ -27,7 +27,7 @@ fn a_request_is_answered_with_what_came_of_it() {
 fn a_request_that_makes_no_sense_is_told_what_was_expected() {
     let mut run = start(in_a_room("60s", ""));
     insta::assert_snapshot!(said(&mut run, "cut"), @r#"{"ok":false,"key":"request","message":"expected value at line 1 column 1"}"#);
-    insta::assert_snapshot!(said(&mut run, r#"{"do":"begin"}"#), @r#"{"ok":false,"key":"do","message":"is \"begin\", expected one of hello, state, wait, step, pause, resume, speed, press, mission, verdict, quit, add, list, end"}"#);
+    insta::assert_snapshot!(said(&mut run, r#"{"do":"begin"}"#), @r#"{"ok":false,"key":"do","message":"is \"begin\", expected one of hello, state, wait, step, pause, resume, speed, press, mission, verdict, quit, add, modem, list, end"}"#);
     insta::assert_snapshot!(said(&mut run, r#"{"do":"list","of":1}"#), @r#"{"ok":false,"key":"of","message":"unknown field `of`, there are no fields"}"#);
     let add =
         r#"{"do":"add","fault":{"link":"base","direction":"to-device","kind":"cut","rat":1}}"#;
