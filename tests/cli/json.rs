@@ -128,7 +128,11 @@ fn every_command_prints_one_object_as_its_schema_says() {
     let schema = bench.command("schema --output").output().expect("starts");
     let schema: Value = serde_json::from_slice(&schema.stdout).expect("JSON");
     for verb in &VERBS {
-        let line = format!("{} --json", verb.line);
+        // Behind two dashes it would be for a program.
+        let line = match verb.line.split_once(" -- ") {
+            Some((ours, program)) => format!("{ours} --json -- {program}"),
+            None => format!("{} --json", verb.line),
+        };
         let output = bench.command(&line).output().expect("starts");
         let said: Value = serde_json::from_slice(&output.stdout)
             .unwrap_or_else(|error| panic!("{line}: {error}: {output:?}"));

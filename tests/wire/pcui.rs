@@ -4,10 +4,10 @@
 use proptest::collection::vec;
 use proptest::prelude::*;
 use protocols::pcui::message::{
-    MapProperties, MapRow, Message, MessageError, Mode, NO_WAYPOINT, Order, State, WAYPOINTS_MAX,
-    Waypoint, encode_map_properties, encode_order, encode_row, encode_state, encode_waypoints,
+    MapProperties, MapRow, Message, Mode, NO_WAYPOINT, Order, State, WAYPOINTS_MAX, Waypoint,
+    encode_map_properties, encode_order, encode_row, encode_state, encode_waypoints,
 };
-use protocols::pcui::{self, FRAME_MAX, Frame};
+use protocols::pcui::{self, FRAME_MAX, Frame, MessageError};
 use protocols::{Decode, FrameError, rle};
 
 use crate::hex;

@@ -59,7 +59,7 @@ fn write_live_page(
             Escaped(scenario)
         )?;
     }
-    out.write_str("</table></html>\n")
+    out.write_str("</table></main>\n</html>\n")
 }
 
 /// What is run: scenarios, seeds, what is varied.

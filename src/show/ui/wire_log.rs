@@ -288,7 +288,7 @@ mod tests {
             (9_000_000, false, false),
         ];
         assert_eq!(told, expected);
-        assert_eq!(all[0].bytes, "ab240a00d9");
+        assert_eq!(all[0].bytes, "AB240A00D9");
         assert!(all[0].words.contains("36"), "{}", all[0].words);
     }
 

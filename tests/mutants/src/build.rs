@@ -88,7 +88,7 @@ pub fn all_at_once(package: &str, out: &Path, mutants: &[Mutant]) -> Result<Buil
     })
 }
 
-/// The tree without what was built of it. Its neighbour of facts is not copied but shown.
+/// The tree without what was built of it.
 fn copy_tree(tree: &Path) -> Result<(), String> {
     let _ = fs::remove_dir_all(tree);
     fs::create_dir_all(tree).map_err(|error| format!("{}: {error}", tree.display()))?;
@@ -99,9 +99,6 @@ fn copy_tree(tree: &Path) -> Result<(), String> {
         .status();
     if !done.is_ok_and(|status| status.success()) {
         return Err("the tree cannot be copied".to_owned());
-    }
-    if let (Ok(shared), Some(above)) = (fs::canonicalize("../shared"), tree.parent()) {
-        let _ = std::os::unix::fs::symlink(shared, above.join("shared"));
     }
     Ok(())
 }
