@@ -1,6 +1,7 @@
 //! Which changes of behaviour do the tests of a package see? cargo-mutants lists the changes; all
 //! that are drawn are compiled into one copy of the tree, each behind a switch, so that a trial
-//! costs a run of the tests and no build. What cannot be switched (a constant) is named, not judged.
+//! costs a run of the tests and no build. What cannot be switched (a constant) is named, not
+//! judged.
 //!
 //! usage: mutants PACKAGE LIST.json OUT COUNT SEED EQUIVALENT.txt
 
