@@ -1,11 +1,16 @@
 //! What a client sent while rig time stood: it goes on its way over as long a time as it was sent
 //! in. All at once it would reach a device at the line's full rate, faster than any client sends,
-//! and overflow buffers that hold what comes at its usual rate.
+//! and overflow buffers that hold what comes at its usual rate. Byte by byte, a request would come
+//! apart, and a device that waits for the rest of a frame for some milliseconds would give it up:
+//! so it goes in bursts, a short one at once.
 
 use core::time::Duration;
 use std::collections::VecDeque;
 
 use protocols::Instant;
+
+/// Bytes that stay together: more than the longest request of a small bus.
+const BURST: u128 = 64;
 
 /// See the module.
 #[derive(Debug, Default)]
@@ -33,13 +38,14 @@ impl Spread {
     /// Takes what is due at `now`.
     pub(super) fn due(&mut self, now: Instant) -> Vec<u8> {
         let (since, over) = ((now - self.from).as_nanos(), self.over.as_nanos());
-        let left = if since >= over {
-            0
+        let sent = self.total - self.bytes.len();
+        let due = if since >= over {
+            self.bytes.len()
         } else {
-            // At least one part in `over` is left, so this is at most `total`.
-            usize::try_from(self.total as u128 * (over - since) / over).unwrap_or(self.total)
+            let bursts = self.total as u128 * since / over / BURST + 1;
+            let due = usize::try_from(bursts * BURST).unwrap_or(self.total);
+            due.saturating_sub(sent).min(self.bytes.len())
         };
-        let due = self.bytes.len().saturating_sub(left);
         self.bytes.drain(..due).collect()
     }
 
@@ -58,13 +64,23 @@ mod tests {
         let mut spread = Spread::default();
         assert!(spread.due(Instant::from_secs(9)).is_empty());
         let at = Instant::from_millis;
-        spread.begin(&[1, 2, 3, 4], at(10), Duration::from_millis(8));
-        assert!(spread.due(at(10)).is_empty());
-        assert_eq!(spread.due(at(12)), [1]);
+        spread.begin(&[7; 256], at(10), Duration::from_millis(8));
+        assert_eq!(spread.due(at(10)).len(), 64);
+        assert_eq!(spread.due(at(11)).len(), 0);
+        assert_eq!(spread.due(at(12)).len(), 64);
         // Late once more: what is left goes with what came.
-        spread.begin(&[5], at(13), Duration::from_millis(4));
-        assert_eq!(spread.due(at(15)), [2, 3]);
-        assert_eq!(spread.due(at(99)), [4, 5]);
+        spread.begin(&[5; 64], at(13), Duration::from_millis(4));
+        assert_eq!(spread.due(at(13)).len(), 64);
+        assert_eq!(spread.due(at(99)), [[7; 64], [5; 64]].concat());
         assert!(spread.is_empty());
+    }
+
+    /// A request of five bytes, sent while the rig stood for 135 ms, stays whole.
+    #[test]
+    fn a_short_request_does_not_come_apart() {
+        let mut spread = Spread::default();
+        let at = Instant::from_millis(10);
+        spread.begin(&[1, 2, 3, 4, 5], at, Duration::from_millis(135));
+        assert_eq!(spread.due(at), [1, 2, 3, 4, 5]);
     }
 }
