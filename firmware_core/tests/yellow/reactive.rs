@@ -132,7 +132,7 @@ fn out_of_five(way: &[[f64; 2]], id: Option<&str>) -> usize {
             ..Telecommand::default()
         });
         let is_there = |bench: &Bench| libm::hypot(bench.body[0] - x, bench.body[1] - y) < 0.3;
-        bench.run_until(60 * SECOND, |bench| {
+        bench.run_until(40 * SECOND, |bench| {
             is_there(bench) || bench.clearance_m <= BODY_M
         }) && bench.clearance_m > BODY_M
     };
