@@ -32,7 +32,7 @@ pub(crate) const VERB: &str = "__guest";
 /// The same for a program in real time that has modem lines.
 pub(crate) const LINES_VERB: &str = "__guest-lines";
 /// Requests about modem lines.
-const LINES: [u64; 8] = [
+const LINES: [u64; 10] = [
     libc::TIOCMGET,
     libc::TIOCMBIS,
     libc::TIOCMBIC,
@@ -41,11 +41,17 @@ const LINES: [u64; 8] = [
     libc::TIOCCBRK,
     libc::TCSBRK,
     libc::TCSBRKP,
+    TIOCMIWAIT,
+    TIOCGICOUNT,
 ];
+/// Requests that `libc` does not know for this system.
+pub(super) const TIOCMIWAIT: u64 = 0x545C;
+pub(super) const TIOCGICOUNT: u64 = 0x545D;
 /// Exit code of a launcher that was not allowed to be traced.
 pub(super) const NOT_TRACED: i32 = 125;
 /// Exit code of a launcher that could not put on the filter, or find the shell.
 pub(super) const NOT_LAUNCHED: i32 = 126;
+pub(super) const NOT_LAUNCHED_CODE: u8 = 126;
 
 /// The calls at which a program is stopped.
 const STOPPED: [i64; 67] = [

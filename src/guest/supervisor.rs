@@ -410,6 +410,7 @@ impl Supervisor {
         thread.call = Some(call);
         thread.entered = now;
         thread.progress = 0;
+        thread.lines_before = None;
         thread.is_woken = false;
         thread.slice += 1;
         let is_tired = thread.slice >= SLICE;

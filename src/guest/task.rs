@@ -95,6 +95,8 @@ pub(super) struct Thread {
     pub(super) is_at_end: bool,
     /// Bytes of the call that are done.
     pub(super) progress: usize,
+    /// How often the lines of a port had changed when it began to wait for them.
+    pub(super) lines_before: Option<[u32; 4]>,
     pub(super) slice: u32,
     /// The thread that waits in the kernel until this one has become another program.
     pub(super) vfork_parent: Option<i32>,

@@ -46,6 +46,7 @@ impl Supervisor {
             is_woken: false,
             is_at_end: false,
             progress: 0,
+            lines_before: None,
             slice: 0,
             vfork_parent,
         };
