@@ -5,7 +5,6 @@ use std::path::Path;
 
 use clap::Args;
 
-use super::CliError;
 use crate::guest::HAS_LINES;
 use crate::realtime::exec::{Foreign, ProgramEnd, Supervision};
 use crate::scenario::Span;
@@ -73,16 +72,6 @@ impl ExecArgs {
     /// Whether the program is to be in virtual time.
     pub(super) const fn is_virtual(&self) -> bool {
         self.is_virtual
-    }
-
-    /// Refuses virtual time for a command that has none yet.
-    pub(super) fn no_virtual(&self, command: &str) -> Result<(), CliError> {
-        if self.is_virtual {
-            let wrong =
-                format!("--virtual: {command} has it not: expected run, campaign or shrink");
-            return Err(CliError::Usage(wrong));
-        }
-        Ok(())
     }
 
     /// The options that say the same again, with a blank before them.
