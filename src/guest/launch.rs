@@ -54,7 +54,7 @@ pub(super) const NOT_LAUNCHED: i32 = 126;
 pub(super) const NOT_LAUNCHED_CODE: u8 = 126;
 
 /// The calls at which a program is stopped.
-const STOPPED: [i64; 67] = [
+const STOPPED: [i64; 69] = [
     libc::SYS_clock_gettime,
     libc::SYS_clock_getres,
     libc::SYS_clock_settime,
@@ -107,6 +107,8 @@ const STOPPED: [i64; 67] = [
     libc::SYS_timer_create,
     libc::SYS_timer_settime,
     libc::SYS_timer_gettime,
+    libc::SYS_timer_getoverrun,
+    libc::SYS_flock,
     libc::SYS_timer_delete,
     libc::SYS_signalfd,
     libc::SYS_signalfd4,
@@ -210,7 +212,13 @@ fn become_supervised(
 type Rules = BTreeMap<i64, Vec<SeccompRule>>;
 
 fn all_stopped() -> Result<Rules, seccompiler::BackendError> {
-    Ok(STOPPED.iter().map(|&number| (number, Vec::new())).collect())
+    let mut rules: Rules = STOPPED.iter().map(|&number| (number, Vec::new())).collect();
+    // Of all that this call does only the lock that is waited for.
+    let (eq, len) = (SeccompCmpOp::Eq, SeccompCmpArgLen::Dword);
+    let command = u64::from(libc::F_SETLKW.unsigned_abs());
+    let waits = SeccompCondition::new(1, len, eq, command)?;
+    rules.insert(libc::SYS_fcntl, vec![SeccompRule::new(vec![waits])?]);
+    Ok(rules)
 }
 
 fn about_lines() -> Result<Rules, seccompiler::BackendError> {

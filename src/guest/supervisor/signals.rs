@@ -53,7 +53,11 @@ impl Supervisor {
     }
 
     /// rt_sigsuspend, rt_sigtimedwait.
-    pub(super) fn wait_for_signal(&self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
+    pub(super) fn wait_for_signal(&mut self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
+        let signals = wanted(tid, call);
+        if let Some(outcome) = self.take_timer_signal(tid, call, signals)? {
+            return Ok(outcome);
+        }
         let process = self.threads.get(&tid).ok_or(Errno::ESRCH)?.process;
         if self.deliverable(process, tid) != [0, 0] {
             return Ok(Outcome::Kernel);
@@ -146,6 +150,12 @@ impl Supervisor {
         let is_again = signals & !restarts == 0 && is_restarted(&call);
         let pid = Pid::from_raw(tid);
         let is_at_end = thread.is_at_end;
+        if thread.progress > 0 {
+            // Part of it is written.
+            let done = i64::try_from(thread.progress).unwrap_or(i64::MAX);
+            let _ = call.answer(pid, done);
+            return self.ready(tid, Next::Go(None));
+        }
         self.set_at_end(tid, false);
         let _ = match (is_at_end, is_again) {
             (true, true) => Ok(()),
