@@ -1,6 +1,7 @@
 //! A run as data: world, robot, devices, faults, mission, expectations. One TOML file with a
 //! closed schema: a key that nobody reads is an error, not a silent wish.
 
+mod board;
 mod chassis;
 mod condition;
 pub mod device;
@@ -30,6 +31,7 @@ pub use condition::{
     AxisCondition, BytesCondition, Condition, EventCondition, Figure, FrameCondition, MapCondition,
     Op, PoseCondition, RegisterCondition,
 };
+pub use board::{RaisesSpec, ResetSpec};
 pub use device::{
     AvrBaseSpec, DeviceSpec, Hc06Spec, MotorSpec, MountSpec, RplidarSpec, SupplySpec, TapSpec,
     TouchPanelSpec, TurnSpec, Xv11Spec,
