@@ -56,6 +56,16 @@ const picture = "document.getElementById('world').toDataURL()";
 
 // ---- the live page
 
+// The run stands still at this time, however fast machine and browser are; only a later one is
+// left where it is.
+async function at(browser, seconds) {
+  await browser.wait("hilrig.connected && hilrig.now && hilrig.stage");
+  const now = await browser.value("hilrig.now.at_ns / 1e9");
+  const ms = Math.round((seconds - now) * 1000);
+  if (ms > 0) await browser.value(`(send({ do: 'step', ms: ${ms} }), true)`);
+  await browser.wait(`hilrig.now.paused && hilrig.now.at_ns >= ${seconds}e9`);
+}
+
 async function functions(browser, size) {
   const wide = size !== "phone", at = (what) => `page, ${size}: ${what}`;
   const value = (text) => browser.value(text), wait = (text) => browser.wait(text, 20);
@@ -151,6 +161,18 @@ async function functions(browser, size) {
     await browser.click("#faults button");
     await wait("hilrig.slow.faults.every((fault) => fault.state === 'over')");
   });
+  await step(at("a fault that waits for a place"), async () => {
+    await browser.click("#wiring button");
+    await value("($('fault-kind').value = 'drop', $('fault-kind').onchange(), true)");
+    await value("($('fault-times').open = true, $('fault-waits').value = '2', "
+      + "$('fault-waits').onchange(), true)");
+    await value("(document.querySelector('#fault-condition [name=near_m]').value = '9, 9', "
+      + "document.querySelector('#fault-condition [name=within_m]').value = '0.2', true)");
+    await browser.click("#inject");
+    const is = "fault.fault.when?.near_m[1] === 9 && fault.fault.lasting && !fault.fault.until";
+    await wait(`hilrig.slow.faults.some((fault) => ${is})`);
+    holds(at("it was not refused"), await value("hilrig.refused === ''"));
+  });
   await step(at("a branch"), async () => {
     const run = await value("hilrig.stage.run");
     await value("(goTo(hilrig.now.at_ns / 2e6), true)");
@@ -174,17 +196,56 @@ async function functions(browser, size) {
   holds(at("no errors of its own"), (await value("JSON.stringify(hilrig.errors)")) === "[]");
 }
 
+// What a station can do with a place and a heading: press, drag, release; and in figures.
+async function placeActs(browser, robot) {
+  const value = (text) => browser.value(text), at = (what) => `${robot}: ${what}`;
+  const acts = await value("hilrig.stage.place_acts.map(({ mode }) => mode)");
+  holds(at(`acts with a place: ${acts.join(", ")}`), acts.length > 0);
+  // What the page sends is what counts; a robot may refuse a pose that it cannot have.
+  await value("(window.sent = [], window.toRig = socket.send.bind(socket), "
+    + "socket.send = (text) => { sent.push(JSON.parse(text)); toRig(text); }, true)");
+  for (const act of acts) {
+    await step(at(act), async () => {
+      await tab(browser, "robot");
+      await browser.click(`#acts [data-act=${act}]`);
+      const [x, y] = await value("(() => { const box = canvas.getBoundingClientRect();"
+        + "return [box.left + box.width / 2, box.top + box.height / 2]; })()");
+      await value("(sent.length = 0, true)");
+      await browser.drag([x, y], [x, y - 60]);
+      await browser.wait("sent.length > 0", 20);
+      const [name, ...figures] = (await value("sent[0].mode")).split(" ");
+      const [px, py] = figures.map(Number);
+      const expected = await value("view.toWorld(frame, canvas.width / 2, canvas.height / 2)");
+      const near = Math.hypot(px - expected[0], py - expected[1]) < 0.05;
+      // Up on the screen is along y.
+      holds(at(`${act} ${figures}`), name === act && near && Math.abs(figures[2] - 90) < 2);
+    });
+  }
+  await step(at("a pose in figures"), async () => {
+    await browser.click(`#acts [data-act=${acts[0]}]`);
+    await value("(sent.length = 0, $('aim-x').value = 0.5, $('aim-y').value = 1.2, "
+      + "$('aim-deg').value = -45, true)");
+    await browser.click("#aim-go");
+    await browser.wait("sent.length > 0", 20);
+    holds(at("as it was typed"), await value("sent[0].mode") === `${acts[0]} 0.5 1.2 -45`);
+  });
+  await value("(socket.send = toRig, true)");
+  await browser.wait("hilrig.refused === ''", 5);
+}
+
 async function livePage(browser) {
   for (const [robot, scenario] of Object.entries(ROBOTS)) {
-    const { url, end } = await rig(`scenarios/${scenario}.toml`, "--speed", "30");
+    const { url, end } = await rig(`scenarios/${scenario}.toml`);
     for (const [size, [width, height]] of Object.entries(SIZES)) {
       await browser.look(width, height);
       await browser.go(url);
-      await browser.wait("hilrig.connected && hilrig.now && hilrig.now.at_ns > 8e9");
+      if (size === "wide") await at(browser, 9);
+      else await browser.wait("hilrig.connected && hilrig.now");
       // Not to its end while it is looked at.
       await browser.value("(send({ do: 'speed', x: 0.5 }), send({ do: 'play' }), true)");
       await browser.wait("hilrig.now.speed === 0.5 && !hilrig.now.paused");
       if (robot === "rescue") await functions(browser, size);
+      else if (size === "wide") await placeActs(browser, robot);
       for (const scheme of ["light", "dark"]) {
         await browser.look(width, height, scheme);
         const across = await browser.value(fitsAcross);
@@ -252,6 +313,14 @@ async function reports(browser, folder) {
   await browser.wait(`${time} > 0.5 && ${time} < 50`, 5);
   await browser.click("#play");
   holds("a time line that plays", await browser.value(picture) !== before);
+  await browser.go(`file://${folder}/campaign/campaign.html`);
+  const drawn = "document.querySelectorAll('.causes .moment .truth polyline').length";
+  const cards = "document.querySelectorAll('.causes li').length";
+  holds("each cause has the picture of its smallest case",
+    await browser.value(`${cards} > 0 && ${drawn} === ${cards}`));
+  holds("a square for each run", await browser.value(
+    "document.querySelectorAll('.strip rect').length === 2"));
+  await browser.go(`file://${folder}/failing/report.html`);
   const pages = (await browser.printed()).toString("latin1").match(/\/Type\s*\/Page\b/g).length;
   console.log(`     ${pages} pages on A4`);
   holds("a failing report prints on A4", pages >= 1 && pages <= 6);
@@ -263,12 +332,11 @@ async function pictures(browser, folder) {
   mkdirSync(PICTURES, { recursive: true });
   const save = async (name) => writeFileSync(join(PICTURES, name), await browser.picture());
   for (const [robot, scenario] of Object.entries(ROBOTS)) {
-    const { url, end } = await rig(`scenarios/${scenario}.toml`, "--speed", "20");
+    const { url, end } = await rig(`scenarios/${scenario}.toml`);
     await browser.look(1400, 900);
     await browser.go(url);
-    await browser.wait("hilrig.connected && hilrig.now && hilrig.now.at_ns > 24e9 && hilrig.scan");
-    await browser.value("(send({ do: 'pause' }), true)");
-    await browser.wait("hilrig.now.paused");
+    await at(browser, 24);
+    await browser.wait("hilrig.scan");
     for (const scheme of robot === "rescue" ? ["light", "dark"] : ["light"]) {
       await browser.look(1400, 900, scheme);
       await browser.wait("drawn");

@@ -3,6 +3,7 @@
 use core::fmt::{self, Write as _};
 use core::time::Duration;
 
+use super::strip::class;
 use super::{CampaignPlan, Change, Comparison, Failures, Merged};
 use crate::html::Escaped;
 
@@ -109,13 +110,17 @@ fn write_causes(merged: &Merged, out: &mut String) -> fmt::Result {
     if merged.groups.is_empty() {
         return Ok(());
     }
-    out.write_str("<h2>Failures by cause</h2><ol class=\"causes\">")?;
-    for group in &merged.groups {
+    out.write_str("<h2>Failures by cause</h2>")?;
+    let names: Vec<&str> = merged.groups.iter().map(|group| &*group.cause).collect();
+    merged.strip.write(&names, out)?;
+    out.write_str("<ol class=\"causes\">")?;
+    for (number, group) in merged.groups.iter().enumerate() {
         let (scenario, seed) = &group.first;
         write!(
             out,
-            "<li><h3>{}</h3><p><b>{} of {} runs</b> <progress max=\"{}\" value=\"{}\" \
+            "<li class=\"{}\"><h3>{}</h3><p><b>{} of {} runs</b> <progress max=\"{}\" value=\"{}\" \
              aria-label=\"share of all runs\"></progress><p>{}<p>first: {} seed {seed}",
+            class(Some(number)),
             Escaped(&group.cause),
             group.runs,
             merged.runs,
@@ -127,6 +132,7 @@ fn write_causes(merged: &Merged, out: &mut String) -> fmt::Result {
         for (scenario, seed) in &group.others {
             write!(out, ", {} seed {seed}", Escaped(scenario))?;
         }
+        out.write_str(group.picture.as_deref().unwrap_or_default())?;
         if let (Some(case), Some(left)) = (&group.case, &group.left) {
             let (case, left) = (Escaped(case), Escaped(left));
             write!(
