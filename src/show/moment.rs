@@ -29,8 +29,32 @@ pub(crate) fn of_failure(outcome: &Outcome) -> String {
     out
 }
 
-fn write_moment(outcome: &Outcome, at: f64, out: &mut String) -> fmt::Result {
+/// Least and largest x and y of all that is drawn: a world may be empty, and a robot beside it.
+fn bounds(outcome: &Outcome, at: f64) -> [f64; 4] {
+    let until = |time: Instant| time.as_secs_f64() <= at;
+    let truth = outcome.truth.iter().filter(|(time, _)| until(*time));
+    let truth = truth.map(|(_, pose)| *pose);
+    let believed = outcome.pairs.iter().filter(|pair| until(pair.at));
+    let poses = truth.chain(believed.map(|pair| pair.estimate));
+    let reach = 1.3 * reach(&outcome.footprint);
+    let robots = poses.flat_map(|pose| {
+        let (x, y) = (pose.x, pose.y);
+        [[x - reach, y - reach], [x + reach, y + reach]]
+    });
+    let waypoints = outcome.case.mission.waypoints_m.iter().copied();
     let [x0, y0, x1, y1] = outcome.scene.bounds;
+    let world = [[x0, y0], [x1, y1]];
+    let world = world.iter().filter(|_| !outcome.scene.shapes.is_empty());
+    let places = robots.chain(waypoints).chain(world.copied());
+    let wider = |all: Option<[f64; 4]>, [x, y]: [f64; 2]| {
+        let [x0, y0, x1, y1] = all.unwrap_or([x, y, x, y]);
+        Some([x0.min(x), y0.min(y), x1.max(x), y1.max(y)])
+    };
+    places.fold(None, wider).unwrap_or(outcome.scene.bounds)
+}
+
+fn write_moment(outcome: &Outcome, at: f64, out: &mut String) -> fmt::Result {
+    let [x0, y0, x1, y1] = bounds(outcome, at);
     let side = (x1 - x0).max(y1 - y0).max(0.1);
     let margin = side * MARGIN;
     // Pictures have y downwards.
@@ -162,6 +186,23 @@ mod tests {
         ] {
             assert!(drawn.contains(part), "{part} in {drawn}");
         }
+    }
+
+    /// Shrunk until nothing is left of the world but the robot.
+    #[test]
+    fn a_robot_in_an_empty_world_is_in_the_picture() {
+        let mut outcome = outcome();
+        outcome.scene.shapes.clear();
+        outcome.case.mission.waypoints_m.clear();
+        outcome.truth = vec![(Instant::ZERO, Pose::new(10.0, 20.0, 0.0))];
+        outcome.pairs.clear();
+        outcome.footprint = Outline::Circle([0.0, 0.0, 1.0]);
+        // 10 +- 1.3 and 20 +- 1.3, and a margin of 0.078.
+        let drawn = of_failure(&outcome);
+        assert!(
+            drawn.contains("viewBox=\"8.622 -21.378 2.756 2.756\""),
+            "{drawn}"
+        );
     }
 
     /// A failure that tells no time is shown in the end; the way until then has its last point.

@@ -32,12 +32,50 @@ async function step(what, act) {
   }
 }
 
+// Texts whose contrast axe-core measured, those that it cannot, and the least contrast.
+const contrast = { measured: 0, undecided: 0, least: Infinity };
+
+function measureContrast({ passes, incomplete }) {
+  const nodes = (found) => found.filter(({ id }) => id === "color-contrast")
+    .flatMap((rule) => rule.nodes);
+  contrast.undecided += nodes(incomplete).length;
+  for (const { any } of nodes(passes)) {
+    const ratio = any[0]?.data?.contrastRatio;
+    if (!ratio) continue;
+    contrast.measured += 1;
+    contrast.least = Math.min(contrast.least, ratio);
+  }
+}
+
+// Contrast of two colours, #rrggbb, as WCAG 2 defines it.
+function contrastOf(one, other) {
+  const light = (colour) => [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16) / 255)
+    .map((part) => part <= 0.04045 ? part / 12.92 : ((part + 0.055) / 1.055) ** 2.4)
+    .reduce((sum, part, index) => sum + part * [0.2126, 0.7152, 0.0722][index], 0);
+  const [dim, bright] = [light(one), light(other)].sort((a, b) => a - b);
+  return (bright + 0.05) / (dim + 0.05);
+}
+
+// What is drawn on a canvas is no text: three to one.
+const DRAWN = ["truth", "belief", "scan", "waypoint", "sensed", "planned", "guess", "faults",
+  "shape", "possible", "mark", "load", "errors", "cursor", "dim", "ink"];
+
+async function drawnContrast(browser, what) {
+  const colours = await browser.value("view.colours");
+  const ratios = DRAWN.map((name) => [contrastOf(colours[name], colours.paper), name]);
+  const [least, name] = ratios.sort(([a], [b]) => a - b)[0];
+  holds(`${what}: ${name} has a contrast of ${least.toFixed(2)}`, least >= 3);
+}
+
 // What axe-core finds serious or critical; what it cannot decide is no fault.
 async function accessible(browser, what) {
   await browser.ask("POST", "/execute/sync", { script: `${AXE}; return true;`, args: [] });
   const found = await browser.ask("POST", "/execute/async", {
-    script: "axe.run(document, { resultTypes: ['violations'] }).then(arguments[0]);", args: [],
+    script: "axe.run(document, { resultTypes: ['violations', 'passes', 'incomplete'] })"
+      + ".then(arguments[0]);",
+    args: [],
   });
+  measureContrast(found);
   const grave = ["serious", "critical"];
   const bad = found.violations.filter(({ impact }) => grave.includes(impact));
   for (const { id, nodes } of bad) {
@@ -233,21 +271,29 @@ async function placeActs(browser, robot) {
   await browser.wait("hilrig.refused === ''", 5);
 }
 
-async function livePage(browser) {
+// A scenario that does not end while it is looked at, however slow the machine.
+function endless(folder, scenario) {
+  const text = readFileSync(`scenarios/${scenario}.toml`, "utf8");
+  const path = join(folder, `${scenario}.toml`);
+  writeFileSync(path, text.replace("[mission]\n", "[mission]\nto_the_end = true\n")
+    .replace(/duration = "\w+"/, 'duration = "2h"'));
+  return path;
+}
+
+async function livePage(browser, folder) {
   for (const [robot, scenario] of Object.entries(ROBOTS)) {
-    const { url, end } = await rig(`scenarios/${scenario}.toml`);
     for (const [size, [width, height]] of Object.entries(SIZES)) {
+      const { url, end } = await rig(endless(folder, scenario));
       await browser.look(width, height);
       await browser.go(url);
-      if (size === "wide") await at(browser, 9);
-      else await browser.wait("hilrig.connected && hilrig.now");
-      // Not to its end while it is looked at.
+      await at(browser, 9);
       await browser.value("(send({ do: 'speed', x: 0.5 }), send({ do: 'play' }), true)");
       await browser.wait("hilrig.now.speed === 0.5 && !hilrig.now.paused");
       if (robot === "rescue") await functions(browser, size);
       else if (size === "wide") await placeActs(browser, robot);
       for (const scheme of ["light", "dark"]) {
         await browser.look(width, height, scheme);
+        if (size === "wide" && robot === "rescue") await drawnContrast(browser, `lines, ${scheme}`);
         const across = await browser.value(fitsAcross);
         holds(`${robot}, ${size}, ${scheme}: nothing is wider than the window`, across);
         for (const name of ["robot", "checks", "faults", "wire", "log"]) {
@@ -257,8 +303,8 @@ async function livePage(browser) {
           await accessible(browser, `${robot}, ${size}, ${scheme}, ${name}`);
         }
       }
+      end();
     }
-    end();
   }
 }
 
@@ -358,12 +404,14 @@ try {
   made(folder);
   if (PICTURES) await pictures(browser, folder);
   else {
-    await livePage(browser);
+    await livePage(browser, folder);
     await reports(browser, folder);
   }
 } finally {
   await browser.stop();
   rmSync(folder, { recursive: true, force: true });
 }
+console.log(`contrast: ${contrast.measured} texts measured, at least ${contrast.least.toFixed(2)}, `
+  + `${contrast.undecided} on a picture`);
 console.log(`${count} looked at, ${failures.length} failed`);
 process.exitCode = failures.length ? 1 : 0;

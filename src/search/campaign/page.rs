@@ -119,7 +119,7 @@ fn write_causes(merged: &Merged, out: &mut String) -> fmt::Result {
         write!(
             out,
             "<li class=\"{}\"><h3>{}</h3><p><b>{} of {} runs</b> <progress max=\"{}\" value=\"{}\" \
-             aria-label=\"share of all runs\"></progress><p>{}<p>first: {} seed {seed}",
+             aria-label=\"share of all runs\"></progress><p>{}",
             class(Some(number)),
             Escaped(&group.cause),
             group.runs,
@@ -127,11 +127,7 @@ fn write_causes(merged: &Merged, out: &mut String) -> fmt::Result {
             merged.runs,
             group.runs,
             Escaped(&group.detail),
-            Escaped(scenario),
         )?;
-        for (scenario, seed) in &group.others {
-            write!(out, ", {} seed {seed}", Escaped(scenario))?;
-        }
         out.write_str(group.picture.as_deref().unwrap_or_default())?;
         if let (Some(case), Some(left)) = (&group.case, &group.left) {
             let (case, left) = (Escaped(case), Escaped(left));
@@ -140,6 +136,18 @@ fn write_causes(merged: &Merged, out: &mut String) -> fmt::Result {
                 "<p>smallest case: <a href=\"{case}\">{case}</a>, {left}"
             )?;
             write!(out, "<p><code>hilrig run {case}</code>")?;
+        }
+        write!(
+            out,
+            "<details><summary>first: {} seed {seed}</summary><p>",
+            Escaped(scenario)
+        )?;
+        for (scenario, seed) in &group.others {
+            write!(out, "{} seed {seed}, ", Escaped(scenario))?;
+        }
+        match group.runs - 1 - group.others.len() {
+            0 => out.write_str("no others</details>")?,
+            more => write!(out, "and {more} others</details>")?,
         }
     }
     out.write_str("</ol>")

@@ -69,6 +69,8 @@ function showRobot() {
   say("pc-state", `${pc.connection}${silent}${now.trouble ? `: ${now.trouble}` : ""}`);
   say("connect", pc.connection === "closed" ? "Connect" : "Disconnect");
   say("pose", pc.pose ? `${pc.pose[0]} mm, ${pc.pose[1]} mm, ${pc.pose[2]}\u00b0` : "not told yet");
+  // A robot that sends no map, or has sent none yet.
+  $("rows").hidden = $("rows-name").hidden = pc.rows_missing === null && !pc.size_mm;
   say("rows", pc.rows_missing === null ? "no map yet" : String(pc.rows_missing));
   say("confirmed", pc.waypoints.length ? (pc.confirmed ? "confirmed" : "on their way") : "");
   once("waypoints", [pc.waypoints, Boolean(hilrig.past)], () => pc.waypoints.map(waypointItem));
