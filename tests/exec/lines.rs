@@ -54,7 +54,7 @@ sys.exit(5)
         "exec {} with -- python3 program.py",
         env!("CARGO_BIN_EXE_hilrig")
     );
-    let ended = run_in(&folder, &files, &command);
+    let ended = run_in(&folder, &files, &command, &[]);
     let said: Vec<&str> = ended.log.lines().skip(1).collect();
     let wanted = [
         "DTR RTS CTS DSR CAR",

@@ -3,6 +3,8 @@
 //!
 //! Content and order only, never how long something took.
 
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod board;
 mod commands;
 mod custom;
 mod endings;

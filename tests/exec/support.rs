@@ -95,7 +95,12 @@ pub(crate) fn folder(name: &str) -> PathBuf {
 
 /// `hilrig run --exec COMMAND` in a fresh folder with these files, among them `sonar.toml`.
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
-pub(crate) fn run_in(folder: &Path, files: &[(&str, &str)], command: &str) -> Ended {
+pub(crate) fn run_in(
+    folder: &Path,
+    files: &[(&str, &str)],
+    command: &str,
+    more: &[&str],
+) -> Ended {
     let _ = fs::remove_dir_all(folder);
     fs::create_dir_all(folder).expect("a fresh folder");
     for (file, text) in files {
@@ -105,6 +110,7 @@ pub(crate) fn run_in(folder: &Path, files: &[(&str, &str)], command: &str) -> En
         .current_dir(folder)
         .args(["run", "sonar.toml", "--exec-needs", "sonar", "--out", "out"])
         .args(["--exec", command])
+        .args(more)
         .output();
     ended_in(folder, output.expect("the binary is built"))
 }
@@ -128,6 +134,7 @@ pub(crate) fn ended_in(folder: &Path, output: Output) -> Ended {
             + &String::from_utf8_lossy(&output.stderr),
         log,
         result: serde_json::from_str(&result).expect("JSON"),
+        folder: folder.to_owned(),
     }
 }
 
@@ -137,9 +144,15 @@ pub(crate) struct Ended {
     pub(crate) said: String,
     pub(crate) log: String,
     result: serde_json::Value,
+    folder: PathBuf,
 }
 
 impl Ended {
+    /// What devices told, a line each.
+    pub(crate) fn events(&self) -> String {
+        fs::read_to_string(self.folder.join("out/events.txt")).unwrap_or_default()
+    }
+
     /// Status and detail of a check.
     pub(crate) fn check(&self, name: &str) -> (String, String) {
         let checks = self.result["checks"].as_array().expect("a list");

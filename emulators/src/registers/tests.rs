@@ -225,3 +225,35 @@ fn random_bytes_do_not_harm_the_slave() {
     }
     assert!(slave.pending.len() <= QUEUE_MAX && slave.output.len() < 1_000);
 }
+
+/// Register 1 held 7 (frame 07 01 in a write of one byte); after a break it is 0 again, and a request
+/// while the board starts is not heard.
+#[test]
+fn a_break_starts_the_board_anew() {
+    let mut slave = Registers::new(RegistersConfig {
+        board: BoardConfig {
+            resets_on: Some(crate::board::ResetOn::Break),
+            boot: Some(Duration::from_millis(300)),
+            ..BoardConfig::default()
+        },
+        line: LineConfig::new_8n1(115_200),
+        order: ChecksumOrder::LowFirst,
+        latency: LATENCY,
+        idle_gap: Duration::from_millis(2),
+        watchdog: None,
+        registers: table(),
+    })
+    .expect("sound");
+    let order = ChecksumOrder::LowFirst;
+    let frame = |frame: Frame| frame.as_bytes().to_vec();
+    let (write, read) = (
+        frame(Frame::write(1, &[7], order)),
+        frame(Frame::read(1, 1, order)),
+    );
+    asked(&mut slave, 10, &write);
+    assert_eq!(asked(&mut slave, 50, &read), write, "it holds what it was told");
+    slave.line_event(Registers::BUS, Instant::from_millis(100), LineEvent::Break);
+    assert_eq!(asked(&mut slave, 390, &read), [0_u8; 0]);
+    let forgotten = frame(Frame::write(1, &[0], order));
+    assert_eq!(asked(&mut slave, 410, &read), forgotten);
+}

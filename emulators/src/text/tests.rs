@@ -1,4 +1,5 @@
 use super::*;
+use crate::board::{HostLine, ResetOn};
 use crate::quantity::tests::{car, sink, variable, world};
 use crate::quantity::{SinkKind, ValueSource};
 use crate::world::Command as Order;
@@ -165,4 +166,91 @@ fn an_actuator_that_is_not_there_is_noted_and_harms_nothing() {
     let mut slave = Text::new(config).expect("sound");
     assert_eq!(after(&mut slave, 1, "SPEED 42\r\n"), "OK 42\r\n");
     assert_eq!(rules(&mut slave), ["not-driven"]);
+}
+
+/// What a slave on a board says within the millisecond from `millis` on.
+fn said(slave: &mut Text, millis: u64) -> String {
+    let mut world = world();
+    slave.poll(Instant::from_millis(millis), &mut world);
+    slave.poll(Instant::from_millis(millis + 2), &mut world);
+    let mut buf = [0; 512];
+    let len = slave.transmit(Text::UART, &mut buf);
+    String::from_utf8_lossy(&buf[..len]).into_owned()
+}
+
+fn on_board(resets_on: ResetOn) -> Text {
+    Text::new(TextConfig {
+        board: BoardConfig {
+            resets_on: Some(resets_on),
+            raises: vec![(HostLine::Dcd, "speed".to_owned())],
+            ..BoardConfig::default()
+        },
+        greeting: Some("ready".to_owned()),
+        watchdog: None,
+        ..config()
+    })
+    .expect("sound")
+}
+
+/// The capacitor lets the edge through, not the level: DTR that stays on, or goes off, does nothing.
+/// 1.6 s after the edge at 100 ms the board greets, has forgotten its speed, and hears again.
+#[test]
+fn a_rising_dtr_starts_the_board_anew() {
+    let mut slave = on_board(ResetOn::Dtr);
+    assert_eq!(after(&mut slave, 10, "SPEED 7\r\n"), "OK 7\r\n");
+    let at = Instant::from_millis(100);
+    slave.receive(RESET_PIN, at, &[1]);
+    slave.receive(Text::UART, Instant::from_millis(200), b"SPEED 9\r\n");
+    assert_eq!(said(&mut slave, 1_697), "", "a millisecond too early");
+    assert_eq!(said(&mut slave, 1_700), "ready\r\n");
+    assert_eq!(rules(&mut slave), ["board-reset", "board-deaf"]);
+    slave.receive(RESET_PIN, Instant::from_millis(1_800), &[1]);
+    slave.receive(RESET_PIN, Instant::from_millis(1_810), &[0]);
+    assert_eq!(after(&mut slave, 1_820, "SPEED 5\r\n"), "OK 5\r\n");
+    assert_eq!(rules(&mut slave), [""; 0], "neither is an edge");
+    slave.receive(RESET_PIN, Instant::from_millis(1_900), &[1]);
+    assert_eq!(rules(&mut slave), ["board-reset"]);
+}
+
+/// Whom a break does not reset hears a NUL, as a UART says it, in front of its next line.
+#[test]
+fn a_break_is_a_nul_or_a_reset() {
+    let mut slave = on_board(ResetOn::Dtr);
+    let at = Instant::from_millis(10);
+    slave.line_event(Text::UART, at, LineEvent::Break);
+    assert_eq!(after(&mut slave, 20, "WHERE?\r\n"), "ERR\r\n");
+    assert_eq!(rules(&mut slave), ["break", "unknown-request"]);
+    let mut slave = on_board(ResetOn::Break);
+    slave.line_event(Text::UART, at, LineEvent::Break);
+    assert_eq!(said(&mut slave, 1_610), "ready\r\n");
+    assert_eq!(rules(&mut slave), ["board-reset"]);
+}
+
+/// On while the value is not 0, told once each time; off while the board starts.
+#[test]
+fn a_modem_line_follows_a_value() {
+    let mut slave = on_board(ResetOn::Break);
+    let level = |slave: &mut Text, millis: u64| {
+        slave.poll(Instant::from_millis(millis), &mut world());
+        let mut buf = [9; 4];
+        match slave.transmit(HostLine::Dcd.port(), &mut buf) {
+            1 => Some(buf[0]),
+            _ => None,
+        }
+    };
+    assert_eq!(level(&mut slave, 1), None);
+    after(&mut slave, 10, "SPEED 3\r\n");
+    assert_eq!(level(&mut slave, 20), Some(1));
+    assert_eq!(level(&mut slave, 30), None);
+    slave.line_event(Text::UART, Instant::from_millis(40), LineEvent::Break);
+    assert_eq!(level(&mut slave, 41), Some(0));
+    let unknown = Text::new(TextConfig {
+        board: BoardConfig {
+            raises: vec![(HostLine::Cts, "none".to_owned())],
+            ..BoardConfig::default()
+        },
+        ..config()
+    });
+    let message = "there is no variable \"none\"".to_owned();
+    assert_eq!(unknown.err(), Some(TextError::Key("raises", message)));
 }
