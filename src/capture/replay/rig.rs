@@ -137,6 +137,7 @@ impl Device for Silent {
 mod tests {
     use super::*;
     use crate::capture::replay::Arrival;
+    use crate::rig::Paced as _;
 
     /// Two arrivals reach the program's end at their nanosecond, and what it says is kept with its
     /// time: two bytes at 9600 baud take 2 x 1,041,666 ns.
