@@ -40,7 +40,7 @@ mod up;
 mod wireshark;
 mod with;
 
-use std::io;
+use std::io::{self, ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -239,8 +239,14 @@ pub fn main() -> ExitCode {
     if first == LINES_VERB {
         return guest::become_shell_with_lines(words.next().unwrap_or_default());
     }
-    let matches = Cli::command().get_matches();
-    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    let matches = match Cli::command().try_get_matches() {
+        Ok(matches) => matches,
+        Err(told) => return explain(&told),
+    };
+    let cli = match Cli::from_arg_matches(&matches) {
+        Ok(cli) => cli,
+        Err(told) => return explain(&told),
+    };
     out::begin(cli.json);
     let result = perform(cli.command);
     if let Err(error) = &result {
@@ -257,6 +263,19 @@ pub fn main() -> ExitCode {
     match out::is_json() {
         true => print_document(&matches, &result, exit_code),
         false => ExitCode::from(exit_code),
+    }
+}
+
+/// Prints help, version, or what is wrong with the words; help that cannot be written is an error.
+fn explain(told: &clap::Error) -> ExitCode {
+    let printed = told.print().and_then(|()| io::stdout().flush());
+    let code = if told.use_stderr() { 2 } else { 0 };
+    match printed {
+        Err(error) if code == 0 && error.kind() != ErrorKind::BrokenPipe => {
+            eprintln!("error: cannot write to standard output: {error}");
+            ExitCode::from(2)
+        }
+        _ => ExitCode::from(code),
     }
 }
 

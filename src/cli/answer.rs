@@ -67,6 +67,12 @@ fn of<T: JsonSchema>(generator: &mut SchemaGenerator) -> Schema {
     generator.subschema_for::<T>()
 }
 
+/// Of commands that write files, or print what would stand in one.
+fn files_or_text(generator: &mut SchemaGenerator) -> Schema {
+    let forms = [of::<Files>(generator), of::<Text>(generator)];
+    json_schema!({ "anyOf": forms })
+}
+
 /// What the commands come to.
 const RESULTS: [(&str, Subschema); 27] = [
     ("demo", of::<Runs>),
@@ -92,9 +98,9 @@ const RESULTS: [(&str, Subschema); 27] = [
     ("slam", of::<Surveyed>),
     ("map", of::<MapDifference>),
     ("schema", of::<Text>),
-    ("wireshark", of::<Files>),
+    ("wireshark", files_or_text),
     ("completions", of::<Text>),
-    ("man", of::<Files>),
+    ("man", files_or_text),
     ("new", of::<Files>),
 ];
 

@@ -97,7 +97,8 @@ pub(super) fn write(text: Arguments<'_>) {
     if let Some(error) = failed
         && !TOLD.swap(true, Ordering::Relaxed)
     {
-        eprintln!("cannot write to standard output: {error}");
+        // The library's own macro would panic if standard error is as full.
+        write_err(format_args!("cannot write to standard output: {error}\n"));
     }
 }
 

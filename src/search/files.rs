@@ -84,6 +84,10 @@ fn replace_after(
     beside.push(".new");
     let beside = PathBuf::from(beside);
     let written = File::create(&beside).and_then(|mut file| write(&mut file));
+    if written.is_err() && beside.is_file() {
+        // Half of it is of use to nobody, and its disk may be full.
+        let _ = fs::remove_file(&beside);
+    }
     written.map_err(failed(&beside))?;
     fs::rename(&beside, path).map_err(failed(path))
 }

@@ -68,6 +68,25 @@ fn an_output_that_is_full_is_told_once() {
     }
 }
 
+/// `hilrig .. > log 2>&1` where the log's disk is full: nobody can be told, and work and exit code
+/// stay what they are.
+#[test]
+fn a_full_disk_below_both_outputs_ends_nothing() {
+    let bench = Bench::new("full-both");
+    let full = || std::fs::File::options().write(true).open("/dev/full");
+    for line in ["run s.toml --out o/run", "schema", "nonsense", "--help"] {
+        bench.clear();
+        let mut command = bench.command(line);
+        command.stdout(full().expect("Linux has it"));
+        command.stderr(full().expect("Linux has it"));
+        let code = command.status().expect("starts").code();
+        // Text that is all there is to it is lost.
+        let expected = if line.starts_with("run") { 0 } else { 2 };
+        assert_eq!(code, Some(expected), "{line}");
+        assert_eq!(bench.files().is_empty(), expected == 2, "{line}");
+    }
+}
+
 /// The results belong into a file system that nobody can write, the kernel's own: one line names
 /// the place, and the exit code is that of a set-up that is wrong.
 #[test]

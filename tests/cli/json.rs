@@ -147,6 +147,16 @@ fn every_command_prints_one_object_as_its_schema_says() {
         assert_eq!(said["verdict"], verdict, "{line}");
         assert!(said["result"].is_object(), "{line}: {said}");
     }
+    // Other forms of these commands.
+    for line in ["wireshark --print", "man", "bugs", "experiment"] {
+        let output = bench.command(&format!("{line} --json")).output();
+        let said = serde_json::from_slice(&output.expect("starts").stdout).expect("JSON");
+        assert_eq!(
+            wrong(&schema, &said, &schema, ""),
+            Vec::<String>::new(),
+            "{line}"
+        );
+    }
     // Another command's result is none of this one's.
     let output = bench
         .command("map diff base base --json")
