@@ -251,7 +251,11 @@ fn a_break_starts_the_board_anew() {
         frame(Frame::read(1, 1, order)),
     );
     asked(&mut slave, 10, &write);
-    assert_eq!(asked(&mut slave, 50, &read), write, "it holds what it was told");
+    assert_eq!(
+        asked(&mut slave, 50, &read),
+        write,
+        "it holds what it was told"
+    );
     slave.line_event(Registers::BUS, Instant::from_millis(100), LineEvent::Break);
     assert_eq!(asked(&mut slave, 390, &read), [0_u8; 0]);
     let forgotten = frame(Frame::write(1, &[0], order));
