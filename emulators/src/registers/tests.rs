@@ -226,8 +226,8 @@ fn random_bytes_do_not_harm_the_slave() {
     assert!(slave.pending.len() <= QUEUE_MAX && slave.output.len() < 1_000);
 }
 
-/// Register 1 held 7 (frame 07 01 in a write of one byte); after a break it is 0 again, and a request
-/// while the board starts is not heard.
+/// Register 1 held 7; after a break it is 0 again, and a request while the board starts is not
+/// heard.
 #[test]
 fn a_break_starts_the_board_anew() {
     let mut slave = Registers::new(RegistersConfig {
