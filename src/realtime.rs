@@ -22,12 +22,12 @@ pub(crate) mod held;
 pub(crate) mod inputs;
 mod lateness;
 mod place;
+mod port_report;
 pub(crate) mod process;
 mod spread;
 pub(crate) mod standalone;
 pub mod transport;
 
-use core::fmt;
 use core::time::Duration;
 use std::os::fd::OwnedFd;
 
@@ -35,7 +35,7 @@ use emulators::{Event, EventKind};
 use protocols::{Instant, LineConfig, LineEvent};
 
 use crate::realtime::clock::Clock;
-use crate::realtime::transport::{Counters, PortEvent, Transport, TransportError, wait};
+use crate::realtime::transport::{PortEvent, Transport, TransportError, wait};
 use crate::rig::{Paced, PortRate, Rig};
 use crate::robots::OpenEnd;
 use crate::scenario::Scenario;
@@ -45,6 +45,7 @@ use inputs::Inputs;
 pub(crate) use lateness::LATE;
 pub use lateness::Lateness;
 pub use place::{Place, Sign};
+pub use port_report::PortReport;
 use spread::Spread;
 
 /// Most virtual time that passes in one turn. Late by more than this, the rig takes several turns,
@@ -96,17 +97,6 @@ pub struct Traffic {
     pub from_client: u64,
     /// Bytes that clients could read.
     pub to_client: u64,
-}
-
-/// A port's name with what passed it.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct PortReport {
-    /// The port's name.
-    pub name: String,
-    /// What passed.
-    pub traffic: Traffic,
-    /// What did not.
-    pub lost: Counters,
 }
 
 impl<C: Clock> Realtime<C> {
@@ -487,29 +477,6 @@ impl Port {
             bytes: Vec::new(),
         };
         rig.log(&self.end.name, event);
-    }
-}
-
-impl fmt::Display for PortReport {
-    /// One line for people.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Traffic {
-            from_client,
-            to_client,
-        } = self.traffic;
-        write!(
-            f,
-            "{}: {to_client} B to the client, {from_client} B from it",
-            self.name
-        )?;
-        let Counters { unheard, overrun } = self.lost;
-        if unheard > 0 {
-            write!(f, ", {unheard} B while nobody had it open")?;
-        }
-        if overrun > 0 {
-            write!(f, ", {overrun} B lost because the client did not read")?;
-        }
-        Ok(())
     }
 }
 

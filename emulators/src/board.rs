@@ -9,8 +9,8 @@
 //! An Arduino is reset so whenever its port is opened. What it then takes to hear anything is its
 //! boot loader: optiboot 8 (`optiboot.c`, the Uno's) flashes three times, 6 sixteenths of a
 //! second, and waits a second of the watchdog for an upload; the ATmega328P starts up for 65 ms
-//! before it and once more after it (its data sheet, the Uno's fuses): 1.5 s by arithmetic, 1.6 s as
-//! the watchdog's oscillator is some percent slow.
+//! before it and once more after it (its data sheet, the Uno's fuses): 1.5 s by arithmetic, 1.6 s
+//! as the watchdog's oscillator is some percent slow.
 
 use core::time::Duration;
 

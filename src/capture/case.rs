@@ -29,6 +29,7 @@ use crate::TOOL;
 use crate::capture::divergence::Track;
 use crate::capture::replay::{Arrival, Passage, Recorded, Replay, ReplayError, Replayed, Voice};
 use crate::rig::Program;
+use crate::robots::{self, Dut, PcEnd};
 use crate::run::check::{Check, Status};
 use crate::scenario::{Scenario, ScenarioError, Source};
 
@@ -207,6 +208,11 @@ impl Case {
         scenario: &Scenario,
         source: &Source,
     ) -> Result<Self, CaseError> {
+        let wired = robots::wire(scenario, source, Dut::Internal, PcEnd::Scripted);
+        let wired = wired.map_err(|error| CaseError::Replay(error.into()))?;
+        if wired.rig.program().is_none() {
+            return Ok(Self::of_outsider(name, recorded, scenario));
+        }
         let replay = Replay::new(recorded, scenario, source, Voice::Capture);
         let judged = replay.map_err(CaseError::Replay)?.finish();
         let own: BTreeSet<String> = judged.links.iter().map(|one| one.link.clone()).collect();

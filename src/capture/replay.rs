@@ -282,6 +282,10 @@ impl Replay {
             .iter()
             .all(|(_, passage)| passage.arrivals.is_empty())
         {
+            if expected.is_empty() {
+                let wrong = "the robot has no program of its own: expected --exec CMD";
+                return Err(ReplayError::Capture(wrong.to_owned()));
+            }
             let links: Vec<&str> = expected.iter().map(|(_, one)| &*one.link).collect();
             return Err(ReplayError::Capture(format!(
                 "nothing for the robot's program: expected a capture with bytes to-master on {}",

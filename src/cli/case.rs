@@ -78,7 +78,7 @@ pub(super) fn run(args: CaseArgs) -> Result<Verdict, CliError> {
             let (scenario, source) = super::replay::robot(&capture, &args.file, given)?;
             let mut case = Case::of(stem, &recorded, &scenario, &source)?;
             let is_own = |section: &Section| section.is_of_own_program();
-            case.is_foreign = !capture.sections.iter().all(is_own);
+            case.is_foreign |= !capture.sections.iter().all(is_own);
             (case, source)
         }
     };

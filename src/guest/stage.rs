@@ -79,6 +79,8 @@ pub(super) struct Stage {
     slots: Vec<Slot>,
     has_delivered: bool,
     next_look: Instant,
+    /// The rig's time when the ports were looked at last.
+    observed_at: Instant,
     /// The pipe for what the program says: device and number.
     pub(super) mouth: (u64, u64),
 }
@@ -125,6 +127,7 @@ impl Stage {
             is_frozen: false,
             has_delivered: false,
             next_look: Instant::ZERO,
+            observed_at: Instant::ZERO,
             mouth,
         }
     }
@@ -232,6 +235,10 @@ impl Stage {
                 turned.push(port);
             }
         }
+        if !turned.is_empty() {
+            // Whoever opens and goes at once was there all the same.
+            self.observe();
+        }
         // A serial port raises its lines when it is opened, and lowers them when it is closed.
         for port in turned {
             let lines = if self.slots[port].is_open { OUTPUTS } else { 0 };
@@ -247,17 +254,22 @@ impl Stage {
 
     /// Looks at what the program does with its ports.
     pub(super) fn look(&mut self) {
+        self.observe();
+        let waited = self.now - Instant::ZERO;
+        if self.begun.is_none() && self.readiness.is_ready(&self.ports, waited) {
+            self.begun = Some(self.now);
+        }
+    }
+
+    fn observe(&mut self) {
         let rig_now = self.run.rig.now();
         let on_time = match self.begun {
-            Some(_) => LOOK_EVERY,
+            // As often as it is looked, but for a port that is opened in between.
+            Some(_) => rig_now - core::mem::replace(&mut self.observed_at, rig_now),
             None => Duration::ZERO,
         };
         for sign in self.realtime.signs() {
             self.ports.observe(rig_now, on_time, &sign);
-        }
-        let waited = self.now - Instant::ZERO;
-        if self.begun.is_none() && self.readiness.is_ready(&self.ports, waited) {
-            self.begun = Some(self.now);
         }
     }
 

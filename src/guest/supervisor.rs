@@ -343,9 +343,7 @@ impl Supervisor {
             }
             self.note_other(pid, status);
             // The end of another thread of its process may have been its own.
-            if !self.threads.contains_key(&tid) {
-                return None;
-            }
+            self.threads.get(&tid)?;
         }
     }
 

@@ -13,8 +13,8 @@ use crate::rig::LinkKind;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ResetSpec {
-    /// The host's DTR goes on, as with an Arduino: the link `NAME-dtr`, a byte a level. Each opening
-    /// of the port does that.
+    /// The host's DTR goes on, as with an Arduino: the link `NAME-dtr`, a byte a level. Each
+    /// opening of the port does that.
     Dtr,
     /// The same with RTS, as behind some adapter cables: the link `NAME-rts`.
     Rts,
@@ -22,8 +22,8 @@ pub enum ResetSpec {
     Break,
 }
 
-/// Modem lines that a board sets, each with the name of the value that the line follows: on while it
-/// is not 0.
+/// Modem lines that a board sets, each with the name of the value that the line follows: on while
+/// it is not 0.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RaisesSpec {

@@ -40,8 +40,8 @@ pub struct RegistersSpec {
     /// Silence of the master after which values become safe; never if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub watchdog: Option<Span>,
-    /// What starts its board anew: `dtr` as with an Arduino, `rts` or `break`; nothing if not given.
-    /// It has forgotten all then, and hears nothing until it is up.
+    /// What starts its board anew: `dtr` as with an Arduino, `rts` or `break`; nothing if not
+    /// given. It has forgotten all then, and hears nothing until it is up.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub resets_on: Option<ResetSpec>,
     /// From a reset until it hears again; 1.6 s, an Arduino Uno's, if not given.
@@ -196,8 +196,8 @@ pub struct TextSpec {
     /// A line that it says when it has started anew; nothing if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub greeting: Option<String>,
-    /// What starts its board anew: `dtr` as with an Arduino, `rts` or `break`; nothing if not given.
-    /// It has forgotten all then, and hears nothing until it is up.
+    /// What starts its board anew: `dtr` as with an Arduino, `rts` or `break`; nothing if not
+    /// given. It has forgotten all then, and hears nothing until it is up.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub resets_on: Option<ResetSpec>,
     /// From a reset until it hears again; 1.6 s, an Arduino Uno's, if not given.

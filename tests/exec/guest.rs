@@ -311,7 +311,9 @@ fn a_call_that_is_not_handled_is_named_once() {
     let program = format!("import ctypes\n{program}");
     let files = [("program.py", program.as_str())];
     let ended = run("unhandled", "exec python3 program.py", &files, &[]);
-    let named = ended.said.matches("leaves virtual time: io_uring is not there");
+    let named = ended
+        .said
+        .matches("leaves virtual time: io_uring is not there");
     assert_eq!(named.count(), 1, "{}", ended.said);
 }
 
@@ -405,4 +407,37 @@ time.sleep(60)
         "ends True",
     ];
     assert_eq!(said, wanted, "{}", ended.said);
+}
+
+/// A capture of a program is played to it again, and as a case: the same bytes each time. One that
+/// says nothing is told apart.
+#[test]
+fn a_capture_and_a_case_of_it_are_played_in_virtual_time() {
+    let program = "exec 3<> \"$HILRIG_PORT_SONAR\"\n\
+        while read -r line <&3; do case $line in mm*) printf 'ping\\r\\n' >&3 ;; esac; done\n";
+    let files = [("program.sh", program)];
+    let ended = run("played", "exec sh program.sh", &files, &[]);
+    assert_eq!(ended.failed(), Vec::<&str>::new(), "{}", ended.said);
+    let again = |words: &[&str], exec: &str| {
+        let mut again = Command::new(env!("CARGO_BIN_EXE_hilrig"));
+        let again = again.current_dir(folder("played")).args(words);
+        let output = again.args(["--exec", exec, "--virtual"]).output();
+        let output = output.expect("the binary is built");
+        let said = String::from_utf8_lossy(&output.stdout).into_owned();
+        (output.status.code(), said)
+    };
+    let replay = ["replay", "out/capture.pcapng", "--expect"];
+    let (code, said) = again(&replay, "exec sh program.sh");
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("no divergence"), "{said}");
+    assert_eq!(said, again(&replay, "exec sh program.sh").1);
+    let from = ["case", "from", "out/capture.pcapng", "-o", "case.toml"];
+    let (code, said) = again(&from, "exec sh program.sh");
+    assert_eq!(code, Some(0), "{said}");
+    let (code, said) = again(&["run", "case.toml"], "exec sh program.sh");
+    assert_eq!(code, Some(0), "{said}");
+    let silent = "exec 3<> \"$HILRIG_PORT_SONAR\"; cat <&3 > /dev/null";
+    let (code, said) = again(&["run", "case.toml"], silent);
+    assert_eq!(code, Some(1), "{said}");
+    assert!(said.contains("same-outputs"), "{said}");
 }

@@ -95,12 +95,7 @@ pub(crate) fn folder(name: &str) -> PathBuf {
 
 /// `hilrig run --exec COMMAND` in a fresh folder with these files, among them `sonar.toml`.
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
-pub(crate) fn run_in(
-    folder: &Path,
-    files: &[(&str, &str)],
-    command: &str,
-    more: &[&str],
-) -> Ended {
+pub(crate) fn run_in(folder: &Path, files: &[(&str, &str)], command: &str, more: &[&str]) -> Ended {
     let _ = fs::remove_dir_all(folder);
     fs::create_dir_all(folder).expect("a fresh folder");
     for (file, text) in files {

@@ -226,8 +226,8 @@ fn random_bytes_do_not_harm_the_slave() {
     assert!(slave.pending.len() <= QUEUE_MAX && slave.output.len() < 1_000);
 }
 
-/// Register 1 held 7 (frame 07 01 in a write of one byte); after a break it is 0 again, and a request
-/// while the board starts is not heard.
+/// Register 1 held 7; after a break it is 0 again, and a request while the board starts is not
+/// heard.
 #[test]
 fn a_break_starts_the_board_anew() {
     let mut slave = Registers::new(RegistersConfig {
@@ -251,7 +251,11 @@ fn a_break_starts_the_board_anew() {
         frame(Frame::read(1, 1, order)),
     );
     asked(&mut slave, 10, &write);
-    assert_eq!(asked(&mut slave, 50, &read), write, "it holds what it was told");
+    assert_eq!(
+        asked(&mut slave, 50, &read),
+        write,
+        "it holds what it was told"
+    );
     slave.line_event(Registers::BUS, Instant::from_millis(100), LineEvent::Break);
     assert_eq!(asked(&mut slave, 390, &read), [0_u8; 0]);
     let forgotten = frame(Frame::write(1, &[0], order));

@@ -192,7 +192,8 @@ fn on_board(resets_on: ResetOn) -> Text {
     .expect("sound")
 }
 
-/// The capacitor lets the edge through, not the level: DTR that stays on, or goes off, does nothing.
+/// The capacitor lets the edge through, not the level: DTR that stays on, or goes off, does
+/// nothing.
 /// 1.6 s after the edge at 100 ms the board greets, has forgotten its speed, and hears again.
 #[test]
 fn a_rising_dtr_starts_the_board_anew() {

@@ -2,11 +2,39 @@
 
 use protocols::Instant;
 
-use super::{Case, Expectation, Judgement, is_silent};
-use crate::capture::replay::Played;
+use super::{Case, Expectation, Judgement, LinkBytes, VERSION, is_silent, talks};
+use crate::TOOL;
+use crate::capture::replay::{Played, Recorded};
 use crate::run::check::Check;
+use crate::scenario::Scenario;
 
 impl Case {
+    /// A case of a robot that has no program of its own: all that can be asked is what somebody's
+    /// program says at its ports.
+    pub(super) fn of_outsider(name: &str, recorded: &Recorded, scenario: &Scenario) -> Self {
+        let links = recorded.links.iter();
+        let links = links.filter(|link| !link.arrivals.is_empty());
+        let talking = links.clone().filter(|link| talks(&link.sent));
+        let talks: Vec<String> = talking.clone().map(|link| link.link.clone()).collect();
+        let mut talking = talking;
+        let fell_silent = talking.any(|link| is_silent(&link.sent, recorded.end));
+        Self {
+            case: VERSION,
+            name: name.to_owned(),
+            description: String::new(),
+            tool: format!("{TOOL} {}", env!("CARGO_PKG_VERSION")),
+            end_ns: recorded.end.as_nanos(),
+            is_foreign: true,
+            expect: Expectation {
+                same_outputs: !fell_silent,
+                talks,
+                ..Expectation::default()
+            },
+            link: links.map(LinkBytes::of).collect(),
+            scenario: Some(scenario.clone()),
+        }
+    }
+
     /// Judges what a program in a process of its own said, up to `end`; `own` are the verdicts on
     /// the program itself. What no port tells is named in the second value: rules of devices and
     /// checks of the robot, neither of which is there.

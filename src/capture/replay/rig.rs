@@ -34,20 +34,35 @@ pub struct StandIn {
 pub struct Ear {
     expected: Vec<(String, Track)>,
     sent: Rc<RefCell<Vec<Track>>>,
+    end: Instant,
 }
 
 impl Ear {
-    /// What was heard so far.
+    /// What was heard so far. Behind the end of the capture only what it says is still listened to:
+    /// of what came later it says nothing.
     pub fn played(&self) -> Vec<Played> {
         let sent = self.sent.borrow();
         let both = self.expected.iter().zip(sent.iter());
         let played = both.map(|((link, expected), got)| Played {
             link: link.clone(),
             expected: expected.clone(),
-            got: got.clone(),
+            got: until(got, self.end, expected.bytes().len()),
         });
         played.collect()
     }
+}
+
+/// What of `track` is not later than `end`, or among its first `least` bytes.
+fn until(track: &Track, end: Instant, least: usize) -> Track {
+    let mut heard = Track::default();
+    for (at, bytes) in track.pieces() {
+        let room = match at <= end {
+            true => bytes.len(),
+            false => least.saturating_sub(heard.bytes().len()).min(bytes.len()),
+        };
+        heard.push(at, &bytes[..room]);
+    }
+    heard
 }
 
 impl StandIn {
@@ -94,6 +109,7 @@ impl StandIn {
             ear: Ear {
                 expected: expected.collect(),
                 sent,
+                end,
             },
         })
     }
@@ -139,6 +155,12 @@ mod tests {
     use crate::capture::replay::Arrival;
     use crate::rig::Paced as _;
 
+    fn said(text: &str) -> Track {
+        let mut track = Track::default();
+        track.push(Instant::from_millis(12), text.as_bytes());
+        track
+    }
+
     /// Two arrivals reach the program's end at their nanosecond, and what it says is kept with its
     /// time: two bytes at 9600 baud take 2 x 1,041,666 ns.
     #[test]
@@ -150,9 +172,11 @@ mod tests {
         let passage = Passage {
             link: "sonar".to_owned(),
             baud: 9600,
+            sent: said("hi"),
             arrivals: vec![arrival(10, b"mm"), arrival(20, b"=7")],
             ..Passage::default()
         };
+        // It ends while the program speaks: of the rest of that it says nothing.
         let made = StandIn::new(&[&passage], Instant::from_millis(20));
         let StandIn {
             mut run,
@@ -165,9 +189,15 @@ mod tests {
         run.go_on_until(Instant::from_millis(10));
         assert_eq!(run.rig.take_output(node), b"mm"[..]);
         run.rig.inject(node, b"hi");
+        run.go_on_until(Instant::from_millis(19));
+        run.rig.inject(node, b"and more");
         run.run_until(Instant::from_secs(5));
         assert_eq!(run.rig.take_output(node), b"=7"[..]);
-        assert_eq!(run.rig.now(), Instant::from_millis(1_020), "then it is over");
+        assert_eq!(
+            run.rig.now(),
+            Instant::from_millis(1_020),
+            "then it is over"
+        );
         let [heard] = &ear.played()[..] else {
             panic!("one link");
         };

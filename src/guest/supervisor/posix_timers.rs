@@ -1,8 +1,8 @@
 //! timer_create and its like: timers of a process that send a signal when their virtual time has
 //! come.
 //!
-//! Signals up to 31 are sent by the kernel. Those beyond can only be waited for (sigwaitinfo), which
-//! is how the C library runs its timers that call a function in a thread of its own.
+//! Signals up to 31 are sent by the kernel. Those beyond can only be waited for (sigwaitinfo),
+//! which is how the C library runs its timers that call a function in a thread of its own.
 
 use core::time::Duration;
 

@@ -1,5 +1,5 @@
-//! Files from which signals are read (signalfd): what is pending for their owner the kernel shows to
-//! nobody else, so the supervisor looks itself.
+//! Files from which signals are read (signalfd): what is pending for their owner the kernel shows
+//! to nobody else, so the supervisor looks itself.
 
 use std::fs::read_to_string;
 
@@ -39,11 +39,7 @@ impl Supervisor {
     }
 
     /// What an epoll set says of such files in it: flags and the program's own data.
-    pub(super) fn epoll_signals(
-        &mut self,
-        tid: i32,
-        set: u64,
-    ) -> Result<Vec<(u32, u64)>, Errno> {
+    pub(super) fn epoll_signals(&mut self, tid: i32, set: u64) -> Result<Vec<(u32, u64)>, Errno> {
         if !self.has_signal_files {
             return Ok(Vec::new());
         }
@@ -51,7 +47,7 @@ impl Supervisor {
         let info = read_to_string(format!("/proc/{process}/fdinfo/{}", low_i32(set)));
         let info = info.map_err(|_| Errno::EBADF)?;
         let mut found = Vec::new();
-        // "tfd:        5 events:       19 data:                5  pos:0 ..": all but the first in hex.
+        // "tfd:        5 events:       19 data:                5 ..": all but the first in hex.
         for line in info.lines() {
             let mut words = line.split_ascii_whitespace();
             if words.next() != Some("tfd:") {
