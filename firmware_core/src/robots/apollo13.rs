@@ -19,6 +19,8 @@ pub mod pilot;
 #[cfg(feature = "host")]
 mod program;
 pub mod steering;
+#[cfg(feature = "host")]
+pub mod survey;
 pub mod wall;
 pub mod witness;
 

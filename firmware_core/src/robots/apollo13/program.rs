@@ -9,6 +9,7 @@
 //! | [`REMOTE`](Apollo13::REMOTE) | Open Sound Control of the phone, packets, in |
 
 mod inspect;
+mod mapping;
 mod passing;
 mod search;
 mod senses;
@@ -30,6 +31,7 @@ use super::gyro_odometry::{self, GyroOdometry};
 use super::odometer_watch::OdometerWatch;
 use super::pilot::Pilot;
 use super::steering;
+use super::survey::Survey;
 use super::wall::{Gains, Side, WallDistance};
 use super::witness::Witness;
 use crate::ackermann::CarPose;
@@ -139,6 +141,8 @@ pub struct Apollo13 {
     /// Where the odometry's origin lies on the map.
     origin: CarPose,
     floor: Floor,
+    /// The map under way, from when mapping is ordered until something else is.
+    survey: Option<Survey>,
     pilot: Pilot,
     gates: Gates,
     passage: Option<Passage>,
@@ -184,7 +188,7 @@ impl Apollo13 {
     pub fn new(config: Config) -> Self {
         let defects = config.defects;
         let floor = Floor::new(config.floor.clone(), INFLATION);
-        let localiser = floor.is_known().then(|| localiser(&config));
+        let localiser = floor.is_known().then(|| localiser(&config, config.start));
         let outline = Outline::rectangle(0.359 + ROOM_M, 0.101 + ROOM_M, 0.165 + ROOM_M);
         let rules = match defects.gates_as_fielded {
             true => gates::Settings::fielded(),
@@ -209,6 +213,7 @@ impl Apollo13 {
             localiser,
             origin: config.start,
             floor,
+            survey: None,
             pilot: Pilot::new(PrimitiveSet::car(), &outline, follower::Settings::default()),
             gates: Gates::new(rules),
             passage: None,
@@ -243,8 +248,12 @@ impl Apollo13 {
         self.pilot.set_goal(goal);
     }
 
-    /// Somebody says where the car is.
+    /// Somebody says where the car is; while it draws a map, it knows better.
     pub fn set_pose(&mut self, pose: CarPose) {
+        // A map under way is drawn where the car found itself to be.
+        if self.survey.is_some() {
+            return;
+        }
         if let Some(localiser) = &mut self.localiser {
             localiser.place(pose, [0.3, 0.3, 0.17]);
         }
@@ -304,8 +313,10 @@ impl Apollo13 {
     /// What the planner wants: to pass gates, to get to the goal, or along the wall.
     fn planned(&mut self) -> Option<Drive> {
         let pose = self.pose();
+        self.begin_or_end_mapping(pose);
         match self.arbiter.mode() {
             Mode::Gates => self.choose_gate(pose),
+            Mode::Mapping => self.explore(pose),
             Mode::Autonomous => {}
             _ => return None,
         }
@@ -322,6 +333,7 @@ impl Apollo13 {
                 let (floor, now) = (&mut self.floor, self.now);
                 self.pilot.drive(now, pose, || floor.costs(now))?
             }
+            false if self.survey.is_some() => return None,
             false if self.hears_wall() => [0.22, self.wall_angle_rad],
             false if self.wall.is_some() => return Some(Drive::STOP),
             false => return None,
@@ -401,7 +413,7 @@ const NOISE: Noise = Noise {
     way_by_turn: 0.04,
 };
 
-fn localiser(config: &Config) -> Localiser {
+fn localiser(config: &Config, start: CarPose) -> Localiser {
     let floor = &config.floor;
     let field = LikelihoodField::new(
         floor.width,
@@ -416,7 +428,7 @@ fn localiser(config: &Config) -> Localiser {
         noise: NOISE,
         ..ParticleSettings::default()
     };
-    Localiser::new(field, settings, camera, config.start, sigma, config.seed)
+    Localiser::new(field, settings, camera, start, sigma, config.seed)
 }
 
 impl Master for Apollo13 {

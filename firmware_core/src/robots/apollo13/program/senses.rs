@@ -217,6 +217,9 @@ impl Apollo13 {
     fn take_sight(&mut self) {
         self.counters.scans += 1;
         self.sight.put_points(CAMERA_AHEAD_M, &mut self.scan);
+        if self.survey.is_some() {
+            return self.survey_sight();
+        }
         let at = self.odometry.pose();
         let is_due = |localiser: &Localiser| localiser.is_due(at);
         let is_new = self.localiser.as_ref().is_some_and(is_due);
@@ -257,7 +260,7 @@ impl Apollo13 {
     }
 
     /// What is nearer than the camera sees is no open floor.
-    fn is_open_ahead(&self) -> bool {
+    pub(super) fn is_open_ahead(&self) -> bool {
         self.ultrasound_m[0].is_none_or(|range_m| range_m > OPEN_M)
     }
 
