@@ -185,6 +185,14 @@ mod tests {
             (arbiter.mode(), arbiter.decide(at(60), Some(PLANNED))),
             (Mode::Gates, PLANNED)
         );
+        arbiter.hear(at(50), "/modes/follow_aruco", 0.0);
+        arbiter.hear(at(50), "/modes/mapping", 1.0);
+        assert_eq!(
+            (arbiter.mode(), arbiter.decide(at(60), Some(PLANNED))),
+            (Mode::Mapping, PLANNED)
+        );
+        arbiter.hear(at(60), "/modes/follow_aruco", 1.0);
+        assert_eq!(arbiter.mode(), Mode::Contradiction);
         assert!(!arbiter.hear(at(60), "/1/horn", 1.0));
     }
 

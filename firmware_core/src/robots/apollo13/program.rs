@@ -30,6 +30,7 @@ use super::gates::{self, Gates, Passage};
 use super::gyro_odometry::{self, GyroOdometry};
 use super::odometer_watch::OdometerWatch;
 use super::pilot::Pilot;
+use super::raw_lines::RawLines;
 use super::steering;
 use super::survey::Survey;
 use super::wall::{Gains, Side, WallDistance};
@@ -82,8 +83,8 @@ pub struct Config {
     pub start: CarPose,
     /// The map that it has; without one it drives by odometry and cannot plan.
     pub floor: FloorPlan,
-    /// What the odometer's lines mean.
-    pub dialect: odometer::Dialect,
+    /// What the odometer's lines mean; `None`: those of the later sketch, [`odometer::Raw`].
+    pub dialect: Option<odometer::Dialect>,
     /// The wall that is followed in autonomous driving without a goal, and the distance, metres.
     pub wall: Option<(Side, f64)>,
     /// Of the localisation's dice.
@@ -97,7 +98,7 @@ impl Default for Config {
         Self {
             start: CarPose::default(),
             floor: FloorPlan::default(),
-            dialect: odometer::Dialect::Fixed,
+            dialect: Some(odometer::Dialect::Fixed),
             wall: None,
             seed: 0,
             defects: Defects::default(),
@@ -127,6 +128,7 @@ pub struct Apollo13 {
     config: Config,
     board: Board,
     lines: odometer::Decoder,
+    raw_lines: RawLines,
     arbiter: Arbiter,
     odometry: GyroOdometry,
     watch: OdometerWatch,
@@ -143,6 +145,8 @@ pub struct Apollo13 {
     floor: Floor,
     /// The map under way, from when mapping is ordered until something else is.
     survey: Option<Survey>,
+    /// When a place to look from was chosen last.
+    chosen: Option<Instant>,
     pilot: Pilot,
     gates: Gates,
     passage: Option<Passage>,
@@ -203,6 +207,7 @@ impl Apollo13 {
                 false => Board::Sound(car_board::Decoder::default()),
             },
             lines: odometer::Decoder::default(),
+            raw_lines: RawLines::default(),
             arbiter: Arbiter::new(defects.arbiter),
             at_line: (odometry.clone(), CarPose::default()),
             odometry,
@@ -214,6 +219,7 @@ impl Apollo13 {
             origin: config.start,
             floor,
             survey: None,
+            chosen: None,
             pilot: Pilot::new(PrimitiveSet::car(), &outline, follower::Settings::default()),
             gates: Gates::new(rules),
             passage: None,

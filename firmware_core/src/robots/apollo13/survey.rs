@@ -41,8 +41,29 @@ const SURE: i8 = 2;
 const COUNT_MAX: i8 = 10;
 /// Cells around what is known that a plan has.
 const MARGIN: usize = 12;
+/// An edge so near the way that the car came is a corner that its camera turned away from, metres: it
+/// would have to turn round in a corridor to look there.
+const BESIDE_M: f64 = 0.9;
+/// From one place of the track to the next, metres.
+const TRACK_M: f64 = 0.2;
+/// Less from one scan to the next is a car that stands, metres; of one, so many are drawn first.
+const REST_M: f64 = 0.000_5;
+const SCANS_AT_REST: u32 = 10;
 /// Scans before there is a map to drive by.
 const SCANS_MIN: u32 = 5;
+
+/// Where to go next.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Choice {
+    /// Where the car was sent last.
+    Stay,
+    /// To this pose, with this heading.
+    Look(CarPose),
+    /// The same once more, with any heading.
+    Go(CarPose),
+    /// Nowhere: there is nothing left, and that stays so.
+    Done,
+}
 
 /// The map under way.
 #[derive(Clone, Debug)]
@@ -60,6 +81,10 @@ pub struct Survey {
     odometry: Option<CarPose>,
     drawn: Option<Instant>,
     scans: u32,
+    /// Where the camera came by, each [`TRACK_M`].
+    track: Vec<CarPose>,
+    /// The edge that the car was sent to last.
+    edge: Option<[f64; 2]>,
     tried: Tried,
     is_complete: bool,
 }
@@ -79,6 +104,8 @@ impl Survey {
             odometry: None,
             drawn: None,
             scans: 0,
+            track: Vec::new(),
+            edge: None,
             tried: Tried::default(),
             is_complete: false,
         }
@@ -101,9 +128,18 @@ impl Survey {
         self.drawn = Some(now);
         self.scans = self.scans.saturating_add(1);
         let seen = beams.iter().map(|beam| [beam.bearing_rad, beam.range_m]);
+        // A car cannot turn where it stands.
+        let is_at_rest = libm::hypot(motion.ahead_m, motion.left_m) < REST_M;
+        if is_at_rest && self.scans > SCANS_AT_REST {
+            return self.tracker.rest(motion);
+        }
         let camera = self.tracker.track(motion, seen);
         if self.tracker.is_fitting() {
             self.look(camera, beams);
+        }
+        let last = self.track.last();
+        if last.is_none_or(|last| last.distance_m(camera) >= TRACK_M) {
+            self.track.push(camera);
         }
         camera
     }
@@ -149,24 +185,39 @@ impl Survey {
         }
     }
 
-    /// Where to go next to see more, from `pose` on a floor that costs `costs`; `None` when there
-    /// is nothing left, which then stays so. `is_free` says whether the car can be somewhere.
+    /// Where to go next to see more, from `pose` on a floor that costs `costs`. `is_under_way`: it
+    /// still goes where it was sent last. `is_free` says whether the car can be somewhere.
     pub fn next(
         &mut self,
         costs: &Costmap,
         pose: CarPose,
+        is_under_way: bool,
         is_free: impl Fn(CarPose) -> bool,
-    ) -> Option<CarPose> {
-        if self.scans < SCANS_MIN || self.is_complete {
-            return None;
+    ) -> Choice {
+        if self.scans < SCANS_MIN {
+            return Choice::Stay;
         }
-        let goal = edges::next(self, costs, pose, is_free);
-        let (goal, tried) = goal.unzip();
-        match tried {
-            Some(place) => self.tried.add(place),
-            None => self.is_complete = true,
+        if self.is_complete {
+            return Choice::Done;
         }
-        goal
+        let Some((goal, place)) = edges::next(self, costs, pose, is_free) else {
+            self.is_complete = true;
+            return Choice::Done;
+        };
+        let before = self.edge.replace(place);
+        if is_under_way && before.is_some_and(|before| edges::are_same(before, place)) {
+            return Choice::Stay;
+        }
+        match self.tried.add(place) {
+            true => Choice::Look(goal),
+            false => Choice::Go(goal),
+        }
+    }
+
+    /// Whether the camera came by so near that what it has not seen there lies beside it.
+    fn is_beside(&self, [x_m, y_m]: [f64; 2]) -> bool {
+        let mut track = self.track.iter();
+        track.any(|at| libm::hypot(at.x_m - x_m, at.y_m - y_m) < BESIDE_M)
     }
 
     /// Whether the camera has passed the cell at this place, metres.

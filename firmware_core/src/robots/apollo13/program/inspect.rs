@@ -54,6 +54,7 @@ impl Inspect for Apollo13 {
         report("remote packets", counters.packets);
         report("remote bad packets", counters.bad_packets);
         report("odometer doubted", counters.doubts);
+        report("slips felt", self.raw_lines.slips());
         report("pose lost", counters.lost);
         report("plans", self.pilot.plans());
         report("obstacles too near", counters.too_near);

@@ -26,26 +26,32 @@ const SAME_M: f64 = 0.6;
 /// How often an edge is gone to before it is given up.
 const TRIES_MAX: u8 = 3;
 
+/// Whether two places are of the same edge.
+pub(super) fn are_same(one: [f64; 2], other: [f64; 2]) -> bool {
+    libm::hypot(one[0] - other[0], one[1] - other[1]) < SAME_M
+}
+
 /// Edges that the car went to, and how often.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tried(Vec<([f64; 2], u8)>);
 
 impl Tried {
     fn near(&self, place: [f64; 2]) -> Option<usize> {
-        let mut all = self.0.iter();
-        all.position(|(at, _)| libm::hypot(at[0] - place[0], at[1] - place[1]) < SAME_M)
+        self.0.iter().position(|(at, _)| are_same(*at, place))
     }
 
     fn is_given_up(&self, place: [f64; 2]) -> bool {
         self.near(place).is_some_and(|at| self.0[at].1 >= TRIES_MAX)
     }
 
-    /// The car goes to the edge at this place.
-    pub(super) fn add(&mut self, place: [f64; 2]) {
-        match self.near(place) {
+    /// The car goes to the edge at this place; whether for the first time.
+    pub(super) fn add(&mut self, place: [f64; 2]) -> bool {
+        let near = self.near(place);
+        match near {
             Some(at) => self.0[at].1 += 1,
             None => self.0.push((place, 1)),
         }
+        near.is_none()
     }
 }
 
@@ -158,7 +164,9 @@ impl Reach {
     fn edges(&self, survey: &Survey, costs: &Costmap) -> Vec<Vec<usize>> {
         let is_edge = |index: &usize| {
             let here = cell(*index, self.width);
-            survey.is_free(costs.middle_m(here))
+            let place = costs.middle_m(here);
+            survey.is_free(place)
+                && !survey.is_beside(place)
                 && AROUND[..4]
                     .iter()
                     .any(|[dx, dy]| survey.is_unknown(costs.middle_m([here[0] + dx, here[1] + dy])))

@@ -4,8 +4,8 @@
 //! it, and is a piece of a line if they lie along one, as in the normal distributions transform
 //! (Biber and Strasser, 2003). A scan is moved until its points lie on those lines, by Gauss's and
 //! Newton's method, and held by what the odometry says: along a corridor nothing else tells how far
-//! the car went. A piece is drawn for a while only: what is seen of it later, round a ring and back,
-//! is laid onto it and does not move it.
+//! the car went. A piece that is well known stays as it is: what is seen of it later, round a ring
+//! and back, is laid onto it and does not move it.
 
 use alloc::vec::Vec;
 
@@ -22,11 +22,11 @@ const SIGMA_M: [f64; 2] = [0.004, 0.001_5];
 const POINTS_MIN: f64 = 8.0;
 const WEIGHT_MIN: f64 = 0.2;
 /// Standard deviations of a line's points, metres: across it at most, along it at least.
-const ACROSS_MAX_M: f64 = 0.03;
+const ACROSS_MAX_M: f64 = 0.02;
 const ALONG_MIN_M: f64 = 0.025;
-/// So many scans a square is drawn, 16 s; and so many later, what was drawn is believed before all
-/// that is newer.
-const DRAWN_FOR: u32 = 80;
+/// At this weight a piece is known to a millimetre, and stays as it is.
+const WEIGHT_MAX: f64 = 25.0;
+/// So many scans later, one minute, what was drawn is believed before all that is newer.
 const OLD_AFTER: u32 = 300;
 /// Points of a scan that are laid onto lines at most.
 const LAID_MAX: usize = 160;
@@ -39,12 +39,21 @@ const OFF_MAX_M: [f64; 2] = [0.25, 0.12];
 /// From here on a point that is off counts less, metres.
 const HUBER_M: f64 = 0.03;
 /// Points beside each other are wrong together: what one counts for.
-const POINT: f64 = 0.05;
+const POINT: f64 = 0.15;
+/// The direction in which points lie is told by those so many places beside them, if they are no
+/// farther apart than this, metres; and part of that which may lie across the line.
+const BESIDE: usize = 8;
+const TOGETHER_M: f64 = 0.6;
+const ASKEW_MAX: f64 = 0.35;
 /// Standard deviation of the odometry: of a way and of what is added at each step, metres and
 /// radians.
-const WAY: [f64; 2] = [0.02, 0.001];
+const WAY: [f64; 2] = [0.05, 0.002];
 const SIDEWAYS: [f64; 2] = [0.01, 0.001];
-const TURN: [f64; 2] = [0.03, 0.002];
+const TURN: [f64; 2] = [0.01, 0.001_2];
+/// What of a correction of the heading is taken for the gyroscope's bias, and that at most, radians
+/// from one scan to the next.
+const BIASED: f64 = 0.03;
+const BIAS_MAX_RAD: f64 = 0.005;
 /// The scan is drawn when the camera has moved so far, metres and radians.
 const MOVED: [f64; 2] = [0.02, 0.01];
 /// Of the points that had a line near, so many must lie on it for a scan to be believed.
@@ -120,6 +129,8 @@ impl Piece {
 struct Sighting {
     at: [f64; 2],
     sigma: f64,
+    /// Where the points beside it lie along, if they belong together.
+    along: Option<[f64; 2]>,
 }
 
 /// Lines, and where the camera is among them.
@@ -135,6 +146,8 @@ pub(super) struct Tracker {
     drawn: Option<CarPose>,
     scans: u32,
     is_fitting: bool,
+    /// By how much the odometry turns by itself from one scan to the next.
+    bias_rad: f64,
 }
 
 impl Tracker {
@@ -149,7 +162,19 @@ impl Tracker {
             drawn: None,
             scans: 0,
             is_fitting: true,
+            bias_rad: 0.0,
         }
+    }
+
+    /// A car that stands: what the odometry turns is its own.
+    pub(super) fn rest(&mut self, motion: Motion) -> CarPose {
+        self.learn(motion.turn_rad - self.bias_rad);
+        self.pose
+    }
+
+    fn learn(&mut self, off_rad: f64) {
+        let bias_rad = self.bias_rad + BIASED * off_rad;
+        self.bias_rad = bias_rad.clamp(-BIAS_MAX_RAD, BIAS_MAX_RAD);
     }
 
     /// Whether the last scan lay where the lines are, as far as there were any.
@@ -166,9 +191,15 @@ impl Tracker {
     ) -> CarPose {
         self.scans = self.scans.saturating_add(1);
         let near = seen.filter(|[_, range_m]| *range_m <= REACH_M);
-        let sightings: Vec<Sighting> = near.map(sighting).collect();
+        let mut sightings: Vec<Sighting> = near.map(sighting).collect();
+        put_directions(&mut sightings);
+        let motion = Motion {
+            turn_rad: motion.turn_rad - self.bias_rad,
+            ..motion
+        };
         let told = self.pose.then(motion);
         self.pose = self.laid(told, motion, &sightings);
+        self.learn(wrapped(told.heading_rad - self.pose.heading_rad));
         if self.is_fitting && self.has_moved() {
             self.drawn = Some(self.pose);
             self.draw(&sightings);
@@ -205,8 +236,13 @@ impl Tracker {
                 if off_m.abs() > off_max_m {
                     continue;
                 }
-                on += 1.0;
                 let [nx, ny] = line.normal;
+                if let Some([x, y]) = sighting.along
+                    && (nx * (x * cos - y * sin) + ny * (x * sin + y * cos)).abs() > ASKEW_MAX
+                {
+                    continue;
+                }
+                on += 1.0;
                 let square = sighting.sigma * sighting.sigma + line_sigma * line_sigma;
                 let huber = (HUBER_M / off_m.abs()).min(1.0);
                 sum.add([nx, ny, ny * dx - nx * dy], off_m, POINT * huber / square);
@@ -273,9 +309,8 @@ impl Tracker {
             }
             let place = (*slot as usize).wrapping_sub(1);
             let relative = SIGMA_M[0] / sighting.sigma;
-            let scans = self.scans;
             let piece = self.pieces.get_mut(place);
-            if let Some(piece) = piece.filter(|piece| scans - piece.began <= DRAWN_FOR) {
+            if let Some(piece) = piece.filter(|piece| piece.weight < WEIGHT_MAX) {
                 piece.add(at, relative * relative);
             }
         }
@@ -306,6 +341,20 @@ fn sighting([bearing_rad, range_m]: [f64; 2]) -> Sighting {
     Sighting {
         at: [range_m * cos, range_m * sin],
         sigma: SIGMA_M[0] + SIGMA_M[1] * range_m * range_m,
+        along: None,
+    }
+}
+
+/// Which way the points about each one lie.
+fn put_directions(sightings: &mut [Sighting]) {
+    for at in BESIDE..sightings.len().saturating_sub(BESIDE) {
+        let [from, to] = [sightings[at - BESIDE].at, sightings[at + BESIDE].at];
+        let way = [to[0] - from[0], to[1] - from[1]];
+        let length_m = libm::hypot(way[0], way[1]);
+        // Over an edge, or among points that are too near to each other to tell.
+        if (4.0 * sightings[at].sigma..TOGETHER_M).contains(&length_m) {
+            sightings[at].along = Some(way.map(|along| along / length_m));
+        }
     }
 }
 
@@ -401,7 +450,12 @@ mod tests {
         let line = piece.line.unwrap();
         assert!((line.normal[0].abs() - sin).abs() < 0.1 && line.middle[0].abs() < 0.01);
         let mut heap = Piece::new(0);
-        (0..20).for_each(|index| heap.add([f64::from(index % 5) * 0.03, f64::from(index / 5) * 0.03], 1.0));
+        (0..20).for_each(|index| {
+            heap.add(
+                [f64::from(index % 5) * 0.03, f64::from(index / 5) * 0.03],
+                1.0,
+            )
+        });
         assert!(heap.line.is_none());
     }
 }
