@@ -1,9 +1,10 @@
 //! How many simulated seconds does one second of computing give? The whole loop of the demo: lidar,
-//! base, radio and PC, faults off, checkers on, the robot's program with its mapping; and what does
-//! writing the capture add?
+//! base, radio and PC, faults off, checkers on, the robot's program with its mapping; the same of
+//! every robot; and what does writing the capture add?
 //!
 //! Criterion prints the rate in "elements": simulated milliseconds per second; divide by 1000 for
-//! the factor over real time. One thread.
+//! the factor over real time. One thread. The rates of the robots are by processor time, so they
+//! hold on a host that is busy otherwise.
 
 use std::path::Path;
 
@@ -19,10 +20,15 @@ use rustix::time::{ClockId, clock_gettime};
 
 const CAPTURE: &str = concat!(env!("CARGO_TARGET_TMPDIR"), "/bench.pcapng");
 
-fn flat() -> Run {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/rescue-flat.toml");
+/// A run of a shipped scenario.
+fn shipped(name: &str) -> Run {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenarios/{name}.toml"));
     let (scenario, source) = Scenario::read(&path).expect("shipped");
     Run::new(scenario, &source, None).expect("can be wired")
+}
+
+fn flat() -> Run {
+    shipped("rescue-flat")
 }
 
 fn captured() -> Run {
@@ -60,6 +66,37 @@ fn reading_a_capture(criterion: &mut Criterion) {
     group.finish();
 }
 
+/// Missions of each robot. Yellow's must be 300 times as fast as real time.
+const MISSIONS: [&str; 7] = [
+    "rescue-flat",
+    "yellow-reactive",
+    "yellow-map",
+    "yellow-alike",
+    "yellow-lost-commands",
+    "apollo13-goal",
+    "apollo13-gates",
+];
+
+/// How much faster than real time is the whole loop of each robot? The fastest of some runs counts.
+fn every_robot(_: &mut Criterion) {
+    let tries = if is_measured() { 5 } else { 1 };
+    for name in MISSIONS {
+        let rate = (0..tries).map(|_| {
+            let run = shipped(name);
+            let began = cpu_time(ClockId::ThreadCPUTime);
+            let ran = run.finish().ran;
+            ran.as_secs_f64() / (cpu_time(ClockId::ThreadCPUTime) - began).as_secs_f64()
+        });
+        let rate = rate.fold(0.0, f64::max);
+        println!("{name}: {rate:.0} times real time, best of {tries}");
+    }
+}
+
+/// Whether this is no test run of the benches.
+fn is_measured() -> bool {
+    std::env::args().any(|arg| arg == "--bench")
+}
+
 /// Processor time so far, of this thread or of all.
 fn cpu_time(clock: ClockId) -> Duration {
     Duration::try_from(clock_gettime(clock)).expect("it began at zero")
@@ -70,11 +107,7 @@ fn cpu_time(clock: ClockId) -> Duration {
 /// thread is what a run waits for on a host with a processor to spare for the writer, also while
 /// it is busy otherwise; all threads are what is to be paid in the end.
 fn cost_of_capture(_: &mut Criterion) {
-    let pairs = if std::env::args().any(|arg| arg == "--bench") {
-        30
-    } else {
-        1
-    };
+    let pairs = if is_measured() { 30 } else { 1 };
     let time = |run: fn() -> Run| {
         let run = run();
         let clocks = [ClockId::ThreadCPUTime, ClockId::ProcessCPUTime];
@@ -103,5 +136,11 @@ fn cost_of_capture(_: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, whole_loop, reading_a_capture, cost_of_capture);
+criterion_group!(
+    benches,
+    whole_loop,
+    every_robot,
+    reading_a_capture,
+    cost_of_capture
+);
 criterion_main!(benches);

@@ -51,6 +51,7 @@ use crate::capture::replay::{PlaybackError, ReplayError};
 use crate::capture::tap::RecordError;
 use crate::guest::{self, GuestError};
 use crate::realtime::exec::ExecError;
+use crate::realtime::process::LINES_VERB;
 use crate::realtime::transport::TransportError;
 use crate::scenario::ScenarioError;
 use crate::search::StoreError;
@@ -234,6 +235,9 @@ pub fn main() -> ExitCode {
     }
     if first == guest::LINES_VERB {
         return guest::become_guest_with_lines(words);
+    }
+    if first == LINES_VERB {
+        return guest::become_shell_with_lines(words.next().unwrap_or_default());
     }
     let matches = Cli::command().get_matches();
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());

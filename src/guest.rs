@@ -28,6 +28,8 @@ mod memory;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod news;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod pending;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod stage;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod supervisor;
@@ -51,15 +53,19 @@ use crate::scenario::{Scenario, Source};
 
 #[cfg(not(all(target_os = "linux", target_arch = "x86_64")))]
 pub(crate) use elsewhere::{
-    LINES_VERB, Played, Trial, VERB, become_guest, become_guest_with_lines, run_with_lines,
+    LINES_VERB, Played, Trial, VERB, become_guest, become_guest_with_lines,
+    become_shell_with_lines, run_with_lines,
 };
 pub(crate) use error::GuestError;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 pub(crate) use launch::{LINES_VERB, VERB, become_guest, become_guest_with_lines};
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
-pub(crate) use lines::run_with_lines;
+pub(crate) use lines::{become_shell_with_lines, run_with_lines};
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 pub(crate) use trial::{Played, Trial};
+
+/// Whether programs can have modem lines here.
+pub(crate) const HAS_LINES: bool = cfg!(all(target_os = "linux", target_arch = "x86_64"));
 
 /// Runs `scenario` with the program from beginning to end, its ports in the first of `places` and
 /// what it says in the second, in virtual time or in real time as the program is to be; for whoever

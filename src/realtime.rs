@@ -19,6 +19,7 @@ pub mod clock;
 pub mod control;
 pub(crate) mod exec;
 pub(crate) mod held;
+pub(crate) mod inputs;
 mod lateness;
 mod place;
 pub(crate) mod process;
@@ -40,6 +41,7 @@ use crate::robots::OpenEnd;
 use crate::scenario::Scenario;
 
 use adapter::Adapter;
+use inputs::Inputs;
 pub(crate) use lateness::LATE;
 pub use lateness::Lateness;
 pub use place::{Place, Sign};
@@ -83,6 +85,8 @@ struct Port {
     baud: u32,
     adapter: Option<Adapter>,
     spread: Spread,
+    /// Modem lines that it may have to wait for.
+    inputs: Option<Inputs>,
 }
 
 /// What passed a port.
@@ -128,6 +132,7 @@ impl<C: Clock> Realtime<C> {
             is_open: false,
             adapter: None,
             spread: Spread::default(),
+            inputs: None,
         });
     }
 
@@ -142,6 +147,10 @@ impl<C: Clock> Realtime<C> {
                     link.lines.iter_mut().for_each(|line| line.piece = 1);
                 }
             }
+        }
+        let names: Vec<String> = self.names().map(str::to_owned).collect();
+        for (index, name) in names.iter().enumerate() {
+            self.ports[index].inputs = Some(Inputs::of(name, self.places()));
         }
     }
 
@@ -175,7 +184,7 @@ impl<C: Clock> Realtime<C> {
     }
 
     /// Each port and where it is.
-    pub fn places(&self) -> impl Iterator<Item = Place<'_>> {
+    pub fn places(&self) -> impl Iterator<Item = Place<'_>> + Clone {
         self.ports.iter().map(|port| Place {
             name: &port.end.name,
             path: port.transport.path(),
@@ -205,8 +214,15 @@ impl<C: Clock> Realtime<C> {
         }
         for port in &mut self.ports {
             port.carry_out(paced.rig());
+            port.hold_back(paced.rig());
         }
         Ok(())
+    }
+
+    /// The modem lines that the client of the port `index` sees, as TIOCMGET has them.
+    pub(crate) fn input_lines(&self, index: usize, rig: &Rig) -> u32 {
+        let inputs = self.ports[index].inputs;
+        inputs.map_or(0, |inputs| inputs.bits(rig))
     }
 
     /// Whether the rig has something for a client now.
@@ -297,6 +313,7 @@ impl<C: Clock> Realtime<C> {
         }
         for port in &mut self.ports {
             port.carry_out(paced.rig());
+            port.hold_back(paced.rig());
         }
         let earliest = if target < present { BREATH } else { GRAIN };
         self.wait(paced.rig(), earliest);
@@ -410,6 +427,16 @@ impl Port {
         for piece in pieces {
             self.traffic.to_client += self.transport.write(&piece) as u64;
         }
+    }
+
+    /// A client with RTS/CTS flow control sends nothing while CTS is off, as its driver would not.
+    fn hold_back(&self, rig: &mut Rig) {
+        let inputs = self.inputs;
+        let must_wait = inputs.is_some_and(|inputs| !inputs.is_clear_to_send(rig));
+        rig.hold(
+            self.end.node,
+            must_wait && self.transport.has_flow_control(),
+        );
     }
 
     /// Tells the rig and the log what happened to the port.

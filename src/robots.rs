@@ -398,7 +398,7 @@ fn add_devices(
 }
 
 /// A world without anything in it, for devices without a robot.
-fn nowhere() -> World {
+pub(crate) fn nowhere() -> World {
     let scene = Scene::new([] as [Shape; 0], Vec::new()).expect("nothing is in nobody's way");
     World::new(scene, BodyConfig::default(), WorldPose::default(), 0)
         .expect("an empty place is free")

@@ -1,6 +1,7 @@
 //! A run as data: world, robot, devices, faults, mission, expectations. One TOML file with a
 //! closed schema: a key that nobody reads is an error, not a silent wish.
 
+mod board;
 mod chassis;
 mod condition;
 pub mod device;
@@ -18,6 +19,7 @@ mod span;
 pub mod tuning;
 pub mod world;
 
+use core::num::NonZeroU32;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -29,6 +31,7 @@ pub use condition::{
     AxisCondition, BytesCondition, Condition, EventCondition, Figure, FrameCondition, MapCondition,
     Op, PoseCondition, RegisterCondition,
 };
+pub use board::{RaisesSpec, ResetSpec};
 pub use device::{
     AvrBaseSpec, DeviceSpec, Hc06Spec, MotorSpec, MountSpec, RplidarSpec, SupplySpec, TapSpec,
     TouchPanelSpec, TurnSpec, Xv11Spec,
@@ -147,6 +150,11 @@ pub struct ProgramSpec {
     /// Tells the PC of battery, errors and findings as well, where the robot's program can.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub diagnosis: bool,
+    /// Rate at which the radio is when the robot starts, bit/s, e.g. 9600 of a module as shipped: the
+    /// program, where it can, sets name, PIN and its own rate by commands before it uses it, which
+    /// takes some five seconds in which no PC may connect. If not given, the radio is ready.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub radio_baud: Option<NonZeroU32>,
     /// Figures in place of the program's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<TuningSpec>")]

@@ -3,6 +3,7 @@
 pub mod folder;
 mod meaning;
 mod metrics;
+pub(crate) mod moment;
 pub mod render;
 pub mod report;
 #[cfg(feature = "ui")]

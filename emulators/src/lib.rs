@@ -27,6 +27,7 @@
 //! | [`rng`] | named random streams from one seed |
 
 pub mod avr_base;
+pub mod board;
 pub mod camera;
 pub mod car_board;
 pub mod device;

@@ -94,6 +94,8 @@ pub(crate) struct Variables {
     told: Vec<i64>,
     /// Since when an actuator is to be told something else.
     changed_at: Option<Instant>,
+    /// Since when counters and ramps run.
+    began: Instant,
 }
 
 impl Variables {
@@ -108,6 +110,7 @@ impl Variables {
             values: known.iter().map(|variable| variable.initial).collect(),
             told: vec![0; known.len()],
             changed_at: None,
+            began: Instant::ZERO,
             known,
         };
         variables.note_change(Instant::ZERO);
@@ -179,7 +182,7 @@ impl Variables {
 
     /// What a master reads at `now`.
     pub(crate) fn read(&self, index: usize, now: Instant, world: &World) -> i64 {
-        let elapsed = (now - Instant::ZERO).as_nanos();
+        let elapsed = (now - self.began).as_nanos();
         match &self.known[index].source {
             ValueSource::Stored => self.values[index],
             ValueSource::Counter { period } => {
@@ -217,6 +220,14 @@ impl Variables {
         self.values[index] = value.clamp(least, greatest);
         self.note_change(at);
         self.values[index] == value
+    }
+
+    /// All is as at the start again.
+    pub(crate) fn restart(&mut self, at: Instant) {
+        let initial = self.known.iter().map(|variable| variable.initial);
+        self.values = initial.collect();
+        self.began = at;
+        self.note_change(at);
     }
 
     /// The master is silent: whether any value changed by it.

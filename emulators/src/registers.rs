@@ -15,8 +15,9 @@ use std::collections::VecDeque;
 use core::time::Duration;
 
 use protocols::avr::{self, ChecksumOrder, ERROR_REGISTER, Frame};
-use protocols::{Decode, FrameError, Instant, LineConfig, Port};
+use protocols::{Decode, FrameError, Instant, LineConfig, LineEvent, Port};
 
+use crate::board::{Board, BoardConfig, PIN_LINE, RESET_PIN};
 use crate::device::{Device, Event, EventKind, byte_end, earliest, take};
 use crate::event_log::EventLog;
 use crate::quantity::{Variable, VariableError, Variables, Wanted, Watchdog};
@@ -108,6 +109,8 @@ pub struct RegistersConfig {
     pub watchdog: Option<Duration>,
     /// The table.
     pub registers: Vec<Register>,
+    /// The board that it sits on.
+    pub board: BoardConfig,
 }
 
 /// Requests that wait at most; further ones are lost and told.
@@ -121,6 +124,7 @@ pub struct Registers {
     decoder: avr::Decoder,
     quiet_at: Option<Instant>,
     watchdog: Watchdog,
+    board: Board,
     pending: VecDeque<(Instant, Option<Frame>)>,
     output: VecDeque<u8>,
     /// When the last answer has left.
@@ -144,7 +148,12 @@ impl Registers {
         }
         let known = config.registers.iter();
         let variables = Variables::new(known.map(|r| r.variable.clone()).collect())?;
+        let board = Board::new(&config.board, &variables).map_err(|name| VariableError {
+            index: 0,
+            message: format!("there is no register \"{name}\" for a line to follow"),
+        })?;
         Ok(Self {
+            board,
             variables,
             decoder: avr::Decoder::new(config.order),
             quiet_at: None,
@@ -180,6 +189,31 @@ impl Registers {
 
     fn tell(&mut self, at: Instant, rule: &'static str, detail: impl FnOnce() -> String) {
         self.log.repeated(at, EventKind::Violation, rule, detail);
+    }
+
+    /// The board starts anew at `at`.
+    fn restart(&mut self, at: Instant, why: &str) {
+        self.decoder = avr::Decoder::new(self.config.order);
+        self.quiet_at = None;
+        self.pending.clear();
+        self.output.clear();
+        self.free_at = at;
+        self.watchdog = Watchdog::new(self.config.watchdog);
+        self.variables.restart(at);
+        let up = self.board.boots_until().unwrap_or(at);
+        let detail = format!("{why}: starts anew, hears nothing until {up} s");
+        self.log.note(at, "board-reset", detail);
+    }
+
+    /// Bytes that nobody hears, because the board is starting.
+    fn is_deaf(&mut self, now: Instant) -> bool {
+        let up = self.board.boots_until().filter(|&up| now < up);
+        if let Some(up) = up {
+            let detail = || format!("bytes that nobody hears: the board starts, until {up} s");
+            self.log
+                .repeated(now, EventKind::Note, "board-deaf", detail);
+        }
+        up.is_some()
     }
 
     /// A frame, good or bad, whose last byte ended at `at`.
@@ -332,7 +366,16 @@ impl Register {
 }
 
 impl Device for Registers {
-    fn receive(&mut self, _: Port, now: Instant, bytes: &[u8]) {
+    fn receive(&mut self, port: Port, now: Instant, bytes: &[u8]) {
+        if port == RESET_PIN {
+            if let Some(at) = self.board.pin(now, bytes) {
+                self.restart(at, "the host raises its line");
+            }
+            return;
+        }
+        if self.is_deaf(now) {
+            return;
+        }
         for (index, &byte) in bytes.iter().enumerate() {
             let at = byte_end(now, self.config.line, index, bytes.len());
             self.expire(at);
@@ -346,9 +389,23 @@ impl Device for Registers {
         }
     }
 
+    /// A UART takes a break for a NUL without a stop bit, which few programs look at.
+    fn line_event(&mut self, port: Port, now: Instant, event: LineEvent) {
+        if port != Self::BUS || event != LineEvent::Break {
+            return;
+        }
+        if self.board.is_reset_by_break(now) {
+            return self.restart(now, "a break");
+        }
+        let detail = "a break: heard as a NUL".to_owned();
+        self.log.note(now, "break", detail);
+        self.receive(port, now, &[0]);
+    }
+
     fn poll(&mut self, now: Instant, world: &mut World) {
         self.log.poll(now);
         self.expire(now);
+        self.board.poll(now, &self.variables, world);
         while let Some((due, request)) = self.pending.pop_front() {
             if due > now {
                 self.pending.push_front((due, request));
@@ -360,8 +417,11 @@ impl Device for Registers {
         self.variables.drive(now, world, &mut self.log);
     }
 
-    fn transmit(&mut self, _: Port, buf: &mut [u8]) -> usize {
-        take(&mut self.output, buf)
+    fn transmit(&mut self, port: Port, buf: &mut [u8]) -> usize {
+        match port {
+            Self::BUS => take(&mut self.output, buf),
+            pin => self.board.transmit(pin, buf),
+        }
     }
 
     fn poll_at(&self) -> Option<Instant> {
@@ -371,12 +431,16 @@ impl Device for Registers {
             self.quiet_at,
             self.watchdog.silent_at(),
             self.variables.changed_at(),
+            self.board.poll_at(),
             self.log.poll_at(),
         ])
     }
 
-    fn line_config(&self, _: Port) -> LineConfig {
-        self.config.line
+    fn line_config(&self, port: Port) -> LineConfig {
+        match port {
+            Self::BUS => self.config.line,
+            _ => PIN_LINE,
+        }
     }
 
     fn take_events(&mut self) -> Vec<Event> {

@@ -272,7 +272,15 @@ impl Device for Rplidar {
 
     /// A closed port does not end a scan: nothing tells the sensor.
     fn line_event(&mut self, port: Port, now: Instant, event: LineEvent) {
-        if port == Self::UART && event == LineEvent::FramingError && self.phase != Phase::Off {
+        if port != Self::UART || self.phase == Phase::Off {
+            return;
+        }
+        if event == LineEvent::Break {
+            // Its UART drops what has no stop bit.
+            let detail = "a break: the sensor drops it".to_owned();
+            self.log.note(now, "break", detail);
+        }
+        if event == LineEvent::FramingError {
             let detail = || "a character without stop bit: noise, or not 115200 baud".to_owned();
             let kind = EventKind::Violation;
             self.log.repeated(now, kind, "framing-error", detail);

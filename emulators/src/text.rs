@@ -13,8 +13,9 @@ use std::collections::VecDeque;
 
 use core::time::Duration;
 
-use protocols::{Instant, LineConfig, Port};
+use protocols::{Instant, LineConfig, LineEvent, Port};
 
+use crate::board::{Board, BoardConfig, PIN_LINE, RESET_PIN};
 use crate::device::{Device, Event, EventKind, earliest, take};
 use crate::event_log::EventLog;
 use crate::quantity::{Variable, VariableError, Variables, Wanted, Watchdog};
@@ -41,6 +42,10 @@ pub struct TextConfig {
     pub refused: Option<String>,
     /// Sent by itself.
     pub periodic: Option<Periodic>,
+    /// The board that it sits on.
+    pub board: BoardConfig,
+    /// Said when the board has started anew, if anything.
+    pub greeting: Option<String>,
 }
 
 /// A request and its reply.
@@ -85,6 +90,8 @@ pub struct Text {
     unknown: Option<Vec<Piece>>,
     refused: Option<Vec<Piece>>,
     periodic: Option<(Vec<Piece>, Duration)>,
+    greeting: Option<Vec<Piece>>,
+    board: Board,
     next_period: Option<Instant>,
     line: Vec<u8>,
     is_too_long: bool,
@@ -134,6 +141,11 @@ impl Text {
         };
         let unknown = line("unknown", &config.unknown)?;
         let refused = line("refused", &config.refused)?;
+        let greeting = line("greeting", &config.greeting)?;
+        let board = Board::new(&config.board, &variables);
+        let board = board.map_err(|name| {
+            TextError::Key("raises", format!("there is no variable \"{name}\""))
+        })?;
         let text = config
             .periodic
             .as_ref()
@@ -150,6 +162,8 @@ impl Text {
             commands,
             unknown,
             refused,
+            greeting,
+            board,
             line: Vec::new(),
             is_too_long: false,
             watchdog: Watchdog::new(config.watchdog),
@@ -228,6 +242,32 @@ impl Text {
             self.variables.write(at, index, value);
         }
         true
+    }
+
+    /// The board starts anew at `at`.
+    fn restart(&mut self, at: Instant, why: &str) {
+        self.line.clear();
+        self.is_too_long = false;
+        self.pending.clear();
+        self.output.clear();
+        self.watchdog = Watchdog::new(self.config.watchdog);
+        self.variables.restart(at);
+        let up = self.board.boots_until().unwrap_or(at);
+        let period = self.periodic.as_ref().map(|(_, period)| *period);
+        self.next_period = period.map(|period| up + period);
+        let detail = format!("{why}: starts anew, hears nothing until {up} s");
+        self.log.note(at, "board-reset", detail);
+    }
+
+    /// Bytes that nobody hears, because the board is starting.
+    fn is_deaf(&mut self, now: Instant) -> bool {
+        let up = self.board.boots_until().filter(|&up| now < up);
+        if let Some(up) = up {
+            let detail = || format!("bytes that nobody hears: the board starts, until {up} s");
+            self.log
+                .repeated(now, EventKind::Note, "board-deaf", detail);
+        }
+        up.is_some()
     }
 
     fn say(&mut self, line: &[Piece], now: Instant, world: &World) {
@@ -312,7 +352,16 @@ fn fields(request: &[Piece], line: &str) -> Option<Vec<(usize, i64)>> {
 }
 
 impl Device for Text {
-    fn receive(&mut self, _: Port, now: Instant, bytes: &[u8]) {
+    fn receive(&mut self, port: Port, now: Instant, bytes: &[u8]) {
+        if port == RESET_PIN {
+            if let Some(at) = self.board.pin(now, bytes) {
+                self.restart(at, "the host raises its line");
+            }
+            return;
+        }
+        if self.is_deaf(now) {
+            return;
+        }
         for &byte in bytes {
             self.line.push(byte);
             if self.line.ends_with(&self.config.terminator) {
@@ -331,8 +380,26 @@ impl Device for Text {
         }
     }
 
+    /// A UART takes a break for a NUL without a stop bit, which few programs look at.
+    fn line_event(&mut self, port: Port, now: Instant, event: LineEvent) {
+        if port != Self::UART || event != LineEvent::Break {
+            return;
+        }
+        if self.board.is_reset_by_break(now) {
+            return self.restart(now, "a break");
+        }
+        let detail = "a break: heard as a NUL".to_owned();
+        self.log.note(now, "break", detail);
+        self.receive(port, now, &[0]);
+    }
+
     fn poll(&mut self, now: Instant, world: &mut World) {
         self.log.poll(now);
+        if self.board.poll(now, &self.variables, world)
+            && let Some(greeting) = self.greeting.clone()
+        {
+            self.say(&greeting, now, world);
+        }
         while let Some((due, reply)) = self.pending.pop_front() {
             if due > now {
                 self.pending.push_front((due, reply));
@@ -351,8 +418,11 @@ impl Device for Text {
         self.variables.drive(now, world, &mut self.log);
     }
 
-    fn transmit(&mut self, _: Port, buf: &mut [u8]) -> usize {
-        take(&mut self.output, buf)
+    fn transmit(&mut self, port: Port, buf: &mut [u8]) -> usize {
+        match port {
+            Self::UART => take(&mut self.output, buf),
+            pin => self.board.transmit(pin, buf),
+        }
     }
 
     fn poll_at(&self) -> Option<Instant> {
@@ -362,12 +432,16 @@ impl Device for Text {
             self.next_period,
             self.watchdog.silent_at(),
             self.variables.changed_at(),
+            self.board.poll_at(),
             self.log.poll_at(),
         ])
     }
 
-    fn line_config(&self, _: Port) -> LineConfig {
-        self.config.line
+    fn line_config(&self, port: Port) -> LineConfig {
+        match port {
+            Self::UART => self.config.line,
+            _ => PIN_LINE,
+        }
     }
 
     fn take_events(&mut self) -> Vec<Event> {

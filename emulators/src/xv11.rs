@@ -111,6 +111,8 @@ pub struct Xv11 {
     garbage: Rng,
     /// Whether it was reported that the host's motor drive is not connected.
     duty_told: bool,
+    /// The host asked for no drive at all, which the rig's regulated supply obeys.
+    is_switched_off: bool,
     log: EventLog,
 }
 
@@ -140,6 +142,7 @@ impl Xv11 {
             faults: Faults::default(),
             garbage: Rng::stream(seed, &format!("{name}.garbage")),
             duty_told: false,
+            is_switched_off: false,
             log: EventLog::default(),
         };
         xv11.plan();
@@ -212,7 +215,7 @@ impl Xv11 {
         self.rotor.advance(now);
         self.rotor.dust_rpm_s = self.faults.dust_rpm_s();
         self.rotor.stuck = self.faults.has(Fault::Stuck);
-        self.rotor.unpowered = self.faults.has(Fault::Off);
+        self.rotor.unpowered = self.faults.has(Fault::Off) || self.is_switched_off;
         self.eye.dark = self.faults.has(Fault::Dark);
         self.eye.range_factor = self.faults.range_factor();
         self.plan();
@@ -227,8 +230,15 @@ impl Xv11 {
         if !matches!(self.rotor.supply, MotorSupply::Host { .. }) {
             if !self.duty_told {
                 self.duty_told = true;
-                let detail = "a motor duty arrives, but the rig feeds the motor".to_owned();
-                self.log.note(now, "motor-not-wired", detail);
+                let detail = "a motor duty arrives, but the rig feeds the motor; 0 switches it off";
+                self.log.note(now, "motor-not-wired", detail.to_owned());
+            }
+            let is_regulated = matches!(self.rotor.supply, MotorSupply::Regulated { .. });
+            self.is_switched_off = is_regulated && duty == 0;
+            if self.rotor.unpowered != (self.is_switched_off || self.faults.has(Fault::Off)) {
+                self.rotor.advance(now);
+                self.rotor.unpowered = !self.rotor.unpowered;
+                self.plan();
             }
             return;
         }

@@ -44,6 +44,7 @@ pub mod pc_link;
 pub mod pose;
 #[cfg(feature = "host")]
 pub mod prm;
+pub mod radio_setup;
 mod random;
 pub mod robots;
 pub mod scan;

@@ -5,7 +5,8 @@
 //! 256, 180 at the start (field program's lidar driver). The proportional part is ours; it damps
 //! the swing that an integral alone has with a motor that takes half a second to follow. A lidar
 //! that stays silent was stalled or restarted, so its motor is spun up afresh; a single lost packet
-//! changes nothing (the fielded program kicked the motor at each resynchronisation).
+//! changes nothing (the fielded program kicked the motor at each resynchronisation). One that stays
+//! silent all the same may have a weak drive, or a strong one: other duties are tried.
 
 use core::time::Duration;
 
@@ -18,6 +19,14 @@ pub const DUTY_MIN: u8 = 50;
 
 /// Silence after which the motor is started anew.
 const RESTART_AFTER: Duration = Duration::from_secs(1);
+/// Duties with which a lidar that stays silent is started, one after the other and again. 180 is
+/// the fielded one; with a drive of 3.3 V it gives 166 rpm, at which nothing is measured.
+const STARTS: [u8; 5] = [DUTY_START, 220, 255, 130, 80];
+/// Starts with each of them: a sensor boots, spins up and locks in less than three seconds.
+const TRIES: u16 = 3;
+/// Packets in a row, some two seconds of them, with the drive at its limit and the speed below the
+/// target, after which the drive counts as too weak.
+const WEAK_AFTER: u16 = 900;
 /// Duty per rpm of error, and per packet.
 const INTEGRAL: f32 = 1.0 / 64.0;
 /// Duty per rpm of error.
@@ -41,6 +50,9 @@ pub struct LidarMotor {
     told: Option<u8>,
     packet_at: Instant,
     good_in_a_row: u16,
+    slow_in_a_row: u16,
+    /// Starts since the last packet.
+    starts: u16,
 }
 
 impl LidarMotor {
@@ -54,6 +66,8 @@ impl LidarMotor {
             told: None,
             packet_at: Instant::ZERO,
             good_in_a_row: 0,
+            slow_in_a_row: 0,
+            starts: 0,
         }
     }
 
@@ -67,11 +81,11 @@ impl LidarMotor {
         let duty = duty as u8;
         self.duty = duty;
         self.packet_at = now;
-        self.good_in_a_row = if error.abs() <= TOLERANCE_RPM {
-            self.good_in_a_row.saturating_add(1)
-        } else {
-            0
-        };
+        self.starts = 0;
+        let count = |so_far: u16, holds: bool| if holds { so_far.saturating_add(1) } else { 0 };
+        self.good_in_a_row = count(self.good_in_a_row, error.abs() <= TOLERANCE_RPM);
+        let is_slow = duty == u8::MAX && error > TOLERANCE_RPM;
+        self.slow_in_a_row = count(self.slow_in_a_row, is_slow);
     }
 
     /// Sets the duty to that of the start, as the fielded program did whenever it lost its place in
@@ -84,9 +98,10 @@ impl LidarMotor {
     pub fn tick(&mut self, now: Instant) {
         if now - self.packet_at >= RESTART_AFTER {
             self.packet_at = now;
-            self.integral = f32::from(DUTY_START);
-            self.duty = DUTY_START;
+            self.duty = STARTS[usize::from(self.starts / TRIES) % STARTS.len()];
+            self.integral = f32::from(self.duty);
             self.good_in_a_row = 0;
+            self.starts = self.starts.wrapping_add(1);
         }
     }
 
@@ -124,10 +139,19 @@ impl LidarMotor {
     pub const fn is_stable(&self) -> bool {
         self.good_in_a_row >= STABLE_AFTER
     }
+
+    /// Whether full drive does not bring the motor near its target: too few volts, or dust.
+    pub const fn is_too_weak(&self) -> bool {
+        self.slow_in_a_row >= WEAK_AFTER
+    }
 }
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+
+    use std::vec::Vec;
+
     use super::*;
 
     fn at(packet: u32) -> Instant {
@@ -179,5 +203,36 @@ mod tests {
         assert_eq!(motor.take_duty(), Some(DUTY_MIN));
         motor.tick(motor.next_at());
         assert_eq!(motor.take_duty(), Some(DUTY_START));
+    }
+
+    /// With 3.3 V at full duty, 180 gives 166 rpm, and nothing is measured (seed report against
+    /// the sensor's reports). Each duty has three seconds; all of them come again.
+    #[test]
+    fn a_lidar_that_stays_silent_is_started_with_other_duties() {
+        let mut motor = LidarMotor::new(300.0);
+        let duties: Vec<u8> = (0..36)
+            .map(|_| {
+                motor.tick(motor.next_at());
+                motor.duty
+            })
+            .collect();
+        assert_eq!(duties[..9], [180, 180, 180, 220, 220, 220, 255, 255, 255]);
+        assert_eq!(duties[9..16], [130, 130, 130, 80, 80, 80, 180]);
+        motor.packet(at(1), 300.0);
+        motor.tick(motor.next_at());
+        assert_eq!(motor.duty, 180);
+    }
+
+    /// 1.0 rpm per duty is 255 rpm at most: said after 900 packets, not while it spins up, and not
+    /// of a motor that comes within 20 rpm.
+    #[test]
+    fn a_drive_that_is_too_weak_is_told() {
+        for (gain, is_weak) in [(1.0, true), (1.12, false)] {
+            let (mut motor, mut rpm) = (LidarMotor::new(300.0), 0.0);
+            run(&mut motor, &mut rpm, 0..900, gain);
+            assert!(!motor.is_too_weak());
+            run(&mut motor, &mut rpm, 900..3000, gain);
+            assert_eq!(motor.is_too_weak(), is_weak, "{gain}");
+        }
     }
 }

@@ -14,7 +14,7 @@ use protocols::pcui::message::{
     MapProperties, State, encode_map_properties, encode_row, encode_state, encode_waypoints,
 };
 use protocols::pcui::{self, FRAME_MAX, Frame};
-use protocols::{Decode, Instant, rle};
+use protocols::{Decode, FrameError, Instant, rle};
 
 use crate::fifo::Fifo;
 use crate::grid::Grid;
@@ -341,7 +341,12 @@ impl PcLink {
                     self.counters.received = self.counters.received.saturating_add(1);
                     return Some(frame);
                 }
-                Err(_) => self.counters.bad_frames = self.counters.bad_frames.saturating_add(1),
+                Err(error) => {
+                    self.counters.bad_frames = self.counters.bad_frames.saturating_add(1);
+                    // Who sends too much is told what there is in its place.
+                    let is_fielded = self.settings.defects.of_receiver();
+                    self.echo_is_due |= matches!(error, FrameError::Length { .. }) && !is_fielded;
+                }
             }
         }
     }

@@ -5,7 +5,8 @@
 //! ```
 //!
 //! The checksum is the plain sum of the payload bytes: neither id nor length is covered. Seed
-//! report 2015 allows 65536 bytes of payload; both fielded ends accept at most 511, and so do we.
+//! report 2015 allows 65536 bytes of payload and lists of 100 waypoints, which take 902; that is our
+//! limit. Both fielded ends accept at most 511.
 //! Free debug text may share the line.
 
 pub mod diagnosis;
@@ -21,8 +22,10 @@ use crate::{Candidate, Format, FrameError};
 pub const MAGIC: [u8; 8] = *b"PCUI_MSG";
 /// Bytes before the payload.
 pub const HEADER_LEN: usize = 17;
-/// Most payload bytes.
-pub const PAYLOAD_MAX: usize = 511;
+/// Most payload bytes: a list of 100 waypoints.
+pub const PAYLOAD_MAX: usize = 902;
+/// Most payload bytes that the fielded ends accept.
+pub const FIELDED_PAYLOAD_MAX: usize = 511;
 /// The longest frame.
 pub const FRAME_MAX: usize = HEADER_LEN + PAYLOAD_MAX;
 /// Line rate between robot and radio.
@@ -77,14 +80,14 @@ pub fn checksum(payload: &[u8]) -> u32 {
 }
 
 /// Puts the header in front of a payload that already lies in `frame[17..]`; returns the length of
-/// the whole frame. `None` if the payload is longer than 511 bytes or than the space behind it.
+/// the whole frame. `None` if the payload is longer than 902 bytes or than the space behind it.
 pub fn seal(frame: &mut [u8], id: [u8; 3], payload_len: usize) -> Option<usize> {
     if payload_len > PAYLOAD_MAX {
         return None;
     }
     let len = HEADER_LEN + payload_len;
     let sum = checksum(frame.get(HEADER_LEN..len)?);
-    let length = u16::try_from(payload_len).expect("at most 511");
+    let length = u16::try_from(payload_len).expect("at most 902");
     frame[..8].copy_from_slice(&MAGIC);
     frame[field::LENGTH].copy_from_slice(&length.to_le_bytes());
     frame[field::CHECKSUM].copy_from_slice(&sum.to_le_bytes());
@@ -112,7 +115,7 @@ impl Format for Framing {
         };
         let length = u16::from_le_bytes([header[8], header[9]]);
         if usize::from(length) > PAYLOAD_MAX {
-            let max = u32::try_from(PAYLOAD_MAX).expect("511");
+            let max = u32::try_from(PAYLOAD_MAX).expect("902");
             return Candidate::Rejected(FrameError::Length {
                 max,
                 found: u32::from(length),

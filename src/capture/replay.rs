@@ -6,6 +6,7 @@
 //! run sends the same bytes at the same time, and the devices judge it as they did then.
 
 mod ports;
+mod rig;
 mod silence;
 
 use core::cell::RefCell;
@@ -26,6 +27,7 @@ use crate::run::watch::Watchers;
 use crate::scenario::{PhasesSpec, Scenario, ScenarioError, Source};
 
 pub use ports::{Playback, PlaybackError, ReplayPace, Side as PlayedSide, Socket};
+pub use rig::{Ear, StandIn};
 pub use silence::{SILENCE_MAX, Silence, Silences};
 
 /// Why a capture cannot be replayed.

@@ -87,7 +87,6 @@ pub(super) fn run(args: CaseArgs) -> Result<Verdict, CliError> {
     if let Some(path) = &args.test {
         write(path, &test(stem, &args.out))?;
     }
-    args.program.no_virtual("case")?;
     let now = match args.program.foreign() {
         Some(foreign) if case.expect.decoder.is_empty() => {
             let out = Path::new("hilrig-out").join(stem);

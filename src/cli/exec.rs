@@ -5,7 +5,7 @@ use std::path::Path;
 
 use clap::Args;
 
-use super::CliError;
+use crate::guest::HAS_LINES;
 use crate::realtime::exec::{Foreign, ProgramEnd, Supervision};
 use crate::scenario::Span;
 
@@ -27,6 +27,10 @@ pub(super) struct ExecArgs {
     /// Ports that it must open [default: all but the optional ones]
     #[arg(long, value_name = "NAME,..", value_delimiter = ',', requires = "exec")]
     exec_needs: Vec<String>,
+    /// In real time, no modem lines on its ports: for a program that traces others itself (gdb,
+    /// strace, LeakSanitizer) or needs more rights (sudo)
+    #[arg(long, requires = "exec", conflicts_with = "is_virtual")]
+    exec_no_lines: bool,
     /// In virtual time: as fast as it can, and the same bytes each time; Linux on x86-64
     #[arg(long = "virtual", requires = "exec")]
     is_virtual: bool,
@@ -57,6 +61,7 @@ impl ExecArgs {
             wait: self.exec_wait.0,
             may_end: self.exec_may_end,
             needs: self.exec_needs.clone(),
+            has_lines: HAS_LINES && !self.exec_no_lines && !self.is_virtual,
             supervision: self.is_virtual.then_some(Supervision {
                 call_cost: self.call_cost.0,
                 spin_max: self.spin_max.0,
@@ -67,16 +72,6 @@ impl ExecArgs {
     /// Whether the program is to be in virtual time.
     pub(super) const fn is_virtual(&self) -> bool {
         self.is_virtual
-    }
-
-    /// Refuses virtual time for a command that has none yet.
-    pub(super) fn no_virtual(&self, command: &str) -> Result<(), CliError> {
-        if self.is_virtual {
-            let wrong =
-                format!("--virtual: {command} has it not: expected run, campaign or shrink");
-            return Err(CliError::Usage(wrong));
-        }
-        Ok(())
     }
 
     /// The options that say the same again, with a blank before them.
@@ -93,6 +88,9 @@ impl ExecArgs {
         }
         if !self.exec_needs.is_empty() {
             words += &format!(" --exec-needs {}", self.exec_needs.join(","));
+        }
+        if self.exec_no_lines {
+            words += " --exec-no-lines";
         }
         if self.is_virtual {
             words += " --virtual";

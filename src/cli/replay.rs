@@ -99,7 +99,6 @@ pub(super) fn run(args: ReplayArgs) -> Result<Verdict, CliError> {
     let capture = read(&args.file)?;
     let recorded = Recorded::of(&capture, args.until.map(|until| until.0));
     let recorded = shortened(&args.file, recorded);
-    args.program.no_virtual("replay")?;
     if let Some(foreign) = args.program.foreign() {
         return exec::into_foreign(&args, &foreign, &capture, &recorded);
     }
@@ -296,7 +295,32 @@ fn into_ports(args: &ReplayArgs, recorded: &Recorded) -> Result<Verdict, CliErro
         expect: args.expect,
     };
     follow(how, &mut playback, &stop, &mut |_, _| true)?;
-    Ok(report(args, &playback, &[]))
+    Ok(report(args, &Heard::of(&playback), &[]))
+}
+
+/// What was played and heard.
+struct Heard {
+    /// Time of the capture.
+    now: Instant,
+    /// Bytes sent and heard on each link.
+    counts: Vec<(String, [u64; 2])>,
+    divergence: Option<Divergence>,
+    trace_hash: Option<String>,
+}
+
+impl Heard {
+    fn of(playback: &Playback<WallClock>) -> Self {
+        let sockets = playback.sockets().iter();
+        let divergences = sockets.clone().filter_map(Socket::divergence);
+        Self {
+            now: playback.now(),
+            divergence: divergences.min_by_key(|divergence| divergence.at),
+            counts: sockets
+                .map(|socket| (socket.link().to_owned(), socket.counts()))
+                .collect(),
+            trace_hash: None,
+        }
+    }
 }
 
 /// How something is played.
@@ -347,31 +371,28 @@ fn follow(
 }
 
 /// What was played and heard, compared if that is wanted; `checks` were made of it.
-fn report(args: &ReplayArgs, playback: &Playback<WallClock>, checks: &[Check]) -> Verdict {
-    println!("played {} s", playback.now());
-    for socket in playback.sockets() {
-        let [said, heard] = socket.counts();
-        println!("  {}: {said} B sent, {heard} B came back", socket.link());
+fn report(args: &ReplayArgs, heard: &Heard, checks: &[Check]) -> Verdict {
+    println!("played {} s", heard.now);
+    for (link, [said, came]) in &heard.counts {
+        println!("  {link}: {said} B sent, {came} B came back");
     }
-    let divergences = playback.sockets().iter().filter_map(Socket::divergence);
-    let first = divergences.min_by_key(|divergence| divergence.at);
-    let first = first.filter(|_| args.expect);
-    let sum = |of: usize| -> u64 {
-        let counts = playback.sockets().iter().map(|one| one.counts()[of]);
-        counts.sum()
-    };
+    if let Some(hash) = &heard.trace_hash {
+        println!("  trace {hash}");
+    }
+    let first = heard.divergence.as_ref().filter(|_| args.expect);
+    let sum = |of: usize| -> u64 { heard.counts.iter().map(|(_, counts)| counts[of]).sum() };
     out::answer(&ReplayEnded {
-        played_s: (playback.now() - Instant::ZERO).as_secs_f64(),
+        played_s: (heard.now - Instant::ZERO).as_secs_f64(),
         bytes_sent: sum(0),
         bytes_back: sum(1),
         checks: checks.to_vec(),
-        divergence: first.as_ref().map(ToString::to_string),
-        trace_hash: None,
+        divergence: first.map(ToString::to_string),
+        trace_hash: heard.trace_hash.clone(),
     });
     if !args.expect {
         return Verdict::Pass;
     }
-    judge(first.as_ref(), "")
+    judge(first, "")
 }
 
 /// How long a client may take from its first reading to its last.

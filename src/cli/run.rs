@@ -195,7 +195,6 @@ fn one(
 
 /// Plays one case of bytes, to somebody's program if there is one.
 fn one_case(args: &RunArgs, case: &(Case, Source), stop: &Stop) -> Result<Judgement, CliError> {
-    args.program.no_virtual("a case of bytes")?;
     if let Some(foreign) = args.program.foreign() {
         let out = args.out.clone();
         let out = out.unwrap_or_else(|| PathBuf::from("hilrig-out").join(&case.0.name));

@@ -103,7 +103,7 @@ impl Wire for Pcui {
     fn frame_at(bytes: &[u8]) -> Option<usize> {
         let header = bytes.get(..17)?;
         let len = usize::from(header[8]) + 256 * usize::from(header[9]);
-        if !header.starts_with(b"PCUI_MSG") || len > 511 {
+        if !header.starts_with(b"PCUI_MSG") || len > pcui::PAYLOAD_MAX {
             return None;
         }
         let payload = bytes.get(17..17 + len)?;

@@ -133,7 +133,7 @@ impl Call {
 }
 
 /// Names of the calls that people meet in messages.
-const NAMES: [(i64, &str); 62] = [
+const NAMES: [(i64, &str); 67] = [
     (libc::SYS_read, "read"),
     (libc::SYS_write, "write"),
     (libc::SYS_readv, "readv"),
@@ -174,6 +174,11 @@ const NAMES: [(i64, &str); 62] = [
     (libc::SYS_alarm, "alarm"),
     (libc::SYS_setitimer, "setitimer"),
     (libc::SYS_timer_create, "timer_create"),
+    (libc::SYS_timer_settime, "timer_settime"),
+    (libc::SYS_timer_gettime, "timer_gettime"),
+    (libc::SYS_timer_getoverrun, "timer_getoverrun"),
+    (libc::SYS_timer_delete, "timer_delete"),
+    (libc::SYS_io_uring_setup, "io_uring_setup"),
     (libc::SYS_timerfd_create, "timerfd_create"),
     (libc::SYS_timerfd_settime, "timerfd_settime"),
     (libc::SYS_timerfd_gettime, "timerfd_gettime"),

@@ -159,6 +159,11 @@ pub(crate) fn become_guest_with_lines(_: impl IntoIterator<Item = OsString>) -> 
 }
 
 /// Refuses.
+pub(crate) fn become_shell_with_lines(_: OsString) -> ExitCode {
+    become_guest("")
+}
+
+/// Refuses.
 pub(crate) fn become_guest(_: &str) -> ExitCode {
     eprintln!("error: {}", GuestError::NotHere);
     ExitCode::from(2)

@@ -32,7 +32,7 @@ pub(crate) const VERB: &str = "__guest";
 /// The same for a program in real time that has modem lines.
 pub(crate) const LINES_VERB: &str = "__guest-lines";
 /// Requests about modem lines.
-const LINES: [u64; 8] = [
+const LINES: [u64; 10] = [
     libc::TIOCMGET,
     libc::TIOCMBIS,
     libc::TIOCMBIC,
@@ -41,14 +41,20 @@ const LINES: [u64; 8] = [
     libc::TIOCCBRK,
     libc::TCSBRK,
     libc::TCSBRKP,
+    TIOCMIWAIT,
+    TIOCGICOUNT,
 ];
+/// Requests that `libc` does not know for this system.
+pub(super) const TIOCMIWAIT: u64 = 0x545C;
+pub(super) const TIOCGICOUNT: u64 = 0x545D;
 /// Exit code of a launcher that was not allowed to be traced.
 pub(super) const NOT_TRACED: i32 = 125;
 /// Exit code of a launcher that could not put on the filter, or find the shell.
 pub(super) const NOT_LAUNCHED: i32 = 126;
+pub(super) const NOT_LAUNCHED_CODE: u8 = 126;
 
 /// The calls at which a program is stopped.
-const STOPPED: [i64; 67] = [
+const STOPPED: [i64; 69] = [
     libc::SYS_clock_gettime,
     libc::SYS_clock_getres,
     libc::SYS_clock_settime,
@@ -101,6 +107,8 @@ const STOPPED: [i64; 67] = [
     libc::SYS_timer_create,
     libc::SYS_timer_settime,
     libc::SYS_timer_gettime,
+    libc::SYS_timer_getoverrun,
+    libc::SYS_flock,
     libc::SYS_timer_delete,
     libc::SYS_signalfd,
     libc::SYS_signalfd4,
@@ -204,7 +212,13 @@ fn become_supervised(
 type Rules = BTreeMap<i64, Vec<SeccompRule>>;
 
 fn all_stopped() -> Result<Rules, seccompiler::BackendError> {
-    Ok(STOPPED.iter().map(|&number| (number, Vec::new())).collect())
+    let mut rules: Rules = STOPPED.iter().map(|&number| (number, Vec::new())).collect();
+    // Of all that this call does only the lock that is waited for.
+    let (eq, len) = (SeccompCmpOp::Eq, SeccompCmpArgLen::Dword);
+    let command = u64::from(libc::F_SETLKW.unsigned_abs());
+    let waits = SeccompCondition::new(1, len, eq, command)?;
+    rules.insert(libc::SYS_fcntl, vec![SeccompRule::new(vec![waits])?]);
+    Ok(rules)
 }
 
 fn about_lines() -> Result<Rules, seccompiler::BackendError> {

@@ -6,6 +6,8 @@
 //!                        <-answer--           <------ {"ok":true,..}
 //! ```
 
+mod waiters;
+
 use core::time::Duration;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
@@ -13,7 +15,8 @@ use std::io::{self, BufRead as _, BufReader, Write as _};
 use std::os::unix::fs::{FileTypeExt as _, MetadataExt as _};
 use std::os::unix::net::UnixStream;
 use std::path::Path;
-use std::process::Stdio;
+use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
+use std::process::{Command, ExitCode, Stdio};
 
 use nix::libc;
 use nix::sys::ptrace::{self, Options};
@@ -28,17 +31,21 @@ use super::news::{is_death, wait};
 use super::{GuestError, launch};
 use crate::realtime::control;
 use crate::realtime::exec::{PORTS_VARIABLE, port_variable};
+use crate::realtime::process::LINES_VARIABLE;
+use waiters::Waiter;
 
 /// How long the rig may take to answer; a rig that is just ending never does.
 const PATIENCE: Duration = Duration::from_secs(1);
 /// Bits of modem lines, as TIOCMGET has them, by their names in the rig's answer.
-const BITS: [(&str, u32); 5] = [
+const BITS: [(&str, u32); 6] = [
     ("dtr", 0x002),
     ("rts", 0x004),
     ("cts", 0x020),
     ("dcd", 0x040),
+    ("ri", RI),
     ("dsr", 0x100),
 ];
+const RI: u32 = 0x080;
 
 /// Runs a program and its arguments with modem lines on the ports of the rig in `dir`; its exit
 /// code as a shell has it. What it says goes to `speaks`.
@@ -54,13 +61,20 @@ pub(crate) fn run_with_lines(
         dir: dir.to_owned(),
         source,
     };
+    if std::env::var_os(LINES_VARIABLE).is_some_and(|has| Path::new(&has) == dir) {
+        return run_plain(command, speaks);
+    }
     let mut tracer = Tracer {
         rig: Some(Rig::find(dir).map_err(no_rig)?),
         ports: ports_in(dir).map_err(no_rig)?,
         lines: BTreeMap::new(),
         known: BTreeSet::new(),
+        waiters: BTreeMap::new(),
     };
-    let mut env = vec![(PORTS_VARIABLE.to_owned(), dir.into())];
+    let mut env = vec![
+        (PORTS_VARIABLE.to_owned(), dir.into()),
+        (LINES_VARIABLE.to_owned(), dir.into()),
+    ];
     for name in tracer.ports.values() {
         env.push((port_variable(name), dir.join(name).into()));
     }
@@ -70,10 +84,43 @@ pub(crate) fn run_with_lines(
     let root = launch::start_with_lines(command, &env, speaks).map_err(not_started)?;
     let root = i32::try_from(root.id()).unwrap_or_default();
     let status = tracer.follow(root)?;
-    Ok(match status & 0x7F {
+    Ok(code_of(status))
+}
+
+/// The exit code that a shell makes of the system's status.
+fn code_of(status: i32) -> u8 {
+    match status & 0x7F {
         0 => u8::try_from(status >> 8 & 0xFF).unwrap_or(1),
         signal => u8::try_from(128 + signal).unwrap_or(1),
-    })
+    }
+}
+
+/// Whoever started this process gives the program its lines already.
+fn run_plain(command: &[OsString], speaks: Stdio) -> Result<u8, GuestError> {
+    let [program, words @ ..] = command else {
+        return Ok(0);
+    };
+    let ended = Command::new(program).args(words).stdout(speaks).status();
+    let not_started =
+        |error: io::Error| GuestError::NotLaunched(format!("{}: {error}", program.display()));
+    Ok(code_of(ended.map_err(not_started)?.into_raw()))
+}
+
+/// Runs a shell command with modem lines on the ports of the rig that started this process; where a
+/// program cannot be traced it has none.
+pub(crate) fn become_shell_with_lines(command: OsString) -> ExitCode {
+    let shell: [OsString; 3] = ["/bin/sh".into(), "-c".into(), command];
+    let dir = std::env::var_os(PORTS_VARIABLE).unwrap_or_default();
+    match run_with_lines(Path::new(&dir), &shell, Stdio::inherit()) {
+        Ok(code) => ExitCode::from(code),
+        Err(_) => {
+            let _ = launch::requests_to_end().thread_unblock();
+            let [shell, words @ ..] = &shell;
+            let error = Command::new(shell).args(words).exec();
+            eprintln!("/bin/sh: {error}");
+            ExitCode::from(launch::NOT_LAUNCHED_CODE)
+        }
+    }
 }
 
 /// The ports in a directory: device numbers and names.
@@ -123,6 +170,8 @@ struct Tracer {
     lines: BTreeMap<String, u32>,
     /// Threads that have been seen.
     known: BTreeSet<i32>,
+    /// Threads that wait for a line to change.
+    waiters: BTreeMap<i32, Waiter>,
 }
 
 impl Tracer {
@@ -141,9 +190,10 @@ impl Tracer {
         ptrace::setoptions(pid, options).map_err(|_| GuestError::NotTraced)?;
         self.known.insert(root);
         let _ = ptrace::cont(pid, None);
-        while let Some((tid, status)) = wait(None, WaitOptions::empty()) {
+        while let Some((tid, status)) = self.next_news() {
             if is_death(status) {
                 self.known.remove(&tid);
+                self.waiters.remove(&tid);
                 if tid == root {
                     return Ok(status);
                 }
@@ -154,7 +204,9 @@ impl Tracer {
             let pid = Pid::from_raw(tid);
             let passed = match status >> 16 {
                 libc::PTRACE_EVENT_SECCOMP => {
-                    self.called(pid);
+                    if self.called(pid) {
+                        continue;
+                    }
                     None
                 }
                 // A thread begins with a stop that nobody sent.
@@ -167,19 +219,28 @@ impl Tracer {
         Ok(0)
     }
 
-    /// Answers a call about a line, if it is one of a port.
-    fn called(&mut self, pid: Pid) {
-        let Ok(call) = Call::of(pid) else { return };
+    /// Answers a call about a line, if it is one of a port; whether the thread has to wait.
+    fn called(&mut self, pid: Pid) -> bool {
+        let Ok(call) = Call::of(pid) else {
+            return false;
+        };
         let [fd, request, argument, ..] = call.args;
         let device = std::fs::metadata(format!("/proc/{pid}/fd/{fd}"));
         let device = device.map_or(0, |data| data.rdev());
         let Some(port) = self.ports.get(&device).cloned() else {
-            return;
+            return false;
         };
+        if request == launch::TIOCMIWAIT {
+            let lines = self.ask(&port, &json!({"do": "modem", "port": port}));
+            let waiter = Waiter::new(call, port, lines, argument);
+            self.waiters.insert(pid.as_raw(), waiter);
+            return true;
+        }
         if let Some(done) = self.change(Memory(pid), &port, request, argument) {
             let result = done.map_or_else(|errno| -i64::from(errno as i32), |()| 0);
             let _ = call.answer(pid, result);
         }
+        false
     }
 
     /// `None` if the kernel is to do it.
@@ -204,6 +265,8 @@ impl Tracer {
             libc::TIOCMBIC => wish(word(), Some(false)),
             libc::TIOCMSET => wish(word(), None),
             libc::TIOCCBRK => return Some(Ok(())),
+            // What a driver counts is not known here.
+            launch::TIOCGICOUNT => return Some(memory.write(argument, &[0; 80])),
             // With an argument it only waits until all has left.
             libc::TCSBRK if argument != 0 => return None,
             _ => Ok(json!({"do": "modem", "port": port, "break": true})),

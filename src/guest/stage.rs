@@ -13,6 +13,7 @@ use rustix::io::ioctl_fionread;
 use crate::realtime::Realtime;
 use crate::realtime::clock::{Clock as _, SimClock, WallClock};
 use crate::realtime::exec::{Ports, Readiness};
+use crate::realtime::inputs::INPUTS;
 use crate::realtime::transport::TransportError;
 use crate::rig::Paced as _;
 use crate::run::Run;
@@ -23,11 +24,10 @@ const LOOK_EVERY: Duration = Duration::from_millis(10);
 const SHOWN_MAX: u64 = 4095;
 /// Wall time within which the kernel has brought bytes from one end of a terminal to the other.
 const SETTLES: Duration = Duration::from_millis(200);
-/// Bits of modem lines, as TIOCMGET has them: DTR, RTS; CTS, DCD, DSR.
+/// Bits of modem lines, as TIOCMGET has them.
 const DTR: u32 = 0x002;
 const RTS: u32 = 0x004;
 const OUTPUTS: u32 = DTR | RTS;
-const INPUTS: u32 = 0x020 | 0x040 | 0x100;
 
 /// A port as its client sees it.
 #[derive(Clone, Copy, Debug)]
@@ -44,6 +44,22 @@ struct Slot {
     outputs: u32,
     /// The ports on which those two reach a device, a byte a level.
     pins: [Option<usize>; 2],
+    /// What the client sees of the others, and how often each changed: CTS, DSR, RI, DCD.
+    inputs: u32,
+    changes: [u32; 4],
+}
+
+impl Slot {
+    /// Of RI only the end counts, as in a 16550 and its driver.
+    fn note_inputs(&mut self, inputs: u32) {
+        let changed = core::mem::replace(&mut self.inputs, inputs) ^ inputs;
+        for (count, input) in self.changes.iter_mut().zip(INPUTS) {
+            let is_end = input.name != "ri" || inputs & input.bit == 0;
+            if changed & input.bit != 0 && is_end {
+                *count += 1;
+            }
+        }
+    }
 }
 
 /// The rig, its ports and the time.
@@ -89,9 +105,15 @@ impl Stage {
             heard: Instant::ZERO,
             is_open: false,
             outputs: 0,
+            inputs: 0,
+            changes: [0; 4],
         });
+        let mut slots: Vec<Slot> = slots.collect();
+        for (port, slot) in slots.iter_mut().enumerate() {
+            slot.inputs = realtime.input_lines(port, &run.rig);
+        }
         Self {
-            slots: slots.collect(),
+            slots,
             zero: run.rig.now(),
             is_endless: false,
             run,
@@ -195,6 +217,11 @@ impl Stage {
             if brought != slot.brought {
                 slot.brought = brought;
                 slot.heard = now;
+                has_delivered = true;
+            }
+            let inputs = self.realtime.input_lines(port, &self.run.rig);
+            if inputs != slot.inputs {
+                slot.note_inputs(inputs);
                 has_delivered = true;
             }
             if !is_open {
@@ -312,7 +339,12 @@ impl Stage {
 
     /// The modem lines of a port, as TIOCMGET has them.
     pub(super) fn modem(&self, port: usize) -> u32 {
-        self.slots[port].outputs | INPUTS
+        self.slots[port].outputs | self.slots[port].inputs
+    }
+
+    /// How often CTS, DSR, RI and DCD of a port have changed, as drivers count.
+    pub(super) fn line_changes(&self, port: usize) -> [u32; 4] {
+        self.slots[port].changes
     }
 
     /// The client sets its modem lines.

@@ -3,10 +3,15 @@
 mod clocks;
 mod death;
 mod dispatch;
+mod fifos;
 mod files;
 mod futex;
+mod locks;
+mod pipes;
 mod polls;
 mod ports;
+mod posix_timers;
+mod signal_files;
 mod signals;
 mod streams;
 mod terminals;
@@ -35,6 +40,7 @@ use super::task::{Next, On, Process, State, Thread, Wait};
 use super::trace::Calls;
 use super::watchdog::Watchdog;
 use crate::realtime::exec::Supervision;
+use fifos::Meeting;
 
 /// Calls that a thread makes in a row while others could run.
 const SLICE: u32 = 1_000;
@@ -96,6 +102,10 @@ pub(super) struct Supervisor {
     is_touched: bool,
     /// A signal may be on its way to a thread that waits.
     is_signalled: bool,
+    /// The program has made files from which it reads signals.
+    has_signal_files: bool,
+    /// Named pipes that are being opened from both sides.
+    meetings: Vec<Meeting>,
     watchdog: Watchdog,
     pub(super) calls: Calls,
     notes: Vec<String>,
@@ -141,6 +151,8 @@ impl Supervisor {
             is_changed: false,
             is_touched: false,
             is_signalled: false,
+            has_signal_files: false,
+            meetings: Vec::new(),
             watchdog: Watchdog::start(),
             notes: Vec::new(),
             root_status: None,
@@ -201,6 +213,7 @@ impl Supervisor {
         self.stage.carry()?;
         self.is_changed |= self.stage.take_delivered();
         if core::mem::take(&mut self.is_signalled) {
+            self.is_changed |= self.has_signal_files;
             self.look_for_signals();
         }
         if self.queue.is_empty() && core::mem::take(&mut self.is_changed) {
@@ -329,6 +342,10 @@ impl Supervisor {
                 return Some((pid, status));
             }
             self.note_other(pid, status);
+            // The end of another thread of its process may have been its own.
+            if !self.threads.contains_key(&tid) {
+                return None;
+            }
         }
     }
 
@@ -403,6 +420,7 @@ impl Supervisor {
             self.trouble = Some(error.into());
         }
         self.calls.count += 1;
+        self.end_meeting(tid);
         let now = self.stage.now();
         let Some(thread) = self.threads.get_mut(&tid) else {
             return Flow::Goes(None);
@@ -410,6 +428,8 @@ impl Supervisor {
         thread.call = Some(call);
         thread.entered = now;
         thread.progress = 0;
+        thread.lines_before = None;
+        thread.opens = None;
         thread.is_woken = false;
         thread.slice += 1;
         let is_tired = thread.slice >= SLICE;

@@ -95,12 +95,27 @@ pub(super) struct Thread {
     pub(super) is_at_end: bool,
     /// Bytes of the call that are done.
     pub(super) progress: usize,
+    /// The side of a named pipe that it waits to open.
+    pub(super) opens: Option<FifoSide>,
+    /// How often the lines of a port had changed when it began to wait for them.
+    pub(super) lines_before: Option<[u32; 4]>,
     pub(super) slice: u32,
     /// The thread that waits in the kernel until this one has become another program.
     pub(super) vfork_parent: Option<i32>,
 }
 
+/// One side of a named pipe: device and number of the file, and which side.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct FifoSide {
+    pub(super) file: (u64, u64),
+    pub(super) writes: bool,
+}
+
 impl Thread {
+    pub(super) const fn is_blocked(&self) -> bool {
+        matches!(self.state, State::Blocked(_))
+    }
+
     const fn wait(&self) -> Option<Wait> {
         match self.state {
             State::Blocked(wait) => Some(wait),
@@ -141,6 +156,22 @@ pub(super) struct Timer {
     pub(super) interval: u64,
 }
 
+/// A timer of timer_create.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PosixTimer {
+    pub(super) clock: i64,
+    /// The signal that it sends; 0: none.
+    pub(super) signal: i32,
+    /// What it tells whoever takes the signal.
+    pub(super) value: u64,
+    /// The thread for which the signal is.
+    pub(super) thread: Option<i32>,
+    pub(super) timer: Timer,
+    /// It has expired, and nobody has taken its signal.
+    pub(super) is_due: bool,
+    pub(super) overrun: i64,
+}
+
 /// One process.
 #[derive(Debug)]
 pub(super) struct Process {
@@ -151,6 +182,7 @@ pub(super) struct Process {
     pub(super) restarts: u64,
     pub(super) alarm: Timer,
     pub(super) timers: BTreeMap<i32, TimerFile>,
+    pub(super) posix_timers: BTreeMap<i32, PosixTimer>,
     /// All its threads are about to end.
     pub(super) is_dying: bool,
 }
@@ -159,6 +191,8 @@ impl Process {
     /// When the next of its timers expires.
     pub(super) fn next_timer(&self) -> Option<Instant> {
         let files = self.timers.values().filter_map(|file| file.timer.at);
-        files.chain(self.alarm.at).min()
+        let posix = self.posix_timers.values();
+        let posix = posix.filter_map(|timer| timer.timer.at);
+        files.chain(posix).chain(self.alarm.at).min()
     }
 }

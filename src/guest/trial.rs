@@ -23,6 +23,7 @@ use crate::realtime::clock::{Clock as _, SimClock, WallClock};
 use crate::realtime::exec::{
     ExecError, Foreign, SETTLE, Seat, add_checks, alive, childless, environment, ports_of,
 };
+use crate::realtime::process::LINES_VARIABLE;
 use crate::realtime::process::words::{Words, listen};
 use crate::realtime::process::{Ended, Farewell, Left, command_of};
 use crate::realtime::transport::{Note, PortDir};
@@ -87,7 +88,8 @@ impl Trial {
     ) -> Result<Self, GuestError> {
         dir.leave_note(Note::Scenario, &run.scenario().to_toml())?;
         let ports = ports_of(&seats, &foreign)?;
-        let env = environment(&seats, &dir, &run);
+        let mut env = environment(&seats, &dir, &run);
+        env.push((LINES_VARIABLE.to_owned(), dir.path().into()));
         let mut realtime = Realtime::new(SimClock::default());
         for seat in seats {
             realtime.serve(seat.end, seat.transport);

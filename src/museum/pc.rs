@@ -147,7 +147,7 @@ pub(super) const ROWS: [Bug; 22] = [
         place: PC_LINK,
         sees: "a payload of 512 bytes is refused though the buffer holds it",
         live: Live::Not(
-            "a wrong figure in the document: 511 is the limit of the wire, and is kept",
+            "a wrong figure in the document: 511 is the limit of the fielded ends, and is kept there",
         ),
     },
 ];

@@ -57,6 +57,8 @@ pub(crate) struct Foreign {
     pub may_end: bool,
     /// Names of the ports that it needs; none: all that are not optional.
     pub needs: Vec<String>,
+    /// Whether its ports have modem lines in real time; in virtual time they always do.
+    pub has_lines: bool,
     /// How it is put into virtual time; `None`: it runs in real time.
     pub supervision: Option<Supervision>,
 }
@@ -150,7 +152,10 @@ impl Trial {
         let scenario = run.scenario().clone();
         realtime.plug_in(&scenario, &mut run.rig);
         control.offer(realtime.places());
-        let process = Process::start(&foreign.command, &env, Some(log));
+        let process = match foreign.has_lines {
+            true => Process::start_with_lines(&foreign.command, &env, Some(log)),
+            false => Process::start(&foreign.command, &env, Some(log)),
+        };
         Ok(Self {
             process: process.map_err(ExecError::NotStarted)?,
             run,

@@ -26,6 +26,11 @@ use group::Group;
 pub(crate) use group::{Left, command_of};
 use words::{Words, listen};
 
+/// The hidden command that starts a program with modem lines on the ports in `HILRIG_DIR`.
+pub(crate) const LINES_VERB: &str = "__with";
+/// The variable that names the ports on which a program has modem lines already.
+pub(crate) const LINES_VARIABLE: &str = "HILRIG_LINES";
+
 /// How long a program may take to end once it was asked to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Patience {
@@ -135,11 +140,33 @@ impl Process {
         env: &[(String, OsString)],
         log: Option<&Path>,
     ) -> io::Result<Self> {
+        let mut shell = Command::new("sh");
+        shell.args(["-c", command]);
+        Self::start_by(shell, env, log)
+    }
+
+    /// The same, with modem lines on the ports of the rig that `env` names.
+    ///
+    /// # Errors
+    /// If it cannot be started, or the file cannot be made.
+    pub(crate) fn start_with_lines(
+        command: &str,
+        env: &[(String, OsString)],
+        log: Option<&Path>,
+    ) -> io::Result<Self> {
+        let mut supervisor = Command::new(std::env::current_exe()?);
+        supervisor.args([LINES_VERB, command]);
+        Self::start_by(supervisor, env, log)
+    }
+
+    fn start_by(
+        mut shell: Command,
+        env: &[(String, OsString)],
+        log: Option<&Path>,
+    ) -> io::Result<Self> {
         let words = Words::new(log.map(File::create).transpose()?);
         let (ears, mouth) = io::pipe()?;
-        let mut shell = Command::new("sh");
         shell
-            .args(["-c", command])
             .envs(env.iter().map(|(name, value)| (name, value)))
             .process_group(0)
             .stdin(Stdio::null())

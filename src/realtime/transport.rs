@@ -68,6 +68,11 @@ pub trait Transport {
         None
     }
 
+    /// Whether the far end wants RTS/CTS flow control of us, which stand in for its driver.
+    fn has_flow_control(&self) -> bool {
+        false
+    }
+
     /// The far end's side, opened once more for a moment; `None` where it is out of reach.
     fn client_side(&self) -> Option<OwnedFd> {
         None

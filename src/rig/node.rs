@@ -60,6 +60,12 @@ pub(super) struct Outside {
     events_from_rig: VecDeque<LineEvent>,
     pub(super) change: Option<LineEvent>,
     overrun: u64,
+    /// What arrived last.
+    pub(super) last: Option<u8>,
+    /// What is to be sent stays here.
+    is_held: bool,
+    /// Modem lines that somebody sets by hand at this end.
+    pub(super) forced: [Option<bool>; 4],
     /// Lengths of the messages in `to_rig` and `from_rig`, if its link carries messages.
     messages: Option<[VecDeque<usize>; 2]>,
 }
@@ -76,6 +82,9 @@ impl Outside {
             events_from_rig: VecDeque::new(),
             change: None,
             overrun: 0,
+            last: None,
+            is_held: false,
+            forced: [None; 4],
             messages: None,
         }
     }
@@ -97,8 +106,14 @@ impl Outside {
         self.to_rig.extend_from_slice(bytes);
     }
 
+    /// Sends nothing, or goes on sending; whether that is new.
+    pub(super) const fn hold(&mut self, is_held: bool) -> bool {
+        core::mem::replace(&mut self.is_held, is_held) != is_held
+    }
+
     /// What arrives from the rig; a message for which there is no room is lost as a whole.
     fn receive(&mut self, bytes: &[u8]) {
+        self.last = bytes.last().copied().or(self.last);
         let mut room = OUTSIDE_MAX - self.from_rig.len();
         if let Some([_, from_rig]) = &mut self.messages {
             if bytes.len() > room {
@@ -115,6 +130,7 @@ impl Outside {
     /// Moves what the rig can have now into `buf`; how many bytes that were.
     fn transmit(&mut self, buf: &mut [u8]) -> usize {
         let len = match &mut self.messages {
+            _ if self.is_held => 0,
             Some([to_rig, _]) => to_rig.pop_front().unwrap_or(0).min(buf.len()),
             None => buf.len().min(self.to_rig.len()),
         };

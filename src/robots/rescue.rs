@@ -23,11 +23,12 @@ use core::time::Duration;
 use emulators::avr_base::{self, AvrBaseConfig};
 use emulators::hc06::Hc06;
 use emulators::pc::{self, Pc};
+use emulators::xv11;
 use firmware_core::navigation::Sought;
 use firmware_core::pc_link::Diagnose;
 use firmware_core::pose::Pose;
 use firmware_core::robots::rescue::{Config, Rescue, Turning};
-use firmware_core::slam;
+use firmware_core::{radio_setup, slam};
 use protocols::avr::ChecksumOrder;
 use protocols::pcui::message::{Mode, Order};
 use protocols::{LineConfig, Port};
@@ -42,7 +43,7 @@ use crate::rig::line::End;
 use crate::scenario::device::{AVR_BASE, HC06, XV11};
 use crate::scenario::{
     Action, AvrBaseSpec, CpuSpec, DeviceSpec, MapperSpec, Scenario, ScenarioError, SetPoint,
-    Source, Step,
+    Source, Step, Xv11Spec,
 };
 
 use arena::ARENA;
@@ -176,7 +177,7 @@ fn wire(plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
         };
         let master = match program {
             Some(node) => End { node, port },
-            None => wired.open_end(name, line_of(port), info.connect),
+            None => wired.open_end(name, info.line, info.connect),
         };
         // Without orders nobody needs the radio.
         let is_idle = name == "radio" && !scenario.mission.gives_orders();
@@ -291,11 +292,29 @@ fn base(scenario: &Scenario, source: &Source) -> Result<AvrBaseConfig, ScenarioE
     }
 }
 
+/// The program knows packets of 22 bytes; the oldest firmware sends whole turns.
+fn check_lidar(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError> {
+    let spec = scenario.device.get("lidar");
+    let profile = spec
+        .and_then(DeviceSpec::settings::<Xv11Spec>)
+        .and_then(|spec| spec.profile.as_ref());
+    match profile {
+        Some(name) if name.get_ref() == xv11::Profile::Fw21.name() => Err(source.invalid(
+            Some(name.span()),
+            "device.lidar.xv11.profile",
+            "the rescue robot's program reads packets of 22 bytes, which fw2.4.13386 and \
+             fw2.6.15295 send; fw2.1 sends turns of 1446 bytes",
+        )),
+        _ => Ok(()),
+    }
+}
+
 fn program(
     scenario: &Scenario,
     checksum_order: ChecksumOrder,
     source: &Source,
 ) -> Result<Config, ScenarioError> {
+    check_lidar(scenario, source)?;
     let mut mapping = match scenario.program.mapper {
         MapperSpec::Best => slam::Settings::default(),
         MapperSpec::Document => slam::Settings::document(),
@@ -327,6 +346,15 @@ fn program(
     if base(scenario, source)?.imu == avr_base::Imu::Fitted {
         config.turning = Turning::Gyroscope;
     }
+    config.radio_setup = scenario
+        .program
+        .radio_baud
+        .map(|found| radio_setup::Settings {
+            found_baud: found.get(),
+            baud: protocols::pcui::BAUD,
+            name: "rescue",
+            pin: *b"1234",
+        });
     if scenario.program.diagnosis {
         config.pc_link.diagnosis = Diagnose::EachSecond;
     }

@@ -14,6 +14,17 @@ use crate::scenario::{Action, SetPoint, Step};
 /// closed must not go on driving.
 pub const HAND_OFF: Duration = Duration::from_millis(1000);
 
+/// A mode with a place and a heading behind its name, metres and degrees: its name and the figures,
+/// as [`PlaceAct`] has it.
+pub(super) fn with_pose(mode: &str) -> Option<(&str, [f32; 3])> {
+    let mut words = mode.split_whitespace();
+    let name = words.next()?;
+    let figures: Vec<f32> = words.map(|word| word.parse().ok()).collect::<Option<_>>()?;
+    let figures = <[f32; 3]>::try_from(figures).ok()?;
+    let are_finite = figures.iter().all(|figure| figure.is_finite());
+    are_finite.then_some((name, figures))
+}
+
 /// What somebody wants. Places are in millimetres of the robot's map.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Gesture {
@@ -125,10 +136,27 @@ pub struct DriveKeys {
     pub limit: Vec<SetPoint>,
 }
 
+/// Something that a station can do with a place: a mode with figures behind its name, the place in
+/// metres of the robot's map, and the heading in degrees if there is one, as in `go-to 0.5 1.2 90`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct PlaceAct {
+    /// Name of the mode.
+    pub mode: &'static str,
+    /// What it does, in a sentence.
+    pub about: &'static str,
+    /// Whether a heading follows the place.
+    pub heading: bool,
+}
+
 /// The far end of a robot's link, steered by a mission's steps and by gestures.
 pub trait Station {
     /// The modes that it can order.
     fn modes(&self) -> &'static [&'static str];
+
+    /// What it can do with a place that somebody points at.
+    fn place_acts(&self) -> &'static [PlaceAct] {
+        &[]
+    }
 
     /// How keys drive the robot by hand; `None` if it cannot be driven so.
     fn keys(&self) -> Option<DriveKeys> {

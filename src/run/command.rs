@@ -237,9 +237,9 @@ mod tests {
     fn a_list_that_fits_no_frame_is_refused_and_leaves_no_step() {
         let mut run = run("");
         let error = run
-            .command(Action::WaypointsM(vec![[1.0, 1.0]; 57]))
-            .expect_err("56 fit");
-        assert!(error.to_string().contains("57 waypoints"), "{error}");
+            .command(Action::WaypointsM(vec![[1.0, 1.0]; 101]))
+            .expect_err("100 fit");
+        assert!(error.to_string().contains("101 waypoints"), "{error}");
         assert_eq!(run.case_so_far().mission.step, []);
         assert!(run.command(Action::Mode("stop".to_owned())).is_ok());
     }

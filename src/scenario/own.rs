@@ -12,7 +12,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
-use super::device::ValueRow;
+use super::board::{BoardKeys, RaisesSpec, ResetSpec};
+use super::device::{PortInfo, ValueRow};
 use super::drives::DrivesSpec;
 use super::{ScenarioError, Source, Span};
 use crate::rig::Rig;
@@ -39,6 +40,16 @@ pub struct RegistersSpec {
     /// Silence of the master after which values become safe; never if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub watchdog: Option<Span>,
+    /// What starts its board anew: `dtr` as with an Arduino, `rts` or `break`; nothing if not given.
+    /// It has forgotten all then, and hears nothing until it is up.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub resets_on: Option<ResetSpec>,
+    /// From a reset until it hears again; 1.6 s, an Arduino Uno's, if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub boot: Option<Span>,
+    /// Modem lines that it sets, each with the register that it follows.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub raises: Option<RaisesSpec>,
     /// Its values.
     #[schemars(with = "Vec<RegisterSpec>")]
     pub register: Vec<Spanned<RegisterSpec>>,
@@ -182,6 +193,19 @@ pub struct TextSpec {
     /// A line that comes by itself.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub periodic: Option<PeriodicSpec>,
+    /// A line that it says when it has started anew; nothing if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub greeting: Option<String>,
+    /// What starts its board anew: `dtr` as with an Arduino, `rts` or `break`; nothing if not given.
+    /// It has forgotten all then, and hears nothing until it is up.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub resets_on: Option<ResetSpec>,
+    /// From a reset until it hears again; 1.6 s, an Arduino Uno's, if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub boot: Option<Span>,
+    /// Modem lines that it sets, each with the variable that it follows.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub raises: Option<RaisesSpec>,
     /// Values that requests and replies can name.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(with = "Vec<VariableSpec>")]
@@ -287,6 +311,8 @@ fn line(baud: &Spanned<u32>, key: &str, source: &Source) -> Result<LineConfig, S
 impl RegistersSpec {
     /// The device; `key` is its place in the scenario.
     pub fn device(&self, key: &str, source: &Source) -> Result<Registers, ScenarioError> {
+        let names = self.register.iter().map(|spec| &*spec.get_ref().name);
+        let names: Vec<&str> = names.collect();
         let registers = self.register.iter().enumerate();
         let registers = registers.map(|(index, spec)| {
             let register = spec.get_ref().register();
@@ -305,8 +331,22 @@ impl RegistersSpec {
             idle_gap: self.idle_gap.0,
             watchdog: self.watchdog.map(|watchdog| watchdog.0),
             registers: registers.collect::<Result<_, _>>()?,
+            board: self.board().config(&names, key, source)?,
         };
         Registers::new(config).map_err(|error| self.register_error(key, source, error))
+    }
+
+    /// Its pins, besides the bus.
+    pub(super) fn pins(&self) -> Vec<PortInfo> {
+        self.board().ports()
+    }
+
+    const fn board(&self) -> BoardKeys<'_> {
+        BoardKeys {
+            resets_on: self.resets_on,
+            boot: self.boot,
+            raises: self.raises.as_ref(),
+        }
     }
 
     /// What is wrong with one of the registers.
@@ -371,6 +411,8 @@ impl RegisterSpec {
 impl TextSpec {
     /// The device; `key` is its place in the scenario.
     pub fn device(&self, key: &str, source: &Source) -> Result<Text, ScenarioError> {
+        let names = self.variable.iter().map(|spec| &*spec.get_ref().name);
+        let names: Vec<&str> = names.collect();
         let variables = self.variable.iter().enumerate();
         let variables = variables.map(|(index, spec)| {
             let variable = spec.get_ref().variable();
@@ -396,6 +438,8 @@ impl TextSpec {
                 line: periodic.line.clone(),
                 period: periodic.period.0,
             }),
+            board: self.board().config(&names, key, source)?,
+            greeting: self.greeting.clone(),
         };
         Text::new(config).map_err(|error| match error {
             TextError::Variable(error) => self.variable_error(key, source, error),
@@ -411,6 +455,19 @@ impl TextSpec {
 }
 
 impl TextSpec {
+    /// Its pins, besides the line.
+    pub(super) fn pins(&self) -> Vec<PortInfo> {
+        self.board().ports()
+    }
+
+    const fn board(&self) -> BoardKeys<'_> {
+        BoardKeys {
+            resets_on: self.resets_on,
+            boot: self.boot,
+            raises: self.raises.as_ref(),
+        }
+    }
+
     /// What is wrong with one of the variables.
     pub(super) fn variable_error(
         &self,

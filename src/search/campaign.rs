@@ -16,6 +16,7 @@ mod page;
 mod plan;
 mod runs;
 mod store;
+mod strip;
 
 pub(crate) use compare::{Change, Comparison, compare};
 pub(crate) use judge::{Record, run, run_foreign};

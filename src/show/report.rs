@@ -81,6 +81,11 @@ pub fn html(outcome: &Outcome) -> String {
     )
 }
 
+/// When the first of the failed checks of `outcome` that tell a time failed, seconds.
+pub(crate) fn failed_at(outcome: &Outcome) -> Option<f64> {
+    data::failures(outcome).next()
+}
+
 /// The events that are listed: broken rules before notes if there are too many.
 fn listed(events: &[Logged]) -> Vec<&Logged> {
     let violations = events.iter().filter(|logged| logged.is_violation());

@@ -8,7 +8,7 @@ const ELEMENT = "element-6066-11e4-a52e-4f735466cecf";
 
 // Starts a command; the rest of the first line of its output that begins with `head`.
 function start(command, args, head) {
-  const child = spawn(command, args, { stdio: ["ignore", "pipe", "ignore"] });
+  const child = spawn(command, args, { stdio: ["ignore", "pipe", "inherit"] });
   const line = new Promise((resolve, reject) => {
     let said = "";
     child.stdout.on("data", (piece) => {
@@ -22,10 +22,10 @@ function start(command, args, head) {
   return line.then((rest) => ({ rest, end: () => child.kill() }));
 }
 
-// `hilrig ui` with these arguments: its address, and how to end it.
+// `hilrig ui` with these arguments, standing still: its address, and how to end it.
 export async function rig(...args) {
   const hilrig = process.env.HILRIG ?? "target/debug/hilrig";
-  const { rest, end } = await start(hilrig, ["ui", ...args], "page at ");
+  const { rest, end } = await start(hilrig, ["ui", "--paused", ...args], "page at ");
   return { url: rest.trim(), end };
 }
 
@@ -81,6 +81,17 @@ export class Browser {
     const actions = values.flatMap((value) =>
       [{ type: "keyDown", value }, { type: "keyUp", value }]);
     await this.ask("POST", "/actions", { actions: [{ type: "key", id: "keys", actions }] });
+  }
+
+  // Presses the mouse at one place of the window and releases it at another.
+  async drag([x, y], [toX, toY]) {
+    const move = (...place) => {
+      const [x, y] = place.map(Math.round);
+      return { type: "pointerMove", duration: 50, x, y };
+    };
+    const actions = [move(x, y), { type: "pointerDown", button: 0 },
+      move((x + toX) / 2, (y + toY) / 2), move(toX, toY), { type: "pointerUp", button: 0 }];
+    await this.ask("POST", "/actions", { actions: [{ type: "pointer", id: "mouse", actions }] });
   }
 
   chrome(cmd, params = {}) { return this.ask("POST", "/goog/cdp/execute", { cmd, params }); }

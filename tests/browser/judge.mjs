@@ -32,12 +32,50 @@ async function step(what, act) {
   }
 }
 
+// Texts whose contrast axe-core measured, those that it cannot, and the least contrast.
+const contrast = { measured: 0, undecided: 0, least: Infinity };
+
+function measureContrast({ passes, incomplete }) {
+  const nodes = (found) => found.filter(({ id }) => id === "color-contrast")
+    .flatMap((rule) => rule.nodes);
+  contrast.undecided += nodes(incomplete).length;
+  for (const { any } of nodes(passes)) {
+    const ratio = any[0]?.data?.contrastRatio;
+    if (!ratio) continue;
+    contrast.measured += 1;
+    contrast.least = Math.min(contrast.least, ratio);
+  }
+}
+
+// Contrast of two colours, #rrggbb, as WCAG 2 defines it.
+function contrastOf(one, other) {
+  const light = (colour) => [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16) / 255)
+    .map((part) => part <= 0.04045 ? part / 12.92 : ((part + 0.055) / 1.055) ** 2.4)
+    .reduce((sum, part, index) => sum + part * [0.2126, 0.7152, 0.0722][index], 0);
+  const [dim, bright] = [light(one), light(other)].sort((a, b) => a - b);
+  return (bright + 0.05) / (dim + 0.05);
+}
+
+// What is drawn on a canvas is no text: three to one.
+const DRAWN = ["truth", "belief", "scan", "waypoint", "sensed", "planned", "guess", "faults",
+  "shape", "possible", "mark", "load", "errors", "cursor", "dim", "ink"];
+
+async function drawnContrast(browser, what) {
+  const colours = await browser.value("view.colours");
+  const ratios = DRAWN.map((name) => [contrastOf(colours[name], colours.paper), name]);
+  const [least, name] = ratios.sort(([a], [b]) => a - b)[0];
+  holds(`${what}: ${name} has a contrast of ${least.toFixed(2)}`, least >= 3);
+}
+
 // What axe-core finds serious or critical; what it cannot decide is no fault.
 async function accessible(browser, what) {
   await browser.ask("POST", "/execute/sync", { script: `${AXE}; return true;`, args: [] });
   const found = await browser.ask("POST", "/execute/async", {
-    script: "axe.run(document, { resultTypes: ['violations'] }).then(arguments[0]);", args: [],
+    script: "axe.run(document, { resultTypes: ['violations', 'passes', 'incomplete'] })"
+      + ".then(arguments[0]);",
+    args: [],
   });
+  measureContrast(found);
   const grave = ["serious", "critical"];
   const bad = found.violations.filter(({ impact }) => grave.includes(impact));
   for (const { id, nodes } of bad) {
@@ -55,6 +93,16 @@ const settled = "wanted === null && !asking";
 const picture = "document.getElementById('world').toDataURL()";
 
 // ---- the live page
+
+// The run stands still at this time, however fast machine and browser are; only a later one is
+// left where it is.
+async function at(browser, seconds) {
+  await browser.wait("hilrig.connected && hilrig.now && hilrig.stage");
+  const now = await browser.value("hilrig.now.at_ns / 1e9");
+  const ms = Math.round((seconds - now) * 1000);
+  if (ms > 0) await browser.value(`(send({ do: 'step', ms: ${ms} }), true)`);
+  await browser.wait(`hilrig.now.paused && hilrig.now.at_ns >= ${seconds}e9`);
+}
 
 async function functions(browser, size) {
   const wide = size !== "phone", at = (what) => `page, ${size}: ${what}`;
@@ -151,6 +199,18 @@ async function functions(browser, size) {
     await browser.click("#faults button");
     await wait("hilrig.slow.faults.every((fault) => fault.state === 'over')");
   });
+  await step(at("a fault that waits for a place"), async () => {
+    await browser.click("#wiring button");
+    await value("($('fault-kind').value = 'drop', $('fault-kind').onchange(), true)");
+    await value("($('fault-times').open = true, $('fault-waits').value = '2', "
+      + "$('fault-waits').onchange(), true)");
+    await value("(document.querySelector('#fault-condition [name=near_m]').value = '9, 9', "
+      + "document.querySelector('#fault-condition [name=within_m]').value = '0.2', true)");
+    await browser.click("#inject");
+    const is = "fault.fault.when?.near_m[1] === 9 && fault.fault.lasting && !fault.fault.until";
+    await wait(`hilrig.slow.faults.some((fault) => ${is})`);
+    holds(at("it was not refused"), await value("hilrig.refused === ''"));
+  });
   await step(at("a branch"), async () => {
     const run = await value("hilrig.stage.run");
     await value("(goTo(hilrig.now.at_ns / 2e6), true)");
@@ -174,19 +234,66 @@ async function functions(browser, size) {
   holds(at("no errors of its own"), (await value("JSON.stringify(hilrig.errors)")) === "[]");
 }
 
-async function livePage(browser) {
+// What a station can do with a place and a heading: press, drag, release; and in figures.
+async function placeActs(browser, robot) {
+  const value = (text) => browser.value(text), at = (what) => `${robot}: ${what}`;
+  const acts = await value("hilrig.stage.place_acts.map(({ mode }) => mode)");
+  holds(at(`acts with a place: ${acts.join(", ")}`), acts.length > 0);
+  // What the page sends is what counts; a robot may refuse a pose that it cannot have.
+  await value("(window.sent = [], window.toRig = socket.send.bind(socket), "
+    + "socket.send = (text) => { sent.push(JSON.parse(text)); toRig(text); }, true)");
+  for (const act of acts) {
+    await step(at(act), async () => {
+      await tab(browser, "robot");
+      await browser.click(`#acts [data-act=${act}]`);
+      const [x, y] = await value("(() => { const box = canvas.getBoundingClientRect();"
+        + "return [box.left + box.width / 2, box.top + box.height / 2]; })()");
+      await value("(sent.length = 0, true)");
+      await browser.drag([x, y], [x, y - 60]);
+      await browser.wait("sent.length > 0", 20);
+      const [name, ...figures] = (await value("sent[0].mode")).split(" ");
+      const [px, py] = figures.map(Number);
+      const expected = await value("view.toWorld(frame, canvas.width / 2, canvas.height / 2)");
+      const near = Math.hypot(px - expected[0], py - expected[1]) < 0.05;
+      // Up on the screen is along y.
+      holds(at(`${act} ${figures}`), name === act && near && Math.abs(figures[2] - 90) < 2);
+    });
+  }
+  await step(at("a pose in figures"), async () => {
+    await browser.click(`#acts [data-act=${acts[0]}]`);
+    await value("(sent.length = 0, $('aim-x').value = 0.5, $('aim-y').value = 1.2, "
+      + "$('aim-deg').value = -45, true)");
+    await browser.click("#aim-go");
+    await browser.wait("sent.length > 0", 20);
+    holds(at("as it was typed"), await value("sent[0].mode") === `${acts[0]} 0.5 1.2 -45`);
+  });
+  await value("(socket.send = toRig, true)");
+  await browser.wait("hilrig.refused === ''", 5);
+}
+
+// A scenario that does not end while it is looked at, however slow the machine.
+function endless(folder, scenario) {
+  const text = readFileSync(`scenarios/${scenario}.toml`, "utf8");
+  const path = join(folder, `${scenario}.toml`);
+  writeFileSync(path, text.replace("[mission]\n", "[mission]\nto_the_end = true\n")
+    .replace(/duration = "\w+"/, 'duration = "2h"'));
+  return path;
+}
+
+async function livePage(browser, folder) {
   for (const [robot, scenario] of Object.entries(ROBOTS)) {
-    const { url, end } = await rig(`scenarios/${scenario}.toml`, "--speed", "30");
     for (const [size, [width, height]] of Object.entries(SIZES)) {
+      const { url, end } = await rig(endless(folder, scenario));
       await browser.look(width, height);
       await browser.go(url);
-      await browser.wait("hilrig.connected && hilrig.now && hilrig.now.at_ns > 8e9");
-      // Not to its end while it is looked at.
+      await at(browser, 9);
       await browser.value("(send({ do: 'speed', x: 0.5 }), send({ do: 'play' }), true)");
       await browser.wait("hilrig.now.speed === 0.5 && !hilrig.now.paused");
       if (robot === "rescue") await functions(browser, size);
+      else if (size === "wide") await placeActs(browser, robot);
       for (const scheme of ["light", "dark"]) {
         await browser.look(width, height, scheme);
+        if (size === "wide" && robot === "rescue") await drawnContrast(browser, `lines, ${scheme}`);
         const across = await browser.value(fitsAcross);
         holds(`${robot}, ${size}, ${scheme}: nothing is wider than the window`, across);
         for (const name of ["robot", "checks", "faults", "wire", "log"]) {
@@ -196,8 +303,8 @@ async function livePage(browser) {
           await accessible(browser, `${robot}, ${size}, ${scheme}, ${name}`);
         }
       }
+      end();
     }
-    end();
   }
 }
 
@@ -252,6 +359,14 @@ async function reports(browser, folder) {
   await browser.wait(`${time} > 0.5 && ${time} < 50`, 5);
   await browser.click("#play");
   holds("a time line that plays", await browser.value(picture) !== before);
+  await browser.go(`file://${folder}/campaign/campaign.html`);
+  const drawn = "document.querySelectorAll('.causes .moment .truth polyline').length";
+  const cards = "document.querySelectorAll('.causes li').length";
+  holds("each cause has the picture of its smallest case",
+    await browser.value(`${cards} > 0 && ${drawn} === ${cards}`));
+  holds("a square for each run", await browser.value(
+    "document.querySelectorAll('.strip rect').length === 2"));
+  await browser.go(`file://${folder}/failing/report.html`);
   const pages = (await browser.printed()).toString("latin1").match(/\/Type\s*\/Page\b/g).length;
   console.log(`     ${pages} pages on A4`);
   holds("a failing report prints on A4", pages >= 1 && pages <= 6);
@@ -263,12 +378,11 @@ async function pictures(browser, folder) {
   mkdirSync(PICTURES, { recursive: true });
   const save = async (name) => writeFileSync(join(PICTURES, name), await browser.picture());
   for (const [robot, scenario] of Object.entries(ROBOTS)) {
-    const { url, end } = await rig(`scenarios/${scenario}.toml`, "--speed", "20");
+    const { url, end } = await rig(`scenarios/${scenario}.toml`);
     await browser.look(1400, 900);
     await browser.go(url);
-    await browser.wait("hilrig.connected && hilrig.now && hilrig.now.at_ns > 24e9 && hilrig.scan");
-    await browser.value("(send({ do: 'pause' }), true)");
-    await browser.wait("hilrig.now.paused");
+    await at(browser, 24);
+    await browser.wait("hilrig.scan");
     for (const scheme of robot === "rescue" ? ["light", "dark"] : ["light"]) {
       await browser.look(1400, 900, scheme);
       await browser.wait("drawn");
@@ -290,12 +404,14 @@ try {
   made(folder);
   if (PICTURES) await pictures(browser, folder);
   else {
-    await livePage(browser);
+    await livePage(browser, folder);
     await reports(browser, folder);
   }
 } finally {
   await browser.stop();
   rmSync(folder, { recursive: true, force: true });
 }
+console.log(`contrast: ${contrast.measured} texts measured, at least ${contrast.least.toFixed(2)}, `
+  + `${contrast.undecided} on a picture`);
 console.log(`${count} looked at, ${failures.length} failed`);
 process.exitCode = failures.length ? 1 : 0;

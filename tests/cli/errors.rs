@@ -79,6 +79,15 @@ fn an_unknown_profile_lists_the_known_ones() {
     "#);
 }
 
+/// Firmware 2.1 sends whole turns, which the robot's program cannot read: it stood still without a
+/// word.
+#[test]
+fn a_lidar_that_the_program_cannot_read_is_refused() {
+    let device = "[device.lidar.xv11]\nprofile = \"fw2.1\"\n\n[world]\n";
+    let scenario = shipped("empty-room").replace("[world]\n", device);
+    insta::assert_snapshot!(refusal("old-lidar", &scenario), @"error: s.toml:16: device.lidar.xv11.profile: the rescue robot's program reads packets of 22 bytes, which fw2.4.13386 and fw2.6.15295 send; fw2.1 sends turns of 1446 bytes");
+}
+
 #[test]
 fn an_unknown_device_lists_the_known_ones() {
     let device = "[device.ldar.xv11]\n\n[world]\n";

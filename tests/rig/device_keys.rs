@@ -6,6 +6,7 @@ use emulators::avr_base::AvrBase;
 use emulators::hc06::Hc06;
 use firmware_core::Inspect;
 use firmware_core::robots::rescue::Rescue;
+use hilrig::robots::{self, Dut, PcEnd};
 
 use super::{in_a_room, start};
 
@@ -87,4 +88,37 @@ fn figures_that_cannot_be_are_refused() {
         error.contains("is \"dusty\", expected one of off, dust"),
         "{error}"
     );
+}
+
+/// A client is told the rate of the radio that there is, not of the one that the robot had.
+#[test]
+fn a_radio_of_another_rate_is_offered_at_it() {
+    for (radio, baud) in [("", 460_800), ("[device.radio.hc06]\nbaud = 9600\n", 9_600)] {
+        let (scenario, source) = in_a_room("9s", radio);
+        let wired = robots::wire(&scenario, &source, Dut::External, PcEnd::Scripted);
+        let ends = wired.expect("sound").open_ends;
+        let radio = ends
+            .iter()
+            .find(|end| end.name == "radio")
+            .expect("offered");
+        assert_eq!(radio.line.baud, baud);
+    }
+}
+
+/// A module as shipped, at 9600: the program sets it up before the PC comes, by four commands of
+/// more than a second each, and no rule of the module is broken.
+#[test]
+fn a_radio_as_shipped_is_set_up_by_the_program() {
+    let keys = "[program]\nradio_baud = 9600\n[device.radio.hc06]\nbaud = 9600\n\
+                [mission]\nconnect = \"8s\"\n";
+    let mut run = start(in_a_room("9s", keys));
+    run.rig.run_for(Duration::from_secs(7));
+    let radio = run.rig.device::<Hc06>("radio").expect("it has one");
+    let settings = radio.settings();
+    assert_eq!(
+        (settings.line.baud, &*settings.name),
+        (460_800, &b"rescue"[..])
+    );
+    let broken = run.rig.events().iter().filter(|event| event.is_violation());
+    assert_eq!(broken.count(), 0, "{:?}", run.rig.events());
 }

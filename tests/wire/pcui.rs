@@ -173,15 +173,15 @@ fn a_list_of_waypoints_is_golden_both_ways() {
     );
 }
 
-/// 511 bytes of payload hold 56 waypoints, not the 100 of the robot's list: the 57th is refused
-/// by the encoder instead of being cut off on the wire.
+/// 902 bytes of payload hold the 100 waypoints of the robot's list: one more is refused by the
+/// encoder instead of being cut off on the wire.
 #[test]
-fn a_frame_holds_56_waypoints() {
+fn a_frame_holds_100_waypoints() {
     let list = |count| vec![Waypoint::default(); count].into_iter();
     let mut frame = [0; 2 * FRAME_MAX];
     let len = encode_waypoints(list(WAYPOINTS_MAX), &mut frame);
-    assert_eq!((WAYPOINTS_MAX, len), (56, Some(17 + 2 + 9 * 56)));
-    assert_eq!(encode_waypoints(list(57), &mut frame), None);
+    assert_eq!((WAYPOINTS_MAX, len), (100, Some(17 + 2 + 9 * 100)));
+    assert_eq!(encode_waypoints(list(101), &mut frame), None);
 }
 
 /// The field program shares the line between frames and debug text.
@@ -195,21 +195,21 @@ fn frames_are_found_between_debug_text() {
     assert_eq!(decoder.discarded(), 2 * text.len() as u64);
 }
 
-/// 511 is the most that either fielded end accepts; the length of a frame is not protected by
-/// anything, so 512 is refused from the header alone, before a byte of payload is waited for.
+/// 902 are a list of 100 waypoints; the length of a frame is not protected by anything, so 903 is
+/// refused from the header alone, before a byte of payload is waited for.
 #[test]
-fn a_payload_of_512_bytes_is_refused_from_its_header() {
+fn a_payload_of_903_bytes_is_refused_from_its_header() {
     let mut decoder = pcui::Decoder::default();
-    let header = golden("00 02 00 00 00 00 4D 41 50");
+    let header = golden("87 03 00 00 00 00 4D 41 50");
     let error = FrameError::Length {
-        max: 511,
-        found: 512,
+        max: 902,
+        found: 903,
     };
     assert_eq!(decoder.push(&header).collect::<Vec<_>>(), [Err(error)]);
 
-    let mut longest = golden("FF 01 00 00 00 00 4D 41 50");
+    let mut longest = golden("86 03 00 00 00 00 4D 41 50");
     longest.resize(FRAME_MAX, 0);
-    assert_eq!(decoded(&longest).payload().len(), 511);
+    assert_eq!(decoded(&longest).payload().len(), 902);
 }
 
 #[test]
@@ -240,7 +240,7 @@ fn slow_frame_at(bytes: &[u8]) -> Option<usize> {
     }
     let length = usize::from(rest[0]) + 256 * usize::from(rest[1]);
     let found: u64 = (0..4).map(|i| u64::from(rest[2 + i]) << (8 * i)).sum();
-    if length > 511 {
+    if length > 902 {
         return None;
     }
     let payload = rest.get(9..9 + length)?;
@@ -272,7 +272,7 @@ impl Protocol for Pcui {
 
     fn frame() -> BoxedStrategy<Vec<u8>> {
         let byte = prop_oneof![any::<u8>(), proptest::sample::select(Self::TELLING)];
-        let payload = prop_oneof![6 => vec(byte.clone(), 0..24), 1 => vec(byte, 0..=511)];
+        let payload = prop_oneof![6 => vec(byte.clone(), 0..24), 1 => vec(byte, 0..=902)];
         let ids = [*b"MPD", *b"MAP", *b"MAR", *b"LWP", *b"STA"];
         let id = proptest::sample::select(ids.to_vec());
         (id, payload)

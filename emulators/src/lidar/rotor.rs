@@ -11,6 +11,7 @@ use protocols::Instant;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MotorSupply {
     /// The rig's own supply, which watches the speed and holds it: for clients without a PWM pin.
+    /// Of a duty that is sent all the same, 0 switches the motor off.
     Regulated {
         /// Turns per minute.
         rpm: f64,

@@ -168,15 +168,21 @@ impl core::error::Error for ScriptError {}
 mod tests {
     use super::*;
 
-    /// 56 waypoints fit 511 bytes of payload, 57 do not; the error names the step.
+    /// 100 waypoints fit 902 bytes of payload, 101 do not; the error names the step.
     #[test]
     fn a_list_that_fits_no_frame_is_refused() {
-        assert!(Script::mission(vec![[0, 0]; 56]).is_ok());
-        let error = Script::mission(vec![[0, 0]; 57]).expect_err("too long");
-        assert_eq!(error, ScriptError::Waypoints { step: 1, found: 57 });
+        assert!(Script::mission(vec![[0, 0]; 100]).is_ok());
+        let error = Script::mission(vec![[0, 0]; 101]).expect_err("too long");
+        assert_eq!(
+            error,
+            ScriptError::Waypoints {
+                step: 1,
+                found: 101
+            }
+        );
         assert_eq!(
             error.to_string(),
-            "step 1: 57 waypoints, at most 56 fit a frame"
+            "step 1: 101 waypoints, at most 100 fit a frame"
         );
     }
 }

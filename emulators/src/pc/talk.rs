@@ -27,7 +27,12 @@ impl Pc {
             Due::Nothing => {}
             Due::Say => {
                 let mut frame = [0; FRAME_MAX];
-                let len = encode_list(&wish.what, &mut frame);
+                let known = self
+                    .record
+                    .waypoints
+                    .as_ref()
+                    .map_or(&[][..], |(_, list)| list);
+                let len = encode_list(&wish.what, known, &mut frame);
                 self.write(now, &frame[..len]);
             }
             Due::GiveUp => {
@@ -158,16 +163,74 @@ impl Pc {
 }
 
 /// Writes `list` as the robot wants it, numbered and chained in order; the length of the frame.
-fn encode_list(list: &[[i16; 2]], frame: &mut [u8; FRAME_MAX]) -> usize {
-    let waypoint = |index: usize| {
-        let id = i16::try_from(index).expect("at most 56 waypoints");
-        Waypoint {
-            position_mm: list[index],
-            layer: 0,
-            id,
-            previous: if id == 0 { NO_WAYPOINT } else { id - 1 },
-        }
-    };
-    message::encode_waypoints((0..list.len()).map(waypoint), frame)
+///
+/// A place that the robot has told keeps the number that it has there; new ones get numbers that
+/// the robot does not know.
+fn encode_list(list: &[[i16; 2]], known: &[Waypoint], frame: &mut [u8; FRAME_MAX]) -> usize {
+    let mut known: Vec<&Waypoint> = known.iter().collect();
+    let mut fresh = known
+        .iter()
+        .map(|waypoint| waypoint.id.saturating_add(1))
+        .max();
+    let mut previous = NO_WAYPOINT;
+    let numbered: Vec<Waypoint> = list
+        .iter()
+        .map(|&position_mm| {
+            let told = known
+                .iter()
+                .position(|told| told.position_mm == position_mm);
+            let id = told.map_or_else(
+                || {
+                    let id = fresh.unwrap_or(0);
+                    fresh = Some(id.saturating_add(1));
+                    id
+                },
+                |index| known.remove(index).id,
+            );
+            let waypoint = Waypoint {
+                position_mm,
+                layer: 0,
+                id,
+                previous,
+            };
+            previous = id;
+            waypoint
+        })
+        .collect();
+    message::encode_waypoints(numbered.into_iter(), frame)
         .expect("the length was checked with the script")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use protocols::Decode;
+    use protocols::pcui::{Decoder, Message};
+
+    fn numbered(list: &[[i16; 2]], known: &[Waypoint]) -> Vec<(i16, i16)> {
+        let mut frame = [0; FRAME_MAX];
+        let len = encode_list(list, known, &mut frame);
+        let frame = Decoder::default().push(&frame[..len]).next();
+        let frame = frame.expect("whole").expect("valid");
+        let Ok(Message::Waypoints(list)) = frame.message() else {
+            panic!("no list");
+        };
+        list.iter().map(|one| (one.id, one.previous)).collect()
+    }
+
+    /// Seed report, chapter on waypoints: who inserts one between two leaves the others their
+    /// numbers. The robot told 7 and 9; two in one place are two.
+    #[test]
+    fn a_waypoint_put_between_two_leaves_them_their_numbers() {
+        let told = |id, position_mm| Waypoint {
+            position_mm,
+            id,
+            ..Waypoint::default()
+        };
+        let known = [told(7, [1, 1]), told(9, [3, 3])];
+        let list = [[1, 1], [2, 2], [3, 3], [1, 1]];
+        let expected = [(7, NO_WAYPOINT), (10, 7), (9, 10), (11, 9)];
+        assert_eq!(numbered(&list, &known), expected);
+        assert_eq!(numbered(&list[..2], &[]), [(0, NO_WAYPOINT), (1, 0)]);
+    }
 }

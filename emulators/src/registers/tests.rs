@@ -39,6 +39,7 @@ fn slave_with(registers: Vec<Register>) -> Result<Registers, VariableError> {
         idle_gap: Duration::from_millis(2),
         watchdog: Some(WATCHDOG),
         registers,
+        board: BoardConfig::default(),
     })
 }
 

@@ -26,6 +26,8 @@ fn config() -> TextConfig {
         unknown: Some("ERR".to_owned()),
         refused: Some("RANGE".to_owned()),
         periodic: None,
+        board: BoardConfig::default(),
+        greeting: None,
     }
 }
 

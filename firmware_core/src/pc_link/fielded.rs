@@ -3,7 +3,7 @@
 use core::time::Duration;
 
 use protocols::pcui::message::encode_map_properties;
-use protocols::pcui::{self, FRAME_MAX, Frame, HEADER_LEN, MAGIC, PAYLOAD_MAX};
+use protocols::pcui::{self, FIELDED_PAYLOAD_MAX, FRAME_MAX, Frame, HEADER_LEN, MAGIC};
 use protocols::{Decode, FrameError, Instant};
 
 use super::{PcLink, READY_AFTER, SHORT_QUEUE, View, WAITING_MAX, next_period, properties};
@@ -154,7 +154,7 @@ impl Receiver {
 
     fn judge_length(&mut self, defects: &Defects) -> Option<FrameError> {
         let found = u16::from_le_bytes([self.bytes[8], self.bytes[9]]);
-        if usize::from(found) <= PAYLOAD_MAX {
+        if usize::from(found) <= FIELDED_PAYLOAD_MAX {
             return None;
         }
         if defects.signed_length && found.cast_signed() < 0 {
@@ -162,7 +162,7 @@ impl Receiver {
             return None;
         }
         self.len = 0;
-        let max = u32::try_from(PAYLOAD_MAX).expect("511");
+        let max = u32::try_from(FIELDED_PAYLOAD_MAX).expect("511");
         let found = u32::from(found);
         Some(FrameError::Length { max, found })
     }
@@ -193,7 +193,7 @@ impl Receiver {
     /// Bytes of a list with as many waypoints as it says, as far as the buffer goes.
     fn announced_list(&self) -> usize {
         let count = u16::from_le_bytes([self.bytes[HEADER_LEN], self.bytes[HEADER_LEN + 1]]);
-        (2 + 9 * usize::from(count)).min(PAYLOAD_MAX)
+        (2 + 9 * usize::from(count)).min(FIELDED_PAYLOAD_MAX)
     }
 
     /// The frame of what the buffer holds now.

@@ -7,9 +7,9 @@
 //!                                             +--> picture --> display
 //! ```
 //!
-//! What arrives is dealt with at once, as an interrupt would ([`Master::receive`]): packets become
+//! What arrives is dealt with at once, as an interrupt would ([`receive`](crate::Master::receive)): packets become
 //! turns, readings become odometry, orders take effect. The search is the only long work; it is
-//! done once per turn in [`Master::poll`], and what follows from it is decided in the next call,
+//! done once per turn in [`poll`](crate::Master::poll), and what follows from it is decided in the next call,
 //! when it is known how long it took.
 
 mod config;
@@ -20,6 +20,7 @@ mod explore;
 mod health;
 mod lidar;
 mod lost;
+mod master;
 mod orders;
 mod report;
 mod screen;
@@ -29,7 +30,7 @@ mod victims;
 use core::time::Duration;
 
 use protocols::pcui::message::{Mode, State};
-use protocols::{Instant, LineConfig, LineEvent, Port, avr, panel, pcui, xv11};
+use protocols::{Instant, LineConfig, Port, xv11};
 
 pub use config::{Config, Display, Smear, Turning, WHEELS};
 pub use defects::{Defects, Own};
@@ -37,13 +38,14 @@ pub use drive::Battery;
 pub use explore::Progress;
 pub use victims::{VICTIMS_MAX, Victim};
 
+use crate::Work;
 use crate::navigation::{HALT, Navigator, Surroundings};
 use crate::pc_link::{PcLink, View};
 use crate::pose::{Pose, PoseChange};
+use crate::radio_setup::RadioSetup;
 use crate::scan::Scan;
 use crate::slam::Mapper;
 use crate::waypoints::{Waypoint, Waypoints};
-use crate::{Master, Work};
 use drive::Drive;
 use explore::Explore;
 use health::Health;
@@ -85,6 +87,8 @@ pub struct Rescue {
     lidar: Lidar,
     drive: Drive,
     pc: PcLink,
+    /// While the radio is being set up.
+    radio_setup: Option<RadioSetup>,
     mapper: Mapper,
     scan: Scan,
     navigator: Navigator,
@@ -149,6 +153,10 @@ impl Rescue {
             lidar: Lidar::new(LineConfig::new_8n1(xv11::BAUD), &config),
             drive: Drive::new(&config),
             pc: PcLink::new(config.pc_link),
+            radio_setup: match config.radio_setup {
+                Some(settings) => Some(RadioSetup::new(settings)),
+                None => None,
+            },
             mapper: Mapper::new(config.mapping),
             scan: Scan::EMPTY,
             navigator: Navigator::new(config.navigation),
@@ -250,7 +258,8 @@ impl Rescue {
         if let Some(frame) = self.pc.freed(now) {
             self.obey(now, &frame);
         }
-        if self.switches.pc_link && now >= self.pc.next_at() {
+        self.set_radio_up(now);
+        if self.uses_radio() && now >= self.pc.next_at() {
             let mut places = [[0; 2]; VICTIMS_MAX];
             let view = View {
                 map: self.mapper.grid(),
@@ -270,8 +279,11 @@ impl Rescue {
 
     fn next_attention(&self) -> Instant {
         let mut own = self.lidar.next_at().min(self.drive.next_at());
-        if self.switches.pc_link {
+        if self.uses_radio() {
             own = own.min(self.pc.next_at());
+        }
+        if let Some(setup) = &self.radio_setup {
+            own = own.min(setup.next_at());
         }
         let idle = self.pc.idle_at().unwrap_or(own);
         let order = if self.mode == Mode::Manual && self.order_ends() {
@@ -362,136 +374,5 @@ impl Rescue {
             Mode::Explore => self.search(now, pose, &around),
         };
         self.drive.command(now, set_point, now + DECISION_HOLDS);
-    }
-}
-
-impl Master for Rescue {
-    fn receive(&mut self, port: Port, now: Instant, bytes: &[u8]) {
-        if self.has_ended() {
-            return;
-        }
-        match port {
-            Self::LIDAR => {
-                self.lidar.receive(now, bytes);
-                self.pc.pass_on_raw_lidar(bytes);
-            }
-            Self::BASE => {
-                self.drive.receive(now, bytes);
-                self.attend_at = Instant::ZERO;
-            }
-            Self::RADIO if self.switches.pc_link => {
-                let mut input = bytes;
-                while let Some(frame) = self.pc.receive(now, &mut input) {
-                    self.obey(now, &frame);
-                }
-                self.attend_at = Instant::ZERO;
-            }
-            Self::RADIO => self.pc.receive_while_off(bytes),
-            Self::DISPLAY => {
-                if let Some(hit) = self.screen.receive(now, bytes) {
-                    self.touched(now, hit);
-                    self.attend_at = Instant::ZERO;
-                }
-            }
-            _ => {}
-        }
-        if now >= self.attend_at {
-            self.attend(now);
-        }
-    }
-
-    fn line_event(&mut self, port: Port, _now: Instant, event: LineEvent) {
-        self.attend_at = Instant::ZERO;
-        match event {
-            LineEvent::Break
-            | LineEvent::FramingError
-            | LineEvent::ParityError
-            | LineEvent::Overrun => {
-                self.counters.line_errors = self.counters.line_errors.saturating_add(1);
-            }
-            LineEvent::Opened | LineEvent::Closed => match port {
-                Self::LIDAR => self.lidar.line_broke(),
-                Self::RADIO => self.pc.line_broke(),
-                _ => {}
-            },
-        }
-    }
-
-    fn poll(&mut self, now: Instant) {
-        if self.has_ended() {
-            return;
-        }
-        if now >= self.attend_at {
-            self.attend(now);
-        }
-        if let Phase::Matched { since } = self.phase {
-            self.mapper.search_time(now - since);
-            self.navigate(now);
-            self.phase = Phase::Waiting;
-        }
-        if self.phase == Phase::Waiting && self.lidar.has_turn() {
-            self.phase = Phase::Reading { since: now };
-            self.drive.read_wheels(now);
-        }
-        if let Phase::Reading { since } = self.phase {
-            let is_read = self.drive.odometry.updated_at() >= Some(self.lidar.turn_end());
-            if !self.lidar.has_turn() {
-                self.phase = Phase::Waiting;
-            } else if is_read || self.drive.is_silent() || now >= since + WHEELS_WAIT {
-                self.map_turn();
-                self.phase = Phase::Matched { since };
-            }
-        }
-        // A program that waits for its lidar looks at nothing else (XV-08).
-        if !self.lidar.is_blocked() {
-            self.attend_at = self.next_attention();
-        }
-        self.refresh_screen(now);
-    }
-
-    fn transmit(&mut self, port: Port, buf: &mut [u8]) -> usize {
-        match port {
-            _ if self.has_ended() => 0,
-            Self::BASE => self.drive.transmit(buf),
-            Self::RADIO => self.pc.transmit(buf),
-            Self::DISPLAY => self.screen.transmit(buf),
-            Self::MOTOR if !buf.is_empty() => self.motor_duty.take().map_or(0, |duty| {
-                buf[0] = duty;
-                1
-            }),
-            _ => 0,
-        }
-    }
-
-    fn poll_at(&self) -> Option<Instant> {
-        if self.has_ended() {
-            return None;
-        }
-        Some(match self.phase {
-            Phase::Matched { .. } => Instant::ZERO,
-            Phase::Waiting if self.lidar.has_turn() => Instant::ZERO,
-            Phase::Reading { since } => {
-                let is_read = self.drive.odometry.updated_at() >= Some(self.lidar.turn_end());
-                if is_read {
-                    Instant::ZERO
-                } else {
-                    self.attend_at.min(since + WHEELS_WAIT)
-                }
-            }
-            Phase::Waiting => self.attend_at,
-        })
-    }
-
-    fn line_config(&self, port: Port) -> LineConfig {
-        LineConfig::new_8n1(match port {
-            Self::BASE => avr::BAUD,
-            Self::RADIO => pcui::BAUD,
-            Self::DISPLAY => panel::BAUD,
-            _ => xv11::BAUD,
-        })
-    }
-
-    fn take_work(&mut self) -> Work {
-        core::mem::take(&mut self.work)
     }
 }

@@ -15,9 +15,11 @@
 pub mod autoposition;
 mod config;
 mod defects;
+mod guard;
 pub mod infrared;
 pub mod lidar;
 mod motion;
+mod order;
 #[cfg(feature = "host")]
 pub mod pc;
 pub mod radio;
@@ -42,6 +44,7 @@ use crate::fifo::Fifo;
 use crate::pose::{Point, Pose};
 use crate::{Master, Work};
 use autoposition::{Autoposition, Goal};
+use guard::Guard;
 use infrared::Infrared;
 use lidar::Lidar;
 use radio::{Radio, View};
@@ -65,6 +68,7 @@ pub struct Yellow {
     infrared: Infrared,
     reactive: Reactive,
     autoposition: Autoposition,
+    guard: Guard,
     lidar: Lidar,
     radio: Radio,
     samples: SampleDecoder,
@@ -109,6 +113,7 @@ impl Yellow {
             infrared: Infrared::new(defects.infrared),
             reactive: Reactive::new(defects.reactive),
             autoposition: Autoposition::new(defects.autoposition),
+            guard: Guard::NEW,
             lidar: Lidar::new(defects.lidar),
             radio: Radio::new(defects.radio),
             samples: SampleDecoder::with_format(SampleFormat),
@@ -160,7 +165,7 @@ impl Yellow {
         let is_late = self.posed_at.is_some_and(|at| now - at > GAP);
         let is_lost = is_late || self.wheels.disbelieved() != disbelieved;
         if is_lost || self.wheels.is_silent() {
-            self.machine.interrupt();
+            self.machine.interrupt(now);
             duty = self.wheels.halt();
         }
         self.posed_at = Some(now);
@@ -207,16 +212,20 @@ impl Yellow {
         self.target = match self.machine.mode() {
             Mode::Manual => self.by_hand,
             Mode::AutoReactive => self.reactive.step(now, self.infrared.distances_m()),
-            Mode::AutoPosition => {
-                let (pose, is_at_rest) = (self.wheels.pose(), self.wheels.is_at_rest());
-                let velocity = self.autoposition.step(pose, is_at_rest);
-                if velocity.is_none() {
-                    self.machine.arrived();
-                }
-                velocity.unwrap_or(Velocity::ZERO)
-            }
+            Mode::AutoPosition if self.machine.is_interrupted() => Velocity::ZERO,
+            Mode::AutoPosition => self.manoeuvre(now),
             Mode::Off | Mode::SwitchOn | Mode::On | Mode::SwitchOff => Velocity::ZERO,
         };
+    }
+
+    fn manoeuvre(&mut self, now: Instant) -> Velocity {
+        let (pose, is_at_rest) = (self.wheels.pose(), self.wheels.is_at_rest());
+        let Some(velocity) = self.autoposition.step(pose, is_at_rest) else {
+            self.machine.arrived();
+            return Velocity::ZERO;
+        };
+        let [ahead_m, ..] = self.infrared.distances_m();
+        self.guard.limited(now, ahead_m, velocity)
     }
 
     /// Does what the PC wants; what is no number is refused.

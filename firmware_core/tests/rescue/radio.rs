@@ -87,16 +87,32 @@ fn a_received_list_comes_back() {
     assert_eq!(bench.heard.echoes.last(), Some(&Vec::new()));
 }
 
-/// Field defects PU-12 and PU-13: lists of 21 and more overran a queue of 200 bytes. The largest
-/// list that fits a frame has 56.
+/// Field defects PU-12 and PU-13: lists of 21 and more overran a queue of 200 bytes. The
+/// robot's list has 100.
 #[test]
 fn the_longest_list_is_taken_in_one_burst() {
     let mut bench = Bench::new(flat(), 6);
-    let list: Vec<_> = (0..56).map(|n| [n, n]).collect();
+    let list: Vec<_> = (0..100).map(|n| [n, n]).collect();
     bench.send_waypoints(&list);
     bench.run_for(SECOND);
-    assert_eq!(bench.robot.waypoints().all().len(), 56);
-    assert_eq!(bench.heard.echoes.last().map(Vec::len), Some(56));
+    assert_eq!(bench.robot.waypoints().all().len(), 100);
+    assert_eq!(bench.heard.echoes.last().map(Vec::len), Some(100));
+}
+
+/// A frame that announces 903 bytes is no list that the robot could take: it says what it has.
+#[test]
+fn a_list_that_is_too_long_is_answered_by_the_one_that_there_is() {
+    let mut bench = Bench::new(flat(), 6);
+    bench.send_waypoints(&[[500, 600]]);
+    bench.run_for(SECOND);
+    let before = bench.heard.echoes.len();
+    let header = *b"PCUI_MSG\x87\x03\x00\x00\x00\x00LWP";
+    bench.send(&header);
+    bench.run_for(SECOND);
+    let places =
+        |list: &Vec<pcui::message::Waypoint>| list.iter().map(|one| one.position_mm).collect();
+    let echoes: Vec<Vec<_>> = bench.heard.echoes[before..].iter().map(places).collect();
+    assert_eq!(echoes, [[[500, 600]]]);
 }
 
 /// Field defects PU-01, PU-03, PU-04, PU-05: each of these cost the fielded robot the next frame,

@@ -45,6 +45,8 @@ pub(crate) struct Lidar {
     pub(crate) nodes_per_turn: f64,
     /// This many more bytes, and one is lost.
     pub(crate) lose_in: Option<usize>,
+    /// What carries the bytes takes those that are 0 for none.
+    pub(crate) strips_nul: bool,
     /// Nodes come from then on.
     pub(crate) even_at: Instant,
     /// Requests so far.
@@ -64,6 +66,7 @@ impl Lidar {
             sigma_mm: 0.0,
             nodes_per_turn: 363.6,
             lose_in: None,
+            strips_nul: false,
             even_at: Instant::ZERO,
             requests: Vec::new(),
             phase: Phase::Idle,
@@ -121,6 +124,9 @@ impl Lidar {
             for _ in 0..2 {
                 bytes.extend(self.node(body, walls));
             }
+        }
+        if self.strips_nul {
+            bytes.retain(|byte| *byte != 0);
         }
         if let Some(left) = self.lose_in {
             if left < bytes.len() {

@@ -52,6 +52,29 @@ fn ye5_the_whole_table() {
     }
 }
 
+/// D2: the machine steps each millisecond, the fielded one each ten: an order is obeyed so much
+/// later, at most. The drivers' 500 ms and the time for one step on the way are the same for all.
+#[test]
+fn d2_an_order_waits_for_a_millisecond_and_in_the_fielded_way_for_ten() {
+    let slowest = |id: Option<&str>| {
+        let delays = (0..20).map(|offset| {
+            let mut bench = match id {
+                None => Bench::new(square(10.0)),
+                Some(id) => Bench::with_defect(square(10.0), id),
+            };
+            bench.run_for(Duration::from_millis(100 + offset));
+            let ordered_at = bench.now;
+            bench.order(State::Manual);
+            bench.run_for(SECOND / 10);
+            let (at, mode) = bench.modes[bench.modes.len() - 1];
+            assert_eq!(mode, "switch on");
+            (at - ordered_at).as_millis()
+        });
+        delays.max().expect("twenty")
+    };
+    assert_eq!((slowest(None), slowest(Some("YS-03"))), (1, 10));
+}
+
 /// What the PC is told: it knows neither of drivers nor of ON.
 #[test]
 fn switching_is_told_as_off() {

@@ -132,3 +132,18 @@ fn a_counter_that_begins_anew_moves_nobody() {
     assert!(apart < 0.005, "{apart} m");
     assert_eq!(bench.counter("encoder samples disbelieved"), 2);
 }
+
+/// D2: motors are controlled each millisecond: while the robot speeds up, nearly each has a duty of
+/// its own.
+#[test]
+fn d2_motors_are_controlled_each_millisecond() {
+    let mut bench = ready(Bench::new(square(100.0)));
+    bench.drive(0.5, 0.0);
+    let mut changes = 0;
+    for _ in 0..100 {
+        let before = bench.outputs.duty;
+        bench.run_for(Duration::from_millis(1));
+        changes += u32::from(bench.outputs.duty != before);
+    }
+    assert!(changes >= 95, "{changes} of 100");
+}

@@ -29,17 +29,20 @@ pub enum Condition {
     OffMap,
     /// Somebody has pressed the stop button.
     Stopped,
+    /// Full drive does not bring the lidar to its speed.
+    LidarWeak,
 }
 
 impl Condition {
     /// All of them, in the order of their bits.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::BatteryLow,
         Self::BaseSilent,
         Self::LidarSilent,
         Self::Lost,
         Self::OffMap,
         Self::Stopped,
+        Self::LidarWeak,
     ];
 
     /// As people say it.
@@ -51,6 +54,7 @@ impl Condition {
             Self::Lost => "lost",
             Self::OffMap => "off the map",
             Self::Stopped => "stop button",
+            Self::LidarWeak => "lidar motor too weak",
         }
     }
 

@@ -17,8 +17,8 @@ use super::diagnosis::{self, Diagnosis, VictimList};
 use super::error::MessageError;
 use super::{Frame, HEADER_LEN, seal};
 
-/// Most waypoints that fit one frame: (511 - 2) / 9.
-pub const WAYPOINTS_MAX: usize = 56;
+/// Most waypoints that fit one frame: (902 - 2) / 9, as many as the report's robot keeps.
+pub const WAYPOINTS_MAX: usize = 100;
 /// `previous` of the first waypoint.
 pub const NO_WAYPOINT: i16 = -1;
 
@@ -418,15 +418,15 @@ mod tests {
         );
     }
 
-    /// 511 bytes are the most that a payload has.
+    /// 902 bytes are the most that a payload has: 902 ones add up to 0x386.
     #[test]
     fn the_longest_payload_is_sealed_and_one_byte_more_is_not() {
         use crate::pcui::seal;
-        let mut frame = [1; 600];
-        assert_eq!(seal(&mut frame, *b"MAP", 511), Some(17 + 511));
-        assert_eq!(frame[8..14], [0xFF, 0x01, 0xFF, 0x01, 0x00, 0x00]);
-        assert_eq!(seal(&mut frame, *b"MAP", 512), None);
-        assert_eq!(seal(&mut frame[..527], *b"MAP", 511), None);
+        let mut frame = [1; 1000];
+        assert_eq!(seal(&mut frame, *b"MAP", 902), Some(17 + 902));
+        assert_eq!(frame[8..14], [0x86, 0x03, 0x86, 0x03, 0x00, 0x00]);
+        assert_eq!(seal(&mut frame, *b"MAP", 903), None);
+        assert_eq!(seal(&mut frame[..918], *b"MAP", 902), None);
     }
 
     /// In a log a frame stands as its name and bytes.

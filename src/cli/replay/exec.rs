@@ -4,18 +4,19 @@ use std::path::Path;
 
 use protocols::Instant;
 
-use super::{How, ReplayArgs, follow, report};
+use super::{Heard, How, ReplayArgs, follow, report};
 use crate::capture::Capture;
 use crate::capture::case::{Case, Judgement};
 use crate::capture::replay::{
-    Passage, Playback, Played, PlayedSide, Recorded, ReplayPace, Socket, scenario_of,
+    Passage, Playback, Played, PlayedSide, Recorded, ReplayPace, Socket, StandIn, scenario_of,
 };
 use crate::cli::exec::show_words;
 use crate::cli::stop::Stop;
 use crate::cli::{CliError, Verdict};
+use crate::guest::Trial;
 use crate::realtime::clock::WallClock;
 use crate::realtime::exec::ExecError;
-use crate::realtime::exec::{Foreign, PORTS_VARIABLE, alive, childless, port_variable};
+use crate::realtime::exec::{Foreign, PORTS_VARIABLE, Seat, alive, childless, port_variable};
 use crate::realtime::process::{Ended, Patience, Process};
 use crate::realtime::transport::{PortDir, Pty};
 use crate::robots::{self, Dut, PcEnd};
@@ -29,6 +30,10 @@ pub(super) fn into_foreign(
     capture: &Capture,
     recorded: &Recorded,
 ) -> Result<Verdict, CliError> {
+    if foreign.supervision.is_some() && args.speed.to_bits() != 1_f64.to_bits() {
+        let wrong = "--speed: virtual time is as fast as it can be, expected no --virtual beside it";
+        return Err(CliError::Usage(wrong.to_owned()));
+    }
     let own = own_links(scenario_of(capture, &args.file)?.as_ref())?;
     let stop = Stop::new(None)?;
     let how = How {
@@ -40,24 +45,29 @@ pub(super) fn into_foreign(
         speed: args.speed,
         how,
     };
-    let heard = play_to(foreign, recorded, own.as_deref(), &shown, &stop)?;
-    let compared = report(args, &heard.playback, &heard.checks);
-    for check in &heard.checks {
+    let tried = play_to(foreign, recorded, own.as_deref(), &shown, &stop)?;
+    let compared = report(args, &tried.heard, &tried.checks);
+    for check in &tried.checks {
         println!("  {check}");
     }
-    let all_hold = heard
-        .checks
-        .iter()
-        .all(|check| check.status == Status::Pass);
+    tell(&tried.notes);
+    let mut checks = tried.checks.iter();
+    let all_hold = checks.all(|check| check.status == Status::Pass);
     let verdict = match (stop.signal(), all_hold) {
         (Some(signal), _) => Verdict::Interrupted(signal),
         (None, true) => compared,
         (None, false) => Verdict::Fail,
     };
     if verdict != Verdict::Pass {
-        show_words(&heard.said, &args.out.join("program.log"));
+        show_words(&tried.said, &args.out.join("program.log"));
     }
     Ok(verdict)
+}
+
+fn tell(notes: &[String]) {
+    for note in notes {
+        println!("  leaves virtual time: {note}");
+    }
 }
 
 /// Plays a byte case to the program and judges what it says to that.
@@ -74,21 +84,16 @@ pub(in crate::cli) fn judge_case(
         speed: 1.0,
         how: How { step, expect },
     };
-    let heard = play_to(foreign, &recorded, None, &shown, stop)?;
-    let links: Vec<Played> = heard
-        .playback
-        .sockets()
-        .iter()
-        .map(Socket::played)
-        .collect();
-    let (judgement, unjudged) = case.judge_foreign(heard.checks, &links, recorded.end);
+    let tried = play_to(foreign, &recorded, None, &shown, stop)?;
+    let (judgement, unjudged) = case.judge_foreign(tried.checks, &tried.links, recorded.end);
     println!("{judgement}");
     if !unjudged.is_empty() {
         let names = unjudged.join(", ");
         println!("  not judged, no device hears the program: {names}");
     }
+    tell(&tried.notes);
     if !judgement.passed() {
-        show_words(&heard.said, &out.join("program.log"));
+        show_words(&tried.said, &out.join("program.log"));
     }
     Ok(judgement)
 }
@@ -102,13 +107,14 @@ struct Shown<'a> {
 }
 
 /// What came of it.
-struct Heard {
-    playback: Playback<WallClock>,
+struct Tried {
+    heard: Heard,
+    links: Vec<Played>,
     /// Verdicts on the program itself.
-    checks: [Check; 3],
+    checks: Vec<Check>,
     said: String,
-    /// Given up last, when no port is left in it.
-    _dir: PortDir,
+    /// What left virtual time.
+    notes: Vec<String>,
 }
 
 /// Starts the program on the links that are `own`, or on all that have something to say, and plays
@@ -119,15 +125,29 @@ fn play_to(
     own: Option<&[String]>,
     shown: &Shown<'_>,
     stop: &Stop,
-) -> Result<Heard, CliError> {
+) -> Result<Tried, CliError> {
     let failed = |path: &Path, error| CliError::write(path.display(), error);
     std::fs::create_dir_all(shown.out).map_err(|error| failed(shown.out, error))?;
     let ports = shown.out.join("ports");
     let ports = std::path::absolute(&ports).map_err(|error| failed(&ports, error))?;
     let dir = PortDir::open(&ports)?;
-    let mut env = vec![(PORTS_VARIABLE.to_owned(), ports.into())];
+    let passages = played(foreign, own, recorded)?;
+    match foreign.supervision {
+        Some(_) => play_in_virtual_time(foreign, (&passages, recorded.end), dir, shown, stop),
+        None => play_in_real_time(foreign, (&passages, recorded), dir, shown, stop),
+    }
+}
+
+fn play_in_real_time(
+    foreign: &Foreign,
+    (passages, recorded): (&[&Passage], &Recorded),
+    dir: PortDir,
+    shown: &Shown<'_>,
+    stop: &Stop,
+) -> Result<Tried, CliError> {
+    let mut env = vec![(PORTS_VARIABLE.to_owned(), dir.path().into())];
     let mut sockets = Vec::new();
-    for passage in played(foreign, own, recorded)? {
+    for passage in passages {
         let port = Pty::open(&dir, &passage.link, passage.line())?;
         let path = dir.path().join(&passage.link);
         env.push((port_variable(&passage.link), path.into()));
@@ -153,15 +173,81 @@ fn play_to(
     let connected = Check::new("program-connected", unopened.is_none(), connected);
     let is_over = playback.is_over();
     let farewell = process.end(Patience::FAIR);
-    Ok(Heard {
-        checks: [
+    Ok(Tried {
+        checks: vec![
             connected,
             alive(ended, is_over, foreign.may_end, &farewell),
             childless(&farewell.left),
         ],
-        playback,
+        heard: Heard::of(&playback),
+        links: playback.sockets().iter().map(Socket::played).collect(),
         said: farewell.said,
-        _dir: dir,
+        notes: Vec::new(),
+    })
+}
+
+/// The verdicts on a program that are made of a replay: what it reads and when nobody judges.
+const JUDGED: [&str; 4] = [
+    "program-connected",
+    "program-alive",
+    "program-yields",
+    "no-children-left",
+];
+
+fn play_in_virtual_time(
+    foreign: &Foreign,
+    (passages, end): (&[&Passage], Instant),
+    dir: PortDir,
+    shown: &Shown<'_>,
+    stop: &Stop,
+) -> Result<Tried, CliError> {
+    let StandIn {
+        run,
+        open_ends,
+        ear,
+    } = StandIn::new(passages, end)?;
+    let mut seats = Vec::new();
+    for end in open_ends {
+        seats.push(Seat {
+            transport: Box::new(Pty::open(&dir, &end.name, end.line)?),
+            end,
+            is_terminal: true,
+        });
+    }
+    let log = shown.out.join("program.log");
+    let mut trial = Trial::start(run, seats, dir, foreign.clone(), None, &log)?;
+    let mut turned = Ok(());
+    while !trial.is_over() && stop.signal().is_none() && turned.is_ok() {
+        turned = trial.turn();
+    }
+    let now = trial.now().min(end);
+    let ended = trial.end();
+    turned?;
+    let links = ear.played();
+    let said = |played: &Played| {
+        let passage = passages.iter().find(|one| one.link == played.link);
+        let arrivals = passage.into_iter().flat_map(|one| &one.arrivals);
+        let arrived = arrivals.filter(|one| one.at <= now);
+        arrived.map(|one| one.bytes.len() as u64).sum()
+    };
+    let counts = links.iter().map(|one| {
+        let counts = [said(one), one.got.bytes().len() as u64];
+        (one.link.clone(), counts)
+    });
+    let checks = ended.outcome.checks.into_iter();
+    Ok(Tried {
+        heard: Heard {
+            now,
+            counts: counts.collect(),
+            divergence: Played::first_divergence(&links),
+            trace_hash: Some(ended.outcome.trace_hash),
+        },
+        links,
+        checks: checks
+            .filter(|check| JUDGED.contains(&&*check.name))
+            .collect(),
+        said: ended.said,
+        notes: ended.notes,
     })
 }
 

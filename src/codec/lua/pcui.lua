@@ -6,7 +6,7 @@ local function judge_pcui(s)
   if s:sub(1, seen) ~= MAGIC:sub(1, seen) then return 0 end
   if #s < 17 then return nil end
   local len = u16(s, 8)
-  if len > 511 then return 0 end
+  if len > 902 then return 0 end
   if #s < 17 + len then return nil end
   return sum(s, 17, 16 + len) == u32(s, 10) and 17 + len or 0
 end

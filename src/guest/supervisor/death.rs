@@ -31,6 +31,7 @@ impl Supervisor {
                 restarts: 0,
                 alarm: Timer::default(),
                 timers: BTreeMap::new(),
+                posix_timers: BTreeMap::new(),
                 is_dying: false,
             };
             self.processes.insert(pid, process);
@@ -46,6 +47,8 @@ impl Supervisor {
             is_woken: false,
             is_at_end: false,
             progress: 0,
+            lines_before: None,
+            opens: None,
             slice: 0,
             vfork_parent,
         };
@@ -123,6 +126,7 @@ impl Supervisor {
         if let Some(process) = self.processes.get_mut(&tid) {
             process.restarts = 0;
             process.timers.clear();
+            process.posix_timers.clear();
         }
         if let Err(error) = refuse(tid) {
             self.trouble = Some(error);
@@ -210,6 +214,7 @@ impl Supervisor {
             return;
         };
         self.queue.retain(|&waiting| waiting != tid);
+        self.end_meeting(tid);
         self.is_changed = true;
         if tid != thread.process {
             return;

@@ -65,6 +65,12 @@ impl Supervisor {
             libc::SYS_timerfd_create | libc::SYS_timerfd_settime | libc::SYS_timerfd_gettime => {
                 self.timer_file(tid, call)
             }
+            libc::SYS_timer_create
+            | libc::SYS_timer_settime
+            | libc::SYS_timer_gettime
+            | libc::SYS_timer_getoverrun
+            | libc::SYS_timer_delete => self.posix_timer(tid, call),
+            libc::SYS_fcntl | libc::SYS_flock => self.lock_file(tid, call),
             _ => Ok(self.about_processes(tid, call)),
         };
         done.unwrap_or_else(Outcome::from)
@@ -87,6 +93,20 @@ impl Supervisor {
             libc::SYS_rt_sigaction => {
                 self.sets_handler(tid, call);
                 Outcome::Kernel
+            }
+            libc::SYS_signalfd | libc::SYS_signalfd4 => {
+                self.has_signal_files = true;
+                Outcome::Kernel
+            }
+            libc::SYS_connect => {
+                if !is_near(tid, call) {
+                    self.note("connects to the network".to_owned());
+                }
+                Outcome::Kernel
+            }
+            libc::SYS_io_uring_setup => {
+                self.note("io_uring is not there: the program has to do without".to_owned());
+                nix::errno::Errno::ENOSYS.into()
             }
             number => {
                 self.note(format!("{} is done by the kernel", call::name(number)));
@@ -121,6 +141,21 @@ impl Supervisor {
             None => Flow::Goes(None),
         }
     }
+}
+
+/// Whether a socket is connected to somebody on this machine.
+fn is_near(tid: i32, call: &Call) -> bool {
+    let mut address = [0; 24];
+    let len = usize::try_from(call.args[2]).unwrap_or(0).min(address.len());
+    let read = Memory(Pid::from_raw(tid)).read(call.args[1], &mut address[..len]);
+    let family = i32::from(u16::from_ne_bytes([address[0], address[1]]));
+    let own = &address[8..24];
+    read.is_err()
+        || match family {
+            libc::AF_INET => matches!(address[4], 0 | 127),
+            libc::AF_INET6 => own[..15].iter().all(|&byte| byte == 0),
+            _ => true,
+        }
 }
 
 /// The name of a thread, as the system lists it.

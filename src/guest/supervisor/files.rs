@@ -21,6 +21,8 @@ pub(super) enum Kind {
     Chance,
     /// What the program says: heard in wall time.
     Mouth,
+    /// Signals, as bits.
+    Signals(u64),
     /// Pipes, sockets, events: may wait.
     Stream,
 }
@@ -80,6 +82,8 @@ impl Supervisor {
                 None => Kind::Prompt,
             },
             _ if (stat.st_dev, stat.st_ino) == self.stage.mouth => Kind::Mouth,
+            FileType::Socket | FileType::Fifo => Kind::Stream,
+            _ if self.has_signal_files => Self::signals_of(fd).map_or(Kind::Stream, Kind::Signals),
             _ => Kind::Stream,
         }
     }
@@ -102,6 +106,6 @@ impl Supervisor {
             self.note(format!("reads {path}"));
         }
         self.is_touched = true;
-        Outcome::Kernel
+        self.open_fifo(tid, call, &path)
     }
 }

@@ -75,10 +75,19 @@ impl Supervisor {
             Err(_) => 0,
         });
         let not_open = PollFlags::NVAL.bits();
-        files
-            .iter()
-            .zip(wanted)
+        let looks = files.iter().zip(wanted);
+        looks
             .map(|(file, &(fd, flags))| match file {
+                Some(File {
+                    kind: Kind::Signals(signals),
+                    ..
+                }) => {
+                    found.next();
+                    match self.has_signal(tid, *signals) {
+                        true => flags & PollFlags::IN.bits(),
+                        false => 0,
+                    }
+                }
                 // Somebody listens all the time, at the pace of the wall clock.
                 Some(file) if file.kind == Kind::Mouth => {
                     found.next();
@@ -184,8 +193,10 @@ impl Supervisor {
             Ok(_) => {}
             Err(errno) => return Err(Errno::from_i32(errno.raw_os_error())),
         }
+        let mut signals = self.epoll_signals(tid, fd)?;
+        signals.truncate(most.saturating_sub(events.len()));
         let is_time_up = deadline.is_some_and(|at| self.stage.now() >= at);
-        if events.is_empty() && !is_time_up {
+        if events.is_empty() && signals.is_empty() && !is_time_up {
             return Ok(wait_until(deadline));
         }
         let mut bytes = Vec::with_capacity(events.len() * EPOLL_EVENT);
@@ -195,8 +206,13 @@ impl Supervisor {
             bytes.extend(flags.bits().to_ne_bytes());
             bytes.extend(data.u64().to_ne_bytes());
         }
+        for (flags, data) in &signals {
+            bytes.extend(flags.to_ne_bytes());
+            bytes.extend(data.to_ne_bytes());
+        }
         Memory(Pid::from_raw(tid)).write(address, &bytes)?;
-        Ok(Outcome::Answer(i64::try_from(events.len()).unwrap_or(0)))
+        let count = events.len() + signals.len();
+        Ok(Outcome::Answer(i64::try_from(count).unwrap_or(0)))
     }
 
     /// The end of a wait of so many milliseconds; negative: none.

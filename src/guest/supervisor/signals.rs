@@ -9,11 +9,10 @@ use rustix::process::WaitOptions;
 use super::clocks::low_i32;
 use super::{Memory, Next, On, Outcome, State, Supervisor, Wait, is_death, wait};
 use crate::guest::call::Call;
+use crate::guest::pending::Pending;
 
 /// Bit of a handler that wants interrupted calls to be made again.
 const SA_RESTART: u64 = 0x1000_0000;
-/// Signals that do nothing unless somebody handles them: SIGCHLD, SIGCONT, SIGURG, SIGWINCH.
-const MILD: u64 = 1 << 16 | 1 << 17 | 1 << 22 | 1 << 27;
 
 impl Supervisor {
     /// Somebody sent a signal from outside.
@@ -54,7 +53,11 @@ impl Supervisor {
     }
 
     /// rt_sigsuspend, rt_sigtimedwait.
-    pub(super) fn wait_for_signal(&self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
+    pub(super) fn wait_for_signal(&mut self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
+        let signals = wanted(tid, call);
+        if let Some(outcome) = self.take_timer_signal(tid, call, signals)? {
+            return Ok(outcome);
+        }
         let process = self.threads.get(&tid).ok_or(Errno::ESRCH)?.process;
         if self.deliverable(process, tid) != [0, 0] {
             return Ok(Outcome::Kernel);
@@ -147,6 +150,12 @@ impl Supervisor {
         let is_again = signals & !restarts == 0 && is_restarted(&call);
         let pid = Pid::from_raw(tid);
         let is_at_end = thread.is_at_end;
+        if thread.progress > 0 {
+            // Part of it is written.
+            let done = i64::try_from(thread.progress).unwrap_or(i64::MAX);
+            let _ = call.answer(pid, done);
+            return self.ready(tid, Next::Go(None));
+        }
         self.set_at_end(tid, false);
         let _ = match (is_at_end, is_again) {
             (true, true) => Ok(()),
@@ -234,39 +243,5 @@ fn wanted(tid: i32, call: &Call) -> u64 {
     match call.number {
         libc::SYS_rt_sigtimedwait => Memory(Pid::from_raw(tid)).u64(call.args[0]).unwrap_or(0),
         _ => 0,
-    }
-}
-
-/// The signals that wait for a thread, as bits.
-struct Pending {
-    own: u64,
-    /// For any thread of its process.
-    common: u64,
-    blocked: u64,
-    ignored: u64,
-    caught: u64,
-}
-
-impl Pending {
-    fn of(process: i32, tid: i32) -> Self {
-        let path = format!("/proc/{process}/task/{tid}/status");
-        let status = std::fs::read_to_string(path).unwrap_or_default();
-        let mask = |name: &str| {
-            let line = status.lines().find_map(|line| line.strip_prefix(name));
-            line.and_then(|text| u64::from_str_radix(text.trim(), 16).ok())
-                .unwrap_or(0)
-        };
-        Self {
-            own: mask("SigPnd:"),
-            common: mask("ShdPnd:"),
-            blocked: mask("SigBlk:"),
-            ignored: mask("SigIgn:"),
-            caught: mask("SigCgt:"),
-        }
-    }
-
-    /// Those that do nothing while `held` are held back.
-    const fn quiet(&self, held: u64) -> u64 {
-        held | self.ignored | (MILD & !self.caught)
     }
 }

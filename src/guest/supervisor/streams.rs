@@ -4,15 +4,12 @@ use nix::errno::Errno;
 use nix::libc;
 use nix::unistd::Pid;
 use rustix::event::PollFlags;
-use rustix::fs::{FileType, fstat};
+use rustix::net::sockopt::{self, Timeout};
 
 use super::clocks::low_i32;
 use super::files::{File, Kind};
 use super::{Memory, On, Outcome, Supervisor, Wait};
 use crate::guest::call::Call;
-
-/// What a pipe that has room at all takes at once.
-const PIPE_PAGE: u64 = 4096;
 
 impl Supervisor {
     pub(super) fn read(&mut self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
@@ -33,8 +30,9 @@ impl Supervisor {
                 if let Some(outcome) = self.read_timer(tid, call, &file) {
                     return outcome;
                 }
-                Ok(when_ready(&file, PollFlags::IN, waits_by_flag(call)))
+                self.when_ready(tid, &file, PollFlags::IN, waits_by_flag(call))
             }
+            Kind::Signals(signals) => Ok(self.read_signals(tid, &file, signals)),
         }
     }
 
@@ -44,38 +42,42 @@ impl Supervisor {
             return Ok(Outcome::Kernel);
         };
         match file.kind {
-            Kind::Prompt | Kind::Mouth | Kind::Chance => Ok(Outcome::Kernel),
+            Kind::Prompt | Kind::Mouth | Kind::Chance | Kind::Signals(_) => Ok(Outcome::Kernel),
             Kind::Port(port) => self.write_port(tid, call, &file, port),
-            Kind::Stream => {
-                let outcome = when_ready(&file, PollFlags::OUT, waits_by_flag(call));
-                // More than there is room for would wait in the kernel.
-                let is_large = call.number == libc::SYS_write && call.args[2] > PIPE_PAGE;
-                if matches!(outcome, Outcome::Kernel) && is_large && is_pipe(&file) {
-                    call.with(Pid::from_raw(tid), 2, PIPE_PAGE)?;
-                }
-                Ok(outcome)
-            }
+            Kind::Stream => self.write_stream(tid, call, &file),
         }
     }
-}
 
-fn is_pipe(file: &File) -> bool {
-    fstat(&file.fd).is_ok_and(|stat| FileType::from_raw_mode(stat.st_mode) == FileType::Fifo)
-}
-
-/// The kernel does it once it does not have to wait.
-fn when_ready(file: &File, wanted: PollFlags, waits: bool) -> Outcome {
-    if !waits || file.never_waits() || !file.readiness(wanted).is_empty() {
-        return Outcome::Kernel;
+    /// The kernel does it once it does not have to wait; sockets may have a longest wait of their
+    /// own.
+    pub(super) fn when_ready(
+        &self,
+        tid: i32,
+        file: &File,
+        wanted: PollFlags,
+        waits: bool,
+    ) -> Result<Outcome, Errno> {
+        if !waits || file.never_waits() || !file.readiness(wanted).is_empty() {
+            return Ok(Outcome::Kernel);
+        }
+        let which = match wanted {
+            PollFlags::OUT => Timeout::Send,
+            _ => Timeout::Recv,
+        };
+        let most = sockopt::socket_timeout(&file.fd, which).ok().flatten();
+        let deadline = most.map(|most| self.entered(tid) + most);
+        if deadline.is_some_and(|at| self.stage.now() >= at) {
+            return Err(Errno::EAGAIN);
+        }
+        Ok(Outcome::Block(Wait {
+            on: On::Files,
+            deadline,
+        }))
     }
-    Outcome::Block(Wait {
-        on: On::Files,
-        deadline: None,
-    })
 }
 
 /// Whether a call's own flags let it wait.
-fn waits_by_flag(call: &Call) -> bool {
+pub(super) fn waits_by_flag(call: &Call) -> bool {
     let flags = match call.number {
         libc::SYS_recvfrom | libc::SYS_sendto => call.args[3],
         libc::SYS_recvmsg | libc::SYS_sendmsg => call.args[2],

@@ -8,13 +8,15 @@ use super::clocks::low_i32;
 use super::files::{File, Kind};
 use super::{Memory, On, Outcome, Supervisor, Wait};
 use crate::guest::call::Call;
+use crate::guest::launch::{TIOCGICOUNT, TIOCMIWAIT};
+use crate::realtime::inputs::INPUTS;
 
 /// Requests of rates that all processors know, but not `libc`'s module for this system.
 const TCSETS2: u64 = 0x402C_542B;
 const TCSETSW2: u64 = 0x402C_542C;
 const TCSETSF2: u64 = 0x402C_542D;
-const TIOCMIWAIT: u64 = 0x545C;
-const TIOCGICOUNT: u64 = 0x545D;
+/// Bytes of what the latter fills: twenty numbers, the first four of them changes of lines.
+const ICOUNT_LEN: usize = 80;
 
 impl Supervisor {
     pub(super) fn ioctl(&mut self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
@@ -57,7 +59,27 @@ impl Supervisor {
                 Outcome::Kernel => Outcome::Answer(0),
                 wait => wait,
             }),
+            TIOCMIWAIT => Ok(self.wait_for_line(tid, port, argument)),
             _ => self.modem(memory, port, request, argument),
+        }
+    }
+
+    /// Until one of the lines in `wanted` has changed since the call began.
+    fn wait_for_line(&mut self, tid: i32, port: usize, wanted: u64) -> Outcome {
+        let now = self.stage.line_changes(port);
+        let Some(thread) = self.threads.get_mut(&tid) else {
+            return Outcome::Kernel;
+        };
+        let before = *thread.lines_before.get_or_insert(now);
+        let has_changed = |index: usize| {
+            wanted & u64::from(INPUTS[index].bit) != 0 && before[index] != now[index]
+        };
+        match (0..INPUTS.len()).any(has_changed) {
+            true => Outcome::Answer(0),
+            false => Outcome::Block(Wait {
+                on: On::Files,
+                deadline: None,
+            }),
         }
     }
 
@@ -90,9 +112,12 @@ impl Supervisor {
             libc::TIOCMBIC => self.stage.set_modem(port, lines & !memory.u32(argument)?),
             libc::TIOCMSET => self.stage.set_modem(port, memory.u32(argument)?),
             libc::TCSBRK | libc::TCSBRKP | libc::TIOCSBRK => self.stage.send_break(port),
-            // No line of a device here ever changes by itself.
-            TIOCMIWAIT => return Ok(Outcome::Block(Wait::for_ever())),
-            TIOCGICOUNT => memory.write(argument, &[0; 80])?,
+            TIOCGICOUNT => {
+                let mut counters = [0; ICOUNT_LEN];
+                let counts = self.stage.line_changes(port).map(u32::to_ne_bytes).concat();
+                counters[..counts.len()].copy_from_slice(&counts);
+                memory.write(argument, &counters)?;
+            }
             _ => {}
         }
         Ok(Outcome::Answer(0))

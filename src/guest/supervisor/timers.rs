@@ -173,11 +173,12 @@ impl Supervisor {
                 }
             }
         }
+        self.fire_posix_timers();
     }
 }
 
 /// How often a timer expires until `now`.
-fn expirations(timer: &mut Timer, now: Instant) -> u64 {
+pub(super) fn expirations(timer: &mut Timer, now: Instant) -> u64 {
     let Some(at) = timer.at.filter(|&at| at <= now) else {
         return 0;
     };

@@ -79,14 +79,15 @@ pub(in crate::museum) fn pu_08(variant: Variant) -> Observation {
     robot.judged(ended)
 }
 
-/// 2 bytes and 9 for each of 57 waypoints are 515. The robot is sound in both cases.
+/// 2 bytes and 9 for each of 57 waypoints are 515; the fielded receivers, each of which stands for
+/// all, take 511.
 pub(in crate::museum) fn pu_13(variant: Variant) -> Observation {
     let mut desk = Operator::with_map(variant);
     let mut sent = Ok(Vec::new());
     for x in 0..56 {
         sent = desk.click([x, 0]);
     }
-    let mut robot = Robot::new(Variant::Sound, "PU-13");
+    let mut robot = Robot::new(variant, "PU-01");
     robot.send(&sent.expect("56 are allowed"));
     let last = desk.click([56, 0]);
     desk.note_sent(&last);

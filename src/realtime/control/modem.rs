@@ -1,6 +1,7 @@
 //! Modem lines of ports: a pseudo-terminal has none, so a client's supervisor sets them here.
 //!
-//! DTR and RTS reach a device by its links `NAME-dtr` and `NAME-rts`, a byte a level.
+//! DTR and RTS reach a device by its links `NAME-dtr` and `NAME-rts`, a byte a level; what a device
+//! sets comes by `NAME-cts` and its like. Lines towards the client can be set by hand, too.
 
 use std::path::PathBuf;
 
@@ -8,6 +9,7 @@ use protocols::LineEvent;
 use serde_json::{Value, json};
 
 use super::answer::Refusal;
+use crate::realtime::inputs::{INPUTS, Inputs};
 use crate::run::Run;
 
 /// Names of a port's links for what a client sets, behind its own name.
@@ -18,6 +20,8 @@ const PINS: [&str; 2] = ["dtr", "rts"];
 pub(super) struct Wish {
     /// DTR and RTS, as far as they are to change.
     pub(super) outputs: [Option<bool>; 2],
+    /// CTS, DSR, RI and DCD, as far as they are to be set by hand.
+    pub(super) inputs: [Option<bool>; 4],
     /// A break is to be sent.
     pub(super) sends_break: bool,
 }
@@ -34,6 +38,8 @@ pub(super) struct Port {
     pub(super) node: usize,
     /// DTR and RTS.
     pub(super) outputs: [bool; 2],
+    /// What its client sees.
+    pub(super) inputs: Inputs,
     /// Whether a client that has modem lines has it open.
     pub(super) is_open: bool,
 }
@@ -57,15 +63,20 @@ pub(super) fn change(
         wish.outputs[1].unwrap_or(rts),
     ];
     set(ports, index, outputs, run);
+    let node = ports[index].node;
+    run.rig.force_lines(node, wish.inputs);
     if wish.sends_break {
-        let node = ports[index].node;
         run.rig.change_line(node, LineEvent::Break);
         // The rig holds one change of the line at a time.
         run.go_on_until(run.rig.now());
     }
     let [dtr, rts] = outputs;
-    // A device here is always ready.
-    Ok(json!({"dtr": dtr, "rts": rts, "cts": true, "dsr": true, "dcd": true}))
+    let mut lines = json!({"dtr": dtr, "rts": rts});
+    let seen = ports[index].inputs.bits(&run.rig);
+    for input in INPUTS {
+        lines[input.name] = (seen & input.bit != 0).into();
+    }
+    Ok(lines)
 }
 
 /// A client has come to the port `name`, or left it: a serial port raises its lines when it is

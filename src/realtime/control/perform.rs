@@ -121,17 +121,18 @@ impl Office<'_> {
                 port,
                 dtr,
                 rts,
+                cts,
+                dsr,
+                ri,
+                dcd,
                 sends_break,
             } => {
-                session.has_modem = true;
-                let outputs = [dtr, rts];
                 let wish = Wish {
-                    outputs,
+                    outputs: [dtr, rts],
+                    inputs: [cts, dsr, ri, dcd],
                     sends_break,
                 };
-                let lines = port.map(|port| modem::change(self.ports, self.run, &port, wish));
-                let lines = lines.transpose()?;
-                Answer::granted(lines.unwrap_or_default()).at(self.run.rig.now())
+                self.modem(session, port.as_deref(), wish)?
             }
             Request::List {} => Answer {
                 ok: true,
@@ -147,6 +148,19 @@ impl Office<'_> {
                 self.changed_fault(id, asked)
             }
         }))
+    }
+
+    fn modem(
+        &mut self,
+        session: &mut Session,
+        port: Option<&str>,
+        wish: Wish,
+    ) -> Result<Answer, Refusal> {
+        // Who only sets by hand what a client sees is no client's supervisor.
+        session.has_modem |= wish.inputs == [None; 4];
+        let lines = port.map(|port| modem::change(self.ports, self.run, port, wish));
+        let lines = lines.transpose()?;
+        Ok(Answer::granted(lines.unwrap_or_default()).at(self.run.rig.now()))
     }
 
     fn granted_now(&self) -> Answer {

@@ -76,6 +76,18 @@ pub enum Request {
         /// Whether RTS is on.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         rts: Option<bool>,
+        /// What its client is to see of CTS, whatever the device says; so with the next three.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        cts: Option<bool>,
+        /// DSR.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        dsr: Option<bool>,
+        /// RI.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        ri: Option<bool>,
+        /// DCD.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        dcd: Option<bool>,
         /// A break is to be sent.
         #[serde(default, rename = "break")]
         sends_break: bool,

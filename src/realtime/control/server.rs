@@ -14,6 +14,7 @@ use super::modem;
 use super::modem::Port;
 use super::perform::{Office, Tally, apart};
 use crate::realtime::held::Held;
+use crate::realtime::inputs::Inputs;
 use crate::realtime::transport::{PortDir, TransportError};
 use crate::realtime::{Lateness, Place, Sign};
 use crate::run::Run;
@@ -72,16 +73,18 @@ impl Control {
     }
 
     /// Lets clients know of the rig's ports.
-    pub fn offer<'a>(&mut self, ports: impl IntoIterator<Item = Place<'a>>) {
+    pub fn offer<'a>(&mut self, ports: impl Iterator<Item = Place<'a>> + Clone) {
+        let all = ports.clone();
         let port = |place: Place<'_>| Port {
             name: place.name.to_owned(),
             path: place.path.to_owned(),
             baud: place.baud,
             node: place.node,
             outputs: [false; 2],
+            inputs: Inputs::of(place.name, all.clone()),
             is_open: false,
         };
-        self.ports.extend(ports.into_iter().map(port));
+        self.ports.extend(ports.map(port));
     }
 
     /// Whether it matters who has which port open.

@@ -20,7 +20,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 use rustix::io::Errno;
 use rustix::pty::{OpenptFlags, ioctl_tiocgptpeer, openpt, ptsname, unlockpt};
-use rustix::termios::{OptionalActions, QueueSelector, tcflush, tcgetattr, tcsetattr};
+use rustix::termios::{ControlModes, OptionalActions, QueueSelector, tcflush, tcgetattr, tcsetattr};
 
 use super::directory::{Link, PortDir};
 use super::watch::Watch;
@@ -217,6 +217,11 @@ impl Transport for Pty {
 
     fn counters(&self) -> Counters {
         self.counters
+    }
+
+    fn has_flow_control(&self) -> bool {
+        let modes = tcgetattr(&self.master).map(|termios| termios.control_modes);
+        modes.is_ok_and(|modes| modes.contains(ControlModes::CRTSCTS))
     }
 
     fn client_side(&self) -> Option<OwnedFd> {

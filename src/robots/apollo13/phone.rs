@@ -16,9 +16,9 @@ use firmware_core::map_view::MapView;
 use protocols::{Instant, LineConfig, Port};
 use rosc::{OscMessage, OscPacket, OscType};
 
-use super::script::{MODES, Mode, Wish};
+use super::script::{MODES, Mode, PLACE_ACTS, Wish};
 use crate::robots::script::Script;
-use crate::robots::station::DriveKeys;
+use crate::robots::station::{DriveKeys, PlaceAct};
 use crate::robots::{Gesture, Station, StationView};
 use crate::scenario::{Action, SetPoint, Step};
 
@@ -52,6 +52,8 @@ pub(super) struct Phone {
     has_goals: bool,
     by_hand: [i8; 2],
     goals: Vec<[f64; 2]>,
+    /// Heading at the only goal, radians, if somebody said it.
+    heading: Option<f32>,
     /// The goal on the way, of `goals`.
     goal: usize,
     /// The goal is to be sent.
@@ -81,6 +83,7 @@ impl Phone {
             has_goals,
             by_hand: [0, STRAIGHT],
             goals: Vec::new(),
+            heading: None,
             goal: 0,
             is_news: false,
             sent: None,
@@ -139,11 +142,18 @@ impl Phone {
             // They are being driven to, or the car has just arrived.
             Wish::Goals(goals) if goals == self.goals && self.is_at_them(now) => {}
             Wish::Goals(goals) if self.has_goals => {
-                (self.goals, self.goal) = (goals, 0);
+                (self.goals, self.goal, self.heading) = (goals, 0, None);
                 self.is_news = self.mode == Some(Mode::Autonomous);
             }
             Wish::Goals(_) => {}
             Wish::Mode(mode) => self.order(mode),
+            // Said once: a moment later it would be another one.
+            Wish::Pose(pose) => self.say("/pose", &pose),
+            Wish::GoTo([x, y, heading]) => {
+                (self.goals, self.goal) = (vec![[x, y].map(f64::from)], 0);
+                self.heading = Some(heading);
+                self.order(Mode::Autonomous);
+            }
             Wish::Drive(by_hand) => {
                 if self.mode != Some(Mode::Remote) {
                     self.order(Mode::Remote);
@@ -233,9 +243,10 @@ impl Phone {
             // Ahead is where one comes from.
             let before = self.goal.checked_sub(1).and_then(|it| self.goals.get(it));
             let [from_x, from_y] = before.copied().unwrap_or([car.x, car.y]);
-            let heading = libm::atan2(y - from_y, x - from_x);
+            let ahead = libm::atan2(y - from_y, x - from_x);
             #[expect(clippy::cast_possible_truncation, reason = "metres fit an f32")]
-            let values = [x, y, heading].map(|value| value as f32);
+            let mut values = [x, y, ahead].map(|value| value as f32);
+            values[2] = self.heading.unwrap_or(values[2]);
             self.say("/goal", &values);
             self.sent = Some((values, now));
             self.note(now, "goal-sent", format!("{x:.2}, {y:.2} m"));
@@ -331,6 +342,10 @@ impl Station for Phone {
     fn modes(&self) -> &'static [&'static str] {
         const NAMES: [&str; 5] = [MODES[0].0, MODES[1].0, MODES[2].0, MODES[3].0, MODES[4].0];
         &NAMES
+    }
+
+    fn place_acts(&self) -> &'static [PlaceAct] {
+        &PLACE_ACTS
     }
 
     /// Level 2 is 0.22 m/s; half of the steering either way. Straight ahead is 8, not 0.

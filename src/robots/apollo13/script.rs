@@ -3,6 +3,7 @@
 use protocols::car_board::{Level, Steering};
 
 use crate::robots::script::Script;
+use crate::robots::station::{PlaceAct, with_pose};
 use crate::scenario::{Action, Mission, ScenarioError, SetPoint, Source, Step};
 
 /// What the phone's person asks for.
@@ -18,6 +19,10 @@ pub(super) enum Wish {
     Mode(Mode),
     /// By hand: motor level and steering value.
     Drive([i8; 2]),
+    /// The car stands here: x, y, metres, and heading, radians.
+    Pose([f32; 3]),
+    /// To this pose: x, y, metres, and heading, radians.
+    GoTo([f32; 3]),
 }
 
 /// What the phone's toggles make of the car.
@@ -39,6 +44,24 @@ pub(super) const MODES: [(&str, Mode); 5] = [
     ("mapping", Mode::Mapping),
 ];
 
+/// The mode of telling the car its pose, which follows.
+const SET_POSE: &str = "set-pose";
+/// The mode of driving to one pose, which follows.
+const GO_TO: &str = "go-to";
+/// What the phone's person does with a pose.
+pub(super) const PLACE_ACTS: [PlaceAct; 2] = [
+    PlaceAct {
+        mode: SET_POSE,
+        about: "Tells the car that it stands there.",
+        heading: true,
+    },
+    PlaceAct {
+        mode: GO_TO,
+        about: "Drives the car there, as its only goal.",
+        heading: true,
+    },
+];
+
 impl Mode {
     /// Its name.
     pub(super) fn name(self) -> &'static str {
@@ -57,16 +80,28 @@ impl Wish {
             Action::Connect => Self::Connect,
             Action::Disconnect => Self::Disconnect,
             Action::WaypointsM(goals) => Self::Goals(goals.clone()),
-            Action::Mode(name) => {
-                let found = MODES.iter().find(|(known, _)| known == name);
-                let (_, mode) = found.ok_or_else(|| {
-                    let known = MODES.map(|(name, _)| name).join(", ");
-                    format!("mode \"{name}\": expected one of {known}")
-                })?;
-                Self::Mode(*mode)
-            }
+            Action::Mode(name) => Self::of_mode(name)?,
             Action::Drive(set_points) => Self::Drive(by_hand(set_points)?),
         })
+    }
+
+    fn of_mode(name: &str) -> Result<Self, String> {
+        if let Some((_, mode)) = MODES.iter().find(|(known, _)| *known == name) {
+            return Ok(Self::Mode(*mode));
+        }
+        let pose =
+            with_pose(name).map(|(name, [x, y, degrees])| (name, [x, y, degrees.to_radians()]));
+        match pose {
+            Some((SET_POSE, pose)) => Ok(Self::Pose(pose)),
+            Some((GO_TO, pose)) => Ok(Self::GoTo(pose)),
+            _ => {
+                let known = MODES.map(|(name, _)| name).join(", ");
+                Err(format!(
+                    "mode \"{name}\": expected one of {known}, or {SET_POSE} or {GO_TO} with \
+                     metres along x and y and degrees"
+                ))
+            }
+        }
     }
 }
 
@@ -103,4 +138,26 @@ pub(super) fn script(mission: &Mission, source: &Source) -> Result<Script<Wish>,
         }
     }
     Script::of(mission, source, first, Wish::of)
+}
+
+#[cfg(test)]
+mod tests {
+    use core::f32::consts::FRAC_PI_2;
+
+    use super::*;
+
+    fn wish(name: &str) -> Result<Wish, String> {
+        Wish::of(&Action::Mode(name.to_owned()))
+    }
+
+    #[test]
+    fn a_pose_is_read_behind_its_mode() {
+        let pose = [0.5, -1.25, FRAC_PI_2];
+        assert_eq!(wish("set-pose 0.5 -1.25 90"), Ok(Wish::Pose(pose)));
+        assert_eq!(wish("go-to 0.5 -1.25 90"), Ok(Wish::GoTo(pose)));
+        assert_eq!(wish("gates"), Ok(Wish::Mode(Mode::Gates)));
+        for bad in ["go-to", "go-to 1 2", "set-pose 1 2 inf", "gates 1 2 3"] {
+            assert!(wish(bad).is_err(), "{bad}");
+        }
+    }
 }

@@ -13,7 +13,7 @@ use protocols::{Instant, LineConfig, LineEvent, Port};
 use super::body::RADIUS_M;
 use super::script::script;
 use super::station::PcStation;
-use crate::robots::station::DriveKeys;
+use crate::robots::station::{DriveKeys, PlaceAct};
 use crate::robots::{Gesture, RemoteStation, Station, StationView};
 use crate::scenario::{Action, Scenario, Span, Step};
 
@@ -87,6 +87,10 @@ impl Device for Remote {
 impl Station for Remote {
     fn modes(&self) -> &'static [&'static str] {
         self.station.modes()
+    }
+
+    fn place_acts(&self) -> &'static [PlaceAct] {
+        self.station.place_acts()
     }
 
     fn keys(&self) -> Option<DriveKeys> {

@@ -5,6 +5,7 @@ use core::time::Duration;
 use firmware_core::robots::yellow::pc::PcCommand;
 
 use crate::robots::script::Script;
+use crate::robots::station::{PlaceAct, with_pose};
 use crate::scenario::{Action, Mission, ScenarioError, SetPoint, Source, Step};
 
 /// Nominal speed of the reactive drive, m/s.
@@ -52,6 +53,19 @@ pub(super) const NAVIGATE: &str = "navigate";
 const SET_POSE: &str = "set-pose";
 /// The mode of driving to one pose, which follows.
 const GO_TO: &str = "go-to";
+/// What the program does with a pose.
+pub(super) const PLACE_ACTS: [PlaceAct; 2] = [
+    PlaceAct {
+        mode: SET_POSE,
+        about: "Tells the robot that it stands there.",
+        heading: true,
+    },
+    PlaceAct {
+        mode: GO_TO,
+        about: "Drives the robot there and turns it.",
+        heading: true,
+    },
+];
 
 impl Wish {
     /// What `action` means here.
@@ -66,7 +80,7 @@ impl Wish {
             Action::Mode(name) if name == NAVIGATE => Self::Navigate,
             Action::Mode(name) => {
                 let found = MODES.iter().find(|(known, _)| known == name).copied();
-                let found = found.or_else(|| with_pose(name));
+                let found = found.or_else(|| of_a_pose(name));
                 let (name, command) = found.ok_or_else(|| unknown_mode(name))?;
                 Self::Do(name, command)
             }
@@ -77,16 +91,8 @@ impl Wish {
 
 /// A mode with a pose behind it, metres and degrees: `set-pose 0.5 1.2 90` tells the robot where it
 /// stands, `go-to 0.5 1.2 90` drives it there and turns it.
-fn with_pose(text: &str) -> Option<(&'static str, PcCommand)> {
-    let mut words = text.split_whitespace();
-    let name = words.next()?;
-    let figures: Vec<f32> = words.map(|word| word.parse().ok()).collect::<Option<_>>()?;
-    let &[x_m, y_m, degrees] = figures.as_slice() else {
-        return None;
-    };
-    if !figures.iter().all(|figure| figure.is_finite()) {
-        return None;
-    }
+fn of_a_pose(text: &str) -> Option<(&'static str, PcCommand)> {
+    let (name, [x_m, y_m, degrees]) = with_pose(text)?;
     let heading_rad = degrees.to_radians();
     match name {
         SET_POSE => Some((

@@ -11,10 +11,10 @@ use firmware_core::map_view::MapView;
 use firmware_core::robots::yellow::pc::{PcCommand, PcProgram, Refused, Task, TaskState};
 use protocols::{Instant, LineConfig, LineEvent, Port};
 
-use super::script::{MODES, NAVIGATE, WHEEL_MAX_M_S, Wish};
+use super::script::{MODES, NAVIGATE, PLACE_ACTS, WHEEL_MAX_M_S, Wish};
 use crate::robots::instruments::in_metres;
 use crate::robots::script::Script;
-use crate::robots::station::{DriveKeys, StationState};
+use crate::robots::station::{DriveKeys, PlaceAct, StationState};
 use crate::robots::{Gesture, Station, StationView};
 use crate::scenario::{Action, SetPoint, Step};
 
@@ -344,6 +344,10 @@ impl Station for PcStation {
             MODES[0].0, MODES[1].0, MODES[2].0, MODES[3].0, MODES[4].0, NAVIGATE,
         ];
         &NAMES
+    }
+
+    fn place_acts(&self) -> &'static [PlaceAct] {
+        &PLACE_ACTS
     }
 
     /// 0.3 m/s ahead, 1.1 rad/s to turn.

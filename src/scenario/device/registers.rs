@@ -18,6 +18,9 @@ use crate::scenario::{OrderSpec, RegistersSpec, ScenarioError};
 const EXAMPLE: &str = r#"[device.gripper.registers]
 baud = 115200
 watchdog = "500ms"
+resets_on = "break"
+boot = "300ms"
+raises = { cts = "wall-ahead-mm" }
 
 [[device.gripper.registers.register]]
 address = 4
@@ -90,7 +93,7 @@ impl DeviceKind for RegistersKind {
         });
         Ok(Built {
             device: Box::new(device),
-            ports: vec![port],
+            ports: core::iter::once(port).chain(spec.pins()).collect(),
         })
     }
 }

@@ -17,6 +17,9 @@ baud = 9600
 unknown = "?"
 refused = "range"
 periodic = { line = "mm={distance}", period = "1s" }
+resets_on = "dtr"
+greeting = "sonar 1.0"
+raises = { dcd = "distance" }
 
 [[device.sonar.text.variable]]
 name = "distance"
@@ -73,7 +76,7 @@ impl DeviceKind for TextKind {
         let port = PortInfo::uart("uart", Text::UART, line, "your own program");
         Ok(Built {
             device: Box::new(device),
-            ports: vec![port],
+            ports: core::iter::once(port).chain(spec.pins()).collect(),
         })
     }
 }

@@ -94,7 +94,7 @@ impl From<MountSpec> for Mount {
 const PIN: LineConfig = LineConfig::new_8n1(10_000_000);
 
 const EXAMPLE: &str = r#"[device.lidar.xv11]
-profile = "fw2.1"
+profile = "fw2.6.15295"
 supply = { fixed-v = 3.3 }
 mount = { x_m = 0.05, heading_deg = 30 }
 faults = ["dust"]

@@ -4,13 +4,14 @@ use schemars::generate::SchemaSettings;
 use serde_json::{Map, Value, json};
 
 use super::kind::TIME_KEYS;
-use super::{FaultKind, FaultSpec};
+use super::{FaultKind, FaultSpec, WhenSpec};
 
 /// All kinds of faults with their keys, and for each key its schema.
 ///
 /// ```text
 /// {kinds: [{name, about, place: [key..], links: [kind..], keys: [key..]}],
-///  time: [key..], keys: {KEY: {description, type, minimum, maximum, ..}}}
+///  time: [key..], when: [{about, keys: [key..]}],
+///  keys: {KEY: {description, type, minimum, maximum, ..}}}
 /// ```
 pub fn catalogue() -> Value {
     let kinds = FaultKind::ALL.iter().map(|kind| {
@@ -24,7 +25,8 @@ pub fn catalogue() -> Value {
         })
     });
     let kinds: Vec<Value> = kinds.collect();
-    json!({"kinds": kinds, "time": TIME_KEYS, "keys": keys()})
+    let when = WhenSpec::FORMS.map(|(about, keys)| json!({"about": about, "keys": keys}));
+    json!({"kinds": kinds, "time": TIME_KEYS, "when": when, "keys": keys()})
 }
 
 /// The schema of each key, references followed.
@@ -67,6 +69,17 @@ mod tests {
                 let described = &all["keys"][key.as_str().expect("a name")]["description"];
                 assert!(described.is_string(), "{key} of {}", kind["name"]);
             }
+        }
+        let inner = &all["keys"]["when"]["properties"];
+        let forms = all["when"].as_array().into_iter().flatten();
+        let inside: Vec<&Value> = forms
+            .filter_map(|form| form["keys"].as_array())
+            .flatten()
+            .collect();
+        assert_eq!(inside.len(), 3 + 3 + 2);
+        for key in inside {
+            let described = &inner[key.as_str().expect("a name")]["description"];
+            assert!(described.is_string(), "{key} of when");
         }
         let rate = &all["keys"]["rate"];
         assert_eq!([&rate["minimum"], &rate["maximum"]], [0.0, 1.0]);

@@ -31,6 +31,16 @@ pub struct WhenSpec {
 }
 
 impl WhenSpec {
+    /// What can be waited for, in words, and the keys that say it.
+    pub(super) const FORMS: [(&str, &[&str]); 3] = [
+        ("a register has a value", &["device", "register", "equals"]),
+        (
+            "a register has a value or more",
+            &["device", "register", "at_least"],
+        ),
+        ("the robot is at a place", &["near_m", "within_m"]),
+    ];
+
     /// What is meant.
     ///
     /// # Errors

@@ -3,12 +3,14 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::judge::situations_of;
+use super::judge::{self, situations_of};
+use super::strip::Strip;
 use super::{CampaignPlan, Comparison, Store, compare, page};
 use crate::scenario::Scenario;
 use crate::search::error::StoreError;
 use crate::search::files;
 use crate::search::shrink::{self, Branches, Effort};
+use crate::show::moment;
 
 /// Most seeds named for a group.
 const SEEDS_MAX: usize = 20;
@@ -34,6 +36,9 @@ pub(crate) struct Group {
     pub case: Option<String>,
     /// What is left in the case, in words.
     pub left: Option<String>,
+    /// The case at its failure, as SVG; none if its program is not here to be run.
+    #[serde(skip)]
+    pub picture: Option<String>,
 }
 
 /// How many runs came into a situation.
@@ -67,6 +72,9 @@ pub(crate) struct Merged {
     /// What has changed since an earlier campaign, if one was named.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub comparison: Option<Comparison>,
+    /// All runs in order.
+    #[serde(skip)]
+    pub strip: Strip,
 }
 
 /// Merges the shards in `dirs` into the folder `out`, with what it has already if it belongs to the
@@ -131,6 +139,7 @@ fn count(store: &Store) -> Merged {
             others: Vec::new(),
             case: None,
             left: None,
+            picture: None,
         });
         group.runs += 1;
         if group.runs > 1 && group.others.len() < SEEDS_MAX {
@@ -139,7 +148,11 @@ fn count(store: &Store) -> Merged {
     }
     let mut groups: Vec<Group> = groups.into_values().collect();
     groups.sort_by(|a, b| b.runs.cmp(&a.runs).then_with(|| a.cause.cmp(&b.cause)));
+    let numbers: BTreeMap<&str, usize> = groups.iter().map(|one| &*one.cause).zip(0..).collect();
+    let causes = store.runs().map(|run| run.cause);
+    let strip = Strip::of(causes, |cause| numbers.get(cause).copied());
     Merged {
+        strip,
         runs: store.len(),
         missing: plan.len().saturating_sub(store.len()),
         failed: store.failed(),
@@ -199,6 +212,13 @@ fn minimise(group: &mut Group, number: u32, store: &Store) -> Result<(), StoreEr
     files::make_folder(&store.dir().join("groups"))?;
     files::replace(&store.dir().join(&name), small.to_toml().as_bytes())?;
     group.left = Some(shrink::in_words(&small));
+    if tries > 0 {
+        // A case that cannot be wired any more, or panics, has no picture.
+        let ran = judge::run(&small, &source)
+            .ok()
+            .and_then(|(_, outcome)| outcome);
+        group.picture = ran.map(|outcome| moment::of_failure(&outcome));
+    }
     group.case = Some(name);
     Ok(())
 }

@@ -3,6 +3,7 @@
 use core::fmt::{self, Write as _};
 use core::time::Duration;
 
+use super::strip::class;
 use super::{CampaignPlan, Change, Comparison, Failures, Merged};
 use crate::html::Escaped;
 
@@ -109,24 +110,25 @@ fn write_causes(merged: &Merged, out: &mut String) -> fmt::Result {
     if merged.groups.is_empty() {
         return Ok(());
     }
-    out.write_str("<h2>Failures by cause</h2><ol class=\"causes\">")?;
-    for group in &merged.groups {
+    out.write_str("<h2>Failures by cause</h2>")?;
+    let names: Vec<&str> = merged.groups.iter().map(|group| &*group.cause).collect();
+    merged.strip.write(&names, out)?;
+    out.write_str("<ol class=\"causes\">")?;
+    for (number, group) in merged.groups.iter().enumerate() {
         let (scenario, seed) = &group.first;
         write!(
             out,
-            "<li><h3>{}</h3><p><b>{} of {} runs</b> <progress max=\"{}\" value=\"{}\" \
-             aria-label=\"share of all runs\"></progress><p>{}<p>first: {} seed {seed}",
+            "<li class=\"{}\"><h3>{}</h3><p><b>{} of {} runs</b> <progress max=\"{}\" value=\"{}\" \
+             aria-label=\"share of all runs\"></progress><p>{}",
+            class(Some(number)),
             Escaped(&group.cause),
             group.runs,
             merged.runs,
             merged.runs,
             group.runs,
             Escaped(&group.detail),
-            Escaped(scenario),
         )?;
-        for (scenario, seed) in &group.others {
-            write!(out, ", {} seed {seed}", Escaped(scenario))?;
-        }
+        out.write_str(group.picture.as_deref().unwrap_or_default())?;
         if let (Some(case), Some(left)) = (&group.case, &group.left) {
             let (case, left) = (Escaped(case), Escaped(left));
             write!(
@@ -134,6 +136,18 @@ fn write_causes(merged: &Merged, out: &mut String) -> fmt::Result {
                 "<p>smallest case: <a href=\"{case}\">{case}</a>, {left}"
             )?;
             write!(out, "<p><code>hilrig run {case}</code>")?;
+        }
+        write!(
+            out,
+            "<details><summary>first: {} seed {seed}</summary><p>",
+            Escaped(scenario)
+        )?;
+        for (scenario, seed) in &group.others {
+            write!(out, "{} seed {seed}, ", Escaped(scenario))?;
+        }
+        match group.runs - 1 - group.others.len() {
+            0 => out.write_str("no others</details>")?,
+            more => write!(out, "and {more} others</details>")?,
         }
     }
     out.write_str("</ol>")

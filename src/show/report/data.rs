@@ -71,7 +71,7 @@ pub(super) fn json(outcome: &Outcome, events: &[&Logged]) -> String {
         "marks": marks(outcome, events),
         "bars": bars(&outcome.case.fault),
         "error": error(outcome),
-        "failed": failures(outcome).next(),
+        "failed": super::failed_at(outcome),
         "display": outcome.display.as_ref().map(|picture| json!({
             "width": picture.width(),
             "height": picture.height(),
@@ -180,7 +180,7 @@ fn error(outcome: &Outcome) -> Value {
 }
 
 /// The times that failed checks name.
-fn failures(outcome: &Outcome) -> impl Iterator<Item = f64> {
+pub(super) fn failures(outcome: &Outcome) -> impl Iterator<Item = f64> {
     let failed = outcome.checks.iter();
     let failed = failed.filter(|check| check.status == Status::Fail);
     failed.filter_map(|check| first_time(&check.detail))

@@ -228,6 +228,7 @@ impl Remote {
             "speed_max": 1,
             "pc": true,
             "modes": self.station.modes(),
+            "place_acts": self.station.place_acts(),
             "keys": self.station.keys(),
         })
     }

@@ -46,6 +46,7 @@ pub(super) fn stage(run: &Run, number: u64, tempo: Tempo, branched: Option<Insta
         "speed_max": SPEED_MAX,
         "pc": station.is_some(),
         "modes": station.map(Station::modes),
+        "place_acts": station.map(Station::place_acts),
         "keys": station.and_then(Station::keys),
         "duration_ns": scenario.duration.instant().as_nanos(),
         "branched_ns": branched.map(Instant::as_nanos),

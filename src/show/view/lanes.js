@@ -72,7 +72,8 @@ const hilrigLanes = (() => {
       context.fillStyle = colours.grid;
       context.fillRect(x, ruler - 2, 1, high - ruler);
       context.fillStyle = colours.dim;
-      context.fillText(clock(at, every < 0.1 ? 3 : digits), x, 8);
+      const text = clock(at, every < 0.1 ? 3 : digits);
+      context.fillText(text, Math.min(x, width - context.measureText(text).width / 2 - 2), 8);
     }
     context.textAlign = "left";
   }
@@ -190,9 +191,11 @@ const hilrigLanes = (() => {
     if (!known) return;
     const span = max - min || 1;
     const y = (value) => low - (value - min) / span * (low - high);
-    context.textAlign = "right";
-    context.fillText(figure(max), left - 4, high + 4);
-    if (max > min) context.fillText(figure(min), left - 4, low - 2);
+    // Beside the plot, or in it where there is no room.
+    const narrow = width < 600, edge = narrow ? left + 3 : left - 4;
+    context.textAlign = narrow ? "left" : "right";
+    context.fillText(figure(max), edge, high + 4);
+    if (max > min) context.fillText(figure(min), edge, low - 2);
     context.textAlign = "left";
     context.strokeStyle = colour;
     context.lineWidth = 1.5;

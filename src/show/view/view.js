@@ -21,18 +21,21 @@ const hilrigView = (() => {
   // Told apart by the colour-blind (Okabe and Ito); `setDark` changes what lies behind them.
   const colours = {
     unknown: 127, truth: "#009e73", belief: "#d55e00", scan: "#0072b2", waypoint: "#cc79a7",
-    sensed: "#0072b2", planned: "#cc79a7", guess: "#d55e00", faults: "#e69f00",
+    sensed: "#0072b2", planned: "#cc79a7", guess: "#d55e00",
   };
   const light = {
     paper: "#ffffff", ink: "#1b1f24", dim: "#57606a", grid: "#d8dee4", shape: "#8a5a00",
     shapeIn: "rgba(138, 90, 0, 0.18)", possible: "#6b7580", mark: "#a35200", load: "#0072b2",
-    errors: "#b3261e", cursor: "#1b1f24", tones: [[255, 255, 255], [190, 196, 203], [0, 0, 0]],
+    errors: "#b3261e", faults: "#b87a00", cursor: "#1b1f24",
+    tones: [[255, 255, 255], [190, 196, 203], [0, 0, 0]],
   };
   const dark = {
     paper: "#16191d", ink: "#e6e6e6", dim: "#a9b1ba", grid: "#30363d", shape: "#d9a441",
     shapeIn: "rgba(217, 164, 65, 0.2)", possible: "#8b949e", mark: "#ffb74d", load: "#4aa3df",
-    errors: "#ff8a80", cursor: "#e6e6e6", tones: [[34, 38, 43], [74, 80, 88], [230, 230, 230]],
+    errors: "#ff8a80", faults: "#e69f00", cursor: "#e6e6e6",
+    tones: [[34, 38, 43], [74, 80, 88], [230, 230, 230]],
   };
+  // What is drawn of these has three times the contrast of the paper at least.
   const setDark = (isDark) => Object.assign(colours, isDark ? dark : light, { isDark });
   setDark(false);
 

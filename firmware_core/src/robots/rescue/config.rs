@@ -9,7 +9,7 @@ use crate::navigation::{self, Body, Sought};
 use crate::odometry::WheelGeometry;
 use crate::pose::Point;
 use crate::scan::{Mounting, WeakReadings};
-use crate::{pc_link, slam};
+use crate::{pc_link, radio_setup, slam};
 
 /// What the robot is told once, before it starts.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,6 +35,8 @@ pub struct Config {
     pub turning: Turning,
     /// What the robot does until it is told otherwise.
     pub initial_mode: Mode,
+    /// How the radio is set up before it is used; `None`: it is ready.
+    pub radio_setup: Option<radio_setup::Settings>,
     /// The PC link.
     pub pc_link: pc_link::Settings,
     /// Faults of the fielded program to show, see [`Config::with_defect`].
@@ -57,6 +59,7 @@ impl Config {
         smear: Smear::Undone,
         turning: Turning::Wheels,
         initial_mode: Mode::Stop,
+        radio_setup: None,
         pc_link: pc_link::Settings::DEFAULT,
         defects: Defects::NONE,
         display: Display::Touch,

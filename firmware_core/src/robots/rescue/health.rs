@@ -60,6 +60,25 @@ impl Health {
 }
 
 impl Rescue {
+    /// Goes on with setting the radio up, and tells if that could not be done.
+    pub(super) fn set_radio_up(&mut self, now: Instant) {
+        let Some(setup) = &mut self.radio_setup else {
+            return;
+        };
+        setup.tick(now);
+        if setup.is_over() {
+            if setup.has_failed() {
+                self.screen.notices.push(now, Notice::RadioSilent);
+            }
+            self.radio_setup = None;
+        }
+    }
+
+    /// Whether the radio is there for the PC.
+    pub(super) const fn uses_radio(&self) -> bool {
+        self.switches.pc_link && self.radio_setup.is_none()
+    }
+
     /// Looks at what the base has told since: its battery, its stop button.
     pub(super) fn watch_health(&mut self, now: Instant) {
         if let Some(battery) = self.drive.take_battery()
@@ -138,7 +157,8 @@ impl Rescue {
                 .with(Condition::LidarSilent, !self.lidar.sees())
                 .with(Condition::Lost, self.is_lost())
                 .with(Condition::OffMap, self.health.is_off_map)
-                .with(Condition::Stopped, self.health.is_stopped),
+                .with(Condition::Stopped, self.health.is_stopped)
+                .with(Condition::LidarWeak, self.lidar.motor_is_too_weak()),
             search: match self.search_progress() {
                 None => Search::None,
                 Some(Progress::Seeks) => Search::Seeks,

@@ -184,6 +184,10 @@ impl Lidar {
         self.motor.take_duty()
     }
 
+    pub(super) const fn motor_is_too_weak(&self) -> bool {
+        self.motor.is_too_weak()
+    }
+
     pub(super) const fn speed_is_stable(&self) -> bool {
         self.motor.is_stable()
     }

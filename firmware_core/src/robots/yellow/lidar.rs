@@ -14,6 +14,7 @@ use core::time::Duration;
 use protocols::rplidar::{Command, Decoder, Frame, Mode, Node, Reply, Status};
 use protocols::{Decode, Instant};
 
+use super::order::Order;
 use super::scans::{self, Scans};
 use crate::fifo::Fifo;
 
@@ -29,8 +30,12 @@ const SPIN_UP: Duration = Duration::from_secs(3);
 const ANSWER: Duration = Duration::from_millis(100);
 /// Quiet time after which a half-received node is given up: forty of them.
 const IDLE_GAP: Duration = Duration::from_millis(20);
-/// A turn takes 0.1 s to 1 s, so one without a beginning for longer has lost it.
+/// A turn takes 0.1 s to 1 s: a shorter one has two beginnings, a longer one none.
+const TURN_MIN: Duration = Duration::from_millis(80);
 const TURN_MAX: Duration = Duration::from_millis(1_500);
+/// Behind three quarters of a turn its first quarter is the next one's.
+const THREE_QUARTERS_Q6: u16 = 270 * 64;
+const QUARTER_Q6: u16 = 90 * 64;
 
 /// What the fielded program did wrong; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -75,6 +80,9 @@ pub(super) struct Lidar {
     phase: Phase,
     decoder: Decoder,
     groups: Groups,
+    order: Order,
+    /// Of the last node that was believed.
+    angle_q6: u16,
     pub(super) scans: Scans,
     requests: Fifo<16>,
     duty: Option<u8>,
@@ -103,6 +111,8 @@ impl Lidar {
             phase: Phase::Off,
             decoder: Decoder::new(),
             groups: Groups::NEW,
+            order: Order::NEW,
+            angle_q6: 0,
             scans: Scans::new(defects.scans),
             requests: Fifo::new(),
             duty: None,
@@ -128,7 +138,8 @@ impl Lidar {
         if self.defects.unchecked {
             for &byte in bytes {
                 if let Some(node) = self.groups.take(byte) {
-                    self.take(now, node);
+                    self.count(now);
+                    self.take(now, node, node.starts_turn);
                 }
             }
             return;
@@ -136,20 +147,34 @@ impl Lidar {
         let mut input = bytes;
         while let Some(outcome) = self.decoder.step(&mut input) {
             match outcome {
-                Ok(Frame::Node(node)) => self.take(now, Group::of(node)),
+                Ok(Frame::Node(node)) => {
+                    self.count(now);
+                    if let Some(group) = self.order.take(Group::of(node)) {
+                        self.believe(now, group);
+                    }
+                }
                 Ok(Frame::Answer(answer)) => self.answered(now, answer.reply()),
                 Ok(_) => {}
-                Err(_) => self.counters.resyncs = self.counters.resyncs.saturating_add(1),
+                Err(_) => {
+                    self.order.gap();
+                    self.counters.resyncs = self.counters.resyncs.saturating_add(1);
+                }
             }
         }
     }
 
     pub(super) fn line_broke(&mut self) {
         self.decoder.idle();
+        self.order.gap();
     }
 
     /// What is due by `now`.
     pub(super) fn tick(&mut self, now: Instant) {
+        // Nodes may come that make no turn: what was seen before them is old.
+        let is_old = now - self.turn_at > 2 * TURN_MAX && !self.defects.unchecked;
+        if is_old && !self.scans.points().is_empty() {
+            self.scans.forget();
+        }
         match self.phase {
             Phase::Off => {
                 self.duty = Some(MOTOR_DUTY);
@@ -233,10 +258,21 @@ impl Lidar {
         self.requests.push(command.request().as_bytes());
     }
 
-    fn take(&mut self, now: Instant, group: Group) {
+    fn count(&mut self, now: Instant) {
         self.counters.nodes = self.counters.nodes.saturating_add(1);
         (self.node_at, self.patience) = (now, SILENCE);
-        if group.starts_turn {
+    }
+
+    /// The node with which a turn begins may have been lost.
+    fn believe(&mut self, now: Instant, group: Group) {
+        let is_behind = self.angle_q6 > THREE_QUARTERS_Q6 && group.angle_q6 < QUARTER_Q6;
+        self.angle_q6 = group.angle_q6;
+        let begins = group.starts_turn || is_behind;
+        self.take(now, group, begins && now - self.turn_at >= TURN_MIN);
+    }
+
+    fn take(&mut self, now: Instant, group: Group, begins: bool) {
+        if begins {
             self.counters.turns = self.counters.turns.saturating_add(1);
             // A turn whose beginning was lost is two.
             if now - self.turn_at <= TURN_MAX {
@@ -251,11 +287,11 @@ impl Lidar {
 
 /// What five bytes say.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Group {
-    starts_turn: bool,
-    quality: u8,
-    angle_q6: u16,
-    distance_mm: Option<f32>,
+pub(super) struct Group {
+    pub(super) starts_turn: bool,
+    pub(super) quality: u8,
+    pub(super) angle_q6: u16,
+    pub(super) distance_mm: Option<f32>,
 }
 
 impl Group {

@@ -18,6 +18,9 @@ use protocols::telemetry::message::State;
 const SWITCHING: Duration = Duration::from_millis(500);
 /// Silence of the PC after which nobody drives by hand any more.
 const MANUAL_HOLDS: Duration = Duration::from_secs(2);
+/// A manoeuvre that is interrupted stands for so long before it ends: two messages, so that the PC
+/// sees that it had begun.
+const INTERRUPTED: Duration = Duration::from_millis(400);
 
 /// What the fielded program did wrong; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -113,6 +116,8 @@ pub(super) struct Machine {
     heard_at: Instant,
     /// A manoeuvre has ended, and this has not been dealt with.
     has_arrived: bool,
+    /// A manoeuvre was interrupted, and ends then.
+    ends_at: Option<Instant>,
     pub(super) time_outs: u32,
     pub(super) arrivals: u32,
     pub(super) interruptions: u32,
@@ -128,6 +133,7 @@ impl Machine {
             button: false,
             heard_at: Instant::ZERO,
             has_arrived: false,
+            ends_at: None,
             time_outs: 0,
             arrivals: 0,
             interruptions: 0,
@@ -165,6 +171,7 @@ impl Machine {
         if !self.defects.end_erases_order {
             self.has_arrived = false;
         }
+        self.ends_at = None;
     }
 
     /// The manoeuvre has come to its end: the next step deals with it.
@@ -176,11 +183,16 @@ impl Machine {
     }
 
     /// The way was lost for a while: a manoeuvre that goes by it ends where it is.
-    pub(super) fn interrupt(&mut self) {
-        if self.mode == Mode::AutoPosition && !self.has_arrived {
+    pub(super) fn interrupt(&mut self, now: Instant) {
+        if self.mode == Mode::AutoPosition && !self.has_arrived && self.ends_at.is_none() {
             self.interruptions = self.interruptions.saturating_add(1);
-            self.has_arrived = true;
+            self.ends_at = Some(now + INTERRUPTED);
         }
+    }
+
+    /// Whether the manoeuvre only stands until it ends.
+    pub(super) const fn is_interrupted(&self) -> bool {
+        self.ends_at.is_some()
     }
 
     /// The button's state; only its going down counts.
@@ -196,7 +208,8 @@ impl Machine {
 
     /// One step; true if the robot does something else now.
     pub(super) fn step(&mut self, now: Instant) -> bool {
-        if core::mem::take(&mut self.has_arrived) {
+        let is_over = self.ends_at.is_some_and(|at| now >= at);
+        if core::mem::take(&mut self.has_arrived) || is_over {
             self.desired = Desired::Off;
         }
         let is_alone = now - self.heard_at >= MANUAL_HOLDS && !self.defects.manual_never_ends;
@@ -208,6 +221,7 @@ impl Machine {
         let changes = next != self.mode;
         if changes {
             (self.mode, self.since) = (next, now);
+            self.ends_at = None;
         }
         changes
     }

@@ -79,6 +79,7 @@ impl Player {
                     wait: harness.start,
                     may_end: false,
                     needs: known.opens.iter().cloned().collect(),
+                    has_lines: false,
                     supervision: Some(supervision),
                 };
                 let seats = ports.into_iter().map(|(end, transport)| Seat {

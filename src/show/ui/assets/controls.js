@@ -84,6 +84,7 @@ const shortcuts = {
   f: () => { showTab("faults"); $("fault-kind").focus(); },
   w: () => { showTab("robot"); $("add-x").focus(); },
   m: () => { showTab("robot"); $("modes").firstElementChild?.focus(); },
+  Escape: () => aim(null),
   d: () => { if (!$("drive").hidden) $("drive").click(); },
   "?": () => $("help").click(),
 };

@@ -59,12 +59,13 @@ const kindNow = () =>
   hilrig.stage.faults.kinds.find((kind) => kind.name === $("fault-kind").value);
 
 // What a key may be: choices, a number between bounds, or a text.
-function keyField(key, first) {
-  const schema = hilrig.stage.faults.keys[key] ?? {};
+function keyField(key, first, schema = hilrig.stage.faults.keys[key] ?? {}) {
   const label = make("label", key), types = [schema.type].flat();
   const devices = hilrig.stage.devices.map((device) => device.name);
   const own = hilrig.stage.devices.find((device) => device.name === target.device)?.faults;
-  const choices = { with: hilrig.stage.links.map((link) => link.name), fault: own }[key];
+  const choices = {
+    with: hilrig.stage.links.map((link) => link.name), fault: own, device: devices,
+  }[key];
   const field = make(choices?.length ? "select" : "input", "", { name: key });
   if (choices?.length) {
     field.append(...choices.map((choice) => make("option", choice, { value: choice })));
@@ -73,13 +74,40 @@ function keyField(key, first) {
     if (schema.minimum !== undefined) field.min = schema.minimum;
     if (schema.maximum !== undefined) field.max = schema.maximum;
     field.dataset.number = "true";
+  } else if (types.includes("array")) {
+    const isPlace = schema.maxItems === 2;
+    field.placeholder = isPlace ? "1.5, 0.8" : devices.join(", ");
+    field.dataset.list = isPlace ? "numbers" : "names";
   } else {
-    field.placeholder = key === "devices" ? devices.join(", ") : "20ms";
+    field.placeholder = "20ms";
   }
   if (key === "rate") field.value = "0.01";
   if (first && key === "devices") field.value = devices.join(", ");
   label.append(field, make("small", (schema.description ?? "").replaceAll("`", "")));
   return label;
+}
+
+// What a field of a fault says.
+function fieldValue(field) {
+  const parts = () => field.value.split(",").map((part) => part.trim());
+  if (field.dataset.list === "names") return parts();
+  if (field.dataset.list === "numbers") return parts().map(Number);
+  return field.dataset.number ? Number(field.value) : field.value;
+}
+
+// A condition that begins the fault: what it waits for, then the keys that say it.
+function whenFields() {
+  const { when, keys } = hilrig.stage.faults, box = make("div", "", { id: "fault-condition" });
+  const choice = make("select", "", { id: "fault-waits" }), label = make("label", "waits until");
+  choice.append(make("option", "nothing: at once", { value: "" }),
+    ...when.map(({ about }, index) => make("option", about, { value: index })));
+  choice.onchange = () => box.replaceChildren(...(when[choice.value]?.keys ?? []).map((key) => {
+    const field = keyField(key, false, keys.when.properties[key]);
+    field.querySelector("[name]").required = true;
+    return field;
+  }));
+  label.append(choice);
+  return [label, box];
 }
 
 function showKind() {
@@ -90,7 +118,7 @@ function showKind() {
   $("fault-keys").replaceChildren(...keys.map((key) => keyField(key, true)));
   // A condition is a table of its own, and an end is given in seconds below.
   const times = hilrig.stage.faults.time.filter((key) => key !== "when" && key !== "until");
-  $("fault-when").replaceChildren(...times.map((key) => keyField(key, false)));
+  $("fault-when").replaceChildren(...whenFields(), ...times.map((key) => keyField(key, false)));
 }
 
 $("fault-kind").onchange = showKind;
@@ -100,12 +128,15 @@ $("fault").onsubmit = (event) => {
   for (const key of kind.place) if (target[key] !== undefined) fault[key] = target[key];
   for (const field of $("fault").querySelectorAll("[name]")) {
     if (field.value === "") continue;
-    fault[field.name] = field.name === "devices" ? field.value.split(",").map((name) => name.trim())
-      : field.dataset.number ? Number(field.value) : field.value;
+    const inside = $("fault-condition").contains(field) ? fault.when ??= {} : fault;
+    inside[field.name] = fieldValue(field);
   }
   // A byte by its number is hit once; a rate beside it would contradict.
   if (fault.byte !== undefined) delete fault.rate;
-  send({ do: "fault", fault, for_ms: held > 0 ? Math.round(held * 1000) : null });
+  // Nobody knows when what waits begins: it is told how long it lasts.
+  const waits = ["when", "at_byte", "at_frame"].some((key) => fault[key] !== undefined);
+  if (waits && held > 0) fault.lasting ??= `${Math.round(held * 1000)}ms`;
+  send({ do: "fault", fault, for_ms: held > 0 && !waits ? Math.round(held * 1000) : null });
 };
 
 // ---- what is at work
@@ -120,11 +151,15 @@ function showFaults(faults) {
   }
 }
 
+// A condition as its keys and figures.
+const inWords = (value) => typeof value !== "object" || Array.isArray(value) ? String(value)
+  : Object.entries(value).map(([key, inner]) => `${key} ${inner}`).join(" ");
+
 const HIDDEN = ["kind", "link", "direction", "device", "devices", "from", "until"];
 function faultItem({ id, state, fault }) {
   const item = make("li"), [from, to] = [seconds(fault.from), seconds(fault.until)];
   const settings = Object.entries(fault).filter(([key]) => !HIDDEN.includes(key))
-    .map(([key, value]) => `${key} ${typeof value === "object" ? JSON.stringify(value) : value}`);
+    .map(([key, value]) => `${key} ${inWords(value)}`);
   const ways = { "to-master": ", to the robot", "to-device": ", to the device" };
   const way = ways[fault.direction] ?? "";
   const times = [["from", from], ["to", to]].map(([word, at]) =>

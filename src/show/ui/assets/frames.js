@@ -55,16 +55,19 @@ function chooseFrame(one) {
   frameChosen = keyOf(one);
   for (const item of $("frames").children) item.setAttribute("aria-current", "false");
   const go = jump(one.at_ns / 1e9);
-  const lines = (one.bytes.match(/.{1,32}/g) ?? []).map((line, index) => {
+  // Eight bytes in a line: as wide as the column.
+  const lines = (one.bytes.match(/.{1,16}/g) ?? []).map((line, index) => {
     const text = line.match(/../g).map((pair) => parseInt(pair, 16))
       .map((byte) => byte >= 32 && byte < 127 ? String.fromCharCode(byte) : ".").join("");
-    return `${(16 * index).toString(16).padStart(4, "0")}  ${spaced(line).padEnd(47)}  ${text}`;
+    return `${(8 * index).toString(16).padStart(4, "0")}  ${spaced(line).padEnd(23)}  ${text}`;
   });
   const words = make("p", `${one.link} ${arrow(one.way)}: ${one.words}`);
   const damage = one.is_hit
     ? [make("p", "A fault struck these bytes, or what came before them.")] : [];
   $("frame").replaceChildren(go, words, ...damage, make("pre", lines.join("\n")));
   listFrames();
+  // The list is shorter now.
+  $("frames").querySelector("[aria-current=true]")?.scrollIntoView({ block: "nearest" });
 }
 
 // By keys: up and down go from frame to frame.
@@ -75,7 +78,6 @@ $("frames").onkeydown = (event) => {
   const now = items.findIndex((item) => item.getAttribute("aria-current") === "true");
   const next = now < 0 ? items.length - 1 : Math.min(Math.max(now + by, 0), items.length - 1);
   items[next].click();
-  $("frames").querySelector("[aria-current=true]")?.scrollIntoView({ block: "nearest" });
 };
 $("frames-lane").onchange = () => showFrames(true);
 for (const id of ["frames-filter", "frames-bad"]) $(id).oninput = listFrames;

@@ -1,19 +1,60 @@
 // ---- the robot: what it is told and does, its panels, its display, its station
 
+// A name of a scenario as one would say it.
+const words = (name) => (name[0].toUpperCase() + name.slice(1)).replaceAll("-", " ");
+
 function beginRobot(stage) {
   const modes = (stage.modes ?? []).map((mode) => {
-    const node = make("button", mode[0].toUpperCase() + mode.slice(1), { type: "button" });
+    const node = make("button", words(mode), { type: "button" });
     node.dataset.mode = mode;
     node.onclick = () => { stopDriving(); send({ do: "mode", mode }); };
     return node;
   });
   $("modes").replaceChildren(...modes);
+  $("acts").replaceChildren(...(stage.place_acts ?? []).map((act) => {
+    const node = make("button", words(act.mode), { type: "button", title: act.about });
+    node.dataset.act = act.mode;
+    node.onclick = () => aim(aiming === act ? null : act);
+    return node;
+  }));
   $("drive").hidden = !stage.keys;
+  aim(null);
 }
+
+// What the next press on the map is for, one of the station's acts; `null`: waypoints.
+let aiming = null;
+
+function aim(act) {
+  aiming = act;
+  for (const node of $("acts").children) {
+    node.setAttribute("aria-pressed", String(node.dataset.act === act?.mode));
+  }
+  $("aim").hidden = act === null;
+  $("aim-heading").hidden = !act?.heading;
+  say("aim-about", act ? act.about : "");
+  say("aim-go", act ? words(act.mode) : "Go");
+  requestDraw();
+}
+
+// A place in metres and a heading in radians, by the act that is aimed.
+function perform(act, [x, y], radians) {
+  const degrees = Math.round(radians * 1800 / Math.PI) / 10;
+  const figures = act.heading ? [x, y, degrees] : [x, y];
+  stopDriving();
+  send({ do: "mode", mode: `${act.mode} ${figures.map((value) => +value.toFixed(3)).join(" ")}` });
+  aim(null);
+}
+
+$("aim").onsubmit = (event) => {
+  event.preventDefault();
+  const [x, y, degrees] = ["aim-x", "aim-y", "aim-deg"].map((id) => Number($(id).value));
+  perform(aiming, [x, y], degrees * Math.PI / 180);
+};
 
 function showRobot() {
   const { now } = seen(), { stage } = hilrig, { pc, gap } = now;
   for (const id of ["connect", "drive", "clear"]) $(id).disabled = Boolean(hilrig.past);
+  for (const node of $("acts").children) node.disabled = Boolean(hilrig.past);
   for (const node of $("modes").children) {
     node.disabled = Boolean(hilrig.past);
     node.setAttribute("aria-pressed", String(node.dataset.mode === pc?.state?.mode));
@@ -28,6 +69,8 @@ function showRobot() {
   say("pc-state", `${pc.connection}${silent}${now.trouble ? `: ${now.trouble}` : ""}`);
   say("connect", pc.connection === "closed" ? "Connect" : "Disconnect");
   say("pose", pc.pose ? `${pc.pose[0]} mm, ${pc.pose[1]} mm, ${pc.pose[2]}\u00b0` : "not told yet");
+  // A robot that sends no map, or has sent none yet.
+  $("rows").hidden = $("rows-name").hidden = pc.rows_missing === null && !pc.size_mm;
   say("rows", pc.rows_missing === null ? "no map yet" : String(pc.rows_missing));
   say("confirmed", pc.waypoints.length ? (pc.confirmed ? "confirmed" : "on their way") : "");
   once("waypoints", [pc.waypoints, Boolean(hilrig.past)], () => pc.waypoints.map(waypointItem));

@@ -78,6 +78,10 @@ function drawWorld() {
   const truth = now.gap?.truth ?? now.truth;
   if (truth) view.drawRobot(context, frame, truth, footprint, view.colours.truth);
   if (now.believed) view.drawRobot(context, frame, now.believed, footprint, view.colours.belief);
+  if (drag?.act) {
+    const pose = [...drag.start.metres, lookedAt(drag)];
+    view.drawRobot(context, frame, pose, footprint, view.colours.waypoint);
+  }
 }
 
 function wayOf(samples, slot, from, until) {
@@ -158,8 +162,13 @@ const place = (event) => {
   const box = canvas.getBoundingClientRect();
   const px = (event.clientX - box.left) * canvas.width / box.width;
   const py = (event.clientY - box.top) * canvas.height / box.height;
-  return { px, py, mm: view.toWorld(frame, px, py).map((metres) => Math.round(metres * 1000)) };
+  const metres = view.toWorld(frame, px, py);
+  return { px, py, metres, mm: metres.map((value) => Math.round(value * 1000)) };
 };
+
+// Where the pointer lies as seen from where it was pressed, radians; ahead if it was not moved.
+const lookedAt = ({ start, last, moved }) =>
+  moved ? Math.atan2(start.py - last.py, last.px - start.px) : 0;
 
 // The list with the waypoint that is being dragged where the pointer is.
 function dragged(list) {
@@ -169,7 +178,7 @@ function dragged(list) {
 
 // The waypoint under the pointer, the topmost first.
 function waypointAt({ px, py }) {
-  if (hilrig.past || !hilrig.stage?.pc) return null;
+  if (hilrig.past || !hilrig.stage?.pc || aiming) return null;
   const list = hilrig.now?.pc?.waypoints ?? [];
   for (let index = list.length - 1; index >= 0; index--) {
     const [x, y] = view.toPixel(frame, list[index][0] / 1000, list[index][1] / 1000);
@@ -192,7 +201,9 @@ canvas.onpointerdown = (event) => {
   canvas.setPointerCapture(event.pointerId);
   fingers.set(event.pointerId, start);
   const from = index === null ? null : hilrig.now.pc.waypoints[index];
-  drag = fingers.size === 1 && { start, last: start, index, from, to: start.mm, moved: false };
+  drag = fingers.size === 1 && {
+    start, last: start, index, from, to: start.mm, moved: false, act: hilrig.past ? null : aiming,
+  };
 };
 canvas.onpointermove = (event) => {
   if (!frame) return;
@@ -208,15 +219,18 @@ canvas.onpointermove = (event) => {
   if (!drag) return;
   drag.to = at.mm;
   drag.moved ||= Math.hypot(at.px - drag.start.px, at.py - drag.start.py) > 4;
-  if (drag.index === null && drag.moved) pan(at.px - drag.last.px, at.py - drag.last.py);
+  const pans = drag.index === null && drag.moved && !drag.act;
+  if (pans) pan(at.px - drag.last.px, at.py - drag.last.py);
   drag.last = at;
   requestDraw();
 };
 canvas.onpointerup = (event) => {
   fingers.delete(event.pointerId);
   if (!drag) return;
-  const { index, from, moved } = drag, to = place(event).mm;
+  const { index, from, moved, act, start } = drag, to = place(event).mm;
+  const heading = lookedAt(drag);
   drag = null;
+  if (act) { perform(act, start.metres, heading); return; }
   const canSteer = !hilrig.past && hilrig.stage?.pc;
   if (canSteer && index === null && !moved) send({ do: "add", at: to });
   else if (canSteer && index !== null && moved) send({ do: "move", index, from, to });

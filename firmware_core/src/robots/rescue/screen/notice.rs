@@ -23,6 +23,7 @@ pub(in super::super) enum Notice {
     Explored,
     BaseSilent,
     LidarSilent,
+    RadioSilent,
     AllWell,
     WaypointReached,
     WaypointRefused,
@@ -45,6 +46,7 @@ impl Notice {
             Self::Explored => "nothing left, goes home",
             Self::BaseSilent => "base does not answer",
             Self::LidarSilent => "lidar sends nothing",
+            Self::RadioSilent => "radio does not answer",
             Self::AllWell => "base and lidar work",
             Self::WaypointReached => "waypoint reached",
             Self::WaypointRefused => "no room for a waypoint",
@@ -65,6 +67,7 @@ impl Notice {
                 | Self::OffMap
                 | Self::BaseSilent
                 | Self::LidarSilent
+                | Self::RadioSilent
         )
     }
 }

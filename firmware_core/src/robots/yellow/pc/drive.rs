@@ -182,12 +182,12 @@ impl Drive {
             tell(now, link, goal);
             return Ok(Progress::Driving);
         };
+        sent.drove |= number > sent.number && state == State::AutoPosition;
         if now < sent.next_poll || number == sent.number {
             return Ok(Progress::Driving);
         }
         sent.next_poll = now + POLL;
         sent.number = number;
-        sent.drove |= state == State::AutoPosition;
         if state == State::Off && goal.is_near(pose, self.within.0, self.within.1) {
             self.goals.pop_front();
             self.sent = None;

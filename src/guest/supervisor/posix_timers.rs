@@ -1,0 +1,189 @@
+//! timer_create and its like: timers of a process that send a signal when their virtual time has
+//! come.
+//!
+//! Signals up to 31 are sent by the kernel. Those beyond can only be waited for (sigwaitinfo), which
+//! is how the C library runs its timers that call a function in a thread of its own.
+
+use core::time::Duration;
+
+use nix::errno::Errno;
+use nix::libc;
+use nix::unistd::Pid;
+use rustix::process::{Signal, kill_process};
+
+use super::clocks::{low_i32, nanos, timespec};
+use super::timers::expirations;
+use super::{Memory, Next, Outcome, Supervisor};
+use crate::guest::call::Call;
+use crate::guest::task::{PosixTimer, Timer};
+
+/// Most timers of a process.
+const TIMERS_MAX: usize = 1024;
+/// Kinds of notice: a signal, nothing, a signal to one thread.
+const SIGEV_NONE: i32 = 1;
+const SIGEV_THREAD_ID: i32 = 4;
+/// What a signal of a timer says of its origin.
+const SI_TIMER: i32 = -2;
+/// Bytes of what tells of a signal.
+const SIGINFO: usize = 128;
+
+impl Supervisor {
+    pub(super) fn posix_timer(&mut self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
+        let [first, second, third, fourth, ..] = call.args;
+        if call.number == libc::SYS_timer_create {
+            return self.create_timer(tid, low_i32(first), [second, third]);
+        }
+        let now = self.stage.now();
+        let memory = Memory(Pid::from_raw(tid));
+        let pid = self.threads.get(&tid).ok_or(Errno::ESRCH)?.process;
+        let process = self.processes.get_mut(&pid).ok_or(Errno::ESRCH)?;
+        let id = low_i32(first);
+        let timer = process.posix_timers.get_mut(&id).ok_or(Errno::EINVAL)?;
+        let was = timer.timer;
+        let place = match call.number {
+            libc::SYS_timer_delete => {
+                process.posix_timers.remove(&id);
+                return Ok(Outcome::Answer(0));
+            }
+            libc::SYS_timer_getoverrun => return Ok(Outcome::Answer(timer.overrun)),
+            libc::SYS_timer_gettime => second,
+            _ => {
+                let interval = nanos(memory.pair(third)?)?.cast_unsigned();
+                let first = nanos(memory.pair(third + 16)?)?;
+                let is_absolute = low_i32(second) & 1 != 0;
+                let at = match is_absolute {
+                    true => Self::instant_of(timer.clock, first),
+                    false => now + Duration::from_nanos(first.cast_unsigned()),
+                };
+                let at = (first != 0).then_some(at);
+                timer.timer = Timer { at, interval };
+                timer.is_due = false;
+                fourth
+            }
+        };
+        if place != 0 {
+            let left = was.at.map_or(Duration::ZERO, |at| at - now);
+            let left = i64::try_from(left.as_nanos()).unwrap_or(0);
+            memory.write_pair(place, timespec(was.interval.cast_signed()))?;
+            memory.write_pair(place + 16, timespec(left))?;
+        }
+        Ok(Outcome::Answer(0))
+    }
+
+    fn create_timer(
+        &mut self,
+        tid: i32,
+        clock: i32,
+        [event, place]: [u64; 2],
+    ) -> Result<Outcome, Errno> {
+        let memory = Memory(Pid::from_raw(tid));
+        let pid = self.threads.get(&tid).ok_or(Errno::ESRCH)?.process;
+        let process = self.processes.get_mut(&pid).ok_or(Errno::ESRCH)?;
+        let free = (0..).find(|id| !process.posix_timers.contains_key(id));
+        let id = free.filter(|_| process.posix_timers.len() < TIMERS_MAX);
+        let id = id.ok_or(Errno::EAGAIN)?;
+        let mut timer = PosixTimer {
+            clock: clock.into(),
+            signal: libc::SIGALRM,
+            value: u64::from(id.cast_unsigned()),
+            thread: None,
+            timer: Timer::default(),
+            is_due: false,
+            overrun: 0,
+        };
+        if event != 0 {
+            let word = |at: u64| memory.u32(event + at).map(u32::cast_signed);
+            let notice = word(12)?;
+            timer.value = memory.u64(event)?;
+            timer.signal = match notice {
+                SIGEV_NONE => 0,
+                _ => word(8)?,
+            };
+            timer.thread = match notice {
+                SIGEV_THREAD_ID => Some(word(16)?),
+                _ => None,
+            };
+        }
+        memory.write(place, &id.to_ne_bytes())?;
+        process.posix_timers.insert(id, timer);
+        Ok(Outcome::Answer(0))
+    }
+
+    /// Lets those expire whose time has come by `now`.
+    pub(super) fn fire_posix_timers(&mut self) {
+        let now = self.stage.now();
+        let (mut sent, mut waited) = (false, false);
+        for (&pid, process) in &mut self.processes {
+            for timer in process.posix_timers.values_mut() {
+                let count = expirations(&mut timer.timer, now);
+                if count == 0 || timer.signal == 0 {
+                    continue;
+                }
+                timer.overrun = i64::try_from(count - 1).unwrap_or(i64::MAX);
+                let signal = Signal::from_named_raw(timer.signal);
+                let pid = rustix::process::Pid::from_raw(pid);
+                match (signal.filter(|_| timer.thread.is_none()), pid) {
+                    (Some(signal), Some(pid)) => {
+                        let _ = kill_process(pid, signal);
+                        sent = true;
+                    }
+                    _ => {
+                        timer.is_due = true;
+                        waited = true;
+                    }
+                }
+            }
+        }
+        self.is_signalled |= sent;
+        if waited {
+            self.wake_waiters_for_signals();
+        }
+    }
+
+    fn wake_waiters_for_signals(&mut self) {
+        let waits = self.threads.values().filter(|thread| {
+            let call = thread.call.map(|call| call.number);
+            call == Some(libc::SYS_rt_sigtimedwait) && thread.is_blocked()
+        });
+        let mut waits: Vec<(u64, i32)> = waits
+            .map(|thread| (thread.blocked_at, thread.tid.as_raw()))
+            .collect();
+        waits.sort_unstable();
+        for (_, tid) in waits {
+            self.ready(tid, Next::Attempt);
+        }
+    }
+
+    /// The signal of a timer for which `tid` waits in `call`, told as the kernel does.
+    pub(super) fn take_timer_signal(
+        &mut self,
+        tid: i32,
+        call: &Call,
+        wanted: u64,
+    ) -> Result<Option<Outcome>, Errno> {
+        let pid = self.threads.get(&tid).ok_or(Errno::ESRCH)?.process;
+        let process = self.processes.get_mut(&pid).ok_or(Errno::ESRCH)?;
+        let is_wanted = |timer: &PosixTimer| {
+            let bit = u32::try_from(timer.signal - 1).ok();
+            let is_in = bit.is_some_and(|bit| wanted.checked_shr(bit).unwrap_or(0) & 1 != 0);
+            let is_for = timer.thread.is_none_or(|thread| thread == tid);
+            timer.is_due && is_in && is_for
+        };
+        let mut timers = process.posix_timers.iter_mut();
+        let Some((id, timer)) = timers.find(|(_, timer)| is_wanted(timer)) else {
+            return Ok(None);
+        };
+        timer.is_due = false;
+        let mut info = [0; SIGINFO];
+        let overrun = i32::try_from(timer.overrun).unwrap_or(i32::MAX);
+        info[..4].copy_from_slice(&timer.signal.to_ne_bytes());
+        info[8..12].copy_from_slice(&SI_TIMER.to_ne_bytes());
+        info[16..20].copy_from_slice(&id.to_ne_bytes());
+        info[20..24].copy_from_slice(&overrun.to_ne_bytes());
+        info[24..32].copy_from_slice(&timer.value.to_ne_bytes());
+        if call.args[1] != 0 {
+            Memory(Pid::from_raw(tid)).write(call.args[1], &info)?;
+        }
+        Ok(Some(Outcome::Answer(timer.signal.into())))
+    }
+}

@@ -1,0 +1,75 @@
+//! Files from which signals are read (signalfd): what is pending for their owner the kernel shows to
+//! nobody else, so the supervisor looks itself.
+
+use std::fs::read_to_string;
+
+use nix::errno::Errno;
+use rustix::event::PollFlags;
+
+use super::clocks::low_i32;
+use super::files::{File, Kind};
+use super::{On, Outcome, Supervisor, Wait};
+use crate::guest::pending::Pending;
+
+impl Supervisor {
+    /// The signals of a file, as bits, if it is of this kind.
+    pub(super) fn signals_of(file: &impl std::os::fd::AsRawFd) -> Option<u64> {
+        let info = read_to_string(format!("/proc/self/fdinfo/{}", file.as_raw_fd())).ok()?;
+        let mask = info
+            .lines()
+            .find_map(|line| line.strip_prefix("sigmask:"))?;
+        u64::from_str_radix(mask.trim(), 16).ok()
+    }
+
+    /// Whether `tid` would find a signal of these in a file.
+    pub(super) fn has_signal(&self, tid: i32, signals: u64) -> bool {
+        let process = self.threads.get(&tid).map_or(tid, |thread| thread.process);
+        let pending = Pending::of(process, tid);
+        (pending.own | pending.common) & signals != 0
+    }
+
+    pub(super) fn read_signals(&self, tid: i32, file: &File, signals: u64) -> Outcome {
+        match self.has_signal(tid, signals) || file.never_waits() {
+            true => Outcome::Kernel,
+            false => Outcome::Block(Wait {
+                on: On::Files,
+                deadline: None,
+            }),
+        }
+    }
+
+    /// What an epoll set says of such files in it: flags and the program's own data.
+    pub(super) fn epoll_signals(
+        &mut self,
+        tid: i32,
+        set: u64,
+    ) -> Result<Vec<(u32, u64)>, Errno> {
+        if !self.has_signal_files {
+            return Ok(Vec::new());
+        }
+        let process = self.threads.get(&tid).map_or(tid, |thread| thread.process);
+        let info = read_to_string(format!("/proc/{process}/fdinfo/{}", low_i32(set)));
+        let info = info.map_err(|_| Errno::EBADF)?;
+        let mut found = Vec::new();
+        // "tfd:        5 events:       19 data:                5  pos:0 ..": all but the first in hex.
+        for line in info.lines() {
+            let mut words = line.split_ascii_whitespace();
+            if words.next() != Some("tfd:") {
+                continue;
+            }
+            let fd = words.next().and_then(|word| word.parse().ok());
+            let mut number = || u64::from_str_radix(words.nth(1)?, 16).ok();
+            let (Some(fd), Some(events), Some(data)) = (fd, number(), number()) else {
+                continue;
+            };
+            let wanted = u64::from(PollFlags::IN.bits());
+            let Some(Kind::Signals(signals)) = self.file(tid, fd).map(|file| file.kind) else {
+                continue;
+            };
+            if events & wanted != 0 && self.has_signal(tid, signals) {
+                found.push((u32::from(PollFlags::IN.bits()), data));
+            }
+        }
+        Ok(found)
+    }
+}
