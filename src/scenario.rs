@@ -26,12 +26,12 @@ use std::path::Path;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use board::{RaisesSpec, ResetSpec};
 pub use chassis::{AckermannSpec, ChassisSpec, DifferentialSpec};
 pub use condition::{
     AxisCondition, BytesCondition, Condition, EventCondition, Figure, FrameCondition, MapCondition,
     Op, PoseCondition, RegisterCondition,
 };
-pub use board::{RaisesSpec, ResetSpec};
 pub use device::{
     AvrBaseSpec, DeviceSpec, Hc06Spec, MotorSpec, MountSpec, RplidarSpec, SupplySpec, TapSpec,
     TouchPanelSpec, TurnSpec, Xv11Spec,

@@ -143,9 +143,8 @@ impl Text {
         let refused = line("refused", &config.refused)?;
         let greeting = line("greeting", &config.greeting)?;
         let board = Board::new(&config.board, &variables);
-        let board = board.map_err(|name| {
-            TextError::Key("raises", format!("there is no variable \"{name}\""))
-        })?;
+        let board = board
+            .map_err(|name| TextError::Key("raises", format!("there is no variable \"{name}\"")))?;
         let text = config
             .periodic
             .as_ref()

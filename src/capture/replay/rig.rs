@@ -166,7 +166,11 @@ mod tests {
         run.rig.inject(node, b"hi");
         run.run_until(Instant::from_secs(5));
         assert_eq!(run.rig.take_output(node), b"=7"[..]);
-        assert_eq!(run.rig.now(), Instant::from_millis(1_020), "then it is over");
+        assert_eq!(
+            run.rig.now(),
+            Instant::from_millis(1_020),
+            "then it is over"
+        );
         let [heard] = &ear.played()[..] else {
             panic!("one link");
         };

@@ -68,7 +68,9 @@ impl Tracer {
             let lines = self.ask(port, &json!({"do": "modem", "port": port}));
             let result = match waiter.sees(lines) {
                 true => Some(0),
-                false if Pending::of(tid, tid).interrupts() => Some(-i64::from(Errno::EINTR as i32)),
+                false if Pending::of(tid, tid).interrupts() => {
+                    Some(-i64::from(Errno::EINTR as i32))
+                }
                 // The rig has ended: no line will ever change.
                 false if self.rig.is_none() => Some(-i64::from(Errno::EIO as i32)),
                 false => None,

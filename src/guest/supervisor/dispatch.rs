@@ -146,7 +146,9 @@ impl Supervisor {
 /// Whether a socket is connected to somebody on this machine.
 fn is_near(tid: i32, call: &Call) -> bool {
     let mut address = [0; 24];
-    let len = usize::try_from(call.args[2]).unwrap_or(0).min(address.len());
+    let len = usize::try_from(call.args[2])
+        .unwrap_or(0)
+        .min(address.len());
     let read = Memory(Pid::from_raw(tid)).read(call.args[1], &mut address[..len]);
     let family = i32::from(u16::from_ne_bytes([address[0], address[1]]));
     let own = &address[8..24];

@@ -53,9 +53,9 @@ impl Supervisor {
         let has_lock = info.is_ok_and(|info| info.lines().any(|line| line.starts_with("lock:")));
         let inode = format!(":{} ", data.ino());
         let all = std::fs::read_to_string("/proc/locks").unwrap_or_default();
-        let held = all.lines().filter(|line| {
-            line.contains("FLOCK") && line.contains(&inode) && !line.contains("->")
-        });
+        let held = all
+            .lines()
+            .filter(|line| line.contains("FLOCK") && line.contains(&inode) && !line.contains("->"));
         has_lock && held.count() == 1
     }
 

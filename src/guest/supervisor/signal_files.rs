@@ -39,11 +39,7 @@ impl Supervisor {
     }
 
     /// What an epoll set says of such files in it: flags and the program's own data.
-    pub(super) fn epoll_signals(
-        &mut self,
-        tid: i32,
-        set: u64,
-    ) -> Result<Vec<(u32, u64)>, Errno> {
+    pub(super) fn epoll_signals(&mut self, tid: i32, set: u64) -> Result<Vec<(u32, u64)>, Errno> {
         if !self.has_signal_files {
             return Ok(Vec::new());
         }
