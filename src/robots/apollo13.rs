@@ -295,9 +295,10 @@ fn config(scenario: &Scenario, source: &Source) -> Result<Config, ScenarioError>
             heading_rad: start.theta,
         },
         floor: floor::plan(&scenario.world, CAMERA_HEIGHT_M, source)?,
-        dialect: lines.map_or_else(protocols::odometer::Dialect::default, |spec| {
-            spec.program.dialect().unwrap_or_default()
-        }),
+        dialect: match lines {
+            Some(spec) => spec.program.dialect(),
+            None => Some(protocols::odometer::Dialect::default()),
+        },
         wall,
         seed: scenario.seed,
         ..Config::default()

@@ -149,7 +149,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::scenario::FaultKind;
+    use crate::scenario::{Action, FaultKind, SetPoint, Step};
 
     fn base() -> Scenario {
         let text = "schema = 1\nname = \"base\"\nrobot = \"rescue\"\nduration = \"5s\"\n\
@@ -210,6 +210,27 @@ mod tests {
             "{own} of 60 are the scenario's own"
         );
         assert!(worlds.len() > 40, "{} worlds", worlds.len());
+    }
+
+    /// Where somebody steers by hand, what comes a second late is done farther on.
+    #[test]
+    fn a_mission_by_hand_may_be_a_second_late() {
+        let made = |base: &Scenario| {
+            let vary = Vary {
+                faults: true,
+                ..Vary::default()
+            };
+            let made = scenario(base, vary, &mut Dice::of_seed(1, "base"));
+            [made.expect.visit_within_mm, made.expect.return_within_mm]
+        };
+        let mut base = base();
+        base.expect.visit_within_mm = Some(100.0);
+        base.expect.return_within_mm = Some(300.0);
+        assert_eq!(made(&base), [Some(150.0), Some(300.0)]);
+        let by_hand = Action::Drive(SetPoint::list([1, 1]));
+        let step = Step::at(Span::from_millis(1_000), by_hand);
+        base.mission.step.push(step);
+        assert_eq!(made(&base), [Some(400.0), Some(800.0)]);
     }
 
     #[test]

@@ -39,6 +39,14 @@ fn the_phone_drives_and_stops_the_car() {
     passes("apollo13-remote");
 }
 
+/// A corridor of 40 m round a block: the map is drawn, the walls are where they are, and the car
+/// stops by itself.
+#[test]
+fn a_ring_of_corridors_is_mapped_and_the_drive_ends_by_itself() {
+    let outcome = run_to_end(shipped("apollo13-map"));
+    assert_eq!(failures(&outcome), [""; 0]);
+}
+
 /// A hall with three gates of 0.8 m, the places across it and the numbers of the markers by chance.
 fn drawn_gates(seed: u64) -> (Scenario, Source) {
     let mut dice = Rng::stream(seed, "gates");

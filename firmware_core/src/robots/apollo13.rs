@@ -18,7 +18,11 @@ pub mod odometer_watch;
 pub mod pilot;
 #[cfg(feature = "host")]
 mod program;
+pub mod raw_lines;
+pub mod slip;
 pub mod steering;
+#[cfg(feature = "host")]
+pub mod survey;
 pub mod wall;
 pub mod witness;
 

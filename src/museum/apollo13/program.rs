@@ -45,7 +45,7 @@ impl Bench {
         }
         Self {
             program: Box::new(Apollo13::new(Config {
-                dialect: Dialect::AsCoded,
+                dialect: Some(Dialect::AsCoded),
                 defects,
                 ..Config::default()
             })),

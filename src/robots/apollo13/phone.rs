@@ -1,8 +1,8 @@
 //! The phone: an app with faders and toggles, and the person who holds it and watches the car.
 //!
 //! Addresses are those of the car's layout: `/1/speed`, `/1/direction`, `/1/kill`,
-//! `/modes/toggle4`, `/modes/follow_aruco`. Goals, which in the seed are set by mouse on the PC, go
-//! as `/goal` with x, y and heading. Packets are lost and nobody confirms them, so the app says
+//! `/modes/toggle4`, `/modes/follow_aruco`, and ours `/modes/mapping`. Goals, which in the seed are
+//! set by mouse on the PC, go as `/goal` with x, y and heading. Packets are lost and nobody confirms them, so the app says
 //! again and again where its controls stand, and a new goal for some seconds. The person sends the
 //! next goal when the car has come to rest near the last one. When it rests elsewhere, they say
 //! where it is, as with the mouse of the seed, `/pose`, and order the same once more.
@@ -178,14 +178,19 @@ impl Phone {
     }
 
     fn say_toggles(&mut self, mode: Mode) {
-        let [auto, gates]: [f32; 2] = match mode {
+        let [auto, gates, mapping]: [f32; 3] = match mode {
             Mode::Stop => return self.say("/1/kill", &[1.0]),
-            Mode::Remote => [0.0, 0.0],
-            Mode::Autonomous => [1.0, 0.0],
-            Mode::Gates => [0.0, 1.0],
+            Mode::Remote => [0.0; 3],
+            Mode::Autonomous => [1.0, 0.0, 0.0],
+            Mode::Gates => [0.0, 1.0, 0.0],
+            Mode::Mapping => [0.0, 0.0, 1.0],
         };
-        // Never both at once: what is switched off comes first.
-        let mut toggles = [("/modes/toggle4", auto), ("/modes/follow_aruco", gates)];
+        // Never two at once: what is switched off comes first.
+        let mut toggles = [
+            ("/modes/toggle4", auto),
+            ("/modes/follow_aruco", gates),
+            ("/modes/mapping", mapping),
+        ];
         toggles.sort_by(|one, other| one.1.total_cmp(&other.1));
         for (address, value) in toggles {
             self.say(address, &[value]);
@@ -276,7 +281,9 @@ impl Phone {
         let rested = now - *self.rests_since.get_or_insert(now);
         if let Some(mode) = self.mode.filter(|_| rested >= GAVE_UP) {
             self.note(now, "mode-again", mode.name().to_owned());
-            self.say_pose(world);
+            if mode != Mode::Mapping {
+                self.say_pose(world);
+            }
             self.order(mode);
             self.rests_since = Some(now);
         }
@@ -297,7 +304,7 @@ impl Device for Phone {
             self.say_again(now);
         }
         if self.look_at.is_some_and(|at| at <= now) {
-            let drives_itself = [Mode::Autonomous, Mode::Gates];
+            let drives_itself = [Mode::Autonomous, Mode::Gates, Mode::Mapping];
             let is_driving =
                 self.connected && self.mode.is_some_and(|mode| drives_itself.contains(&mode));
             if is_driving {
@@ -333,7 +340,7 @@ impl Device for Phone {
 
 impl Station for Phone {
     fn modes(&self) -> &'static [&'static str] {
-        const NAMES: [&str; 4] = [MODES[0].0, MODES[1].0, MODES[2].0, MODES[3].0];
+        const NAMES: [&str; 5] = [MODES[0].0, MODES[1].0, MODES[2].0, MODES[3].0, MODES[4].0];
         &NAMES
     }
 

@@ -31,15 +31,17 @@ pub(super) enum Mode {
     Remote,
     Autonomous,
     Gates,
+    Mapping,
     Stop,
 }
 
 /// Modes by name.
-pub(super) const MODES: [(&str, Mode); 4] = [
+pub(super) const MODES: [(&str, Mode); 5] = [
     ("stop", Mode::Stop),
     ("remote", Mode::Remote),
     ("autonomous", Mode::Autonomous),
     ("gates", Mode::Gates),
+    ("mapping", Mode::Mapping),
 ];
 
 /// The mode of telling the car its pose, which follows.

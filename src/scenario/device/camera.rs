@@ -3,6 +3,7 @@
 use core::any::Any;
 
 use emulators::camera::{Camera, CameraConfig, Output, PlacedMarker, RATE};
+use emulators::rng::Rng;
 use protocols::LineConfig;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Serialize};
@@ -52,6 +53,9 @@ pub struct CameraSpec {
     /// Sends scans, ranges at even bearings, instead of rows of depths.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub scans: bool,
+    /// The run's seed deals the numbers of the markers out anew among them.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub numbers_by_seed: bool,
     /// The markers that there are.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub marker: Vec<MarkerSpec>,
@@ -78,6 +82,7 @@ period = "100ms"
 noise_m = 0.002
 gaps = 0.05
 scans = true
+numbers_by_seed = true
 
 [[device.camera.camera.marker]]
 id = 10
@@ -160,8 +165,12 @@ impl CameraSpec {
             context.within("marker.at_m", Some(farthest), 0.0..=1_000.0)?;
         }
         let usual = CameraConfig::default();
-        let marker = |marker: &MarkerSpec| PlacedMarker {
-            id: marker.id,
+        let mut ids: Vec<u16> = self.marker.iter().map(|marker| marker.id).collect();
+        if self.numbers_by_seed {
+            deal(&mut ids, context.seed);
+        }
+        let marker = |(marker, id): (&MarkerSpec, u16)| PlacedMarker {
+            id,
             at_m: marker.at_m,
             facing_rad: marker.facing_deg.to_radians(),
         };
@@ -179,8 +188,38 @@ impl CameraSpec {
                 true => Output::Scan,
                 false => Output::Depths,
             },
-            markers: self.marker.iter().map(marker).collect(),
+            markers: self.marker.iter().zip(ids).map(marker).collect(),
             ..usual
         })
+    }
+}
+
+/// Any order of `ids`, each as likely (Fisher and Yates).
+fn deal(ids: &mut [u16], seed: u64) {
+    let mut dice = Rng::stream(seed, "camera.numbers");
+    for last in (1..ids.len()).rev() {
+        let drawn = dice.below(last as u64 + 1);
+        ids.swap(last, usize::try_from(drawn).unwrap_or(last));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    /// Three numbers have six orders; of 100 seeds each is drawn, and a seed always draws the same.
+    #[test]
+    fn numbers_are_dealt_out_by_the_seed() {
+        let dealt = |seed| {
+            let mut ids = [10, 11, 12];
+            deal(&mut ids, seed);
+            ids
+        };
+        let orders: BTreeSet<[u16; 3]> = (0..100).map(dealt).collect();
+        assert_eq!(orders.len(), 6);
+        assert_eq!(dealt(7), dealt(7));
+        deal(&mut [], 1);
     }
 }

@@ -51,7 +51,9 @@ pub enum Mode {
     Autonomous,
     /// The planner drives through gates.
     Gates,
-    /// Both toggles are on.
+    /// The planner drives where nobody has looked yet.
+    Mapping,
+    /// More than one toggle is on.
     Contradiction,
     /// The kill switch is on.
     Killed,
@@ -66,6 +68,7 @@ pub struct Arbiter {
     is_killed: bool,
     is_autonomous: bool,
     is_gates: bool,
+    is_mapping: bool,
     last: Drive,
 }
 
@@ -79,6 +82,7 @@ impl Arbiter {
             is_killed: false,
             is_autonomous: false,
             is_gates: false,
+            is_mapping: false,
             last: Drive::STOP,
         }
     }
@@ -99,6 +103,8 @@ impl Arbiter {
             // The layout says one thing, the code that listens another.
             "/modes/toggle4" | "/modes/autonomous" => self.is_autonomous = is_on,
             "/modes/follow_aruco" => self.is_gates = is_on,
+            // Ours: in the seed a drive for a map is started on the PC.
+            "/modes/mapping" => self.is_mapping = is_on,
             "/1" | "/modes" | "/about" | "/accxyz" | "/ping" => {}
             _ => return false,
         }
@@ -108,12 +114,15 @@ impl Arbiter {
 
     /// What the car does.
     pub const fn mode(&self) -> Mode {
-        match (self.is_killed, self.is_autonomous, self.is_gates) {
-            (true, _, _) => Mode::Killed,
-            (_, true, true) => Mode::Contradiction,
-            (_, true, false) => Mode::Autonomous,
-            (_, false, true) => Mode::Gates,
-            _ => Mode::Remote,
+        if self.is_killed {
+            return Mode::Killed;
+        }
+        match (self.is_autonomous, self.is_gates, self.is_mapping) {
+            (true, false, false) => Mode::Autonomous,
+            (false, true, false) => Mode::Gates,
+            (false, false, true) => Mode::Mapping,
+            (false, false, false) => Mode::Remote,
+            _ => Mode::Contradiction,
         }
     }
 
@@ -127,7 +136,7 @@ impl Arbiter {
             },
             Mode::Contradiction if self.defects.both_persist => self.last,
             Mode::Contradiction => Drive::STOP,
-            Mode::Autonomous | Mode::Gates => planned.unwrap_or(Drive::STOP),
+            Mode::Autonomous | Mode::Gates | Mode::Mapping => planned.unwrap_or(Drive::STOP),
             Mode::Remote if is_silent && !self.defects.never_silent => Drive::STOP,
             Mode::Remote => self.remote,
         };
@@ -176,6 +185,14 @@ mod tests {
             (arbiter.mode(), arbiter.decide(at(60), Some(PLANNED))),
             (Mode::Gates, PLANNED)
         );
+        arbiter.hear(at(50), "/modes/follow_aruco", 0.0);
+        arbiter.hear(at(50), "/modes/mapping", 1.0);
+        assert_eq!(
+            (arbiter.mode(), arbiter.decide(at(60), Some(PLANNED))),
+            (Mode::Mapping, PLANNED)
+        );
+        arbiter.hear(at(60), "/modes/follow_aruco", 1.0);
+        assert_eq!(arbiter.mode(), Mode::Contradiction);
         assert!(!arbiter.hear(at(60), "/1/horn", 1.0));
     }
 

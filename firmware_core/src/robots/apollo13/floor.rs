@@ -99,6 +99,22 @@ impl Floor {
         }
     }
 
+    /// Another plan: what was seen is forgotten, what was heard is not.
+    pub fn renew(&mut self, plan: FloorPlan, inflation: Inflation) {
+        let before = core::mem::replace(self, Self::new(plan, inflation));
+        for (at, until) in before.heard {
+            let cell = [at % before.plan.width, at / before.plan.width];
+            let place = [0, 1].map(|axis| {
+                let middle_m = (cell[axis] as f64 + 0.5) * before.plan.cell_m;
+                let off_m = before.plan.origin_m[axis] + middle_m - self.plan.origin_m[axis];
+                off_m / self.plan.cell_m
+            });
+            if let Some(at) = self.index(place) {
+                self.heard.insert(at, until);
+            }
+        }
+    }
+
     /// Whether there is a map at all.
     pub fn is_known(&self) -> bool {
         self.plan.width > 0 && !self.plan.obstacles.is_empty()
@@ -430,6 +446,18 @@ mod tests {
             floor.costs(at).unwrap().is_obstacle([5, 10])
         };
         assert!(is_there(19) && !is_there(21));
+    }
+
+    /// The same place on a plan whose corner is a metre farther down: 20 cells.
+    #[test]
+    fn what_was_heard_stays_on_another_plan() {
+        let mut floor = empty();
+        floor.hear(Instant::ZERO, SCANNER, 0.25);
+        let mut plan = floor.plan().clone();
+        plan.origin_m = [0.0, -1.0];
+        plan.obstacles = alloc::vec![false; 60 * 40];
+        floor.renew(plan, INFLATION);
+        assert!(floor.costs(Instant::ZERO).unwrap().is_obstacle([5, 30]));
     }
 
     /// What the camera saw is open as soon as the sound passes it: 0.8 m ahead is cell 16.

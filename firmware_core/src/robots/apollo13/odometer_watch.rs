@@ -115,6 +115,12 @@ impl OdometerWatch {
         now - self.heard.unwrap_or(Instant::ZERO) > SILENT
     }
 
+    /// Whether its gyroscope's offset was taken while the car was rolling: until it is started once
+    /// more at rest, its heading turns by itself.
+    pub const fn is_misled(&self) -> bool {
+        self.is_misled
+    }
+
     /// Whether the car must not drive where it has to know its place.
     pub const fn wants_rest(&self) -> bool {
         matches!(self.state, State::Resting(_) | State::Opened(_))
@@ -203,6 +209,7 @@ mod tests {
             }
             watch.hear(at(ms), [2_000, 3_500].contains(&ms));
             assert_eq!(watch.wants_rest(), (2_000..3_500).contains(&ms), "{ms}");
+            assert_eq!(watch.is_misled(), watch.wants_rest(), "{ms}");
             watch.poll(at(ms));
             opened.extend(watch.take_opening().then_some(ms));
         }

@@ -41,6 +41,8 @@ pub struct Pilot {
     lattice: Lattice,
     settings: FollowerSettings,
     goal: Option<CarPose>,
+    /// Whether the heading there matters.
+    with_heading: bool,
     /// How near it is reached, metres and radians.
     tolerance: [f64; 2],
     follower: Option<Follower>,
@@ -58,6 +60,7 @@ impl Pilot {
             lattice: Lattice::new(set, outline),
             settings,
             goal: None,
+            with_heading: true,
             tolerance: settings.tolerance,
             follower: None,
             state: GoalState::None,
@@ -71,6 +74,7 @@ impl Pilot {
     /// Another goal, or none.
     pub fn set_goal(&mut self, goal: Option<CarPose>) {
         self.goal = goal;
+        self.with_heading = true;
         self.tolerance = self.settings.tolerance;
         self.follower = None;
         self.failed = 0;
@@ -80,6 +84,12 @@ impl Pilot {
             Some(_) => GoalState::Planning,
             None => GoalState::None,
         };
+    }
+
+    /// Another goal, at which any heading will do, or none.
+    pub fn set_place(&mut self, goal: Option<CarPose>) {
+        self.set_goal(goal);
+        self.with_heading = false;
     }
 
     /// Another goal, reached when the car is as near as `tolerance`, metres and radians; or none.
@@ -181,7 +191,7 @@ impl Pilot {
     fn is_there(&self, pose: CarPose, goal: CarPose) -> bool {
         let [near_m, near_rad] = self.tolerance;
         let turned = wrapped(goal.heading_rad - pose.heading_rad).abs();
-        pose.distance_m(goal) <= near_m && turned <= near_rad
+        pose.distance_m(goal) <= near_m && (turned <= near_rad || !self.with_heading)
     }
 
     /// The way that is followed is not free: another one, after a while.
@@ -195,7 +205,7 @@ impl Pilot {
     fn plan(&mut self, map: &Costmap, pose: CarPose, goal: CarPose) {
         let to = Goal {
             pose: goal,
-            with_heading: true,
+            with_heading: self.with_heading,
         };
         self.plans += 1;
         match self.lattice.plan(map, pose, to, Limits::PROMPT) {

@@ -9,6 +9,7 @@
 //! | [`REMOTE`](Apollo13::REMOTE) | Open Sound Control of the phone, packets, in |
 
 mod inspect;
+mod mapping;
 mod passing;
 mod search;
 mod senses;
@@ -29,7 +30,9 @@ use super::gates::{self, Gates, Passage};
 use super::gyro_odometry::{self, GyroOdometry};
 use super::odometer_watch::OdometerWatch;
 use super::pilot::Pilot;
+use super::raw_lines::RawLines;
 use super::steering;
+use super::survey::Survey;
 use super::wall::{Gains, Side, WallDistance};
 use super::witness::Witness;
 use crate::ackermann::CarPose;
@@ -80,8 +83,8 @@ pub struct Config {
     pub start: CarPose,
     /// The map that it has; without one it drives by odometry and cannot plan.
     pub floor: FloorPlan,
-    /// What the odometer's lines mean.
-    pub dialect: odometer::Dialect,
+    /// What the odometer's lines mean; `None`: those of the later sketch, [`odometer::Raw`].
+    pub dialect: Option<odometer::Dialect>,
     /// The wall that is followed in autonomous driving without a goal, and the distance, metres.
     pub wall: Option<(Side, f64)>,
     /// Of the localisation's dice.
@@ -95,7 +98,7 @@ impl Default for Config {
         Self {
             start: CarPose::default(),
             floor: FloorPlan::default(),
-            dialect: odometer::Dialect::Fixed,
+            dialect: Some(odometer::Dialect::Fixed),
             wall: None,
             seed: 0,
             defects: Defects::default(),
@@ -125,6 +128,7 @@ pub struct Apollo13 {
     config: Config,
     board: Board,
     lines: odometer::Decoder,
+    raw_lines: RawLines,
     arbiter: Arbiter,
     odometry: GyroOdometry,
     watch: OdometerWatch,
@@ -139,6 +143,10 @@ pub struct Apollo13 {
     /// Where the odometry's origin lies on the map.
     origin: CarPose,
     floor: Floor,
+    /// The map under way, from when mapping is ordered until something else is.
+    survey: Option<Survey>,
+    /// When a place to look from was chosen last.
+    chosen: Option<Instant>,
     pilot: Pilot,
     gates: Gates,
     passage: Option<Passage>,
@@ -184,7 +192,7 @@ impl Apollo13 {
     pub fn new(config: Config) -> Self {
         let defects = config.defects;
         let floor = Floor::new(config.floor.clone(), INFLATION);
-        let localiser = floor.is_known().then(|| localiser(&config));
+        let localiser = floor.is_known().then(|| localiser(&config, config.start));
         let outline = Outline::rectangle(0.359 + ROOM_M, 0.101 + ROOM_M, 0.165 + ROOM_M);
         let rules = match defects.gates_as_fielded {
             true => gates::Settings::fielded(),
@@ -199,6 +207,7 @@ impl Apollo13 {
                 false => Board::Sound(car_board::Decoder::default()),
             },
             lines: odometer::Decoder::default(),
+            raw_lines: RawLines::default(),
             arbiter: Arbiter::new(defects.arbiter),
             at_line: (odometry.clone(), CarPose::default()),
             odometry,
@@ -209,6 +218,8 @@ impl Apollo13 {
             localiser,
             origin: config.start,
             floor,
+            survey: None,
+            chosen: None,
             pilot: Pilot::new(PrimitiveSet::car(), &outline, follower::Settings::default()),
             gates: Gates::new(rules),
             passage: None,
@@ -243,8 +254,12 @@ impl Apollo13 {
         self.pilot.set_goal(goal);
     }
 
-    /// Somebody says where the car is.
+    /// Somebody says where the car is; while it draws a map, it knows better.
     pub fn set_pose(&mut self, pose: CarPose) {
+        // A map under way is drawn where the car found itself to be.
+        if self.survey.is_some() {
+            return;
+        }
         if let Some(localiser) = &mut self.localiser {
             localiser.place(pose, [0.3, 0.3, 0.17]);
         }
@@ -304,8 +319,10 @@ impl Apollo13 {
     /// What the planner wants: to pass gates, to get to the goal, or along the wall.
     fn planned(&mut self) -> Option<Drive> {
         let pose = self.pose();
+        self.begin_or_end_mapping(pose);
         match self.arbiter.mode() {
             Mode::Gates => self.choose_gate(pose),
+            Mode::Mapping => self.explore(pose),
             Mode::Autonomous => {}
             _ => return None,
         }
@@ -322,6 +339,7 @@ impl Apollo13 {
                 let (floor, now) = (&mut self.floor, self.now);
                 self.pilot.drive(now, pose, || floor.costs(now))?
             }
+            false if self.survey.is_some() => return None,
             false if self.hears_wall() => [0.22, self.wall_angle_rad],
             false if self.wall.is_some() => return Some(Drive::STOP),
             false => return None,
@@ -401,7 +419,7 @@ const NOISE: Noise = Noise {
     way_by_turn: 0.04,
 };
 
-fn localiser(config: &Config) -> Localiser {
+fn localiser(config: &Config, start: CarPose) -> Localiser {
     let floor = &config.floor;
     let field = LikelihoodField::new(
         floor.width,
@@ -416,7 +434,7 @@ fn localiser(config: &Config) -> Localiser {
         noise: NOISE,
         ..ParticleSettings::default()
     };
-    Localiser::new(field, settings, camera, config.start, sigma, config.seed)
+    Localiser::new(field, settings, camera, start, sigma, config.seed)
 }
 
 impl Master for Apollo13 {

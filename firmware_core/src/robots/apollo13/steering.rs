@@ -37,13 +37,15 @@ pub fn value_for(angle_deg_wanted: f64) -> Option<i8> {
     nearest.filter(|_| !angle_deg_wanted.is_nan())
 }
 
-/// Motor level for a speed, m/s: the smallest that goes about as fast.
+/// Motor level for a speed, m/s: the smallest that goes about as fast. Backwards level 3 goes 0.22 m/s
+/// (report); the published code takes level 4 from 0.15 m/s on, which goes 0.35 m/s: there the encoder
+/// loses counts, and the car its place.
 pub fn level_for(speed_m_s: f64) -> i8 {
     match speed_m_s {
         speed if speed > 0.0 && speed < 0.15 => 1,
         speed if speed > 0.0 && speed < 0.28 => 2,
         speed if speed > 0.0 => 3,
-        speed if speed < 0.0 && speed > -0.15 => -3,
+        speed if speed < 0.0 && speed > -0.28 => -3,
         speed if speed < 0.0 => -4,
         _ => 0,
     }
@@ -110,10 +112,11 @@ mod tests {
             0.28,
             1.0,
             -0.1,
-            -0.15,
+            -0.22,
+            -0.28,
             -0.35,
             f64::NAN,
         ];
-        assert_eq!(speeds.map(level_for), [0, 1, 2, 2, 3, 3, -3, -4, -4, 0]);
+        assert_eq!(speeds.map(level_for), [0, 1, 2, 2, 3, 3, -3, -3, -4, -4, 0]);
     }
 }

@@ -17,7 +17,10 @@ impl Inspect for Apollo13 {
     }
 
     fn map(&self) -> Option<MapView<'_>> {
-        self.floor.view()
+        match &self.survey {
+            Some(survey) => Some(survey.view()),
+            None => self.floor.view(),
+        }
     }
 
     fn scan(&self) -> &[Point] {
@@ -30,6 +33,10 @@ impl Inspect for Apollo13 {
             Mode::Autonomous | Mode::Gates if self.is_lost() => "lost",
             Mode::Autonomous => "autonomous",
             Mode::Gates => "gates",
+            Mode::Mapping => match &self.survey {
+                Some(survey) if survey.is_complete() => "mapped",
+                _ => "mapping",
+            },
             Mode::Contradiction => "contradiction",
             Mode::Killed => "killed",
         }
@@ -47,6 +54,7 @@ impl Inspect for Apollo13 {
         report("remote packets", counters.packets);
         report("remote bad packets", counters.bad_packets);
         report("odometer doubted", counters.doubts);
+        report("slips felt", self.raw_lines.slips());
         report("pose lost", counters.lost);
         report("plans", self.pilot.plans());
         report("obstacles too near", counters.too_near);

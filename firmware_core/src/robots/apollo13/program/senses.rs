@@ -122,8 +122,13 @@ impl Apollo13 {
                 continue;
             }
             let is_taken = !self.config.defects.sums_exactly || odometer::passes_exact_sum(content);
-            let dialect = self.config.dialect;
-            match dialect.read(content).ok().filter(|_| is_taken) {
+            let reading = match self.config.dialect {
+                Some(dialect) => dialect.read(content).ok().filter(|_| is_taken),
+                None => odometer::Raw::read(content)
+                    .ok()
+                    .map(|raw| self.raw_lines.read(&raw)),
+            };
+            match reading {
                 Some(reading) => {
                     self.counters.lines += 1;
                     self.take_line(reading);
@@ -137,14 +142,15 @@ impl Apollo13 {
         let before = self.pose();
         // Its clock falls back when it is reset.
         let is_reset = reading.time_s < self.odometer_s;
-        if is_reset {
+        self.watch.hear(self.now, is_reset);
+        // Of a gyroscope whose offset was taken while the car turned nothing is believed.
+        if is_reset || self.watch.is_misled() {
             self.bridge();
             self.odometry.begin_anew();
         } else {
             // It counted on while its lines were lost, and better than the board.
             self.odometry.clone_from(&self.at_line.0);
         }
-        self.watch.hear(self.now, is_reset);
         self.odometer_s = reading.time_s;
         self.odometry.update(reading.distance_m, reading.yaw_rad);
         self.at_line = (self.odometry.clone(), self.by_board.pose());
@@ -216,7 +222,10 @@ impl Apollo13 {
     /// What the camera saw: where the car is, and what is in the way.
     fn take_sight(&mut self) {
         self.counters.scans += 1;
-        self.sight.put_points(CAMERA_AHEAD_M, &mut self.scan);
+        if self.survey.is_some() {
+            self.sight.put_points(CAMERA_AHEAD_M, &mut self.scan);
+            return self.survey_sight();
+        }
         let at = self.odometry.pose();
         let is_due = |localiser: &Localiser| localiser.is_due(at);
         let is_new = self.localiser.as_ref().is_some_and(is_due);
@@ -225,6 +234,7 @@ impl Apollo13 {
         if !is_new && !is_to_be_entered {
             return;
         }
+        self.sight.put_points(CAMERA_AHEAD_M, &mut self.scan);
         let beams = self.sight.beams(self.is_open_ahead());
         if let Some(localiser) = &mut self.localiser
             && localiser.update(at, &beams)

@@ -390,7 +390,7 @@ fn fielded_habits_lose_what_the_sound_ones_keep() {
     };
     for (is_fielded, [lines, range_cm]) in [(false, [1, 13]), (true, [0, 10])] {
         let mut program = Apollo13::new(Config {
-            dialect: odometer::Dialect::AsCoded,
+            dialect: Some(odometer::Dialect::AsCoded),
             defects: Defects {
                 sums_exactly: is_fielded,
                 reads_cr_as_nl: is_fielded,

@@ -1,0 +1,94 @@
+//! Drives over a floor that there is no plan of, and keeps what it drew as the plan.
+
+use core::time::Duration;
+
+use protocols::Instant;
+
+use super::{Apollo13, CAMERA_AHEAD_M, INFLATION, localiser};
+use crate::ackermann::CarPose;
+use crate::robots::apollo13::arbiter::Mode;
+use crate::robots::apollo13::floor::{Floor, FloorPlan};
+use crate::robots::apollo13::pilot::GoalState;
+use crate::robots::apollo13::survey::{Choice, Survey};
+
+/// How often the map under way becomes the floor to drive by.
+const FLOOR_EVERY: Duration = Duration::from_secs(1);
+
+/// So near a goal the next one is chosen, metres, and no oftener than this.
+const NEAR_M: f64 = 1.2;
+const CHOOSES_EVERY: Duration = Duration::from_secs(2);
+
+impl Apollo13 {
+    /// A map is begun when mapping is ordered: the plan that the car was given does not count. When
+    /// something else is ordered, the car goes on by what it drew.
+    pub(super) fn begin_or_end_mapping(&mut self, pose: CarPose) {
+        let is_mapping = self.arbiter.mode() == Mode::Mapping;
+        match (is_mapping, self.survey.take()) {
+            (true, None) => {
+                self.localiser = None;
+                self.floor = Floor::new(FloorPlan::default(), INFLATION);
+                self.seen = None;
+                self.pilot.set_goal(None);
+                self.survey = Some(Survey::new(pose.shifted(CAMERA_AHEAD_M)));
+            }
+            // Killed, or two orders at once: that passes.
+            (false, Some(survey)) if !self.is_ordered() => self.survey = Some(survey),
+            (false, Some(survey)) => {
+                self.config.floor = survey.plan();
+                self.floor = Floor::new(self.config.floor.clone(), INFLATION);
+                if self.floor.is_known() {
+                    self.localiser = Some(localiser(&self.config, pose));
+                }
+                self.pilot.set_goal(None);
+            }
+            (_, survey) => self.survey = survey,
+        }
+    }
+
+    /// Whether one driver is ordered.
+    fn is_ordered(&self) -> bool {
+        !matches!(self.arbiter.mode(), Mode::Killed | Mode::Contradiction)
+    }
+
+    /// What the camera saw: onto the map, which says where the car is.
+    pub(super) fn survey_sight(&mut self) {
+        let now = self.now;
+        let Some(survey) = self.survey.as_mut().filter(|survey| survey.is_due(now)) else {
+            return;
+        };
+        let camera = self.odometry.pose().shifted(CAMERA_AHEAD_M);
+        // What has no depth may be too near as well as too far.
+        let found = survey.draw(now, camera, &self.sight.beams(false));
+        if self.seen.is_none_or(|seen| now - seen >= FLOOR_EVERY) {
+            self.seen = Some(now);
+            self.floor.renew(survey.plan(), INFLATION);
+        }
+        self.move_origin(found.shifted(-CAMERA_AHEAD_M));
+    }
+
+    /// The next place to look from, when the car is near the last one: it need not stop there.
+    pub(super) fn explore(&mut self, pose: CarPose) {
+        let is_under_way = matches!(self.pilot.state(), GoalState::Driving | GoalState::Planning);
+        let is_far = |goal: CarPose| goal.distance_m(pose) > NEAR_M;
+        let is_old = |chosen: Instant| self.now - chosen >= CHOOSES_EVERY;
+        let is_due = self.chosen.is_none_or(is_old);
+        if is_under_way && (!is_due || self.pilot.goal().is_some_and(is_far)) {
+            return;
+        }
+        let Some(survey) = &mut self.survey else {
+            return;
+        };
+        let Some(costs) = self.floor.costs(self.now) else {
+            return;
+        };
+        let is_free = |at| self.pilot.is_free(costs, at);
+        let choice = survey.next(costs, pose, is_under_way, is_free);
+        self.chosen = Some(self.now);
+        match choice {
+            Choice::Stay => {}
+            Choice::Look(goal) => self.pilot.set_goal(Some(goal)),
+            Choice::Go(goal) => self.pilot.set_place(Some(goal)),
+            Choice::Done => self.pilot.set_goal(None),
+        }
+    }
+}

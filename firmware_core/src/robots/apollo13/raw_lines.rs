@@ -1,0 +1,113 @@
+//! Makes readings of the later sketch's lines, which tell what its sensors do and no more: the
+//! heading is added up here, and a way that the accelerometer did not feel is none.
+
+use protocols::odometer::{Raw, Reading};
+
+use super::slip::SlipWatch;
+
+/// Lines come with the sketch's loop, and tell no time.
+const LINE_S: f64 = 0.010_03;
+/// So long the encoder stands before the gyroscope's offset is learned, and how fast, seconds.
+const STANDS_S: f64 = 0.5;
+const LEARNED_S: f64 = 0.5;
+/// A way that falls back to nothing from farther than this is that of a board that was reset.
+const RESET_M: f64 = 0.05;
+
+/// What was told so far.
+#[derive(Clone, Debug, Default)]
+pub struct RawLines {
+    told_m: Option<f64>,
+    offset_rad_s: Option<f64>,
+    stands_s: f64,
+    reading: Option<Reading>,
+    slip: SlipWatch,
+}
+
+impl RawLines {
+    /// What a line comes to. After a reset of the board its time begins anew.
+    pub fn read(&mut self, raw: &Raw) -> Reading {
+        let before_m = self.told_m.unwrap_or(raw.distance);
+        if raw.distance == 0.0 && before_m.abs() > RESET_M {
+            *self = Self {
+                slip: core::mem::take(&mut self.slip),
+                ..Self::default()
+            };
+            return self.read(raw);
+        }
+        self.told_m = Some(raw.distance);
+        let way_m = raw.distance - before_m;
+        let rate_rad_s = raw.rates[2].to_radians();
+        self.stands_s = if way_m == 0.0 {
+            self.stands_s + LINE_S
+        } else {
+            0.0
+        };
+        let offset = self.offset_rad_s.get_or_insert(rate_rad_s);
+        if self.stands_s >= STANDS_S {
+            *offset += (rate_rad_s - *offset) * LINE_S / LEARNED_S;
+        }
+        let rate_rad_s = rate_rad_s - *offset;
+        let went_m = self.slip.update(LINE_S, way_m, raw.accelerations[0]);
+        let before = self.reading.unwrap_or(Reading {
+            distance_m: 0.0,
+            rate_rad_s: 0.0,
+            yaw_rad: 0.0,
+            time_s: 0.0,
+        });
+        let reading = Reading {
+            distance_m: before.distance_m + went_m,
+            rate_rad_s,
+            yaw_rad: before.yaw_rad + rate_rad_s * LINE_S,
+            time_s: before.time_s + LINE_S,
+        };
+        self.reading = Some(reading);
+        reading
+    }
+
+    /// How often the wheels slipped.
+    pub const fn slips(&self) -> u64 {
+        self.slip.found()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn raw(distance: f64, rate_dps: f64) -> Raw {
+        Raw {
+            distance,
+            rates: [0.0, 0.0, rate_dps],
+            accelerations: [0.3, 0.0, 9.8],
+            field: [0.0; 3],
+        }
+    }
+
+    /// An offset of 0.5 degrees a second at rest; then a quarter turn in 100 lines, 1.003 s, at 90.
+    #[test]
+    fn the_heading_is_added_up_without_the_offset() {
+        let mut lines = RawLines::default();
+        (0..200).for_each(|_| _ = lines.read(&raw(0.0, 0.5)));
+        let mut yaw_rad = 0.0;
+        (0..100).for_each(|_| yaw_rad = lines.read(&raw(0.0, 90.5)).yaw_rad);
+        // What turns while the encoder stands is taken for an offset, in half a second.
+        assert!(yaw_rad < 1.0, "{yaw_rad}");
+        let mut lines = RawLines::default();
+        (0..200).for_each(|_| _ = lines.read(&raw(0.0, 0.5)));
+        let mut distance = 0.0;
+        for _ in 0..100 {
+            distance += 0.001;
+            yaw_rad = lines.read(&raw(distance, 90.5)).yaw_rad;
+        }
+        assert!((yaw_rad - 90.27_f64.to_radians()).abs() < 0.01, "{yaw_rad}");
+    }
+
+    #[test]
+    fn after_a_reset_the_time_begins_anew() {
+        let mut lines = RawLines::default();
+        lines.read(&raw(1.0, 0.0));
+        let before = lines.read(&raw(1.001, 0.0));
+        let after = lines.read(&raw(0.0, 0.0));
+        assert!(after.time_s < before.time_s && after.distance_m == 0.0);
+    }
+}

@@ -1,0 +1,210 @@
+//! Finds wheels that slip: the encoder tells of a speed that the accelerometer has not felt come.
+//!
+//! Facts: seed 003 names it as what it would do next; its later sketch prints accelerations beside
+//! the encoder's way. An accelerometer alone is of no use for long, as its offset adds up: so its
+//! speed is drawn to the encoder's all the time but while the two contradict each other. Then the
+//! car goes as the accelerometer says, for two seconds at most: after that an offset of a
+//! hundredth of gravity has come to 0.2 m/s itself.
+
+/// Ways are compared over so long, seconds: the encoder's are printed in centimetres.
+const OVER_S: f64 = 0.3;
+/// Lines that fit into it at least.
+const LINES_MAX: usize = 32;
+/// Ways that are farther apart contradict each other, metres: 0.13 m/s. And when no more.
+const APART_M: [f64; 2] = [0.04, 0.015];
+/// How fast the speed is drawn to the encoder's, seconds.
+const DRAWN_S: f64 = 0.5;
+/// So long the encoder stands before the offset is learned, and how fast it is, seconds.
+const STANDS_S: f64 = 0.5;
+const LEARNED_S: f64 = 0.5;
+/// Longest time for which the accelerometer is believed, seconds.
+const BELIEVED_S: f64 = 2.0;
+
+/// A line's part in the comparison: time, way by the encoder, way by the accelerometer.
+type Line = [f64; 3];
+
+/// Encoder and accelerometer beside each other.
+#[derive(Clone, Debug, Default)]
+pub struct SlipWatch {
+    lines: [Line; LINES_MAX],
+    next: usize,
+    /// By the accelerometer, m/s.
+    speed_m_s: f64,
+    /// What the accelerometer tells at rest, m/s².
+    offset_m_s2: Option<f64>,
+    /// Since the encoder counted last.
+    stands_s: f64,
+    /// Since a slip was found; `None`: there is none.
+    slips_s: Option<f64>,
+    found: u64,
+}
+
+impl SlipWatch {
+    /// The encoder has gone `way_m` in `passed_s`, and the car is accelerated ahead by
+    /// `ahead_m_s2`: how far the car went.
+    pub fn update(&mut self, passed_s: f64, way_m: f64, ahead_m_s2: f64) -> f64 {
+        if !(passed_s > 0.0 && passed_s <= OVER_S && way_m.is_finite() && ahead_m_s2.is_finite()) {
+            return way_m;
+        }
+        self.rest(passed_s, way_m, ahead_m_s2);
+        let felt_m_s2 = ahead_m_s2 - self.offset_m_s2.unwrap_or(ahead_m_s2);
+        self.speed_m_s += felt_m_s2 * passed_s;
+        let felt_m = self.speed_m_s * passed_s;
+        self.lines[self.next] = [passed_s, way_m, felt_m];
+        self.next = (self.next + 1) % LINES_MAX;
+        let [over_s, told_m, by_feel_m] = self.over();
+        let apart_m = (told_m - by_feel_m).abs();
+        match &mut self.slips_s {
+            Some(since_s) => {
+                *since_s += passed_s;
+                if apart_m <= APART_M[1] || *since_s >= BELIEVED_S {
+                    // The wheels hold again, or nobody knows any better than they.
+                    self.slips_s = None;
+                    self.begin_anew(told_m / over_s);
+                    return way_m;
+                }
+                felt_m
+            }
+            None if over_s >= 0.9 * OVER_S && apart_m > APART_M[0] => {
+                self.slips_s = Some(0.0);
+                self.found += 1;
+                // What was believed of the wheels since they began to slip is taken back.
+                way_m - (told_m - by_feel_m)
+            }
+            None => {
+                self.speed_m_s += (told_m - by_feel_m) / over_s * passed_s / DRAWN_S;
+                way_m
+            }
+        }
+    }
+
+    /// Whether the wheels slip.
+    pub const fn is_slipping(&self) -> bool {
+        self.slips_s.is_some()
+    }
+
+    /// How often they began to.
+    pub const fn found(&self) -> u64 {
+        self.found
+    }
+
+    /// Learns what the accelerometer tells of a car that stands.
+    fn rest(&mut self, passed_s: f64, way_m: f64, ahead_m_s2: f64) {
+        self.stands_s = if way_m == 0.0 {
+            self.stands_s + passed_s
+        } else {
+            0.0
+        };
+        let offset = self.offset_m_s2.get_or_insert(ahead_m_s2);
+        if self.stands_s >= STANDS_S && self.slips_s.is_none() {
+            *offset += (ahead_m_s2 - *offset) * (passed_s / LEARNED_S).min(1.0);
+            self.speed_m_s = 0.0;
+        }
+    }
+
+    /// Time and ways of the last [`OVER_S`].
+    fn over(&self) -> Line {
+        let mut sum = [0.0; 3];
+        for back in 1..=LINES_MAX {
+            let line = self.lines[(self.next + LINES_MAX - back) % LINES_MAX];
+            if line[0] == 0.0 || sum[0] + line[0] > OVER_S {
+                break;
+            }
+            for (sum, part) in sum.iter_mut().zip(line) {
+                *sum += part;
+            }
+        }
+        sum
+    }
+
+    fn begin_anew(&mut self, speed_m_s: f64) {
+        self.lines = [[0.0; 3]; LINES_MAX];
+        self.speed_m_s = speed_m_s;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Pcg32;
+
+    const STEP_S: f64 = 0.01;
+
+    /// A car that stands for 2 s and then goes as the laws say: speed of the wheels and of the car
+    /// at a time since then. The encoder is read in centimetres, the accelerometer has an offset of
+    /// 0.3 m/s² and a noise of 0.04. The watch, the way that it believes and the true one.
+    fn driven(
+        until_s: f64,
+        wheels: impl Fn(f64) -> f64,
+        car: impl Fn(f64) -> f64,
+    ) -> (SlipWatch, f64, f64) {
+        let mut random = Pcg32::new(7);
+        let mut watch = SlipWatch::default();
+        let (mut rolled, mut printed, mut believed, mut gone) = (0.0, 0.0, 0.0, 0.0);
+        let mut now_s = -2.0;
+        while now_s < until_s {
+            let of = |law: &dyn Fn(f64) -> f64, at_s: f64| if at_s < 0.0 { 0.0 } else { law(at_s) };
+            let [before, after] = [of(&car, now_s), of(&car, now_s + STEP_S)];
+            rolled += of(&wheels, now_s) * STEP_S;
+            gone += after * STEP_S;
+            let line = libm::round(rolled * 100.0) / 100.0;
+            let felt = (after - before) / STEP_S + 0.3 + random.normal(0.04);
+            believed += watch.update(STEP_S, line - printed, felt.clamp(-19.6, 19.6));
+            printed = line;
+            now_s += STEP_S;
+        }
+        (watch, believed, gone)
+    }
+
+    /// Level 2, by a lag of 0.3 s.
+    fn starts(at_s: f64) -> f64 {
+        0.22 * (1.0 - libm::exp(-at_s / 0.3))
+    }
+
+    #[test]
+    fn wheels_that_hold_are_believed() {
+        let (watch, believed, gone) = driven(30.0, starts, starts);
+        assert_eq!(watch.found(), 0);
+        assert!((believed - gone).abs() < 0.02, "{believed} {gone}");
+    }
+
+    /// On ice: the wheels turn at 0.22 m/s for 1.5 s, the car stays where it is. Of 0.27 m that they
+    /// went a twentieth of a metre is believed.
+    #[test]
+    fn d1_wheels_that_spin_are_found_by_the_accelerometer() {
+        let (watch, believed, _) = driven(1.5, starts, |_| 0.0);
+        assert!(watch.is_slipping() && watch.found() == 1);
+        assert!(believed.abs() < 0.05, "{believed}");
+    }
+
+    /// A box on the way stops the car at 3 s in 50 ms; the wheels turn on.
+    #[test]
+    fn d1_a_car_that_is_stopped_by_a_box_is_found_to_slip() {
+        let car = |at_s: f64| starts(at_s) * (1.0 - (at_s - 3.0) / 0.05).clamp(0.0, 1.0);
+        let (watch, believed, gone) = driven(4.5, starts, car);
+        assert!(watch.is_slipping() && watch.found() == 1);
+        assert!((believed - gone).abs() < 0.06, "{believed} {gone}");
+    }
+
+    /// After two seconds an offset may have made it all up: the wheels are believed again.
+    #[test]
+    fn the_accelerometer_is_believed_for_two_seconds() {
+        let (watch, believed, _) = driven(5.0, starts, |_| 0.0);
+        assert!(!watch.is_slipping() && believed > 0.3, "{believed}");
+    }
+
+    #[test]
+    fn what_is_no_number_changes_nothing() {
+        let mut watch = SlipWatch::default();
+        for bad in [
+            [0.0, 0.1, 0.0],
+            [0.01, f64::NAN, 0.0],
+            [0.01, 0.1, f64::INFINITY],
+        ] {
+            let [passed_s, way_m, felt] = bad;
+            let way = watch.update(passed_s, way_m, felt);
+            assert!(way == way_m || way.is_nan());
+        }
+        assert!(watch.found() == 0 && !watch.is_slipping());
+    }
+}

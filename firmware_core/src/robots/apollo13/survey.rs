@@ -1,0 +1,292 @@
+//! Draws a map of a floor that there is no plan of, and says where to look next.
+//!
+//! Facts: seed 003 drove over a floor by hand while gmapping drew it, and names an exploration that
+//! ends by itself as what it would do next. Here [`tracker`] says where the camera is, by the lines
+//! that it saw before. The map that is told and driven by is drawn from there: a camera that looks
+//! ahead sees the walls of a corridor at flat angles, and beams to their far ends pass the cells of
+//! their near ones. So each cell counts once a scan, and what has something in it is not passed. The
+//! map is complete when it has no open edge left that the car can get to.
+
+mod edges;
+mod tracker;
+
+use core::time::Duration;
+
+use alloc::vec::Vec;
+
+use protocols::Instant;
+
+use super::floor::FloorPlan;
+use crate::ackermann::{CarPose, Motion};
+use crate::costmap::Costmap;
+use crate::grid::{FREE, OBSTACLE, UNKNOWN};
+use crate::map_view::MapView;
+use crate::particles::Beam;
+use edges::Tried;
+use tracker::Tracker;
+
+/// Cells along each side of the map: 32 m.
+const SIDE: usize = 640;
+/// Edge of a cell, metres: that of the planner's primitives.
+const CELL_M: f64 = 0.05;
+const CELL_MM: f32 = 50.0;
+/// Between two scans that are drawn.
+const DRAW_EVERY: Duration = Duration::from_millis(200);
+/// What is farther is no obstacle yet, metres.
+const ENTER_M: f64 = 3.0;
+/// What is farther was not looked at well enough to drive there without another look.
+const LOOK_M: f64 = 4.0;
+/// In how many scans more there must have been something than nothing.
+const SURE: i8 = 2;
+const COUNT_MAX: i8 = 10;
+/// Cells around what is known that a plan has.
+const MARGIN: usize = 12;
+/// An edge so near the way that the car came is a corner that its camera turned away from, metres: it
+/// would have to turn round in a corridor to look there.
+const BESIDE_M: f64 = 0.9;
+/// From one place of the track to the next, metres.
+const TRACK_M: f64 = 0.2;
+/// Less from one scan to the next is a car that stands, metres; of one, so many are drawn first.
+const REST_M: f64 = 0.000_5;
+const SCANS_AT_REST: u32 = 10;
+/// Scans before there is a map to drive by.
+const SCANS_MIN: u32 = 5;
+
+/// Where to go next.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Choice {
+    /// Where the car was sent last.
+    Stay,
+    /// To this pose, with this heading.
+    Look(CarPose),
+    /// The same once more, with any heading.
+    Go(CarPose),
+    /// Nowhere: there is nothing left, and that stays so.
+    Done,
+}
+
+/// The map under way.
+#[derive(Clone, Debug)]
+pub struct Survey {
+    tracker: Tracker,
+    /// The map's corner of least x and y in the frame of poses, metres.
+    corner_m: [f64; 2],
+    /// What is told of each cell, in the map's rows: free, unknown, obstacle.
+    cells: Vec<u8>,
+    /// In how many scans something was in it, less in how many it was passed.
+    seen: Vec<i8>,
+    /// The scan in which it was counted last.
+    counted: Vec<u32>,
+    /// The odometry's pose of the camera when a scan was drawn last.
+    odometry: Option<CarPose>,
+    drawn: Option<Instant>,
+    scans: u32,
+    /// Where the camera came by, each [`TRACK_M`].
+    track: Vec<CarPose>,
+    /// The edge that the car was sent to last.
+    edge: Option<[f64; 2]>,
+    tried: Tried,
+    is_complete: bool,
+}
+
+impl Survey {
+    /// An empty map around `camera`.
+    pub fn new(camera: CarPose) -> Self {
+        let half = SIDE as f64 / 2.0;
+        let corner = |m: f64| (libm::floor(m / CELL_M) - half) * CELL_M;
+        let corner_m = [corner(camera.x_m), corner(camera.y_m)];
+        Self {
+            tracker: Tracker::new(camera),
+            corner_m,
+            cells: alloc::vec![UNKNOWN; SIDE * SIDE],
+            seen: alloc::vec![0; SIDE * SIDE],
+            counted: alloc::vec![0; SIDE * SIDE],
+            odometry: None,
+            drawn: None,
+            scans: 0,
+            track: Vec::new(),
+            edge: None,
+            tried: Tried::default(),
+            is_complete: false,
+        }
+    }
+
+    /// Whether there is nothing left to look at.
+    pub const fn is_complete(&self) -> bool {
+        self.is_complete
+    }
+
+    /// Whether a scan at `now` would be drawn.
+    pub fn is_due(&self, now: Instant) -> bool {
+        self.drawn.is_none_or(|drawn| now - drawn >= DRAW_EVERY)
+    }
+
+    /// Draws a scan, taken where the odometry says that the camera is; where it is on the map.
+    pub fn draw(&mut self, now: Instant, odometry: CarPose, beams: &[Beam]) -> CarPose {
+        let before = self.odometry.replace(odometry);
+        let motion = before.map_or_else(Motion::default, |before| before.motion_to(odometry));
+        self.drawn = Some(now);
+        self.scans = self.scans.saturating_add(1);
+        let seen = beams.iter().map(|beam| [beam.bearing_rad, beam.range_m]);
+        // A car cannot turn where it stands.
+        let is_at_rest = libm::hypot(motion.ahead_m, motion.left_m) < REST_M;
+        if is_at_rest && self.scans > SCANS_AT_REST {
+            return self.tracker.rest(motion);
+        }
+        let camera = self.tracker.track(motion, seen);
+        if self.tracker.is_fitting() {
+            self.look(camera, beams);
+        }
+        let last = self.track.last();
+        if last.is_none_or(|last| last.distance_m(camera) >= TRACK_M) {
+            self.track.push(camera);
+        }
+        camera
+    }
+
+    /// The map, for an observer.
+    pub fn view(&self) -> MapView<'_> {
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "a map's place needs 24 bits"
+        )]
+        let corner_mm = self.corner_m.map(|m| (m * 1e3) as f32);
+        MapView::new(SIDE, CELL_MM, corner_mm, &self.cells)
+    }
+
+    /// What is known so far as a plan to drive by.
+    pub fn plan(&self) -> FloorPlan {
+        let is_known =
+            |(at, value): (usize, &u8)| (*value != UNKNOWN).then_some([at % SIDE, at / SIDE]);
+        let known = self.cells.iter().enumerate().filter_map(is_known);
+        let bounds = known.fold([[SIDE; 2], [0; 2]], |[low, high], cell| {
+            [0, 1].map(|end| {
+                core::array::from_fn(|axis| match end {
+                    0 => low[axis].min(cell[axis]),
+                    _ => high[axis].max(cell[axis]),
+                })
+            })
+        });
+        let [low, high]: [[usize; 2]; 2] = bounds;
+        if low[0] > high[0] {
+            return FloorPlan::default();
+        }
+        let first = low.map(|cell| cell.saturating_sub(MARGIN));
+        let last = high.map(|cell| (cell + MARGIN).min(SIDE - 1));
+        let row = |y: usize| self.cells[y * SIDE..][first[0]..=last[0]].iter();
+        FloorPlan {
+            width: last[0] - first[0] + 1,
+            cell_m: CELL_M,
+            origin_m: [0, 1].map(|axis| self.corner_m[axis] + first[axis] as f64 * CELL_M),
+            obstacles: (first[1]..=last[1])
+                .flat_map(row)
+                .map(|value| *value == OBSTACLE)
+                .collect(),
+        }
+    }
+
+    /// Where to go next to see more, from `pose` on a floor that costs `costs`. `is_under_way`: it
+    /// still goes where it was sent last. `is_free` says whether the car can be somewhere.
+    pub fn next(
+        &mut self,
+        costs: &Costmap,
+        pose: CarPose,
+        is_under_way: bool,
+        is_free: impl Fn(CarPose) -> bool,
+    ) -> Choice {
+        if self.scans < SCANS_MIN {
+            return Choice::Stay;
+        }
+        if self.is_complete {
+            return Choice::Done;
+        }
+        let Some((goal, place)) = edges::next(self, costs, pose, is_free) else {
+            self.is_complete = true;
+            return Choice::Done;
+        };
+        let before = self.edge.replace(place);
+        if is_under_way && before.is_some_and(|before| edges::are_same(before, place)) {
+            return Choice::Stay;
+        }
+        match self.tried.add(place) {
+            true => Choice::Look(goal),
+            false => Choice::Go(goal),
+        }
+    }
+
+    /// Whether the camera came by so near that what it has not seen there lies beside it.
+    fn is_beside(&self, [x_m, y_m]: [f64; 2]) -> bool {
+        let mut track = self.track.iter();
+        track.any(|at| libm::hypot(at.x_m - x_m, at.y_m - y_m) < BESIDE_M)
+    }
+
+    /// Whether the camera has passed the cell at this place, metres.
+    fn is_free(&self, place_m: [f64; 2]) -> bool {
+        self.index(place_m).is_some_and(|at| self.cells[at] == FREE)
+    }
+
+    /// Whether nothing is known of it.
+    fn is_unknown(&self, place_m: [f64; 2]) -> bool {
+        let at = self.index(place_m);
+        at.is_some_and(|at| self.cells[at] == UNKNOWN)
+    }
+
+    fn index(&self, place_m: [f64; 2]) -> Option<usize> {
+        let [x, y] = [0, 1].map(|axis| (place_m[axis] - self.corner_m[axis]) / CELL_M);
+        let is_inside = |along: f64| along >= 0.0 && along < SIDE as f64;
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "within the map"
+        )]
+        (is_inside(x) && is_inside(y)).then(|| y as usize * SIDE + x as usize)
+    }
+
+    /// Enters what a scan from `camera` says of each cell.
+    fn look(&mut self, camera: CarPose, beams: &[Beam]) {
+        let along = |bearing_rad: f64, way_m: f64| {
+            let (sin, cos) = libm::sincos(camera.heading_rad + bearing_rad);
+            [camera.x_m + way_m * cos, camera.y_m + way_m * sin]
+        };
+        for beam in beams.iter().filter(|beam| beam.range_m <= ENTER_M) {
+            self.count(along(beam.bearing_rad, beam.range_m), 1);
+        }
+        let mut last = f64::INFINITY;
+        for beam in beams {
+            if (beam.bearing_rad - last).abs() < CELL_M / LOOK_M {
+                continue;
+            }
+            last = beam.bearing_rad;
+            let end = along(beam.bearing_rad, 1.0);
+            let per_metre = [end[0] - camera.x_m, end[1] - camera.y_m];
+            let way_m = (beam.range_m - 1.5 * CELL_M).min(LOOK_M);
+            let mut along_m = 0.0;
+            while along_m < way_m {
+                let place = [
+                    camera.x_m + along_m * per_metre[0],
+                    camera.y_m + along_m * per_metre[1],
+                ];
+                self.count(place, -1);
+                along_m += CELL_M / 2.0;
+            }
+        }
+    }
+
+    fn count(&mut self, place_m: [f64; 2], by: i8) {
+        let Some(at) = self.index(place_m) else {
+            return;
+        };
+        if core::mem::replace(&mut self.counted[at], self.scans) == self.scans {
+            return;
+        }
+        self.seen[at] = self.seen[at].saturating_add(by).clamp(-3, COUNT_MAX);
+        self.cells[at] = match self.seen[at] {
+            SURE.. => OBSTACLE,
+            ..0 => FREE,
+            _ => self.cells[at],
+        };
+    }
+}
+
+#[cfg(test)]
+mod tests;

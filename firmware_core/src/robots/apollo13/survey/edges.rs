@@ -1,0 +1,260 @@
+//! The open edges of what was looked at, and which of them to go to.
+
+use alloc::collections::VecDeque;
+use alloc::vec::Vec;
+
+use super::{CELL_M, Survey};
+use crate::ackermann::{CarPose, wrapped};
+use crate::costmap::{Costmap, INSCRIBED};
+
+/// Fewer cells that hang together are no open edge: with what the car keeps from walls that is an
+/// opening of 0.9 m.
+const CELLS_MIN: usize = 12;
+/// What an edge behind the car costs more than one ahead, metres: turning round takes a car several
+/// moves, if there is room at all.
+const BEHIND_M: f64 = 12.0;
+/// An edge nearer than this is one of the picture's sides: the car would have to turn towards it where
+/// it stands. It costs so much more.
+const NEAR_M: f64 = 1.5;
+const BESIDE_M: f64 = 8.0;
+/// How far before an edge the car stops: from there it sees what is behind.
+const BEFORE_M: f64 = 0.6;
+/// Cells of the way by whose direction the car is to look at the edge.
+const HEADING_CELLS: usize = 12;
+/// Edges nearer to each other than this are the same, metres.
+const SAME_M: f64 = 0.6;
+/// How often an edge is gone to before it is given up.
+const TRIES_MAX: u8 = 3;
+
+/// Whether two places are of the same edge.
+pub(super) fn are_same(one: [f64; 2], other: [f64; 2]) -> bool {
+    libm::hypot(one[0] - other[0], one[1] - other[1]) < SAME_M
+}
+
+/// Edges that the car went to, and how often.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Tried(Vec<([f64; 2], u8)>);
+
+impl Tried {
+    fn near(&self, place: [f64; 2]) -> Option<usize> {
+        self.0.iter().position(|(at, _)| are_same(*at, place))
+    }
+
+    fn is_given_up(&self, place: [f64; 2]) -> bool {
+        self.near(place).is_some_and(|at| self.0[at].1 >= TRIES_MAX)
+    }
+
+    /// The car goes to the edge at this place; whether for the first time.
+    pub(super) fn add(&mut self, place: [f64; 2]) -> bool {
+        let near = self.near(place);
+        match near {
+            Some(at) => self.0[at].1 += 1,
+            None => self.0.push((place, 1)),
+        }
+        near.is_none()
+    }
+}
+
+/// Cells that the car can get to through what was looked at: each with the one before it on the
+/// way, itself at the start.
+struct Reach {
+    width: usize,
+    before: Vec<Option<usize>>,
+    steps: Vec<u32>,
+    order: Vec<usize>,
+}
+
+/// The goal to go to, and the place of the edge to be seen from there; `None`: there is no edge.
+pub(super) fn next(
+    survey: &Survey,
+    costs: &Costmap,
+    pose: CarPose,
+    is_free: impl Fn(CarPose) -> bool,
+) -> Option<(CarPose, [f64; 2])> {
+    let reach = Reach::new(survey, costs, pose)?;
+    let mut best: Option<(f64, CarPose, [f64; 2])> = None;
+    for edge in reach.edges(survey, costs) {
+        let middle = middle(&edge, costs.width());
+        let place = costs.middle_m(cell(middle, costs.width()));
+        if survey.tried.is_given_up(place) {
+            continue;
+        }
+        let Some(goal) = reach.goal(costs, middle, &is_free) else {
+            continue;
+        };
+        let bearing = libm::atan2(place[1] - pose.y_m, place[0] - pose.x_m);
+        let aside = (1.0 - libm::cos(wrapped(bearing - pose.heading_rad))) / 2.0;
+        let way_m = f64::from(reach.steps[middle]) * CELL_M;
+        let beside = if way_m < NEAR_M { BESIDE_M } else { 0.0 };
+        let score = way_m + BEHIND_M * aside + beside;
+        if best.is_none_or(|(least, ..)| score < least) {
+            best = Some((score, goal, place));
+        }
+    }
+    best.map(|(_, goal, place)| (goal, place))
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_possible_wrap,
+    reason = "a plan has some hundred cells along each side"
+)]
+const fn cell(index: usize, width: usize) -> [i32; 2] {
+    [(index % width) as i32, (index / width) as i32]
+}
+
+/// The cell of an edge that is nearest to its middle.
+fn middle(edge: &[usize], width: usize) -> usize {
+    let along = |index: &usize| cell(*index, width).map(f64::from);
+    let sum = edge
+        .iter()
+        .map(along)
+        .fold([0.0; 2], |sum, at| [sum[0] + at[0], sum[1] + at[1]]);
+    let mean = sum.map(|sum| sum / edge.len() as f64);
+    let off = |index: &usize| {
+        let at = along(index);
+        libm::hypot(at[0] - mean[0], at[1] - mean[1])
+    };
+    let nearest = edge
+        .iter()
+        .min_by(|one, other| off(one).total_cmp(&off(other)));
+    nearest.copied().unwrap_or_default()
+}
+
+impl Reach {
+    fn new(survey: &Survey, costs: &Costmap, pose: CarPose) -> Option<Self> {
+        let width = costs.width();
+        let start = costs.cell([pose.x_m, pose.y_m])?;
+        let inside = |[x, y]: [i32; 2]| {
+            let (x, y) = (usize::try_from(x).ok()?, usize::try_from(y).ok()?);
+            (x < width && y < costs.height()).then_some(y * width + x)
+        };
+        let first = inside(start)?;
+        let mut reach = Self {
+            width,
+            before: alloc::vec![None; costs.costs().len()],
+            steps: alloc::vec![0; costs.costs().len()],
+            order: Vec::new(),
+        };
+        reach.before[first] = Some(first);
+        let mut next = VecDeque::from([first]);
+        while let Some(at) = next.pop_front() {
+            reach.order.push(at);
+            let from = cell(at, width);
+            for [dx, dy] in AROUND {
+                let to = [from[0] + dx, from[1] + dy];
+                let Some(index) = inside(to).filter(|index| reach.before[*index].is_none()) else {
+                    continue;
+                };
+                // Where the car stands nobody has looked: it is open, up to what its camera sees.
+                let here = costs.middle_m(to);
+                let off = libm::hypot(here[0] - pose.x_m, here[1] - pose.y_m);
+                let is_open = survey.is_free(here) || off < STANDS_M;
+                if is_open && costs.cost(to) < INSCRIBED {
+                    reach.before[index] = Some(at);
+                    reach.steps[index] = reach.steps[at] + 1;
+                    next.push_back(index);
+                }
+            }
+        }
+        Some(reach)
+    }
+
+    /// Cells beside which nothing is known, as they hang together.
+    fn edges(&self, survey: &Survey, costs: &Costmap) -> Vec<Vec<usize>> {
+        let is_edge = |index: &usize| {
+            let here = cell(*index, self.width);
+            let place = costs.middle_m(here);
+            survey.is_free(place)
+                && !survey.is_beside(place)
+                && AROUND[..4]
+                    .iter()
+                    .any(|[dx, dy]| survey.is_unknown(costs.middle_m([here[0] + dx, here[1] + dy])))
+        };
+        let mut is_left = alloc::vec![false; self.before.len()];
+        let all: Vec<usize> = self.order.iter().copied().filter(is_edge).collect();
+        all.iter().for_each(|index| is_left[*index] = true);
+        let mut edges = Vec::new();
+        for first in all {
+            if !core::mem::take(&mut is_left[first]) {
+                continue;
+            }
+            let mut edge = alloc::vec![first];
+            let mut at = 0;
+            while let Some(index) = edge.get(at).copied() {
+                at += 1;
+                for near in self.around(index) {
+                    if core::mem::take(&mut is_left[near]) {
+                        edge.push(near);
+                    }
+                }
+            }
+            if edge.len() >= CELLS_MIN {
+                edges.push(edge);
+            }
+        }
+        edges
+    }
+
+    fn around(&self, index: usize) -> impl Iterator<Item = usize> + use<> {
+        let (width, len) = (self.width, self.before.len());
+        let (x, y) = (index % width, index / width);
+        AROUND.into_iter().filter_map(move |[dx, dy]| {
+            let x = x.checked_add_signed(dx as isize).filter(|x| *x < width)?;
+            let at = y.checked_add_signed(dy as isize)? * width + x;
+            (at < len).then_some(at)
+        })
+    }
+
+    /// A pose from which the edge at `at` is seen: on the way there, some way before it, where the
+    /// car has room; looking along the way.
+    fn goal(
+        &self,
+        costs: &Costmap,
+        at: usize,
+        is_free: impl Fn(CarPose) -> bool,
+    ) -> Option<CarPose> {
+        let mut way = alloc::vec![at];
+        while let Some(before) = self.before[way[way.len() - 1]] {
+            if before == way[way.len() - 1] {
+                break;
+            }
+            way.push(before);
+        }
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "some cells"
+        )]
+        let short = (BEFORE_M / CELL_M) as usize;
+        let place = |index: usize| costs.middle_m(cell(way[index], self.width));
+        let pose = |index: usize| {
+            let from = place((index + HEADING_CELLS).min(way.len() - 1));
+            // At the end of a short way: from where the car is towards the edge.
+            let to = place(index.saturating_sub(HEADING_CELLS));
+            let [x_m, y_m] = place(index);
+            CarPose {
+                x_m,
+                y_m,
+                heading_rad: libm::atan2(to[1] - from[1], to[0] - from[0]),
+            }
+        };
+        let first = short.min(way.len() / 2);
+        (first..way.len()).map(pose).find(|pose| is_free(*pose))
+    }
+}
+
+/// So far around the rear axle the car stands, metres, up to where its camera sees the floor.
+const STANDS_M: f64 = 0.9;
+
+/// Neighbours; those that share an edge first.
+const AROUND: [[i32; 2]; 8] = [
+    [1, 0],
+    [0, 1],
+    [-1, 0],
+    [0, -1],
+    [1, 1],
+    [-1, 1],
+    [-1, -1],
+    [1, -1],
+];
