@@ -153,6 +153,7 @@ impl Device for Silent {
 mod tests {
     use super::*;
     use crate::capture::replay::Arrival;
+    use crate::rig::Paced as _;
 
     fn said(text: &str) -> Track {
         let mut track = Track::default();
