@@ -7,6 +7,7 @@ use protocols::{Instant, Port as DevicePort};
 
 use super::*;
 use crate::realtime::clock::SimClock;
+use crate::realtime::transport::Counters;
 use crate::realtime::transport::Memory;
 use crate::rig::line::End;
 
