@@ -205,10 +205,13 @@ fn a_program_that_spins_is_found_in_virtual_time() {
 fn a_program_that_counts_what_it_reaches_leads_the_search() {
     let out = fresh_path("fuzz-coverage");
     std::fs::create_dir_all(&out).expect("a fresh folder");
-    let nested = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fuzz_programs/nested.c");
+    let nested = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/tests/fuzz_programs/nested/sonar.c"
+    );
     let build = format!(
         "cd '{}' && {HILRIG} fuzz --coverage-runtime c.c && gcc -Wall -Wextra -Werror -c c.c && \
-         gcc -fsanitize-coverage=trace-pc {nested} c.o -o nested",
+         gcc -fsanitize-coverage=trace-pc,trace-cmp -fno-builtin {nested} c.o -o nested",
         out.display()
     );
     let built = Command::new("sh").args(["-c", &build]).output();

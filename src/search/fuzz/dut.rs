@@ -20,11 +20,13 @@
 
 mod case;
 mod cause;
+mod compare;
 mod coverage;
 mod finding;
 mod found;
 mod guide;
 mod harness;
+mod message;
 mod plan;
 mod player;
 mod probe;
@@ -37,7 +39,7 @@ mod wiring;
 
 pub use case::{Answered, Case, Hex, Known, Pair, Raw, Told};
 pub use cause::Cause;
-pub use coverage::RUNTIME;
+pub use coverage::{RUNTIME, Reached};
 pub use finding::{Finding, Kept, State};
 pub use guide::Guide;
 pub use harness::{Harness, HarnessError, Whose};

@@ -17,7 +17,7 @@ use crate::search::campaign::words_of_panic;
 /// Most causes that are kept of one law: a law that is broken in a hundred ways is one to look at.
 const CAUSES_MAX: usize = 5;
 /// Most choices that are kept for being new.
-pub(super) const POOL_MAX: usize = 20_000;
+const POOL_MAX: usize = 20_000;
 /// Cases that a thread takes at once.
 const CHUNK: u64 = 16;
 

@@ -48,7 +48,8 @@ fn part(rng: &mut Rng, len: usize) -> core::ops::Range<usize> {
     start..start + index(rng, most + 1)
 }
 
-fn mutate(choices: &mut Vec<u8>, pool: &[Vec<u8>], rng: &mut Rng) {
+/// One change of `choices`; `pool` is where parts of others come from, not empty.
+pub(super) fn mutate(choices: &mut Vec<u8>, pool: &[Vec<u8>], rng: &mut Rng) {
     if choices.is_empty() {
         choices.push(byte(rng));
     }

@@ -90,7 +90,7 @@ pub struct Pair {
 }
 
 /// Bytes that people can read.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub struct Hex(pub Vec<u8>);
 

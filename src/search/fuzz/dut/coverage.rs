@@ -1,5 +1,5 @@
-//! What a program says of the places that it reaches: counters in a file, if it was built with
-//! SanitizerCoverage and [`RUNTIME`].
+//! What a program says of the places that it reaches and of what it compares: counters and pairs in
+//! a file, if it was built with SanitizerCoverage and [`RUNTIME`].
 //!
 //! The file is mapped by the program into its memory and read here as a file, so that a program
 //! that crashes or is killed leaves what it counted.
@@ -10,6 +10,7 @@ use std::io;
 use std::os::unix::fs::FileExt as _;
 use std::path::{Path, PathBuf};
 
+use super::compare::{Comparison, PAIR};
 use crate::search::fuzz::subject::{Behaviour, size};
 
 /// What a program is linked with to be seen, in C.
@@ -19,8 +20,21 @@ pub(super) const VARIABLE: &str = "HILRIG_COVERAGE";
 
 /// Counters; as many as [`RUNTIME`] has.
 const SIZE: usize = 1 << 16;
+/// Behind them: how many pairs there are, the pairs, and how often each place has one.
+const HEAD: usize = 8;
+const PAIRS: usize = 1024;
+const PLACES: usize = 4096;
 /// Where files are that are no more than memory.
 const MEMORY: &str = "/dev/shm";
+
+/// What a program did from one look to the next.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Reached {
+    /// Where it came, and how often: once, twice, up to 3, 7, 15 times ..
+    pub(super) marks: Vec<u32>,
+    /// What it compared and found not to be equal.
+    pub(super) compared: Vec<Comparison>,
+}
 
 /// Counters that programs share with us.
 #[derive(Debug)]
@@ -45,7 +59,7 @@ impl Counters {
             .write(true)
             .create_new(true)
             .open(&path)?;
-        file.set_len(SIZE as u64)?;
+        file.set_len((SIZE + HEAD + PAIRS * PAIR + PLACES) as u64)?;
         let was_used = Cell::new(false);
         Ok(Self {
             path,
@@ -64,21 +78,42 @@ impl Counters {
         self.was_used.get()
     }
 
-    /// What was reached since the last call, and how often: once, twice, up to 3, 7, 15 times ..
-    pub(super) fn take(&self) -> Behaviour {
-        let (mut counts, mut behaviour) = (vec![0; SIZE], Behaviour::default());
+    /// What was done since the last call. What cannot be read was not; what cannot be set back
+    /// counts as done once more, which is nothing new.
+    pub(super) fn take(&self) -> Reached {
+        let (mut counts, mut behaviour) = (vec![0; SIZE + HEAD], Behaviour::default());
         if self.file.read_exact_at(&mut counts, 0).is_err() {
-            return behaviour;
+            return Reached::default();
         }
+        let head = counts.split_off(SIZE);
         for (place, &count) in counts.iter().enumerate().filter(|(_, count)| **count > 0) {
             behaviour.note(&[place as u64, size(count.into())]);
         }
         if !behaviour.marks().is_empty() {
             self.was_used.set(true);
-            // If this fails, places count as reached once more, which is nothing new.
-            let _ = self.file.write_all_at(&vec![0; SIZE], 0);
+            let _ = self.file.write_all_at(&[0; SIZE], 0);
         }
-        behaviour
+        let pairs = head.first_chunk().copied().map_or(0, u32::from_le_bytes);
+        let pairs = usize::try_from(pairs).unwrap_or(PAIRS).min(PAIRS);
+        Reached {
+            marks: behaviour.marks().to_vec(),
+            compared: self.take_pairs(pairs),
+        }
+    }
+
+    fn take_pairs(&self, count: usize) -> Vec<Comparison> {
+        if count == 0 {
+            return Vec::new();
+        }
+        let (at, mut pairs) = (SIZE + HEAD, vec![0; count * PAIR]);
+        let read = self.file.read_exact_at(&mut pairs, at as u64);
+        let _ = self.file.write_all_at(&[0; HEAD], SIZE as u64);
+        let places = at + PAIRS * PAIR;
+        let _ = self.file.write_all_at(&[0; PLACES], places as u64);
+        match read {
+            Ok(()) => pairs.chunks(PAIR).filter_map(Comparison::read).collect(),
+            Err(_) => Vec::new(),
+        }
     }
 }
 
@@ -99,13 +134,34 @@ mod tests {
         let counters = Counters::new(&std::env::temp_dir()).expect("room");
         let marks = |place: u64, count: u8| {
             counters.file.write_all_at(&[count], place).expect("room");
-            counters.take().marks().to_vec()
+            counters.take().marks
         };
-        assert!(counters.take().marks().is_empty() && !counters.was_used());
+        assert!(counters.take().marks.is_empty() && !counters.was_used());
         let [once, twice, thrice, four] = [1, 2, 3, 4].map(|count| marks(7, count));
         assert_eq!(twice, thrice);
         assert!(once != twice && twice != four && once.len() == 1);
         assert_ne!(marks(8, 1), once);
-        assert!(counters.take().marks().is_empty() && counters.was_used());
+        assert!(counters.take().marks.is_empty() && counters.was_used());
+    }
+
+    /// Of two pairs that a program says it wrote one is there; the other is nonsense, a side of 255
+    /// bytes. They are gone at the next look. A program that says it wrote 4 thousand million of
+    /// them is not believed.
+    #[test]
+    fn what_was_compared_is_taken_once() {
+        let counters = Counters::new(&std::env::temp_dir().join("pairs")).expect("room");
+        let put = |bytes: &[u8], at: usize| {
+            let put = counters.file.write_all_at(bytes, at as u64);
+            put.expect("room");
+        };
+        put(&2_u32.to_le_bytes(), SIZE);
+        put(&[9, 0, 0, 0, 1, 8, 8], SIZE + HEAD);
+        put(&[9, 0, 0, 0, 1, 255, 8], SIZE + HEAD + PAIR);
+        let compared = counters.take().compared;
+        assert_eq!(compared.len(), 1);
+        assert_eq!(compared[0].place, 9);
+        assert_eq!(counters.take().compared, []);
+        put(&u32::MAX.to_le_bytes(), SIZE);
+        assert!(counters.take().compared.len() <= PAIRS);
     }
 }

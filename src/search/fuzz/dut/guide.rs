@@ -1,121 +1,281 @@
-//! Traffic that is led by what a program reaches: choices that brought it somewhere new are kept
-//! and changed further, as for programs of our own.
+//! Traffic that is led by what a program reaches and compares.
+//!
+//! Of each place that is reached the shortest input that did is kept and changed further, rare
+//! places before those that everything reaches. An input that came to something new is said again
+//! with the other side of each comparison in place of the one that it held.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use emulators::rng::Rng;
 use serde::{Deserialize, Serialize};
 
-use super::case::Hex;
+use super::case::{Hex, index};
+use super::compare::Comparison;
+use super::coverage::Reached;
+use super::message::{Input, Stock};
 use super::speech::Speech;
 use crate::codec::wire::Stream;
-use crate::search::fuzz::engine::POOL_MAX;
-use crate::search::fuzz::havoc;
 
-/// Valid traffic to begin with.
-const SEEDS: usize = 8;
+/// Messages to begin with.
+const SEEDS: usize = 16;
+/// Messages that were told before an input and are kept with it: a program may have come into a
+/// state by them.
+const BEFORE: usize = 3;
+/// Inputs that wait for their turn, at most.
+const DUE_MAX: usize = 2048;
+/// Inputs that may be added because of one.
+const ADDED_MAX: usize = 512;
+/// How often comparisons of one place are answered, besides those of inputs that came to something
+/// new.
+const ANSWERED_MAX: u8 = 8;
+/// After that the comparison at which an input was stuck, its last one, in so few ways; of what is
+/// made so again, so often. A checksum that must be mended after each other answer needs that.
+const STUCK_MAX: usize = 2;
+const DEPTH_MAX: u8 = 4;
+/// Bytes by which an input may be longer that has waited for a case: short ones are worth more, and
+/// none waits for ever.
+const WAIT_BYTES: u64 = 4;
+/// Inputs of a case, at most: between cases there is something to be learnt.
+const PARTS_MAX: usize = 200;
+/// Words that are kept, and places whose comparisons are counted.
+const WORDS_MAX: usize = 256;
+const PLACES_MAX: usize = 1 << 16;
+/// Places of which the rarest is worked on.
+const LOOKS: usize = 3;
 
 /// What was learnt on one link.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Guide {
-    /// Choices that did something new, in order.
-    pool: Vec<Hex>,
-    /// All that was ever reached.
-    seen: BTreeSet<u32>,
+    /// Inputs that are the shortest ones of some mark, by age.
+    pool: BTreeMap<u64, Input>,
+    /// The age of the next one.
+    next: u64,
+    /// All that was ever reached: by which input, and how often.
+    marks: BTreeMap<u32, (u64, u64)>,
+    /// Cases so far.
+    cases: u64,
+    /// Inputs to be tried next, in order.
+    due: Vec<Due>,
+    /// Texts that the program compared what it was told with.
+    words: Vec<Hex>,
+    /// How often the comparisons of a place were answered.
+    answered: BTreeMap<u32, u8>,
 }
 
-/// Traffic of a case, and which choices made which part of it.
+/// An input that waits for its turn.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+struct Due {
+    input: Input,
+    /// Answers since chance made something.
+    depth: u8,
+    /// The lowest is the next.
+    rank: u64,
+}
+
+/// Traffic of a case, and which inputs it is made of.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Guided {
     /// The stream of the case.
     pub(super) stream: String,
-    /// Choices, each with the number of pauses in its traffic, the last one behind it.
-    parts: Vec<(Vec<u8>, usize)>,
+    /// The inputs, each with a pause behind it, and whether it was due.
+    parts: Vec<(Due, bool)>,
 }
 
 impl Guide {
     /// Traffic of some `bytes`.
     pub(super) fn traffic(&self, speech: &Speech, bytes: f64, rng: &mut Rng) -> Guided {
-        let mut pool: Vec<Vec<u8>> = self.pool.iter().map(|hex| hex.0.clone()).collect();
-        if pool.is_empty() {
-            pool = (0..SEEDS).filter_map(|_| speech.choices(rng)).collect();
+        let mut bodies: Vec<Vec<u8>> = Vec::new();
+        for message in self.pool.values().flat_map(|input| &input.0) {
+            bodies.push(speech.body(&message.0).to_vec());
         }
-        let (mut guided, mut len) = (Guided::default(), 0);
-        while (len as f64) < bytes {
-            let choices = havoc::mutated(&pool, rng);
-            let stream = speech.stream(&choices);
-            len += stream.bytes().len().max(1);
-            let text = stream.to_text() + "idle\n";
-            let pauses = text.lines().filter(|line| *line == "idle").count();
-            guided.stream += &text;
-            guided.parts.push((choices, pauses));
+        if bodies.is_empty() {
+            bodies.extend((0..SEEDS).map(|_| speech.body(&speech.message(rng)).to_vec()));
+        }
+        let (bodies, words) = (&bodies, &self.words);
+        let stock = Stock { bodies, words };
+        let (mut guided, mut len, mut due) = (Guided::default(), 0, self.due.iter());
+        while (len as f64) < bytes && guided.parts.len() < PARTS_MAX {
+            // What comes by chance may bring the program into the state that the others need.
+            let next = (rng.below(4) > 0).then(|| due.next()).flatten();
+            let part = match next {
+                Some(due) => (due.clone(), true),
+                None => {
+                    let input = self.made(speech, &stock, rng);
+                    (self.due(input, 0), false)
+                }
+            };
+            len += part.0.input.size().max(1);
+            for message in &part.0.input.0 {
+                guided.stream += &Stream::raw(&message.0).to_text();
+            }
+            guided.stream += "idle\n";
+            guided.parts.push(part);
         }
         guided
     }
 
-    /// Keeps of `guided` what brought the program somewhere new; `reached` is what was reached
-    /// until each of its pauses, as far as the case came.
-    pub(super) fn learn(&mut self, guided: Guided, reached: &[Vec<u32>]) {
-        let mut reached = reached.iter();
-        for (choices, pauses) in guided.parts {
-            let before = self.seen.len();
-            let marks = reached.by_ref().take(pauses).flatten();
-            self.seen.extend(marks);
-            if self.seen.len() > before && self.pool.len() < POOL_MAX {
-                self.pool.push(Hex(choices));
+    /// An input made from one that is kept, or from nothing.
+    fn made(&self, speech: &Speech, stock: &Stock<'_>, rng: &mut Rng) -> Input {
+        let mut input = match rng.below(16) {
+            0 => Input::default(),
+            _ => self.picked(rng),
+        };
+        for _ in 0..1_u64 << rng.below(4) {
+            input.mutate(speech, stock, rng);
+        }
+        input
+    }
+
+    /// The input of the rarest of a few marks.
+    fn picked(&self, rng: &mut Rng) -> Input {
+        let Some(last) = (self.marks.len() as u64).checked_sub(1) else {
+            return Input::default();
+        };
+        let mark = |_| self.marks.values().nth(index(rng, last + 1));
+        let rarest = (0..LOOKS).filter_map(mark).min_by_key(|(_, count)| *count);
+        let input = rarest.and_then(|(by, _)| self.pool.get(by));
+        input.cloned().unwrap_or_default()
+    }
+
+    /// Learns of `guided`; `reached` is what was done until each of its pauses, as far as the case
+    /// came. `is_end` says that it did not come to its end: the last part is to blame, and said
+    /// again would hide what comes after it.
+    pub(super) fn learn(
+        &mut self,
+        speech: &Speech,
+        guided: Guided,
+        reached: &[Reached],
+        is_end: bool,
+    ) {
+        let played = reached.len().min(guided.parts.len());
+        let parts = &guided.parts[..played];
+        let due = parts.iter().filter(|(_, was_due)| *was_due).count();
+        self.due.drain(..due.min(self.due.len()));
+        let mut before: Vec<Hex> = Vec::new();
+        self.cases += 1;
+        for (at, ((part, _), reached)) in parts.iter().zip(reached).enumerate() {
+            if is_end && at + 1 == played {
+                break;
+            }
+            let is_new = self.keep(&part.input, &before, &reached.marks);
+            let depth = if is_new { 0 } else { part.depth };
+            let part = self.due(part.input.clone(), depth);
+            if is_new && !before.is_empty() {
+                self.due.push(part.clone());
+            }
+            for other in self.answers(speech, &part, is_new, &reached.compared) {
+                // Also after what was told before: the program may be in a state that needs it.
+                if !before.is_empty() {
+                    let after = self.due(other.input.after(&before), other.depth);
+                    self.due.push(after);
+                }
+                self.due.push(other);
+            }
+            before.extend(part.input.0);
+            before.drain(..before.len().saturating_sub(BEFORE));
+        }
+        self.due.sort_by_key(|due| due.rank);
+        self.due.truncate(DUE_MAX);
+    }
+
+    /// `input` in its turn.
+    fn due(&self, input: Input, depth: u8) -> Due {
+        let rank = self.cases * WAIT_BYTES + input.size() as u64;
+        Due { input, depth, rank }
+    }
+
+    /// Keeps `input` if it came somewhere new, or somewhere by less than was known; whether it was
+    /// somewhere new. Then it is kept with what was told before.
+    fn keep(&mut self, input: &Input, before: &[Hex], marks: &[u32]) -> bool {
+        let is_new = marks.iter().any(|mark| !self.marks.contains_key(mark));
+        let whole = if is_new {
+            input.after(before)
+        } else {
+            input.clone()
+        };
+        let (id, mut is_used) = (self.next, false);
+        for mark in marks {
+            let known = self.marks.get(mark).map(|(by, _)| *by);
+            let size = known.and_then(|by| self.pool.get(&by)).map(Input::size);
+            let is_won = size.is_none_or(|size| whole.size() < size);
+            let (by, count) = self.marks.entry(*mark).or_insert((id, 0));
+            *count += 1;
+            if is_won {
+                (*by, is_used) = (id, true);
+            }
+        }
+        if is_used {
+            self.pool.insert(id, whole);
+            self.next += 1;
+            let needed: BTreeSet<u64> = self.marks.values().map(|(by, _)| *by).collect();
+            self.pool.retain(|id, _| needed.contains(id));
+        }
+        is_new
+    }
+
+    /// What `part` might have said so that comparisons come out otherwise.
+    fn answers(
+        &mut self,
+        speech: &Speech,
+        part: &Due,
+        is_new: bool,
+        compared: &[Comparison],
+    ) -> Vec<Due> {
+        let mut made = Vec::new();
+        for (at, comparison) in compared.iter().enumerate() {
+            let is_last = at + 1 == compared.len() && part.depth < DEPTH_MAX;
+            let most = match self.counts(comparison.place) {
+                is_few if is_new || is_few == Some(true) => usize::MAX,
+                _ if is_last => STUCK_MAX,
+                _ => continue,
+            };
+            let messages = part.input.0.iter().enumerate();
+            let others = messages.flat_map(|(at, message)| {
+                let others = comparison.instead(&message.0).into_iter();
+                others.map(move |other| (at, other))
+            });
+            for (at, other) in others.take(most) {
+                made.extend(
+                    speech
+                        .mended(&other)
+                        .map(|other| part.input.with(at, other)),
+                );
+                made.push(part.input.with(at, other));
+            }
+            self.learn_words(comparison, &part.input);
+        }
+        let mut known = BTreeSet::new();
+        made.retain(|input| known.insert(input.clone()));
+        made.truncate(ADDED_MAX);
+        let depth = part.depth.saturating_add(1);
+        made.into_iter()
+            .map(|input| self.due(input, depth))
+            .collect()
+    }
+
+    /// Counts a comparison of this place; whether there were few so far, if there is room to know.
+    fn counts(&mut self, place: u32) -> Option<bool> {
+        let is_known = self.answered.contains_key(&place);
+        if !is_known && self.answered.len() >= PLACES_MAX {
+            return None;
+        }
+        let answered = self.answered.entry(place).or_insert(0);
+        let is_one_of_few = *answered < ANSWERED_MAX;
+        *answered = answered.saturating_add(1);
+        Some(is_one_of_few)
+    }
+
+    fn learn_words(&mut self, comparison: &Comparison, input: &Input) {
+        let messages: Vec<&[u8]> = input.0.iter().map(|message| &*message.0).collect();
+        for word in comparison.words(&messages) {
+            let word = Hex(word.to_vec());
+            if self.words.len() < WORDS_MAX && !self.words.contains(&word) {
+                self.words.push(word);
             }
         }
     }
 }
 
-impl Speech {
-    /// Traffic that `choices` make: frames of the format if there is one, else these very bytes.
-    fn stream(&self, choices: &[u8]) -> Stream {
-        match self {
-            Self::Frames(codec) => self.split(&(codec.target().stream)(choices)),
-            Self::Text(_) | Self::Bytes => Stream::raw(choices),
-        }
-    }
-
-    /// Choices that make valid traffic, if there are some that are worth a begin.
-    fn choices(&self, rng: &mut Rng) -> Option<Vec<u8>> {
-        let is_text = matches!(self, Self::Text(_));
-        is_text.then(|| self.session(rng).bytes().to_vec())
-    }
-}
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// The second part has two pauses and reaches mark 2 at the second one; the third part reaches
-    /// nothing new, the fourth was not played.
-    #[test]
-    fn what_reached_something_new_is_kept() {
-        let part = |name: u8, pauses| (vec![name], pauses);
-        let guided = Guided {
-            stream: String::new(),
-            parts: vec![part(1, 1), part(2, 2), part(3, 1), part(4, 1)],
-        };
-        let mut guide = Guide::default();
-        guide.learn(guided, &[vec![1], vec![1], vec![1, 2], vec![2]]);
-        assert_eq!(guide.pool, [Hex(vec![1]), Hex(vec![2])]);
-        assert_eq!(guide.seen, BTreeSet::from([1, 2]));
-    }
-
-    #[test]
-    fn traffic_is_the_same_for_the_same_seed_and_made_of_what_is_kept() {
-        let guide = Guide {
-            pool: vec![Hex(vec![0xA5; 40])],
-            seen: BTreeSet::new(),
-        };
-        let make = |seed| {
-            let rng = &mut Rng::stream(seed, "test");
-            guide.traffic(&Speech::Bytes, 1000.0, rng).stream
-        };
-        assert_eq!(make(1), make(1));
-        assert_ne!(make(1), make(2));
-        assert!(make(1).contains("A5 A5 A5 A5 A5 A5"));
-    }
-}
+mod tests;

@@ -112,7 +112,8 @@ impl<'a> Search<'a> {
         self.late += u64::from(seen.was_late);
         if let Some(raw) = case.told.raw.as_ref().filter(|_| self.is_guided()) {
             let guide = self.state.guides.entry(raw.link.clone()).or_default();
-            guide.learn(guided, &seen.reached);
+            let is_end = seen.causes.iter().any(Cause::is_final);
+            guide.learn(&speech, guided, &seen.reached, is_end);
         }
         let is_gone = seen.causes.iter().any(Cause::is_final);
         self.keep(case, &speech, seen)?;

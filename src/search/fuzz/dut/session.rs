@@ -7,6 +7,7 @@ use std::path::Path;
 use protocols::Instant;
 
 use super::case::{Case, Known, WARM_UP};
+use super::coverage::Reached;
 use super::harness::{Harness, HarnessError};
 use super::player::{Halt, Player};
 use super::wiring;
@@ -42,8 +43,8 @@ pub(super) struct Session<'a> {
     names: Vec<String>,
     ports: BTreeMap<String, PortActivity>,
     goes_on: &'a dyn Fn() -> bool,
-    /// What the program reached, as marks, from one look to the next.
-    reached: Vec<Vec<u32>>,
+    /// What the program did from one look to the next.
+    reached: Vec<Reached>,
 }
 
 /// What was seen of a port.
@@ -219,12 +220,12 @@ impl<'a> Session<'a> {
     /// Notes what the program has reached since the last call.
     pub(super) fn note_reached(&mut self, harness: &Harness<'_>) {
         if let Some(counters) = &harness.counters {
-            self.reached.push(counters.take().marks().to_vec());
+            self.reached.push(counters.take());
         }
     }
 
     /// What was noted of that.
-    pub(super) fn take_reached(&mut self) -> Vec<Vec<u32>> {
+    pub(super) fn take_reached(&mut self) -> Vec<Reached> {
         core::mem::take(&mut self.reached)
     }
 

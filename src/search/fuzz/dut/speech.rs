@@ -236,6 +236,11 @@ impl Text {
         }
     }
 
+    /// What ends a line.
+    pub(super) fn terminator(&self) -> &[u8] {
+        self.terminator.as_bytes()
+    }
+
     /// Some lines, numbers in them drawn, some of them damaged.
     fn session(&self, rng: &mut Rng) -> Stream {
         let mut text = String::new();
@@ -259,7 +264,7 @@ impl Text {
     }
 
     /// A line that the device knows, with any numbers, or one that is far too long.
-    fn line(&self, rng: &mut Rng) -> String {
+    pub(super) fn line(&self, rng: &mut Rng) -> String {
         if self.words.is_empty() || rng.below(16) == 0 {
             let len = usize::try_from(rng.below(600)).expect("below 600");
             return "x".repeat(len);

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::case::{Answered, Case, Known, Pair, Raw};
 use super::cause::Cause;
+use super::coverage::Reached;
 use super::harness::{Harness, HarnessError};
 use super::player::Halt;
 use super::session::Session;
@@ -29,8 +30,8 @@ pub struct TrialOutcome {
     pub known: Known,
     /// Whether the rig was too late to judge what may come of that.
     pub was_late: bool,
-    /// What the program reached, as marks, until each pause of the traffic; of one that counts it.
-    pub reached: Vec<Vec<u32>>,
+    /// What the program did until each pause of the traffic; of one that counts it.
+    pub reached: Vec<Reached>,
 }
 
 /// Time for an answer to a frame.
