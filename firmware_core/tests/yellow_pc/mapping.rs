@@ -197,8 +197,8 @@ fn a_map_is_begun_when_something_is_seen() {
     assert!(bench.pc.status() == "done" && overlap >= 0.85, "{overlap}");
 }
 
-/// A lidar that shows other walls each time, here for 8 s, is not believed: what no map has yet must
-/// be seen twice.
+/// A lidar that shows other walls each time, here for 8 s, is not believed: what no map has yet
+/// must be seen twice.
 #[test]
 fn a_map_is_begun_by_what_is_seen_twice() {
     let (world, start, errors) = labyrinth(3);
