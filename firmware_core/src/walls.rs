@@ -93,6 +93,15 @@ impl Walls {
         best.1
     }
 
+    /// How much of `lines`, seen from about `robot`, lies on known walls, 0 to 1.
+    pub fn share_known(&self, robot: Pose, lines: &[Segment]) -> f32 {
+        let pose = self.corrected(robot, lines);
+        let all: usize = faces(pose, lines)
+            .map(|face| face.points(STEP_MM).count())
+            .sum();
+        self.known(pose, lines) as f32 / all.max(1) as f32
+    }
+
     /// The pose near `robot` from which `lines` lie on known walls.
     fn fitted(&self, robot: Pose, lines: &[Segment]) -> Option<Pose> {
         let mut pose = robot;
@@ -329,6 +338,20 @@ mod tests {
             &[line(0.0, 150.0), line(-200.0, 200.0), line(200.0, -200.0)],
         );
         assert_eq!(known.segments, [line(-200.0, 200.0); 2]);
+    }
+
+    /// Of a corner's two walls, of which one is known, each 1 m long: half.
+    #[test]
+    fn what_is_known_of_a_sight_is_a_share() {
+        let far = Segment::new(Point::new(1_000.0, -500.0), Point::new(1_000.0, 500.0));
+        let beside = Segment::new(Point::new(0.0, 1_000.0), Point::new(1_000.0, 1_000.0));
+        let home = Pose::new(0.0, 0.0, 0.0);
+        let mut known = Walls::default();
+        assert_eq!(known.share_known(home, &[far]), 0.0);
+        known.add(home, &[far]);
+        assert_eq!(known.share_known(home, &[]), 0.0);
+        let share = known.share_known(Pose::new(20.0, 0.0, 0.0), &[far, beside]);
+        assert!((share - 0.5).abs() < 0.05, "{share}");
     }
 
     /// A turn of 0.2 rad is beyond what odometry errs by between two looks; one of 0.1 is not.

@@ -197,6 +197,26 @@ fn a_map_is_begun_when_something_is_seen() {
     assert!(bench.pc.status() == "done" && overlap >= 0.85, "{overlap}");
 }
 
+/// A lidar that shows other walls each time, here for 8 s, is not believed: what no map has yet
+/// must be seen twice.
+#[test]
+fn a_map_is_begun_by_what_is_seen_twice() {
+    let (world, start, errors) = labyrinth(3);
+    let config = PcConfig {
+        start: Some(pose(start)),
+        ..PcConfig::default()
+    };
+    let mut bench = Bench::new(world, start, errors, config);
+    bench.robot.is_dizzy = true;
+    bench.command(PcCommand::MapStart);
+    bench.run_for(8);
+    assert_eq!(bench.counter("views"), 0);
+    bench.robot.is_dizzy = false;
+    bench.run_task(900);
+    let overlap = overlap(&bench.world, &bench.pc.global_map().expect("a map"));
+    assert!(bench.pc.status() == "done" && overlap >= 0.85, "{overlap}");
+}
+
 /// A lidar that shows nothing at all ends it: nothing is complete where nothing was seen.
 #[test]
 fn without_a_wall_in_sight_there_is_no_map() {

@@ -86,6 +86,8 @@ pub(crate) struct Robot {
     sees: bool,
     /// Its lidar shows nothing.
     pub(crate) is_blind: bool,
+    /// Its lidar shows the walls turned, each time by another angle.
+    pub(crate) is_dizzy: bool,
     /// Least room between it and a wall so far, metres.
     pub(crate) room: f64,
     pub(crate) driven: f64,
@@ -104,6 +106,7 @@ impl Robot {
             speeds: (0.0, 0.0),
             sees: false,
             is_blind: false,
+            is_dizzy: false,
             room: f64::MAX,
             driven: 0.0,
         }
@@ -224,13 +227,18 @@ impl Robot {
     /// Lines in its own frame, millimetres.
     pub(crate) fn look(&mut self, world: &World) -> Vec<Line> {
         let mut points = Vec::new();
+        let turned = if self.is_dizzy {
+            self.chance.between(0.4, 5.8)
+        } else {
+            0.0
+        };
         for degree in 0..360 {
             let angle = f64::from(degree).to_radians();
             let At { x, y, heading } = self.truth;
             let range =
                 world.ray([x, y], heading + angle) + self.errors.range * self.chance.normal();
             if (0.15..5.0).contains(&range) && !self.is_blind {
-                let (sin, cos) = libm::sincos(angle);
+                let (sin, cos) = libm::sincos(angle + turned);
                 points.push([range * cos, range * sin]);
             }
         }

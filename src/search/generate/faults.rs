@@ -28,8 +28,8 @@ const SURPRISE_MAX_MS: u64 = 2_000;
 /// Time before anything goes wrong, if there is such a time.
 const WARM_UP_MS: u64 = 5_000;
 /// How near a waypoint is passed, or the last one come to rest at, is no matter of precision while
-/// something is wrong: a map that is begun with a lidar that is 2 % off stays so, 60 mm for walls 3 m
-/// away. Millimetres.
+/// something is wrong: a map that is begun with a lidar that is 2 % off stays so, 60 mm for walls
+/// 3 m away. Millimetres.
 const WITHIN_MM: f64 = 150.0;
 
 /// The same where somebody steers by hand, to the mission's script: what is ordered a second late is

@@ -14,7 +14,7 @@ use core::time::Duration;
 use protocols::rplidar::{Command, Decoder, Frame, Mode, Node, Reply, Status};
 use protocols::{Decode, Instant};
 
-use super::order::Order;
+use super::order::{Group, Order};
 use super::scans::{self, Scans};
 use crate::fifo::Fifo;
 
@@ -282,26 +282,6 @@ impl Lidar {
         }
         self.scans
             .sample(group.angle_q6, group.distance_mm, group.quality);
-    }
-}
-
-/// What five bytes say.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Group {
-    pub(super) starts_turn: bool,
-    pub(super) quality: u8,
-    pub(super) angle_q6: u16,
-    pub(super) distance_mm: Option<f32>,
-}
-
-impl Group {
-    fn of(node: Node) -> Self {
-        Self {
-            starts_turn: node.starts_turn(),
-            quality: node.quality(),
-            angle_q6: node.angle_q6(),
-            distance_mm: node.distance_mm(),
-        }
     }
 }
 

@@ -5,14 +5,34 @@
 //! believed if another follows it without a byte in between, about where the head must be then, and
 //! if it is itself about where the head can have come to since the last one that was believed.
 
-use super::lidar::Group;
+use protocols::rplidar::Node;
 
-/// Neighbours differ by 1.8 degrees at most, 10 turns a second of 2,000 samples; an invalid one lies
+/// Neighbours differ by 1.8 degrees at most, 10 turns a second of 2,000 samples; an invalid one is
 /// up to 7 degrees ahead of where it belongs. 64ths of a degree.
 const APART_Q6: u16 = 10 * 64;
 /// As far as the head turns from one node to the next, rounded up.
 const STEP_Q6: u32 = 116;
 const TURN_Q6: u16 = 360 * 64;
+
+/// What five bytes say.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Group {
+    pub(super) starts_turn: bool,
+    pub(super) quality: u8,
+    pub(super) angle_q6: u16,
+    pub(super) distance_mm: Option<f32>,
+}
+
+impl Group {
+    pub(super) fn of(node: Node) -> Self {
+        Self {
+            starts_turn: node.starts_turn(),
+            quality: node.quality(),
+            angle_q6: node.angle_q6(),
+            distance_mm: node.distance_mm(),
+        }
+    }
+}
 
 /// The order of the nodes.
 #[derive(Clone, Debug)]
@@ -101,8 +121,8 @@ mod tests {
         assert_eq!(believed(&mut order, [3, 200, 5, 12, 9, 10]), [5, 12, 9]);
     }
 
-    /// The seventh bit is cleared of each byte, so that 256 degrees and more are told as 0 and more:
-    /// these come in order, but too early.
+    /// The seventh bit of each byte is cleared, so that 256 degrees and more are told as 0 and
+    /// more: these come in order, but too early.
     #[test]
     fn the_head_cannot_be_elsewhere_at_once() {
         let mut order = Order::NEW;

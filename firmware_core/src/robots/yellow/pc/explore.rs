@@ -66,7 +66,7 @@ impl Explore {
         atlas: &mut Atlas,
     ) -> Result<bool, Failure> {
         match &mut self.phase {
-            Phase::Look(look) => match look.step(now, link)? {
+            Phase::Look(look) => match look.step(now, link, Some(&atlas.walls))? {
                 Some(sight) => self.put(link, atlas, &sight),
                 None => Ok(false),
             },

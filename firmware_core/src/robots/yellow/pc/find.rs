@@ -52,7 +52,7 @@ impl Find {
     ) -> Result<bool, Failure> {
         match &mut self.phase {
             Phase::Look(look) => {
-                if let Some(sight) = look.step(now, link)? {
+                if let Some(sight) = look.step(now, link, None)? {
                     self.compare(link, atlas, &sight)?;
                 }
                 Ok(false)

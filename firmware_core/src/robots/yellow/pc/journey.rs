@@ -94,7 +94,7 @@ impl Journey {
                 Ok(false)
             }
             Phase::Look(look, is_last) => {
-                let Some(sight) = look.step(now, link)? else {
+                let Some(sight) = look.step(now, link, Some(&atlas.walls))? else {
                     return Ok(false);
                 };
                 let is_last = *is_last;

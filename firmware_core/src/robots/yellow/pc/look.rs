@@ -7,16 +7,20 @@ use protocols::telemetry::message::{LinesRequest, State, Telecommand};
 
 use super::Failure;
 use super::link::{Link, Request, Sight};
+use crate::walls::Walls;
 
 /// How long the robot rests before, so that the lidar sees nothing from before: the fielded
 /// program.
 const REST: Duration = Duration::from_secs(2);
-/// A lidar that shows no wall may have lost its turns: it is asked again after so long,
-const BLIND: Duration = Duration::from_secs(1);
+/// A lidar that shows no wall may have lost its turns, and one that shows others than a moment ago
+/// shows nonsense: it is asked again after so long, five turns of it,
+const AGAIN: Duration = Duration::from_secs(1);
 /// so often. A lidar that has to be started again needs 5 s.
-const BLIND_MAX: u32 = 10;
+const AGAIN_MAX: u32 = 12;
 /// Fewer walls than this are none, mm.
 const WALLS_MIN_MM: f32 = 300.0;
+/// Two sights of one place have most of their walls in common.
+const SHARE_MIN: f32 = 0.6;
 /// Lines as the robot finds them by itself: 0 asks for its own figures.
 const LINES: LinesRequest = LinesRequest {
     gap_mm: 0,
@@ -28,8 +32,10 @@ const LINES: LinesRequest = LinesRequest {
 #[derive(Clone, Debug)]
 pub(super) struct Look {
     phase: Phase,
-    /// How often nothing was seen.
-    blind: u32,
+    /// What was seen a moment ago.
+    before: Walls,
+    /// How often what was seen was not believed.
+    again: u32,
 }
 
 /// How far it is.
@@ -47,12 +53,19 @@ impl Look {
     pub(super) fn new(link: &Link) -> Self {
         Self {
             phase: Phase::Stopping(Request::to_rest(link)),
-            blind: 0,
+            before: Walls::default(),
+            again: 0,
         }
     }
 
-    /// What the robot sees, as soon as it is known.
-    pub(super) fn step(&mut self, now: Instant, link: &mut Link) -> Result<Option<Sight>, Failure> {
+    /// What the robot sees, as soon as it is believed: it is `known`, or seen twice. With `None` it
+    /// is at once: who does not know where the robot is compares it with the whole map.
+    pub(super) fn step(
+        &mut self,
+        now: Instant,
+        link: &mut Link,
+        known: Option<&Walls>,
+    ) -> Result<Option<Sight>, Failure> {
         match &mut self.phase {
             Phase::Stopping(request) => {
                 let heard = link.heard_since(request.since());
@@ -69,13 +82,13 @@ impl Look {
                     ..Telecommand::default()
                 };
                 self.phase = Phase::Asking(Request::new(link.number(), command));
-                return self.step(now, link);
+                return self.step(now, link, known);
             }
             Phase::Resting(_) => {}
             Phase::Asking(request) => match link.sight_since(request.since()) {
                 Some(sight) => {
                     let sight = sight.clone();
-                    return Ok(self.judged(now, link, sight));
+                    return Ok(self.judged(now, link, sight, known));
                 }
                 None => request.poll(now, link)?,
             },
@@ -83,14 +96,25 @@ impl Look {
         Ok(None)
     }
 
-    /// The sight, unless another look may show more.
-    fn judged(&mut self, now: Instant, link: &Link, sight: Sight) -> Option<Sight> {
+    /// The sight, unless another one may show more.
+    fn judged(
+        &mut self,
+        now: Instant,
+        link: &Link,
+        sight: Sight,
+        known: Option<&Walls>,
+    ) -> Option<Sight> {
+        let is_of = |walls: &Walls| walls.share_known(sight.pose, &sight.lines) >= SHARE_MIN;
         let walls_mm: f32 = sight.lines.iter().map(|line| line.length_mm()).sum();
-        if walls_mm >= WALLS_MIN_MM || self.blind == BLIND_MAX || link.asks_once() {
+        let is_believed =
+            walls_mm >= WALLS_MIN_MM && (known.is_none_or(is_of) || is_of(&self.before));
+        if is_believed || self.again == AGAIN_MAX || link.asks_once() {
             return Some(sight);
         }
-        self.blind += 1;
-        self.phase = Phase::Resting(now + BLIND);
+        self.again += 1;
+        self.before = Walls::default();
+        self.before.add(sight.pose, &sight.lines);
+        self.phase = Phase::Resting(now + AGAIN);
         None
     }
 }
