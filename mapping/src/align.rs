@@ -1,0 +1,150 @@
+//! A scan laid onto walls: Gauss-Newton steps on the distances of its spots from the walls' lines
+//! (Censi 2008), with the odometry's word for what the walls do not tell.
+
+use emulators::world::{Pose, wrap_angle};
+
+use crate::cloud::{Frame, Spot};
+use crate::matrix::{Matrix, ZERO, applied, diagonal, inverse, sum, weighed};
+use crate::surfels::{Near, Surfels};
+
+/// Where a scan should be, by the odometry, and how sure that is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Prior {
+    pub(crate) pose: Pose,
+    /// Standard deviations: metres, radians.
+    pub(crate) deviation: [f64; 2],
+}
+
+impl Prior {
+    pub(crate) fn information(&self) -> Matrix {
+        let [metres, radians] = self.deviation.map(|sigma| 1.0 / (sigma * sigma));
+        diagonal([metres, metres, radians])
+    }
+
+    /// Squared standard deviations of `pose`.
+    pub(crate) fn off(&self, pose: Pose) -> f64 {
+        weighed(&self.information(), difference(pose, self.pose))
+    }
+}
+
+fn difference(a: Pose, b: Pose) -> [f64; 3] {
+    [a.x - b.x, a.y - b.y, wrap_angle(a.theta - b.theta)]
+}
+
+/// What came of it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Fit {
+    pub(crate) pose: Pose,
+    /// What the walls say of x, y and heading: inverse of the variance, world's axes.
+    pub(crate) information: Matrix,
+    /// Part of the spots that lie on a wall, 0 to 1.
+    pub(crate) explained: f64,
+    /// The same, smoothly: 1 for a spot in the middle of a wall.
+    pub(crate) score: f64,
+}
+
+const STEPS_MAX: u32 = 15;
+/// Distances from a wall beyond which a spot is hardly heard, metres: at first and in the end.
+const WIDE_M: f64 = 0.12;
+const NARROW_M: f64 = 0.05;
+/// Standard deviation of a spot: neighbours err together, so it is wider than the lidar's own.
+const SPOT_M: f64 = 0.1;
+/// A spot at something without a direction.
+const UNSURE: f64 = 0.3;
+/// A spot lies on a wall up to this distance, metres.
+pub(crate) const ON_WALL_M: f64 = 0.08;
+
+/// Lays `spots` onto the walls, from `start` on.
+pub(crate) fn align(walls: &Surfels, spots: &[Spot], start: Pose, prior: &Prior) -> Fit {
+    let held = prior.information();
+    let mut pose = start;
+    for step in 0..STEPS_MAX {
+        let wide = if step < 3 { WIDE_M } else { NARROW_M };
+        let (seen, slope) = pull(walls, spots, pose, wide);
+        let back = applied(&held, difference(pose, prior.pose));
+        let Some(inverse) = inverse(&sum(&seen, &held)) else {
+            break;
+        };
+        let by = applied(&inverse, [0, 1, 2].map(|axis| slope[axis] + back[axis]));
+        pose = Pose::new(
+            pose.x - by[0].clamp(-0.2, 0.2),
+            pose.y - by[1].clamp(-0.2, 0.2),
+            wrap_angle(pose.theta - by[2].clamp(-0.1, 0.1)),
+        );
+        let is_still = by[0].abs() < 2e-4 && by[1].abs() < 2e-4 && by[2].abs() < 3e-5;
+        if is_still && step >= 3 {
+            break;
+        }
+    }
+    judged(walls, spots, pose)
+}
+
+/// What the walls say at `pose`: information and slope.
+fn pull(walls: &Surfels, spots: &[Spot], pose: Pose, wide: f64) -> (Matrix, [f64; 3]) {
+    let frame = Frame::new(pose);
+    let (mut seen, mut slope) = (ZERO, [0.0; 3]);
+    let mut add = |row: [f64; 3], off: f64, weight: f64| {
+        for a in 0..3 {
+            slope[a] += weight * row[a] * off;
+            for b in 0..3 {
+                seen[a][b] += weight * row[a] * row[b];
+            }
+        }
+    };
+    for spot in spots {
+        let at = frame.place(spot.at);
+        let Some(near) = walls.nearest(at, frame.turned(spot.normal)) else {
+            continue;
+        };
+        let lever = [0, 1].map(|axis| f64::from(at[axis] - frame.at[axis]));
+        let off = [0, 1].map(|axis| f64::from(at[axis] - near.at[axis]));
+        let heard = |off: f64| {
+            let soft = 1.0 + (off / wide) * (off / wide);
+            1.0 / (SPOT_M * SPOT_M * soft * soft)
+        };
+        if near.normal == [0.0; 2] {
+            let weight = UNSURE * heard(libm::hypot(off[0], off[1]));
+            add([1.0, 0.0, -lever[1]], off[0], weight);
+            add([0.0, 1.0, lever[0]], off[1], weight);
+        } else {
+            let [nx, ny] = near.normal.map(f64::from);
+            let across = nx * off[0] + ny * off[1];
+            let turn = ny * lever[0] - nx * lever[1];
+            add([nx, ny, turn], across, heard(across));
+        }
+    }
+    (seen, slope)
+}
+
+fn off_wall(at: [f32; 2], near: &Near) -> f64 {
+    let [dx, dy] = [0, 1].map(|axis| f64::from(at[axis] - near.at[axis]));
+    if near.normal == [0.0; 2] {
+        return libm::hypot(dx, dy);
+    }
+    let [nx, ny] = near.normal.map(f64::from);
+    (nx * dx + ny * dy).abs()
+}
+
+/// How `pose` fits, without moving it.
+pub(crate) fn judged(walls: &Surfels, spots: &[Spot], pose: Pose) -> Fit {
+    let frame = Frame::new(pose);
+    let (mut explained, mut score) = (0.0, 0.0);
+    for spot in spots {
+        let at = frame.place(spot.at);
+        let Some(near) = walls.nearest(at, frame.turned(spot.normal)) else {
+            continue;
+        };
+        let off = off_wall(at, &near);
+        explained += if off <= ON_WALL_M { 1.0 } else { 0.0 };
+        let soft = 1.0 + (off / NARROW_M) * (off / NARROW_M);
+        score += 1.0 / (soft * soft);
+    }
+    let count = spots.len().max(1) as f64;
+    let (information, _) = pull(walls, spots, pose, NARROW_M);
+    Fit {
+        pose,
+        information,
+        explained: explained / count,
+        score: score / count,
+    }
+}

@@ -1,0 +1,113 @@
+//! Where a scan fits best, of all poses of a window: every cell and every heading step is tried
+//! (Olson 2009), poses side by side in a row.
+
+use emulators::world::{Pose, wrap_angle};
+
+use crate::align::Prior;
+use crate::cloud::{Frame, Spot};
+use crate::surfels::{CELL_M, Surfels, cell};
+
+/// Poses of a row.
+const LANES: usize = 32;
+/// Cells to each side at most.
+pub(crate) const REACH_MAX: i32 = 15;
+/// Spots that are compared at most: their sum fits 16 bits.
+const SPOTS_MAX: usize = 120;
+/// Squared standard deviations cost so much of the mean likelihood.
+const COST: f64 = 0.012;
+/// The odometry says no more than that a pose is unlikely.
+const COST_MAX: f64 = 0.25;
+
+/// Which poses are tried.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Window {
+    /// Cells to each side, at most [`REACH_MAX`].
+    pub(crate) reach: i32,
+    /// Heading steps to each side, and a step, radians.
+    pub(crate) turns: i32,
+    pub(crate) step: f64,
+}
+
+/// A pose and how well it fits: mean likelihood, 0 to 1, less the odometry's cost.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Candidate {
+    pub(crate) pose: Pose,
+    pub(crate) score: f64,
+}
+
+/// The best pose of each heading, the best first.
+pub(crate) fn search(
+    walls: &Surfels,
+    spots: &[Spot],
+    window: &Window,
+    prior: &Prior,
+) -> Vec<Candidate> {
+    let spots = crate::surfels::some_of(spots, SPOTS_MAX);
+    let mut all: Vec<Candidate> = (-window.turns..=window.turns)
+        .filter_map(|turn| {
+            let theta = prior.pose.theta + f64::from(turn) * window.step;
+            best_at(walls, &spots, window.reach, theta, prior)
+        })
+        .collect();
+    all.sort_by(|a, b| b.score.total_cmp(&a.score));
+    all
+}
+
+fn best_at(
+    walls: &Surfels,
+    spots: &[Spot],
+    reach: i32,
+    theta: f64,
+    prior: &Prior,
+) -> Option<Candidate> {
+    let frame = Frame::new(Pose { theta, ..prior.pose });
+    let side = walls.side();
+    let corner = walls.corner();
+    let lanes = LANES as i32;
+    let starts: Vec<usize> = spots
+        .iter()
+        .filter_map(|spot| {
+            let at = frame.place(spot.at);
+            let [x, y] = [0, 1].map(|axis| cell(at[axis]) - corner[axis] - reach);
+            let fits = x >= 0 && y >= 0 && x + lanes <= side && y + 2 * reach < side;
+            fits.then(|| (y * side + x).cast_unsigned() as usize)
+        })
+        .collect();
+    let scale = 1.0 / (255.0 * spots.len().max(1) as f64);
+    let mut best: Option<Candidate> = None;
+    for row in 0..=2 * reach {
+        let sums = sums(walls.likely(), &starts, (row * side).cast_unsigned() as usize);
+        for (column, total) in (0..=2 * reach).zip(sums) {
+            let pose = Pose::new(
+                prior.pose.x + f64::from((column - reach) as f32 * CELL_M),
+                prior.pose.y + f64::from((row - reach) as f32 * CELL_M),
+                wrap_angle(theta),
+            );
+            let score = f64::from(total) * scale;
+            if best.as_ref().is_some_and(|best| score <= best.score) {
+                continue;
+            }
+            let score = score - (COST * prior.off(pose)).min(COST_MAX);
+            if best.as_ref().is_none_or(|best| score > best.score) {
+                best = Some(Candidate { pose, score });
+            }
+        }
+    }
+    best
+}
+
+/// Sums of a row of poses.
+#[inline]
+fn sums(likely: &[u8], starts: &[usize], offset: usize) -> [u16; LANES] {
+    let mut sums = [0; LANES];
+    for start in starts {
+        let from = start + offset;
+        let Some(cells) = likely.get(from..).and_then(|cells| cells.first_chunk::<LANES>()) else {
+            continue;
+        };
+        for (sum, cell) in sums.iter_mut().zip(cells) {
+            *sum += u16::from(*cell);
+        }
+    }
+    sums
+}

@@ -1,0 +1,64 @@
+//! What is known to be free near a place: where beams went through.
+
+use emulators::world::Pose;
+
+use crate::cloud::{Cloud, Frame, Spot, gap};
+use crate::surfels::{CELL_M, Surfels, cell};
+
+/// A beam says nothing of the last part of its way, metres: a wall is rough, and a pose is off.
+const LAST_M: f32 = 0.4;
+
+/// Cells that beams went through.
+#[derive(Clone, Debug)]
+pub(crate) struct Free {
+    corner: [i32; 2],
+    side: i32,
+    passed: Vec<bool>,
+}
+
+impl Free {
+    /// Nothing, in the same cells as `walls`.
+    pub(crate) fn like(walls: &Surfels) -> Self {
+        Self {
+            corner: walls.corner(),
+            side: walls.side(),
+            passed: vec![false; walls.likely().len()],
+        }
+    }
+
+    /// The beams of a scan.
+    pub(crate) fn draw(&mut self, pose: Pose, cloud: &Cloud) {
+        let frame = Frame::new(pose);
+        for spot in cloud.spots() {
+            let end = frame.place(spot.at);
+            let length = gap(end, frame.at);
+            let parts = (length - LAST_M) / CELL_M;
+            let step = [0, 1].map(|axis| (end[axis] - frame.at[axis]) / length * CELL_M);
+            let mut part = 0.0;
+            while part < parts {
+                let at = [0, 1].map(|axis| frame.at[axis] + part * step[axis]);
+                if let Some(flat) = self.flat(at) {
+                    self.passed[flat] = true;
+                }
+                part += 1.0;
+            }
+        }
+    }
+
+    fn flat(&self, at: [f32; 2]) -> Option<usize> {
+        let [x, y] = [0, 1].map(|axis| cell(at[axis]) - self.corner[axis]);
+        let inside = 0..self.side;
+        let is_inside = inside.contains(&x) && inside.contains(&y);
+        is_inside.then(|| (y * self.side + x).cast_unsigned() as usize)
+    }
+
+    /// Part of the spots seen from `pose` that stand where beams went through and no wall is.
+    pub(crate) fn denied(&self, walls: &Surfels, spots: &[Spot], pose: Pose) -> f64 {
+        let frame = Frame::new(pose);
+        let stands = |spot: &&Spot| {
+            let at = frame.place(spot.at);
+            self.flat(at).is_some_and(|flat| self.passed[flat]) && walls.likelihood(at) == 0
+        };
+        spots.iter().filter(stands).count() as f64 / spots.len().max(1) as f64
+    }
+}

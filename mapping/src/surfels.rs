@@ -1,0 +1,254 @@
+//! Walls near a place, from many scans: mean points and normals in small cells, and how likely a
+//! beam ends near each cell.
+
+use crate::cloud::{Cloud, Frame, Spot, gap};
+use emulators::world::Pose;
+
+/// Edge of a cell, metres.
+pub(crate) const CELL_M: f32 = 0.1;
+/// How likely a beam ends in a wall's cell, beside it and across its corner.
+const KERNEL: [u8; 3] = [255, 150, 90];
+/// Cells that are never drawn, at each edge: what is near a cell can be looked up unasked.
+const RIM: i32 = 2;
+
+/// What lies in a cell: sums of points and of their normals.
+#[derive(Clone, Copy, Debug, Default)]
+struct Surfel {
+    count: f32,
+    at: [f32; 2],
+    normal: [f32; 2],
+}
+
+/// A square of cells.
+#[derive(Clone, Debug)]
+pub(crate) struct Surfels {
+    /// Lower left corner in cells of the world.
+    corner: [i32; 2],
+    side: i32,
+    /// One more than the number of a cell's surfel; 0 where is none.
+    index: Vec<u16>,
+    items: Vec<Surfel>,
+    likely: Vec<u8>,
+}
+
+/// What a spot lies near to.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Near {
+    /// A point of the wall, world.
+    pub(crate) at: [f32; 2],
+    /// Its normal; zero where nobody knows.
+    pub(crate) normal: [f32; 2],
+}
+
+#[inline]
+pub(crate) fn cell(metres: f32) -> i32 {
+    #[expect(clippy::cast_possible_truncation, reason = "saturates, far outside")]
+    let cell = libm::floorf(metres * (1.0 / CELL_M)) as i32;
+    cell
+}
+
+impl Surfels {
+    /// Nothing, to `reach_m` around `middle`.
+    pub(crate) fn around(middle: [f32; 2], reach_m: f32) -> Self {
+        let mut surfels = Self {
+            corner: [0; 2],
+            side: 2 * cell(reach_m) + 1,
+            index: Vec::new(),
+            items: Vec::new(),
+            likely: Vec::new(),
+        };
+        let cells = usize::try_from(surfels.side * surfels.side).unwrap_or(0);
+        surfels.index = vec![0; cells];
+        surfels.likely = vec![0; cells];
+        surfels.corner = surfels.corner_for(middle);
+        surfels
+    }
+
+    fn corner_for(&self, middle: [f32; 2]) -> [i32; 2] {
+        middle.map(|m| cell(m) - self.side / 2)
+    }
+
+    /// Forgets everything and begins anew around another place.
+    pub(crate) fn clear(&mut self, middle: [f32; 2]) {
+        self.corner = self.corner_for(middle);
+        self.index.fill(0);
+        self.likely.fill(0);
+        self.items.clear();
+    }
+
+    /// Middle of the square, metres.
+    pub(crate) fn middle(&self) -> [f32; 2] {
+        self.corner.map(|corner| (corner + self.side / 2) as f32 * CELL_M)
+    }
+
+    pub(crate) const fn side(&self) -> i32 {
+        self.side
+    }
+
+    pub(crate) const fn corner(&self) -> [i32; 2] {
+        self.corner
+    }
+
+    /// How likely a beam ends in each cell, row by row.
+    pub(crate) fn likely(&self) -> &[u8] {
+        &self.likely
+    }
+
+    /// Whether nothing is drawn.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.items.is_empty()
+    }
+
+    /// Draws a scan seen from `pose`.
+    pub(crate) fn draw(&mut self, pose: Pose, cloud: &Cloud) {
+        let frame = Frame::new(pose);
+        let mut last: Option<[f32; 2]> = None;
+        for spot in cloud.spots() {
+            let (at, normal) = (frame.place(spot.at), frame.turned(spot.normal));
+            if let Some(last) = last.filter(|_| spot.is_joined) {
+                self.draw_between(last, at, normal);
+            }
+            self.put(at, normal);
+            last = Some(at);
+        }
+    }
+
+    /// A wall between two spots farther apart than a cell.
+    fn draw_between(&mut self, from: [f32; 2], to: [f32; 2], normal: [f32; 2]) {
+        let parts = gap(from, to) / CELL_M;
+        let mut part = 1.0;
+        while part < parts {
+            let on = part / parts;
+            let at = [0, 1].map(|axis| from[axis] + on * (to[axis] - from[axis]));
+            self.put(at, normal);
+            part += 1.0;
+        }
+    }
+
+    fn put(&mut self, at: [f32; 2], normal: [f32; 2]) {
+        let [x, y] = [0, 1].map(|axis| cell(at[axis]) - self.corner[axis]);
+        let inside = RIM..self.side - RIM;
+        if !inside.contains(&x) || !inside.contains(&y) {
+            return;
+        }
+        let flat = self.flat(x, y);
+        if self.index[flat] == 0 {
+            let Ok(number) = u16::try_from(self.items.len() + 1) else {
+                return;
+            };
+            self.items.push(Surfel::default());
+            self.index[flat] = number;
+            self.stamp(x, y);
+        }
+        let item = &mut self.items[usize::from(self.index[flat]) - 1];
+        item.count += 1.0;
+        for axis in [0, 1] {
+            item.at[axis] += at[axis] - self.corner[axis] as f32 * CELL_M;
+            item.normal[axis] += normal[axis];
+        }
+    }
+
+    fn stamp(&mut self, x: i32, y: i32) {
+        for dy in -1..=1_i32 {
+            for dx in -1..=1_i32 {
+                let flat = self.flat(x + dx, y + dy);
+                let value = KERNEL[(dx.unsigned_abs() + dy.unsigned_abs()) as usize];
+                self.likely[flat] = self.likely[flat].max(value);
+            }
+        }
+    }
+
+    #[inline]
+    fn flat(&self, x: i32, y: i32) -> usize {
+        (y * self.side + x).cast_unsigned() as usize
+    }
+
+    /// How likely a beam ends here, 0 to 255.
+    #[inline]
+    pub(crate) fn likelihood(&self, at: [f32; 2]) -> u8 {
+        let [x, y] = [0, 1].map(|axis| cell(at[axis]) - self.corner[axis]);
+        if (0..self.side).contains(&x) && (0..self.side).contains(&y) {
+            self.likely[self.flat(x, y)]
+        } else {
+            0
+        }
+    }
+
+    /// The wall that `spot`, in the world's frame, lies on most likely: of those in the cells
+    /// around it and with a normal alike.
+    #[inline]
+    pub(crate) fn nearest(&self, at: [f32; 2], normal: [f32; 2]) -> Option<Near> {
+        let [x, y] = [0, 1].map(|axis| cell(at[axis]) - self.corner[axis]);
+        let inside = RIM..self.side - RIM;
+        if !inside.contains(&x) || !inside.contains(&y) || self.likely[self.flat(x, y)] == 0 {
+            return None;
+        }
+        let here = [0, 1].map(|axis| at[axis] - self.corner[axis] as f32 * CELL_M);
+        let mut best: Option<(f32, Near)> = None;
+        for dy in -1..=1 {
+            let row = self.flat(x - 1, y + dy);
+            for number in &self.index[row..row + 3] {
+                let Some(item) = usize::from(*number).checked_sub(1) else {
+                    continue;
+                };
+                let Some((far, near)) = self.items[item].seen_from(here, normal) else {
+                    continue;
+                };
+                if best.as_ref().is_none_or(|(least, _)| far < *least) {
+                    best = Some((far, near));
+                }
+            }
+        }
+        let (_, near) = best?;
+        let at = [0, 1].map(|axis| near.at[axis] + self.corner[axis] as f32 * CELL_M);
+        Some(Near { at, ..near })
+    }
+}
+
+/// Least product of two normals of one wall.
+const ALIKE: f32 = 0.7;
+/// How much a way along a wall counts against one across.
+const ALONG: f32 = 0.1;
+/// A way from or to something whose direction nobody knows counts this much more.
+const UNSURE: f32 = 1.5;
+
+impl Surfel {
+    #[inline]
+    fn seen_from(&self, here: [f32; 2], normal: [f32; 2]) -> Option<(f32, Near)> {
+        let at = self.at.map(|sum| sum / self.count);
+        let [dx, dy] = [here[0] - at[0], here[1] - at[1]];
+        let squared = dx * dx + dy * dy;
+        let [nx, ny] = self.normal;
+        let length = (nx * nx + ny * ny).sqrt();
+        let is_flat = length > 0.5 * self.count;
+        let is_known = normal[0] != 0.0 || normal[1] != 0.0;
+        if !is_flat || !is_known {
+            let near = Near {
+                at,
+                normal: [0.0; 2],
+            };
+            return Some((squared * UNSURE, near));
+        }
+        let [nx, ny] = [nx / length, ny / length];
+        if nx * normal[0] + ny * normal[1] < ALIKE {
+            return None;
+        }
+        let across = nx * dx + ny * dy;
+        let far = across * across + ALONG * (squared - across * across);
+        let near = Near {
+            at,
+            normal: [nx, ny],
+        };
+        Some((far, near))
+    }
+}
+
+/// About `most` spots of these, evenly.
+pub(crate) fn some_of(spots: &[Spot], most: usize) -> Vec<Spot> {
+    if spots.len() <= most {
+        return spots.to_vec();
+    }
+    (0..most)
+        .map(|index| spots[index * spots.len() / most])
+        .collect()
+}

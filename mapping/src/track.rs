@@ -1,0 +1,371 @@
+//! From scan to scan: each is laid onto the walls seen lately.
+
+use emulators::world::{Pose, wrap_angle};
+
+use crate::Shot;
+use crate::align::{Fit, Prior, align};
+use crate::closing::Closing;
+use crate::cloud::{Cloud, Spot};
+use crate::correlate::{Candidate, REACH_MAX, Window, search};
+use crate::graph::{Edge, Graph, Kind};
+use crate::matrix::{Matrix, diagonal, inverse, sum, turned};
+use crate::motion::{between, distance, moved};
+use crate::surfels::{CELL_M, Surfels, some_of};
+
+/// What the mapper is told once.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// Whether places seen again are looked for.
+    pub closes_loops: bool,
+    /// Where the way begins.
+    pub start: Pose,
+    /// The odometry's errors, as a part of what is usual.
+    pub noise: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            closes_loops: true,
+            start: Pose::default(),
+            noise: 1.0,
+        }
+    }
+}
+
+/// A scan that is kept.
+#[derive(Clone, Debug)]
+pub(crate) struct Keyframe {
+    pub(crate) cloud: Cloud,
+    /// Way to it from the first, metres.
+    pub(crate) path_m: f64,
+}
+
+/// What became of a scan.
+#[derive(Clone, Copy, Debug)]
+pub struct Outcome {
+    /// Where it was taken, as far as is known by now.
+    pub pose: Pose,
+    /// Part of it that lies on walls known before, 0 to 1.
+    pub quality: f64,
+    /// Whether that is too little to say where it was taken: then the wheels are believed.
+    pub is_doubtful: bool,
+    /// Variance of the pose against the walls seen lately: square metres and radians.
+    pub covariance: Matrix,
+}
+
+/// Map, pose and everything needed to keep both.
+#[derive(Clone, Debug)]
+pub struct Mapper {
+    pub(crate) settings: Settings,
+    pub(crate) keyframes: Vec<Keyframe>,
+    pub(crate) graph: Graph,
+    pub(crate) closing: Closing,
+    /// Of each scan its keyframe, and its pose from there.
+    scans: Vec<(usize, Pose)>,
+    pub(crate) pose: Pose,
+    path_m: f64,
+    /// Walls seen lately, the keyframes in them, and where their middle is.
+    walls: Surfels,
+    drawn: Vec<usize>,
+    /// Variance of the odometry since the last keyframe: metres, radians.
+    unsure: [f64; 2],
+    /// How wrong the wheels were lately, against what is usual.
+    wheels: [f64; 2],
+}
+
+/// To each side of the walls' middle, metres.
+const WALLS_M: f32 = 30.0;
+/// Farther from the middle the walls are drawn anew.
+const OFF_MIDDLE_M: f64 = 8.0;
+/// Way back that walls are remembered for, metres, and keyframes in them at most.
+const LATELY_M: f64 = 20.0;
+const DRAWN_MAX: usize = 100;
+/// A keyframe each so many metres or radians.
+const KEY_M: f64 = 0.3;
+const KEY_RAD: f64 = 0.3;
+/// Spots of a scan that are compared with the walls.
+const SPOTS: usize = 180;
+/// Poses that are laid onto the walls in detail.
+const TRIES: usize = 4;
+/// Less of a scan on walls calls for a wider search, and that much more makes its result believed.
+const POOR: f64 = 0.5;
+const GAIN: f64 = 0.2;
+/// Less of a scan on walls says nothing.
+const DOUBTFUL: f64 = 0.25;
+/// What a squared standard deviation from the odometry costs of the score.
+const COST: f64 = 0.01;
+
+impl Mapper {
+    /// One that has seen nothing.
+    pub fn new(settings: Settings) -> Self {
+        Self {
+            settings,
+            keyframes: Vec::new(),
+            graph: Graph::default(),
+            closing: Closing::default(),
+            scans: Vec::new(),
+            pose: settings.start,
+            path_m: 0.0,
+            walls: Surfels::around([0.0; 2], WALLS_M),
+            drawn: Vec::new(),
+            unsure: [0.0; 2],
+            wheels: [1.0; 2],
+        }
+    }
+
+    /// Takes a scan: where it was taken, and what it adds to the map.
+    pub fn take(&mut self, shot: &Shot<'_>) -> Outcome {
+        let cloud = Cloud::new(shot.ends);
+        if self.keyframes.is_empty() {
+            self.keep(cloud, None);
+            return self.outcome(1.0, diagonal([1e-6; 3]));
+        }
+        let prior = self.predicted(shot);
+        let fit = self.locate(cloud.spots(), &prior);
+        let is_doubtful = fit.explained < DOUBTFUL;
+        let pose = if is_doubtful { prior.pose } else { fit.pose };
+        if !is_doubtful && fit.explained > POOR {
+            self.learn(&prior, pose);
+        }
+        self.path_m += distance(self.pose, pose);
+        self.pose = pose;
+        for (unsure, by) in self.unsure.iter_mut().zip(prior.deviation) {
+            *unsure += by * by;
+        }
+        let last = self.keyframes.len() - 1;
+        let since = between(self.graph.poses[last], pose);
+        let is_far = libm::hypot(since.x, since.y) > KEY_M || since.theta.abs() > KEY_RAD;
+        if is_far && !cloud.spots().is_empty() {
+            self.keep(cloud, Some(fit).filter(|_| !is_doubtful));
+        } else {
+            self.scans.push((last, since));
+        }
+        let known = sum(&fit.information, &prior.information());
+        let covariance = inverse(&known).unwrap_or(diagonal([1.0; 3]));
+        let mut outcome = self.outcome(fit.explained, covariance);
+        outcome.is_doubtful = is_doubtful;
+        outcome
+    }
+
+    fn outcome(&self, quality: f64, covariance: Matrix) -> Outcome {
+        Outcome {
+            pose: self.pose,
+            quality,
+            is_doubtful: false,
+            covariance,
+        }
+    }
+
+    /// Where the wheels say the scan was taken, and how sure they can be.
+    fn predicted(&self, shot: &Shot<'_>) -> Prior {
+        let way = libm::hypot(shot.moved.x, shot.moved.y);
+        let turn = shot.moved.theta.abs();
+        let mut metres = 0.02 + 0.08 * way + 0.05 * turn;
+        let mut radians = 0.01 + 0.03 * way + 0.10 * turn;
+        if !shot.is_measured {
+            metres += 0.1;
+            radians += 0.1;
+        }
+        let noise = self.settings.noise;
+        Prior {
+            pose: moved(self.pose, shot.moved),
+            deviation: [
+                (metres * self.wheels[0] * noise).min(0.6),
+                (radians * self.wheels[1] * noise).min(0.35),
+            ],
+        }
+    }
+
+    /// How wrong the wheels were: soon believed if it is more than thought, slowly if less.
+    fn learn(&mut self, prior: &Prior, pose: Pose) {
+        let turn = wrap_angle(pose.theta - prior.pose.theta).abs();
+        let off = [distance(pose, prior.pose), turn];
+        for axis in [0, 1] {
+            let usual = prior.deviation[axis] / self.wheels[axis];
+            let seen = (off[axis] / usual).min(8.0);
+            let part = if seen > self.wheels[axis] { 0.2 } else { 0.02 };
+            self.wheels[axis] += part * (seen - self.wheels[axis]);
+            self.wheels[axis] = self.wheels[axis].clamp(0.7, 6.0);
+        }
+    }
+
+    /// Where the spots fit the walls.
+    fn locate(&self, spots: &[Spot], prior: &Prior) -> Fit {
+        let spots = some_of(spots, SPOTS);
+        let step = crate::branch::step_for(&spots);
+        let best = best_fit(&self.walls, &spots, &window(prior, step, 3.0), prior);
+        if best.explained >= POOR {
+            return best;
+        }
+        // The wheels may have slipped.
+        let loose = Prior {
+            deviation: prior.deviation.map(|sigma| (2.5 * sigma).max(0.15)),
+            ..*prior
+        };
+        let wide = best_fit(&self.walls, &spots, &window(&loose, step, 3.0), &loose);
+        if wide.explained > best.explained + GAIN {
+            wide
+        } else {
+            best
+        }
+    }
+
+    /// Keeps a scan, taken where the robot is now; `fit` is what the walls said.
+    fn keep(&mut self, cloud: Cloud, fit: Option<Fit>) {
+        let number = self.graph.add_pose(self.pose);
+        self.keyframes.push(Keyframe {
+            cloud,
+            path_m: self.path_m,
+        });
+        self.scans.push((number, Pose::default()));
+        if let Some(last) = number.checked_sub(1) {
+            let from = self.graph.poses[last];
+            let unsure = self.unsure.map(|variance| 1.0 / variance.max(1e-8));
+            let by_wheels = diagonal([unsure[0], unsure[0], unsure[1]]);
+            let known = match fit {
+                Some(fit) => sum(&fit.information, &by_wheels),
+                None => by_wheels,
+            };
+            self.graph.add_edge(Edge {
+                from: last,
+                to: number,
+                way: between(from, self.pose),
+                information: seen_from(from, &blurred(&known)),
+                kind: Kind::Way,
+            });
+        }
+        self.unsure = [0.0; 2];
+        let has_moved = self.settings.closes_loops && self.close(number);
+        if has_moved || self.is_stale() {
+            self.redraw();
+        } else {
+            self.draw(number);
+        }
+    }
+
+    fn draw(&mut self, number: usize) {
+        let pose = self.graph.poses[number];
+        self.walls.draw(pose, &self.keyframes[number].cloud);
+        self.drawn.push(number);
+    }
+
+    fn is_stale(&self) -> bool {
+        let [x, y] = self.walls.middle().map(f64::from);
+        self.drawn.is_empty()
+            || self.drawn.len() > DRAWN_MAX
+            || libm::hypot(self.pose.x - x, self.pose.y - y) > OFF_MIDDLE_M
+    }
+
+    /// Draws the walls anew: those that belong to where the robot is, whatever way it came.
+    fn redraw(&mut self) {
+        let last = self.keyframes.len() - 1;
+        let ways = self.graph.ways_from(last, LATELY_M);
+        let mut near: Vec<usize> = (0..=last).filter(|key| ways[*key] < LATELY_M).collect();
+        near.sort_by(|a, b| ways[*a].total_cmp(&ways[*b]).then(b.cmp(a)));
+        near.truncate(DRAWN_MAX / 2);
+        self.walls.clear(crate::cloud::Frame::new(self.pose).at);
+        self.drawn.clear();
+        for key in near {
+            self.draw(key);
+        }
+    }
+
+    /// Where each scan was taken, as far as is known by now.
+    pub fn way(&self) -> Vec<Pose> {
+        let poses = &self.graph.poses;
+        let scans = self.scans.iter();
+        scans.map(|(key, from)| moved(poses[*key], *from)).collect()
+    }
+
+    /// The keyframes and what is known between them.
+    pub const fn graph(&self) -> &Graph {
+        &self.graph
+    }
+
+    /// A last look at everything.
+    pub fn finish(&mut self) {
+        if !self.keyframes.is_empty() {
+            self.graph.optimise(10);
+        }
+    }
+}
+
+/// The window of so many standard deviations.
+pub(crate) fn window(prior: &Prior, step: f64, sigmas: f64) -> Window {
+    let [metres, radians] = prior.deviation;
+    let count = |of: f64, most: f64| {
+        #[expect(clippy::cast_possible_truncation, reason = "clamped")]
+        let count = libm::ceil(of).clamp(1.0, most) as i32;
+        count
+    };
+    Window {
+        reach: count(sigmas * metres / f64::from(CELL_M), f64::from(REACH_MAX)),
+        turns: count(sigmas * radians / step, 40.0),
+        step,
+    }
+}
+
+/// The best of the window's summits, laid onto the walls.
+pub(crate) fn best_fit(walls: &Surfels, spots: &[Spot], window: &Window, prior: &Prior) -> Fit {
+    let rating = |fit: &Fit| fit.score - COST * prior.off(fit.pose).min(25.0);
+    let mut best = align(walls, spots, prior.pose, prior);
+    let mut tried: Vec<Candidate> = Vec::new();
+    for one in search(walls, spots, window, prior) {
+        let is_summit = |other: &Candidate| {
+            let turn = wrap_angle(one.pose.theta - other.pose.theta).abs();
+            distance(one.pose, other.pose) > 0.25 || turn > 2.5 * window.step
+        };
+        let is_high = tried.first().is_none_or(|best| one.score > 0.85 * best.score);
+        if !is_high || tried.len() >= TRIES {
+            break;
+        }
+        if !tried.iter().all(is_summit) {
+            continue;
+        }
+        let fit = align(walls, spots, one.pose, prior);
+        if rating(&fit) > rating(&best) {
+            best = fit;
+        }
+        tried.push(one);
+    }
+    best
+}
+
+/// Errors that all spots of a scan have in common: metres, radians.
+const COMMON_M: f64 = 0.005;
+const COMMON_RAD: f64 = 0.001;
+
+/// What is known, and not more than errors in common leave.
+pub(crate) fn blurred(information: &Matrix) -> Matrix {
+    let common = diagonal([
+        COMMON_M * COMMON_M,
+        COMMON_M * COMMON_M,
+        COMMON_RAD * COMMON_RAD,
+    ]);
+    let least = diagonal([1e-3, 1e-3, 1e-3]);
+    inverse(&sum(information, &least))
+        .and_then(|variance| inverse(&sum(&variance, &common)))
+        .unwrap_or(least)
+}
+
+/// What is known in the world's axes, in those of a pose.
+pub(crate) fn seen_from(pose: Pose, information: &Matrix) -> Matrix {
+    turned(information, -libm::sin(pose.theta), libm::cos(pose.theta))
+}
+
+impl Mapper {
+    /// For looking on.
+    pub fn describe(&self) -> String {
+        let loops = self.graph.edges.iter().filter(|e| e.kind == Kind::Loop);
+        format!(
+            "keyframes {} edges {} loop edges {} loops {} ambiguous {} wheels {:.1?}",
+            self.keyframes.len(),
+            self.graph.edges.len(),
+            loops.count(),
+            self.closing.loops,
+            self.closing.ambiguous,
+            self.wheels,
+        )
+    }
+}
