@@ -21,7 +21,7 @@ fn main() {
     let mut errs = vec![];
     for seed in from..from + runs {
         let mut rng = Rng::stream(seed, "dither");
-        let t0 = Instant::now();
+        let t0 = cpu();
         let mut m = Mapper::new(Settings { closes_loops: loops, ..Settings::default() });
         let mut pts: Vec<Vec<[f32; 2]>> = vec![];
         for rec in &recs {
@@ -52,7 +52,7 @@ fn main() {
         }
         let _ = lastp;
         m.finish();
-        let cpu = t0.elapsed().as_secs_f64();
+        let cpu = cpu() - t0;
         let way = m.way();
         let e = absolute(&rf, &way);
         errs.push(e);
@@ -78,4 +78,9 @@ fn absolute(rf: &[Pose], est: &[Pose]) -> f64 {
         let x = c * (q.x - qx) - s * (q.y - qy) + mx; let y = s * (q.x - qx) + c * (q.y - qy) + my;
         (x - p.x).hypot(y - p.y)
     }).sum::<f64>() / n
+}
+
+fn cpu() -> f64 {
+    let s = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap();
+    s.split_whitespace().next().unwrap().parse::<f64>().unwrap() * 1e-9
 }

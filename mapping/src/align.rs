@@ -4,7 +4,7 @@
 use emulators::world::{Pose, wrap_angle};
 
 use crate::cloud::{Frame, Spot};
-use crate::matrix::{Matrix, ZERO, applied, diagonal, inverse, sum, weighed};
+use crate::matrix::{Matrix, applied, diagonal, inverse, sum, weighed};
 use crate::surfels::{Near, Surfels};
 
 /// Where a scan should be, by the odometry, and how sure that is.
@@ -46,9 +46,9 @@ pub(crate) struct Fit {
 const STEPS_MAX: u32 = 15;
 /// Distances from a wall beyond which a spot is hardly heard, metres: at first and in the end.
 const WIDE_M: f64 = 0.12;
-const NARROW_M: f64 = 0.05;
+
 /// Standard deviation of a spot: neighbours err together, so it is wider than the lidar's own.
-const SPOT_M: f64 = 0.1;
+
 /// A spot at something without a direction.
 const UNSURE: f64 = 0.3;
 /// A spot lies on a wall up to this distance, metres.
@@ -59,7 +59,7 @@ pub(crate) fn align(walls: &Surfels, spots: &[Spot], start: Pose, prior: &Prior)
     let held = prior.information();
     let mut pose = start;
     for step in 0..STEPS_MAX {
-        let wide = if step < 3 { WIDE_M } else { NARROW_M };
+        let wide = if step < 3 { WIDE_M } else { *NARROW };
         let (seen, slope) = pull(walls, spots, pose, wide);
         let back = applied(&held, difference(pose, prior.pose));
         let Some(inverse) = inverse(&sum(&seen, &held)) else {
@@ -82,46 +82,81 @@ pub(crate) fn align(walls: &Surfels, spots: &[Spot], start: Pose, prior: &Prior)
 /// What the walls say at `pose`: information and slope.
 fn pull(walls: &Surfels, spots: &[Spot], pose: Pose, wide: f64) -> (Matrix, [f64; 3]) {
     let frame = Frame::new(pose);
-    let (mut seen, mut slope) = (ZERO, [0.0; 3]);
-    let mut add = |row: [f64; 3], off: f64, weight: f64| {
-        for a in 0..3 {
-            slope[a] += weight * row[a] * off;
-            for b in 0..3 {
-                seen[a][b] += weight * row[a] * row[b];
-            }
-        }
-    };
+    let mut sums = Sums::default();
     for spot in spots {
         let at = frame.place(spot.at);
         let Some(near) = walls.nearest(at, frame.turned(spot.normal)) else {
             continue;
         };
-        let lever = [0, 1].map(|axis| f64::from(at[axis] - frame.at[axis]));
-        let off = [0, 1].map(|axis| f64::from(at[axis] - near.at[axis]));
+        let lever = apart(at, frame.at);
+        let off = apart(at, near.at);
         let heard = |off: f64| {
             let soft = 1.0 + (off / wide) * (off / wide);
-            1.0 / (SPOT_M * SPOT_M * soft * soft)
+            1.0 / ((*SPOT) * (*SPOT) * soft * soft)
         };
         if near.normal == [0.0; 2] {
-            let weight = UNSURE * heard(libm::hypot(off[0], off[1]));
-            add([1.0, 0.0, -lever[1]], off[0], weight);
-            add([0.0, 1.0, lever[0]], off[1], weight);
+            let weight = UNSURE * heard((off[0] * off[0] + off[1] * off[1]).sqrt());
+            sums.add([1.0, 0.0, -lever[1]], off[0], weight);
+            sums.add([0.0, 1.0, lever[0]], off[1], weight);
         } else {
-            let [nx, ny] = near.normal.map(f64::from);
+            let (nx, ny) = (f64::from(near.normal[0]), f64::from(near.normal[1]));
             let across = nx * off[0] + ny * off[1];
             let turn = ny * lever[0] - nx * lever[1];
-            add([nx, ny, turn], across, heard(across));
+            sums.add([nx, ny, turn], across, heard(across));
         }
     }
-    (seen, slope)
+    sums.whole()
+}
+
+/// `a` as seen from `b`.
+#[inline]
+fn apart(a: [f32; 2], b: [f32; 2]) -> [f64; 2] {
+    [f64::from(a[0] - b[0]), f64::from(a[1] - b[1])]
+}
+
+/// Sums of the normal equations: one half of the matrix, and the slope.
+#[derive(Default)]
+struct Sums {
+    xx: f64,
+    xy: f64,
+    xt: f64,
+    yy: f64,
+    yt: f64,
+    tt: f64,
+    slope: [f64; 3],
+}
+
+impl Sums {
+    #[inline]
+    fn add(&mut self, [x, y, t]: [f64; 3], off: f64, weight: f64) {
+        let (wx, wy, wt) = (weight * x, weight * y, weight * t);
+        self.xx += wx * x;
+        self.xy += wx * y;
+        self.xt += wx * t;
+        self.yy += wy * y;
+        self.yt += wy * t;
+        self.tt += wt * t;
+        self.slope[0] += wx * off;
+        self.slope[1] += wy * off;
+        self.slope[2] += wt * off;
+    }
+
+    const fn whole(&self) -> (Matrix, [f64; 3]) {
+        let seen = [
+            [self.xx, self.xy, self.xt],
+            [self.xy, self.yy, self.yt],
+            [self.xt, self.yt, self.tt],
+        ];
+        (seen, self.slope)
+    }
 }
 
 fn off_wall(at: [f32; 2], near: &Near) -> f64 {
-    let [dx, dy] = [0, 1].map(|axis| f64::from(at[axis] - near.at[axis]));
+    let [dx, dy] = apart(at, near.at);
     if near.normal == [0.0; 2] {
-        return libm::hypot(dx, dy);
+        return (dx * dx + dy * dy).sqrt();
     }
-    let [nx, ny] = near.normal.map(f64::from);
+    let (nx, ny) = (f64::from(near.normal[0]), f64::from(near.normal[1]));
     (nx * dx + ny * dy).abs()
 }
 
@@ -136,11 +171,11 @@ pub(crate) fn judged(walls: &Surfels, spots: &[Spot], pose: Pose) -> Fit {
         };
         let off = off_wall(at, &near);
         explained += if off <= ON_WALL_M { 1.0 } else { 0.0 };
-        let soft = 1.0 + (off / NARROW_M) * (off / NARROW_M);
+        let soft = 1.0 + (off / *NARROW) * (off / *NARROW);
         score += 1.0 / (soft * soft);
     }
     let count = spots.len().max(1) as f64;
-    let (information, _) = pull(walls, spots, pose, NARROW_M);
+    let (information, _) = pull(walls, spots, pose, *NARROW);
     Fit {
         pose,
         information,
@@ -148,3 +183,6 @@ pub(crate) fn judged(walls: &Surfels, spots: &[Spot], pose: Pose) -> Fit {
         score: score / count,
     }
 }
+
+static NARROW: std::sync::LazyLock<f64> = std::sync::LazyLock::new(|| crate::track::knob("NARROW", 0.05));
+static SPOT: std::sync::LazyLock<f64> = std::sync::LazyLock::new(|| crate::track::knob("SPOT", 0.1));

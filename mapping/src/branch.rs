@@ -146,7 +146,10 @@ fn turned(walls: &Surfels, spots: &[Spot], middle: Pose, theta: f64, reach: i32)
     let inside = 0..walls.side() - 2 * reach - BLOCK * (LANES as i32 + 1);
     let starts = spots.iter().map(|spot| {
         let at = frame.place(spot.at);
-        [0, 1].map(|axis| cell(at[axis]) - corner[axis] - reach)
+        [
+            cell(at[0]) - corner[0] - reach,
+            cell(at[1]) - corner[1] - reach,
+        ]
     });
     let starts = starts.filter(|[x, y]| inside.contains(x) && inside.contains(y));
     Turned {

@@ -68,26 +68,34 @@ fn best_at(
         .iter()
         .filter_map(|spot| {
             let at = frame.place(spot.at);
-            let [x, y] = [0, 1].map(|axis| cell(at[axis]) - corner[axis] - reach);
+            let (x, y) = (
+                cell(at[0]) - corner[0] - reach,
+                cell(at[1]) - corner[1] - reach,
+            );
             let fits = x >= 0 && y >= 0 && x + lanes <= side && y + 2 * reach < side;
             fits.then(|| (y * side + x).cast_unsigned() as usize)
         })
         .collect();
     let scale = 1.0 / (255.0 * spots.len().max(1) as f64);
+    let [per_m, per_rad] = prior.deviation.map(|sigma| 1.0 / (sigma * sigma));
+    let turn = wrap_angle(theta - prior.pose.theta);
+    let turn_off = turn * turn * per_rad;
     let mut best: Option<Candidate> = None;
     for row in 0..=2 * reach {
         let sums = sums(walls.likely(), &starts, (row * side).cast_unsigned() as usize);
         for (column, total) in (0..=2 * reach).zip(sums) {
-            let pose = Pose::new(
-                prior.pose.x + f64::from((column - reach) as f32 * CELL_M),
-                prior.pose.y + f64::from((row - reach) as f32 * CELL_M),
-                wrap_angle(theta),
-            );
             let score = f64::from(total) * scale;
             if best.as_ref().is_some_and(|best| score <= best.score) {
                 continue;
             }
-            let score = score - (COST * prior.off(pose)).min(COST_MAX);
+            let way = [column, row].map(|cells| f64::from((cells - reach) as f32 * CELL_M));
+            let off = (way[0] * way[0] + way[1] * way[1]) * per_m + turn_off;
+            let pose = Pose::new(
+                prior.pose.x + way[0],
+                prior.pose.y + way[1],
+                wrap_angle(theta),
+            );
+            let score = score - (COST * off).min(COST_MAX);
             if best.as_ref().is_none_or(|best| score > best.score) {
                 best = Some(Candidate { pose, score });
             }

@@ -33,10 +33,14 @@ impl Free {
             let end = frame.place(spot.at);
             let length = gap(end, frame.at);
             let parts = (length - LAST_M) / CELL_M;
-            let step = [0, 1].map(|axis| (end[axis] - frame.at[axis]) / length * CELL_M);
+            let per_m = CELL_M / length;
+            let step = [
+                (end[0] - frame.at[0]) * per_m,
+                (end[1] - frame.at[1]) * per_m,
+            ];
             let mut part = 0.0;
             while part < parts {
-                let at = [0, 1].map(|axis| frame.at[axis] + part * step[axis]);
+                let at = [frame.at[0] + part * step[0], frame.at[1] + part * step[1]];
                 if let Some(flat) = self.flat(at) {
                     self.passed[flat] = true;
                 }
@@ -46,7 +50,7 @@ impl Free {
     }
 
     fn flat(&self, at: [f32; 2]) -> Option<usize> {
-        let [x, y] = [0, 1].map(|axis| cell(at[axis]) - self.corner[axis]);
+        let (x, y) = (cell(at[0]) - self.corner[0], cell(at[1]) - self.corner[1]);
         let inside = 0..self.side;
         let is_inside = inside.contains(&x) && inside.contains(&y);
         is_inside.then(|| (y * self.side + x).cast_unsigned() as usize)

@@ -22,19 +22,33 @@ pub(crate) fn product(a: &Matrix, b: &Matrix) -> Matrix {
 }
 
 pub(crate) fn transposed(a: &Matrix) -> Matrix {
-    [0, 1, 2].map(|row| [0, 1, 2].map(|column| a[column][row]))
+    [
+        [a[0][0], a[1][0], a[2][0]],
+        [a[0][1], a[1][1], a[2][1]],
+        [a[0][2], a[1][2], a[2][2]],
+    ]
 }
 
 pub(crate) fn sum(a: &Matrix, b: &Matrix) -> Matrix {
-    [0, 1, 2].map(|row| [0, 1, 2].map(|column| a[row][column] + b[row][column]))
+    let mut out = *a;
+    for (to, by) in out.iter_mut().flatten().zip(b.iter().flatten()) {
+        *to += by;
+    }
+    out
 }
 
 pub(crate) fn scaled(a: &Matrix, by: f64) -> Matrix {
-    a.map(|row| row.map(|value| value * by))
+    let mut out = *a;
+    out.iter_mut().flatten().for_each(|value| *value *= by);
+    out
 }
 
 pub(crate) fn applied(a: &Matrix, to: [f64; 3]) -> [f64; 3] {
-    a.map(|row| row[0] * to[0] + row[1] * to[1] + row[2] * to[2])
+    let mut out = [0.0; 3];
+    for (out, row) in out.iter_mut().zip(a) {
+        *out = row[0] * to[0] + row[1] * to[1] + row[2] * to[2];
+    }
+    out
 }
 
 /// `to` weighed by `a`: its squared length.
@@ -52,7 +66,16 @@ pub(crate) fn inverse(a: &Matrix) -> Option<Matrix> {
     };
     let determinant: f64 = (0..3).map(|column| a[0][column] * minor(0, column)).sum();
     let is_regular = determinant.is_finite() && determinant.abs() > 1e-30;
-    is_regular.then(|| [0, 1, 2].map(|row| [0, 1, 2].map(|column| minor(column, row) / determinant)))
+    let part = 1.0 / determinant;
+    is_regular.then(|| {
+        let mut out = ZERO;
+        for (row, to) in out.iter_mut().enumerate() {
+            for (column, to) in to.iter_mut().enumerate() {
+                *to = minor(column, row) * part;
+            }
+        }
+        out
+    })
 }
 
 /// The same matrix in axes turned by the angle with this sine and cosine: of x and y, not of the

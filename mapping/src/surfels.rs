@@ -17,6 +17,9 @@ struct Surfel {
     count: f32,
     at: [f32; 2],
     normal: [f32; 2],
+    /// What the sums come to: it is asked for far oftener than it changes.
+    mean: [f32; 2],
+    unit: Option<[f32; 2]>,
 }
 
 /// A square of cells.
@@ -42,9 +45,11 @@ pub(crate) struct Near {
 
 #[inline]
 pub(crate) fn cell(metres: f32) -> i32 {
+    let cells = metres * (1.0 / CELL_M);
     #[expect(clippy::cast_possible_truncation, reason = "saturates, far outside")]
-    let cell = libm::floorf(metres * (1.0 / CELL_M)) as i32;
-    cell
+    let towards_zero = cells as i32;
+    // Rounded down, without a call.
+    towards_zero.saturating_sub(i32::from((towards_zero as f32) > cells))
 }
 
 impl Surfels {
@@ -119,14 +124,17 @@ impl Surfels {
         let mut part = 1.0;
         while part < parts {
             let on = part / parts;
-            let at = [0, 1].map(|axis| from[axis] + on * (to[axis] - from[axis]));
+            let at = [
+                from[0] + on * (to[0] - from[0]),
+                from[1] + on * (to[1] - from[1]),
+            ];
             self.put(at, normal);
             part += 1.0;
         }
     }
 
     fn put(&mut self, at: [f32; 2], normal: [f32; 2]) {
-        let [x, y] = [0, 1].map(|axis| cell(at[axis]) - self.corner[axis]);
+        let (x, y) = self.cell(at);
         let inside = RIM..self.side - RIM;
         if !inside.contains(&x) || !inside.contains(&y) {
             return;
@@ -140,12 +148,12 @@ impl Surfels {
             self.index[flat] = number;
             self.stamp(x, y);
         }
+        let [x, y] = self.inner(at);
         let item = &mut self.items[usize::from(self.index[flat]) - 1];
         item.count += 1.0;
-        for axis in [0, 1] {
-            item.at[axis] += at[axis] - self.corner[axis] as f32 * CELL_M;
-            item.normal[axis] += normal[axis];
-        }
+        item.at = [item.at[0] + x, item.at[1] + y];
+        item.normal = [item.normal[0] + normal[0], item.normal[1] + normal[1]];
+        item.settle();
     }
 
     fn stamp(&mut self, x: i32, y: i32) {
@@ -158,6 +166,21 @@ impl Surfels {
         }
     }
 
+    /// The cell of a point, possibly outside.
+    #[inline]
+    fn cell(&self, [x, y]: [f32; 2]) -> (i32, i32) {
+        (cell(x) - self.corner[0], cell(y) - self.corner[1])
+    }
+
+    /// A point as seen from the corner.
+    #[inline]
+    fn inner(&self, [x, y]: [f32; 2]) -> [f32; 2] {
+        [
+            x - self.corner[0] as f32 * CELL_M,
+            y - self.corner[1] as f32 * CELL_M,
+        ]
+    }
+
     #[inline]
     fn flat(&self, x: i32, y: i32) -> usize {
         (y * self.side + x).cast_unsigned() as usize
@@ -166,7 +189,7 @@ impl Surfels {
     /// How likely a beam ends here, 0 to 255.
     #[inline]
     pub(crate) fn likelihood(&self, at: [f32; 2]) -> u8 {
-        let [x, y] = [0, 1].map(|axis| cell(at[axis]) - self.corner[axis]);
+        let (x, y) = self.cell(at);
         if (0..self.side).contains(&x) && (0..self.side).contains(&y) {
             self.likely[self.flat(x, y)]
         } else {
@@ -178,12 +201,12 @@ impl Surfels {
     /// around it and with a normal alike.
     #[inline]
     pub(crate) fn nearest(&self, at: [f32; 2], normal: [f32; 2]) -> Option<Near> {
-        let [x, y] = [0, 1].map(|axis| cell(at[axis]) - self.corner[axis]);
+        let (x, y) = self.cell(at);
         let inside = RIM..self.side - RIM;
         if !inside.contains(&x) || !inside.contains(&y) || self.likely[self.flat(x, y)] == 0 {
             return None;
         }
-        let here = [0, 1].map(|axis| at[axis] - self.corner[axis] as f32 * CELL_M);
+        let here = self.inner(at);
         let mut best: Option<(f32, Near)> = None;
         for dy in -1..=1 {
             let row = self.flat(x - 1, y + dy);
@@ -200,7 +223,10 @@ impl Surfels {
             }
         }
         let (_, near) = best?;
-        let at = [0, 1].map(|axis| near.at[axis] + self.corner[axis] as f32 * CELL_M);
+        let at = [
+            near.at[0] + self.corner[0] as f32 * CELL_M,
+            near.at[1] + self.corner[1] as f32 * CELL_M,
+        ];
         Some(Near { at, ..near })
     }
 }
@@ -213,23 +239,27 @@ const ALONG: f32 = 0.1;
 const UNSURE: f32 = 1.5;
 
 impl Surfel {
+    fn settle(&mut self) {
+        let part = 1.0 / self.count;
+        self.mean = [self.at[0] * part, self.at[1] * part];
+        let [x, y] = self.normal;
+        let length = (x * x + y * y).sqrt();
+        self.unit = (length > 0.5 * self.count).then(|| [x / length, y / length]);
+    }
+
     #[inline]
     fn seen_from(&self, here: [f32; 2], normal: [f32; 2]) -> Option<(f32, Near)> {
-        let at = self.at.map(|sum| sum / self.count);
+        let at = self.mean;
         let [dx, dy] = [here[0] - at[0], here[1] - at[1]];
         let squared = dx * dx + dy * dy;
-        let [nx, ny] = self.normal;
-        let length = (nx * nx + ny * ny).sqrt();
-        let is_flat = length > 0.5 * self.count;
         let is_known = normal[0] != 0.0 || normal[1] != 0.0;
-        if !is_flat || !is_known {
+        let Some([nx, ny]) = self.unit.filter(|_| is_known) else {
             let near = Near {
                 at,
                 normal: [0.0; 2],
             };
             return Some((squared * UNSURE, near));
-        }
-        let [nx, ny] = [nx / length, ny / length];
+        };
         if nx * normal[0] + ny * normal[1] < ALIKE {
             return None;
         }

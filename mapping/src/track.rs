@@ -77,17 +77,17 @@ pub struct Mapper {
 /// To each side of the walls' middle, metres.
 const WALLS_M: f32 = 30.0;
 /// Farther from the middle the walls are drawn anew.
-const OFF_MIDDLE_M: f64 = 8.0;
+
 /// Way back that walls are remembered for, metres, and keyframes in them at most.
-const LATELY_M: f64 = 20.0;
-const DRAWN_MAX: usize = 100;
+
+
 /// A keyframe each so many metres or radians.
-const KEY_M: f64 = 0.3;
+
 const KEY_RAD: f64 = 0.3;
 /// Spots of a scan that are compared with the walls.
 const SPOTS: usize = 180;
 /// Poses that are laid onto the walls in detail.
-const TRIES: usize = 4;
+
 /// Less of a scan on walls calls for a wider search, and that much more makes its result believed.
 const POOR: f64 = 0.5;
 const GAIN: f64 = 0.2;
@@ -107,7 +107,7 @@ impl Mapper {
             scans: Vec::new(),
             pose: settings.start,
             path_m: 0.0,
-            walls: Surfels::around([0.0; 2], WALLS_M),
+            walls: Surfels::around([0.0; 2], knob("WALLS",50.0) as f32),
             drawn: Vec::new(),
             unsure: [0.0; 2],
             wheels: [1.0; 2],
@@ -135,7 +135,7 @@ impl Mapper {
         }
         let last = self.keyframes.len() - 1;
         let since = between(self.graph.poses[last], pose);
-        let is_far = libm::hypot(since.x, since.y) > KEY_M || since.theta.abs() > KEY_RAD;
+        let is_far = libm::hypot(since.x, since.y) > knob("KEYM",0.3) || since.theta.abs() > KEY_RAD;
         if is_far && !cloud.spots().is_empty() {
             self.keep(cloud, Some(fit).filter(|_| !is_doubtful));
         } else {
@@ -253,17 +253,17 @@ impl Mapper {
     fn is_stale(&self) -> bool {
         let [x, y] = self.walls.middle().map(f64::from);
         self.drawn.is_empty()
-            || self.drawn.len() > DRAWN_MAX
-            || libm::hypot(self.pose.x - x, self.pose.y - y) > OFF_MIDDLE_M
+            || self.drawn.len() > (knob("DRAWN",100.0) as usize)
+            || libm::hypot(self.pose.x - x, self.pose.y - y) > knob("MIDDLE",8.0)
     }
 
     /// Draws the walls anew: those that belong to where the robot is, whatever way it came.
     fn redraw(&mut self) {
         let last = self.keyframes.len() - 1;
-        let ways = self.graph.ways_from(last, LATELY_M);
-        let mut near: Vec<usize> = (0..=last).filter(|key| ways[*key] < LATELY_M).collect();
+        let ways = self.graph.ways_from(last, knob("LATELY",20.0));
+        let mut near: Vec<usize> = (0..=last).filter(|key| ways[*key] < knob("LATELY",20.0)).collect();
         near.sort_by(|a, b| ways[*a].total_cmp(&ways[*b]).then(b.cmp(a)));
-        near.truncate(DRAWN_MAX / 2);
+        near.truncate((knob("DRAWN",100.0) as usize) / 2);
         self.walls.clear(crate::cloud::Frame::new(self.pose).at);
         self.drawn.clear();
         for key in near {
@@ -317,7 +317,7 @@ pub(crate) fn best_fit(walls: &Surfels, spots: &[Spot], window: &Window, prior: 
             distance(one.pose, other.pose) > 0.25 || turn > 2.5 * window.step
         };
         let is_high = tried.first().is_none_or(|best| one.score > 0.85 * best.score);
-        if !is_high || tried.len() >= TRIES {
+        if !is_high || tried.len() >= (knob("TRIES",4.0) as usize) {
             break;
         }
         if !tried.iter().all(is_summit) {
@@ -333,15 +333,15 @@ pub(crate) fn best_fit(walls: &Surfels, spots: &[Spot], window: &Window, prior: 
 }
 
 /// Errors that all spots of a scan have in common: metres, radians.
-const COMMON_M: f64 = 0.005;
-const COMMON_RAD: f64 = 0.001;
+
+
 
 /// What is known, and not more than errors in common leave.
 pub(crate) fn blurred(information: &Matrix) -> Matrix {
     let common = diagonal([
-        COMMON_M * COMMON_M,
-        COMMON_M * COMMON_M,
-        COMMON_RAD * COMMON_RAD,
+        knob("COMM",0.005) * knob("COMM",0.005),
+        knob("COMM",0.005) * knob("COMM",0.005),
+        knob("COMR",0.001) * knob("COMR",0.001),
     ]);
     let least = diagonal([1e-3, 1e-3, 1e-3]);
     inverse(&sum(information, &least))
@@ -368,4 +368,9 @@ impl Mapper {
             self.wheels,
         )
     }
+}
+
+/// k
+pub fn knob(name: &str, default: f64) -> f64 {
+    std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default)
 }
