@@ -184,5 +184,5 @@ pub(crate) fn judged(walls: &Surfels, spots: &[Spot], pose: Pose) -> Fit {
     }
 }
 
-static NARROW: std::sync::LazyLock<f64> = std::sync::LazyLock::new(|| crate::track::knob("NARROW", 0.05));
+static NARROW: std::sync::LazyLock<f64> = std::sync::LazyLock::new(|| crate::track::knob("NARROW", 0.08));
 static SPOT: std::sync::LazyLock<f64> = std::sync::LazyLock::new(|| crate::track::knob("SPOT", 0.1));

@@ -148,6 +148,7 @@ impl Mapper {
         }
         let edge = self.edge(key, number, &fit);
         let strain = self.graph.strain(&edge);
+        if crate::track::knob("DBG", 0.0) > 0.0 { eprintln!("lay {key} {number} way {way_m:.1} expl {:.2} score {:.2} shift {:.2} strain {strain:.1}", fit.explained, fit.score, distance(prior.pose, fit.pose)); }
         self.graph.add_edge(edge);
         self.closing.fresh += 1;
         strain > crate::track::knob("STRAIN",12.0)
@@ -185,6 +186,7 @@ impl Mapper {
             return false;
         }
         let edge = self.edge(key, number, &fit);
+        if crate::track::knob("DBG", 0.0) > 0.0 { eprintln!("seek {key} {number} way {way_m:.1} expl {:.2} score {:.2} shift {:.2} info {:.0?}", fit.explained, fit.score, distance(here, fit.pose), edge.information); }
         let guess = Guess {
             from: key,
             to: number,
@@ -323,7 +325,7 @@ impl Mapper {
     /// Finds the poses that agree best, and where the robot is by them.
     fn agree(&mut self) {
         self.closing.fresh = 0;
-        self.graph.optimise(4);
+        self.graph.optimise(6);
         self.pose = *self.graph.poses.last().expect("a keyframe was just kept");
     }
 }

@@ -72,8 +72,11 @@ impl Graph {
         let pairs = self.edges.iter().map(|edge| (edge.from, edge.to));
         let plan = Plan::new(self.poses.len(), pairs);
         let before = self.poses.clone();
-        for _ in 0..steps {
-            let Some(by) = self.system(&plan).solve() else {
+        for step in 0..steps {
+            // A loop that has just been found is off as far as the way before it was, and must not
+            // be unheard for that.
+            let kernel = step >= steps / 2;
+            let Some(by) = self.system(&plan, kernel).solve() else {
                 break;
             };
             let mut most = 0.0_f64;
@@ -85,7 +88,7 @@ impl Graph {
                     wrap_angle(pose.theta - by[2]),
                 );
             }
-            if most < 1e-4 {
+            if most < 1e-4 && kernel {
                 break;
             }
         }
@@ -93,12 +96,12 @@ impl Graph {
         ways.map(|(a, b)| distance(*a, *b)).fold(0.0, f64::max)
     }
 
-    fn system<'a>(&self, plan: &'a Plan) -> System<'a> {
+    fn system<'a>(&self, plan: &'a Plan, kernel: bool) -> System<'a> {
         let mut system = System::new(plan);
         system.add(0, 0, &diagonal([HELD; 3]));
         for edge in &self.edges {
             let (off, from, to) = self.slopes(edge);
-            let information = scaled(&edge.information, weight(edge, off));
+            let information = scaled(&edge.information, if kernel { weight(edge, off) } else { 1.0 });
             let [for_from, for_to] =
                 [&from, &to].map(|slope| product(&transposed(slope), &information));
             system.add(edge.from, edge.from, &product(&for_from, &from));

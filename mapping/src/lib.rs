@@ -9,6 +9,7 @@
 
 mod align;
 mod branch;
+pub mod building;
 mod closing;
 mod cloud;
 mod correlate;
@@ -16,6 +17,7 @@ mod free;
 mod graph;
 mod matrix;
 pub mod motion;
+mod sheet;
 mod sparse;
 mod surfels;
 mod track;
@@ -25,6 +27,7 @@ use emulators::world::Pose;
 pub use cloud::Cloud;
 pub use graph::{Edge, Graph, Kind};
 pub use matrix::Matrix;
+pub use sheet::{Sheet, UNKNOWN};
 pub use track::{Mapper, Outcome, Settings};
 
 /// One scan, and the way to it.

@@ -107,14 +107,16 @@ impl Surfels {
     /// Draws a scan seen from `pose`.
     pub(crate) fn draw(&mut self, pose: Pose, cloud: &Cloud) {
         let frame = Frame::new(pose);
-        let mut last: Option<[f32; 2]> = None;
+        let mut last: Option<([f32; 2], [f32; 2])> = None;
         for spot in cloud.spots() {
             let (at, normal) = (frame.place(spot.at), frame.turned(spot.normal));
-            if let Some(last) = last.filter(|_| spot.is_joined) {
+            if let Some((last, before)) = last.filter(|_| spot.is_joined)
+                && (lies_along(last, at, before) && lies_along(last, at, normal) || crate::track::knob("ALONG", 1.0) == 0.0)
+            {
                 self.draw_between(last, at, normal);
             }
             self.put(at, normal);
-            last = Some(at);
+            last = Some((at, normal));
         }
     }
 
@@ -230,6 +232,15 @@ impl Surfels {
         Some(Near { at, ..near })
     }
 }
+
+/// Whether the way between two points runs along a wall with this normal.
+pub(crate) fn lies_along(a: [f32; 2], b: [f32; 2], normal: [f32; 2]) -> bool {
+    let across = (b[0] - a[0]) * normal[0] + (b[1] - a[1]) * normal[1];
+    normal != [0.0; 2] && across.abs() < ACROSS_MOST * gap(a, b)
+}
+
+/// Sine of the greatest angle between a wall and what is drawn as its part.
+const ACROSS_MOST: f32 = 0.25;
 
 /// Least product of two normals of one wall.
 const ALIKE: f32 = 0.7;

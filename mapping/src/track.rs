@@ -5,11 +5,12 @@ use emulators::world::{Pose, wrap_angle};
 use crate::Shot;
 use crate::align::{Fit, Prior, align};
 use crate::closing::Closing;
-use crate::cloud::{Cloud, Spot};
+use crate::cloud::{Cloud, Frame, Spot};
 use crate::correlate::{Candidate, REACH_MAX, Window, search};
 use crate::graph::{Edge, Graph, Kind};
 use crate::matrix::{Matrix, diagonal, inverse, sum, turned};
 use crate::motion::{between, distance, moved};
+use crate::sheet::Sheet;
 use crate::surfels::{CELL_M, Surfels, some_of};
 
 /// What the mapper is told once.
@@ -39,6 +40,8 @@ pub(crate) struct Keyframe {
     pub(crate) cloud: Cloud,
     /// Way to it from the first, metres.
     pub(crate) path_m: f64,
+    /// Number of its scan.
+    pub(crate) scan: usize,
 }
 
 /// What became of a scan.
@@ -88,6 +91,13 @@ const KEY_RAD: f64 = 0.3;
 const SPOTS: usize = 180;
 /// Poses that are laid onto the walls in detail.
 
+/// Errors of wheels that slip, as a part of what is usual, at least.
+const RARE: f64 = 0.7;
+/// Deviations of wheels that do not, in mean errors.
+#[allow(non_snake_case)]
+fn USUAL() -> f64 { knob("USUAL", 1.5) }
+/// Squared deviations up to which wheels have not slipped.
+const SLIPPED: f64 = 12.0;
 /// Less of a scan on walls calls for a wider search, and that much more makes its result believed.
 const POOR: f64 = 0.5;
 const GAIN: f64 = 0.2;
@@ -121,12 +131,19 @@ impl Mapper {
             self.keep(cloud, None);
             return self.outcome(1.0, diagonal([1e-6; 3]));
         }
-        let prior = self.predicted(shot);
-        let fit = self.locate(cloud.spots(), &prior);
+        let wide = self.predicted(shot);
+        let mut prior = wide;
+        let mut fit = self.locate(cloud.spots(), &prior);
+        let firm = self.firm(&prior);
+        if firm.off(fit.pose) < SLIPPED {
+            let spots = some_of(cloud.spots(), SPOTS);
+            fit = align(&self.walls, &spots, fit.pose, &firm);
+            prior = firm;
+        }
         let is_doubtful = fit.explained < DOUBTFUL;
         let pose = if is_doubtful { prior.pose } else { fit.pose };
         if !is_doubtful && fit.explained > POOR {
-            self.learn(&prior, pose);
+            self.learn(&wide, pose);
         }
         self.path_m += distance(self.pose, pose);
         self.pose = pose;
@@ -168,12 +185,24 @@ impl Mapper {
             radians += 0.1;
         }
         let noise = self.settings.noise;
+        let [far, turned] = self.wheels.map(|wheels| wheels.max(RARE));
         Prior {
             pose: moved(self.pose, shot.moved),
             deviation: [
-                (metres * self.wheels[0] * noise).min(0.6),
-                (radians * self.wheels[1] * noise).min(0.35),
+                (metres * far * noise).min(0.6),
+                (radians * turned * noise).min(0.35),
             ],
+        }
+    }
+
+    /// The same of wheels that have not slipped: wheels are mostly right, and now and then very
+    /// wrong.
+    fn firm(&self, prior: &Prior) -> Prior {
+        let part = |axis: usize| (USUAL() * self.wheels[axis] / self.wheels[axis].max(RARE)).min(1.0);
+        let [metres, radians] = prior.deviation;
+        Prior {
+            deviation: [metres * part(0), radians * part(1)],
+            ..*prior
         }
     }
 
@@ -182,11 +211,11 @@ impl Mapper {
         let turn = wrap_angle(pose.theta - prior.pose.theta).abs();
         let off = [distance(pose, prior.pose), turn];
         for axis in [0, 1] {
-            let usual = prior.deviation[axis] / self.wheels[axis];
+            let usual = prior.deviation[axis] / self.wheels[axis].max(RARE);
             let seen = (off[axis] / usual).min(8.0);
             let part = if seen > self.wheels[axis] { 0.2 } else { 0.02 };
             self.wheels[axis] += part * (seen - self.wheels[axis]);
-            self.wheels[axis] = self.wheels[axis].clamp(0.7, 6.0);
+            self.wheels[axis] = self.wheels[axis].clamp(0.1, 6.0);
         }
     }
 
@@ -217,6 +246,7 @@ impl Mapper {
         self.keyframes.push(Keyframe {
             cloud,
             path_m: self.path_m,
+            scan: self.scans.len(),
         });
         self.scans.push((number, Pose::default()));
         if let Some(last) = number.checked_sub(1) {
@@ -260,11 +290,11 @@ impl Mapper {
     /// Draws the walls anew: those that belong to where the robot is, whatever way it came.
     fn redraw(&mut self) {
         let last = self.keyframes.len() - 1;
-        let ways = self.graph.ways_from(last, knob("LATELY",20.0));
-        let mut near: Vec<usize> = (0..=last).filter(|key| ways[*key] < knob("LATELY",20.0)).collect();
+        let ways = self.graph.ways_from(last, knob("LATELY",30.0));
+        let mut near: Vec<usize> = (0..=last).filter(|key| ways[*key] < knob("LATELY",30.0)).collect();
         near.sort_by(|a, b| ways[*a].total_cmp(&ways[*b]).then(b.cmp(a)));
         near.truncate((knob("DRAWN",100.0) as usize) / 2);
-        self.walls.clear(crate::cloud::Frame::new(self.pose).at);
+        self.walls.clear(Frame::new(self.pose).at);
         self.drawn.clear();
         for key in near {
             self.draw(key);
@@ -278,9 +308,30 @@ impl Mapper {
         scans.map(|(key, from)| moved(poses[*key], *from)).collect()
     }
 
+    /// Of each keyframe the number of its scan.
+    pub fn scans(&self) -> Vec<usize> {
+        self.keyframes.iter().map(|keyframe| keyframe.scan).collect()
+    }
+
     /// The keyframes and what is known between them.
     pub const fn graph(&self) -> &Graph {
         &self.graph
+    }
+
+    /// The map, with cells of this edge, metres, or larger ones if those would be too many.
+    pub fn sheet(&self, cell_m: f64) -> Sheet {
+        Sheet::of(&self.keyframes, &self.graph.poses, cell_m)
+    }
+
+    /// Points of the walls, metres.
+    pub fn walls(&self) -> Vec<[f32; 2]> {
+        let all = self.keyframes.iter().zip(&self.graph.poses);
+        all.flat_map(|(keyframe, pose)| {
+            let frame = Frame::new(*pose);
+            let spots = keyframe.cloud.spots().iter();
+            spots.map(move |spot| frame.place(spot.at))
+        })
+        .collect()
     }
 
     /// A last look at everything.
