@@ -308,6 +308,11 @@ impl Mapper {
         scans.map(|(key, from)| moved(poses[*key], *from)).collect()
     }
 
+    /// How often a place looked like several.
+    pub const fn ambiguous(&self) -> usize {
+        self.closing.ambiguous
+    }
+
     /// Of each keyframe the number of its scan.
     pub fn scans(&self) -> Vec<usize> {
         self.keyframes.iter().map(|keyframe| keyframe.scan).collect()

@@ -63,7 +63,7 @@ fn print(survey: &Survey) -> String {
         .iter()
         .flat_map(|(at, place)| [*at, place.x, place.y, place.theta]);
     let mut bytes: Vec<u8> = poses.flat_map(f64::to_le_bytes).collect();
-    bytes.extend_from_slice(survey.grid.rows().as_flattened());
+    bytes.extend_from_slice(&survey.map.cells);
     fingerprint(&bytes)
 }
 
