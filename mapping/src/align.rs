@@ -46,8 +46,10 @@ pub(crate) struct Fit {
 const STEPS_MAX: u32 = 15;
 /// Distances from a wall beyond which a spot is hardly heard, metres: at first and in the end.
 const WIDE_M: f64 = 0.12;
+const NARROW_M: f64 = 0.08;
 
 /// Standard deviation of a spot: neighbours err together, so it is wider than the lidar's own.
+const SPOT_M: f64 = 0.1;
 
 /// A spot at something without a direction.
 const UNSURE: f64 = 0.3;
@@ -59,7 +61,7 @@ pub(crate) fn align(walls: &Surfels, spots: &[Spot], start: Pose, prior: &Prior)
     let held = prior.information();
     let mut pose = start;
     for step in 0..STEPS_MAX {
-        let wide = if step < 3 { WIDE_M } else { *NARROW };
+        let wide = if step < 3 { WIDE_M } else { NARROW_M };
         let (seen, slope) = pull(walls, spots, pose, wide);
         let back = applied(&held, difference(pose, prior.pose));
         let Some(inverse) = inverse(&sum(&seen, &held)) else {
@@ -92,7 +94,7 @@ fn pull(walls: &Surfels, spots: &[Spot], pose: Pose, wide: f64) -> (Matrix, [f64
         let off = apart(at, near.at);
         let heard = |off: f64| {
             let soft = 1.0 + (off / wide) * (off / wide);
-            1.0 / ((*SPOT) * (*SPOT) * soft * soft)
+            1.0 / (SPOT_M * SPOT_M * soft * soft)
         };
         if near.normal == [0.0; 2] {
             let weight = UNSURE * heard((off[0] * off[0] + off[1] * off[1]).sqrt());
@@ -171,11 +173,11 @@ pub(crate) fn judged(walls: &Surfels, spots: &[Spot], pose: Pose) -> Fit {
         };
         let off = off_wall(at, &near);
         explained += if off <= ON_WALL_M { 1.0 } else { 0.0 };
-        let soft = 1.0 + (off / *NARROW) * (off / *NARROW);
+        let soft = 1.0 + (off / NARROW_M) * (off / NARROW_M);
         score += 1.0 / (soft * soft);
     }
     let count = spots.len().max(1) as f64;
-    let (information, _) = pull(walls, spots, pose, *NARROW);
+    let (information, _) = pull(walls, spots, pose, NARROW_M);
     Fit {
         pose,
         information,
@@ -183,6 +185,3 @@ pub(crate) fn judged(walls: &Surfels, spots: &[Spot], pose: Pose) -> Fit {
         score: score / count,
     }
 }
-
-static NARROW: std::sync::LazyLock<f64> = std::sync::LazyLock::new(|| crate::track::knob("NARROW", 0.08));
-static SPOT: std::sync::LazyLock<f64> = std::sync::LazyLock::new(|| crate::track::knob("SPOT", 0.1));

@@ -36,11 +36,15 @@ pub(crate) struct Closing {
 }
 
 /// Way between two looks, metres.
+const EACH_M: f64 = 1.0;
 
 /// A place seen longer ago than this is an old one, metres of way.
 const OLD_M: f64 = 15.0;
 /// Way from which on a place is not simply where it must be.
+const FAR_M: f64 = 40.0;
 
+/// A longer way says no more than that the place may be anywhere in reach.
+const WAY_MAX_M: f64 = 500.0;
 /// Errors of a way: metres and radians at its beginning, and per metre. Three deviations.
 const REACH: [f64; 3] = [0.4, 0.035, 15.0];
 const TURN: [f64; 3] = [0.06, 0.003, 0.5];
@@ -49,6 +53,7 @@ const PLACE_M: f64 = 8.0;
 /// Places that are looked at.
 const PLACES: usize = 3;
 /// Part of a keyframe on old walls.
+const EXPLAINED: f64 = 0.6;
 
 /// The same for all that was seen lately, at a place that nobody expects; part of it that beams
 /// went through there; and how much worse every other place must be.
@@ -58,7 +63,10 @@ const RIVAL: f64 = 0.85;
 /// Two guesses agree to this, metres and radians.
 const AGREE_M: f64 = 0.35;
 const AGREE_RAD: f64 = 0.05;
-/// An edge that is off by more squared deviations makes the poses be found anew at once.
+/// An edge that is off by more squared deviations makes the poses be found anew at once, and so
+/// many new ones at last.
+const STRAINED: f64 = 12.0;
+const FRESH_MAX: usize = 40;
 
 
 
@@ -70,20 +78,20 @@ impl Mapper {
     /// Looks whether the newest keyframe stands where another stood; whether poses have moved.
     pub(crate) fn close(&mut self, number: usize) -> bool {
         let path_m = self.keyframes[number].path_m;
-        if path_m - self.closing.looked_at_m < crate::track::knob("EACH",1.0) {
+        if path_m - self.closing.looked_at_m < EACH_M {
             return false;
         }
         self.closing.looked_at_m = path_m;
-        let ways = self.graph.ways_from(number, f64::INFINITY);
+        let ways = self.graph.ways_from(number, WAY_MAX_M);
         let mut is_strained = false;
         for (key, way_m) in self.places(number, &ways) {
-            if way_m < crate::track::knob("FAR",40.0) {
+            if way_m < FAR_M {
                 is_strained |= self.lay(key, number, way_m);
             } else if self.seek(key, number, way_m) {
                 return true;
             }
         }
-        if is_strained || self.closing.fresh >= crate::track::knob("FRESH",40.0) as usize {
+        if is_strained || self.closing.fresh >= FRESH_MAX {
             self.agree();
             return true;
         }
@@ -143,15 +151,14 @@ impl Mapper {
         };
         let step = step_for(&spots);
         let fit = best_fit(&walls, &spots, &window(&prior, step, 3.0), &prior);
-        if fit.explained < crate::track::knob("EXPL",0.6) {
+        if fit.explained < EXPLAINED {
             return false;
         }
         let edge = self.edge(key, number, &fit);
         let strain = self.graph.strain(&edge);
-        if crate::track::knob("DBG", 0.0) > 0.0 { eprintln!("lay {key} {number} way {way_m:.1} expl {:.2} score {:.2} shift {:.2} strain {strain:.1}", fit.explained, fit.score, distance(prior.pose, fit.pose)); }
         self.graph.add_edge(edge);
         self.closing.fresh += 1;
-        strain > crate::track::knob("STRAIN",12.0)
+        strain > STRAINED
     }
 
     fn edge(&self, key: usize, number: usize, fit: &Fit) -> Edge {
@@ -186,7 +193,6 @@ impl Mapper {
             return false;
         }
         let edge = self.edge(key, number, &fit);
-        if crate::track::knob("DBG", 0.0) > 0.0 { eprintln!("seek {key} {number} way {way_m:.1} expl {:.2} score {:.2} shift {:.2} info {:.0?}", fit.explained, fit.score, distance(here, fit.pose), edge.information); }
         let guess = Guess {
             from: key,
             to: number,

@@ -24,6 +24,7 @@ pub struct Cloud {
 const APART_M: f32 = 0.04;
 /// Two beams hit one wall if their ends are no farther apart than this part of their length, metres
 /// to metres: a wall seen at 10 degrees by beams a degree apart.
+const GAP_PART: f32 = 0.1;
 
 const GAP_LEAST_M: f32 = 0.1;
 const GAP_MOST_M: f32 = 1.0;
@@ -31,6 +32,7 @@ const GAP_MOST_M: f32 = 1.0;
 const REACH_M: f32 = 0.25;
 const POINTS_LEAST: usize = 3;
 /// A wall is flat if its points lie this much less across than along, as variances.
+const FLAT: f32 = 0.12;
 
 /// Beams to each side at most.
 const BEAMS: usize = 12;
@@ -105,14 +107,14 @@ pub(crate) fn gap(a: [f32; 2], b: [f32; 2]) -> f32 {
 
 fn are_joined(a: [f32; 2], b: [f32; 2]) -> bool {
     let nearest = gap(a, [0.0; 2]).min(gap(b, [0.0; 2]));
-    gap(a, b) <= (*GAPP * nearest).clamp(GAP_LEAST_M, GAP_MOST_M)
+    gap(a, b) <= (GAP_PART * nearest).clamp(GAP_LEAST_M, GAP_MOST_M)
 }
 
 /// Across the wall at this point: the direction in which its neighbours differ least.
 fn normal(ends: &[[f32; 2]], joined: &[bool], index: usize) -> [f32; 2] {
     let at = ends[index];
     let range = gap(at, [0.0; 2]);
-    let reach = REACH_M.max(2.2 * *GAPP * range);
+    let reach = REACH_M.max(2.2 * GAP_PART * range);
     let before = (1..=BEAMS.min(index))
         .take_while(|back| joined[index - back + 1] && gap(ends[index - back], at) <= reach)
         .count();
@@ -135,7 +137,7 @@ fn normal(ends: &[[f32; 2]], joined: &[bool], index: usize) -> [f32; 2] {
     let (half, middle) = ((xx - yy) / 2.0, (xx + yy) / 2.0);
     let apart = (half * half + xy * xy).sqrt();
     let (most, least) = (middle + apart, (middle - apart).max(0.0));
-    if most <= 0.0 || least > *FLATK * most {
+    if most <= 0.0 || least > FLAT * most {
         return [0.0; 2];
     }
     // The eigenvector of the lesser eigenvalue, from whichever row is longer.
@@ -151,6 +153,3 @@ fn normal(ends: &[[f32; 2]], joined: &[bool], index: usize) -> [f32; 2] {
     let sign = if x * at[0] + y * at[1] > 0.0 { -1.0 } else { 1.0 };
     [sign * x / length, sign * y / length]
 }
-
-static GAPP: std::sync::LazyLock<f32> = std::sync::LazyLock::new(|| crate::track::knob("GAPP", 0.1) as f32);
-static FLATK: std::sync::LazyLock<f32> = std::sync::LazyLock::new(|| crate::track::knob("FLAT", 0.12) as f32);

@@ -99,11 +99,6 @@ impl Surfels {
         &self.likely
     }
 
-    /// Whether nothing is drawn.
-    pub(crate) fn is_empty(&self) -> bool {
-        self.items.is_empty()
-    }
-
     /// Draws a scan seen from `pose`.
     pub(crate) fn draw(&mut self, pose: Pose, cloud: &Cloud) {
         let frame = Frame::new(pose);
@@ -111,7 +106,8 @@ impl Surfels {
         for spot in cloud.spots() {
             let (at, normal) = (frame.place(spot.at), frame.turned(spot.normal));
             if let Some((last, before)) = last.filter(|_| spot.is_joined)
-                && (lies_along(last, at, before) && lies_along(last, at, normal) || crate::track::knob("ALONG", 1.0) == 0.0)
+                && lies_along(last, at, before)
+                && lies_along(last, at, normal)
             {
                 self.draw_between(last, at, normal);
             }

@@ -67,6 +67,8 @@ pub struct Mapper {
     /// Of each scan its keyframe, and its pose from there.
     scans: Vec<(usize, Pose)>,
     pub(crate) pose: Pose,
+    /// The keyframe that the pose is known from.
+    at: usize,
     path_m: f64,
     /// Walls seen lately, the keyframes in them, and where their middle is.
     walls: Surfels,
@@ -78,24 +80,32 @@ pub struct Mapper {
 }
 
 /// To each side of the walls' middle, metres.
-const WALLS_M: f32 = 30.0;
+const WALLS_M: f32 = 50.0;
 /// Farther from the middle the walls are drawn anew.
+const OFF_MIDDLE_M: f64 = 8.0;
 
 /// Way back that walls are remembered for, metres, and keyframes in them at most.
-
+const LATELY_M: f64 = 30.0;
+const DRAWN_MAX: usize = 100;
 
 /// A keyframe each so many metres or radians.
+const KEY_M: f64 = 0.3;
 
 const KEY_RAD: f64 = 0.3;
+/// So much of a scan on walls, seen so long ago, metres of way, by so many keyframes, tells nothing
+/// new.
+const KNOWN: f64 = 0.8;
+const KNOWN_AFTER_M: f64 = 50.0;
+const KNOWN_BY: usize = 3;
 /// Spots of a scan that are compared with the walls.
 const SPOTS: usize = 180;
 /// Poses that are laid onto the walls in detail.
+const TRIES: usize = 4;
 
 /// Errors of wheels that slip, as a part of what is usual, at least.
 const RARE: f64 = 0.7;
 /// Deviations of wheels that do not, in mean errors.
-#[allow(non_snake_case)]
-fn USUAL() -> f64 { knob("USUAL", 1.5) }
+const USUAL: f64 = 1.5;
 /// Squared deviations up to which wheels have not slipped.
 const SLIPPED: f64 = 12.0;
 /// Less of a scan on walls calls for a wider search, and that much more makes its result believed.
@@ -116,8 +126,9 @@ impl Mapper {
             closing: Closing::default(),
             scans: Vec::new(),
             pose: settings.start,
+            at: 0,
             path_m: 0.0,
-            walls: Surfels::around([0.0; 2], knob("WALLS",50.0) as f32),
+            walls: Surfels::around([0.0; 2], WALLS_M),
             drawn: Vec::new(),
             unsure: [0.0; 2],
             wheels: [1.0; 2],
@@ -150,13 +161,14 @@ impl Mapper {
         for (unsure, by) in self.unsure.iter_mut().zip(prior.deviation) {
             *unsure += by * by;
         }
-        let last = self.keyframes.len() - 1;
-        let since = between(self.graph.poses[last], pose);
-        let is_far = libm::hypot(since.x, since.y) > knob("KEYM",0.3) || since.theta.abs() > KEY_RAD;
-        if is_far && !cloud.spots().is_empty() {
-            self.keep(cloud, Some(fit).filter(|_| !is_doubtful));
+        let since = between(self.graph.poses[self.at], pose);
+        let is_far = libm::hypot(since.x, since.y) > KEY_M || since.theta.abs() > KEY_RAD;
+        if !is_far || cloud.spots().is_empty() {
+            self.scans.push((self.at, since));
+        } else if let Some(old) = self.known_from(&fit) {
+            self.lean_on(old, &fit);
         } else {
-            self.scans.push((last, since));
+            self.keep(cloud, Some(fit).filter(|_| !is_doubtful));
         }
         let known = sum(&fit.information, &prior.information());
         let covariance = inverse(&known).unwrap_or(diagonal([1.0; 3]));
@@ -198,7 +210,7 @@ impl Mapper {
     /// The same of wheels that have not slipped: wheels are mostly right, and now and then very
     /// wrong.
     fn firm(&self, prior: &Prior) -> Prior {
-        let part = |axis: usize| (USUAL() * self.wheels[axis] / self.wheels[axis].max(RARE)).min(1.0);
+        let part = |axis: usize| (USUAL * self.wheels[axis] / self.wheels[axis].max(RARE)).min(1.0);
         let [metres, radians] = prior.deviation;
         Prior {
             deviation: [metres * part(0), radians * part(1)],
@@ -240,6 +252,34 @@ impl Mapper {
         }
     }
 
+    /// The nearest of enough keyframes that saw the same long ago: a robot that stays in a building
+    /// does not fill its memory.
+    fn known_from(&self, fit: &Fit) -> Option<usize> {
+        if fit.explained < KNOWN || !self.settings.closes_loops {
+            return None;
+        }
+        let near = |key: &&usize| {
+            let way = between(self.graph.poses[**key], self.pose);
+            let is_old = self.path_m - self.keyframes[**key].path_m > KNOWN_AFTER_M;
+            is_old && libm::hypot(way.x, way.y) < KEY_M && way.theta.abs() < KEY_RAD
+        };
+        let near: Vec<usize> = self.drawn.iter().filter(near).copied().collect();
+        let far = |key: &usize| distance(self.graph.poses[*key], self.pose);
+        let nearest = near.iter().copied().min_by(|a, b| far(a).total_cmp(&far(b)));
+        nearest.filter(|_| near.len() >= KNOWN_BY)
+    }
+
+    /// The robot is where an old keyframe stands: it goes on from there.
+    fn lean_on(&mut self, old: usize, fit: &Fit) {
+        self.at = old;
+        self.scans.push((old, between(self.graph.poses[old], self.pose)));
+        let variance = inverse(&blurred(&fit.information)).unwrap_or(diagonal([1.0; 3]));
+        self.unsure = [variance[0][0].max(variance[1][1]), variance[2][2]];
+        if self.is_stale() {
+            self.redraw();
+        }
+    }
+
     /// Keeps a scan, taken where the robot is now; `fit` is what the walls said.
     fn keep(&mut self, cloud: Cloud, fit: Option<Fit>) {
         let number = self.graph.add_pose(self.pose);
@@ -249,7 +289,8 @@ impl Mapper {
             scan: self.scans.len(),
         });
         self.scans.push((number, Pose::default()));
-        if let Some(last) = number.checked_sub(1) {
+        if number > 0 {
+            let last = self.at;
             let from = self.graph.poses[last];
             let unsure = self.unsure.map(|variance| 1.0 / variance.max(1e-8));
             let by_wheels = diagonal([unsure[0], unsure[0], unsure[1]]);
@@ -265,6 +306,7 @@ impl Mapper {
                 kind: Kind::Way,
             });
         }
+        self.at = number;
         self.unsure = [0.0; 2];
         let has_moved = self.settings.closes_loops && self.close(number);
         if has_moved || self.is_stale() {
@@ -283,17 +325,16 @@ impl Mapper {
     fn is_stale(&self) -> bool {
         let [x, y] = self.walls.middle().map(f64::from);
         self.drawn.is_empty()
-            || self.drawn.len() > (knob("DRAWN",100.0) as usize)
-            || libm::hypot(self.pose.x - x, self.pose.y - y) > knob("MIDDLE",8.0)
+            || self.drawn.len() > DRAWN_MAX
+            || libm::hypot(self.pose.x - x, self.pose.y - y) > OFF_MIDDLE_M
     }
 
     /// Draws the walls anew: those that belong to where the robot is, whatever way it came.
     fn redraw(&mut self) {
-        let last = self.keyframes.len() - 1;
-        let ways = self.graph.ways_from(last, knob("LATELY",30.0));
-        let mut near: Vec<usize> = (0..=last).filter(|key| ways[*key] < knob("LATELY",30.0)).collect();
+        let ways = self.graph.ways_from(self.at, LATELY_M);
+        let mut near: Vec<usize> = (0..ways.len()).filter(|key| ways[*key] < LATELY_M).collect();
         near.sort_by(|a, b| ways[*a].total_cmp(&ways[*b]).then(b.cmp(a)));
-        near.truncate((knob("DRAWN",100.0) as usize) / 2);
+        near.truncate(DRAWN_MAX / 2);
         self.walls.clear(Frame::new(self.pose).at);
         self.drawn.clear();
         for key in near {
@@ -373,7 +414,7 @@ pub(crate) fn best_fit(walls: &Surfels, spots: &[Spot], window: &Window, prior: 
             distance(one.pose, other.pose) > 0.25 || turn > 2.5 * window.step
         };
         let is_high = tried.first().is_none_or(|best| one.score > 0.85 * best.score);
-        if !is_high || tried.len() >= (knob("TRIES",4.0) as usize) {
+        if !is_high || tried.len() >= TRIES {
             break;
         }
         if !tried.iter().all(is_summit) {
@@ -389,15 +430,17 @@ pub(crate) fn best_fit(walls: &Surfels, spots: &[Spot], window: &Window, prior: 
 }
 
 /// Errors that all spots of a scan have in common: metres, radians.
+const COMMON_M: f64 = 0.005;
+const COMMON_RAD: f64 = 0.001;
 
 
 
 /// What is known, and not more than errors in common leave.
 pub(crate) fn blurred(information: &Matrix) -> Matrix {
     let common = diagonal([
-        knob("COMM",0.005) * knob("COMM",0.005),
-        knob("COMM",0.005) * knob("COMM",0.005),
-        knob("COMR",0.001) * knob("COMR",0.001),
+        COMMON_M * COMMON_M,
+        COMMON_M * COMMON_M,
+        COMMON_RAD * COMMON_RAD,
     ]);
     let least = diagonal([1e-3, 1e-3, 1e-3]);
     inverse(&sum(information, &least))
@@ -409,6 +452,7 @@ pub(crate) fn blurred(information: &Matrix) -> Matrix {
 pub(crate) fn seen_from(pose: Pose, information: &Matrix) -> Matrix {
     turned(information, -libm::sin(pose.theta), libm::cos(pose.theta))
 }
+
 
 impl Mapper {
     /// For looking on.
@@ -424,9 +468,4 @@ impl Mapper {
             self.wheels,
         )
     }
-}
-
-/// k
-pub fn knob(name: &str, default: f64) -> f64 {
-    std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default)
 }
