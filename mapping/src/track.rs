@@ -77,6 +77,8 @@ pub struct Mapper {
     unsure: [f64; 2],
     /// How wrong the wheels were lately, against what is usual.
     wheels: [f64; 2],
+    /// What the wheels miss always: radians per metre.
+    bias: f64,
 }
 
 /// To each side of the walls' middle, metres.
@@ -102,6 +104,10 @@ const SPOTS: usize = 180;
 /// Poses that are laid onto the walls in detail.
 const TRIES: usize = 4;
 
+/// So much of what the wheels missed in a metre is taken for what they miss always, and most of
+/// that, radians per metre.
+const BIAS_PART: f64 = 0.05;
+const BIAS_MOST: f64 = 0.1;
 /// Errors of wheels that slip, as a part of what is usual, at least.
 const RARE: f64 = 0.7;
 /// Deviations of wheels that do not, in mean errors.
@@ -132,6 +138,7 @@ impl Mapper {
             drawn: Vec::new(),
             unsure: [0.0; 2],
             wheels: [1.0; 2],
+            bias: 0.0,
         }
     }
 
@@ -154,7 +161,7 @@ impl Mapper {
         let is_doubtful = fit.explained < DOUBTFUL;
         let pose = if is_doubtful { prior.pose } else { fit.pose };
         if !is_doubtful && fit.explained > POOR {
-            self.learn(&wide, pose);
+            self.learn(&wide, pose, libm::hypot(shot.moved.x, shot.moved.y));
         }
         self.path_m += distance(self.pose, pose);
         self.pose = pose;
@@ -198,8 +205,9 @@ impl Mapper {
         }
         let noise = self.settings.noise;
         let [far, turned] = self.wheels.map(|wheels| wheels.max(RARE));
+        let straight = Pose::new(0.0, 0.0, self.bias * way);
         Prior {
-            pose: moved(self.pose, shot.moved),
+            pose: moved(moved(self.pose, shot.moved), straight),
             deviation: [
                 (metres * far * noise).min(0.6),
                 (radians * turned * noise).min(0.35),
@@ -218,10 +226,14 @@ impl Mapper {
         }
     }
 
-    /// How wrong the wheels were: soon believed if it is more than thought, slowly if less.
-    fn learn(&mut self, prior: &Prior, pose: Pose) {
-        let turn = wrap_angle(pose.theta - prior.pose.theta).abs();
-        let off = [distance(pose, prior.pose), turn];
+    /// How wrong the wheels were: soon believed if it is more than thought, slowly if less. What
+    /// they miss always would bend a long corridor, a little of it at each scan.
+    fn learn(&mut self, prior: &Prior, pose: Pose, way_m: f64) {
+        let turn = wrap_angle(pose.theta - prior.pose.theta);
+        let most = 2.0 * prior.deviation[1];
+        self.bias += BIAS_PART * way_m.min(1.0) * turn.clamp(-most, most) / way_m.max(0.2);
+        self.bias = self.bias.clamp(-BIAS_MOST, BIAS_MOST);
+        let off = [distance(pose, prior.pose), turn.abs()];
         for axis in [0, 1] {
             let usual = prior.deviation[axis] / self.wheels[axis].max(RARE);
             let seen = (off[axis] / usual).min(8.0);
