@@ -206,26 +206,74 @@ impl Surfels {
         }
         let here = self.inner(at);
         let mut best: Option<(f32, Near)> = None;
+        let mut blend = Blend::default();
         for dy in -1..=1 {
             let row = self.flat(x - 1, y + dy);
             for number in &self.index[row..row + 3] {
                 let Some(item) = usize::from(*number).checked_sub(1) else {
                     continue;
                 };
-                let Some((far, near)) = self.items[item].seen_from(here, normal) else {
+                let item = &self.items[item];
+                let Some((far, near)) = item.seen_from(here, normal) else {
                     continue;
                 };
+                blend.add(item.count, far, &near);
                 if best.as_ref().is_none_or(|(least, _)| far < *least) {
                     best = Some((far, near));
                 }
             }
         }
         let (_, near) = best?;
+        let near = if near.normal == [0.0; 2] {
+            near
+        } else {
+            blend.near()
+        };
         let at = [
             near.at[0] + self.corner[0] as f32 * CELL_M,
             near.at[1] + self.corner[1] as f32 * CELL_M,
         ];
         Some(Near { at, ..near })
+    }
+}
+
+/// Walls of neighbouring cells, the nearest most: so that a spot that goes from one cell to the
+/// next does not go from one wall to another.
+#[derive(Default)]
+struct Blend {
+    weight: f32,
+    at: [f32; 2],
+    normal: [f32; 2],
+}
+
+/// Squared metres at which a wall counts a quarter of one right here.
+const BLEND: f32 = 0.001;
+/// A wall that was seen oftener than this counts no more.
+const COUNT_MAX: f32 = 10.0;
+
+impl Blend {
+    #[inline]
+    fn add(&mut self, count: f32, far: f32, near: &Near) {
+        if near.normal == [0.0; 2] {
+            return;
+        }
+        let part = 1.0 / (far + BLEND);
+        let weight = count.min(COUNT_MAX) * part * part;
+        self.weight += weight;
+        self.at[0] += weight * near.at[0];
+        self.at[1] += weight * near.at[1];
+        self.normal[0] += weight * near.normal[0];
+        self.normal[1] += weight * near.normal[1];
+    }
+
+    #[inline]
+    fn near(&self) -> Near {
+        let [x, y] = self.normal;
+        let length = (x * x + y * y).sqrt();
+        Near {
+            at: [self.at[0] / self.weight, self.at[1] / self.weight],
+            normal: [x / length, y / length],
+        }
     }
 }
 
