@@ -30,8 +30,7 @@ pub(crate) struct Closing {
     looked_at_m: f64,
     /// Edges since the poses were made to agree.
     fresh: usize,
-    /// Loops found, and places that looked like another.
-    pub(crate) loops: usize,
+    /// How often a place looked like several.
     pub(crate) ambiguous: usize,
 }
 
@@ -314,7 +313,6 @@ impl Mapper {
             });
         }
         self.closing.guesses.clear();
-        self.closing.loops += 1;
         self.agree();
         true
     }

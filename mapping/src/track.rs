@@ -464,20 +464,3 @@ pub(crate) fn blurred(information: &Matrix) -> Matrix {
 pub(crate) fn seen_from(pose: Pose, information: &Matrix) -> Matrix {
     turned(information, -libm::sin(pose.theta), libm::cos(pose.theta))
 }
-
-
-impl Mapper {
-    /// For looking on.
-    pub fn describe(&self) -> String {
-        let loops = self.graph.edges.iter().filter(|e| e.kind == Kind::Loop);
-        format!(
-            "keyframes {} edges {} loop edges {} loops {} ambiguous {} wheels {:.1?}",
-            self.keyframes.len(),
-            self.graph.edges.len(),
-            loops.count(),
-            self.closing.loops,
-            self.closing.ambiguous,
-            self.wheels,
-        )
-    }
-}
