@@ -15,10 +15,10 @@ pub mod mcap;
 #[cfg(feature = "mcap")]
 mod messages;
 pub mod motion;
-pub mod tour;
-pub mod tuning;
 mod stamps;
 pub mod survey;
+pub mod tour;
+pub mod tuning;
 pub(crate) mod wire;
 
 use emulators::world::Pose;

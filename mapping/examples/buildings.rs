@@ -32,7 +32,9 @@ struct Told {
 }
 
 fn main() -> ExitCode {
-    let mut numbers = std::env::args().skip(1).filter_map(|word| word.parse().ok());
+    let mut numbers = std::env::args()
+        .skip(1)
+        .filter_map(|word| word.parse().ok());
     let first: u64 = numbers.next().unwrap_or(0);
     let count = numbers.next().unwrap_or(20);
     let (mut failed, mut with_false, mut silent) = (0, 0, 0);
@@ -60,7 +62,10 @@ fn main() -> ExitCode {
 
 fn judged(seed: u64) -> Told {
     let building = Building::generate(seed);
-    let start = building.sights.first().map_or(Pose::default(), |sight| sight.truth);
+    let start = building
+        .sights
+        .first()
+        .map_or(Pose::default(), |sight| sight.truth);
     let mut mapper = Mapper::new(Settings {
         start,
         ..Settings::default()
@@ -100,7 +105,11 @@ fn contradicts(edge: &Edge, truth: Pose) -> bool {
     let off = [truth.x - edge.way.x, truth.y - edge.way.y, turn];
     let mut deviations = 0.0;
     for (row, a) in edge.information.iter().zip(off) {
-        deviations += row.iter().zip(off).map(|(value, b)| a * value * b).sum::<f64>();
+        deviations += row
+            .iter()
+            .zip(off)
+            .map(|(value, b)| a * value * b)
+            .sum::<f64>();
     }
     deviations > 100.0 && (libm::hypot(off[0], off[1]) > FALSE_M || turn.abs() > FALSE_RAD)
 }
@@ -109,7 +118,9 @@ fn contradicts(edge: &Edge, truth: Pose) -> bool {
 fn absolute_m(truth: &[Pose], way: &[Pose]) -> f64 {
     let count = truth.len().max(1) as f64;
     let mean = |poses: &[Pose]| {
-        let sum = poses.iter().fold([0.0; 2], |[x, y], pose| [x + pose.x, y + pose.y]);
+        let sum = poses
+            .iter()
+            .fold([0.0; 2], |[x, y], pose| [x + pose.x, y + pose.y]);
         sum.map(|sum| sum / count)
     };
     let (middle, here) = (mean(truth), mean(way));
@@ -125,6 +136,9 @@ fn absolute_m(truth: &[Pose], way: &[Pose]) -> f64 {
         let from_here = Pose::new(pose.x - here[0], pose.y - here[1], 0.0);
         moved(Pose::new(middle[0], middle[1], turn), from_here)
     };
-    let off = truth.iter().zip(way).map(|(truth, pose)| distance(*truth, laid(pose)));
+    let off = truth
+        .iter()
+        .zip(way)
+        .map(|(truth, pose)| distance(*truth, laid(pose)));
     off.sum::<f64>() / count
 }

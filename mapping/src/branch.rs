@@ -82,12 +82,22 @@ pub(crate) fn search(
     let step = step_for(&spots);
     let turns = whole(libm::ceil(wide.turn / step));
     let all: Vec<Turned> = (-turns..=turns)
-        .map(|turn| turned(walls, &spots, middle, middle.theta + f64::from(turn) * step, reach))
+        .map(|turn| {
+            turned(
+                walls,
+                &spots,
+                middle,
+                middle.theta + f64::from(turn) * step,
+                reach,
+            )
+        })
         .collect();
     let least = floor_of(wide.floor, spots.len());
     let mut queue = Vec::new();
     for (number, turned) in all.iter().enumerate() {
-        bound(bounds, turned, reach, least, |sum, x, y| queue.push((sum, number, x, y)));
+        bound(bounds, turned, reach, least, |sum, x, y| {
+            queue.push((sum, number, x, y))
+        });
     }
     queue.sort_by(|a, b| b.0.cmp(&a.0).then((a.1, a.2, a.3).cmp(&(b.1, b.2, b.3))));
     let scale = 1.0 / (255.0 * spots.len().max(1) as f64);
@@ -135,7 +145,10 @@ fn floor_of(floor: f64, spots: usize) -> u16 {
 
 /// A heading step that moves a spot of mean distance by a cell.
 pub(crate) fn step_for(spots: &[Spot]) -> f64 {
-    let sum: f32 = spots.iter().map(|spot| crate::cloud::gap(spot.at, [0.0; 2])).sum();
+    let sum: f32 = spots
+        .iter()
+        .map(|spot| crate::cloud::gap(spot.at, [0.0; 2]))
+        .sum();
     let mean = f64::from(sum) / spots.len().max(1) as f64;
     (f64::from(CELL_M) / mean.max(1.0)).clamp(0.012, 0.035)
 }
@@ -173,7 +186,10 @@ fn bound(
         .map(|[x, y]| {
             let phase = (y % BLOCK) * BLOCK + x % BLOCK;
             let flat = (y / BLOCK) * bounds.width + x / BLOCK;
-            (phase.cast_unsigned() as usize, flat.cast_unsigned() as usize)
+            (
+                phase.cast_unsigned() as usize,
+                flat.cast_unsigned() as usize,
+            )
         })
         .collect();
     for row in 0..blocks {
@@ -183,7 +199,9 @@ fn bound(
             for (phase, flat) in &starts {
                 let from = flat + offset;
                 let plane = &bounds.planes[*phase];
-                let Some(cells) = plane.get(from..).and_then(|cells| cells.first_chunk::<LANES>())
+                let Some(cells) = plane
+                    .get(from..)
+                    .and_then(|cells| cells.first_chunk::<LANES>())
                 else {
                     continue;
                 };
@@ -209,7 +227,9 @@ fn look_into(walls: &Surfels, turned: &Turned, x: i32, y: i32) -> (u16, i32, i32
         let flat = ((start[1] + y) * side + start[0] + x).cast_unsigned() as usize;
         for (row, sums) in sums.iter_mut().enumerate() {
             let from = flat + row * side.cast_unsigned() as usize;
-            let cells = likely.get(from..).and_then(|cells| cells.first_chunk::<4>());
+            let cells = likely
+                .get(from..)
+                .and_then(|cells| cells.first_chunk::<4>());
             for (sum, cell) in sums.iter_mut().zip(cells.into_iter().flatten()) {
                 *sum += u16::from(*cell);
             }
@@ -224,4 +244,71 @@ fn look_into(walls: &Surfels, turned: &Turned, x: i32, y: i32) -> (u16, i32, i32
         }
     }
     best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::Cloud;
+    use emulators::rng::Rng;
+
+    /// Points of no order, and the same points seen from elsewhere: their place is found to a cell
+    /// and a step, metres from where it was looked for, and no other is nearly as good.
+    #[test]
+    fn a_place_is_found_in_a_wide_window_and_nothing_else() {
+        let mut rng = Rng::stream(3, "test.branch");
+        let mut point = || [0, 1].map(|_: u8| rng.range(-6.0, 6.0) as f32);
+        let ends: Vec<[f32; 2]> = (0..200).map(|_| point()).collect();
+        let mut walls = Surfels::around([0.0; 2], 25.0);
+        walls.draw(Pose::default(), &Cloud::new(&ends));
+        let here = Pose::new(1.7, -2.3, 0.21);
+        let back = crate::motion::between(here, Pose::default());
+        let frame = Frame::new(back);
+        let spots: Vec<Spot> = ends
+            .iter()
+            .map(|at| Spot {
+                at: frame.place(*at),
+                normal: [0.0; 2],
+                is_joined: false,
+            })
+            .collect();
+        let wide = Wide {
+            reach_m: 4.0,
+            turn: 0.4,
+            floor: 0.4,
+        };
+        let bounds = Bounds::of(&walls);
+        let (found, is_cut) = search(&walls, &bounds, &spots, Pose::default(), &wide);
+        let best = found[0];
+        assert!(
+            !is_cut && crate::motion::distance(best.pose, here) < 0.15,
+            "{best:?}"
+        );
+        assert!((best.pose.theta - here.theta).abs() < 0.03);
+        let rival = found
+            .iter()
+            .find(|one| crate::motion::distance(one.pose, here) > 0.5);
+        assert!(
+            rival.is_none_or(|rival| rival.score < 0.8 * best.score),
+            "{rival:?}"
+        );
+    }
+
+    /// A bound is never below what its block holds, in every block of random walls.
+    #[test]
+    fn no_bound_is_below_the_best_of_its_block() {
+        let mut rng = Rng::stream(5, "test.bounds");
+        let mut point = || [0, 1].map(|_: u8| rng.range(-3.0, 3.0) as f32);
+        let ends: Vec<[f32; 2]> = (0..120).map(|_| point()).collect();
+        let mut walls = Surfels::around([0.0; 2], 12.0);
+        walls.draw(Pose::default(), &Cloud::new(&ends));
+        let spots: Vec<Spot> = Cloud::new(&ends).spots().to_vec();
+        let turned = turned(&walls, &spots, Pose::default(), 0.3, 16);
+        let mut told = 0;
+        bound(&Bounds::of(&walls), &turned, 16, 0, |sum, x, y| {
+            told += 1;
+            assert!(look_into(&walls, &turned, x, y).0 <= sum, "{x} {y}");
+        });
+        assert_eq!(told, 81);
+    }
 }

@@ -64,7 +64,9 @@ struct Robot {
 
 impl Robot {
     fn drawn(rng: &mut Rng) -> Self {
-        let pick = |of: &[f64], rng: &mut Rng| of[usize::try_from(rng.below(of.len() as u64)).unwrap_or(0)];
+        let pick = |of: &[f64], rng: &mut Rng| {
+            of[usize::try_from(rng.below(of.len() as u64)).unwrap_or(0)]
+        };
         let field_deg = pick(&[180.0, 180.0, 240.0, 360.0], rng);
         Self {
             beams: if field_deg > 300.0 { 360 } else { 181 },
@@ -121,10 +123,15 @@ const SLIP_MOST: f64 = 0.52;
 const GLASS_PASSES: f64 = 0.8;
 
 impl Building {
-    /// The building of this number, and the way through it.
+    /// The building of this number, and a way of some hundred metres through it.
     pub fn generate(seed: u64) -> Self {
+        Self::with_way(seed, 0.0)
+    }
+
+    /// The same building, and a way of at least so many metres.
+    pub fn with_way(seed: u64, least_m: f64) -> Self {
         let mut rng = Rng::stream(seed, "building.plan");
-        let plan = Plan::drawn(&mut rng);
+        let plan = Plan::drawn(&mut rng, least_m);
         let robot = Robot::drawn(&mut Rng::stream(seed, "building.robot"));
         let rays = Rays::new(&plan.walls);
         let mut wheels = Rng::stream(seed, "building.wheels");

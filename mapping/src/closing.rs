@@ -67,8 +67,6 @@ const AGREE_RAD: f64 = 0.05;
 const STRAINED: f64 = 12.0;
 const FRESH_MAX: usize = 40;
 
-
-
 fn grown(by: [f64; 3], way_m: f64) -> f64 {
     (by[0] + by[1] * way_m).min(by[2])
 }
@@ -126,8 +124,12 @@ impl Mapper {
     fn chain(&self, key: usize, before_m: f64, behind_m: f64) -> core::ops::Range<usize> {
         let at_m = self.keyframes[key].path_m;
         let path = |key: &crate::track::Keyframe| key.path_m;
-        let first = self.keyframes.partition_point(|key| path(key) < at_m - before_m);
-        let end = self.keyframes.partition_point(|key| path(key) <= at_m + behind_m);
+        let first = self
+            .keyframes
+            .partition_point(|key| path(key) < at_m - before_m);
+        let end = self
+            .keyframes
+            .partition_point(|key| path(key) <= at_m + behind_m);
         first..end
     }
 
@@ -291,7 +293,13 @@ impl Mapper {
     fn believe(&mut self, guess: Guess) -> bool {
         let at_m = self.keyframes[guess.to].path_m;
         let lately = |other: &Guess| at_m - self.keyframes[other.to].path_m < 2.0 * PLACE_M;
-        self.closing.guesses = self.closing.guesses.iter().copied().filter(lately).collect();
+        self.closing.guesses = self
+            .closing
+            .guesses
+            .iter()
+            .copied()
+            .filter(lately)
+            .collect();
         let agreeing: Vec<Guess> = self
             .closing
             .guesses
@@ -331,5 +339,87 @@ impl Mapper {
         self.closing.fresh = 0;
         self.graph.optimise(6);
         self.pose = *self.graph.poses.last().expect("a keyframe was just kept");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Settings;
+
+    /// What a lidar at the origin sees of a room from (-2, -1.5) to (3, 2), metres, that has a
+    /// niche to the north: there is no other place in it from which it looks the same.
+    fn room() -> Cloud {
+        let ends = (-180..180).map(|degree| {
+            let (sin, cos) = libm::sincos((f64::from(degree) + 0.5).to_radians());
+            let to_x = if cos > 0.0 { 3.0 } else { -2.0 } / cos;
+            let to_y = if sin > 0.0 { 2.0 } else { -1.5 } / sin;
+            let in_niche = sin > 0.0 && (0.5..1.2).contains(&(cos * to_y));
+            let range = to_x.min(if in_niche { 2.6 / sin } else { to_y });
+            [(range * cos) as f32, (range * sin) as f32]
+        });
+        Cloud::new(&ends.collect::<Vec<_>>())
+    }
+
+    /// The room is looked for from here, up to 7 m away, where rooms stand at these places.
+    fn looked_for(rooms: &[Pose]) -> (Option<Fit>, usize) {
+        let mut walls = Surfels::around([0.0; 2], 25.0);
+        rooms.iter().for_each(|place| walls.draw(*place, &room()));
+        let mut mapper = Mapper::new(Settings::default());
+        let wide = Wide {
+            reach_m: 7.0,
+            turn: 0.3,
+            floor: 0.45,
+        };
+        let found = mapper.found(&walls, room().spots(), Pose::new(1.0, 0.5, 0.05), &wide);
+        (found, mapper.ambiguous())
+    }
+
+    #[test]
+    fn a_place_that_stands_alone_is_found() {
+        let there = Pose::new(-3.0, 2.0, -0.1);
+        let (found, ambiguous) = looked_for(&[there]);
+        let found = found.expect("a room");
+        assert!(
+            distance(found.pose, there) < 0.02 && found.explained > 0.95,
+            "{found:?}"
+        );
+        assert_eq!(ambiguous, 0);
+    }
+
+    /// At stake: a robot in the second of two rooms alike is not told that it is in the first.
+    #[test]
+    fn of_two_places_alike_neither_is_believed() {
+        let rooms = [Pose::new(-3.0, 2.0, -0.1), Pose::new(4.0, -2.0, 0.0)];
+        let (found, ambiguous) = looked_for(&rooms);
+        assert!(found.is_none() && ambiguous == 1, "{found:?}");
+    }
+
+    /// Two keyframes 1 m apart that are both seen 5 m to the north agree; one that is seen 1 m
+    /// farther does not; and a single one closes nothing.
+    #[test]
+    fn a_place_seen_once_is_not_believed() {
+        let mut mapper = Mapper::new(Settings::default());
+        for number in 0..3 {
+            mapper
+                .graph
+                .add_pose(Pose::new(f64::from(number), 0.0, 0.0));
+            mapper.keyframes.push(crate::track::Keyframe {
+                cloud: room(),
+                path_m: f64::from(number),
+                scan: 0,
+            });
+        }
+        let guess = |to: usize, x: f64| Guess {
+            from: 0,
+            to,
+            way: Pose::new(x, 5.0, 0.0),
+            information: crate::matrix::diagonal([100.0; 3]),
+        };
+        assert!(!mapper.believe(guess(1, 1.0)));
+        assert!(!mapper.believe(guess(2, 3.0)));
+        assert!(mapper.graph.edges.is_empty());
+        assert!(mapper.believe(guess(2, 2.0)));
+        assert_eq!(mapper.graph.edges.len(), 2);
     }
 }

@@ -38,8 +38,13 @@ const FLAT: f32 = 0.12;
 const BEAMS: usize = 12;
 
 impl Cloud {
-    /// Of beam ends, metres in the robot's frame, in the order of their bearings.
+    /// Of beam ends, metres in the robot's frame, in the order of their bearings. What is no number
+    /// is left out.
     pub fn new(ends: &[[f32; 2]]) -> Self {
+        if ends.as_flattened().iter().any(|metres| !metres.is_finite()) {
+            let sound = ends.iter().filter(|[x, y]| x.is_finite() && y.is_finite());
+            return Self::new(&sound.copied().collect::<Vec<_>>());
+        }
         let joined: Vec<bool> = (0..ends.len())
             .map(|index| index > 0 && are_joined(ends[index - 1], ends[index]))
             .collect();
@@ -150,6 +155,55 @@ fn normal(ends: &[[f32; 2]], joined: &[bool], index: usize) -> [f32; 2] {
     if length <= 0.0 {
         return [0.0; 2];
     }
-    let sign = if x * at[0] + y * at[1] > 0.0 { -1.0 } else { 1.0 };
+    let sign = if x * at[0] + y * at[1] > 0.0 {
+        -1.0
+    } else {
+        1.0
+    };
     [sign * x / length, sign * y / length]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A wall 2 m ahead, seen by beams a degree apart: its normal points back at the robot.
+    #[test]
+    fn the_normal_of_a_wall_points_at_the_lidar() {
+        let ends: Vec<[f32; 2]> = (-20..=20).map(|y| [2.0, y as f32 * 0.035]).collect();
+        let cloud = Cloud::new(&ends);
+        let middle = cloud.spots()[cloud.spots().len() / 2];
+        assert!((middle.normal[0] + 1.0).abs() < 1e-4 && middle.normal[1].abs() < 1e-3);
+        assert!(middle.is_joined);
+    }
+
+    /// A door's frame 1 m before the wall behind it: two walls, and nothing between them.
+    #[test]
+    fn walls_one_behind_the_other_are_not_joined() {
+        let near = (0..10).map(|y| [2.0, y as f32 * 0.05]);
+        let far = (10..20).map(|y| [3.0, y as f32 * 0.05]);
+        let cloud = Cloud::new(&near.chain(far).collect::<Vec<_>>());
+        let joined: Vec<bool> = cloud.spots().iter().map(|spot| spot.is_joined).collect();
+        let breaks = joined.iter().skip(1).filter(|joined| !**joined).count();
+        assert_eq!((breaks, joined[10]), (1, false));
+    }
+
+    /// Four centimetres of wall are one spot: 41 points a centimetre apart leave 11.
+    #[test]
+    fn what_is_near_is_thinned() {
+        let ends: Vec<[f32; 2]> = (0..=40).map(|y| [1.0, y as f32 * 0.010_001]).collect();
+        assert_eq!(Cloud::new(&ends).spots().len(), 11);
+    }
+
+    #[test]
+    fn what_is_no_number_is_left_out() {
+        let cloud = Cloud::new(&[[1.0, f32::NAN], [2.0, 0.0], [f32::INFINITY, 0.0]]);
+        assert_eq!(cloud.spots().len(), 1);
+    }
+
+    #[test]
+    fn a_lone_point_has_no_normal() {
+        let cloud = Cloud::new(&[[1.0, 0.0], [5.0, 5.0]]);
+        assert!(cloud.spots().iter().all(|spot| spot.normal == [0.0; 2]));
+    }
 }

@@ -60,7 +60,10 @@ fn best_at(
     theta: f64,
     prior: &Prior,
 ) -> Option<Candidate> {
-    let frame = Frame::new(Pose { theta, ..prior.pose });
+    let frame = Frame::new(Pose {
+        theta,
+        ..prior.pose
+    });
     let side = walls.side();
     let corner = walls.corner();
     let lanes = LANES as i32;
@@ -82,7 +85,11 @@ fn best_at(
     let turn_off = turn * turn * per_rad;
     let mut best: Option<Candidate> = None;
     for row in 0..=2 * reach {
-        let sums = sums(walls.likely(), &starts, (row * side).cast_unsigned() as usize);
+        let sums = sums(
+            walls.likely(),
+            &starts,
+            (row * side).cast_unsigned() as usize,
+        );
         for (column, total) in (0..=2 * reach).zip(sums) {
             let score = f64::from(total) * scale;
             if best.as_ref().is_some_and(|best| score <= best.score) {
@@ -110,7 +117,10 @@ fn sums(likely: &[u8], starts: &[usize], offset: usize) -> [u16; LANES] {
     let mut sums = [0; LANES];
     for start in starts {
         let from = start + offset;
-        let Some(cells) = likely.get(from..).and_then(|cells| cells.first_chunk::<LANES>()) else {
+        let Some(cells) = likely
+            .get(from..)
+            .and_then(|cells| cells.first_chunk::<LANES>())
+        else {
             continue;
         };
         for (sum, cell) in sums.iter_mut().zip(cells) {
@@ -118,4 +128,69 @@ fn sums(likely: &[u8], starts: &[usize], offset: usize) -> [u16; LANES] {
         }
     }
     sums
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use emulators::rng::Rng;
+
+    /// The best of a window, pose after pose, against the one that is found side by side.
+    #[test]
+    fn the_search_finds_what_trying_every_pose_finds() {
+        let mut rng = Rng::stream(7, "test.correlate");
+        let mut point = || [0, 1].map(|_: u8| rng.range(-4.0, 4.0) as f32);
+        let ends: Vec<[f32; 2]> = (0..150).map(|_| point()).collect();
+        let mut walls = Surfels::around([0.0; 2], 12.0);
+        walls.draw(Pose::default(), &crate::Cloud::new(&ends));
+        let spots: Vec<Spot> = ends[..100]
+            .iter()
+            .map(|at| Spot {
+                at: *at,
+                normal: [0.0; 2],
+                is_joined: false,
+            })
+            .collect();
+        let prior = Prior {
+            pose: Pose::new(0.31, -0.22, 0.04),
+            deviation: [0.3, 0.05],
+        };
+        let window = Window {
+            reach: 6,
+            turns: 4,
+            step: 0.02,
+        };
+        let best = search(&walls, &spots, &window, &prior)[0];
+        let mut naive = f64::MIN;
+        for turn in -4..=4 {
+            for y in -6..=6 {
+                for x in -6..=6 {
+                    let way = [x, y, turn].map(f64::from);
+                    let cell = f64::from(CELL_M);
+                    let theta = prior.pose.theta + way[2] * 0.02;
+                    let frame = Frame::new(Pose {
+                        theta,
+                        ..prior.pose
+                    });
+                    let shift = [x, y].map(|cells| cells as f32 * CELL_M);
+                    let sum: f64 = spots
+                        .iter()
+                        .map(|spot| {
+                            // The middle of the spot's cell, so that the shift is by whole cells.
+                            let at = frame.place(spot.at).map(|m| (cell_of(m) + 0.5) * CELL_M);
+                            f64::from(walls.likelihood([at[0] + shift[0], at[1] + shift[1]]))
+                        })
+                        .sum();
+                    let off = (way[0] * way[0] + way[1] * way[1]) * cell * cell / 0.09
+                        + way[2] * way[2] * 0.0004 / 0.0025;
+                    naive = naive.max(sum / 25_500.0 - (COST * off).min(COST_MAX));
+                }
+            }
+        }
+        assert!((best.score - naive).abs() < 1e-5, "{} {naive}", best.score);
+    }
+
+    fn cell_of(metres: f32) -> f32 {
+        cell(metres) as f32
+    }
 }

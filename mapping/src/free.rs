@@ -66,3 +66,32 @@ impl Free {
         spots.iter().filter(stands).count() as f64 / spots.len().max(1) as f64
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A wall 5 m ahead: what stands 2 m ahead is denied, what stands at the wall or beside the
+    /// beams is not.
+    #[test]
+    fn nothing_stands_where_beams_went_through() {
+        let wall: Vec<[f32; 2]> = (-20..=20).map(|y| [5.0, y as f32 * 0.05]).collect();
+        let cloud = Cloud::new(&wall);
+        let mut walls = Surfels::around([0.0; 2], 10.0);
+        walls.draw(Pose::default(), &cloud);
+        let mut free = Free::like(&walls);
+        free.draw(Pose::default(), &cloud);
+        let at = |at: [f32; 2]| Spot {
+            at,
+            normal: [0.0; 2],
+            is_joined: false,
+        };
+        let spots = [
+            at([2.0, 0.0]),
+            at([5.0, 0.0]),
+            at([2.0, 3.0]),
+            at([4.8, 0.0]),
+        ];
+        assert!((free.denied(&walls, &spots, Pose::default()) - 0.25).abs() < 1e-9);
+    }
+}

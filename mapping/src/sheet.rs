@@ -234,11 +234,17 @@ mod tests {
             let row = ((y - sheet.corner[1]) / 0.05).floor() as usize;
             sheet.cells[row * sheet.width + column]
         };
-        assert_eq!((at(0.5, 0.01), at(1.01, 0.01), at(1.3, 0.01)), (0, 255, UNKNOWN));
+        assert_eq!(
+            (at(0.5, 0.01), at(1.01, 0.01), at(1.3, 0.01)),
+            (0, 255, UNKNOWN)
+        );
     }
 
     #[test]
     fn three_beams_through_a_cell_weigh_as_much_as_one_that_ends_there() {
-        assert_eq!((shade(0, 0), shade(1, 3), shade(0, 9), shade(2, 0)), (127, 127, 0, 255));
+        assert_eq!(
+            (shade(0, 0), shade(1, 3), shade(0, 9), shade(2, 0)),
+            (127, 127, 0, 255)
+        );
     }
 }

@@ -70,7 +70,11 @@ impl<'a> System<'a> {
     pub(crate) fn new(plan: &'a Plan) -> Self {
         Self {
             diagonal: vec![ZERO; plan.order.len()],
-            below: plan.columns.iter().map(|rows| vec![ZERO; rows.len()]).collect(),
+            below: plan
+                .columns
+                .iter()
+                .map(|rows| vec![ZERO; rows.len()])
+                .collect(),
             right: vec![[0.0; 3]; plan.order.len()],
             plan,
         }
@@ -102,7 +106,10 @@ impl<'a> System<'a> {
         let count = self.diagonal.len();
         for k in 0..count {
             let inverted = inverse(&self.diagonal[k])?;
-            let lower: Vec<Matrix> = self.below[k].iter().map(|a| product(a, &inverted)).collect();
+            let lower: Vec<Matrix> = self.below[k]
+                .iter()
+                .map(|a| product(a, &inverted))
+                .collect();
             self.eliminate(k, &lower);
             for (row, factor) in self.plan.columns[k].iter().zip(&lower) {
                 let by = applied(factor, self.right[k]);

@@ -83,7 +83,8 @@ impl Surfels {
 
     /// Middle of the square, metres.
     pub(crate) fn middle(&self) -> [f32; 2] {
-        self.corner.map(|corner| (corner + self.side / 2) as f32 * CELL_M)
+        self.corner
+            .map(|corner| (corner + self.side / 2) as f32 * CELL_M)
     }
 
     pub(crate) const fn side(&self) -> i32 {
@@ -336,4 +337,46 @@ pub(crate) fn some_of(spots: &[Spot], most: usize) -> Vec<Spot> {
     (0..most)
         .map(|index| spots[index * spots.len() / most])
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A wall at x = 2.03 m, from y = -1 m to 1 m, seen from the origin.
+    fn wall() -> Surfels {
+        let ends: Vec<[f32; 2]> = (-20..=20).map(|y| [2.03, y as f32 * 0.05]).collect();
+        let mut walls = Surfels::around([0.0; 2], 5.0);
+        walls.draw(Pose::default(), &Cloud::new(&ends));
+        walls
+    }
+
+    #[test]
+    fn a_spot_near_a_wall_lies_on_its_line() {
+        let near = wall().nearest([2.08, 0.33], [-1.0, 0.0]).expect("a wall");
+        assert!((near.at[0] - 2.03).abs() < 1e-3 && (near.normal[0] + 1.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn the_back_of_a_wall_is_another_wall() {
+        assert!(wall().nearest([2.08, 0.33], [1.0, 0.0]).is_none());
+        assert!(wall().nearest([2.5, 0.33], [-1.0, 0.0]).is_none());
+    }
+
+    /// The wall's own cell, the one beside it, and one farther off.
+    #[test]
+    fn beams_end_most_likely_in_the_walls_cells() {
+        let walls = wall();
+        let likely = [2.05, 2.15, 2.25].map(|x| walls.likelihood([x, 0.05]));
+        assert_eq!(likely, [255, 150, 0]);
+    }
+
+    /// Two spots of a wall a metre apart: what is drawn between them lies along it, or is not
+    /// drawn.
+    #[test]
+    fn only_what_lies_along_a_wall_is_drawn_between_its_spots() {
+        assert!(lies_along([0.0, 0.0], [1.0, 0.1], [0.0, 1.0]));
+        assert!(!lies_along([0.0, 0.0], [1.0, 0.5], [0.0, 1.0]));
+        assert!(!lies_along([0.0, 0.0], [1.0, 0.0], [0.0, 0.0]));
+    }
 }

@@ -270,21 +270,31 @@ impl Mapper {
         if fit.explained < KNOWN || !self.settings.closes_loops {
             return None;
         }
-        let near = |key: &&usize| {
-            let way = between(self.graph.poses[**key], self.pose);
-            let is_old = self.path_m - self.keyframes[**key].path_m > KNOWN_AFTER_M;
+        let near = |key: &usize| {
+            let way = between(self.graph.poses[*key], self.pose);
+            let is_old = self.path_m - self.keyframes[*key].path_m > KNOWN_AFTER_M;
             is_old && libm::hypot(way.x, way.y) < KEY_M && way.theta.abs() < KEY_RAD
         };
-        let near: Vec<usize> = self.drawn.iter().filter(near).copied().collect();
+        let mut near: Vec<usize> = (0..self.keyframes.len()).filter(near).collect();
+        if near.len() < KNOWN_BY {
+            return None;
+        }
+        // What only seems to stand here may stand elsewhere.
+        let ways = self.graph.ways_from(self.at, LATELY_M);
+        near.retain(|key| ways[*key] < LATELY_M);
         let far = |key: &usize| distance(self.graph.poses[*key], self.pose);
-        let nearest = near.iter().copied().min_by(|a, b| far(a).total_cmp(&far(b)));
+        let nearest = near
+            .iter()
+            .copied()
+            .min_by(|a, b| far(a).total_cmp(&far(b)));
         nearest.filter(|_| near.len() >= KNOWN_BY)
     }
 
     /// The robot is where an old keyframe stands: it goes on from there.
     fn lean_on(&mut self, old: usize, fit: &Fit) {
         self.at = old;
-        self.scans.push((old, between(self.graph.poses[old], self.pose)));
+        self.scans
+            .push((old, between(self.graph.poses[old], self.pose)));
         let variance = inverse(&blurred(&fit.information)).unwrap_or(diagonal([1.0; 3]));
         self.unsure = [variance[0][0].max(variance[1][1]), variance[2][2]];
         if self.is_stale() {
@@ -344,7 +354,9 @@ impl Mapper {
     /// Draws the walls anew: those that belong to where the robot is, whatever way it came.
     fn redraw(&mut self) {
         let ways = self.graph.ways_from(self.at, LATELY_M);
-        let mut near: Vec<usize> = (0..ways.len()).filter(|key| ways[*key] < LATELY_M).collect();
+        let mut near: Vec<usize> = (0..ways.len())
+            .filter(|key| ways[*key] < LATELY_M)
+            .collect();
         near.sort_by(|a, b| ways[*a].total_cmp(&ways[*b]).then(b.cmp(a)));
         near.truncate(DRAWN_MAX / 2);
         self.walls.clear(Frame::new(self.pose).at);
@@ -368,7 +380,10 @@ impl Mapper {
 
     /// Of each keyframe the number of its scan.
     pub fn scans(&self) -> Vec<usize> {
-        self.keyframes.iter().map(|keyframe| keyframe.scan).collect()
+        self.keyframes
+            .iter()
+            .map(|keyframe| keyframe.scan)
+            .collect()
     }
 
     /// The keyframes and what is known between them.
@@ -425,7 +440,9 @@ pub(crate) fn best_fit(walls: &Surfels, spots: &[Spot], window: &Window, prior: 
             let turn = wrap_angle(one.pose.theta - other.pose.theta).abs();
             distance(one.pose, other.pose) > 0.25 || turn > 2.5 * window.step
         };
-        let is_high = tried.first().is_none_or(|best| one.score > 0.85 * best.score);
+        let is_high = tried
+            .first()
+            .is_none_or(|best| one.score > 0.85 * best.score);
         if !is_high || tried.len() >= TRIES {
             break;
         }
@@ -445,8 +462,6 @@ pub(crate) fn best_fit(walls: &Surfels, spots: &[Spot], window: &Window, prior: 
 const COMMON_M: f64 = 0.005;
 const COMMON_RAD: f64 = 0.001;
 
-
-
 /// What is known, and not more than errors in common leave.
 pub(crate) fn blurred(information: &Matrix) -> Matrix {
     let common = diagonal([
@@ -463,4 +478,126 @@ pub(crate) fn blurred(information: &Matrix) -> Matrix {
 /// What is known in the world's axes, in those of a pose.
 pub(crate) fn seen_from(pose: Pose, information: &Matrix) -> Matrix {
     turned(information, -libm::sin(pose.theta), libm::cos(pose.theta))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is seen, at `from`, of a hall from (0, 0) to (14, 9), metres, with a pillar's corner.
+    fn seen(from: Pose) -> Vec<[f32; 2]> {
+        let beams = (-120..=120).map(|degree| f64::from(degree).to_radians());
+        let ends = beams.map(|bearing| {
+            let (sin, cos) = libm::sincos(from.theta + bearing);
+            let to_x = (if cos > 0.0 { 14.0 } else { 0.0 } - from.x) / cos;
+            let to_y = (if sin > 0.0 { 9.0 } else { 0.0 } - from.y) / sin;
+            let mut range = to_x.min(to_y);
+            let to_pillar = (6.0 - from.x) / cos;
+            let y = from.y + to_pillar * sin;
+            if to_pillar > 0.0 && (4.0..5.0).contains(&y) {
+                range = range.min(to_pillar);
+            }
+            let (sin, cos) = libm::sincos(bearing);
+            [(range * cos) as f32, (range * sin) as f32]
+        });
+        ends.collect()
+    }
+
+    fn drive(mapper: &mut Mapper, from: Pose, by: Pose, said: Pose) -> (Pose, Outcome) {
+        let to = moved(from, by);
+        let ends = seen(to);
+        let outcome = mapper.take(&Shot {
+            moved: said,
+            is_measured: true,
+            ends: &ends,
+        });
+        (to, outcome)
+    }
+
+    /// A robot 2 m inside the hall that has seen it from 5 places.
+    fn at_home() -> (Mapper, Pose) {
+        let mut at = Pose::new(2.0, 2.0, 0.3);
+        let mut mapper = Mapper::new(Settings {
+            start: at,
+            ..Settings::default()
+        });
+        drive(&mut mapper, at, Pose::default(), Pose::default());
+        for _ in 0..4 {
+            let by = Pose::new(0.35, 0.0, 0.05);
+            (at, _) = drive(&mut mapper, at, by, by);
+        }
+        (mapper, at)
+    }
+
+    /// The wheels say straight on while the robot turned by 29 degrees: the walls know better.
+    #[test]
+    fn wheels_that_slip_by_29_degrees_are_found_out() {
+        let (mut mapper, at) = at_home();
+        let by = Pose::new(0.5, 0.0, 0.506);
+        let (at, outcome) = drive(&mut mapper, at, by, Pose::new(0.5, 0.0, 0.0));
+        assert!(distance(outcome.pose, at) < 0.03, "{outcome:?} {at:?}");
+        assert!((outcome.pose.theta - at.theta).abs() < 0.01 && outcome.quality > 0.8);
+    }
+
+    /// A scan of somewhere else altogether: the wheels' word stands, and the scan is doubtful.
+    #[test]
+    fn a_scan_that_fits_nowhere_leaves_the_wheels_word() {
+        let (mut mapper, at) = at_home();
+        let ends: Vec<[f32; 2]> = (0..90)
+            .map(|beam| {
+                let bearing = f64::from(beam * 4).to_radians();
+                let range = 0.5 + 0.07 * f64::from(beam % 7);
+                let (sin, cos) = libm::sincos(bearing);
+                [(range * cos) as f32, (range * sin) as f32]
+            })
+            .collect();
+        let moved_by = Pose::new(0.2, 0.0, 0.0);
+        let outcome = mapper.take(&Shot {
+            moved: moved_by,
+            is_measured: true,
+            ends: &ends,
+        });
+        assert!(
+            outcome.is_doubtful && outcome.quality < DOUBTFUL,
+            "{outcome:?}"
+        );
+        assert!(distance(outcome.pose, moved(at, moved_by)) < 0.05);
+    }
+
+    /// Wheels that say a degree too little each metre: after 20 m half of it is known.
+    #[test]
+    fn what_the_wheels_miss_always_is_learned() {
+        let (mut mapper, mut at) = at_home();
+        for _ in 0..40 {
+            // In circles of 1.6 m, so that the hall is left never.
+            let by = Pose::new(0.5, 0.0, 0.3);
+            let said = Pose::new(0.5, 0.0, 0.3 - 0.5 * 0.0175);
+            (at, _) = drive(&mut mapper, at, by, said);
+        }
+        assert!((0.00875..0.0263).contains(&mapper.bias), "{}", mapper.bias);
+        assert!(distance(mapper.pose, at) < 0.1);
+    }
+
+    /// Ten rounds in one circle: the keyframes of the first rounds do for the rest.
+    #[test]
+    fn a_robot_that_stays_keeps_no_more_keyframes() {
+        let (mut mapper, mut at) = at_home();
+        let mut counts = Vec::new();
+        for _ in 0..12 {
+            for _ in 0..21 {
+                let by = Pose::new(0.5, 0.0, core::f64::consts::TAU / 21.0);
+                (at, _) = drive(&mut mapper, at, by, by);
+            }
+            counts.push(mapper.graph.poses.len());
+        }
+        assert!(counts[11] < counts[7] + 10, "{counts:?}");
+        assert_eq!(mapper.way().len(), 5 + 12 * 21);
+    }
+
+    /// Commonly known errors bound what is known: 5 mm and a milliradian.
+    #[test]
+    fn nothing_is_known_better_than_errors_in_common_leave() {
+        let known = blurred(&diagonal([1e12; 3]));
+        assert!((known[0][0] - 4e4).abs() < 1.0 && (known[2][2] - 1e6).abs() < 10.0);
+    }
 }

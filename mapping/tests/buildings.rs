@@ -37,7 +37,11 @@ fn a_way_around_a_building_ends_where_it_began() {
     };
     let far = off(&mapper);
     assert!(far < 0.25, "{far} m off");
-    let loops = mapper.graph().edges.iter().filter(|edge| edge.kind == Kind::Loop);
+    let loops = mapper
+        .graph()
+        .edges
+        .iter()
+        .filter(|edge| edge.kind == Kind::Loop);
     assert!(loops.count() > 10);
     let (again, _) = mapped(SEED, true);
     assert_eq!(mapper.way(), again.way());

@@ -121,7 +121,11 @@ fn ros_image(map: &Sheet) -> Picture<u8> {
 /// The map, dark where it believes walls, with the way in red; small maps are enlarged.
 fn picture(survey: &Survey) -> Picture {
     let map = &survey.map;
-    let scale = if map.width.max(map.height) < 800 { 2 } else { 1 };
+    let scale = if map.width.max(map.height) < 800 {
+        2
+    } else {
+        1
+    };
     let gray = image(map, |value| 255 - value);
     let mut image = Picture::from_fn(map.width * scale, map.height * scale, |x, y| {
         [gray.pixels()[y / scale * map.width + x / scale]; 3]

@@ -53,7 +53,11 @@ pub fn tour(log: &Log, wish: &Wish, clock: &dyn Clock, progress: &mut dyn FnMut(
         });
         survey.took.push(clock.now() - began);
         // The way begins with the first scan, whatever the wheels did before.
-        let wheels = if done == 0 { here } else { moved(here, shot.moved) };
+        let wheels = if done == 0 {
+            here
+        } else {
+            moved(here, shot.moved)
+        };
         let jump = Jump::between(shot.at_s, millimetres(wheels), millimetres(outcome.pose));
         survey.jumps.extend(jump.filter(|_| shot.is_measured));
         survey.sureness.push(sureness(&outcome));

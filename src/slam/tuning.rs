@@ -24,7 +24,9 @@ impl Tuning {
         for shot in &mut log.shots {
             shot.points
                 .retain(|point| point.distance_mm(Default::default()) < most_mm);
-            shot.points.iter_mut().for_each(|point| point.x_mm += ahead_mm);
+            shot.points
+                .iter_mut()
+                .for_each(|point| point.x_mm += ahead_mm);
         }
         if self.every > 1 {
             log.shots = thinned(core::mem::take(&mut log.shots), self.every);

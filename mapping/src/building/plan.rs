@@ -14,7 +14,8 @@ pub(super) struct Plan {
 const SIZE_M: [f64; 2] = [30.0, 300.0];
 
 impl Plan {
-    pub(super) fn drawn(rng: &mut Rng) -> Self {
+    /// With a route of at least so many metres.
+    pub(super) fn drawn(rng: &mut Rng, least_m: f64) -> Self {
         // Small buildings are as frequent as large ones.
         let size = SIZE_M[0] * libm::pow(SIZE_M[1] / SIZE_M[0], rng.uniform());
         let columns = 1 + rng.below(if size > 80.0 { 4 } else { 2 });
@@ -25,7 +26,7 @@ impl Plan {
         let ys = axis(rows, side, wide, rng);
         let mut plan = Self {
             walls: Vec::new(),
-            route: route(&xs, &ys, rng),
+            route: route(&xs, &ys, least_m, rng),
         };
         plan.outer(&xs, &ys, wide, rng);
         for x in xs.windows(2) {
@@ -162,9 +163,21 @@ impl Plan {
         );
         self.wall(piece.place(piece.at, 0.0), piece.place(a, 0.0), false);
         self.wall(piece.place(b, 0.0), piece.place(piece.end, 0.0), false);
-        self.wall(piece.place(a - left, 0.15), piece.place(a - left, deep), false);
-        self.wall(piece.place(a - left, deep), piece.place(b + right, deep), false);
-        self.wall(piece.place(b + right, deep), piece.place(b + right, 0.15), false);
+        self.wall(
+            piece.place(a - left, 0.15),
+            piece.place(a - left, deep),
+            false,
+        );
+        self.wall(
+            piece.place(a - left, deep),
+            piece.place(b + right, deep),
+            false,
+        );
+        self.wall(
+            piece.place(b + right, deep),
+            piece.place(b + right, 0.15),
+            false,
+        );
         if rng.chance(0.5) {
             let at = piece.place(a + rng.range(0.0, 1.0), deep * rng.range(0.4, 0.8));
             let size = [rng.range(0.4, 1.2), rng.range(0.4, 0.8)];
@@ -174,7 +187,11 @@ impl Plan {
 
     /// Something that stands at the wall.
     fn cupboard(&mut self, piece: &Piece, rng: &mut Rng) {
-        self.wall(piece.place(piece.at, 0.0), piece.place(piece.end, 0.0), false);
+        self.wall(
+            piece.place(piece.at, 0.0),
+            piece.place(piece.end, 0.0),
+            false,
+        );
         let a = piece.at + rng.range(0.1, 0.4);
         let b = (a + rng.range(0.5, 1.5)).min(piece.end);
         let deep = -rng.range(0.15, 0.4);
@@ -215,21 +232,22 @@ fn axis(blocks: u64, size: f64, wide: f64, rng: &mut Rng) -> Vec<f64> {
     all
 }
 
-/// Crossings of a route at most, and least and most length, metres.
-const CROSSINGS_MAX: usize = 60;
+/// Crossings of a route at most, for its length, and least and most length, metres.
+const CROSSINGS_PER_M: f64 = 0.3;
 const ROUTE_M: [f64; 2] = [150.0, 700.0];
 
 /// From crossing to crossing, rarely back; first around a block.
-fn route(xs: &[f64], ys: &[f64], rng: &mut Rng) -> Vec<[f64; 2]> {
+fn route(xs: &[f64], ys: &[f64], least_m: f64, rng: &mut Rng) -> Vec<[f64; 2]> {
     let mut at = [0_usize, 0_usize];
     let place = |at: [usize; 2]| [xs[at[0]], ys[at[1]]];
     let mut route = vec![place(at)];
     let mut last = [usize::MAX; 2];
     let mut length = 0.0;
-    let wanted = rng.range(ROUTE_M[0], ROUTE_M[1]);
+    let wanted = rng.range(ROUTE_M[0], ROUTE_M[1]).max(least_m);
     let loops = [[1, 0], [1, 1], [0, 1], [0, 0]];
     let around = (1 + rng.below(2)) * 4;
-    for leg in 0..CROSSINGS_MAX {
+    let mut leg = 0;
+    while (leg as f64) < 60.0 + CROSSINGS_PER_M * least_m {
         let next = if (leg as u64) < around {
             loops[leg % 4]
         } else {
@@ -239,7 +257,8 @@ fn route(xs: &[f64], ys: &[f64], rng: &mut Rng) -> Vec<[f64; 2]> {
         length += libm::hypot(to[0] - from[0], to[1] - from[1]);
         route.push([to[0] + rng.range(-0.3, 0.3), to[1] + rng.range(-0.3, 0.3)]);
         (last, at) = (at, next);
-        if length > wanted && leg >= 4 {
+        leg += 1;
+        if length > wanted && leg > 4 {
             break;
         }
     }
