@@ -187,6 +187,7 @@ pub(crate) fn judged(walls: &Surfels, spots: &[Spot], pose: Pose) -> Fit {
 }
 
 #[cfg(test)]
+#[expect(clippy::cast_possible_truncation, reason = "metres of a small room")]
 mod tests {
     use super::*;
     use crate::cloud::Cloud;

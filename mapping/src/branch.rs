@@ -11,6 +11,8 @@ use crate::surfels::{CELL_M, Surfels, cell, some_of};
 const BLOCK: i32 = 4;
 /// Blocks whose bounds are computed side by side.
 const LANES: usize = 16;
+/// Cells that they span, and a block more.
+const SPAN: i32 = BLOCK * 17;
 /// Spots that are compared at most.
 const SPOTS_MAX: usize = 240;
 /// Blocks that are looked into at most: more promise something only where everything is alike.
@@ -156,7 +158,7 @@ pub(crate) fn step_for(spots: &[Spot]) -> f64 {
 fn turned(walls: &Surfels, spots: &[Spot], middle: Pose, theta: f64, reach: i32) -> Turned {
     let frame = Frame::new(Pose { theta, ..middle });
     let corner = walls.corner();
-    let inside = 0..walls.side() - 2 * reach - BLOCK * (LANES as i32 + 1);
+    let inside = 0..walls.side() - 2 * reach - SPAN;
     let starts = spots.iter().map(|spot| {
         let at = frame.place(spot.at);
         [
@@ -247,6 +249,7 @@ fn look_into(walls: &Surfels, turned: &Turned, x: i32, y: i32) -> (u16, i32, i32
 }
 
 #[cfg(test)]
+#[expect(clippy::cast_possible_truncation, reason = "metres of a small room")]
 mod tests {
     use super::*;
     use crate::cloud::Cloud;

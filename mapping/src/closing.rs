@@ -343,6 +343,7 @@ impl Mapper {
 }
 
 #[cfg(test)]
+#[expect(clippy::cast_possible_truncation, reason = "metres of a small room")]
 mod tests {
     use super::*;
     use crate::Settings;

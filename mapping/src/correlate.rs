@@ -9,6 +9,8 @@ use crate::surfels::{CELL_M, Surfels, cell};
 
 /// Poses of a row.
 const LANES: usize = 32;
+/// Cells that it spans.
+const SPAN: i32 = 32;
 /// Cells to each side at most.
 pub(crate) const REACH_MAX: i32 = 15;
 /// Spots that are compared at most: their sum fits 16 bits.
@@ -66,7 +68,6 @@ fn best_at(
     });
     let side = walls.side();
     let corner = walls.corner();
-    let lanes = LANES as i32;
     let starts: Vec<usize> = spots
         .iter()
         .filter_map(|spot| {
@@ -75,7 +76,7 @@ fn best_at(
                 cell(at[0]) - corner[0] - reach,
                 cell(at[1]) - corner[1] - reach,
             );
-            let fits = x >= 0 && y >= 0 && x + lanes <= side && y + 2 * reach < side;
+            let fits = x >= 0 && y >= 0 && x + SPAN <= side && y + 2 * reach < side;
             fits.then(|| (y * side + x).cast_unsigned() as usize)
         })
         .collect();
@@ -131,6 +132,7 @@ fn sums(likely: &[u8], starts: &[usize], offset: usize) -> [u16; LANES] {
 }
 
 #[cfg(test)]
+#[expect(clippy::cast_possible_truncation, reason = "metres of a small room")]
 mod tests {
     use super::*;
     use emulators::rng::Rng;

@@ -215,6 +215,7 @@ fn shade(ends: u8, through: u8) -> u8 {
 }
 
 #[cfg(test)]
+#[expect(clippy::cast_possible_truncation, reason = "metres of a small room")]
 mod tests {
     use super::*;
     use crate::cloud::Cloud;

@@ -481,6 +481,7 @@ pub(crate) fn seen_from(pose: Pose, information: &Matrix) -> Matrix {
 }
 
 #[cfg(test)]
+#[expect(clippy::cast_possible_truncation, reason = "metres of a small room")]
 mod tests {
     use super::*;
 

@@ -74,7 +74,9 @@ fn whole(map: &Sheet) -> Vec<u8> {
     let mut cells = vec![UNKNOWN; CELLS * CELLS];
     let first = |axis: usize| {
         let cell = (map.corner[axis] / map.cell_m).round() + CELLS as f64 / 2.0;
-        cell as usize
+        #[expect(clippy::cast_possible_truncation, reason = "a cell of the grid")]
+        let cell = cell as usize;
+        cell
     };
     for (y, row) in map.cells.chunks(map.width).enumerate() {
         let at = (first(1) + y) * CELLS + first(0);
