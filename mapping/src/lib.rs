@@ -5,6 +5,10 @@
 //!      -> places seen again -> edges -> poses that agree best
 //! ```
 //!
+//! Memory: a keyframe has up to 360 spots of 20 bytes, each 0.3 m of new way or 17 degrees of new
+//! turn; where three saw the same more than 50 m of way ago, no more are kept. The sheet takes two
+//! bytes a cell where beams went while it is drawn, 800 a square metre at 50 mm, and one in its box.
+//!
 //! Equal input gives equal output, on every host: no clock, no thread, trigonometry of `libm`.
 
 mod align;

@@ -49,7 +49,8 @@ pub(crate) fn timing<'a>(mode: &'a str, log: &Log, survey: &'a Survey) -> Timing
     let [median, longest, _] = survey.times();
     Timing {
         mode,
-        cell_mm: 1000.0 * survey.map.cell_m,
+        // Whole micrometres: what was asked for, and no remainder of the metres in between.
+        cell_mm: libm::round(1e6 * survey.map.cell_m) / 1000.0,
         scans: survey.way.len(),
         skipped: log.findings.counts().map(|(_, count)| count).sum(),
         doubtful: survey.doubtful,
