@@ -1,5 +1,6 @@
 //! The mapper over a log of scans and odometry, whoever recorded it: CARMEN logs, our captures,
-//! MCAP files. The settings are the same for every log.
+//! MCAP files. The settings are the same for every log. The mapper is the robot's own
+//! ([`survey`](mod@survey)), or the one of the crate `mapping`, which closes loops ([`tour`](mod@tour)).
 //!
 //! ```text
 //! file -> Log: scans, each with the motion since the one before -> survey -> way, map, timing
@@ -16,6 +17,8 @@ mod messages;
 pub mod motion;
 mod stamps;
 pub mod survey;
+pub mod tour;
+pub mod tuning;
 pub(crate) mod wire;
 
 use emulators::world::Pose;

@@ -473,7 +473,11 @@ pub(super) struct Surveyed {
     pub(super) skipped: u64,
     pub(super) doubtful: u64,
     pub(super) ambiguous: u64,
-    pub(super) cell_mm: f32,
+    /// Scans that the mapper put far from where the wheels had.
+    pub(super) jumps: u64,
+    /// Places seen again.
+    pub(super) loop_edges: u64,
+    pub(super) cell_mm: f64,
     pub(super) scan_median_us: f64,
     pub(super) scan_longest_us: f64,
 }

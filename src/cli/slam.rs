@@ -13,7 +13,9 @@ use crate::capture::replay::Recorded;
 use crate::realtime::clock::{Clock as _, WallClock};
 use crate::robots;
 use crate::scenario::{Scenario, Source};
-use crate::slam::survey::{CELL_MM, Jump, settings, survey};
+use crate::slam::survey::{CELL_MM, Jump, Survey, settings, survey};
+use crate::slam::tour::{Wish, tour};
+use crate::slam::tuning::Tuning;
 use crate::slam::{Log, carmen, folder, wire};
 
 /// Run the mapper over a log of scans and odometry: map, trajectory and timing.
@@ -25,11 +27,13 @@ use crate::slam::{Log, carmen, folder, wire};
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig slam intel.log.gz --out intel\n  \
-    hilrig slam intel.log --mode seed     # the seed report's algorithm instead of ours\n  \
+    hilrig slam intel.log --mode core     # the robot's own mapper, without loops\n  \
+    hilrig slam intel.log --mode seed     # the seed report's algorithm\n  \
     hilrig slam hilrig-out/rescue-flat-1 --cell-mm 10     # the capture of a run\n  \
     hilrig slam field.pcapng --scenario scenarios/rescue-flat.toml\n  \
     hilrig slam bag.mcap\n\n\
-    Leaves map.png, map.pgm + map.yaml (ROS), trajectory.tum and timing.json in the folder.")]
+    Leaves map.png, map.pgm + map.yaml (ROS), trajectory.tum and timing.json in the folder; mode\n\
+    graph also scans.csv (how sure each pose is), graph.g2o and walls.pcd.")]
 pub(super) struct SlamArgs {
     /// The log, or a result folder
     #[arg(value_name = "LOG")]
@@ -37,9 +41,24 @@ pub(super) struct SlamArgs {
     /// Scenario whose robot a capture is of [default: the one in the capture]
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
-    /// Whose mapper
+    /// Which mapper
     #[arg(long, value_enum, default_value_t)]
     mode: ModeArg,
+    /// Do not look for places seen again (mode graph)
+    #[arg(long)]
+    no_loops: bool,
+    /// The wheels' errors, as a part of what is usual, 0.1 to 10 (mode graph)
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = factor)]
+    noise: f64,
+    /// Leave out readings farther than this
+    #[arg(long, value_name = "METRES", value_parser = metres)]
+    farthest_m: Option<f64>,
+    /// How far ahead of where the log says the laser sits
+    #[arg(long, value_name = "METRES", default_value_t = 0.0, allow_hyphen_values = true, value_parser = offset)]
+    laser_offset_m: f64,
+    /// Take only each so manieth scan
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
+    every: u16,
     /// Folder for the results [default: hilrig-out/slam-NAME]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -51,13 +70,45 @@ pub(super) struct SlamArgs {
     seed: u64,
 }
 
-#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, ValueEnum)]
 enum ModeArg {
+    /// For buildings: keyframes, places seen again, a map of any size
+    #[default]
+    Graph,
+    /// The robot's own, in its memory
+    Core,
     /// The seed report's tinySLAM
     Seed,
-    /// Ours
-    #[default]
-    Core,
+}
+
+impl ModeArg {
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Graph => "graph",
+            Self::Core => "core",
+            Self::Seed => "seed",
+        }
+    }
+}
+
+/// A number from `least` to `most`.
+fn number(text: &str, least: f64, most: f64) -> Result<f64, String> {
+    let number = text.parse::<f64>().ok();
+    number
+        .filter(|number| (least..=most).contains(number))
+        .ok_or_else(|| format!("expected a number from {least} to {most}"))
+}
+
+fn factor(text: &str) -> Result<f64, String> {
+    number(text, 0.1, 10.0)
+}
+
+fn metres(text: &str) -> Result<f64, String> {
+    number(text, 0.1, 1000.0)
+}
+
+fn offset(text: &str) -> Result<f64, String> {
+    number(text, -3.0, 3.0)
 }
 
 /// Largest log, unpacked.
@@ -66,48 +117,98 @@ const BYTES_MAX: u64 = 1 << 30;
 const PATIENCE: Duration = Duration::from_secs(2);
 
 pub(super) fn run(args: SlamArgs) -> Result<Verdict, CliError> {
-    let log = open(&args.log, args.scenario.as_deref())?;
+    let mut log = open(&args.log, args.scenario.as_deref())?;
     let path = args.log.display();
     for note in &log.notes {
         eprintln!("{path}: {note}");
     }
     print_findings(&log, &args.log);
-    let (mode, name) = match args.mode {
-        ModeArg::Seed => (Mode::Document, "seed"),
-        ModeArg::Core => (Mode::Core, "core"),
+    let tuning = Tuning {
+        farthest_m: args.farthest_m,
+        laser_offset_m: args.laser_offset_m,
+        every: usize::from(args.every),
     };
-    let settings = Settings {
-        seed: args.seed,
-        ..settings(mode, args.cell_mm.map_or(CELL_MM, f32::from))
-    };
+    tuning.apply(&mut log);
+    let result = mapped(&log, &args);
+    let stem = args.log.file_name().unwrap_or_default().to_string_lossy();
+    let stem = stem.split('.').next().unwrap_or_default().to_owned();
+    let dir = args
+        .out
+        .unwrap_or_else(|| PathBuf::from("hilrig-out").join(format!("slam-{stem}")));
+    let timing = folder::timing(args.mode.name(), &log, &result);
+    folder::write(&dir, &result, &timing)?;
+    print(&timing, args.mode);
+    warn(&result, &args.log);
+    println!("results in {}", dir.display());
+    out::answer(&Surveyed {
+        folder: dir.display().to_string(),
+        scans: timing.scans as u64,
+        skipped: timing.skipped,
+        doubtful: timing.doubtful as u64,
+        ambiguous: timing.ambiguous as u64,
+        jumps: timing.jumps.len() as u64,
+        loop_edges: timing.loop_edges as u64,
+        cell_mm: timing.cell_mm,
+        scan_median_us: timing.scan_median_us,
+        scan_longest_us: timing.scan_longest_us,
+    });
+    Ok(Verdict::Pass)
+}
+
+/// Runs the mapper that was asked for, and says how far it is if that takes long.
+fn mapped(log: &Log, args: &SlamArgs) -> Survey {
     let clock = WallClock::start();
     let mut told_at = clock.now();
     let of = log.shots.len();
-    let result = survey(&log, settings, &clock, &mut |done| {
+    let mut tell = |done: usize| {
         let now = clock.now();
         if now - told_at >= PATIENCE && progress::is_watched() {
             let left = progress::left(now - Instant::ZERO, done as f64 / of as f64);
             eprintln!("{done} of {of} scans{left}");
             told_at = now;
         }
-    });
-    let stem = args.log.file_name().unwrap_or_default().to_string_lossy();
-    let stem = stem.split('.').next().unwrap_or_default().to_owned();
-    let dir = args
-        .out
-        .unwrap_or_else(|| PathBuf::from("hilrig-out").join(format!("slam-{stem}")));
-    let timing = folder::timing(name, &log, &result);
-    folder::write(&dir, &result, &timing)?;
-    let (scans, cell) = (timing.scans, timing.cell_mm);
+    };
+    let cell_mm = args.cell_mm.map_or(CELL_MM, f32::from);
+    let mode = match args.mode {
+        ModeArg::Graph => {
+            let wish = Wish {
+                cell_m: f64::from(cell_mm) / 1000.0,
+                closes_loops: !args.no_loops,
+                noise: args.noise,
+            };
+            return tour(log, &wish, &clock, &mut tell);
+        }
+        ModeArg::Core => Mode::Core,
+        ModeArg::Seed => Mode::Document,
+    };
+    let settings = Settings {
+        seed: args.seed,
+        ..settings(mode, cell_mm)
+    };
+    survey(log, settings, &clock, &mut tell)
+}
+
+fn print(timing: &folder::Timing<'_>, mode: ModeArg) {
     println!(
-        "{scans} scans, {} skipped, {} doubtful, {} ambiguous; {cell} mm cells",
-        timing.skipped, timing.doubtful, timing.ambiguous
+        "{} scans, {} skipped, {} doubtful, {} ambiguous; {} mm cells",
+        timing.scans, timing.skipped, timing.doubtful, timing.ambiguous, timing.cell_mm
     );
+    if mode == ModeArg::Graph {
+        println!(
+            "{} keyframes, {} places seen again",
+            timing.keyframes, timing.loop_edges
+        );
+    }
     let cpu = timing
         .cpu_s
         .map_or("unknown".to_owned(), |s| format!("{s:.3} s"));
     let (median, longest) = (timing.scan_median_us, timing.scan_longest_us);
     println!("processor time {cpu}; a scan {median:.0} us in the median, {longest:.0} us at most");
+}
+
+/// Says where the map may be wrong.
+fn warn(result: &Survey, path: &Path) {
+    let path = path.display();
     let farthest = result
         .jumps
         .iter()
@@ -124,18 +225,10 @@ pub(super) fn run(args: SlamArgs) -> Result<Verdict, CliError> {
             result.outside
         );
     }
-    println!("results in {}", dir.display());
-    out::answer(&Surveyed {
-        folder: dir.display().to_string(),
-        scans: scans as u64,
-        skipped: timing.skipped,
-        doubtful: timing.doubtful as u64,
-        ambiguous: timing.ambiguous as u64,
-        cell_mm: cell,
-        scan_median_us: median,
-        scan_longest_us: longest,
-    });
-    Ok(Verdict::Pass)
+    let poor = result.poor();
+    if poor > 0 {
+        eprintln!("{path}: {poor} scans lie less than half on walls known before");
+    }
 }
 
 /// With this every pcapng file begins.

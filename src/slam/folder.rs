@@ -4,10 +4,12 @@ use std::path::Path;
 
 use core::fmt::Write as _;
 
+use emulators::world::Pose;
+use mapping::{Graph, Sheet};
 use serde::Serialize;
 
 use super::Log;
-use super::survey::{CELLS, Jump, Survey};
+use super::survey::{Jump, Survey};
 use crate::picture::Picture;
 use crate::show::folder::{Folder, FolderError};
 
@@ -17,7 +19,7 @@ pub(crate) struct Timing<'a> {
     /// `core` or `seed`.
     pub mode: &'a str,
     /// Edge of a cell.
-    pub cell_mm: f32,
+    pub cell_mm: f64,
     /// Scans mapped.
     pub scans: usize,
     /// Messages left out.
@@ -28,6 +30,12 @@ pub(crate) struct Timing<'a> {
     pub ambiguous: usize,
     /// Scans that the mapper put far from where the wheels had.
     pub jumps: &'a [Jump],
+    /// Places seen again: edges between keyframes that are not neighbours.
+    pub loop_edges: usize,
+    /// Keyframes that are kept.
+    pub keyframes: usize,
+    /// Scans of which less than half lies on walls known before.
+    pub poor: usize,
     /// Processor time of all scans, seconds.
     pub cpu_s: Option<f64>,
     /// Time of a scan: median, microseconds.
@@ -41,12 +49,16 @@ pub(crate) fn timing<'a>(mode: &'a str, log: &Log, survey: &'a Survey) -> Timing
     let [median, longest, _] = survey.times();
     Timing {
         mode,
-        cell_mm: survey.grid.resolution_mm(),
+        // Whole micrometres: what was asked for, and no remainder of the metres in between.
+        cell_mm: libm::round(1e6 * survey.map.cell_m) / 1000.0,
         scans: survey.way.len(),
         skipped: log.findings.counts().map(|(_, count)| count).sum(),
         doubtful: survey.doubtful,
         ambiguous: survey.ambiguous,
         jumps: &survey.jumps,
+        loop_edges: survey.loop_edges(),
+        keyframes: survey.graph.poses.len(),
+        poor: survey.poor(),
         cpu_s: survey.cpu.map(|cpu| cpu.as_secs_f64()),
         scan_median_us: median.as_secs_f64() * 1e6,
         scan_longest_us: longest.as_secs_f64() * 1e6,
@@ -54,17 +66,23 @@ pub(crate) fn timing<'a>(mode: &'a str, log: &Log, survey: &'a Survey) -> Timing
 }
 
 /// Writes `map.png`, `map.pgm`, `map.yaml`, `trajectory.tum` and `timing.json` into `dir`, which
-/// is made if need be.
+/// is made if need be; of a mapper that closes loops also `scans.csv`, `graph.g2o`, `walls.pcd`.
 pub(crate) fn write(dir: &Path, survey: &Survey, timing: &Timing<'_>) -> Result<(), FolderError> {
     let folder = Folder::at(dir)?;
-    let frame = Frame::of(survey);
+    let map = &survey.map;
     folder.put("trajectory.tum", tum(survey))?;
-    folder.put("map.yaml", frame.yaml(survey, "map.pgm"))?;
+    let yaml = crate::show::render::ros_yaml_at(map.corner, map.cell_m, "map.pgm");
+    folder.put("map.yaml", yaml)?;
+    if !survey.sureness.is_empty() {
+        folder.put("scans.csv", sureness(survey))?;
+        folder.put("graph.g2o", g2o(&survey.graph))?;
+        folder.put("walls.pcd", pcd(&survey.walls))?;
+    }
     let mut json = serde_json::to_string_pretty(timing).expect("plain data");
     json.push('\n');
     folder.put("timing.json", json)?;
-    folder.put("map.pgm", frame.ros_image(survey).pgm())?;
-    folder.picture("map.png", &frame.picture(survey))
+    folder.put("map.pgm", ros_image(map).pgm())?;
+    folder.picture("map.png", &picture(survey))
 }
 
 /// The way in TUM form. Times keep nine digits, so that epoch times stay exact to the microsecond.
@@ -80,83 +98,127 @@ pub(crate) fn tum(survey: &Survey) -> String {
     out
 }
 
-/// Cells around what was drawn.
-const MARGIN: usize = 8;
 /// A cell from which on it is wall, and up to which it is free.
 const WALL: u8 = 190;
 const FREE: u8 = 115;
 /// Gray of an unknown cell in a ROS map.
 const ROS_UNKNOWN: u8 = 205;
 
-/// The part of the map that is shown: first column, first row, columns, rows.
-struct Frame {
-    x: usize,
-    y: usize,
-    width: usize,
-    height: usize,
+/// A picture of the map, top row first, from each cell's value.
+fn image(map: &Sheet, shade: impl Fn(u8) -> u8) -> Picture<u8> {
+    Picture::from_fn(map.width, map.height, |x, y| {
+        shade(map.cells[(map.height - 1 - y) * map.width + x])
+    })
 }
 
-impl Frame {
-    fn of(survey: &Survey) -> Self {
-        let [x0, x1, y0, y1] = survey.drawn().unwrap_or([0, CELLS - 1, 0, CELLS - 1]);
-        let (x, y) = (x0.saturating_sub(MARGIN), y0.saturating_sub(MARGIN));
-        let (x1, y1) = ((x1 + MARGIN).min(CELLS - 1), (y1 + MARGIN).min(CELLS - 1));
-        Self {
-            x,
-            y,
-            width: x1 - x + 1,
-            height: y1 - y + 1,
-        }
-    }
+fn ros_image(map: &Sheet) -> Picture<u8> {
+    image(map, |value| match value {
+        WALL.. => 0,
+        ..FREE => 254,
+        _ => ROS_UNKNOWN,
+    })
+}
 
-    /// A picture of the frame, top row first, from each cell's value.
-    fn image(&self, survey: &Survey, shade: impl Fn(u8) -> u8) -> Picture<u8> {
-        let top = self.y + self.height - 1;
-        Picture::from_fn(self.width, self.height, |x, y| {
-            let value = survey.grid.get(self.x + x, top - y);
-            shade(value.unwrap_or(127))
-        })
+/// The map, dark where it believes walls, with the way in red; small maps are enlarged.
+fn picture(survey: &Survey) -> Picture {
+    let map = &survey.map;
+    let scale = if map.width.max(map.height) < 800 {
+        2
+    } else {
+        1
+    };
+    let gray = image(map, |value| 255 - value);
+    let mut image = Picture::from_fn(map.width * scale, map.height * scale, |x, y| {
+        [gray.pixels()[y / scale * map.width + x / scale]; 3]
+    });
+    let pixel_m = map.cell_m / scale as f64;
+    let height = image.height() as f64;
+    for (_, place) in &survey.way {
+        let x = (place.x - map.corner[0]) / pixel_m;
+        let y = height - (place.y - map.corner[1]) / pixel_m;
+        crate::show::render::dot(&mut image, x, y, [220, 40, 30]);
     }
+    image
+}
 
-    fn ros_image(&self, survey: &Survey) -> Picture<u8> {
-        self.image(survey, |value| match value {
-            WALL.. => 0,
-            ..FREE => 254,
-            _ => ROS_UNKNOWN,
-        })
+/// Poses and edges as g2o writes them: `VERTEX_SE2 number x y heading`, `EDGE_SE2 from to x y
+/// heading` and the upper half of the information; metres and radians.
+fn g2o(graph: &Graph) -> String {
+    let mut out = String::new();
+    for (number, pose) in graph.poses.iter().enumerate() {
+        let Pose { x, y, theta } = pose;
+        writeln!(out, "VERTEX_SE2 {number} {x:.6} {y:.6} {theta:.9}").expect(ENDLESS);
     }
-
-    /// The frame's lower left corner in the log's frame, and the edge of a cell; metres.
-    fn origin(&self, survey: &Survey) -> [f64; 3] {
-        let cell_m = f64::from(survey.grid.resolution_mm()) / 1000.0;
-        let middle = CELLS as f64 / 2.0;
-        let [x, y] = [self.x, self.y].map(|cell| (cell as f64 - middle) * cell_m);
-        [x + survey.middle[0], y + survey.middle[1], cell_m]
+    for edge in &graph.edges {
+        let (from, to, Pose { x, y, theta }) = (edge.from, edge.to, edge.way);
+        let [[xx, xy, xt], [_, yy, yt], [_, _, tt]] = edge.information;
+        write!(out, "EDGE_SE2 {from} {to} {x:.6} {y:.6} {theta:.9}").expect(ENDLESS);
+        writeln!(out, " {xx:.3} {xy:.3} {xt:.3} {yy:.3} {yt:.3} {tt:.3}").expect(ENDLESS);
     }
+    out
+}
 
-    fn yaml(&self, survey: &Survey, image: &str) -> String {
-        let [x, y, cell_m] = self.origin(survey);
-        crate::show::render::ros_yaml_at([x, y], cell_m, image)
+/// Points of the walls for PCL and its kin: PCD 0.7 in text, metres.
+fn pcd(walls: &[[f32; 2]]) -> String {
+    let count = walls.len();
+    let mut out = format!(
+        "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {count}\n\
+         HEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {count}\nDATA ascii\n"
+    );
+    for [x, y] in walls {
+        writeln!(out, "{x:.3} {y:.3} 0").expect(ENDLESS);
     }
+    out
+}
 
-    /// The map, dark where it believes walls, with the way in red; small maps are enlarged.
-    fn picture(&self, survey: &Survey) -> Picture {
-        let scale = if self.width.max(self.height) < 800 {
-            2
-        } else {
-            1
-        };
-        let gray = self.image(survey, |value| 255 - value);
-        let mut image = Picture::from_fn(self.width * scale, self.height * scale, |x, y| {
-            [gray.pixels()[y / scale * self.width + x / scale]; 3]
+/// How sure each pose is, scan by scan.
+fn sureness(survey: &Survey) -> String {
+    let head = "at_s,x_m,y_m,heading_rad,quality,sigma_x_m,sigma_y_m,sigma_heading_rad,doubtful\n";
+    let mut out = String::from(head);
+    for ((at_s, place), sure) in survey.way.iter().zip(&survey.sureness) {
+        let Pose { x, y, theta } = place;
+        let [sx, sy, st] = sure.deviation;
+        let (quality, doubtful) = (sure.quality, u8::from(sure.is_doubtful));
+        write!(out, "{at_s:.6},{x:.6},{y:.6},{theta:.6},{quality:.3},").expect(ENDLESS);
+        writeln!(out, "{sx:.4},{sy:.4},{st:.5},{doubtful}").expect(ENDLESS);
+    }
+    out
+}
+
+/// Why writing into a string does not fail.
+const ENDLESS: &str = "a string takes everything";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mapping::{Edge, Kind};
+
+    /// The lines that g2o's own tutorial names, with the fields in its order.
+    #[test]
+    fn a_graph_is_written_as_g2o_reads_it() {
+        let mut graph = Graph::default();
+        graph.add_pose(Pose::new(0.0, 0.0, 0.0));
+        graph.add_pose(Pose::new(1.0, 0.5, 0.25));
+        graph.add_edge(Edge {
+            from: 0,
+            to: 1,
+            way: Pose::new(1.0, 0.5, 0.25),
+            information: [[4.0, 1.0, 2.0], [1.0, 5.0, 3.0], [2.0, 3.0, 6.0]],
+            kind: Kind::Loop,
         });
-        let [x0, y0, cell_m] = self.origin(survey);
-        let pixel_m = cell_m / scale as f64;
-        let height = image.height() as f64;
-        for (_, place) in &survey.way {
-            let (x, y) = ((place.x - x0) / pixel_m, height - (place.y - y0) / pixel_m);
-            crate::show::render::dot(&mut image, x, y, [220, 40, 30]);
-        }
-        image
+        let text = g2o(&graph);
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines[1], "VERTEX_SE2 1 1.000000 0.500000 0.250000000");
+        assert_eq!(
+            lines[2],
+            "EDGE_SE2 0 1 1.000000 0.500000 0.250000000 4.000 1.000 2.000 5.000 3.000 6.000"
+        );
+    }
+
+    #[test]
+    fn a_cloud_names_its_number_of_points_and_ends_in_them() {
+        let text = pcd(&[[1.0, 2.0], [-0.5, 0.25]]);
+        assert!(text.contains("WIDTH 2\n") && text.contains("POINTS 2\nDATA ascii\n"));
+        assert!(text.ends_with("1.000 2.000 0\n-0.500 0.250 0\n"), "{text}");
     }
 }

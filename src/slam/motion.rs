@@ -1,28 +1,9 @@
 //! Poses and motions in double precision: metres and radians.
 
-use emulators::world::{Pose, wrap_angle};
+use emulators::world::Pose;
 use firmware_core::pose::PoseChange;
 
-/// `to` as seen from `from`.
-pub fn between(from: Pose, to: Pose) -> Pose {
-    let (sin, cos) = (libm::sin(from.theta), libm::cos(from.theta));
-    let (dx, dy) = (to.x - from.x, to.y - from.y);
-    Pose::new(
-        cos * dx + sin * dy,
-        cos * dy - sin * dx,
-        wrap_angle(to.theta - from.theta),
-    )
-}
-
-/// Where the motion `by` leads from `from`.
-pub fn moved(from: Pose, by: Pose) -> Pose {
-    let (sin, cos) = (libm::sin(from.theta), libm::cos(from.theta));
-    Pose::new(
-        from.x + cos * by.x - sin * by.y,
-        from.y + sin * by.x + cos * by.y,
-        wrap_angle(from.theta + by.theta),
-    )
-}
+pub use mapping::motion::{between, moved};
 
 /// A motion as the robot's program has it.
 #[expect(
@@ -34,21 +15,5 @@ pub fn change(by: Pose) -> PoseChange {
         forward_mm: (by.x * 1000.0) as f32,
         left_mm: (by.y * 1000.0) as f32,
         turn: by.theta as f32,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use core::f64::consts::FRAC_PI_2;
-
-    /// From (1, 2) looking to +y, a place 3 ahead and 1 to the left is (0, 5).
-    #[test]
-    fn a_motion_leads_where_it_was_seen() {
-        let from = Pose::new(1.0, 2.0, FRAC_PI_2);
-        let to = moved(from, Pose::new(3.0, 1.0, 0.5));
-        assert!((to.x - 0.0).abs() < 1e-12 && (to.y - 5.0).abs() < 1e-12);
-        let back = between(from, to);
-        assert!((back.x - 3.0).abs() < 1e-12 && (back.theta - 0.5).abs() < 1e-12);
     }
 }

@@ -7,6 +7,7 @@ use firmware_core::grid::{Grid, UNKNOWN};
 use firmware_core::pose::{Pose, normalised};
 use firmware_core::scan::Scan;
 use firmware_core::slam::{Certainty, Mapper, Mode, Pushes, Settings};
+use mapping::{Graph, Kind, Sheet};
 use protocols::Instant;
 use serde::Serialize;
 
@@ -68,13 +69,15 @@ pub struct Jump {
     pub turned_deg: f64,
 }
 
+/// A scan of which less lies on walls known before is a poor one.
+const POOR: f64 = 0.5;
 /// Less than this is no jump.
 const JUMP_MM: f32 = 500.0;
 const JUMP_RAD: f32 = core::f32::consts::FRAC_PI_8;
 
 impl Jump {
     /// From where the wheels put the scan of `at_s` to where the mapper did.
-    fn between(at_s: f64, wheels: Pose, mapper: Pose) -> Option<Self> {
+    pub(super) fn between(at_s: f64, wheels: Pose, mapper: Pose) -> Option<Self> {
         let far_mm = wheels.position().distance_mm(mapper.position());
         let turned_rad = normalised(mapper.heading - wheels.heading);
         (far_mm >= JUMP_MM || turned_rad.abs() >= JUMP_RAD).then(|| Self {
@@ -85,15 +88,24 @@ impl Jump {
     }
 }
 
+/// How sure the pose of a scan is.
+#[derive(Clone, Copy, Debug)]
+pub struct Sureness {
+    /// Part of the scan that lies on walls known before, 0 to 1.
+    pub quality: f64,
+    /// Standard deviations against those walls: metres along x and y, radians.
+    pub deviation: [f64; 3],
+    /// Whether the wheels were believed instead.
+    pub is_doubtful: bool,
+}
+
 /// What came of a log.
 #[derive(Debug)]
 pub struct Survey {
     /// Time (s) and place of each scan, in metres in the log's frame.
     pub way: Vec<(f64, Place)>,
-    /// The map.
-    pub grid: Box<LogGrid>,
-    /// The map's middle in the log's frame, metres: there the way begins.
-    pub middle: [f64; 2],
+    /// The map, as far as it was drawn, in the log's frame.
+    pub map: Sheet,
     /// Scans at which the mapper was not sure.
     pub doubtful: usize,
     /// Scans at which it knew of several places.
@@ -102,6 +114,12 @@ pub struct Survey {
     pub outside: usize,
     /// Where the mapper put a scan far from where the wheels had.
     pub jumps: Vec<Jump>,
+    /// How sure each scan's pose is; of the mapper that closes loops.
+    pub sureness: Vec<Sureness>,
+    /// Keyframes and edges of the mapper that closes loops, and points of its walls, metres.
+    pub graph: Graph,
+    /// Points of the walls, metres; of the mapper that closes loops.
+    pub walls: Vec<[f32; 2]>,
     /// Time that each scan took.
     pub took: Vec<Duration>,
     /// Processor time of all, where the system tells.
@@ -140,35 +158,55 @@ fn run(
         ..settings
     };
     let mut mapper: Box<LogMapper> = Box::new(Mapper::new(settings));
-    let mut survey = Survey {
-        way: Vec::with_capacity(log.shots.len()),
-        grid: Box::new(Grid::new(settings.resolution_mm)),
-        middle: [log.start.x, log.start.y],
-        doubtful: 0,
-        ambiguous: 0,
-        outside: 0,
-        jumps: Vec::new(),
-        took: Vec::with_capacity(log.shots.len()),
-        cpu: None,
-    };
+    let middle = [log.start.x, log.start.y];
+    let mut survey = Survey::empty(log.shots.len());
     let before = thread_cpu_time();
     for (done, shot) in log.shots.iter().enumerate() {
         if done % 64 == 0 {
             progress(done);
         }
         let began = clock.now();
-        let certainty = survey.take(&mut mapper, shot, done == 0);
+        let certainty = survey.take(&mut mapper, shot, done == 0, middle);
         survey.took.push(clock.now() - began);
         survey.doubtful += usize::from(certainty == Certainty::Doubtful);
         survey.ambiguous += usize::from(certainty == Certainty::Ambiguous);
     }
     survey.cpu = before.and_then(|before| thread_cpu_time()?.checked_sub(before));
-    *survey.grid = mapper.grid().clone();
+    survey.map = sheet(mapper.grid(), middle);
     survey
 }
 
 impl Survey {
-    fn take(&mut self, mapper: &mut LogMapper, shot: &Shot, is_first: bool) -> Certainty {
+    /// Of no scan, with room for so many.
+    pub(super) fn empty(scans: usize) -> Self {
+        Self {
+            way: Vec::with_capacity(scans),
+            map: Sheet {
+                corner: [0.0; 2],
+                cell_m: 1.0,
+                width: 0,
+                height: 0,
+                cells: Vec::new(),
+            },
+            doubtful: 0,
+            ambiguous: 0,
+            outside: 0,
+            jumps: Vec::new(),
+            sureness: Vec::new(),
+            graph: Graph::default(),
+            walls: Vec::new(),
+            took: Vec::with_capacity(scans),
+            cpu: None,
+        }
+    }
+
+    fn take(
+        &mut self,
+        mapper: &mut LogMapper,
+        shot: &Shot,
+        is_first: bool,
+        middle: [f64; 2],
+    ) -> Certainty {
         let scan = Scan::from_points(&shot.points, Instant::ZERO, Instant::ZERO);
         // The way begins with the first scan, whatever the wheels did before.
         if !is_first {
@@ -191,9 +229,21 @@ impl Survey {
             outcome.pose.heading,
         ]
         .map(f64::from);
-        let [x, y] = [x / 1000.0 + self.middle[0], y / 1000.0 + self.middle[1]];
+        let [x, y] = [x / 1000.0 + middle[0], y / 1000.0 + middle[1]];
         self.way.push((shot.at_s, Place::new(x, y, heading)));
         outcome.certainty
+    }
+
+    /// Edges between keyframes that are not neighbours.
+    pub fn loop_edges(&self) -> usize {
+        let edges = self.graph.edges.iter();
+        edges.filter(|edge| edge.kind == Kind::Loop).count()
+    }
+
+    /// Scans of which less than half lies on walls known before.
+    pub fn poor(&self) -> usize {
+        let scans = self.sureness.iter();
+        scans.filter(|sure| sure.quality < POOR).count()
     }
 
     /// Median and longest time of a scan, and the sum.
@@ -204,25 +254,47 @@ impl Survey {
         let longest = sorted.last().copied().unwrap_or_default();
         [median, longest, sorted.iter().sum()]
     }
+}
 
-    /// First and last column and row that were drawn; `None` if nothing was.
-    pub fn drawn(&self) -> Option<[usize; 4]> {
-        let mut bounds = [usize::MAX, 0, usize::MAX, 0];
-        for (y, row) in self.grid.rows().iter().enumerate() {
-            let mut known = row.iter().enumerate().filter(|(_, cell)| **cell != UNKNOWN);
-            let Some((first, _)) = known.next() else {
-                continue;
-            };
-            let last = known.next_back().map_or(first, |(last, _)| last);
-            bounds = [
-                bounds[0].min(first),
-                bounds[1].max(last),
-                bounds[2].min(y),
-                bounds[3].max(y),
-            ];
-        }
-        (bounds[0] <= bounds[1]).then_some(bounds)
+/// The part of the grid that was drawn, and a margin; the grid's middle lies at `middle`.
+fn sheet(grid: &LogGrid, middle: [f64; 2]) -> Sheet {
+    let cell_m = f64::from(grid.resolution_mm()) / 1000.0;
+    let [x0, x1, y0, y1] = drawn(grid).unwrap_or([CELLS / 2, CELLS / 2, CELLS / 2, CELLS / 2]);
+    let [x0, y0] = [x0, y0].map(|cell| cell.saturating_sub(MARGIN));
+    let [x1, y1] = [x1, y1].map(|cell| (cell + MARGIN).min(CELLS - 1));
+    let metres = |cell: usize| (cell as f64 - CELLS as f64 / 2.0) * cell_m;
+    Sheet {
+        corner: [metres(x0) + middle[0], metres(y0) + middle[1]],
+        cell_m,
+        width: x1 - x0 + 1,
+        height: y1 - y0 + 1,
+        cells: (y0..=y1)
+            .flat_map(|y| &grid.rows()[y][x0..=x1])
+            .copied()
+            .collect(),
     }
+}
+
+/// Cells around what was drawn.
+const MARGIN: usize = 8;
+
+/// First and last column and row that were drawn; `None` if nothing was.
+fn drawn(grid: &LogGrid) -> Option<[usize; 4]> {
+    let mut bounds = [usize::MAX, 0, usize::MAX, 0];
+    for (y, row) in grid.rows().iter().enumerate() {
+        let mut known = row.iter().enumerate().filter(|(_, cell)| **cell != UNKNOWN);
+        let Some((first, _)) = known.next() else {
+            continue;
+        };
+        let last = known.next_back().map_or(first, |(last, _)| last);
+        bounds = [
+            bounds[0].min(first),
+            bounds[1].max(last),
+            bounds[2].min(y),
+            bounds[3].max(y),
+        ];
+    }
+    (bounds[0] <= bounds[1]).then_some(bounds)
 }
 
 #[cfg(test)]

@@ -1,0 +1,98 @@
+//! How right are the mappers on the public Intel Lab log, side by side, and what do they cost? The
+//! one that closes loops, the robot's own, and tinySLAM's search as it was published, which is a
+//! draw of luck: nine seeds of it, as BreezySLAM was measured (median 0.311 m at 25 mm cells, 0.085 m
+//! at 50 mm, 2.2 s to 2.4 s; in the setting of 5 degrees 0.077 m).
+//!
+//! Prints mean errors of 2,984 relations (Kuemmerle et al. 2009), metres, and processor time. Needs
+//! the data beside the repository, and says so.
+
+use std::io::Read as _;
+
+use emulators::world::Pose;
+use firmware_core::slam::{Mode, Settings};
+use hilrig::realtime::clock::WallClock;
+use hilrig::slam::carmen;
+use hilrig::slam::motion::{between, moved};
+use hilrig::slam::survey::{CELL_MM, Survey, settings, survey};
+use hilrig::slam::tour::{Wish, tour};
+use relations::{Track, judge};
+
+#[expect(dead_code, reason = "shared with the tests that read captures")]
+#[path = "../tests/support/captures.rs"]
+mod captures;
+#[path = "../tests/slam/relations.rs"]
+mod relations;
+
+/// The relations count from 1970, the log from its own beginning.
+const SHIFT_S: f64 = 976_052_857.337_284;
+/// Draws of luck.
+const SEEDS: u64 = 9;
+
+fn main() {
+    let packed = captures::beside("data/intel", "intel-corrected.log.gz");
+    let relations = captures::beside("data/intel", "intel.relations");
+    let (Some(packed), Some(relations)) = (packed, relations) else {
+        return;
+    };
+    let mut text = Vec::new();
+    let mut decoder = flate2::read::GzDecoder::new(&packed[..]);
+    decoder.read_to_end(&mut text).expect("a whole file");
+    let log = carmen::read(&text).expect("a good log");
+    let relations = String::from_utf8(relations).expect("numbers");
+    let wheels = wheels(&text);
+    let tell = |name: &str, surveys: &[Survey]| {
+        let mut metres: Vec<f64> = surveys
+            .iter()
+            .map(|one| judge(&Track::new(one.way.clone()), &wheels, &relations, SHIFT_S).1)
+            .collect();
+        metres.sort_by(f64::total_cmp);
+        let cpu_s = surveys.iter().filter_map(|one| one.cpu);
+        let cpu_s = cpu_s.map(|cpu| cpu.as_secs_f64()).fold(f64::MAX, f64::min);
+        let (least, most) = (metres[0], metres[metres.len() - 1]);
+        let median = metres[metres.len() / 2];
+        println!("{name:<24} {median:.3} m [{least:.3}..{most:.3}]   {cpu_s:.2} s");
+    };
+    let clock = WallClock::start();
+    tell(
+        "closing loops",
+        &[tour(&log, &Wish::default(), &clock, &mut |_| {})],
+    );
+    let core = survey(&log, settings(Mode::Core, CELL_MM), &clock, &mut |_| {});
+    tell("the robot's own", &[core]);
+    for cell_mm in [25.0, 50.0] {
+        let drawn = (1..=SEEDS).map(|seed| {
+            let settings = Settings {
+                seed,
+                ..settings(Mode::Document, cell_mm)
+            };
+            survey(&log, settings, &clock, &mut |_| {})
+        });
+        let drawn: Vec<Survey> = drawn.collect();
+        tell(&format!("tinySLAM, {cell_mm} mm, {SEEDS} seeds"), &drawn);
+    }
+}
+
+/// The wheels' way over all ODOM lines that have a time: poses differ by wheel odometry from one
+/// FLASER to the next, and the jump to each FLASER is the mapper's.
+fn wheels(text: &[u8]) -> Track {
+    let (mut raw, mut last, mut all) = (Pose::default(), None, Vec::new());
+    for line in String::from_utf8_lossy(text).lines() {
+        let fields: Vec<&str> = line.split_whitespace().collect();
+        let number = |at: usize| fields[at].parse::<f64>().expect("a number");
+        let pose = |at: usize| Pose::new(number(at), number(at + 1), number(at + 2));
+        match fields.first() {
+            Some(&"ODOM") => {
+                let here = pose(1);
+                raw = last.map_or(raw, |last| moved(raw, between(last, here)));
+                last = Some(here);
+                let stamp = number(fields.len() - 3);
+                if stamp > 0.0 {
+                    all.push((stamp, raw));
+                }
+            }
+            Some(&"FLASER") => last = Some(pose(fields.len() - 9)),
+            _ => {}
+        }
+    }
+    Track::new(all)
+}

@@ -1,0 +1,278 @@
+//! Poses and what is known between them, and the poses that agree with it best: Gauss-Newton steps
+//! (Grisetti et al. 2010), loops with a robust kernel (Agarwal et al. 2013).
+
+use core::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use emulators::world::{Pose, wrap_angle};
+
+use crate::matrix::{Matrix, applied, diagonal, product, scaled, transposed, weighed};
+use crate::motion::{between, distance};
+use crate::sparse::{Plan, System};
+
+/// How an edge is known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// From one keyframe to the next.
+    Way,
+    /// A place seen again.
+    Loop,
+}
+
+/// What is known of one pose as seen from another.
+#[derive(Clone, Copy, Debug)]
+pub struct Edge {
+    /// The pose from which, and the pose that is seen.
+    pub from: usize,
+    /// The pose that is seen.
+    pub to: usize,
+    /// Where it is seen: metres and radians.
+    pub way: Pose,
+    /// Inverse of the variance of that, in the axes of `from`: per square metre, per square
+    /// radian.
+    pub information: Matrix,
+    /// How it is known.
+    pub kind: Kind,
+}
+
+/// Poses and edges.
+#[derive(Clone, Debug, Default)]
+pub struct Graph {
+    /// The poses: metres and radians.
+    pub poses: Vec<Pose>,
+    /// What is known between them.
+    pub edges: Vec<Edge>,
+    /// Edges of each pose.
+    around: Vec<Vec<usize>>,
+}
+
+/// Squared deviations from which on a loop is heard less and less.
+const LOOP_FREE: f64 = 12.0;
+/// The first pose stays.
+const HELD: f64 = 1e12;
+
+impl Graph {
+    /// Adds a pose; its number.
+    pub fn add_pose(&mut self, pose: Pose) -> usize {
+        self.poses.push(pose);
+        self.around.push(Vec::new());
+        self.poses.len() - 1
+    }
+
+    /// Adds an edge.
+    pub fn add_edge(&mut self, edge: Edge) {
+        self.around[edge.from].push(self.edges.len());
+        self.around[edge.to].push(self.edges.len());
+        self.edges.push(edge);
+    }
+
+    /// Moves the poses to where they agree best, at most `steps` times; how far the farthest of
+    /// them went in all, metres.
+    pub fn optimise(&mut self, steps: u32) -> f64 {
+        let pairs = self.edges.iter().map(|edge| (edge.from, edge.to));
+        let plan = Plan::new(self.poses.len(), pairs);
+        let before = self.poses.clone();
+        for step in 0..steps {
+            // A loop that has just been found is off as far as the way before it was, and must not
+            // be unheard for that.
+            let kernel = step >= steps / 2;
+            let Some(by) = self.system(&plan, kernel).solve() else {
+                break;
+            };
+            let mut most = 0.0_f64;
+            for (pose, by) in self.poses.iter_mut().zip(&by) {
+                most = most.max(by[0].abs()).max(by[1].abs()).max(by[2].abs());
+                *pose = Pose::new(
+                    pose.x - by[0],
+                    pose.y - by[1],
+                    wrap_angle(pose.theta - by[2]),
+                );
+            }
+            if most < 1e-4 && kernel {
+                break;
+            }
+        }
+        let ways = before.iter().zip(&self.poses);
+        ways.map(|(a, b)| distance(*a, *b)).fold(0.0, f64::max)
+    }
+
+    fn system<'a>(&self, plan: &'a Plan, kernel: bool) -> System<'a> {
+        let mut system = System::new(plan);
+        system.add(0, 0, &diagonal([HELD; 3]));
+        for edge in &self.edges {
+            let (off, from, to) = self.slopes(edge);
+            let information = scaled(
+                &edge.information,
+                if kernel { weight(edge, off) } else { 1.0 },
+            );
+            let [for_from, for_to] =
+                [&from, &to].map(|slope| product(&transposed(slope), &information));
+            system.add(edge.from, edge.from, &product(&for_from, &from));
+            system.add(edge.to, edge.to, &product(&for_to, &to));
+            system.add(edge.from, edge.to, &product(&for_from, &to));
+            system.add_right(edge.from, applied(&for_from, off));
+            system.add_right(edge.to, applied(&for_to, off));
+        }
+        system
+    }
+
+    /// How far an edge is off, and how that changes with its poses.
+    fn slopes(&self, edge: &Edge) -> ([f64; 3], Matrix, Matrix) {
+        let (a, b) = (self.poses[edge.from], self.poses[edge.to]);
+        let (sin, cos) = (libm::sin(a.theta), libm::cos(a.theta));
+        let seen = between(a, b);
+        let from = [[-cos, -sin, seen.y], [sin, -cos, -seen.x], [0.0, 0.0, -1.0]];
+        let to = [[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]];
+        (off(seen, edge.way), from, to)
+    }
+
+    /// Squared deviations by which an edge disagrees with the poses.
+    pub fn strain(&self, edge: &Edge) -> f64 {
+        let seen = between(self.poses[edge.from], self.poses[edge.to]);
+        weighed(&edge.information, off(seen, edge.way))
+    }
+
+    /// Way along edges from a pose to each, metres, as far as it is less than `most_m`.
+    pub fn ways_from(&self, pose: usize, most_m: f64) -> Vec<f64> {
+        let mut ways = vec![f64::INFINITY; self.poses.len()];
+        let mut queue = BinaryHeap::new();
+        ways[pose] = 0.0;
+        queue.push(Reverse((0_u64, pose)));
+        while let Some(Reverse((bits, at))) = queue.pop() {
+            // Of numbers that are not negative the bits have the same order.
+            let way = f64::from_bits(bits);
+            if way > ways[at] {
+                continue;
+            }
+            for edge in self.around[at].iter().map(|edge| &self.edges[*edge]) {
+                let next = if edge.from == at { edge.to } else { edge.from };
+                let whole = way + length(edge);
+                if whole < ways[next] && whole < most_m {
+                    ways[next] = whole;
+                    queue.push(Reverse((whole.to_bits(), next)));
+                }
+            }
+        }
+        ways
+    }
+}
+
+/// Way along an edge as far as errors grow with it: of turns, too.
+fn length(edge: &Edge) -> f64 {
+    match edge.kind {
+        Kind::Way => libm::hypot(edge.way.x, edge.way.y) + 0.3 * edge.way.theta.abs(),
+        Kind::Loop => 1.0,
+    }
+}
+
+fn off(seen: Pose, known: Pose) -> [f64; 3] {
+    [
+        seen.x - known.x,
+        seen.y - known.y,
+        wrap_angle(seen.theta - known.theta),
+    ]
+}
+
+fn weight(edge: &Edge, off: [f64; 3]) -> f64 {
+    match edge.kind {
+        Kind::Way => 1.0,
+        Kind::Loop => {
+            let scale = 2.0 * LOOP_FREE / (LOOP_FREE + weighed(&edge.information, off));
+            scale.min(1.0) * scale.min(1.0)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::f64::consts::FRAC_PI_2;
+
+    fn edge(from: usize, to: usize, way: Pose, kind: Kind) -> Edge {
+        Edge {
+            from,
+            to,
+            way,
+            information: diagonal([100.0, 100.0, 400.0]),
+            kind,
+        }
+    }
+
+    /// Around a square of 10 m, each side measured 1 % short and each corner 1 degree wide; the
+    /// robot knows that it is back. The loop closes, and nobody bears more than his part.
+    #[test]
+    fn a_loop_spreads_the_error_over_the_way() {
+        let mut graph = Graph::default();
+        let side = Pose::new(9.9, 0.0, FRAC_PI_2 + 0.017);
+        let mut pose = Pose::default();
+        graph.add_pose(pose);
+        for corner in 0..4 {
+            pose = crate::motion::moved(pose, side);
+            graph.add_pose(pose);
+            graph.add_edge(edge(corner, corner + 1, side, Kind::Way));
+        }
+        let open = distance(graph.poses[4], graph.poses[0]);
+        graph.add_edge(edge(0, 4, Pose::default(), Kind::Loop));
+        graph.optimise(10);
+        let closed = distance(graph.poses[4], graph.poses[0]);
+        assert!(open > 0.15 && closed < 0.3 * open, "{open} {closed}");
+        for corner in 0..4 {
+            let side = between(graph.poses[corner], graph.poses[corner + 1]);
+            assert!((libm::hypot(side.x, side.y) - 9.9).abs() < 0.1, "{side:?}");
+        }
+        assert!(distance(graph.poses[0], Pose::default()) < 1e-12);
+    }
+
+    /// One over the variance is the weight: of two words, 0 and 1 m, the four times surer one counts
+    /// four times: 0.2 m.
+    #[test]
+    fn edges_count_by_their_information() {
+        let mut graph = Graph::default();
+        graph.add_pose(Pose::default());
+        graph.add_pose(Pose::new(0.3, 0.0, 0.0));
+        let mut sure = edge(0, 1, Pose::default(), Kind::Way);
+        sure.information = diagonal([400.0, 400.0, 400.0]);
+        graph.add_edge(sure);
+        graph.add_edge(edge(0, 1, Pose::new(1.0, 0.0, 0.0), Kind::Way));
+        graph.optimise(4);
+        assert!(
+            (graph.poses[1].x - 0.2).abs() < 1e-6,
+            "{:?}",
+            graph.poses[1]
+        );
+    }
+
+    /// A loop that contradicts ten ways is unheard: they stay within a tenth of what it asks for.
+    #[test]
+    fn a_loop_that_contradicts_everything_is_unheard() {
+        let mut graph = Graph::default();
+        graph.add_pose(Pose::default());
+        for number in 0..10 {
+            graph.add_pose(Pose::new(f64::from(number + 1), 0.0, 0.0));
+        }
+        for from in 0..10 {
+            graph.add_edge(edge(from, from + 1, Pose::new(1.0, 0.0, 0.0), Kind::Way));
+            if from < 9 {
+                graph.add_edge(edge(from, from + 2, Pose::new(2.0, 0.0, 0.0), Kind::Way));
+            }
+        }
+        graph.add_edge(edge(0, 10, Pose::new(0.0, 0.0, 0.0), Kind::Loop));
+        graph.optimise(20);
+        assert!(graph.poses[10].x > 9.0, "{:?}", graph.poses[10]);
+    }
+
+    /// A metre of way is a metre; a loop is a short one; and beyond the limit nothing is told.
+    #[test]
+    fn ways_lead_through_loops() {
+        let mut graph = Graph::default();
+        (0..4).for_each(|x| {
+            graph.add_pose(Pose::new(f64::from(x) * 20.0, 0.0, 0.0));
+        });
+        for from in 0..3 {
+            graph.add_edge(edge(from, from + 1, Pose::new(20.0, 0.0, 0.0), Kind::Way));
+        }
+        assert_eq!(graph.ways_from(0, 50.0), [0.0, 20.0, 40.0, f64::INFINITY]);
+        graph.add_edge(edge(0, 3, Pose::default(), Kind::Loop));
+        assert_eq!(graph.ways_from(0, 50.0), [0.0, 20.0, 21.0, 1.0]);
+    }
+}
