@@ -4,8 +4,8 @@ use std::path::Path;
 
 use core::fmt::Write as _;
 
+use crate::slam::mapping::{Graph, Sheet};
 use emulators::world::Pose;
-use mapping::{Graph, Sheet};
 use serde::Serialize;
 
 use super::Log;
@@ -191,7 +191,7 @@ const ENDLESS: &str = "a string takes everything";
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mapping::{Edge, Kind};
+    use crate::slam::mapping::{Edge, Kind};
 
     /// The lines that g2o's own tutorial names, with the fields in its order.
     #[test]

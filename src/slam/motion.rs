@@ -3,7 +3,7 @@
 use emulators::world::Pose;
 use firmware_core::pose::PoseChange;
 
-pub use mapping::motion::{between, moved};
+pub use crate::slam::mapping::motion::{between, moved};
 
 /// A motion as the robot's program has it.
 #[expect(

@@ -2,12 +2,12 @@
 
 use core::time::Duration;
 
+use crate::slam::mapping::{Graph, Kind, Sheet};
 use emulators::world::Pose as Place;
 use firmware_core::grid::{Grid, UNKNOWN};
 use firmware_core::pose::{Pose, normalised};
 use firmware_core::scan::Scan;
 use firmware_core::slam::{Certainty, Mapper, Mode, Pushes, Settings};
-use mapping::{Graph, Kind, Sheet};
 use protocols::Instant;
 use serde::Serialize;
 

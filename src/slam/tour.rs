@@ -1,8 +1,8 @@
 //! Runs a log through the mapper that closes loops.
 
+use crate::slam::mapping::{Mapper, Outcome, Settings, Shot};
 use emulators::world::Pose as Place;
 use firmware_core::pose::{Point, Pose};
-use mapping::{Mapper, Outcome, Settings, Shot};
 
 use super::Log;
 use super::motion::moved;

@@ -5,11 +5,11 @@ use std::io::Read as _;
 use emulators::world::Pose;
 use firmware_core::slam::Mode;
 use hilrig::rig::trace::fingerprint;
+use hilrig::slam::mapping::{Sheet, UNKNOWN};
 use hilrig::slam::motion::{between, moved};
 use hilrig::slam::survey::{CELL_MM, CELLS, Survey, settings, survey};
 use hilrig::slam::tour::{Wish, tour};
 use hilrig::slam::{Log, carmen};
-use mapping::{Sheet, UNKNOWN};
 
 use crate::captures::beside;
 use crate::damage::still;

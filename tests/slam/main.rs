@@ -1,5 +1,6 @@
 //! The mapper over logs: what is read, what is left out, and how right the way is.
 
+mod buildings;
 mod command;
 mod damage;
 mod diff;

@@ -68,9 +68,7 @@ fn crates_know_only_what_lies_below_them() {
         let below: &[&str] = match name.as_str() {
             "protocols" => &[],
             "firmware_core" | "emulators" => &["protocols"],
-            // Of the emulators the world's geometry and the named streams.
-            "mapping" => &["emulators"],
-            _ => &["protocols", "firmware_core", "emulators", "mapping"],
+            _ => &["protocols", "firmware_core", "emulators"],
         };
         let wrong = known
             .intersection(&ours)
@@ -88,7 +86,7 @@ fn crates_know_only_what_lies_below_them() {
 #[test]
 fn the_lower_crates_depend_on_next_to_nothing() {
     let crates = dependencies(&metadata(), false);
-    let allowed: [(&str, &[&str]); 4] = [
+    let allowed: [(&str, &[&str]); 3] = [
         // Messages of protocol buffers, lists of a fixed capacity: neither has a heap.
         ("protocols", &["crc", "micropb", "heapless"]),
         // Lines and letters of the display; it draws without heap, float or frame buffer. What the
@@ -101,7 +99,6 @@ fn the_lower_crates_depend_on_next_to_nothing() {
             "emulators",
             &["protocols", "libm", "rand_xoshiro", "parry2d-f64"],
         ),
-        ("mapping", &["emulators", "libm"]),
     ];
     for (name, allowed) in allowed {
         let wrong = crates[name]

@@ -24,13 +24,7 @@ const ROOMS: [&[&str]; 11] = [
 /// What every room may use, and what uses no room.
 const BOTTOM: [&str; 6] = ["hex", "html", "picture", "registry", "whole_file", "TOOL"];
 /// Roots of crates: a path that begins with `crate` begins there.
-const ROOTS: [&str; 5] = [
-    "src",
-    "protocols/src",
-    "emulators/src",
-    "firmware_core/src",
-    "mapping/src",
-];
+const ROOTS: [&str; 4] = ["src", "protocols/src", "emulators/src", "firmware_core/src"];
 
 /// Files above the robots that name one all the same, and why.
 const NAMED: [(&str, &str); 8] = [

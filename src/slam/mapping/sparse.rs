@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::matrix::{Matrix, ZERO, applied, inverse, product, transposed};
+use crate::slam::mapping::matrix::{Matrix, ZERO, applied, inverse, product, transposed};
 
 /// In which order the nodes of a graph are eliminated, and what that fills.
 #[derive(Clone, Debug)]
@@ -162,7 +162,7 @@ fn subtract(to: &mut Matrix, by: &Matrix) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::matrix::diagonal;
+    use crate::slam::mapping::matrix::diagonal;
     use proptest::prelude::*;
 
     proptest! {

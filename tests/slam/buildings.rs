@@ -1,9 +1,9 @@
 //! The whole mapper in a building that was never built.
 
 use emulators::world::Pose;
-use mapping::building::Building;
-use mapping::motion::distance;
-use mapping::{Kind, Mapper, Settings, Shot};
+use hilrig::slam::mapping::building::Building;
+use hilrig::slam::mapping::motion::distance;
+use hilrig::slam::mapping::{Kind, Mapper, Settings, Shot};
 
 /// The mapper after all scans of a building, and where each was taken in truth.
 fn mapped(seed: u64, closes_loops: bool) -> (Mapper, Vec<Pose>) {

@@ -4,15 +4,15 @@
 
 use emulators::world::{Pose, wrap_angle};
 
-use crate::align::{Fit, Prior, align};
-use crate::branch::{Bounds, Wide, search, step_for};
-use crate::cloud::{Cloud, Frame, Spot};
-use crate::free::Free;
-use crate::graph::{Edge, Kind};
-use crate::matrix::Matrix;
-use crate::motion::{between, distance, moved};
-use crate::surfels::{Surfels, some_of};
-use crate::track::{Mapper, best_fit, blurred, seen_from, window};
+use crate::slam::mapping::align::{Fit, Prior, align};
+use crate::slam::mapping::branch::{Bounds, Wide, search, step_for};
+use crate::slam::mapping::cloud::{Cloud, Frame, Spot};
+use crate::slam::mapping::free::Free;
+use crate::slam::mapping::graph::{Edge, Kind};
+use crate::slam::mapping::matrix::Matrix;
+use crate::slam::mapping::motion::{between, distance, moved};
+use crate::slam::mapping::surfels::{Surfels, some_of};
+use crate::slam::mapping::track::{Mapper, best_fit, blurred, seen_from, window};
 
 /// A place that may have been seen before.
 #[derive(Clone, Copy, Debug)]
@@ -123,7 +123,7 @@ impl Mapper {
     /// Keyframes up to so much of the way before and behind this one.
     fn chain(&self, key: usize, before_m: f64, behind_m: f64) -> core::ops::Range<usize> {
         let at_m = self.keyframes[key].path_m;
-        let path = |key: &crate::track::Keyframe| key.path_m;
+        let path = |key: &crate::slam::mapping::track::Keyframe| key.path_m;
         let first = self
             .keyframes
             .partition_point(|key| path(key) < at_m - before_m);
@@ -246,7 +246,7 @@ impl Mapper {
             let frame = Frame::new(between(here, self.graph.poses[key]));
             for spot in self.keyframes[key].cloud.spots() {
                 let at = frame.place(spot.at);
-                if taken.insert(at.map(crate::surfels::cell)) {
+                if taken.insert(at.map(crate::slam::mapping::surfels::cell)) {
                     spots.push(Spot {
                         at,
                         normal: frame.turned(spot.normal),
@@ -346,7 +346,7 @@ impl Mapper {
 #[expect(clippy::cast_possible_truncation, reason = "metres of a small room")]
 mod tests {
     use super::*;
-    use crate::Settings;
+    use crate::slam::mapping::Settings;
 
     /// What a lidar at the origin sees of a room from (-2, -1.5) to (3, 2), metres, that has a
     /// niche to the north: there is no other place in it from which it looks the same.
@@ -405,17 +405,19 @@ mod tests {
             mapper
                 .graph
                 .add_pose(Pose::new(f64::from(number), 0.0, 0.0));
-            mapper.keyframes.push(crate::track::Keyframe {
-                cloud: room(),
-                path_m: f64::from(number),
-                scan: 0,
-            });
+            mapper
+                .keyframes
+                .push(crate::slam::mapping::track::Keyframe {
+                    cloud: room(),
+                    path_m: f64::from(number),
+                    scan: 0,
+                });
         }
         let guess = |to: usize, x: f64| Guess {
             from: 0,
             to,
             way: Pose::new(x, 5.0, 0.0),
-            information: crate::matrix::diagonal([100.0; 3]),
+            information: crate::slam::mapping::matrix::diagonal([100.0; 3]),
         };
         assert!(!mapper.believe(guess(1, 1.0)));
         assert!(!mapper.believe(guess(2, 3.0)));

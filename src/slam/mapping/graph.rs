@@ -6,9 +6,11 @@ use std::collections::BinaryHeap;
 
 use emulators::world::{Pose, wrap_angle};
 
-use crate::matrix::{Matrix, applied, diagonal, product, scaled, transposed, weighed};
-use crate::motion::{between, distance};
-use crate::sparse::{Plan, System};
+use crate::slam::mapping::matrix::{
+    Matrix, applied, diagonal, product, scaled, transposed, weighed,
+};
+use crate::slam::mapping::motion::{between, distance};
+use crate::slam::mapping::sparse::{Plan, System};
 
 /// How an edge is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -207,7 +209,7 @@ mod tests {
         let mut pose = Pose::default();
         graph.add_pose(pose);
         for corner in 0..4 {
-            pose = crate::motion::moved(pose, side);
+            pose = crate::slam::mapping::motion::moved(pose, side);
             graph.add_pose(pose);
             graph.add_edge(edge(corner, corner + 1, side, Kind::Way));
         }

@@ -2,9 +2,9 @@
 
 use emulators::world::Pose;
 
-use crate::cloud::{Frame, gap};
-use crate::surfels::lies_along;
-use crate::track::Keyframe;
+use crate::slam::mapping::cloud::{Frame, gap};
+use crate::slam::mapping::surfels::lies_along;
+use crate::slam::mapping::track::Keyframe;
 
 /// A map, row by row from below.
 #[derive(Clone, Debug, PartialEq)]
@@ -218,7 +218,7 @@ fn shade(ends: u8, through: u8) -> u8 {
 #[expect(clippy::cast_possible_truncation, reason = "metres of a small room")]
 mod tests {
     use super::*;
-    use crate::cloud::Cloud;
+    use crate::slam::mapping::cloud::Cloud;
 
     /// A wall 1 m ahead, seen by one scan: free on the way there, wall there, unknown behind.
     #[test]

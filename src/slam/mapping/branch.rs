@@ -3,9 +3,9 @@
 
 use emulators::world::{Pose, wrap_angle};
 
-use crate::cloud::{Frame, Spot};
-use crate::correlate::Candidate;
-use crate::surfels::{CELL_M, Surfels, cell, some_of};
+use crate::slam::mapping::cloud::{Frame, Spot};
+use crate::slam::mapping::correlate::Candidate;
+use crate::slam::mapping::surfels::{CELL_M, Surfels, cell, some_of};
 
 /// Cells along an edge of a block.
 const BLOCK: i32 = 4;
@@ -149,7 +149,7 @@ fn floor_of(floor: f64, spots: usize) -> u16 {
 pub(crate) fn step_for(spots: &[Spot]) -> f64 {
     let sum: f32 = spots
         .iter()
-        .map(|spot| crate::cloud::gap(spot.at, [0.0; 2]))
+        .map(|spot| crate::slam::mapping::cloud::gap(spot.at, [0.0; 2]))
         .sum();
     let mean = f64::from(sum) / spots.len().max(1) as f64;
     (f64::from(CELL_M) / mean.max(1.0)).clamp(0.012, 0.035)
@@ -252,7 +252,7 @@ fn look_into(walls: &Surfels, turned: &Turned, x: i32, y: i32) -> (u16, i32, i32
 #[expect(clippy::cast_possible_truncation, reason = "metres of a small room")]
 mod tests {
     use super::*;
-    use crate::cloud::Cloud;
+    use crate::slam::mapping::cloud::Cloud;
     use emulators::rng::Rng;
 
     /// Points of no order, and the same points seen from elsewhere: their place is found to a cell
@@ -265,7 +265,7 @@ mod tests {
         let mut walls = Surfels::around([0.0; 2], 25.0);
         walls.draw(Pose::default(), &Cloud::new(&ends));
         let here = Pose::new(1.7, -2.3, 0.21);
-        let back = crate::motion::between(here, Pose::default());
+        let back = crate::slam::mapping::motion::between(here, Pose::default());
         let frame = Frame::new(back);
         let spots: Vec<Spot> = ends
             .iter()
@@ -284,13 +284,13 @@ mod tests {
         let (found, is_cut) = search(&walls, &bounds, &spots, Pose::default(), &wide);
         let best = found[0];
         assert!(
-            !is_cut && crate::motion::distance(best.pose, here) < 0.15,
+            !is_cut && crate::slam::mapping::motion::distance(best.pose, here) < 0.15,
             "{best:?}"
         );
         assert!((best.pose.theta - here.theta).abs() < 0.03);
         let rival = found
             .iter()
-            .find(|one| crate::motion::distance(one.pose, here) > 0.5);
+            .find(|one| crate::slam::mapping::motion::distance(one.pose, here) > 0.5);
         assert!(
             rival.is_none_or(|rival| rival.score < 0.8 * best.score),
             "{rival:?}"

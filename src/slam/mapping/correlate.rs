@@ -3,9 +3,9 @@
 
 use emulators::world::{Pose, wrap_angle};
 
-use crate::align::Prior;
-use crate::cloud::{Frame, Spot};
-use crate::surfels::{CELL_M, Surfels, cell};
+use crate::slam::mapping::align::Prior;
+use crate::slam::mapping::cloud::{Frame, Spot};
+use crate::slam::mapping::surfels::{CELL_M, Surfels, cell};
 
 /// Poses of a row.
 const LANES: usize = 32;
@@ -44,7 +44,7 @@ pub(crate) fn search(
     window: &Window,
     prior: &Prior,
 ) -> Vec<Candidate> {
-    let spots = crate::surfels::some_of(spots, SPOTS_MAX);
+    let spots = crate::slam::mapping::surfels::some_of(spots, SPOTS_MAX);
     let mut all: Vec<Candidate> = (-window.turns..=window.turns)
         .filter_map(|turn| {
             let theta = prior.pose.theta + f64::from(turn) * window.step;
@@ -144,7 +144,7 @@ mod tests {
         let mut point = || [0, 1].map(|_: u8| rng.range(-4.0, 4.0) as f32);
         let ends: Vec<[f32; 2]> = (0..150).map(|_| point()).collect();
         let mut walls = Surfels::around([0.0; 2], 12.0);
-        walls.draw(Pose::default(), &crate::Cloud::new(&ends));
+        walls.draw(Pose::default(), &crate::slam::mapping::Cloud::new(&ends));
         let spots: Vec<Spot> = ends[..100]
             .iter()
             .map(|at| Spot {

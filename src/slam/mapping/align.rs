@@ -3,9 +3,9 @@
 
 use emulators::world::{Pose, wrap_angle};
 
-use crate::cloud::{Frame, Spot};
-use crate::matrix::{Matrix, applied, diagonal, inverse, sum, weighed};
-use crate::surfels::{Near, Surfels};
+use crate::slam::mapping::cloud::{Frame, Spot};
+use crate::slam::mapping::matrix::{Matrix, applied, diagonal, inverse, sum, weighed};
+use crate::slam::mapping::surfels::{Near, Surfels};
 
 /// Where a scan should be, by the odometry, and how sure that is.
 #[derive(Clone, Copy, Debug)]
@@ -190,7 +190,7 @@ pub(crate) fn judged(walls: &Surfels, spots: &[Spot], pose: Pose) -> Fit {
 #[expect(clippy::cast_possible_truncation, reason = "metres of a small room")]
 mod tests {
     use super::*;
-    use crate::cloud::Cloud;
+    use crate::slam::mapping::cloud::Cloud;
 
     /// What a robot at `from` sees of walls at y = -2 m and y = 2 m, and of one at x = 4 m if the
     /// corridor has an end; beams a degree apart.

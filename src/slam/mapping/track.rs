@@ -2,16 +2,16 @@
 
 use emulators::world::{Pose, wrap_angle};
 
-use crate::Shot;
-use crate::align::{Fit, Prior, align};
-use crate::closing::Closing;
-use crate::cloud::{Cloud, Frame, Spot};
-use crate::correlate::{Candidate, REACH_MAX, Window, search};
-use crate::graph::{Edge, Graph, Kind};
-use crate::matrix::{Matrix, diagonal, inverse, sum, turned};
-use crate::motion::{between, distance, moved};
-use crate::sheet::Sheet;
-use crate::surfels::{CELL_M, Surfels, some_of};
+use crate::slam::mapping::Shot;
+use crate::slam::mapping::align::{Fit, Prior, align};
+use crate::slam::mapping::closing::Closing;
+use crate::slam::mapping::cloud::{Cloud, Frame, Spot};
+use crate::slam::mapping::correlate::{Candidate, REACH_MAX, Window, search};
+use crate::slam::mapping::graph::{Edge, Graph, Kind};
+use crate::slam::mapping::matrix::{Matrix, diagonal, inverse, sum, turned};
+use crate::slam::mapping::motion::{between, distance, moved};
+use crate::slam::mapping::sheet::Sheet;
+use crate::slam::mapping::surfels::{CELL_M, Surfels, some_of};
 
 /// What the mapper is told once.
 #[derive(Clone, Copy, Debug)]
@@ -246,7 +246,7 @@ impl Mapper {
     /// Where the spots fit the walls.
     fn locate(&self, spots: &[Spot], prior: &Prior) -> Fit {
         let spots = some_of(spots, SPOTS);
-        let step = crate::branch::step_for(&spots);
+        let step = crate::slam::mapping::branch::step_for(&spots);
         let best = best_fit(&self.walls, &spots, &window(prior, step, 3.0), prior);
         if best.explained >= POOR {
             return best;

@@ -8,7 +8,7 @@ mod rays;
 use emulators::rng::Rng;
 use emulators::world::{Pose, wrap_angle};
 
-use crate::motion::{between, moved};
+use crate::slam::mapping::motion::{between, moved};
 use plan::Plan;
 use rays::Rays;
 

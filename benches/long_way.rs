@@ -2,15 +2,15 @@
 //! number of keyframes on a long way.
 //!
 //! ```text
-//! cargo run --release -p mapping --example long -- SEED METRES
+//! cargo bench --bench long_way -- SEED METRES
 //! ```
 
 #![expect(clippy::disallowed_methods, reason = "measures how long a scan takes")]
 
 use std::time::Instant;
 
-use mapping::building::Building;
-use mapping::{Mapper, Settings, Shot};
+use hilrig::slam::mapping::building::Building;
+use hilrig::slam::mapping::{Mapper, Settings, Shot};
 
 /// Scans of a line of the table.
 const SCANS: usize = 500;

@@ -2,15 +2,15 @@
 //! own failures.
 //!
 //! ```text
-//! cargo run --release -p mapping --example buildings -- FIRST COUNT
+//! cargo bench --bench buildings -- FIRST COUNT
 //! ```
 
 use std::process::ExitCode;
 
 use emulators::world::{Pose, wrap_angle};
-use mapping::building::Building;
-use mapping::motion::{between, distance, moved};
-use mapping::{Edge, Kind, Mapper, Settings, Shot};
+use hilrig::slam::mapping::building::Building;
+use hilrig::slam::mapping::motion::{between, distance, moved};
+use hilrig::slam::mapping::{Edge, Kind, Mapper, Settings, Shot};
 
 /// An edge is false if it is off by more, metres and radians.
 const FALSE_M: f64 = 0.5;

@@ -2,8 +2,8 @@
 
 use emulators::world::Pose;
 
-use crate::cloud::{Cloud, Frame, Spot, gap};
-use crate::surfels::{CELL_M, Surfels, cell};
+use crate::slam::mapping::cloud::{Cloud, Frame, Spot, gap};
+use crate::slam::mapping::surfels::{CELL_M, Surfels, cell};
 
 /// A beam says nothing of the last part of its way, metres: a wall is rough, and a pose is off.
 const LAST_M: f32 = 0.4;

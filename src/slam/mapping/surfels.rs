@@ -1,7 +1,7 @@
 //! Walls near a place, from many scans: mean points and normals in small cells, and how likely a
 //! beam ends near each cell.
 
-use crate::cloud::{Cloud, Frame, Spot, gap};
+use crate::slam::mapping::cloud::{Cloud, Frame, Spot, gap};
 use emulators::world::Pose;
 
 /// Edge of a cell, metres.
