@@ -1,20 +1,24 @@
 #!/usr/bin/env bash
-# What docs/ci says, done: a root of Debian 12 as the second stage of the Containerfile makes it, and in
-# it the steps of the snippets for GitHub and GitLab. By hand: it needs root, debootstrap and PyYAML.
+# What docs/ci says, done: a root of Debian 12 as the second stage of the Containerfile makes it,
+# and in it the steps of the snippets for GitHub and GitLab. By hand: it needs root, debootstrap
+# and PyYAML.
 #
 # usage: bash tests/ci/run.sh HILRIG ROOT
 #
-# HILRIG is the program; ROOT is a folder for the root, kept, and taken as it is if it is there already.
+# HILRIG is the program; ROOT is a folder for the root, kept, and taken as it is if it is there.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 hilrig=$1 root=$(realpath -m "$2")
 
 [[ -x $root/bin/sh ]] || debootstrap --variant=minbase bookworm "$root"
-mountpoint -q "$root/dev/pts" || mount -t devpts devpts "$root/dev/pts" -o newinstance,ptmxmode=0666
+mountpoint -q "$root/dev/pts" ||
+    mount -t devpts devpts "$root/dev/pts" -o newinstance,ptmxmode=0666
 mountpoint -q "$root/proc" || mount -t proc proc "$root/proc"
 trap 'umount "$root/dev/pts" "$root/proc"' EXIT
 ln -sf pts/ptmx "$root/dev/ptmx"
-inside() { chroot "$root" env -i HOME=/root PATH=/usr/local/bin:/usr/bin:/bin bash -c "$1"; }
+inside() {
+    chroot "$root" env -i HOME=/root PATH=/usr/local/bin:/usr/bin:/bin bash -c "$1"
+}
 
 # The Containerfile: its RUN of the second stage, its COPY, its CMD.
 again=$(sed -e '1,/^FROM docker.io\/library\/debian/d' -e ':a;/\\$/{N;s/\\\n//;ba}' \
@@ -22,7 +26,8 @@ again=$(sed -e '1,/^FROM docker.io\/library\/debian/d' -e ':a;/\\$/{N;s/\\\n//;b
 echo "container: $again"
 inside "$again" >"$root/root/apt.log" 2>&1
 cp "$hilrig" "$root/usr/local/bin/hilrig"
-inside "$(sed -n 's/^CMD \[\(.*\)\]/\1/p' docs/ci/Containerfile | tr -d '",')" >"$root/root/help.log"
+shown=$(sed -n 's/^CMD \[\(.*\)\]/\1/p' docs/ci/Containerfile | tr -d '",')
+inside "$shown" >"$root/root/help.log"
 grep -q "^Usage: hilrig" "$root/root/help.log"
 
 # A project of somebody: a scenario in tests/, the program beside it.
