@@ -54,6 +54,8 @@ impl Supervisor {
     /// The file `fd` of the process of `tid`.
     pub(super) fn file(&mut self, tid: i32, fd: i32) -> Option<File> {
         let pid = self.threads.get(&tid)?.process;
+        // A negative number is none, and is taken amiss below.
+        let fd = Some(fd).filter(|&fd| fd >= 0)?;
         let process = self.processes.get_mut(&pid)?;
         if process.handle.is_none() {
             let pid = rustix::process::Pid::from_raw(pid)?;
