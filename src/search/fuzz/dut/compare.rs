@@ -62,6 +62,11 @@ impl Comparison {
         Some(Self { place, sides })
     }
 
+    /// Whether texts were compared: a word of many, often.
+    pub(super) const fn is_of_texts(&self) -> bool {
+        matches!(self.sides, Sides::Texts(_))
+    }
+
     /// What `message` might say instead, in the order of what is worth most.
     pub(super) fn instead(&self, message: &[u8]) -> Vec<Vec<u8>> {
         let mut made = Made::new(message);

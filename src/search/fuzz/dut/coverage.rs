@@ -11,26 +11,30 @@ use std::os::unix::fs::FileExt as _;
 use std::path::{Path, PathBuf};
 
 use super::compare::{Comparison, PAIR};
-use crate::search::fuzz::subject::{Behaviour, size};
 
 /// What a program is linked with to be seen, in C.
 pub const RUNTIME: &str = include_str!("hilrig-coverage.c");
 /// The variable that names the file.
 pub(super) const VARIABLE: &str = "HILRIG_COVERAGE";
 
+/// Different sizes of a count.
+pub(super) const SIZES: u32 = 16;
 /// Counters; as many as [`RUNTIME`] has.
 const SIZE: usize = 1 << 16;
 /// Behind them: how many pairs there are, the pairs, and how often each place has one.
 const HEAD: usize = 8;
 const PAIRS: usize = 1024;
 const PLACES: usize = 4096;
+/// The name of the file, before the number of our process.
+const NAME: &str = "hilrig-coverage-";
 /// Where files are that are no more than memory.
 const MEMORY: &str = "/dev/shm";
 
 /// What a program did from one look to the next.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Reached {
-    /// Where it came, and how often: once, twice, up to 3, 7, 15 times ..
+    /// Where it came, as numbers below [`SIZE`], times [`SIZES`], and how often: once, twice, up to
+    /// 3, 7, 15 times ..
     pub(super) marks: Vec<u32>,
     /// What it compared and found not to be equal.
     pub(super) compared: Vec<Comparison>,
@@ -50,7 +54,12 @@ impl Counters {
         let memory = Path::new(MEMORY);
         let dir = if memory.is_dir() { memory } else { dir };
         // As long in each run: the environment lies in the program's memory.
-        let path = dir.join(format!("hilrig-coverage-{:010}", std::process::id()));
+        let path = dir.join(format!("{NAME}{:010}", std::process::id()));
+        remove_orphans(dir);
+        Self::at(path)
+    }
+
+    fn at(path: PathBuf) -> io::Result<Self> {
         // What a process of this number has left.
         let _ = fs::remove_file(&path);
         let mut options = OpenOptions::new();
@@ -81,22 +90,22 @@ impl Counters {
     /// What was done since the last call. What cannot be read was not; what cannot be set back
     /// counts as done once more, which is nothing new.
     pub(super) fn take(&self) -> Reached {
-        let (mut counts, mut behaviour) = (vec![0; SIZE + HEAD], Behaviour::default());
+        let (mut counts, mut marks) = (vec![0; SIZE + HEAD], Vec::new());
         if self.file.read_exact_at(&mut counts, 0).is_err() {
             return Reached::default();
         }
         let head = counts.split_off(SIZE);
-        for (place, &count) in counts.iter().enumerate().filter(|(_, count)| **count > 0) {
-            behaviour.note(&[place as u64, size(count.into())]);
+        for (place, &count) in (0_u32..).zip(&counts).filter(|(_, count)| **count > 0) {
+            marks.push(place * SIZES + (u8::BITS - count.leading_zeros()));
         }
-        if !behaviour.marks().is_empty() {
+        if !marks.is_empty() {
             self.was_used.set(true);
             let _ = self.file.write_all_at(&[0; SIZE], 0);
         }
         let pairs = head.first_chunk().copied().map_or(0, u32::from_le_bytes);
         let pairs = usize::try_from(pairs).unwrap_or(PAIRS).min(PAIRS);
         Reached {
-            marks: behaviour.marks().to_vec(),
+            marks,
             compared: self.take_pairs(pairs),
         }
     }
@@ -117,6 +126,20 @@ impl Counters {
     }
 }
 
+/// Removes files of processes that are no more.
+fn remove_orphans(dir: &Path) {
+    for file in fs::read_dir(dir).into_iter().flatten().flatten() {
+        let name = file.file_name();
+        let number = name.to_str().and_then(|name| name.strip_prefix(NAME));
+        let process = number.and_then(|number| number.parse::<u32>().ok());
+        let processes = Path::new("/proc");
+        let is_gone = |id: u32| !processes.join(id.to_string()).exists();
+        if processes.join("self").exists() && process.is_some_and(is_gone) {
+            let _ = fs::remove_file(file.path());
+        }
+    }
+}
+
 impl Drop for Counters {
     fn drop(&mut self) {
         let _ = fs::remove_file(&self.path);
@@ -131,7 +154,7 @@ mod tests {
     /// after each look.
     #[test]
     fn a_place_reached_another_number_of_times_is_news_by_its_size() {
-        let counters = Counters::new(&std::env::temp_dir()).expect("room");
+        let counters = Counters::at(std::env::temp_dir().join(format!("{NAME}test-sizes-{}", std::process::id()))).expect("room");
         let marks = |place: u64, count: u8| {
             counters.file.write_all_at(&[count], place).expect("room");
             counters.take().marks
@@ -149,7 +172,7 @@ mod tests {
     /// them is not believed.
     #[test]
     fn what_was_compared_is_taken_once() {
-        let counters = Counters::new(&std::env::temp_dir().join("pairs")).expect("room");
+        let counters = Counters::at(std::env::temp_dir().join(format!("{NAME}test-pairs-{}", std::process::id()))).expect("room");
         let put = |bytes: &[u8], at: usize| {
             let put = counters.file.write_all_at(bytes, at as u64);
             put.expect("room");

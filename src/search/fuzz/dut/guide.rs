@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::case::{Hex, index};
 use super::compare::Comparison;
-use super::coverage::Reached;
+use super::coverage::{Reached, SIZES};
 use super::message::{Input, Stock};
 use super::speech::Speech;
 use crate::codec::wire::Stream;
@@ -28,10 +28,17 @@ const ADDED_MAX: usize = 512;
 /// How often comparisons of one place are answered, besides those of inputs that came to something
 /// new.
 const ANSWERED_MAX: u8 = 8;
-/// After that the comparison at which an input was stuck, its last one, in so few ways; of what is
-/// made so again, so often. A checksum that must be mended after each other answer needs that.
-const STUCK_MAX: usize = 2;
+/// After that the comparison at which an input was stuck, its last one, is answered in so few ways,
+/// if so few inputs wait; of what is made so again, so often. A checksum that must be mended after
+/// each other answer needs that.
+const STUCK_MAX: usize = 1;
+const STUCK_DUE_MAX: usize = 256;
 const DEPTH_MAX: u8 = 4;
+/// How often comparisons of numbers at one place are answered because of one input: in a loop each
+/// byte is compared with the same.
+const ALIKE_MAX: u8 = 2;
+/// Bytes by which an input that comes from a new place may be longer.
+const NEW_BYTES: u64 = 64;
 /// Bytes by which an input may be longer that has waited for a case: short ones are worth more, and
 /// none waits for ever.
 const WAIT_BYTES: u64 = 4;
@@ -167,8 +174,13 @@ impl Guide {
             for other in self.answers(speech, &part, is_new, &reached.compared) {
                 // Also after what was told before: the program may be in a state that needs it.
                 if !before.is_empty() {
-                    let after = self.due(other.input.after(&before), other.depth);
-                    self.due.push(after);
+                    let input = other.input.after(&before);
+                    let rank = other.rank + (input.size() - other.input.size()) as u64;
+                    self.due.push(Due {
+                        input,
+                        rank,
+                        ..other
+                    });
                 }
                 self.due.push(other);
             }
@@ -185,10 +197,14 @@ impl Guide {
         Due { input, depth, rank }
     }
 
-    /// Keeps `input` if it came somewhere new, or somewhere by less than was known; whether it was
-    /// somewhere new. Then it is kept with what was told before.
+    /// Keeps `input` if it came somewhere new or another number of times, or by less than was known;
+    /// whether it was somewhere new. Then it is kept with what was told before.
     fn keep(&mut self, input: &Input, before: &[Hex], marks: &[u32]) -> bool {
-        let is_new = marks.iter().any(|mark| !self.marks.contains_key(mark));
+        let is_known = |mark: &u32| {
+            let place = mark / SIZES * SIZES;
+            self.marks.range(place..place + SIZES).next().is_some()
+        };
+        let is_new = !marks.iter().all(is_known);
         let whole = if is_new {
             input.after(before)
         } else {
@@ -222,9 +238,15 @@ impl Guide {
         is_new: bool,
         compared: &[Comparison],
     ) -> Vec<Due> {
-        let mut made = Vec::new();
+        let (mut made, mut alike) = (Vec::new(), BTreeMap::new());
+        let is_free = self.due.len() < STUCK_DUE_MAX && part.depth < DEPTH_MAX;
         for (at, comparison) in compared.iter().enumerate() {
-            let is_last = at + 1 == compared.len() && part.depth < DEPTH_MAX;
+            let is_last = at + 1 == compared.len() && is_free;
+            let alike: &mut u8 = alike.entry(comparison.place).or_default();
+            *alike = alike.saturating_add(1);
+            if *alike > ALIKE_MAX && !comparison.is_of_texts() && !is_last {
+                continue;
+            }
             let most = match self.counts(comparison.place) {
                 is_few if is_new || is_few == Some(true) => usize::MAX,
                 _ if is_last => STUCK_MAX,
@@ -249,9 +271,14 @@ impl Guide {
         made.retain(|input| known.insert(input.clone()));
         made.truncate(ADDED_MAX);
         let depth = part.depth.saturating_add(1);
-        made.into_iter()
+        let mut made: Vec<Due> = made
+            .into_iter()
             .map(|input| self.due(input, depth))
-            .collect()
+            .collect();
+        for due in made.iter_mut().filter(|_| is_new) {
+            due.rank = due.rank.saturating_sub(NEW_BYTES);
+        }
+        made
     }
 
     /// Counts a comparison of this place; whether there were few so far, if there is room to know.

@@ -31,6 +31,7 @@ extern "C" {
 #define PAIRS 1024u /* comparisons that are kept, */
 #define PLACES 4096u /* so many times PER_PLACE at most of each place */
 #define PER_PLACE 8
+#define PER_PLACE_TEXTS 64 /* tables of words are looked through at one place */
 #define SIDE 32u /* bytes of a side that are kept */
 #define FLOATING 0x40u
 #define TEXT 0x80u
@@ -112,7 +113,7 @@ static struct pair *pair_of(uint32_t place, uint32_t kind)
     struct shared *to = shared;
     struct pair *pair;
     uint32_t at;
-    if (!to || to->places[place % PLACES] >= PER_PLACE)
+    if (!to || to->places[place % PLACES] >= (kind == TEXT ? PER_PLACE_TEXTS : PER_PLACE))
         return 0;
     at = to->count;
     if (at >= PAIRS)

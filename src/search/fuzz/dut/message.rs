@@ -13,6 +13,8 @@ use crate::search::fuzz::havoc;
 const LEN_MAX: usize = 512;
 /// Most messages of an input.
 const MESSAGES_MAX: usize = 8;
+/// What stands between the words of lines.
+const SEPARATORS: &[u8] = b"  =,;:/";
 /// Bytes of a message of which nothing is known, at most.
 const BYTES_MAX: u64 = 32;
 
@@ -75,6 +77,15 @@ impl Input {
                     _ => (from + word.len()).min(body.len()),
                 };
                 body.splice(from..to, word.iter().copied());
+                self.0[at] = Hex(speech.finished(body, rng));
+            }
+            8..10 if matches!(speech, Speech::Text(_)) => {
+                let mut body = speech.body(&self.0[at].0).to_vec();
+                body.push(SEPARATORS[index(rng, SEPARATORS.len() as u64)]);
+                match stock.words {
+                    [] => body.extend(rng.below(100).to_string().bytes()),
+                    words => body.extend(&words[index(rng, words.len() as u64)].0),
+                }
                 self.0[at] = Hex(speech.finished(body, rng));
             }
             _ => {

@@ -18,9 +18,10 @@ fn guided(parts: &[&[u8]]) -> Guided {
     }
 }
 
+/// Marks are places here, each reached once.
 fn reached(marks: &[u32]) -> Reached {
     Reached {
-        marks: marks.to_vec(),
+        marks: marks.iter().map(|mark| mark * SIZES + 1).collect(),
         compared: Vec::new(),
     }
 }
@@ -40,11 +41,14 @@ fn what_reached_something_new_is_kept_with_what_was_told_before() {
     let second = Input(vec![Hex(vec![1]), Hex(vec![2])]);
     assert_eq!(guide.pool[&0], input(&[1]));
     // One byte is shorter than two.
-    assert_eq!(guide.pool[&guide.marks[&2].0], input(&[3]));
+    assert_eq!(guide.pool[&guide.marks[&(2 * SIZES + 1)].0], input(&[3]));
     assert!(!guide.pool.values().any(|kept| *kept == second));
     assert_eq!(guide.due[0].input, input(&[2]));
     assert_eq!(guide.due.len(), 1);
-    assert_eq!((guide.marks[&1].1, guide.marks[&2].1), (2, 2));
+    assert_eq!(
+        (guide.marks[&(SIZES + 1)].1, guide.marks[&(2 * SIZES + 1)].1),
+        (2, 2)
+    );
 }
 
 /// Two bytes reach marks 1 and 2, one byte mark 1: both stay; another byte reaches mark 2, and the
@@ -52,11 +56,14 @@ fn what_reached_something_new_is_kept_with_what_was_told_before() {
 #[test]
 fn of_two_that_reach_the_same_the_shorter_is_kept() {
     let mut guide = Guide::default();
-    assert!(guide.keep(&input(&[7, 7]), &[], &[1, 2]));
-    assert!(!guide.keep(&input(&[8]), &[], &[1]));
+    assert!(guide.keep(&input(&[7, 7]), &[], &[16, 32]));
+    assert!(!guide.keep(&input(&[8]), &[], &[16]));
     assert_eq!(guide.pool.len(), 2);
-    assert!(!guide.keep(&input(&[9]), &[], &[2]));
+    assert!(!guide.keep(&input(&[9]), &[], &[32]));
     assert!(!guide.pool.values().any(|kept| kept.size() == 2));
+    // Another number of times is no new place, and worth to be kept.
+    assert!(!guide.keep(&input(&[7, 7, 7]), &[], &[33]));
+    assert!(guide.pool.values().any(|kept| kept.size() == 3));
 }
 
 /// The program ended in the second of three parts. It is not told again, and the third, which was
@@ -76,7 +83,7 @@ fn what_ends_the_program_is_not_kept_and_what_came_after_it_is_still_due() {
         true,
     );
     assert_eq!(guide.due, [due(&[3])]);
-    assert!(!guide.marks.contains_key(&5));
+    assert!(!guide.marks.contains_key(&(5 * SIZES + 1)));
 }
 
 /// Byte 41 is compared with 51 at place 3: it is put there, before what was due and is long.
