@@ -28,12 +28,12 @@ const SURPRISE_MAX_MS: u64 = 2_000;
 /// Time before anything goes wrong, if there is such a time.
 const WARM_UP_MS: u64 = 5_000;
 /// How near a waypoint is passed, or the last one come to rest at, is no matter of precision while
-/// something is wrong: a map that is begun with a lidar that is 2 % off stays so, 60 mm for walls 3 m
-/// away. Millimetres.
+/// something is wrong: a map that is begun with a lidar that is 2 % off stays so, 60 mm for walls
+/// 3 m away. Millimetres.
 const WITHIN_MM: f64 = 150.0;
 
-/// The same where somebody steers by hand, to the mission's script: what is ordered a second late is
-/// done a second farther on, and nothing that the robot knows leads it back.
+/// The same where somebody steers by hand, to the mission's script: what is ordered a second late
+/// is done a second farther on, and nothing that the robot knows leads it back.
 const BY_HAND_WITHIN_MM: f64 = 400.0;
 /// And where it rests if the order to stop came late as well.
 const BY_HAND_REST_MM: f64 = 800.0;
