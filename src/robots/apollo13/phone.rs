@@ -5,8 +5,8 @@
 //! set by mouse on the PC, go as `/goal` with x, y and heading. Packets are lost and nobody
 //! confirms them, so the app says again and again where its controls stand, and a new goal for some
 //! seconds. The person sends the next goal when the car has come to rest near the last one. When it
-//! rests elsewhere, they say where it is, as with the mouse of the seed, `/pose`, and order the same
-//! once more.
+//! rests elsewhere, they say where it is, as with the mouse of the seed, `/pose`, and order the
+//! same once more.
 
 use core::time::Duration;
 use std::collections::VecDeque;
