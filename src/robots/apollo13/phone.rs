@@ -2,10 +2,11 @@
 //!
 //! Addresses are those of the car's layout: `/1/speed`, `/1/direction`, `/1/kill`,
 //! `/modes/toggle4`, `/modes/follow_aruco`, and ours `/modes/mapping`. Goals, which in the seed are
-//! set by mouse on the PC, go as `/goal` with x, y and heading. Packets are lost and nobody confirms them, so the app says
-//! again and again where its controls stand, and a new goal for some seconds. The person sends the
-//! next goal when the car has come to rest near the last one. When it rests elsewhere, they say
-//! where it is, as with the mouse of the seed, `/pose`, and order the same once more.
+//! set by mouse on the PC, go as `/goal` with x, y and heading. Packets are lost and nobody
+//! confirms them, so the app says again and again where its controls stand, and a new goal for some
+//! seconds. The person sends the next goal when the car has come to rest near the last one. When it
+//! rests elsewhere, they say where it is, as with the mouse of the seed, `/pose`, and order the
+//! same once more.
 
 use core::time::Duration;
 use std::collections::VecDeque;

@@ -32,8 +32,8 @@ const WARM_UP_MS: u64 = 5_000;
 /// 3 m away. Millimetres.
 const WITHIN_MM: f64 = 150.0;
 
-/// The same where somebody steers by hand, to the mission's script: what is ordered a second late is
-/// done a second farther on, and nothing that the robot knows leads it back.
+/// The same where somebody steers by hand, to the mission's script: what is ordered a second late
+/// is done a second farther on, and nothing that the robot knows leads it back.
 const BY_HAND_WITHIN_MM: f64 = 400.0;
 /// And where it rests if the order to stop came late as well.
 const BY_HAND_REST_MM: f64 = 800.0;

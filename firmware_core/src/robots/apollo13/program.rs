@@ -11,6 +11,7 @@
 mod inspect;
 mod mapping;
 mod passing;
+mod place;
 mod search;
 mod senses;
 mod sight;
@@ -38,7 +39,7 @@ use super::witness::Witness;
 use crate::ackermann::CarPose;
 use crate::costmap::Inflation;
 use crate::lattice::{Outline, PrimitiveSet};
-use crate::particles::{LikelihoodField, Localiser, Noise, Settings as ParticleSettings};
+use crate::particles::Localiser;
 use crate::pose::Point;
 use crate::{Master, Work};
 
@@ -176,6 +177,15 @@ enum Board {
     Fielded(car_board::FieldedDecoder),
 }
 
+impl Board {
+    fn new(loses_frames: bool) -> Self {
+        match loses_frames {
+            true => Self::Fielded(car_board::FieldedDecoder::default()),
+            false => Self::Sound(car_board::Decoder::default()),
+        }
+    }
+}
+
 impl Apollo13 {
     /// The car's board, [`car_board::BAUD`].
     pub const CAR: Port = Port(0);
@@ -192,7 +202,9 @@ impl Apollo13 {
     pub fn new(config: Config) -> Self {
         let defects = config.defects;
         let floor = Floor::new(config.floor.clone(), INFLATION);
-        let localiser = floor.is_known().then(|| localiser(&config, config.start));
+        let localiser = floor
+            .is_known()
+            .then(|| place::localiser(&config, config.start));
         let outline = Outline::rectangle(0.359 + ROOM_M, 0.101 + ROOM_M, 0.165 + ROOM_M);
         let rules = match defects.gates_as_fielded {
             true => gates::Settings::fielded(),
@@ -202,10 +214,7 @@ impl Apollo13 {
         let wall = config.wall;
         let wall = wall.map(|(side, wanted_m)| WallDistance::new(side, wanted_m, Gains::default()));
         Self {
-            board: match defects.loses_frames {
-                true => Board::Fielded(car_board::FieldedDecoder::default()),
-                false => Board::Sound(car_board::Decoder::default()),
-            },
+            board: Board::new(defects.loses_frames),
             lines: odometer::Decoder::default(),
             raw_lines: RawLines::default(),
             arbiter: Arbiter::new(defects.arbiter),
@@ -409,33 +418,6 @@ const INFLATION: Inflation = Inflation {
     inscribed_m: 0.101 + ROOM_M,
     radius_m: 0.40,
 };
-
-/// Of the odometry: a fifth of what it tells. With the seed's figures, ten times that, the guesses
-/// spread over the hall while the camera looks at a box that is on no map.
-const NOISE: Noise = Noise {
-    turn_by_turn: 0.04,
-    turn_by_way: 0.04,
-    way_by_way: 0.04,
-    way_by_turn: 0.04,
-};
-
-fn localiser(config: &Config, start: CarPose) -> Localiser {
-    let floor = &config.floor;
-    let field = LikelihoodField::new(
-        floor.width,
-        floor.cell_m,
-        floor.origin_m,
-        &floor.obstacles,
-        2.0,
-    );
-    let camera = CarPose::default().shifted(CAMERA_AHEAD_M);
-    let sigma = [0.05, 0.05, 0.02];
-    let settings = ParticleSettings {
-        noise: NOISE,
-        ..ParticleSettings::default()
-    };
-    Localiser::new(field, settings, camera, start, sigma, config.seed)
-}
 
 impl Master for Apollo13 {
     fn receive(&mut self, port: Port, now: Instant, bytes: &[u8]) {

@@ -37,9 +37,9 @@ pub fn value_for(angle_deg_wanted: f64) -> Option<i8> {
     nearest.filter(|_| !angle_deg_wanted.is_nan())
 }
 
-/// Motor level for a speed, m/s: the smallest that goes about as fast. Backwards level 3 goes 0.22 m/s
-/// (report); the published code takes level 4 from 0.15 m/s on, which goes 0.35 m/s: there the encoder
-/// loses counts, and the car its place.
+/// Motor level for a speed, m/s: the smallest that goes about as fast. Backwards level 3 goes
+/// 0.22 m/s (report); the published code takes level 4 from 0.15 m/s on, which goes 0.35 m/s: there
+/// the encoder loses counts, and the car its place.
 pub fn level_for(speed_m_s: f64) -> i8 {
     match speed_m_s {
         speed if speed > 0.0 && speed < 0.15 => 1,

@@ -4,8 +4,8 @@
 //! ends by itself as what it would do next. Here [`tracker`] says where the camera is, by the lines
 //! that it saw before. The map that is told and driven by is drawn from there: a camera that looks
 //! ahead sees the walls of a corridor at flat angles, and beams to their far ends pass the cells of
-//! their near ones. So each cell counts once a scan, and what has something in it is not passed. The
-//! map is complete when it has no open edge left that the car can get to.
+//! their near ones. So each cell counts once a scan, and what has something in it is not passed.
+//! The map is complete when it has no open edge left that the car can get to.
 
 mod edges;
 mod tracker;
@@ -41,8 +41,8 @@ const SURE: i8 = 2;
 const COUNT_MAX: i8 = 10;
 /// Cells around what is known that a plan has.
 const MARGIN: usize = 12;
-/// An edge so near the way that the car came is a corner that its camera turned away from, metres: it
-/// would have to turn round in a corridor to look there.
+/// An edge so near the way that the car came is a corner that its camera turned away from, metres:
+/// it would have to turn round in a corridor to look there.
 const BESIDE_M: f64 = 0.9;
 /// From one place of the track to the next, metres.
 const TRACK_M: f64 = 0.2;

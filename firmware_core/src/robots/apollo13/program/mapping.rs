@@ -4,7 +4,8 @@ use core::time::Duration;
 
 use protocols::Instant;
 
-use super::{Apollo13, CAMERA_AHEAD_M, INFLATION, localiser};
+use super::place::localiser;
+use super::{Apollo13, CAMERA_AHEAD_M, INFLATION};
 use crate::ackermann::CarPose;
 use crate::robots::apollo13::arbiter::Mode;
 use crate::robots::apollo13::floor::{Floor, FloorPlan};

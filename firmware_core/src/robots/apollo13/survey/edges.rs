@@ -13,8 +13,8 @@ const CELLS_MIN: usize = 12;
 /// What an edge behind the car costs more than one ahead, metres: turning round takes a car several
 /// moves, if there is room at all.
 const BEHIND_M: f64 = 12.0;
-/// An edge nearer than this is one of the picture's sides: the car would have to turn towards it where
-/// it stands. It costs so much more.
+/// An edge nearer than this is one of the picture's sides: the car would have to turn towards it
+/// where it stands. It costs so much more.
 const NEAR_M: f64 = 1.5;
 const BESIDE_M: f64 = 8.0;
 /// How far before an edge the car stops: from there it sees what is behind.

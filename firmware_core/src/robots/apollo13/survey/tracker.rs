@@ -1,7 +1,7 @@
 //! Where the camera is on a map under way: what it sees, laid onto the lines that it saw before.
 //!
-//! The floor is squares of 20 cm. Each keeps the mean and the spread of the points that were seen in
-//! it, and is a piece of a line if they lie along one, as in the normal distributions transform
+//! The floor is squares of 20 cm. Each keeps the mean and the spread of the points that were seen
+//! in it, and is a piece of a line if they lie along one, as in the normal distributions transform
 //! (Biber and Strasser, 2003). A scan is moved until its points lie on those lines, by Gauss's and
 //! Newton's method, and held by what the odometry says: along a corridor nothing else tells how far
 //! the car went. A piece that is well known stays as it is: what is seen of it later, round a ring
@@ -18,7 +18,8 @@ const SIDE: usize = 160;
 /// Standard deviation of a depth, metres: at rest, and with the square of the range. The camera's
 /// is 1.43 mm at 1 m.
 const SIGMA_M: [f64; 2] = [0.004, 0.001_5];
-/// Points that a line needs, by number and by weight; at a weight of 1 a point is as good as can be.
+/// Points that a line needs, by number and by weight; at a weight of 1 a point is as good as can
+/// be.
 const POINTS_MIN: f64 = 8.0;
 const WEIGHT_MIN: f64 = 0.2;
 /// Standard deviations of a line's points, metres: across it at most, along it at least.
