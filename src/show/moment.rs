@@ -162,7 +162,7 @@ mod tests {
              [mission]\nwaypoints_m = [[2.0, 2.5]]\n\
              [world]\nstart = { x_m = 1.5, y_m = 1.2, heading_deg = 90 }\n\
              wall = [{ path_m = [[0, 0], [3, 0]] }]\n\
-             pillar = [{ center_m = [0.5, 3], radius_m = 0.1 }]\n";
+             pillar = [{ at_m = [[0.5, 3.0]], radius_m = 0.1 }]\n";
         let mut outcome = crate::run::judge(text).expect("a sound scenario");
         outcome.checks = vec![Check {
             name: "collision".to_owned(),
