@@ -1,7 +1,8 @@
-//! What a program compared, and what to say instead so that the comparison comes out otherwise: if
-//! one side is found in what it was told, as bytes or in digits, the other side is put in its place
-//! (Aschermann et al., REDQUEEN, NDSS 2019). So a condition that chance would meet once in a million
-//! costs a few tries.
+//! What a program compared, and what to say instead so that the comparison comes out otherwise.
+//!
+//! If one side is found in what it was told, as bytes or in digits, the other side is put in its
+//! place (Aschermann et al., REDQUEEN, NDSS 2019). So a condition that chance would meet once in a
+//! million costs a few tries.
 
 use std::collections::BTreeSet;
 
@@ -255,7 +256,7 @@ mod tests {
             .any(|made| made == expected)
     }
 
-    /// 300 is 01 2C; it is compared as four bytes, with 513, 02 01. Less or more by one is tried too.
+    /// 300 is 01 2C; it is compared as four bytes, with 513, 02 01. Less or more by 1 is tried too.
     #[test]
     fn a_number_is_found_in_either_order_of_its_bytes_and_in_digits() {
         let compared = numbers(4, [300, 513]);

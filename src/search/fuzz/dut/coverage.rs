@@ -154,7 +154,10 @@ mod tests {
     /// after each look.
     #[test]
     fn a_place_reached_another_number_of_times_is_news_by_its_size() {
-        let counters = Counters::at(std::env::temp_dir().join(format!("{NAME}test-sizes-{}", std::process::id()))).expect("room");
+        let counters = Counters::at(
+            std::env::temp_dir().join(format!("{NAME}test-sizes-{}", std::process::id())),
+        )
+        .expect("room");
         let marks = |place: u64, count: u8| {
             counters.file.write_all_at(&[count], place).expect("room");
             counters.take().marks
@@ -172,7 +175,10 @@ mod tests {
     /// them is not believed.
     #[test]
     fn what_was_compared_is_taken_once() {
-        let counters = Counters::at(std::env::temp_dir().join(format!("{NAME}test-pairs-{}", std::process::id()))).expect("room");
+        let counters = Counters::at(
+            std::env::temp_dir().join(format!("{NAME}test-pairs-{}", std::process::id())),
+        )
+        .expect("room");
         let put = |bytes: &[u8], at: usize| {
             let put = counters.file.write_all_at(bytes, at as u64);
             put.expect("room");

@@ -197,7 +197,7 @@ impl Guide {
         Due { input, depth, rank }
     }
 
-    /// Keeps `input` if it came somewhere new or another number of times, or by less than was known;
+    /// Keeps `input` if it came somewhere new, another number of times or by less than was known;
     /// whether it was somewhere new. Then it is kept with what was told before.
     fn keep(&mut self, input: &Input, before: &[Hex], marks: &[u32]) -> bool {
         let is_known = |mark: &u32| {

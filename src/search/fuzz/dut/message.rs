@@ -1,4 +1,4 @@
-//! Messages, and inputs of a few of them: what is changed when a program leads the search. A message
+//! Messages, and inputs of a few: what is changed when a program leads the search. A message
 //! is a line, a frame or a few bytes, and stays one when it is changed: a line keeps its end and a
 //! frame its checksum, mostly.
 
