@@ -57,6 +57,8 @@ const BIASED: f64 = 0.03;
 const BIAS_MAX_RAD: f64 = 0.005;
 /// The scan is drawn when the camera has moved so far, metres and radians.
 const MOVED: [f64; 2] = [0.02, 0.01];
+/// So many scans are drawn first, wherever the camera is: a line needs [`POINTS_MIN`].
+const AT_REST: u32 = 8;
 /// Of the points that had a line near, so many must lie on it for a scan to be believed.
 const FIT_MIN: f64 = 0.4;
 
@@ -210,7 +212,7 @@ impl Tracker {
 
     fn has_moved(&self) -> bool {
         // The first scans are drawn at rest, or there would be no lines to begin with.
-        self.scans <= POINTS_MIN as u32
+        self.scans <= AT_REST
             || self.drawn.is_none_or(|drawn| {
                 let turned = wrapped(self.pose.heading_rad - drawn.heading_rad).abs();
                 drawn.distance_m(self.pose) >= MOVED[0] || turned >= MOVED[1]
