@@ -1,6 +1,7 @@
 //! The mapper over a log of scans and odometry, whoever recorded it: CARMEN logs, our captures,
 //! MCAP files. The settings are the same for every log. The mapper is the robot's own
-//! ([`survey`](mod@survey)), or the one of the crate `mapping`, which closes loops ([`tour`](mod@tour)).
+//! ([`survey`](mod@survey)), or the one of the crate `mapping`, which closes loops
+//! ([`tour`](mod@tour)).
 //!
 //! ```text
 //! file -> Log: scans, each with the motion since the one before -> survey -> way, map, timing

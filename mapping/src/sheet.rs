@@ -3,8 +3,8 @@
 use emulators::world::Pose;
 
 use crate::cloud::{Frame, gap};
+use crate::keyframe::Keyframe;
 use crate::surfels::lies_along;
-use crate::track::Keyframe;
 
 /// A map, row by row from below.
 #[derive(Clone, Debug, PartialEq)]

@@ -4,15 +4,16 @@
 
 use emulators::world::{Pose, wrap_angle};
 
+use super::{Mapper, best_fit, blurred, seen_from, window};
 use crate::align::{Fit, Prior, align};
 use crate::branch::{Bounds, Wide, search, step_for};
 use crate::cloud::{Cloud, Frame, Spot};
 use crate::free::Free;
 use crate::graph::{Edge, Kind};
+use crate::keyframe::Keyframe;
 use crate::matrix::Matrix;
 use crate::motion::{between, distance, moved};
 use crate::surfels::{Surfels, some_of};
-use crate::track::{Mapper, best_fit, blurred, seen_from, window};
 
 /// A place that may have been seen before.
 #[derive(Clone, Copy, Debug)]
@@ -123,7 +124,7 @@ impl Mapper {
     /// Keyframes up to so much of the way before and behind this one.
     fn chain(&self, key: usize, before_m: f64, behind_m: f64) -> core::ops::Range<usize> {
         let at_m = self.keyframes[key].path_m;
-        let path = |key: &crate::track::Keyframe| key.path_m;
+        let path = |key: &Keyframe| key.path_m;
         let first = self
             .keyframes
             .partition_point(|key| path(key) < at_m - before_m);
@@ -405,7 +406,7 @@ mod tests {
             mapper
                 .graph
                 .add_pose(Pose::new(f64::from(number), 0.0, 0.0));
-            mapper.keyframes.push(crate::track::Keyframe {
+            mapper.keyframes.push(Keyframe {
                 cloud: room(),
                 path_m: f64::from(number),
                 scan: 0,

@@ -2,7 +2,7 @@
 //! number of keyframes on a long way.
 //!
 //! ```text
-//! cargo run --release -p mapping --example long -- SEED METRES
+//! cargo bench -p mapping --bench long -- SEED METRES
 //! ```
 
 #![expect(clippy::disallowed_methods, reason = "measures how long a scan takes")]
@@ -16,7 +16,9 @@ use mapping::{Mapper, Settings, Shot};
 const SCANS: usize = 500;
 
 fn main() {
-    let mut numbers = std::env::args().skip(1);
+    let mut numbers = std::env::args()
+        .skip(1)
+        .filter(|word| !word.starts_with("--"));
     let seed = numbers
         .next()
         .and_then(|word| word.parse().ok())
