@@ -16,7 +16,9 @@ use hilrig::slam::mapping::{Mapper, Settings, Shot};
 const SCANS: usize = 500;
 
 fn main() {
-    let mut numbers = std::env::args().skip(1);
+    let mut numbers = std::env::args()
+        .skip(1)
+        .filter(|word| !word.starts_with("--"));
     let seed = numbers
         .next()
         .and_then(|word| word.parse().ok())

@@ -1,7 +1,7 @@
 //! How right are the mappers on the public Intel Lab log, side by side, and what do they cost? The
 //! one that closes loops, the robot's own, and tinySLAM's search as it was published, which is a
-//! draw of luck: nine seeds of it, as BreezySLAM was measured (median 0.311 m at 25 mm cells, 0.085 m
-//! at 50 mm, 2.2 s to 2.4 s; in the setting of 5 degrees 0.077 m).
+//! draw of luck: nine seeds of it, as BreezySLAM was measured (median 0.311 m at 25 mm cells,
+//! 0.085 m at 50 mm, 2.2 s to 2.4 s; in the setting of 5 degrees 0.077 m).
 //!
 //! Prints mean errors of 2,984 relations (Kuemmerle et al. 2009), metres, and processor time. Needs
 //! the data beside the repository, and says so.

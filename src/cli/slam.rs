@@ -29,7 +29,7 @@ use crate::slam::{Log, carmen, folder, wire};
     hilrig slam intel.log.gz --out intel\n  \
     hilrig slam intel.log --mode core     # the robot's own mapper, without loops\n  \
     hilrig slam intel.log --mode seed     # the seed report's algorithm\n  \
-    hilrig slam hilrig-out/rescue-flat-1 --cell-mm 10     # the capture of a run\n  \
+    hilrig slam hilrig-out/rescue-flat-1 --mode core --cell-mm 10     # the capture of a run\n  \
     hilrig slam field.pcapng --scenario scenarios/rescue-flat.toml\n  \
     hilrig slam bag.mcap\n\n\
     Leaves map.png, map.pgm + map.yaml (ROS), trajectory.tum and timing.json in the folder; mode\n\
@@ -54,10 +54,12 @@ pub(super) struct SlamArgs {
     #[arg(long, value_name = "METRES", value_parser = metres)]
     farthest_m: Option<f64>,
     /// How far ahead of where the log says the laser sits
-    #[arg(long, value_name = "METRES", default_value_t = 0.0, allow_hyphen_values = true, value_parser = offset)]
+    #[arg(long, value_name = "METRES", default_value_t = 0.0)]
+    #[arg(allow_hyphen_values = true, value_parser = offset)]
     laser_offset_m: f64,
     /// Take only each so manieth scan
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(value_parser = clap::value_parser!(u16).range(1..))]
     every: u16,
     /// Folder for the results [default: hilrig-out/slam-NAME]
     #[arg(long, value_name = "DIR")]

@@ -6,19 +6,20 @@
 //! ```
 //!
 //! Memory: a keyframe has up to 360 spots of 20 bytes, each 0.3 m of new way or 17 degrees of new
-//! turn; where three saw the same more than 50 m of way ago, no more are kept. The sheet takes two
-//! bytes a cell where beams went while it is drawn, 800 a square metre at 50 mm, and one in its box.
+//! turn; where three saw the same more than 50 m of way ago, no more are kept. While the sheet is
+//! drawn it takes two bytes a cell where beams went, 800 a square metre at 50 mm, and one in its
+//! box.
 //!
 //! Equal input gives equal output, on every host: no clock, no thread, trigonometry of `libm`.
 
 mod align;
 mod branch;
 pub mod building;
-mod closing;
 mod cloud;
 mod correlate;
 mod free;
 mod graph;
+mod keyframe;
 mod matrix;
 pub mod motion;
 mod sheet;

@@ -54,7 +54,16 @@ fn a_robots_capture_and_its_mcap_give_the_runs_map() {
     let session = driven("links");
     let [said, _] = done(
         &session,
-        &["slam", "run", "--cell-mm", "10", "--out", "capture"],
+        &[
+            "slam",
+            "run",
+            "--mode",
+            "core",
+            "--cell-mm",
+            "10",
+            "--out",
+            "capture",
+        ],
     );
     assert!(
         said.contains(" scans, 0 skipped, 0 doubtful, 0 ambiguous"),
@@ -89,7 +98,16 @@ fn mcap_gives_the_same(session: &Session) {
     done(session, &["export", "run", "-o", "run.mcap"]);
     done(
         session,
-        &["slam", "run.mcap", "--cell-mm", "10", "--out", "mcap"],
+        &[
+            "slam",
+            "run.mcap",
+            "--mode",
+            "core",
+            "--cell-mm",
+            "10",
+            "--out",
+            "mcap",
+        ],
     );
     let of_mcap = session.read("mcap/trajectory.tum");
     assert!(of_mcap == session.read("capture/trajectory.tum"));
@@ -98,7 +116,16 @@ fn mcap_gives_the_same(session: &Session) {
     session.write("cut.mcap", &whole[..whole.len() / 2]);
     let [said, told] = done(
         session,
-        &["slam", "cut.mcap", "--cell-mm", "10", "--out", "cut"],
+        &[
+            "slam",
+            "cut.mcap",
+            "--mode",
+            "core",
+            "--cell-mm",
+            "10",
+            "--out",
+            "cut",
+        ],
     );
     assert!(told.contains("skipped 1 cut-off messages"), "{told}");
     assert!(said.contains(" scans, 1 skipped,"), "{said}");

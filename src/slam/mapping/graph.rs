@@ -225,8 +225,8 @@ mod tests {
         assert!(distance(graph.poses[0], Pose::default()) < 1e-12);
     }
 
-    /// One over the variance is the weight: of two words, 0 and 1 m, the four times surer one counts
-    /// four times: 0.2 m.
+    /// One over the variance is the weight: of two words, 0 and 1 m, the four times surer one
+    /// counts four times: 0.2 m.
     #[test]
     fn edges_count_by_their_information() {
         let mut graph = Graph::default();

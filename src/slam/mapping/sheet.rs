@@ -3,8 +3,8 @@
 use emulators::world::Pose;
 
 use crate::slam::mapping::cloud::{Frame, gap};
+use crate::slam::mapping::keyframe::Keyframe;
 use crate::slam::mapping::surfels::lies_along;
-use crate::slam::mapping::track::Keyframe;
 
 /// A map, row by row from below.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,17 +1,20 @@
 //! From scan to scan: each is laid onto the walls seen lately.
 
+mod closing;
+
 use emulators::world::{Pose, wrap_angle};
 
 use crate::slam::mapping::Shot;
 use crate::slam::mapping::align::{Fit, Prior, align};
-use crate::slam::mapping::closing::Closing;
 use crate::slam::mapping::cloud::{Cloud, Frame, Spot};
 use crate::slam::mapping::correlate::{Candidate, REACH_MAX, Window, search};
 use crate::slam::mapping::graph::{Edge, Graph, Kind};
+use crate::slam::mapping::keyframe::Keyframe;
 use crate::slam::mapping::matrix::{Matrix, diagonal, inverse, sum, turned};
 use crate::slam::mapping::motion::{between, distance, moved};
 use crate::slam::mapping::sheet::Sheet;
 use crate::slam::mapping::surfels::{CELL_M, Surfels, some_of};
+use closing::Closing;
 
 /// What the mapper is told once.
 #[derive(Clone, Copy, Debug)]
@@ -32,16 +35,6 @@ impl Default for Settings {
             noise: 1.0,
         }
     }
-}
-
-/// A scan that is kept.
-#[derive(Clone, Debug)]
-pub(crate) struct Keyframe {
-    pub(crate) cloud: Cloud,
-    /// Way to it from the first, metres.
-    pub(crate) path_m: f64,
-    /// Number of its scan.
-    pub(crate) scan: usize,
 }
 
 /// What became of a scan.

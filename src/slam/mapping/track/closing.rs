@@ -4,15 +4,16 @@
 
 use emulators::world::{Pose, wrap_angle};
 
+use super::{Mapper, best_fit, blurred, seen_from, window};
 use crate::slam::mapping::align::{Fit, Prior, align};
 use crate::slam::mapping::branch::{Bounds, Wide, search, step_for};
 use crate::slam::mapping::cloud::{Cloud, Frame, Spot};
 use crate::slam::mapping::free::Free;
 use crate::slam::mapping::graph::{Edge, Kind};
+use crate::slam::mapping::keyframe::Keyframe;
 use crate::slam::mapping::matrix::Matrix;
 use crate::slam::mapping::motion::{between, distance, moved};
 use crate::slam::mapping::surfels::{Surfels, some_of};
-use crate::slam::mapping::track::{Mapper, best_fit, blurred, seen_from, window};
 
 /// A place that may have been seen before.
 #[derive(Clone, Copy, Debug)]
@@ -123,7 +124,7 @@ impl Mapper {
     /// Keyframes up to so much of the way before and behind this one.
     fn chain(&self, key: usize, before_m: f64, behind_m: f64) -> core::ops::Range<usize> {
         let at_m = self.keyframes[key].path_m;
-        let path = |key: &crate::slam::mapping::track::Keyframe| key.path_m;
+        let path = |key: &Keyframe| key.path_m;
         let first = self
             .keyframes
             .partition_point(|key| path(key) < at_m - before_m);
@@ -405,13 +406,11 @@ mod tests {
             mapper
                 .graph
                 .add_pose(Pose::new(f64::from(number), 0.0, 0.0));
-            mapper
-                .keyframes
-                .push(crate::slam::mapping::track::Keyframe {
-                    cloud: room(),
-                    path_m: f64::from(number),
-                    scan: 0,
-                });
+            mapper.keyframes.push(Keyframe {
+                cloud: room(),
+                path_m: f64::from(number),
+                scan: 0,
+            });
         }
         let guess = |to: usize, x: f64| Guess {
             from: 0,

@@ -1,0 +1,13 @@
+//! Scans that are kept.
+
+use crate::slam::mapping::cloud::Cloud;
+
+/// A scan that is kept.
+#[derive(Clone, Debug)]
+pub(crate) struct Keyframe {
+    pub(crate) cloud: Cloud,
+    /// Way to it from the first, metres.
+    pub(crate) path_m: f64,
+    /// Number of its scan.
+    pub(crate) scan: usize,
+}
