@@ -6,7 +6,7 @@
 set -eu
 count=${1:-20}
 [ $# -gt 0 ] && shift
-wanted=${*:-robot reader poll static condition serialport tokio pipeline go java}
+wanted=${*:-robot reader poll static calls condition serialport tokio pipeline go java}
 here=$(cd "$(dirname "$0")" && pwd)
 target=${CARGO_TARGET_DIR:-$here/../../target}
 hilrig=${HILRIG:-$target/release/hilrig}
@@ -23,7 +23,7 @@ cd "$work"
 programs=$here/programs
 cp "$programs"/* .
 missing() { echo "$1: left out, $2"; }
-cc -O1 -o poll poll.c && cc -O1 -static -o static poll.c || missing poll "no C compiler"
+cc -O1 -o poll poll.c && cc -O1 -static -o static poll.c && cc -O1 -o calls calls.c || missing poll "no C compiler"
 c++ -O1 -pthread -o condition condition.cpp || missing condition "no C++ compiler"
 go build -o go-client client.go || missing go "no Go"
 javac Client.java || missing java "no Java"
@@ -51,7 +51,7 @@ for one in $wanted; do
     case $one in
         robot) many robot "$here/../transport/short.toml" "$hilrig dut --dir \"\$HILRIG_DIR\"" ;;
         reader) many reader $sonar "$python reader.py" $needs ;;
-        poll | static | condition) many "$one" $sonar "./$one" $needs ;;
+        poll | static | calls | condition) many "$one" $sonar "./$one" $needs ;;
         serialport | tokio) many "$one" $sonar "$client $one" $needs ;;
         pipeline) many pipeline $sonar \
             'while read line; do echo "$line"; done < "$HILRIG_PORT_SONAR" | sed -u s/mm/MM/' \

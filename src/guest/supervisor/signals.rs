@@ -1,12 +1,14 @@
 //! Signals to threads that wait: the kernel holds them back until the thread goes on, so the
 //! supervisor looks for them.
 
+use core::time::Duration;
+
 use nix::errno::Errno;
 use nix::libc;
 use nix::unistd::Pid;
 use rustix::process::WaitOptions;
 
-use super::clocks::low_i32;
+use super::clocks::{low_i32, timespec};
 use super::{Memory, Next, On, Outcome, State, Supervisor, Wait, is_death, wait};
 use crate::guest::call::Call;
 use crate::guest::pending::Pending;
@@ -134,6 +136,7 @@ impl Supervisor {
     }
 
     fn interrupt(&mut self, tid: i32, signals: u64) {
+        let now = self.stage.now();
         let Some(thread) = self.threads.get(&tid) else {
             return;
         };
@@ -149,6 +152,8 @@ impl Supervisor {
             .map_or(0, |it| it.restarts);
         let is_again = signals & !restarts == 0 && is_restarted(&call);
         let pid = Pid::from_raw(tid);
+        let left = thread.deadline().map_or(Duration::ZERO, |at| at - now);
+        tell_rest_of_sleep(Memory(pid), &call, left);
         let is_at_end = thread.is_at_end;
         if thread.progress > 0 {
             // Part of it is written.
@@ -202,6 +207,19 @@ impl Supervisor {
             return Outcome::Kernel;
         }
         Outcome::Leave(State::Ended)
+    }
+}
+
+/// A sleep that is cut short says how long it would have gone on, where its caller asks.
+fn tell_rest_of_sleep(memory: Memory, call: &Call, left: Duration) {
+    let place = match call.number {
+        libc::SYS_nanosleep => call.args[1],
+        libc::SYS_clock_nanosleep if call.args[1] & 1 == 0 => call.args[3],
+        _ => 0,
+    };
+    if place != 0 {
+        let left = i64::try_from(left.as_nanos()).unwrap_or(i64::MAX);
+        let _ = memory.write_pair(place, timespec(left));
     }
 }
 
