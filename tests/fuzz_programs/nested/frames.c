@@ -1,5 +1,5 @@
-/* Binary frames with a checksum, those of the register bus: a write of a magic word to a register of
- * its own. Tuned on. */
+/* Binary frames with a checksum, those of the register bus: a write of a magic word to a register
+ * of its own. Tuned on. */
 #include "port.h"
 
 int main(void)

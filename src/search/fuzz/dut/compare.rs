@@ -193,16 +193,23 @@ impl<'a> Made<'a> {
                     self.put(range, to.to_string().as_bytes());
                 }
             }
-            let bytes = |number: f64| match len {
-                4 => (number as f32).to_le_bytes().to_vec(),
-                _ => number.to_le_bytes().to_vec(),
-            };
-            let [mut from, mut to] = [from, to].map(bytes);
+            let [mut from, mut to] = [from, to].map(|number| bytes_of(number, len));
             self.replace(&from, &to);
             from.reverse();
             to.reverse();
             self.replace(&from, &to);
         }
+    }
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "it was of single precision"
+)]
+fn bytes_of(number: f64, len: usize) -> Vec<u8> {
+    match len {
+        4 => (number as f32).to_le_bytes().to_vec(),
+        _ => number.to_le_bytes().to_vec(),
     }
 }
 
