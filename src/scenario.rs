@@ -150,9 +150,9 @@ pub struct ProgramSpec {
     /// Tells the PC of battery, errors and findings as well, where the robot's program can.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub diagnosis: bool,
-    /// Rate at which the radio is when the robot starts, bit/s, e.g. 9600 of a module as shipped: the
-    /// program, where it can, sets name, PIN and its own rate by commands before it uses it, which
-    /// takes some five seconds in which no PC may connect. If not given, the radio is ready.
+    /// Rate at which the radio is when the robot starts, bit/s, e.g. 9600 of a module as shipped:
+    /// the program, where it can, sets name, PIN and its own rate by commands before it uses it,
+    /// which takes some five seconds in which no PC may connect. If not given, the radio is ready.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radio_baud: Option<NonZeroU32>,
     /// Figures in place of the program's own.

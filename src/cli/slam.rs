@@ -29,7 +29,7 @@ use crate::slam::{Log, carmen, folder, wire};
     hilrig slam intel.log.gz --out intel\n  \
     hilrig slam intel.log --mode core     # the robot's own mapper, without loops\n  \
     hilrig slam intel.log --mode seed     # the seed report's algorithm\n  \
-    hilrig slam hilrig-out/rescue-flat-1 --mode core --cell-mm 10     # the capture of a run\n  \
+    hilrig slam hilrig-out/rescue-flat-1 --cell-mm 10     # the capture of a run\n  \
     hilrig slam field.pcapng --scenario scenarios/rescue-flat.toml\n  \
     hilrig slam bag.mcap\n\n\
     Leaves map.png, map.pgm + map.yaml (ROS), trajectory.tum and timing.json in the folder; mode\n\
@@ -41,9 +41,9 @@ pub(super) struct SlamArgs {
     /// Scenario whose robot a capture is of [default: the one in the capture]
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
-    /// Which mapper
-    #[arg(long, value_enum, default_value_t)]
-    mode: ModeArg,
+    /// Which mapper [default: core for a capture or a result folder, graph for any other log]
+    #[arg(long, value_enum)]
+    mode: Option<ModeArg>,
     /// Do not look for places seen again (mode graph)
     #[arg(long)]
     no_loops: bool,
@@ -72,10 +72,9 @@ pub(super) struct SlamArgs {
     seed: u64,
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
 enum ModeArg {
     /// For buildings: keyframes, places seen again, a map of any size
-    #[default]
     Graph,
     /// The robot's own, in its memory
     Core,
@@ -119,7 +118,8 @@ const BYTES_MAX: u64 = 1 << 30;
 const PATIENCE: Duration = Duration::from_secs(2);
 
 pub(super) fn run(args: SlamArgs) -> Result<Verdict, CliError> {
-    let mut log = open(&args.log, args.scenario.as_deref())?;
+    let (mut log, usual) = open(&args.log, args.scenario.as_deref())?;
+    let mode = args.mode.unwrap_or(usual);
     let path = args.log.display();
     for note in &log.notes {
         eprintln!("{path}: {note}");
@@ -131,15 +131,15 @@ pub(super) fn run(args: SlamArgs) -> Result<Verdict, CliError> {
         every: usize::from(args.every),
     };
     tuning.apply(&mut log);
-    let result = mapped(&log, &args);
+    let result = mapped(&log, mode, &args);
     let stem = args.log.file_name().unwrap_or_default().to_string_lossy();
     let stem = stem.split('.').next().unwrap_or_default().to_owned();
     let dir = args
         .out
         .unwrap_or_else(|| PathBuf::from("hilrig-out").join(format!("slam-{stem}")));
-    let timing = folder::timing(args.mode.name(), &log, &result);
+    let timing = folder::timing(mode.name(), &log, &result);
     folder::write(&dir, &result, &timing)?;
-    print(&timing, args.mode);
+    print(&timing, mode);
     warn(&result, &args.log);
     println!("results in {}", dir.display());
     out::answer(&Surveyed {
@@ -158,7 +158,7 @@ pub(super) fn run(args: SlamArgs) -> Result<Verdict, CliError> {
 }
 
 /// Runs the mapper that was asked for, and says how far it is if that takes long.
-fn mapped(log: &Log, args: &SlamArgs) -> Survey {
+fn mapped(log: &Log, mode: ModeArg, args: &SlamArgs) -> Survey {
     let clock = WallClock::start();
     let mut told_at = clock.now();
     let of = log.shots.len();
@@ -171,7 +171,7 @@ fn mapped(log: &Log, args: &SlamArgs) -> Survey {
         }
     };
     let cell_mm = args.cell_mm.map_or(CELL_MM, f32::from);
-    let mode = match args.mode {
+    let mode = match mode {
         ModeArg::Graph => {
             let wish = Wish {
                 cell_m: f64::from(cell_mm) / 1000.0,
@@ -236,18 +236,18 @@ fn warn(result: &Survey, path: &Path) {
 /// With this every pcapng file begins.
 const PCAPNG: [u8; 4] = [0x0A, 0x0D, 0x0D, 0x0A];
 
-/// Reads the log, whatever it is.
-fn open(path: &Path, scenario: Option<&Path>) -> Result<Log, CliError> {
+/// Reads the log, whatever it is; and the mapper that is usual for its kind.
+fn open(path: &Path, scenario: Option<&Path>) -> Result<(Log, ModeArg), CliError> {
     if path.is_dir() {
         let inside = path.join("capture.pcapng");
         if inside.exists() {
-            return capture(&inside, scenario);
+            return Ok((capture(&inside, scenario)?, ModeArg::Core));
         }
         return open(&recording_in(path)?, scenario);
     }
     let bytes = super::read(path)?;
     if bytes.starts_with(&PCAPNG) {
-        return capture(path, scenario);
+        return Ok((capture(path, scenario)?, ModeArg::Core));
     }
     let bytes = if bytes.starts_with(&[0x1F, 0x8B]) {
         unpacked(&bytes, path).map_err(|what| CliError::content(path, what))?
@@ -255,12 +255,13 @@ fn open(path: &Path, scenario: Option<&Path>) -> Result<Log, CliError> {
         bytes
     };
     if bytes.starts_with(b"\x89MCAP") {
-        return mcap(&bytes, path, scenario);
+        return Ok((mcap(&bytes, path, scenario)?, ModeArg::Graph));
     }
     if let Some((_, error)) = FOREIGN.iter().find(|(magic, _)| bytes.starts_with(magic)) {
         return Err(CliError::content(path, error));
     }
-    carmen::read(&bytes).map_err(|error| CliError::content(path, error))
+    let log = carmen::read(&bytes).map_err(|error| CliError::content(path, error))?;
+    Ok((log, ModeArg::Graph))
 }
 
 /// How files begin that hold logs and are not read, and what to do.

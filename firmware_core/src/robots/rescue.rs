@@ -7,10 +7,10 @@
 //!                                             +--> picture --> display
 //! ```
 //!
-//! What arrives is dealt with at once, as an interrupt would ([`receive`](crate::Master::receive)): packets become
-//! turns, readings become odometry, orders take effect. The search is the only long work; it is
-//! done once per turn in [`poll`](crate::Master::poll), and what follows from it is decided in the next call,
-//! when it is known how long it took.
+//! What arrives is dealt with at once, as an interrupt would ([`receive`](crate::Master::receive)):
+//! packets become turns, readings become odometry, orders take effect. The search is the only long
+//! work; it is done once per turn in [`poll`](crate::Master::poll), and what follows from it is
+//! decided in the next call, when it is known how long it took.
 
 mod config;
 mod decide;
