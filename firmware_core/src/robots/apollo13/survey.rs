@@ -1,7 +1,7 @@
 //! Draws a map of a floor that there is no plan of, and says where to look next.
 //!
 //! Facts: seed 003 drove over a floor by hand while gmapping drew it, and names an exploration that
-//! ends by itself as what it would do next. Here [`tracker`] says where the camera is, by the lines
+//! ends by itself as what it would do next. Here `tracker` says where the camera is, by the lines
 //! that it saw before. The map that is told and driven by is drawn from there: a camera that looks
 //! ahead sees the walls of a corridor at flat angles, and beams to their far ends pass the cells of
 //! their near ones. So each cell counts once a scan, and what has something in it is not passed.
