@@ -9,6 +9,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 hilrig=$1 root=$(realpath -m "$2")
+logs=$root/var/log project=/srv/project
 
 [[ -x $root/bin/sh ]] || debootstrap --variant=minbase bookworm "$root"
 mountpoint -q "$root/dev/pts" ||
@@ -17,33 +18,33 @@ mountpoint -q "$root/proc" || mount -t proc proc "$root/proc"
 trap 'umount "$root/dev/pts" "$root/proc"' EXIT
 ln -sf pts/ptmx "$root/dev/ptmx"
 inside() {
-    chroot "$root" env -i HOME=/root PATH=/usr/local/bin:/usr/bin:/bin bash -c "$1"
+    chroot "$root" env -i HOME=/srv PATH=/usr/local/bin:/usr/bin:/bin bash -c "$1"
 }
 
 # The Containerfile: its RUN of the second stage, its COPY, its CMD.
 again=$(sed -e '1,/^FROM docker.io\/library\/debian/d' -e ':a;/\\$/{N;s/\\\n//;ba}' \
     docs/ci/Containerfile | sed -n 's/^RUN //p')
 echo "container: $again"
-inside "$again" >"$root/root/apt.log" 2>&1
+inside "$again" >"$logs/apt.log" 2>&1
 cp "$hilrig" "$root/usr/local/bin/hilrig"
 shown=$(sed -n 's/^CMD \[\(.*\)\]/\1/p' docs/ci/Containerfile | tr -d '",')
-inside "$shown" >"$root/root/help.log"
-grep -q "^Usage: hilrig" "$root/root/help.log"
+inside "$shown" >"$logs/help.log"
+grep -q "^Usage: hilrig" "$logs/help.log"
 
 # A project of somebody: a scenario in tests/, the program beside it.
-rm -rf "$root/work" && mkdir -p "$root/work/tests"
-cp docs/connect/robot.py "$root/work/robot.py"
-cp docs/connect/robot.toml "$root/work/tests/robot.toml"
+rm -rf "${root:?}$project" && mkdir -p "$root$project/tests"
+cp docs/connect/robot.py "$root$project/robot.py"
+cp docs/connect/robot.toml "$root$project/tests/robot.toml"
 steps() {
     while IFS= read -r step; do
         echo "$1: ${step#set -e; }"
-        inside "cd /work; $step" >"$root/root/$1.log" 2>&1 || {
-            tail -n 20 "$root/root/$1.log"
+        inside "cd $project; $step" >"$logs/$1.log" 2>&1 || {
+            tail -n 20 "$logs/$1.log"
             return 1
         }
     done < <(python3 tests/ci/steps.py "docs/ci/$1.yml" "${@:2}")
-    grep -q 'failures="0"' "$root/work/junit.xml"
-    rm -r "$root/work/junit.xml" "$root/work/hilrig-out"
+    grep -q 'failures="0"' "$root$project/junit.xml"
+    rm -r "$root$project/junit.xml" "$root$project/hilrig-out"
 }
 steps github "scenarios=tests/*.toml" "program=python3 robot.py" "hilrig=nowhere"
 steps gitlab
