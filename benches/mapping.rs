@@ -6,39 +6,30 @@
 //! Prints mean errors of 2,984 relations (Kuemmerle et al. 2009), metres, and processor time. Needs
 //! the data beside the repository, and says so.
 
-use std::io::Read as _;
-
-use emulators::world::Pose;
 use firmware_core::slam::{Mode, Settings};
 use hilrig::realtime::clock::WallClock;
 use hilrig::slam::carmen;
-use hilrig::slam::motion::{between, moved};
 use hilrig::slam::survey::{CELL_MM, Survey, settings, survey};
 use hilrig::slam::tour::{Wish, tour};
+use lab::{SHIFT_S, data, wheels};
 use relations::{Track, judge};
 
 #[expect(dead_code, reason = "shared with the tests that read captures")]
 #[path = "../tests/support/captures.rs"]
 mod captures;
+#[path = "../tests/slam/lab.rs"]
+mod lab;
 #[path = "../tests/slam/relations.rs"]
 mod relations;
 
-/// The relations count from 1970, the log from its own beginning.
-const SHIFT_S: f64 = 976_052_857.337_284;
 /// Draws of luck.
 const SEEDS: u64 = 9;
 
 fn main() {
-    let packed = captures::beside("data/intel", "intel-corrected.log.gz");
-    let relations = captures::beside("data/intel", "intel.relations");
-    let (Some(packed), Some(relations)) = (packed, relations) else {
+    let Some((text, relations)) = data() else {
         return;
     };
-    let mut text = Vec::new();
-    let mut decoder = flate2::read::GzDecoder::new(&packed[..]);
-    decoder.read_to_end(&mut text).expect("a whole file");
     let log = carmen::read(&text).expect("a good log");
-    let relations = String::from_utf8(relations).expect("numbers");
     let wheels = wheels(&text);
     let tell = |name: &str, surveys: &[Survey]| {
         let mut metres: Vec<f64> = surveys
@@ -70,29 +61,4 @@ fn main() {
         let drawn: Vec<Survey> = drawn.collect();
         tell(&format!("tinySLAM, {cell_mm} mm, {SEEDS} seeds"), &drawn);
     }
-}
-
-/// The wheels' way over all ODOM lines that have a time: poses differ by wheel odometry from one
-/// FLASER to the next, and the jump to each FLASER is the mapper's.
-fn wheels(text: &[u8]) -> Track {
-    let (mut raw, mut last, mut all) = (Pose::default(), None, Vec::new());
-    for line in String::from_utf8_lossy(text).lines() {
-        let fields: Vec<&str> = line.split_whitespace().collect();
-        let number = |at: usize| fields[at].parse::<f64>().expect("a number");
-        let pose = |at: usize| Pose::new(number(at), number(at + 1), number(at + 2));
-        match fields.first() {
-            Some(&"ODOM") => {
-                let here = pose(1);
-                raw = last.map_or(raw, |last| moved(raw, between(last, here)));
-                last = Some(here);
-                let stamp = number(fields.len() - 3);
-                if stamp > 0.0 {
-                    all.push((stamp, raw));
-                }
-            }
-            Some(&"FLASER") => last = Some(pose(fields.len() - 9)),
-            _ => {}
-        }
-    }
-    Track::new(all)
 }

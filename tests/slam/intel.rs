@@ -1,58 +1,16 @@
 //! The public Intel Lab log and its hand-checked relations (Freiburg): 910 scans, 500 m.
 
-use std::io::Read as _;
-
 use emulators::world::Pose;
 use firmware_core::slam::Mode;
 use hilrig::rig::trace::fingerprint;
 use hilrig::slam::mapping::{Sheet, UNKNOWN};
-use hilrig::slam::motion::{between, moved};
 use hilrig::slam::survey::{CELL_MM, CELLS, Survey, settings, survey};
 use hilrig::slam::tour::{Wish, tour};
 use hilrig::slam::{Log, carmen};
 
-use crate::captures::beside;
 use crate::damage::still;
+use crate::lab::{SHIFT_S, data, wheels};
 use crate::relations::{Track, judge};
-
-/// The relations count from 1970, the log from its own beginning.
-const SHIFT_S: f64 = 976_052_857.337_284;
-
-/// The log's text and the relations.
-fn data() -> Option<(Vec<u8>, String)> {
-    let packed = beside("data/intel", "intel-corrected.log.gz")?;
-    let relations = beside("data/intel", "intel.relations")?;
-    let mut text = Vec::new();
-    flate2::read::GzDecoder::new(&packed[..])
-        .read_to_end(&mut text)
-        .expect("a whole file");
-    Some((text, String::from_utf8(relations).expect("numbers")))
-}
-
-/// The wheels' way over all ODOM lines that have a time: poses differ by wheel odometry from one
-/// FLASER to the next, and the jump to each FLASER is the mapper's.
-fn wheels(text: &[u8]) -> Track {
-    let (mut raw, mut last, mut all) = (Pose::default(), None, Vec::new());
-    for line in String::from_utf8_lossy(text).lines() {
-        let fields: Vec<&str> = line.split_whitespace().collect();
-        let number = |at: usize| fields[at].parse::<f64>().expect("a number");
-        let pose = |at: usize| Pose::new(number(at), number(at + 1), number(at + 2));
-        match fields.first() {
-            Some(&"ODOM") => {
-                let here = pose(1);
-                raw = last.map_or(raw, |last| moved(raw, between(last, here)));
-                last = Some(here);
-                let stamp = number(fields.len() - 3);
-                if stamp > 0.0 {
-                    all.push((stamp, raw));
-                }
-            }
-            Some(&"FLASER") => last = Some(pose(fields.len() - 9)),
-            _ => {}
-        }
-    }
-    Track::new(all)
-}
 
 fn mapped(log: &Log) -> Survey {
     survey(log, settings(Mode::Core, CELL_MM), &still(), &mut |_| {})

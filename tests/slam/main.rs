@@ -6,6 +6,7 @@ mod damage;
 mod diff;
 mod foreign;
 mod intel;
+mod lab;
 mod links;
 #[cfg(feature = "mcap")]
 mod messages;
