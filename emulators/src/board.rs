@@ -16,7 +16,8 @@ use core::time::Duration;
 
 use protocols::{Instant, LineConfig, Port};
 
-use crate::device::{byte_end, earliest};
+use crate::device::{EventKind, byte_end, earliest};
+use crate::event_log::EventLog;
 use crate::quantity::Variables;
 use crate::world::World;
 
@@ -155,6 +156,23 @@ impl Board {
     /// When the board will hear again, if it does not.
     pub(crate) const fn boots_until(&self) -> Option<Instant> {
         self.boots_until
+    }
+
+    /// Says that it was started anew at `at`.
+    pub(crate) fn tell_reset(&self, at: Instant, why: &str, log: &mut EventLog) {
+        let up = self.boots_until.unwrap_or(at);
+        let detail = format!("{why}: starts anew, hears nothing until {up} s");
+        log.note(at, "board-reset", detail);
+    }
+
+    /// Whether nobody hears what comes at `now`, because the board is starting; tells it then.
+    pub(crate) fn is_deaf(&self, now: Instant, log: &mut EventLog) -> bool {
+        let up = self.boots_until.filter(|&up| now < up);
+        if let Some(up) = up {
+            let detail = || format!("bytes that nobody hears: the board starts, until {up} s");
+            log.repeated(now, EventKind::Note, "board-deaf", detail);
+        }
+        up.is_some()
     }
 
     /// What it does by itself; whether it has come up just now.

@@ -200,20 +200,7 @@ impl Registers {
         self.free_at = at;
         self.watchdog = Watchdog::new(self.config.watchdog);
         self.variables.restart(at);
-        let up = self.board.boots_until().unwrap_or(at);
-        let detail = format!("{why}: starts anew, hears nothing until {up} s");
-        self.log.note(at, "board-reset", detail);
-    }
-
-    /// Bytes that nobody hears, because the board is starting.
-    fn is_deaf(&mut self, now: Instant) -> bool {
-        let up = self.board.boots_until().filter(|&up| now < up);
-        if let Some(up) = up {
-            let detail = || format!("bytes that nobody hears: the board starts, until {up} s");
-            self.log
-                .repeated(now, EventKind::Note, "board-deaf", detail);
-        }
-        up.is_some()
+        self.board.tell_reset(at, why, &mut self.log);
     }
 
     /// A frame, good or bad, whose last byte ended at `at`.
@@ -373,7 +360,7 @@ impl Device for Registers {
             }
             return;
         }
-        if self.is_deaf(now) {
+        if self.board.is_deaf(now, &mut self.log) {
             return;
         }
         for (index, &byte) in bytes.iter().enumerate() {

@@ -254,19 +254,7 @@ impl Text {
         let up = self.board.boots_until().unwrap_or(at);
         let period = self.periodic.as_ref().map(|(_, period)| *period);
         self.next_period = period.map(|period| up + period);
-        let detail = format!("{why}: starts anew, hears nothing until {up} s");
-        self.log.note(at, "board-reset", detail);
-    }
-
-    /// Bytes that nobody hears, because the board is starting.
-    fn is_deaf(&mut self, now: Instant) -> bool {
-        let up = self.board.boots_until().filter(|&up| now < up);
-        if let Some(up) = up {
-            let detail = || format!("bytes that nobody hears: the board starts, until {up} s");
-            self.log
-                .repeated(now, EventKind::Note, "board-deaf", detail);
-        }
-        up.is_some()
+        self.board.tell_reset(at, why, &mut self.log);
     }
 
     fn say(&mut self, line: &[Piece], now: Instant, world: &World) {
@@ -358,7 +346,7 @@ impl Device for Text {
             }
             return;
         }
-        if self.is_deaf(now) {
+        if self.board.is_deaf(now, &mut self.log) {
             return;
         }
         for &byte in bytes {
