@@ -4,14 +4,12 @@
 //! Signals up to 31 are sent by the kernel. Those beyond can only be waited for (sigwaitinfo),
 //! which is how the C library runs its timers that call a function in a thread of its own.
 
-use core::time::Duration;
-
 use nix::errno::Errno;
 use nix::libc;
 use nix::unistd::Pid;
 use rustix::process::{Signal, kill_process};
 
-use super::clocks::{low_i32, nanos, timespec};
+use super::clocks::low_i32;
 use super::timers::expirations;
 use super::{Memory, Next, Outcome, Supervisor};
 use crate::guest::call::Call;
@@ -48,24 +46,15 @@ impl Supervisor {
             libc::SYS_timer_getoverrun => return Ok(Outcome::Answer(timer.overrun)),
             libc::SYS_timer_gettime => second,
             _ => {
-                let interval = nanos(memory.pair(third)?)?.cast_unsigned();
-                let first = nanos(memory.pair(third + 16)?)?;
                 let is_absolute = low_i32(second) & 1 != 0;
-                let at = match is_absolute {
-                    true => Self::instant_of(timer.clock, first),
-                    false => now + Duration::from_nanos(first.cast_unsigned()),
-                };
-                let at = (first != 0).then_some(at);
-                timer.timer = Timer { at, interval };
+                let clock = is_absolute.then_some(timer.clock);
+                timer.timer = Timer::asked_for(memory, third, clock, now)?;
                 timer.is_due = false;
                 fourth
             }
         };
         if place != 0 {
-            let left = was.at.map_or(Duration::ZERO, |at| at - now);
-            let left = i64::try_from(left.as_nanos()).unwrap_or(0);
-            memory.write_pair(place, timespec(was.interval.cast_signed()))?;
-            memory.write_pair(place + 16, timespec(left))?;
+            was.tell(memory, place, now)?;
         }
         Ok(Outcome::Answer(0))
     }

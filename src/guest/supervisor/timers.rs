@@ -43,7 +43,8 @@ impl Supervisor {
         let is_set = call.number == libc::SYS_setitimer;
         let place = if is_set { third } else { second };
         if is_set && second != 0 {
-            let micros = |[seconds, micros]: [i64; 2]| nanos([seconds, micros * 1_000]);
+            let micros =
+                |[seconds, micros]: [i64; 2]| nanos([seconds, micros.saturating_mul(1_000)]);
             let interval = micros(memory.pair(second)?)?.cast_unsigned();
             let first = micros(memory.pair(second + 16)?)?.cast_unsigned();
             process.alarm = Timer {
@@ -84,27 +85,16 @@ impl Supervisor {
         let place = match call.number {
             libc::SYS_timerfd_gettime => flags,
             _ => {
-                let interval = nanos(memory.pair(new)?)?.cast_unsigned();
-                let first = nanos(memory.pair(new + 16)?)?;
                 let is_absolute = low_i32(flags) & 1 != 0;
-                let at = match is_absolute {
-                    true => Self::instant_of(timer.clock, first),
-                    false => now + Duration::from_nanos(first.cast_unsigned()),
-                };
-                timer.timer = Timer {
-                    at: (first != 0).then_some(at),
-                    interval,
-                };
+                let clock = is_absolute.then_some(timer.clock);
+                timer.timer = Timer::asked_for(memory, new, clock, now)?;
                 timer.expired = 0;
                 set_real(timer, 0);
                 old
             }
         };
         if place != 0 {
-            let left = was.at.map_or(Duration::ZERO, |at| at - now);
-            let left = i64::try_from(left.as_nanos()).unwrap_or(0);
-            memory.write_pair(place, timespec(was.interval.cast_signed()))?;
-            memory.write_pair(place + 16, timespec(left))?;
+            was.tell(memory, place, now)?;
         }
         Ok(Outcome::Answer(0))
     }
@@ -174,6 +164,36 @@ impl Supervisor {
             }
         }
         self.fire_posix_timers();
+    }
+}
+
+impl Timer {
+    /// What the program asks for by the two times at `place`; the first is one of `clock` if that
+    /// is given, or else counts from `now`.
+    pub(super) fn asked_for(
+        memory: Memory,
+        place: u64,
+        clock: Option<i64>,
+        now: Instant,
+    ) -> Result<Self, Errno> {
+        let interval = nanos(memory.pair(place)?)?.cast_unsigned();
+        let first = nanos(memory.pair(place + 16)?)?;
+        let at = match clock {
+            Some(clock) => Supervisor::instant_of(clock, first),
+            None => now + Duration::from_nanos(first.cast_unsigned()),
+        };
+        Ok(Self {
+            at: (first != 0).then_some(at),
+            interval,
+        })
+    }
+
+    /// Writes interval and time left to `place`, as the program asks for them.
+    pub(super) fn tell(self, memory: Memory, place: u64, now: Instant) -> Result<(), Errno> {
+        let left = self.at.map_or(Duration::ZERO, |at| at - now);
+        let left = i64::try_from(left.as_nanos()).unwrap_or(0);
+        memory.write_pair(place, timespec(self.interval.cast_signed()))?;
+        memory.write_pair(place + 16, timespec(left))
     }
 }
 
