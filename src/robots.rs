@@ -86,6 +86,11 @@ pub trait Robot: Sync {
         None
     }
 
+    /// Whether the scenario's mission can order it about: connect, send waypoints, choose modes.
+    fn takes_orders(&self) -> bool {
+        true
+    }
+
     /// Counters of the program that tell of situations which a campaign must bring about at least
     /// once: otherwise nothing is known about how it copes with them.
     fn situations(&self) -> &'static [&'static str] {

@@ -39,6 +39,10 @@ impl Robot for CustomRobot {
         spec.build(body, scenario.seed, source).map(Some)
     }
 
+    fn takes_orders(&self) -> bool {
+        false
+    }
+
     fn wire(&self, plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
         refuse_orders(&plan)?;
         wire(plan, true)
@@ -56,6 +60,10 @@ impl Robot for Bare {
 
     fn about(&self) -> &'static str {
         "devices on their wires, without robot and world"
+    }
+
+    fn takes_orders(&self) -> bool {
+        false
     }
 
     fn wire(&self, plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {

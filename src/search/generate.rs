@@ -101,9 +101,13 @@ const RECOVERY_MS: u64 = 120_000;
 pub(crate) fn scenario(base: &Scenario, vary: Vary, dice: &mut Dice) -> Scenario {
     let mut made = base.clone();
     let targets = FaultTargets::of(base);
-    let place = vary.world.then(|| world::vary(&mut made, dice)).flatten();
     let mut recovery = Span::from_millis(RECOVERY_MS);
-    if vary.world || vary.mission {
+    if mission::is_fixed(base) {
+        if vary.world {
+            world::vary_around(&mut made, dice);
+        }
+    } else if vary.world || vary.mission {
+        let place = vary.world.then(|| world::vary(&mut made, dice)).flatten();
         let waypoints = match &place {
             Some(place) => place.waypoints(&mut dice.mission),
             // Where the scenario's own room has places to go to, only the scenario knows.
@@ -231,6 +235,56 @@ mod tests {
         let step = Step::at(Span::from_millis(1_000), by_hand);
         base.mission.step.push(step);
         assert_eq!(made(&base), [Some(400.0), Some(800.0)]);
+    }
+
+    /// "explore", "gates": a list of waypoints in their place would be another mission. What has a
+    /// place in the scenario's own world stays there.
+    #[test]
+    fn a_mission_that_its_steps_lead_stays_as_it_is() {
+        let vary = Vary {
+            world: true,
+            mission: true,
+            ..Vary::default()
+        };
+        let all = |base: &Scenario| {
+            let made = |seed| scenario(base, vary, &mut Dice::of_seed(seed, "base"));
+            (0..20).map(made).collect::<Vec<_>>()
+        };
+        let mut base = base();
+        let mode = Step::at(Span::from_millis(1_000), Action::Mode("explore".into()));
+        base.mission.step.push(mode);
+        base.expect.explored_min = Some(0.98);
+        let led = |made: &Scenario| made.mission == base.mission && made.expect == base.expect;
+        let free = all(&base);
+        assert!(free.iter().all(led));
+        assert!(free.iter().all(|made| made.world != base.world));
+
+        let mut placed = base.clone();
+        placed.mission.waypoints_m = vec![[1.0, 1.0]];
+        let stays = |made: &Scenario| made.world == placed.world && made.mission == placed.mission;
+        assert!(all(&placed).iter().all(stays));
+
+        let mut tiled = base.clone();
+        let maze = "seed = 1\ncolumns = 5\nrows = 4\nvictims = 3";
+        tiled.world.maze = Some(toml::Spanned::new(0..0, toml::from_str(maze).expect("one")));
+        let mazes = all(&tiled);
+        let seeds = mazes.iter().filter_map(|made| made.world.maze.as_ref());
+        let seeds: BTreeSet<u64> = seeds.map(|maze| maze.get_ref().seed).collect();
+        assert_eq!(seeds.len(), 20);
+    }
+
+    /// There is nobody who could order a user's own program about.
+    #[test]
+    fn a_program_that_takes_no_orders_gets_none() {
+        let text = include_str!("../../scenarios/custom-robot.toml");
+        let path = Path::new("custom-robot.toml");
+        let (base, source) = Scenario::parse(path, text.to_owned()).expect("sound");
+        for seed in 0..20 {
+            let made = scenario(&base, Vary::ALL, &mut Dice::of_seed(seed, "base"));
+            assert_eq!(made.mission.waypoints_m, base.mission.waypoints_m);
+            let run = crate::run::Run::new(made, &source, None);
+            assert!(run.is_ok(), "seed {seed}");
+        }
     }
 
     #[test]

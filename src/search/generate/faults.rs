@@ -92,8 +92,10 @@ impl Adversity {
     pub(super) fn apply(self, mission: &mut Scenario, recovery: Span) {
         let recovery = mission.duration.max(recovery);
         mission.duration = Span(Span::from_millis(ADVERSITY_UNTIL_MS).0 + recovery.0);
-        let once_more = mission::once_more(&mission.mission.waypoints_m);
-        mission.mission.step.extend(once_more);
+        if mission::takes_orders(mission) {
+            let once_more = mission::once_more(&mission.mission.waypoints_m);
+            mission.mission.step.extend(once_more);
+        }
         mission.fault = self.faults;
         mission.budget = self.budget;
         mission.phases = self.phases;

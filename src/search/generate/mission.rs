@@ -1,6 +1,19 @@
 use super::dice::Draw;
 use super::{ADVERSITY_UNTIL_MS, RECOVERY_MS};
-use crate::scenario::{Action, Span, Step};
+use crate::robots::{self, Robot};
+use crate::scenario::{Action, Scenario, Span, Step};
+
+/// Whether the mission is what it is: its steps lead the robot, by modes or by hand, or nobody can
+/// tell the robot where to go. Other waypoints would be a mission that nobody can do.
+pub(super) fn is_fixed(scenario: &Scenario) -> bool {
+    let leads = |step: &Step| matches!(step.action, Action::Mode(_) | Action::Drive(_));
+    !takes_orders(scenario) || scenario.mission.step.iter().any(leads)
+}
+
+/// Whether there is a PC that could hang up, or say something once more.
+pub(super) fn takes_orders(scenario: &Scenario) -> bool {
+    robots::find(&scenario.robot).is_none_or(Robot::takes_orders)
+}
 
 /// Some of `places`, in any order.
 pub(super) fn waypoints(mut places: Vec<[f64; 2]>, dice: &mut Draw) -> Vec<[f64; 2]> {

@@ -40,7 +40,8 @@ pub(super) fn vary(made: &mut Scenario, dice: &mut Dice) -> Option<Place> {
         for _ in 0..FLOORS {
             *made = own.clone();
             let world = &mut made.world;
-            (world.plan, world.polygon, world.pillar) = (None, Vec::new(), Vec::new());
+            (world.plan, world.maze) = (None, None);
+            (world.polygon, world.pillar) = (Vec::new(), Vec::new());
             (world.moving, world.push) = (Vec::new(), Vec::new());
             world.wall = rooms::walls(&arena, dice);
             let ground = start_on_the_largest_part(made, &arena);
@@ -56,6 +57,16 @@ pub(super) fn vary(made: &mut Scenario, dice: &mut Dice) -> Option<Place> {
         *made = own;
     }
     place
+}
+
+/// The same for a mission that its steps lead: another maze of the same size, or, where nothing has
+/// to be found or passed at a place that only the scenario knows, another world.
+pub(super) fn vary_around(made: &mut Scenario, dice: &mut Dice) {
+    if let Some(maze) = &mut made.world.maze {
+        maze.get_mut().seed = dice.world.below(1 << 32);
+    } else if made.mission.waypoints_m.is_empty() && made.world.heat.is_empty() {
+        vary(made, dice);
+    }
 }
 
 /// Puts the robot where most can be reached; how many cells that are.
