@@ -13,6 +13,7 @@ use self::live::Live;
 use super::answer::{CampaignEnded, CauseFound};
 use super::exec::ExecArgs;
 use super::out::answer;
+use super::progress::is_watched;
 use super::stop::Stop;
 use super::{CliError, Verdict};
 use crate::realtime::clock::{Clock, WallClock};
@@ -118,7 +119,7 @@ pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
     if let Some(CampaignCommand::Merge(args)) = args.merge {
         let earlier = earlier(args.against.as_deref())?;
         let store = campaign::merge(&args.dirs, &args.out)?;
-        let merged = campaign::summarise(&store, earlier.as_ref())?;
+        let merged = summarise(&store, earlier.as_ref(), &|| false)?;
         return Ok(report(&merged, &args.out, args.all_situations));
     }
     // Before the first run, so that nobody waits a night for the error.
@@ -148,22 +149,37 @@ pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
         scenario.seed = seed;
         (scenario, source)
     };
-    let Done { ended, signal } = run_all(&todo, &args, made, &mut store)?;
+    let stop = Stop::new(args.budget.map(|budget| budget.0))?;
+    let ended = run_all(&todo, &args, made, &mut store, &stop)?;
     let left = todo.len() - ended;
+    let ended_by = stop.signal().filter(|_| left > 0);
     if left > 0 {
         eprintln!("{left} runs are left; the same command goes on");
     }
     let verdict = if shard == Shard::WHOLE {
-        let merged = campaign::summarise(&store, earlier.as_ref())?;
+        let merged = summarise(&store, earlier.as_ref(), &|| stop.signal().is_some())?;
         report(&merged, &args.out, args.all_situations)
     } else {
         report_shard(&store, left, &args.out)?
     };
     // A queue must not take for done what has runs left because somebody ended it.
-    Ok(match signal.filter(|_| left > 0) {
-        Some(signal) => Verdict::Interrupted(signal),
-        None => verdict,
-    })
+    Ok(ended_by.map_or(verdict, Verdict::Interrupted))
+}
+
+/// Counts, and makes the case of each cause smaller: somebody who watches is told why it takes long.
+fn summarise(
+    store: &Store,
+    earlier: Option<&(PathBuf, Store)>,
+    is_over: &dyn Fn() -> bool,
+) -> Result<Merged, CliError> {
+    if store.failed() > 0 && is_watched() {
+        eprintln!("looking for the smallest case of each cause; Ctrl-C takes the best so far");
+    }
+    let merged = campaign::summarise(store, earlier, is_over)?;
+    if is_over() && !merged.groups.is_empty() {
+        eprintln!("the cases may not be the smallest; the same command looks on");
+    }
+    Ok(merged)
 }
 
 /// Says what a shard came to, `left` of whose runs are still to be done.
@@ -228,28 +244,23 @@ fn read_all(paths: &[PathBuf]) -> Result<BTreeMap<String, (Scenario, Source)>, C
 /// A run that ended: what it came to, and its case if it failed.
 type Ended = (Record, Option<Box<Scenario>>);
 
-/// How many runs have ended, and the signal that ended the campaign, if one did.
-struct Done {
-    ended: usize,
-    signal: Option<u8>,
-}
-
-/// Runs `todo` until the time is up, on all processors if they are runs in this process.
+/// Runs `todo` until it is time to stop, on all processors if they are runs in this process; how
+/// many runs have ended.
 fn run_all<'a>(
     todo: &[(&str, u64)],
     args: &CampaignArgs,
     made: impl Fn(&str, u64) -> (Scenario, &'a Source) + Sync,
     store: &mut Store,
-) -> Result<Done, CliError> {
+    stop: &Stop,
+) -> Result<usize, CliError> {
     let clock = WallClock::start();
-    let stop = Stop::new(args.budget.map(|budget| budget.0))?;
     let next = AtomicUsize::new(0);
     let foreign = args.program.foreign();
     let jobs = jobs(args, foreign.is_some());
     let (results, ended) = mpsc::channel::<Result<Ended, CliError>>();
     thread::scope(|scope| {
         for job in 0..jobs {
-            let (results, next, stop, made) = (results.clone(), &next, &stop, &made);
+            let (results, next, made) = (results.clone(), &next, &made);
             let goes_on = move || stop.signal().is_none();
             let worker = Worker {
                 foreign: foreign.as_ref(),
@@ -277,10 +288,7 @@ fn run_all<'a>(
             store.add(&record, case.as_deref())?;
             live.look(count, clock.now(), store)?;
         }
-        Ok(Done {
-            ended: count,
-            signal: stop.signal(),
-        })
+        Ok(count)
     })
 }
 

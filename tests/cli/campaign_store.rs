@@ -90,6 +90,24 @@ fn a_campaign_that_is_told_to_end_is_not_done() {
     }
 }
 
+/// All has run, and 150 tries of a mission of 90 s are ahead: the case is written as it is, with its
+/// four waypoints.
+#[test]
+fn who_is_told_to_end_while_a_case_is_made_smaller_takes_the_best_so_far() {
+    let session = Session::new("campaign-told-late");
+    let scenario = shipped("empty-room").replace("visit_within_mm = 200", "visit_within_mm = 0.01");
+    session.write("exact.toml", &scenario);
+    let mut running = Running::start(&session, "campaign exact.toml --seeds 0..1 --out night");
+    let runs = session.path("night/runs.jsonl");
+    wait_until(|| std::fs::metadata(&runs).is_ok_and(|file| file.len() > 0));
+    kill_process(Pid::from_child(&running.0), Signal::INT).expect("it runs");
+    assert_eq!(running.0.wait().expect("it ends").code(), Some(1));
+    let smallest = session.read("night/groups/01.toml");
+    for waypoint in ["1.0, 2.2", "2.1, 2.1", "2.1, 0.9", "1.0, 1.0"] {
+        assert!(smallest.contains(waypoint), "{smallest}");
+    }
+}
+
 /// Half of the kills hit the start, the other half come when some runs have ended since; before
 /// every third start the last line is torn by hand, because a kill rarely hits a write. The file is
 /// appended to if it stays the same file and keeps its beginning byte for byte.

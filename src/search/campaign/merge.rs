@@ -101,17 +101,19 @@ pub(crate) fn merge(dirs: &[PathBuf], out: &Path) -> Result<Store, StoreError> {
 }
 
 /// Sums up `store`, compared with `earlier` and the folder that it is from, if that is given:
-/// writes `campaign.json`, `campaign.html` and a minimised case for each cause into its folder.
+/// writes `campaign.json`, `campaign.html` and a minimised case for each cause into its folder. Once
+/// `is_over` says so, the cases stay as small as they are.
 ///
 /// # Errors
 /// If a case cannot be read, or the folder cannot be written.
 pub(crate) fn summarise(
     store: &Store,
     earlier: Option<&(PathBuf, Store)>,
+    is_over: &dyn Fn() -> bool,
 ) -> Result<Merged, StoreError> {
     let mut merged = count(store);
     for (number, group) in (1..).zip(&mut merged.groups) {
-        minimise(group, number, store)?;
+        minimise(group, number, store, is_over)?;
     }
     merged.comparison = earlier.map(|(dir, earlier)| compare(store, earlier, dir));
     write(&merged, store.dir())?;
@@ -188,7 +190,12 @@ fn situations(plan: &CampaignPlan, reached: &BTreeMap<&[String], usize>) -> Vec<
 }
 
 /// Finds the smallest case that fails for the cause of `group`, and writes it.
-fn minimise(group: &mut Group, number: u32, store: &Store) -> Result<(), StoreError> {
+fn minimise(
+    group: &mut Group,
+    number: u32,
+    store: &Store,
+    is_over: &dyn Fn() -> bool,
+) -> Result<(), StoreError> {
     let (scenario, seed) = &group.first;
     let path = store.case(scenario, *seed);
     if !path.exists() {
@@ -207,7 +214,7 @@ fn minimise(group: &mut Group, number: u32, store: &Store) -> Result<(), StoreEr
     } else {
         TRIES
     };
-    let small = shrink::scenario(&case, &cause, judge, &mut Effort::tries(tries));
+    let small = shrink::scenario(&case, &cause, judge, &mut Effort::until(tries, is_over));
     let name = format!("groups/{number:02}.toml");
     files::make_folder(&store.dir().join("groups"))?;
     files::replace(&store.dir().join(&name), small.to_toml().as_bytes())?;

@@ -93,7 +93,7 @@ impl Adversity {
         let recovery = mission.duration.max(recovery);
         mission.duration = Span(Span::from_millis(ADVERSITY_UNTIL_MS).0 + recovery.0);
         if mission::takes_orders(mission) {
-            let once_more = mission::once_more(&mission.mission.waypoints_m);
+            let once_more = mission::once_more(&mission.mission);
             mission.mission.step.extend(once_more);
         }
         mission.fault = self.faults;

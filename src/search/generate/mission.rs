@@ -1,7 +1,7 @@
 use super::dice::Draw;
 use super::{ADVERSITY_UNTIL_MS, RECOVERY_MS};
 use crate::robots::{self, Robot};
-use crate::scenario::{Action, Scenario, Span, Step};
+use crate::scenario::{Action, Mission, Scenario, Span, Step};
 
 /// Whether the mission is what it is: its steps lead the robot, by modes or by hand, or nobody can
 /// tell the robot where to go. Other waypoints would be a mission that nobody can do.
@@ -41,9 +41,15 @@ pub(super) fn steps(waypoints: &[[f64; 2]], dice: &mut Draw) -> Vec<Step> {
 
 /// Nobody who sees the robot stand gives up. When nothing goes wrong any more, the port is opened
 /// anew, and what the robot did not confirm is sent again; and if the mission is not done a while
-/// later, because the robot took another place for a waypoint, it is given once more.
-pub(super) fn once_more(waypoints: &[[f64; 2]]) -> [Step; 3] {
-    let again = Action::WaypointsM(waypoints.to_vec());
+/// later, because the robot took another place for a waypoint, or went home with a low battery, it
+/// is given once more.
+pub(super) fn once_more(mission: &Mission) -> [Step; 3] {
+    let mode = mission.step.iter().map(|step| &step.action);
+    let mut mode = mode.filter(|action| matches!(action, Action::Mode(_)));
+    let again = match mode.next() {
+        Some(mode) if mission.waypoints_m.is_empty() => mode.clone(),
+        _ => Action::WaypointsM(mission.waypoints_m.clone()),
+    };
     [
         step(ADVERSITY_UNTIL_MS + 200, Action::Disconnect),
         step(ADVERSITY_UNTIL_MS + 500, Action::Connect),
