@@ -75,6 +75,8 @@ use steps::Steps;
 pub(crate) const LOOK_EVERY: Duration = Duration::from_millis(10);
 /// Virtual time between two points of the true way that is kept.
 const WAY_EVERY: u32 = 5;
+/// Longest time that an order takes until the robot says that it has it, with a radio that fails.
+const ORDER_ARRIVES: Duration = Duration::from_secs(5);
 
 /// A run under way.
 pub struct Run {
@@ -309,10 +311,14 @@ impl Run {
         self.is_over = now >= self.scenario.duration.instant() || done;
     }
 
-    /// Whether what the robot searched by itself is done and it rests.
+    /// Whether what the robot searched by itself is done and it rests, with no order to come that
+    /// could send it out again.
     fn has_come_home(&self, now: Instant) -> bool {
         let is_wanted = self.scenario.expect.home_within_mm.is_some();
+        let orders = self.scenario.mission.step.iter();
+        let last = orders.filter_map(|step| step.at).max();
         is_wanted
+            && last.is_none_or(|at| now >= at.instant() + ORDER_ARRIVES)
             && self.instruments.is_done(&self.rig) == Some(true)
             && self.progress.has_settled(now)
     }
