@@ -8,6 +8,7 @@
 //! Each is a row of [`all`]. What it finds comes from runs alone; a report's figure stands beside
 //! it as text, and nothing is judged: the reader sees how far a model carries.
 
+mod car;
 mod heading;
 mod loss;
 mod mazes;
@@ -83,7 +84,7 @@ pub const fn all() -> &'static [Experiment] {
     &EXPERIMENTS
 }
 
-const EXPERIMENTS: [Experiment; 8] = [
+const EXPERIMENTS: [Experiment; 12] = [
     Experiment {
         name: "push",
         about: "a robot at rest is pushed by 40 cm within a second: error search by search",
@@ -140,4 +141,8 @@ const EXPERIMENTS: [Experiment; 8] = [
         seeds: 20,
         perform: mazes::perform,
     },
+    car::LEVELS,
+    car::CIRCLE,
+    car::HALL,
+    car::WALL,
 ];

@@ -106,6 +106,8 @@ pub struct Rig {
     pub budget: Budget,
     /// What goes on besides damage to bytes.
     disturbed: Vec<Disturbance>,
+    /// Into which nodes put what they send.
+    room: [u8; line::MESSAGE_MAX],
 }
 
 impl Rig {
@@ -126,6 +128,7 @@ impl Rig {
             excused: 0,
             budget: Budget::default(),
             disturbed: Vec::new(),
+            room: [0; line::MESSAGE_MAX],
         }
     }
 
@@ -234,6 +237,7 @@ impl Rig {
             excused: self.excused,
             budget: self.budget.clone(),
             disturbed: self.disturbed.clone(),
+            room: self.room,
         }
     }
 

@@ -3,7 +3,7 @@
 
 use protocols::{Instant, LineEvent};
 
-use super::line::Direction;
+use super::line::{Direction, MESSAGE_MAX, PIECE_MAX};
 use super::node::Body;
 use super::trace::{Side, Tap as _};
 use super::{LinkKind, Rig};
@@ -101,32 +101,38 @@ impl Rig {
                 if !line.has_room(self.now) {
                     continue;
                 }
-                let receiver = self.nodes[line.to.node].line_config(line.to.port);
-                let node = &mut self.nodes[line.from.node];
-                let sender = node.line_config(line.from.port);
-                // A level has no rate that its receiver could read at.
-                let receiver = match kind {
-                    LinkKind::Pin => sender,
-                    _ => receiver,
+                let (port, to) = (line.from.port, line.to);
+                let sender = self.nodes[line.from.node].line_config(port);
+                let room = match kind.carries_messages() {
+                    true => MESSAGE_MAX,
+                    false => line.piece.min(PIECE_MAX),
                 };
-                let port = line.from.port;
+                let len = self.nodes[line.from.node].transmit(port, &mut self.room[..room]);
+                if len == 0 {
+                    line.silent_since = Some(epoch);
+                    continue;
+                }
+                line.silent_since = None;
+                let sent = &self.room[..len];
                 let budget = &mut self.budget;
-                let transmit = |buf: &mut [u8]| node.transmit(port, buf);
-                let taken = if kind.carries_messages() {
-                    line.take_message(kind, self.now, sender, budget, transmit)
+                let ends = if kind.carries_messages() {
+                    line.take_message(kind, self.now, sender, budget, sent)
                 } else {
-                    line.take(self.now, sender, receiver, budget, transmit)
+                    // A level has no rate that its receiver could read at.
+                    let receiver = match kind {
+                        LinkKind::Pin => sender,
+                        _ => self.nodes[to.node].line_config(to.port),
+                    };
+                    line.take(self.now, sender, receiver, budget, sent)
                 };
-                line.silent_since = taken.is_none().then_some(epoch);
                 if let Some((at, bytes)) = line.take_echo() {
                     link.lines[1 - direction as usize].receive(at, bytes);
                 }
-                if let Some((ends, sent)) = taken {
-                    node.after_transmit(self.now);
-                    self.trace.record(index, direction, Side::Sent, ends, &sent);
-                    for tap in &mut self.taps {
-                        tap.record(index, direction, Side::Sent, ends, &sent);
-                    }
+                let from = link.lines[direction as usize].from.node;
+                self.nodes[from].after_transmit(self.now);
+                self.trace.record(index, direction, Side::Sent, ends, sent);
+                for tap in &mut self.taps {
+                    tap.record(index, direction, Side::Sent, ends, sent);
                 }
             }
         }

@@ -29,10 +29,16 @@ pub fn nearest(angle_deg: f64) -> Option<Steering> {
     }
     // So that the ends are nearest to an infinite angle as well.
     let angle_deg = angle_deg.clamp(MEASURED_DEG[10], MEASURED_DEG[0]);
-    let [least, greatest] = Steering::RANGE.map(i16::from);
-    let values = (least..=greatest).filter_map(|value| Steering::new(value).ok());
-    let off = |value: &Steering| (self::angle_deg(*value) - angle_deg).abs();
-    values.min_by(|one, other| off(one).total_cmp(&off(other)))
+    // The angles fall, so it is one of those between two measured ones, or one of these two.
+    let [least, _] = Steering::RANGE.map(i16::from);
+    let mut spans = (least..).step_by(SPACING).zip(&MEASURED_DEG[1..]);
+    let (first, _) = spans.find(|(_, end_deg)| **end_deg <= angle_deg)?;
+    let values = (first..).take(SPACING + 1);
+    let values = values.filter_map(|value| Steering::new(value).ok());
+    let off = |value: Steering| (self::angle_deg(value) - angle_deg).abs();
+    let values = values.map(|value| (value, off(value)));
+    let nearest = values.min_by(|(_, one), (_, other)| one.total_cmp(other));
+    nearest.map(|(value, _)| value)
 }
 
 #[cfg(test)]

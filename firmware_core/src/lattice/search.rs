@@ -292,8 +292,12 @@ impl<'a> Search<'a> {
             .iter()
             .map(|state| Reverse((self.key(*state, factor), *state)));
         self.open = keys.collect();
+        let least = |search: &Self| {
+            let end = search.goal(goal, angle)?;
+            Some(search.cost[end as usize])
+        };
+        let mut best = least(self);
         loop {
-            let best = self.goal(goal, angle).map(|end| self.cost[end as usize]);
             let Some(&Reverse((key, state))) = self.open.peek() else {
                 return true;
             };
@@ -310,12 +314,16 @@ impl<'a> Search<'a> {
             }
             self.closed[state as usize] = pass;
             self.expansions += 1;
-            self.expand(state, pass, factor);
+            if self.expand(state, pass, factor, goal) {
+                best = least(self);
+            }
         }
     }
 
-    fn expand(&mut self, state: u32, pass: u16, factor: u64) {
+    /// Whether a state in the cell `goal` has become cheaper.
+    fn expand(&mut self, state: u32, pass: u16, factor: u64, goal: [i32; 2]) -> bool {
         let (cell, lattice) = (self.cell(state), self.lattice);
+        let mut is_goal_cheaper = false;
         for (number, action) in (0..).zip(lattice.actions(state % self.angles)) {
             let end = [cell[0] + action.end[0], cell[1] + action.end[1]];
             let Some(next) = self.state(end, action.end_angle) else {
@@ -335,11 +343,13 @@ impl<'a> Search<'a> {
             }
             self.cost[next as usize] = cost;
             self.from[next as usize] = (state, number);
+            is_goal_cheaper |= end == goal;
             match self.closed[next as usize] == pass {
                 true => self.inconsistent.push(next),
                 false => self.open.push(Reverse((self.key(next, factor), next))),
             }
         }
+        is_goal_cheaper
     }
 
     /// The primitives that lead to `end`.

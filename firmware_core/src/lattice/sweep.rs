@@ -1,6 +1,5 @@
 //! Which cells a primitive passes: those of the reference point and those that the outline sweeps.
 
-use alloc::collections::BTreeSet;
 use alloc::vec::Vec;
 
 use super::primitives::{Primitive, PrimitiveSet};
@@ -30,8 +29,13 @@ impl Outline {
     }
 
     /// Cells of `cell_m` that the outline covers or cuts at this pose, seen from the cell in whose
-    /// middle the coordinates begin.
-    fn cells(&self, pose: [f64; 3], cell_m: f64) -> impl Iterator<Item = [i32; 2]> {
+    /// middle the coordinates begin; those that are `known` already are left out.
+    fn cells(
+        &self,
+        pose: [f64; 3],
+        cell_m: f64,
+        known: impl Fn([i32; 2]) -> bool,
+    ) -> impl Iterator<Item = [i32; 2]> {
         let placed = Placed::new(self, pose, cell_m);
         // The last two axes are x and y.
         let range = |axis: usize| {
@@ -45,7 +49,93 @@ impl Outline {
         };
         let xs = range(0);
         let cells = range(1).flat_map(move |y| xs.clone().map(move |x| [x, y]));
-        cells.filter(move |cell| placed.overlaps(cell.map(|at| f64::from(at) * cell_m)))
+        let overlaps = move |cell: [i32; 2]| placed.overlaps(cell.map(|at| f64::from(at) * cell_m));
+        cells.filter(move |cell| !known(*cell) && overlaps(*cell))
+    }
+
+    /// How far it reaches from the reference point, in cells, rounded up.
+    fn reach(&self, cell_m: f64) -> i32 {
+        let far = |[ahead, left]: &[f64; 2]| libm::hypot(*ahead, *left);
+        let farthest = self.0.iter().map(far).fold(0.0, f64::max);
+        #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+        let cells = libm::ceil(farthest / cell_m) as i32;
+        cells
+    }
+}
+
+/// Cells around a motion, and which of them the outline has been found to sweep: most it sweeps at
+/// many of the poses.
+struct Swept {
+    low: [i32; 2],
+    /// Cells along y.
+    height: i32,
+    /// Column by column.
+    cells: Vec<Cell>,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Cell {
+    Open,
+    /// Swept, and not covered at the beginning.
+    Swept,
+    Covered,
+}
+
+impl Swept {
+    /// None yet of what an outline with this `reach` can get at from `poses`, but for what it
+    /// `covered` at the first one.
+    fn new(poses: &[[f64; 3]], cell_m: f64, reach: i32, covered: &[[i32; 2]]) -> Self {
+        let along = |axis: usize| poses.iter().map(move |pose| pose[axis] / cell_m);
+        // One more on either side for the rounding of the reach and of the cells.
+        let [low, high] = [
+            [0, 1].map(|axis| along(axis).fold(0.0, f64::min)),
+            [0, 1].map(|axis| along(axis).fold(0.0, f64::max)),
+        ];
+        #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+        let (low, high) = (
+            low.map(|at| libm::floor(at) as i32 - reach - 1),
+            high.map(|at| libm::ceil(at) as i32 + reach + 1),
+        );
+        let [width, height] = [0, 1].map(|axis| high[axis] - low[axis] + 1);
+        let len = usize::try_from(width.saturating_mul(height)).unwrap_or_default();
+        let mut swept = Self {
+            low,
+            height,
+            cells: alloc::vec![Cell::Open; len],
+        };
+        covered
+            .iter()
+            .for_each(|cell| swept.mark(*cell, Cell::Covered));
+        swept
+    }
+
+    fn index(&self, [x, y]: [i32; 2]) -> usize {
+        let index = (x - self.low[0]) * self.height + y - self.low[1];
+        usize::try_from(index).unwrap_or(usize::MAX)
+    }
+
+    fn mark(&mut self, cell: [i32; 2], as_what: Cell) {
+        let index = self.index(cell);
+        if let Some(slot) = self.cells.get_mut(index) {
+            *slot = as_what;
+        }
+    }
+
+    fn add(&mut self, outline: &Outline, pose: [f64; 3], cell_m: f64) {
+        let known = |cell| self.cells.get(self.index(cell)) != Some(&Cell::Open);
+        let new: Vec<[i32; 2]> = outline.cells(pose, cell_m, known).collect();
+        new.into_iter()
+            .for_each(|cell| self.mark(cell, Cell::Swept));
+    }
+
+    fn into_cells(self) -> Vec<[i32; 2]> {
+        let indices = (0..).zip(&self.cells);
+        let swept = indices.filter(|(_, cell)| **cell == Cell::Swept);
+        let place = |index: i32| [index / self.height, index % self.height];
+        let cells = swept.map(|(index, _)| place(index));
+        cells
+            .map(|[x, y]| [x + self.low[0], y + self.low[1]])
+            .collect()
     }
 }
 
@@ -133,19 +223,19 @@ impl Lattice {
         let cell_m = set.resolution_m();
         let at_rest = (0..set.angles()).map(|angle| {
             let pose = [0.0, 0.0, set.heading_rad(angle)];
-            outline.cells(pose, cell_m).collect()
+            outline.cells(pose, cell_m, |_| false).collect()
         });
         let at_rest: Vec<Vec<[i32; 2]>> = at_rest.collect();
         let mut actions: Vec<Vec<Action>> = Vec::new();
         let mut detour = 1.0_f64;
         for angle in 0..set.angles() {
             let mut of_angle: Vec<Action> = Vec::new();
-            let covered: BTreeSet<[i32; 2]> = at_rest[angle as usize].iter().copied().collect();
+            let covered = &at_rest[angle as usize];
             for (primitive, one) in set.all().iter().enumerate() {
                 if one.start != angle {
                     continue;
                 }
-                let action = action(primitive, one, outline, cell_m, &covered);
+                let action = action(primitive, one, outline, cell_m, covered);
                 detour = detour.max(octile(&action.middle) * cell_m / one.length_m().max(1e-9));
                 let is_same = |known: &Action| {
                     (known.end, known.end_angle) == (action.end, action.end_angle)
@@ -220,11 +310,12 @@ fn action(
     one: &Primitive,
     outline: &Outline,
     cell_m: f64,
-    covered: &BTreeSet<[i32; 2]>,
+    covered: &[[i32; 2]],
 ) -> Action {
     let mut middle = Vec::new();
-    let mut swept = BTreeSet::new();
-    for pose in on_the_way(&one.poses, cell_m / 4.0) {
+    let way = on_the_way(&one.poses, cell_m / 4.0);
+    let mut swept = Swept::new(&way, cell_m, outline.reach(cell_m), covered);
+    for pose in way {
         let cell = [pose[0], pose[1]].map(|m| {
             #[expect(clippy::cast_possible_truncation, reason = "saturates")]
             let cell = libm::floor(m / cell_m + 0.5) as i32;
@@ -233,7 +324,7 @@ fn action(
         if middle.last().copied().unwrap_or_default() != cell {
             middle.push(cell);
         }
-        swept.extend(outline.cells(pose, cell_m));
+        swept.add(outline, pose, cell_m);
     }
     Action {
         primitive,
@@ -241,7 +332,7 @@ fn action(
         end_angle: one.end.1,
         base_cost: one.base_cost(),
         middle,
-        swept: swept.difference(covered).copied().collect(),
+        swept: swept.into_cells(),
     }
 }
 

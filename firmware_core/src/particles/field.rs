@@ -6,6 +6,7 @@ use alloc::vec::Vec;
 #[derive(Clone, Debug, PartialEq)]
 pub struct LikelihoodField {
     width: usize,
+    height: usize,
     cell_m: f64,
     origin_m: [f64; 2],
     farthest_m: f64,
@@ -48,6 +49,7 @@ impl LikelihoodField {
         let metres = |square: &f64| (libm::sqrt(square.min(far)) * cell_m) as f32;
         Self {
             width,
+            height,
             cell_m,
             origin_m,
             farthest_m,
@@ -91,13 +93,12 @@ impl LikelihoodField {
             clippy::cast_sign_loss,
             reason = "not below 0, saturates"
         )]
-        let (x, y) = (x as usize, y as usize);
-        if x >= self.width {
+        // By way of 32 bits, which a processor converts at once; 64 without a sign it does not.
+        let (x, y) = (x as u32 as usize, y as u32 as usize);
+        if x >= self.width || y >= self.height {
             return self.farthest_m;
         }
-        let at = y.checked_mul(self.width).and_then(|row| row.checked_add(x));
-        let distance = at.and_then(|at| self.distances_m.get(at));
-        distance.map_or(self.farthest_m, |distance| f64::from(*distance))
+        f64::from(self.distances_m[y * self.width + x])
     }
 }
 

@@ -15,7 +15,7 @@ use core::time::Duration;
 
 use protocols::{Instant, LineConfig};
 
-use super::{Chunk, Line, Original, SentBytes};
+use super::{Chunk, Line, Original};
 use crate::rig::LinkKind;
 use crate::rig::fault::Budget;
 
@@ -44,33 +44,26 @@ pub fn message_time(kind: LinkKind, line: LineConfig, len: usize) -> Duration {
 }
 
 impl Line {
-    /// Takes the message that the sender has ready, `transmit(buf) -> len`, and puts it on its way.
-    /// Returns the message as sent and when it ends, or `None` if there was none.
+    /// Puts the message that the sender has `sent` on its way; when it ends.
     pub(crate) fn take_message(
         &mut self,
         kind: LinkKind,
         now: Instant,
         sender: LineConfig,
         budget: &mut Budget,
-        transmit: impl FnOnce(&mut [u8]) -> usize,
-    ) -> Option<(Instant, SentBytes)> {
-        let mut bytes = vec![0; MESSAGE_MAX];
-        let len = transmit(&mut bytes);
-        if len == 0 {
-            return None;
-        }
-        bytes.truncate(len);
-        let ends = now + message_time(kind, sender, len);
+        sent: &[u8],
+    ) -> Instant {
+        let ends = now + message_time(kind, sender, sent.len());
         self.free_at = ends;
-        self.traffic.sent += len as u64;
+        self.traffic.sent += sent.len() as u64;
         let number = self.messages;
         self.messages += 1;
         if self.is_played {
-            self.traffic.lost += len as u64;
+            self.traffic.lost += sent.len() as u64;
         } else {
-            self.send_message(number, now, ends, bytes.clone(), budget);
+            self.send_message(number, now, ends, sent.to_vec(), budget);
         }
-        Some((ends, SentBytes::Message(bytes)))
+        ends
     }
 
     fn send_message(

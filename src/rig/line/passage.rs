@@ -7,31 +7,6 @@ use crate::rig::fault::Strike;
 /// Largest piece.
 pub const PIECE_MAX: usize = 64;
 
-/// What a sender gave in one go.
-#[derive(Clone, Debug)]
-pub enum SentBytes {
-    /// A piece of a stream of bytes.
-    Piece {
-        /// The bytes, and room behind them.
-        buf: [u8; PIECE_MAX],
-        /// How many they are.
-        len: usize,
-    },
-    /// A whole message.
-    Message(Vec<u8>),
-}
-
-impl core::ops::Deref for SentBytes {
-    type Target = [u8];
-
-    fn deref(&self) -> &[u8] {
-        match self {
-            Self::Piece { buf, len } => &buf[..*len],
-            Self::Message(bytes) => bytes,
-        }
-    }
-}
-
 /// What a receiver gets in one go.
 #[derive(Clone, Debug)]
 pub struct Delivery {

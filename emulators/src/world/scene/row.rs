@@ -1,8 +1,8 @@
 //! A whole row of a camera at once: what is nearest in each column.
 //!
-//! Each surface is drawn into the row instead of casting a ray for each column. In a pinhole camera
 //! Each surface is drawn into the row, not a ray cast for each column. In a pinhole camera the
 //! inverse of the depth of a straight wall is linear in the column, so a wall costs two ends and
+//! an addition a column, without any trigonometry. The result is that of a ray for each column but
 //! for the last bits, and for columns that just touch the end of a wall.
 
 use protocols::Instant;

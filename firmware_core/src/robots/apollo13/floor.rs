@@ -48,6 +48,8 @@ pub struct FloorPlan {
 #[derive(Clone, Debug)]
 pub struct Floor {
     plan: FloorPlan,
+    /// Whole rows of the plan.
+    rows: usize,
     /// What the plan alone costs; `None` without a map.
     plain: Option<Costmap>,
     /// With all that was seen; `None` when that has changed since.
@@ -88,6 +90,7 @@ impl Floor {
             .then(|| Costmap::new(width, cell_m, origin_m, plan.obstacles.clone(), inflation));
         Self {
             counted: alloc::vec![0; seen.len()],
+            rows: seen.len().checked_div(width).unwrap_or_default(),
             plan,
             plain,
             costs: None,
@@ -154,9 +157,7 @@ impl Floor {
 
     /// Places of cells that were seen or heard to be obstacles and are not on the plan, metres.
     pub fn in_the_way(&self) -> impl Iterator<Item = [f64; 2]> {
-        let seen = self.seen.iter().enumerate();
-        let seen = seen.filter(|(_, seen)| **seen >= SURE).map(|(at, _)| at);
-        let all = seen.chain(self.heard.keys().chain(&self.posts).copied());
+        let all = sure(&self.seen).chain(self.heard.keys().chain(&self.posts).copied());
         let new = all.filter(|at| !self.plan.obstacles[*at]);
         new.map(|at| {
             let (row, column) = (at / self.plan.width, at % self.plan.width);
@@ -175,10 +176,8 @@ impl Floor {
         }
         if self.costs.is_none() {
             let mut costs = self.plain.clone()?;
-            let seen = self.seen.iter().enumerate();
-            let seen = seen.filter(|(_, seen)| **seen >= SURE).map(|(at, _)| at);
             let low = self.heard.keys().chain(&self.posts).copied();
-            for at in seen.chain(low) {
+            for at in sure(&self.seen).chain(low) {
                 if !self.plan.obstacles[at] {
                     costs.add(at);
                 }
@@ -313,11 +312,20 @@ impl Floor {
             clippy::cast_sign_loss,
             reason = "not below 0, saturates"
         )]
-        let (x, y) = (x as usize, y as usize);
-        let width = self.plan.width;
-        let index = y.checked_mul(width).and_then(|row| row.checked_add(x));
-        index.filter(|index| x < width && *index < self.seen.len())
+        // By way of 32 bits, which a processor converts at once; 64 without a sign it does not.
+        let (x, y) = (x as u32 as usize, y as u32 as usize);
+        (x < self.plan.width && y < self.rows).then(|| y * self.plan.width + x)
     }
+}
+
+/// The cells that have been seen to be obstacles. There are few, and most pieces have none.
+fn sure(seen: &[i8]) -> impl Iterator<Item = usize> {
+    const PIECE: usize = 64;
+    let pieces = (0..).step_by(PIECE).zip(seen.chunks(PIECE));
+    let has_any = |piece: &[i8]| piece.iter().fold(false, |any, seen| any | (*seen >= SURE));
+    let pieces = pieces.filter(move |(_, piece)| has_any(piece));
+    let cells = pieces.flat_map(|(first, piece)| (first..).zip(piece));
+    cells.filter(|(_, seen)| **seen >= SURE).map(|(at, _)| at)
 }
 
 /// A beam in cells of the map.

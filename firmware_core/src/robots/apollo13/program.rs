@@ -263,6 +263,12 @@ impl Apollo13 {
         self.pilot.set_goal(goal);
     }
 
+    /// Follows its wall with these gains from now on.
+    pub fn set_wall_gains(&mut self, gains: Gains) {
+        let wall = self.config.wall;
+        self.wall = wall.map(|(side, wanted_m)| WallDistance::new(side, wanted_m, gains));
+    }
+
     /// Somebody says where the car is; while it draws a map, it knows better.
     pub fn set_pose(&mut self, pose: CarPose) {
         // A map under way is drawn where the car found itself to be.

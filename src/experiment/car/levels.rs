@@ -1,0 +1,74 @@
+//! The motor's levels: 2 ahead and -3 back are what the report measured.
+
+use core::time::Duration;
+
+use super::super::runs::{Spread, each};
+use super::super::{Figure, Findings, Plan, Plot, Table};
+use super::{jobs, told, way};
+
+/// The fastest level either way.
+const LEVEL_MAX: i8 = 10;
+/// Steering value that is nearest to straight ahead.
+const STRAIGHT: i8 = 8;
+/// The car has come up to speed, and until when its way is measured.
+const FROM: Duration = Duration::from_secs(4);
+const UNTIL: Duration = Duration::from_secs(7);
+
+pub(in super::super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Findings {
+    let levels: Vec<i8> = (-LEVEL_MAX..=LEVEL_MAX).collect();
+    let jobs = jobs(&levels, plan.seeds);
+    let found = each(plan, &jobs, tell, |(level, seed)| speed_cm_s(*level, *seed));
+    let speeds = |level: i8| {
+        let of_level = jobs
+            .iter()
+            .zip(&found)
+            .filter(move |((of, _), _)| *of == level);
+        Spread::of(of_level.map(|(_, speed)| *speed))
+    };
+    let mut table = Table::new(["speed, median (cm/s)", "lower quartile", "upper quartile"]);
+    for &level in &levels {
+        let Spread {
+            median,
+            quartiles: [lower, upper],
+            ..
+        } = speeds(level);
+        table.push(format!("level {level}"), [median, lower, upper]);
+    }
+    let medians = levels
+        .iter()
+        .map(|level| [f64::from(*level), speeds(*level).median]);
+    let plot = Plot::new("Speed of the car", ["motor level", "speed (cm/s)"])
+        .line("rig, median", medians)
+        .points("report", [[2.0, 22.0], [-3.0, -22.0]]);
+    let figure = |level: i8, report| {
+        let median = speeds(level).median;
+        Figure::new(
+            format!("level {level}"),
+            format!("{median:.1} cm/s"),
+            report,
+        )
+    };
+    let figures = vec![
+        figure(2, "+22 cm/s"),
+        figure(-3, "-22 cm/s"),
+        figure(-2, "does not move"),
+        figure(LEVEL_MAX, ""),
+        figure(-LEVEL_MAX, ""),
+    ];
+    Findings {
+        table,
+        plot,
+        figures,
+    }
+}
+
+/// Ahead is positive.
+fn speed_cm_s(level: i8, seed: u64) -> f64 {
+    let mut run = told([22.0, 8.0], [level, STRAIGHT], seed);
+    let way = way(&mut run, FROM, UNTIL);
+    let ahead = way.windows(2).map(|pair| {
+        let (sin, cos) = libm::sincos(pair[0].theta);
+        (pair[1].x - pair[0].x) * cos + (pair[1].y - pair[0].y) * sin
+    });
+    100.0 * ahead.sum::<f64>() / (UNTIL - FROM).as_secs_f64()
+}
