@@ -23,7 +23,6 @@ const JUDGE_SCANS: u8 = 5;
 /// tried, after twice as many only walls that were not felt, and after three times as many none: what
 /// is left is noise of the map, not floor.
 const VAIN_VIEWS: u8 = 6;
-const VAIN_MOST: u8 = 18;
 const NEWS_CELLS: u16 = 25;
 /// A view that showed fewer cells showed nothing.
 const NOTHING_CELLS: u16 = 3;
@@ -209,6 +208,19 @@ impl Explore {
         }
     }
 
+    /// Unknown cells that are worth a way after so many views in vain; `None` if nothing is.
+    const fn least(&self) -> Option<u16> {
+        if self.vain <= VAIN_VIEWS {
+            Some(Outlook::SMALL)
+        } else if self.vain <= 2 * VAIN_VIEWS {
+            Some(Outlook::LARGE)
+        } else if self.vain <= 3 * VAIN_VIEWS {
+            Some(Outlook::NEVER)
+        } else {
+            None
+        }
+    }
+
     fn choose(&mut self, body: Body, sight: Sight<'_>) -> [i8; 2] {
         let Sight {
             map, pose, around, ..
@@ -224,14 +236,9 @@ impl Explore {
         {
             self.frontiers.showed_nothing(map, place);
         }
-        let least = match self.vain {
-            0..=VAIN_VIEWS => Outlook::SMALL,
-            _ if self.vain <= 2 * VAIN_VIEWS => Outlook::LARGE,
-            ..=VAIN_MOST => Outlook::NEVER,
-            _ => {
-                self.progress = Progress::GoesHome;
-                return HALT;
-            }
+        let Some(least) = self.least() else {
+            self.progress = Progress::GoesHome;
+            return HALT;
         };
         match self.frontiers.next_view(map, (&body, least), pose, around) {
             Some(view) => {
