@@ -20,16 +20,30 @@ mod table;
 mod tries;
 mod turning;
 
+use core::ops::Range;
+
 pub use plot::Plot;
 pub use table::Table;
 
 /// What is to be done.
 #[derive(Clone, Copy, Debug)]
 pub struct Plan {
-    /// Seeds from 1 on.
+    /// The first seed.
+    pub first_seed: u64,
+    /// So many, one after the other.
     pub seeds: u64,
     /// Runs at a time.
     pub jobs: usize,
+}
+
+impl Plan {
+    fn seeds(&self) -> Range<u64> {
+        self.first_seed..self.first_seed.saturating_add(self.seeds)
+    }
+
+    fn count(&self) -> usize {
+        usize::try_from(self.seeds).unwrap_or(usize::MAX).max(1)
+    }
 }
 
 /// A figure that was found, and what the report says of it.
@@ -65,7 +79,7 @@ pub struct Findings {
 }
 
 /// An experiment of a report.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Experiment {
     /// By which it is asked for.
     pub name: &'static str,
@@ -74,7 +88,7 @@ pub struct Experiment {
     /// Where the report has it.
     pub place: &'static str,
     /// Seeds unless told otherwise.
-    pub seeds: u64,
+    pub seeds: Range<u64>,
     /// Does it; told how many runs of how many are done.
     pub perform: fn(&Plan, &(dyn Fn(usize, usize) + Sync)) -> Findings,
 }
@@ -89,56 +103,56 @@ const EXPERIMENTS: [Experiment; 12] = [
         name: "push",
         about: "a robot at rest is pushed by 40 cm within a second: error search by search",
         place: "rescue robot, figure 8",
-        seeds: 20,
+        seeds: 1..21,
         perform: push::perform,
     },
     Experiment {
         name: "turning",
         about: "20 minutes along walls: how far the map turns, with the report's cures and without",
         place: "rescue robot, figure 7",
-        seeds: 20,
+        seeds: 1..21,
         perform: turning::perform,
     },
     Experiment {
         name: "tries",
         about: "error of the pose by the number of tries of a search",
         place: "rescue robot, page 15",
-        seeds: 20,
+        seeds: 1..21,
         perform: tries::by_number,
     },
     Experiment {
         name: "settings",
         about: "points, weights and hole width of the report's mapper against each other",
         place: "rescue robot, pages 14 to 16 and 22",
-        seeds: 20,
+        seeds: 1..21,
         perform: tries::by_settings,
     },
     Experiment {
         name: "regulator",
         about: "time of each search while the number of tries is regulated",
         place: "rescue robot, page 16 and figure 9",
-        seeds: 1,
+        seeds: 1..2,
         perform: regulator::perform,
     },
     Experiment {
         name: "loss",
         about: "map rows lost by the radio module against its baud rate",
         place: "rescue robot, page 8",
-        seeds: 5,
+        seeds: 1..6,
         perform: loss::perform,
     },
     Experiment {
         name: "heading",
         about: "wheels that slip: error of the dead-reckoned heading with a gyroscope and without",
         place: "rescue robot, outlook on page 22",
-        seeds: 20,
+        seeds: 1..21,
         perform: heading::perform,
     },
     Experiment {
         name: "mazes",
         about: "mazes of five sizes, searched; time and way against one who knows the map",
         place: "rescue robot, pages 1, 5 and 22",
-        seeds: 20,
+        seeds: 7_000..7_020,
         perform: mazes::perform,
     },
     car::LEVELS,

@@ -158,6 +158,8 @@ pub(super) struct ExperimentDone {
     pub(super) name: String,
     /// Where the report has it.
     pub(super) place: String,
+    /// The first seed, and how many there are, one after the other.
+    pub(super) first_seed: u64,
     pub(super) seeds: u64,
     pub(super) figures: Vec<ExperimentFigure>,
     /// Table and plot.

@@ -101,7 +101,8 @@ struct MergeArgs {
     all_situations: bool,
 }
 
-fn seeds(text: &str) -> Result<Range<u64>, String> {
+/// Seeds as `A..B`.
+pub(super) fn seeds(text: &str) -> Result<Range<u64>, String> {
     let parsed = text.split_once("..").and_then(|(from, until)| {
         let (from, until) = (from.parse().ok()?, until.parse().ok()?);
         (from < until && i64::try_from(until).is_ok()).then_some(from..until)

@@ -1,4 +1,5 @@
 use core::num::NonZeroUsize;
+use core::ops::Range;
 use std::path::PathBuf;
 use std::thread;
 
@@ -17,19 +18,57 @@ use crate::experiment::{self, Experiment, Findings, Plan};
     hilrig experiment                      # which there are\n  \
     hilrig experiment push                 # figure 8 of the report, 20 seeds\n  \
     hilrig experiment mazes --out mazes    # 100 mazes; mazes/mazes.csv and mazes/mazes.svg\n  \
+    hilrig experiment mazes --seeds 500..520 # others: nobody has tuned anything on them\n  \
     hilrig experiment turning --seeds 5 --json")]
 pub(super) struct ExperimentArgs {
     /// Which [default: list them]
     name: Option<String>,
-    /// Seeds, from 1 on [default: the experiment's own]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=10_000))]
-    seeds: Option<u64>,
+    /// Seeds A up to B, or so many of the experiment's own [default: all of its own]
+    #[arg(long, value_name = "N|A..B", value_parser = seeds)]
+    seeds: Option<Seeds>,
     /// Runs at a time [default: one for each processor]
     #[arg(long, value_name = "N")]
     jobs: Option<NonZeroUsize>,
     /// Folder of table and plot
     #[arg(long, value_name = "DIR", default_value = "hilrig-out/experiments")]
     out: PathBuf,
+}
+
+/// Most seeds at a time.
+const SEEDS_MAX: u64 = 10_000;
+
+/// Which seeds.
+#[derive(Clone, Debug)]
+enum Seeds {
+    /// So many from the experiment's first one on.
+    Count(u64),
+    /// These.
+    These(Range<u64>),
+}
+
+impl Seeds {
+    /// The first one, and how many.
+    const fn of(&self, experiment: &Experiment) -> [u64; 2] {
+        match self {
+            Self::Count(count) => [experiment.seeds.start, *count],
+            Self::These(seeds) => [seeds.start, seeds.end - seeds.start],
+        }
+    }
+}
+
+fn seeds(text: &str) -> Result<Seeds, String> {
+    let seeds = match text.parse() {
+        Ok(count) => Seeds::Count(count),
+        Err(_) => Seeds::These(super::campaign::seeds(text)?),
+    };
+    let count = match &seeds {
+        Seeds::Count(count) => *count,
+        Seeds::These(seeds) => seeds.end - seeds.start,
+    };
+    match count {
+        1..=SEEDS_MAX => Ok(seeds),
+        _ => Err(format!("expected 1 to {SEEDS_MAX} seeds")),
+    }
 }
 
 pub(super) fn run(args: &ExperimentArgs) -> Result<Verdict, CliError> {
@@ -47,8 +86,11 @@ pub(super) fn run(args: &ExperimentArgs) -> Result<Verdict, CliError> {
         ))
     })?;
     let jobs = args.jobs.or_else(|| thread::available_parallelism().ok());
+    let own = Seeds::These(found.seeds.clone());
+    let [first_seed, seeds] = args.seeds.as_ref().unwrap_or(&own).of(found);
     let plan = Plan {
-        seeds: args.seeds.unwrap_or(found.seeds),
+        first_seed,
+        seeds,
         jobs: jobs.map_or(1, NonZeroUsize::get),
     };
     let is_watched = progress::is_watched();
@@ -66,7 +108,8 @@ fn list() {
     let experiments = experiment::all().iter().map(|one| ExperimentDone {
         name: one.name.to_owned(),
         place: one.place.to_owned(),
-        seeds: one.seeds,
+        first_seed: one.seeds.start,
+        seeds: one.seeds.end - one.seeds.start,
         figures: Vec::new(),
         files: Vec::new(),
     });
@@ -102,6 +145,7 @@ fn answer(experiment: &Experiment, plan: &Plan, findings: &Findings, files: &[Pa
     let done = ExperimentDone {
         name: experiment.name.to_owned(),
         place: experiment.place.to_owned(),
+        first_seed: plan.first_seed,
         seeds: plan.seeds,
         figures: findings.figures.iter().map(figure).collect(),
         files: files
@@ -113,8 +157,8 @@ fn answer(experiment: &Experiment, plan: &Plan, findings: &Findings, files: &[Pa
         experiments: vec![done],
     });
     println!(
-        "{} ({}), {} seeds",
-        experiment.about, experiment.place, plan.seeds
+        "{} ({}), {} seeds from {} on",
+        experiment.about, experiment.place, plan.seeds, plan.first_seed
     );
     println!("  {:<48} {:<44} report", "", "rig");
     for one in &findings.figures {

@@ -20,10 +20,10 @@ const LOOKS: u32 = 45;
 pub(super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Findings {
     let jobs: Vec<(bool, u64)> = [false, true]
         .into_iter()
-        .flat_map(|has_imu| (1..=plan.seeds).map(move |seed| (has_imu, seed)))
+        .flat_map(|has_imu| plan.seeds().map(move |seed| (has_imu, seed)))
         .collect();
     let errors = each(plan, &jobs, tell, |(has_imu, seed)| drive(*has_imu, *seed));
-    let count = usize::try_from(plan.seeds).unwrap_or(usize::MAX);
+    let count = plan.count();
     let mut table = Table::new(["time (s)", "median (deg)", "worst (deg)"]);
     let mut plot = Plot::new(
         "Error of the dead-reckoned heading, wheels that slip",

@@ -43,13 +43,13 @@ pub(super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Find
     let mut jobs = Vec::new();
     for pace in [Pace::Flood, Pace::Paced] {
         for baud in BAUDS {
-            jobs.extend((1..=plan.seeds).map(|seed| (pace, baud, seed)));
+            jobs.extend(plan.seeds().map(|seed| (pace, baud, seed)));
         }
     }
     let sent = each(plan, &jobs, tell, |(pace, baud, seed)| {
         send(*pace, *baud, *seed)
     });
-    let count = usize::try_from(plan.seeds).unwrap_or(usize::MAX).max(1);
+    let count = plan.count();
     let spreads: Vec<[f64; 2]> = sent
         .chunks(count)
         .map(|same| {

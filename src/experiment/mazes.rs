@@ -11,8 +11,6 @@ use crate::run::check::Status;
 const MAZE: &str = include_str!("../../scenarios/rescue-maze.toml");
 /// Columns and rows: as many tiles of 0.55 m as fit the robot's map of 3 m.
 const SIZES: [[usize; 2]; 5] = [[3, 3], [4, 3], [4, 4], [5, 4], [5, 5]];
-/// Seeds begin here: none that anything was tuned on.
-const FIRST_SEED: u64 = 7_000;
 /// The robot's speed straight ahead, m/s: 20 ticks per 40 ms.
 const CRUISE_M_S: f64 = 0.227;
 /// What is asked of a search.
@@ -43,7 +41,7 @@ impl Searched {
 pub(super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Findings {
     let jobs: Vec<([usize; 2], u64)> = SIZES
         .iter()
-        .flat_map(|size| (0..plan.seeds).map(|seed| (*size, FIRST_SEED + seed)))
+        .flat_map(|size| plan.seeds().map(|seed| (*size, seed)))
         .collect();
     let searched = each(plan, &jobs, tell, |(size, seed)| search(*size, *seed));
     let mut table = Table::new([

@@ -59,10 +59,10 @@ impl Pushed {
 pub(super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Findings {
     let jobs: Vec<(MapperSpec, u64)> = MAPPERS
         .iter()
-        .flat_map(|(_, mapper)| (1..=plan.seeds).map(|seed| (*mapper, seed)))
+        .flat_map(|(_, mapper)| plan.seeds().map(|seed| (*mapper, seed)))
         .collect();
     let pushed = each(plan, &jobs, tell, |(mapper, seed)| push(*mapper, *seed));
-    let count = usize::try_from(plan.seeds).unwrap_or(usize::MAX);
+    let count = plan.count();
     let of = |index: usize| &pushed[index * count..(index + 1) * count];
     let mut table = Table::new(["search", "median (mm)", "upper quartile (mm)", "worst (mm)"]);
     let mut plot = Plot::new(

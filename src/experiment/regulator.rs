@@ -13,7 +13,7 @@ const TURNS: usize = 300;
 const SETTLED: usize = 60;
 
 pub(super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Findings {
-    let jobs: Vec<u64> = (1..=plan.seeds).collect();
+    let jobs: Vec<u64> = plan.seeds().collect();
     let runs = each(plan, &jobs, tell, |seed| times(*seed));
     let mut table = Table::new(["turn", "time of the search (ms)"]);
     for (seed, times) in jobs.iter().zip(&runs) {

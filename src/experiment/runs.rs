@@ -95,7 +95,11 @@ mod tests {
 
     #[test]
     fn results_keep_the_order_of_their_jobs() {
-        let plan = Plan { seeds: 1, jobs: 3 };
+        let plan = Plan {
+            first_seed: 1,
+            seeds: 1,
+            jobs: 3,
+        };
         let jobs: Vec<u64> = (0..20).collect();
         let squares = each(&plan, &jobs, &|_, _| {}, |job| job * job);
         assert!(squares.into_iter().eq((0..20).map(|n: u64| n * n)));

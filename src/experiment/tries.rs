@@ -164,10 +164,10 @@ fn compare(
 ) -> Vec<[Spread; 3]> {
     let jobs: Vec<(&Variant, u64)> = variants
         .iter()
-        .flat_map(|variant| (1..=plan.seeds).map(move |seed| (variant, seed)))
+        .flat_map(|variant| plan.seeds().map(move |seed| (variant, seed)))
         .collect();
     let errors = each(plan, &jobs, tell, |(variant, seed)| drive(variant, *seed));
-    let count = usize::try_from(plan.seeds).unwrap_or(usize::MAX).max(1);
+    let count = plan.count();
     let spread = |runs: &[Errors]| {
         [
             Spread::of(runs.iter().map(|run| run.rms_mm)),

@@ -19,10 +19,10 @@ const VARIANTS: [(&str, MapperSpec, bool); 3] = [
 
 pub(super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Findings {
     let jobs: Vec<(usize, u64)> = (0..VARIANTS.len())
-        .flat_map(|variant| (1..=plan.seeds).map(move |seed| (variant, seed)))
+        .flat_map(|variant| plan.seeds().map(move |seed| (variant, seed)))
         .collect();
     let turned = each(plan, &jobs, tell, |(variant, seed)| drive(*variant, *seed));
-    let count = usize::try_from(plan.seeds).unwrap_or(usize::MAX);
+    let count = plan.count();
     let mut table = Table::new([
         "minute",
         "median (deg)",

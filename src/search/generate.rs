@@ -412,4 +412,30 @@ mod tests {
             );
         }
     }
+
+    /// What is drawn while a sensor measures wrongly stays in the map; and one that is 25 cm off for
+    /// the sake of decoders is no sensor.
+    #[test]
+    fn no_map_is_judged_that_a_wrong_sensor_began() {
+        let vary = Vary {
+            faults: true,
+            ..Vary::default()
+        };
+        let mut base = base();
+        base.expect.wall_overlap_min = Some(0.8);
+        let mut wrong = 0;
+        for seed in 0..100 {
+            let made = scenario(&base, vary, &mut Dice::of_seed(seed, "base"));
+            let is_wrong = made
+                .fault
+                .iter()
+                .any(|fault| fault.kind == FaultKind::Wrong);
+            let is_asked = made.expect.wall_overlap_min.is_some();
+            assert_ne!(is_asked, is_wrong, "seed {seed}");
+            wrong += u32::from(is_wrong);
+            let mut own = made.fault.iter().filter_map(|fault| fault.fault.as_deref());
+            assert!(own.all(|name| name != "dense-starts"), "seed {seed}");
+        }
+        assert!((10..90).contains(&wrong), "{wrong}");
+    }
 }

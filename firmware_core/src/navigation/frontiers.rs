@@ -15,11 +15,14 @@ use crate::grid::{Grid, UNKNOWN};
 use crate::pose::{Point, Pose, sin_cos};
 
 use super::cells::{COARSE, Cell, Cells, EDGE, NEIGHBOURS, neighbour};
-use super::raster::{Front, Raster};
+use super::raster::{Front, OBSTACLE_FROM, Raster};
 use super::{Body, Surroundings};
 
 /// Most of the nine map cells of a cell.
 const MOST: u8 = 5;
+/// So many map cells that beams end in make a wall of a cell, however free the rest of it is: a thin
+/// board may lie between two cells, and behind it the map draws a flank that looks like floor.
+const SOLID: u8 = 2;
 /// Rays of a view.
 const RAYS: usize = 48;
 /// Cells that a ray reaches, 1.8 m: farther away a corridor is better seen from nearer.
@@ -30,14 +33,21 @@ const UNKNOWN_MAX: u16 = 10;
 const EDGE_CELLS_MIN: u8 = 3;
 /// Views stand so many cells apart.
 const VIEW_CELLS: u8 = 3;
+/// So near to a place that showed nothing, others will not either.
+const STALE_CELLS: i8 = 4;
+/// An edge counts so near to where the robot's middle can get to, 15 cm: cracks between boards lead
+/// to the flank that the map draws behind them, which looks like floor.
+const WITHIN_CELLS: i8 = 5;
 /// What a cell of the way costs, in unknown cells.
 const WAY_WEIGHT: i32 = 3;
 /// Cells at which heat is felt well enough: 0.42 m.
 const FEEL_CELLS: i16 = 14;
 /// What is doubted counts from so near: 0.42 m, farther than the robot keeps off a corner.
 const NEAR_CELLS: i16 = 14;
-/// What a ray to a wall that was not felt is worth, in unknown cells.
+/// What a ray to a wall that was not felt is worth, in unknown cells, and how many are needed: what
+/// is narrower than a plate of 10 cm was felt together with what lies beside it.
 const FEEL_WEIGHT: u16 = 4;
+const UNFELT_MIN: u16 = 3;
 /// Cells around the end of a ray that were felt with it.
 const FELT_AROUND: i8 = 1;
 /// Clearance of a way that is the last resort.
@@ -49,6 +59,8 @@ const STRAY_CELLS: i8 = 5;
 const STEPS_PER_POINT: u32 = 32;
 /// Steps that sorting 90,000 cells of the map costs, at 4 cycles each.
 const SCENE_STEPS: u32 = 20_000;
+/// Steps that a wave over a free map and growing what it has reached by a disc cost at most.
+const WAVE_STEPS: u32 = 30_000;
 
 /// What the robot looks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,14 +94,30 @@ impl Outlook {
     pub const SMALL: u16 = 6;
     /// Three rays full of them.
     pub const LARGE: u16 = 30;
+    /// More than there can be: only heat counts.
+    pub const NEVER: u16 = u16::MAX;
 
     /// Whether it is worth a way.
     pub const fn is_worth_a_way(self) -> bool {
-        self.gain() >= Self::SMALL
+        self.gain(Self::SMALL).is_some()
     }
 
-    const fn gain(self) -> u16 {
-        self.unknown + FEEL_WEIGHT * self.unfelt
+    /// Whether so much of the walls was not felt that somebody may be there.
+    pub const fn is_to_be_felt(self) -> bool {
+        self.unfelt >= UNFELT_MIN
+    }
+
+    /// What it is worth if it is worth a way, and unknown cells count from `least` on.
+    const fn gain(self, least: u16) -> Option<u16> {
+        let counts = least <= Self::SMALL || self.unknown >= least;
+        let unknown = if counts { self.unknown } else { 0 };
+        let unfelt = if self.is_to_be_felt() { self.unfelt } else { 0 };
+        let gain = unknown + FEEL_WEIGHT * unfelt;
+        if gain >= Self::SMALL {
+            Some(gain)
+        } else {
+            None
+        }
     }
 }
 
@@ -103,6 +131,10 @@ pub struct Frontiers {
     given_up: Cells,
     /// Walls that the heat sensors have passed.
     felt: Cells,
+    /// Places that showed nothing.
+    stale: Cells,
+    /// Where edges count, as of the newest view; nowhere before the first one.
+    within: Cells,
     steps: u32,
 }
 
@@ -114,6 +146,8 @@ impl Frontiers {
             doubted: Cells::NONE,
             given_up: Cells::NONE,
             felt: Cells::NONE,
+            stale: Cells::NONE,
+            within: Cells::NONE,
             steps: 0,
         }
     }
@@ -122,6 +156,15 @@ impl Frontiers {
     pub const fn forgive(&mut self) {
         self.doubted = Cells::NONE;
         self.given_up = Cells::NONE;
+        self.stale = Cells::NONE;
+    }
+
+    /// The robot was at `place`, or on its way there, and has learned nothing: it does not look from
+    /// there again as long as nobody forgives.
+    pub fn showed_nothing(&mut self, map: &Grid, place: Point) {
+        if let Some(cell) = Raster::of(map).cell_of(place) {
+            cell.each_within(STALE_CELLS, |near| self.stale.set(near));
+        }
     }
 
     /// Computing since the last call, in points of candidate poses; see [`crate::Work`].
@@ -132,8 +175,8 @@ impl Frontiers {
     }
 
     /// The view that is worth most, its way taken off; `None` if nothing that `body` can reach is
-    /// unknown, or less than `least` cells of it. A way that the body only just fits through is the
-    /// last resort.
+    /// unknown, or less than `least` cells of it, and nothing left to feel. A way that the body only
+    /// just fits through is the last resort.
     pub fn next_view(
         &mut self,
         map: &Grid,
@@ -143,12 +186,17 @@ impl Frontiers {
     ) -> Option<View> {
         let raster = Raster::of(map);
         let obstacles = raster.obstacles(map, pose, around);
-        let scene = self.scene(map);
+        let mut scene = self.scene(map);
         let here = pose.position();
         let mut keeps = [body.keep_mm(), body.radius_mm + THIN_MM].into_iter();
         keeps.find_map(|keep_mm| {
             let near = raster.blocked(&obstacles, raster.reach(keep_mm - 25.0), [here; 2]);
             let start = open_near(&scene, &near, raster.cell_of(here)?)?;
+            let mut reached = Cells::NONE;
+            wave(&scene, &near, start, |cell, _| reached.set(cell));
+            self.within = reached.grown(WITHIN_CELLS);
+            self.steps += WAVE_STEPS;
+            scene.find_edges(&self.given_up, &self.within);
             let (cell, way_cells) = self.best_view(&scene, &near, start, least)?;
             Some(View {
                 place: raster.middle(cell),
@@ -174,8 +222,11 @@ impl Frontiers {
                 return;
             }
             let outlook = scene.look(&rays, cell, &mut steps);
-            let worth = i32::from(outlook.gain()) - WAY_WEIGHT * i32::from(way);
-            if outlook.gain() >= least && best.is_none_or(|(most, ..)| worth > most) {
+            let Some(gain) = outlook.gain(least).filter(|_| !self.stale.has(cell)) else {
+                return;
+            };
+            let worth = i32::from(gain) - WAY_WEIGHT * i32::from(way);
+            if best.is_none_or(|(most, ..)| worth > most) {
                 best = Some((worth, cell, way));
             }
         });
@@ -287,30 +338,32 @@ impl Scene {
             for x in 0..EDGE {
                 let first = usize::from(x) * COARSE;
                 let cells = rows.iter().flat_map(|row| &row[first..first + COARSE]);
-                let (mut free, mut unknown) = (0, 0);
+                let (mut free, mut unknown, mut solid) = (0, 0, 0);
                 for &value in cells {
                     free += u8::from(value < UNKNOWN);
                     unknown += u8::from(value == UNKNOWN);
+                    solid += u8::from(value >= OBSTACLE_FROM);
                 }
                 let cell = Cell { x, y };
-                if free >= MOST {
+                if free >= MOST && solid < SOLID {
                     scene.free.set(cell);
-                } else if unknown >= MOST {
+                } else if unknown >= MOST && solid < SOLID {
                     scene.unknown.set(cell);
                 } else if frontiers.wants_to_feel(cell) {
                     scene.unfelt.set(cell);
                 }
             }
         }
-        scene.find_edges(&frontiers.given_up);
+        scene.find_edges(&frontiers.given_up, &frontiers.within);
         scene
     }
 
-    fn find_edges(&mut self, given_up: &Cells) {
+    fn find_edges(&mut self, given_up: &Cells, within: &Cells) {
         let mut open = Cells::NONE;
         self.free.each(|cell| {
             let beside = (0..4).filter_map(|side| neighbour(cell, side));
-            if !given_up.has(cell) && beside.into_iter().any(|near| self.unknown.has(near)) {
+            let counts = within.has(cell) && !given_up.has(cell);
+            if counts && beside.into_iter().any(|near| self.unknown.has(near)) {
                 open.set(cell);
             }
         });

@@ -8,7 +8,7 @@ use super::cells::{COARSE, Cell, Cells, EDGE, SIDE};
 
 /// Map value from which a cell counts as an obstacle. A beam's end is drawn as a ramp; this much of
 /// it lies within 25 mm of the end.
-const OBSTACLE_FROM: u8 = 215;
+pub(super) const OBSTACLE_FROM: u8 = 215;
 /// What is blocked only because it is near something is opened this far around start and goal.
 pub(super) const OPENED_MM: f32 = 120.0;
 /// A wave front cannot be longer than the map's rim.

@@ -120,3 +120,55 @@ fn a_robot_off_its_map_finds_nothing() {
     let off = Point::new(f32::NAN, 0.0);
     assert_eq!(frontiers.outlook(&room(60), off), Outlook::default());
 }
+
+/// Behind a crack of one cell the map draws the flank of the board, 6 cm of it, and then nothing.
+#[test]
+fn the_flank_behind_a_crack_is_no_floor() {
+    let mut map = room(0);
+    fill(&mut map, [153, 30, 158, 149], 60);
+    fill(&mut map, [150, 87, 152, 92], 0);
+    assert_eq!(next(&mut Frontiers::new(Sought::Floor), &map), None);
+}
+
+/// The walls are one map cell thick, with free ones on both sides: most of a cell is free.
+#[test]
+fn a_thin_board_is_a_wall_and_can_be_felt() {
+    let mut map = Box::new(Grid::new(10.0));
+    fill(&mut map, [24, 24, 155, 155], 60);
+    fill(&mut map, [28, 28, 151, 151], 255);
+    fill(&mut map, [29, 29, 150, 150], 0);
+    let mut frontiers = Frontiers::new(Sought::FloorAndHeat);
+    let view = next(&mut frontiers, &map).expect("a wall to feel");
+    let outlook = frontiers.outlook(&map, view.place);
+    assert_eq!((outlook.unknown, outlook.is_to_be_felt()), (0, true));
+}
+
+/// Two rays, 8 cm of a wall, are no room for a plate; nor does it matter then how little is unknown
+/// if only much counts.
+#[test]
+fn a_strip_of_a_wall_is_not_worth_a_way() {
+    let outlook = |unknown, unfelt| Outlook { unknown, unfelt };
+    let worth = [outlook(0, 2), outlook(5, 2), outlook(0, 3), outlook(6, 0)];
+    assert_eq!(
+        worth.map(Outlook::is_worth_a_way),
+        [false, false, true, true]
+    );
+    let gain = |least| outlook(29, 3).gain(least);
+    assert_eq!(gain(Outlook::SMALL), Some(29 + 12));
+    assert_eq!(
+        (gain(Outlook::LARGE), gain(Outlook::NEVER)),
+        (Some(12), Some(12))
+    );
+}
+
+#[test]
+fn a_place_that_showed_nothing_is_left_alone_until_it_is_forgiven() {
+    let (map, mut frontiers) = (room(60), Frontiers::new(Sought::Floor));
+    let first = next(&mut frontiers, &map).expect("a view");
+    frontiers.showed_nothing(&map, first.place);
+    let second = next(&mut frontiers, &map).expect("another view");
+    let apart = second.place.distance_mm(first.place);
+    assert!(apart > 120.0, "{apart} mm");
+    frontiers.forgive();
+    assert_eq!(next(&mut frontiers, &map), Some(first));
+}

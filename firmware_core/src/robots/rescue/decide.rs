@@ -15,6 +15,7 @@ impl Rescue {
             map: self.mapper.grid(),
             pose,
             around,
+            is_felt: self.victims.are_explained(pose),
         };
         let set_point = self.explore.step(&mut self.navigator, sight);
         let points = self.explore.take_points();

@@ -20,9 +20,12 @@ use crate::pose::{Point, Pose, normalised};
 /// Scans after which the view is judged again: a second.
 const JUDGE_SCANS: u8 = 5;
 /// After so many views in a row that show less than so many cells, 0.02 m2, only large ones are
-/// tried, and after twice as many none: what is left is noise of the map, not floor.
+/// tried, after twice as many only walls that were not felt, and after three times as many none: what
+/// is left is noise of the map, not floor.
 const VAIN_VIEWS: u8 = 6;
 const NEWS_CELLS: u16 = 25;
+/// A view that showed fewer cells showed nothing.
+const NOTHING_CELLS: u16 = 3;
 /// Scans for which the robot looks at what it came for.
 const LOOK_SCANS: u8 = 4;
 /// Scans that a way may take: 20 s, and 13 cm/s.
@@ -34,8 +37,9 @@ const TURN: i8 = 9;
 /// Both sides together see everything in half a turn.
 const TURN_RAD: f32 = 3.4;
 
-/// Beside the middle of a heat sensor's view this is felt well: a plate of 10 cm fills a third.
-const FELT_RAD: f32 = 0.1;
+/// Beside the middle of a heat sensor's view, seen from the robot's middle, this is felt well: a
+/// plate of 10 cm there fills a fifth of what it sees.
+const FELT_RAD: f32 = 0.16;
 
 /// How far the robot has got with its search.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,6 +73,8 @@ pub(super) struct Sight<'a> {
     pub(super) map: &'a Grid,
     pub(super) pose: Pose,
     pub(super) around: &'a Surroundings,
+    /// Whether what the heat sensors read, left and right, is nobody or somebody who is known.
+    pub(super) is_felt: [bool; 2],
 }
 
 /// The search of the maze.
@@ -85,6 +91,8 @@ pub(super) struct Explore {
     /// Cells known at the last view that showed something, and views since.
     known: u16,
     vain: u8,
+    /// The last view, and the cells known when it was chosen.
+    last: Option<(Point, u16)>,
 }
 
 impl Explore {
@@ -99,6 +107,7 @@ impl Explore {
             views: 0,
             known: 0,
             vain: 0,
+            last: None,
         }
     }
 
@@ -139,10 +148,19 @@ impl Explore {
         self.frontiers.take_points()
     }
 
-    /// The heat sensors, left and right, have looked from `pose`.
-    fn feel(&mut self, Sight { map, pose, .. }: Sight<'_>) {
-        let sides = [FRAC_PI_2, -FRAC_PI_2].into_iter();
-        let beside = |side| [-FELT_RAD, 0.0, FELT_RAD].map(|beside| pose.heading + side + beside);
+    /// The heat sensors have looked from `pose`; what was warm beside it and nobody knows of is not
+    /// felt yet.
+    fn feel(
+        &mut self,
+        Sight {
+            map, pose, is_felt, ..
+        }: Sight<'_>,
+    ) {
+        let sides = [FRAC_PI_2, -FRAC_PI_2].into_iter().zip(is_felt);
+        let sides = sides.filter(|(_, is_felt)| *is_felt).map(|(side, _)| side);
+        let beside = |side| {
+            [-1.0, -0.5, 0.0, 0.5, 1.0].map(|beside| pose.heading + side + FELT_RAD * beside)
+        };
         let bearings = sides.flat_map(beside);
         self.frontiers.feel(map, pose.position(), bearings);
     }
@@ -190,25 +208,42 @@ impl Explore {
         }
     }
 
+    /// Unknown cells that are worth a way after so many views in vain; `None` if nothing is.
+    const fn least(&self) -> Option<u16> {
+        if self.vain <= VAIN_VIEWS {
+            Some(Outlook::SMALL)
+        } else if self.vain <= 2 * VAIN_VIEWS {
+            Some(Outlook::LARGE)
+        } else if self.vain <= 3 * VAIN_VIEWS {
+            Some(Outlook::NEVER)
+        } else {
+            None
+        }
+    }
+
     fn choose(&mut self, body: Body, sight: Sight<'_>) -> [i8; 2] {
-        let Sight { map, pose, around } = sight;
+        let Sight {
+            map, pose, around, ..
+        } = sight;
         let known = self.frontiers.known_cells(map);
         if known >= self.known.saturating_add(NEWS_CELLS) {
             (self.known, self.vain) = (known, 0);
         } else {
             self.vain = self.vain.saturating_add(1);
         }
-        let least = match self.vain {
-            0..=VAIN_VIEWS => Outlook::SMALL,
-            _ if self.vain <= 2 * VAIN_VIEWS => Outlook::LARGE,
-            _ => {
-                self.progress = Progress::GoesHome;
-                return HALT;
-            }
+        if let Some((place, before)) = self.last.take()
+            && known < before.saturating_add(NOTHING_CELLS)
+        {
+            self.frontiers.showed_nothing(map, place);
+        }
+        let Some(least) = self.least() else {
+            self.progress = Progress::GoesHome;
+            return HALT;
         };
         match self.frontiers.next_view(map, (&body, least), pose, around) {
             Some(view) => {
                 self.views = self.views.saturating_add(1);
+                self.last = Some((view.place, known));
                 self.at = Some(At::Way {
                     view,
                     scans: 0,
@@ -231,7 +266,9 @@ impl Explore {
         view: View,
         [scans, age]: [u16; 2],
     ) -> [i8; 2] {
-        let Sight { map, pose, around } = sight;
+        let Sight {
+            map, pose, around, ..
+        } = sight;
         if scans > PATIENCE_SCANS.saturating_add(view.way_cells.saturating_mul(PATIENCE_PER_CELL)) {
             self.frontiers.give_up(map, view.place);
             self.at = None;
@@ -268,7 +305,7 @@ impl Explore {
         let outlook = self.frontiers.outlook(sight.map, place);
         self.at = if !outlook.is_worth_a_way() {
             None
-        } else if outlook.unfelt > 0 {
+        } else if outlook.is_to_be_felt() {
             let heading = sight.pose.heading;
             Some(At::Turn {
                 place,
@@ -294,8 +331,8 @@ impl Explore {
     ) -> [i8; 2] {
         let turned = turned + normalised(sight.pose.heading - heading).abs();
         let outlook = self.frontiers.outlook(sight.map, place);
-        if outlook.unfelt == 0 || turned >= TURN_RAD {
-            if outlook.unfelt > 0 {
+        if !outlook.is_to_be_felt() || turned >= TURN_RAD {
+            if outlook.is_to_be_felt() {
                 self.frontiers.give_up(sight.map, place);
             }
             self.at = None;

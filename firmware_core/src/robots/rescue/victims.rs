@@ -1,7 +1,9 @@
 //! Victims: where on the walls the thermometers felt somebody.
 //!
 //! A sensor looks to the side. While it passes something warm, the places on the wall right beside
-//! it are averaged, each by the square of how warm it is there: the middle of what it passed.
+//! it are averaged, each by the square of how warm it is there: the middle of what it passed. A
+//! reading counts if the wall is as warm as somebody on it would make it, and not somebody farther
+//! away, who is seen past its end.
 
 use crate::pose::{Point, Pose};
 
@@ -12,15 +14,37 @@ pub const VICTIMS_MAX: usize = 16;
 /// Warmer than its surroundings by so much, in tenths of a degree: 37 degrees on a third of what
 /// the sensor sees, in a hall of 22.
 const WARM: i16 = 45;
+/// Somebody who fills what the sensor sees: 37 degrees in a hall of 22.
+const FULL: f32 = 150.0;
 /// What is kept of the surroundings' temperature at each reading, in 64ths.
 const KEEP_64: i32 = 62;
-/// Farther than this the place on the wall is not sure, millimetres. What the search takes for felt
-/// lies nearer: 0.42 m, and the flank of 60 mm that the map draws before a wall.
-const FAR_MM: f32 = 550.0;
+/// From a sensor to the middle of the robot, millimetres.
+const MOUNT_MM: f32 = 100.0;
+/// Half of a sensor's field of view, radians, and its tangent.
+const HALF_VIEW_RAD: f32 = 0.305;
+const HALF_VIEW_TAN: f32 = 0.315;
+/// Somebody beyond the rim of the field of view still warms a reading that is not from right now.
+const RIM_RAD: f32 = 0.15;
+/// Half of a warm plate, millimetres.
+const HALF_PLATE_MM: f32 = 50.0;
+/// Farther from the sensor than this the place on the wall is not sure, millimetres. What the search
+/// takes for felt lies nearer: 0.42 m from the middle, and the flank of 60 mm that the map draws
+/// before a wall.
+const FAR_MM: f32 = 450.0;
+/// Somebody farther away than this is not felt at all.
+const FELT_MM: f32 = 1500.0;
 /// What is warmer than its surroundings by so much, tenths of a degree, may be the rim of somebody.
 const CALM: i16 = 15;
-/// Beside the middle of the field of view a wall is looked for so far, radians.
-const BESIDE: f32 = 0.1;
+/// Beside the middle of the field of view a wall is looked for so far: tangent, and millimetres.
+const BESIDE_TAN: f32 = 0.1;
+const BESIDE_MM: f32 = 8.0;
+/// What is farther away than the wall by so much, millimetres, may be where the warmth comes from,
+/// unless it is warmer than somebody there would be by this factor.
+const BEHIND_MM: f32 = 120.0;
+const NOT_BEHIND: f32 = 1.25;
+/// Somebody on the wall fills this share of what he should, and is felt so many times.
+const SHARE_MIN: f32 = 0.6;
+const READINGS_MIN: u8 = 2;
 /// Nearer to a victim than this it is the same one.
 const SAME_MM: f32 = 250.0;
 
@@ -33,13 +57,32 @@ pub struct Victim {
     weight: f32,
 }
 
+/// What passes a sensor.
+#[derive(Clone, Copy, Debug)]
+struct Passing {
+    victim: Victim,
+    readings: u8,
+    /// The largest share of what somebody on that wall would make the sensor read.
+    share: f32,
+}
+
+impl Passing {
+    const NOBODY: Self = Self {
+        victim: Victims::NOBODY,
+        readings: 0,
+        share: 0.0,
+    };
+}
+
 /// All of them.
 #[derive(Clone, Debug)]
 pub(super) struct Victims {
     list: [Victim; VICTIMS_MAX],
     len: usize,
     /// What passes the sensors now.
-    passing: [Victim; 2],
+    passing: [Passing; 2],
+    /// The newest readings are warmer than the surroundings.
+    is_warm: [bool; 2],
     /// Temperature of the surroundings, 64ths of a tenth of a degree; 0: not known yet.
     ambient_64: [i32; 2],
 }
@@ -54,7 +97,8 @@ impl Victims {
         Self {
             list: [Self::NOBODY; VICTIMS_MAX],
             len: 0,
-            passing: [Self::NOBODY; 2],
+            passing: [Passing::NOBODY; 2],
+            is_warm: [false; 2],
             ambient_64: [0; 2],
         }
     }
@@ -74,20 +118,38 @@ impl Victims {
         &places[..self.len]
     }
 
+    /// Whether what the sensors read, left and right, is nobody, or somebody who is known.
+    pub(super) fn are_explained(&self, pose: Pose) -> [bool; 2] {
+        [(0, 1.0), (1, -1.0)].map(|(index, side)| {
+            let is_seen = |victim: &Victim| {
+                let Point { x_mm, y_mm } = victim.place;
+                let from_here = pose.change_to(Pose::new(x_mm, y_mm, 0.0));
+                let ahead = side * from_here.left_mm - MOUNT_MM;
+                let aside = libm::atan2f(from_here.forward_mm, ahead).abs();
+                ahead < FELT_MM && aside < HALF_VIEW_RAD + RIM_RAD
+            };
+            !self.is_warm[index] || self.all().iter().any(is_seen)
+        })
+    }
+
     /// Takes the thermometers' readings, left and right, tenths of a degree; whether they belong to
     /// somebody who was not known.
     pub(super) fn take(&mut self, readings: [i16; 2], pose: Pose, around: &Surroundings) -> bool {
         let mut is_new = false;
         for (index, reading) in readings.into_iter().enumerate() {
             let excess = self.excess(index, reading);
+            self.is_warm[index] = excess >= CALM;
+            if excess < WARM {
+                is_new |= self.passed(index);
+                continue;
+            }
             let side = if index == 0 { 1.0 } else { -1.0 };
-            let wall = wall_beside(around, side * core::f32::consts::FRAC_PI_2);
-            match wall {
-                Some(wall) if excess >= WARM => {
-                    let weight = f32::from(excess) * f32::from(excess);
-                    mix(&mut self.passing[index], pose.to_world(wall), weight);
-                }
-                _ => is_new |= self.passed(index),
+            let excess = f32::from(excess);
+            if let Some((wall, share)) = warm_wall(around, side, excess) {
+                let passing = &mut self.passing[index];
+                mix(&mut passing.victim, pose.to_world(wall), excess * excess);
+                passing.readings = passing.readings.saturating_add(1);
+                passing.share = passing.share.max(share);
             }
         }
         is_new
@@ -111,10 +173,11 @@ impl Victims {
 
     /// Nothing warm passes this side any more: what did is somebody.
     fn passed(&mut self, index: usize) -> bool {
-        let found = core::mem::replace(&mut self.passing[index], Self::NOBODY);
-        if found.weight <= 0.0 {
+        let passed = core::mem::replace(&mut self.passing[index], Passing::NOBODY);
+        if passed.readings < READINGS_MIN || passed.share < SHARE_MIN {
             return false;
         }
+        let found = passed.victim;
         let known = &mut self.list[..self.len];
         let same = |known: &&mut Victim| known.place.distance_mm(found.place) < SAME_MM;
         if let Some(known) = known.iter_mut().find(same) {
@@ -137,11 +200,32 @@ fn mix(victim: &mut Victim, place: Point, weight: f32) {
     victim.place.y_mm += (place.y_mm - victim.place.y_mm) * share;
 }
 
-/// The wall at `bearing`, seen from the robot.
-fn wall_beside(around: &Surroundings, bearing: f32) -> Option<Point> {
-    let (bearing, range_mm) = around.nearest(bearing - BESIDE..=bearing + BESIDE)?;
-    let (sin, cos) = crate::pose::sin_cos(bearing);
-    (range_mm <= FAR_MM).then(|| Point::new(range_mm * cos, range_mm * sin))
+/// The wall beside the sensor on that side (1 left, -1 right), seen from the robot, if it is there
+/// that it is so warm, and what share that is of somebody there.
+fn warm_wall(around: &Surroundings, side: f32, excess: f32) -> Option<(Point, f32)> {
+    let (mut wall, mut near, mut far) = (None, FAR_MM, 0.0_f32);
+    for (point, _) in around.points() {
+        let ahead = side * point.y_mm - MOUNT_MM;
+        let aside = point.x_mm.abs();
+        if ahead <= 0.0 || aside > ahead * HALF_VIEW_TAN {
+            continue;
+        }
+        far = far.max(ahead);
+        // Of a wall that runs along the robot, the point right beside the sensor.
+        let range = libm::sqrtf(ahead * ahead + aside * aside);
+        if range < near && aside <= ahead * BESIDE_TAN + BESIDE_MM {
+            (wall, near) = (Some(point), range);
+        }
+    }
+    let is_there = far - near <= BEHIND_MM || excess >= expected(far) * NOT_BEHIND;
+    wall.filter(|_| is_there)
+        .map(|wall| (wall, excess / expected(near)))
+}
+
+/// What somebody makes a sensor read that looks right at him, above the surroundings.
+fn expected(far_mm: f32) -> f32 {
+    let seen = libm::atan2f(HALF_PLATE_MM, far_mm) / HALF_VIEW_RAD;
+    FULL * seen.min(1.0)
 }
 
 #[cfg(test)]
@@ -192,10 +276,56 @@ mod tests {
         let mut found = 0;
         for n in 0..20_i16 {
             let pose = Pose::new(f32::from(n) * 400.0, 0.0, 0.0);
-            for left in [220, 330, 220] {
+            for left in [220, 330, 330, 220] {
                 found += usize::from(victims.take([left, 220], pose, &wall()));
             }
         }
         assert_eq!((found, victims.all().len()), (VICTIMS_MAX, VICTIMS_MAX));
+    }
+
+    /// The robot's side passes the wall at 270 mm with these readings, standing.
+    fn told(readings: &[i16], around: &Surroundings) -> usize {
+        let mut victims = Victims::new();
+        for left in [&[220], readings, &[220]].concat() {
+            victims.take([left, 220], Pose::default(), around);
+        }
+        victims.all().len()
+    }
+
+    /// 170 mm before a sensor somebody fills 16.4 of 17.5 degrees: 14 degrees more than the hall.
+    /// What reads 7 is his rim or somebody else, what is read once is noise.
+    #[test]
+    fn what_is_too_cold_for_its_wall_or_read_once_is_nobody() {
+        assert_eq!(told(&[320, 320], &wall()), 1);
+        assert_eq!(told(&[320], &wall()), 0);
+        assert_eq!(told(&[290, 290, 290], &wall()), 0);
+    }
+
+    /// A board that ends beside the robot at 270 mm, and another one behind it at 650 mm: somebody
+    /// there makes 4.5 degrees, and may make 5.5, but not 9.
+    #[test]
+    fn somebody_past_the_end_of_a_board_is_not_on_it() {
+        let near = (-40..=1_i16).map(|n| Point::new(f32::from(n) * 10.0, 370.0));
+        let behind = (2..=40_i16).map(|n| Point::new(f32::from(n) * 10.0, 650.0));
+        let around = Surroundings::of(near.chain(behind));
+        let found = [275, 310].map(|left| told(&[left; 3], &around));
+        assert_eq!(found, [0, 1]);
+    }
+
+    /// The wall beside somebody is not felt as long as nobody knows why it is warm.
+    #[test]
+    fn what_is_warm_is_explained_by_somebody_who_is_known() {
+        let mut victims = Victims::new();
+        let here = Pose::default();
+        victims.take([220, 221], here, &wall());
+        assert_eq!(victims.are_explained(here), [true, true]);
+        victims.take([320, 221], here, &wall());
+        assert_eq!(victims.are_explained(here), [false, true]);
+        victims.take([320, 221], here, &wall());
+        victims.take([220, 221], here, &wall());
+        victims.take([320, 320], here, &wall());
+        assert_eq!(victims.are_explained(here), [true, false]);
+        let turned_away = Pose::new(0.0, 0.0, core::f32::consts::FRAC_PI_2);
+        assert_eq!(victims.are_explained(turned_away), [false, false]);
     }
 }
