@@ -227,6 +227,10 @@ fn warn(result: &Survey, path: &Path) {
             result.outside
         );
     }
+    if result.dropped_loops > 0 {
+        let count = result.dropped_loops;
+        eprintln!("{path}: loops closed and opened again, since all others contradict: {count}");
+    }
     let poor = result.poor();
     if poor > 0 {
         eprintln!("{path}: {poor} scans lie less than half on walls known before");

@@ -32,6 +32,8 @@ pub(crate) struct Timing<'a> {
     pub jumps: &'a [Jump],
     /// Places seen again: edges between keyframes that are not neighbours.
     pub loop_edges: usize,
+    /// Loops that were closed and opened again, since everything else contradicted them.
+    pub dropped_loops: usize,
     /// Keyframes that are kept.
     pub keyframes: usize,
     /// Scans of which less than half lies on walls known before.
@@ -57,6 +59,7 @@ pub(crate) fn timing<'a>(mode: &'a str, log: &Log, survey: &'a Survey) -> Timing
         ambiguous: survey.ambiguous,
         jumps: &survey.jumps,
         loop_edges: survey.loop_edges(),
+        dropped_loops: survey.dropped_loops,
         keyframes: survey.graph.poses.len(),
         poor: survey.poor(),
         cpu_s: survey.cpu.map(|cpu| cpu.as_secs_f64()),

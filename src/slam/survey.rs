@@ -110,6 +110,8 @@ pub struct Survey {
     pub doubtful: usize,
     /// Scans at which it knew of several places.
     pub ambiguous: usize,
+    /// Loops that were closed and opened again; of the mapper that closes loops.
+    pub dropped_loops: usize,
     /// Scans that lay outside the map.
     pub outside: usize,
     /// Where the mapper put a scan far from where the wheels had.
@@ -190,6 +192,7 @@ impl Survey {
             },
             doubtful: 0,
             ambiguous: 0,
+            dropped_loops: 0,
             outside: 0,
             jumps: Vec::new(),
             sureness: Vec::new(),

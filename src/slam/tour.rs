@@ -71,6 +71,7 @@ pub fn tour(log: &Log, wish: &Wish, clock: &dyn Clock, progress: &mut dyn FnMut(
     let sure = survey.sureness.iter();
     survey.doubtful = sure.filter(|sure| sure.is_doubtful).count();
     survey.ambiguous = mapper.ambiguous();
+    survey.dropped_loops = mapper.dropped_loops();
     survey.walls = mapper.walls();
     survey.graph = mapper.graph().clone();
     survey

@@ -49,7 +49,7 @@ const WIDE_M: f64 = 0.12;
 const NARROW_M: f64 = 0.08;
 
 /// Standard deviation of a spot: neighbours err together, so it is wider than the lidar's own.
-const SPOT_M: f64 = 0.06;
+const SPOT_M: f64 = 0.10;
 
 /// A spot at something without a direction.
 const UNSURE: f64 = 0.3;

@@ -134,6 +134,19 @@ impl Graph {
         weighed(&edge.information, off(seen, edge.way))
     }
 
+    /// Takes out the loops that disagree with the poses by more squared deviations; their number.
+    pub fn drop_loops(&mut self, strained: f64) -> usize {
+        let edges = core::mem::take(&mut self.edges);
+        let count = edges.len();
+        self.around.iter_mut().for_each(Vec::clear);
+        for edge in edges {
+            if edge.kind == Kind::Way || self.strain(&edge) <= strained {
+                self.add_edge(edge);
+            }
+        }
+        count - self.edges.len()
+    }
+
     /// Way along edges from a pose to each, metres, as far as it is less than `most_m`.
     pub fn ways_from(&self, pose: usize, most_m: f64) -> Vec<f64> {
         let mut ways = vec![f64::INFINITY; self.poses.len()];
@@ -261,6 +274,24 @@ mod tests {
         graph.add_edge(edge(0, 10, Pose::new(0.0, 0.0, 0.0), Kind::Loop));
         graph.optimise(20);
         assert!(graph.poses[10].x > 9.0, "{:?}", graph.poses[10]);
+    }
+
+    /// Of two loops the one that is 10 m off is dropped and the one that is 0.1 m off (one squared
+    /// deviation) is kept, as is every way, however strained; and no way leads through the one that
+    /// is gone.
+    #[test]
+    fn only_loops_are_dropped_and_only_strained_ones() {
+        let mut graph = Graph::default();
+        (0..3).for_each(|x| {
+            graph.add_pose(Pose::new(f64::from(x) * 10.0, 0.0, 0.0));
+        });
+        graph.add_edge(edge(0, 1, Pose::new(10.0, 0.0, 0.0), Kind::Way));
+        graph.add_edge(edge(1, 2, Pose::new(20.0, 0.0, 0.0), Kind::Way));
+        graph.add_edge(edge(0, 2, Pose::new(10.0, 0.0, 0.0), Kind::Loop));
+        graph.add_edge(edge(0, 1, Pose::new(10.1, 0.0, 0.0), Kind::Loop));
+        assert_eq!(graph.drop_loops(64.0), 1);
+        assert_eq!((graph.edges.len(), graph.drop_loops(64.0)), (3, 0));
+        assert_eq!(graph.ways_from(0, 50.0), [0.0, 1.0, 21.0]);
     }
 
     /// A metre of way is a metre; a loop is a short one; and beyond the limit nothing is told.

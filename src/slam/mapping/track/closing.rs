@@ -33,6 +33,8 @@ pub(crate) struct Closing {
     fresh: usize,
     /// How often a place looked like several.
     pub(crate) ambiguous: usize,
+    /// Loops that turned out to be false.
+    pub(crate) dropped: usize,
 }
 
 /// Way between two looks, metres.
@@ -67,6 +69,9 @@ const AGREE_RAD: f64 = 0.05;
 /// many new ones at last.
 const STRAINED: f64 = 12.0;
 const FRESH_MAX: usize = 40;
+/// A loop that is still off by more squared deviations when all others have been heard is false:
+/// then it counts a tenth or less, and is dropped.
+const HOPELESS: f64 = 64.0;
 
 fn grown(by: [f64; 3], way_m: f64) -> f64 {
     (by[0] + by[1] * way_m).min(by[2])
@@ -335,10 +340,21 @@ impl Mapper {
             && wrap_angle(by_walls.theta - by_way.theta).abs() < AGREE_RAD
     }
 
+    /// The poses that agree best at last, without the loops that do not.
+    pub(crate) fn settle(&mut self) {
+        self.graph.optimise(10);
+        let dropped = self.graph.drop_loops(HOPELESS);
+        if dropped > 0 {
+            self.closing.dropped += dropped;
+            self.graph.optimise(10);
+        }
+    }
+
     /// Finds the poses that agree best, and where the robot is by them.
     fn agree(&mut self) {
         self.closing.fresh = 0;
         self.graph.optimise(6);
+        self.closing.dropped += self.graph.drop_loops(HOPELESS);
         self.pose = *self.graph.poses.last().expect("a keyframe was just kept");
     }
 }
