@@ -92,3 +92,87 @@ impl Noisy {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parts(noise: Noise, ahead_m: f64, left_m: f64, turn_rad: f64) -> [f64; 6] {
+        let noisy = noise.of(Motion {
+            ahead_m,
+            left_m,
+            turn_rad,
+        });
+        let [first, way, last] = noisy.sigmas;
+        [noisy.first, noisy.way, noisy.last, first, way, last]
+    }
+
+    fn assert_near(found: [f64; 6], expected: [f64; 6]) {
+        let is_near = found
+            .iter()
+            .zip(expected)
+            .all(|(one, other)| (one - other).abs() < 1e-3);
+        assert!(is_near, "{found:?}, expected {expected:?}");
+    }
+
+    /// By hand: 3 ahead and 4 to the left are 5 in the direction 0.9273; turned by 1.0, of which
+    /// 0.0727 are left. Turns: sqrt(2 * 0.9273^2 + 25) = 5.169, sqrt(2 * 0.0727^2 + 25) = 5.001;
+    /// way: sqrt(0.5 * 25 + 0.5 * (0.8599 + 0.0053)) = 3.596.
+    #[test]
+    fn a_motion_is_a_turn_a_way_and_a_turn_with_noise() {
+        let seed = Noise::default();
+        assert_near(
+            parts(seed, 3.0, 4.0, 1.0),
+            [0.9273, 5.0, 0.0727, 5.169, 3.596, 5.001],
+        );
+        // Backwards is no turn round: only the way makes noise.
+        let back = parts(seed, -2.0, 0.0, 0.0);
+        assert_near(back.map(f64::abs), [PI, 2.0, PI, 2.0, 2_f64.sqrt(), 2.0]);
+        // A way of 9 mm has no direction, one of 11 mm has.
+        let short = |way| parts(Noise::NONE, 0.0, way, 0.3);
+        assert_near(short(0.009), [0.0, 0.009, 0.3, 0.0, 0.0, 0.0]);
+        assert_near(
+            short(0.011),
+            [PI / 2.0, 0.011, 0.3 - PI / 2.0, 0.0, 0.0, 0.0],
+        );
+        // On the spot by 0.4: 2 * 0.16 and 0.5 * 0.16.
+        let spot = parts(seed, 0.0, 0.0, 0.4);
+        assert_near(spot, [0.0, 0.0, 0.4, 0.0, 0.08_f64.sqrt(), 0.32_f64.sqrt()]);
+    }
+
+    /// 1,000 guesses that go 1 m with a deviation of 0.5 m, and turn by 0.2 rad at its end only: mean
+    /// and variance within four standard errors.
+    #[test]
+    fn guesses_spread_as_the_noise_says() {
+        let mut random = Pcg32::new(9);
+        let noise = Noise {
+            turn_by_turn: 1.0,
+            way_by_way: 0.25,
+            ..Noise::NONE
+        };
+        let motion = Motion {
+            ahead_m: 1.0,
+            left_m: 0.0,
+            turn_rad: 0.2,
+        };
+        let noisy = noise.of(motion);
+        let mut sums = [0.0; 4];
+        for _ in 0..1_000 {
+            let pose = noisy.moved(CarPose::default(), &mut random);
+            assert_eq!(pose.y_m, 0.0);
+            let (way, turn) = (pose.x_m - 1.0, pose.heading_rad - 0.2);
+            for (sum, one) in sums.iter_mut().zip([way, way * way, turn, turn * turn]) {
+                *sum += one / 1_000.0;
+            }
+        }
+        let [way, ways, turn, turns] = sums;
+        assert!(
+            way.abs() < 0.064 && (ways - 0.25_f64).abs() < 0.045,
+            "{sums:?}"
+        );
+        assert!(
+            turn.abs() < 0.026 && (turns - 0.04_f64).abs() < 0.0072,
+            "{sums:?}"
+        );
+    }
+}

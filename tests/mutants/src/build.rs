@@ -185,6 +185,13 @@ impl<'a> Copy<'a> {
 
     fn tests(&self) -> Result<Vec<PathBuf>, String> {
         let messages = self.cargo(&["test", "--no-run"])?;
+        // A test binary that is missing would let every mutant through that only it sees.
+        let broken = messages
+            .iter()
+            .any(|message| message["reason"] == "build-finished" && message["success"] == false);
+        if broken {
+            return Err(format!("the tests of {} do not all compile", self.package));
+        }
         let tests: Vec<PathBuf> = messages
             .iter()
             .filter(|message| message["profile"]["test"] == true)
@@ -206,6 +213,7 @@ impl<'a> Copy<'a> {
                 "--message-format",
                 "json",
             ])
+            .args(features(self.package))
             .current_dir(self.tree)
             .env(
                 "CARGO_TARGET_DIR",
@@ -219,6 +227,14 @@ impl<'a> Copy<'a> {
             .lines()
             .filter_map(|line| serde_json::from_str(line).ok())
             .collect())
+    }
+}
+
+/// What the workspace's tests turn on in `package`, and it alone does not by itself: its heap.
+fn features(package: &str) -> &'static [&'static str] {
+    match package {
+        "firmware_core" => &["--features", "host"],
+        _ => &[],
     }
 }
 

@@ -1,4 +1,5 @@
-//! Each mutant against the tests: the first binary that fails, or does not end, has seen it.
+//! Each mutant against the tests: the first binary that fails, or does not end, has seen it. The
+//! tests of its own module come first: they see most, in a hundredth of the time.
 
 use std::io::{BufRead, BufReader};
 use std::os::unix::process::CommandExt;
@@ -36,7 +37,7 @@ pub fn all(built: &Built, drawn: &[Mutant]) -> Result<Vec<(usize, Fate)>, String
         for _ in 0..JOBS {
             scope.spawn(|| {
                 while let Some(&mutant) = built.switched.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    let fate = fate(&built.folder, &tests, mutant);
+                    let fate = fate(&built.folder, &tests, mutant, &drawn[mutant]);
                     let mut fates = fates.lock().unwrap_or_else(|held| held.into_inner());
                     fates.push((mutant, fate));
                     eprintln!(
@@ -60,7 +61,7 @@ fn by_time(built: &Built) -> Result<Vec<(&Path, Duration)>, String> {
     for test in &built.tests {
         let started = Instant::now();
         let limit = Duration::from_secs(1200);
-        match run(&built.folder, test, 0, limit) {
+        match run(&built.folder, test, None, 0, limit) {
             Some(true) => tests.push((test.as_path(), started.elapsed())),
             _ => return Err(format!("{} fails without a mutant", test.display())),
         }
@@ -69,20 +70,37 @@ fn by_time(built: &Built) -> Result<Vec<(&Path, Duration)>, String> {
     Ok(tests)
 }
 
-fn fate(folder: &Path, tests: &[(&Path, Duration)], mutant: usize) -> Fate {
-    for &(test, time) in tests {
-        match run(folder, test, mutant + 1, PATIENCE.max(4 * time)) {
-            None => return Fate::Late,
-            Some(false) => return Fate::Caught,
-            Some(true) => {}
+fn fate(folder: &Path, tests: &[(&Path, Duration)], at: usize, mutant: &Mutant) -> Fate {
+    let own = module(&mutant.file);
+    for only in [Some(own.as_str()), None] {
+        for &(test, time) in tests {
+            match run(folder, test, only, at + 1, PATIENCE.max(4 * time)) {
+                None => return Fate::Late,
+                Some(false) => return Fate::Caught,
+                Some(true) => {}
+            }
         }
     }
     Fate::Missed
 }
 
-/// Whether `test` passed, `None` if it had not ended by `limit`. The first test that fails ends it.
-fn run(folder: &Path, test: &Path, active: usize, limit: Duration) -> Option<bool> {
+/// The path of a file's module, as the names of its unit tests begin.
+fn module(file: &str) -> String {
+    let inside = file.split_once("src/").map_or(file, |(_, inside)| inside);
+    inside.trim_end_matches(".rs").replace('/', "::") + "::"
+}
+
+/// Whether `test` passed, or those of its tests whose names have `only` in them; `None` if it had
+/// not ended by `limit`. The first test that fails ends it.
+fn run(
+    folder: &Path,
+    test: &Path,
+    only: Option<&str>,
+    active: usize,
+    limit: Duration,
+) -> Option<bool> {
     let child = Command::new(test)
+        .args(only)
         .current_dir(folder)
         .env(ACTIVE, active.to_string())
         .env("CARGO_MANIFEST_DIR", folder)

@@ -366,4 +366,105 @@ mod tests {
             assert_eq!(gates.markers().collect::<Vec<_>>(), [(10, [mean, 0.0])]);
         }
     }
+
+    /// Markers at the ends of 0.8 m across the diagonal, in either order: the middle is 2, 2; 0.9 m
+    /// before it is 2 - 0.9 / sqrt(2) = 1.3636, 0.6 m behind it 2.4243.
+    #[test]
+    fn a_gate_across_the_diagonal_is_driven_at_along_it() {
+        let off = 0.4 * core::f64::consts::FRAC_1_SQRT_2;
+        let posts = [[2.0 + off, 2.0 - off], [2.0 - off, 2.0 + off]];
+        let diagonal = core::f64::consts::FRAC_PI_4;
+        for (one, other) in [(posts[0], posts[1]), (posts[1], posts[0])] {
+            let gates = seen(Settings::default(), &[(3, one), (4, other)]);
+            let from = CarPose {
+                heading_rad: diagonal,
+                ..ORIGIN
+            };
+            let passage = gates.next(from, anywhere).unwrap();
+            let places = [passage.before, passage.middle, passage.behind];
+            for (place, along) in places.into_iter().zip([1.3636, 2.0, 2.4243]) {
+                let off = libm::hypot(place.x_m - along, place.y_m - along);
+                assert!(off < 1e-4, "{place:?}");
+                assert!((place.heading_rad - diagonal).abs() < 1e-9);
+            }
+            // From behind, beside the axis: back along the same line.
+            let from = CarPose {
+                x_m: 4.0,
+                y_m: 3.0,
+                heading_rad: -3.0 * diagonal,
+            };
+            let back = gates.next(from, anywhere).unwrap();
+            assert!((back.middle.heading_rad + 3.0 * diagonal).abs() < 1e-9);
+            assert!(libm::hypot(back.before.x_m - 2.6364, back.before.y_m - 2.6364) < 1e-4);
+            // One of three places that is not free is enough.
+            let is_free = |pose: CarPose| pose.x_m > 1.4;
+            assert_eq!(gates.next(ORIGIN, is_free), None);
+        }
+    }
+
+    /// From 0.43 m to 1.5 m, each a little to both sides.
+    #[test]
+    fn a_gate_is_as_wide_as_it_may_be() {
+        for (width, is_gate) in [(0.425, false), (0.435, true), (1.495, true), (1.505, false)] {
+            let posts = [[2.0, 1.0], [2.0, 1.0 + width]];
+            let mut gates = seen(Settings::default(), &[(1, posts[0]), (2, posts[1])]);
+            let found = if is_gate {
+                alloc::vec![posts]
+            } else {
+                Vec::new()
+            };
+            assert_eq!(gates.found(), found, "{width}");
+            assert_eq!(gates.next(ORIGIN, anywhere).is_some(), is_gate);
+            let beyond = CarPose {
+                x_m: 4.0,
+                y_m: 2.2,
+                ..ORIGIN
+            };
+            assert_eq!(gates.moved(ORIGIN, beyond).is_some(), is_gate);
+        }
+    }
+
+    /// Of three markers in a row the nearest two are a gate; as fielded any two: 0.8, 1.1 and 1.9 m.
+    #[test]
+    fn markers_that_are_each_others_nearest_belong_together() {
+        let markers = [(1, [2.0, 0.4]), (2, [2.0, -0.4]), (3, [2.0, 1.5])];
+        let found = |settings| seen(settings, &markers).found();
+        assert_eq!(found(Settings::default()), [[[2.0, 0.4], [2.0, -0.4]]]);
+        assert_eq!(found(Settings::fielded()).len(), 3);
+    }
+
+    /// By hand: between posts at 2, -0.4 and 2, 0.4.
+    #[test]
+    fn a_gate_is_passed_where_the_way_crosses_it() {
+        let at = |x_m: f64, y_m: f64| CarPose { x_m, y_m, ..ORIGIN };
+        let passes = |from, to| {
+            let markers = [(1, [2.0, -0.4]), (2, [2.0, 0.4])];
+            seen(Settings::default(), &markers).moved(from, to) == Some([1, 2])
+        };
+        assert!(passes(at(1.9, 0.0), at(2.1, 0.0)) && passes(at(2.1, 0.3), at(1.9, 0.3)));
+        assert!(passes(at(1.9, -0.3), at(2.1, -0.3)) && passes(at(1.0, -1.0), at(2.5, 0.5)));
+        // It stops short, begins behind, goes by on either side, or along it.
+        assert!(!passes(at(1.0, 0.0), at(1.9, 0.0)) && !passes(at(2.1, 0.0), at(3.0, 0.0)));
+        assert!(!passes(at(1.9, 0.5), at(2.1, 0.5)) && !passes(at(1.9, -0.5), at(2.1, -0.5)));
+        assert!(!passes(at(1.9, -1.0), at(1.9, 1.0)) && !passes(at(1.0, -1.0), at(2.5, 2.0)));
+    }
+
+    /// Where they stand is forgotten; that they were passed is not.
+    #[test]
+    fn a_gate_that_was_passed_is_not_driven_through_again() {
+        let markers = [(1, [2.0, -0.4]), (2, [2.0, 0.4])];
+        let mut gates = seen(Settings::default(), &markers);
+        assert!(
+            gates
+                .moved(ORIGIN, CarPose { x_m: 3.0, ..ORIGIN })
+                .is_some()
+        );
+        gates.forget();
+        assert_eq!(gates.markers().count(), 0);
+        for (id, place) in markers {
+            assert!(gates.see(id, place));
+        }
+        assert_eq!(gates.next(ORIGIN, anywhere), None);
+        assert_eq!(gates.passed(), [[1, 2]]);
+    }
 }

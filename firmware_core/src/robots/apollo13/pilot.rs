@@ -250,3 +250,6 @@ impl Pilot {
         near.skip(1).any(|at| !self.is_free(map, *at))
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -149,3 +149,75 @@ fn the_car_steers_along_the_arc_through_its_point() {
     // 2 * 0.02 / (0.09 + 0.0004) = 0.4425; times 0.25: 6.31 degrees.
     assert!((steering(0.02).to_degrees() - 6.31).abs() < 0.01);
 }
+
+/// Of a way that ends 0.2 m ahead the straight on is followed: the point 0.3 m ahead is that of the
+/// test above; of a way back it lies behind, and the wheels are turned as much.
+#[test]
+fn beyond_the_end_of_a_way_it_goes_straight_on() {
+    for way in [1.0, -1.0] {
+        let poses = (0..=2).map(|step| CarPose {
+            x_m: way * f64::from(step) * 0.1,
+            y_m: 0.02,
+            heading_rad: 0.0,
+        });
+        let mut follower = Follower::new(poses.collect(), Settings::default());
+        let Step::Drive {
+            speed_m_s,
+            steering_rad,
+        } = follower.step(CarPose::default())
+        else {
+            panic!("the end is 0.2 m away");
+        };
+        assert_eq!(speed_m_s, way * 0.22);
+        assert!(
+            (steering_rad.to_degrees() - 6.31).abs() < 0.01,
+            "{steering_rad}"
+        );
+    }
+}
+
+/// A way of 1 m along x; each limit a little to both sides: 5 cm before the end, 0.40 m beside the
+/// way, at its end 0.30 m and 0.30 rad.
+#[test]
+fn a_way_ends_or_is_lost_at_its_limits() {
+    let at = |x_m: f64, y_m: f64, heading_rad: f64| CarPose {
+        x_m,
+        y_m,
+        heading_rad,
+    };
+    let step = |pose| {
+        let poses = (0..=10).map(|step| at(f64::from(step) * 0.1, 0.0, 0.0));
+        Follower::new(poses.collect(), Settings::default()).step(pose)
+    };
+    let drives = |pose| matches!(step(pose), Step::Drive { .. });
+    assert!(drives(at(0.94, 0.0, 0.0)));
+    assert_eq!(step(at(0.96, 0.0, 0.0)), Step::Arrived);
+    assert!(drives(at(0.5, 0.39, 0.0)));
+    assert_eq!(step(at(0.5, 0.41, 0.0)), Step::Lost);
+    assert_eq!(step(at(1.0, 0.29, 0.0)), Step::Arrived);
+    assert_eq!(step(at(1.0, -0.31, 0.0)), Step::Lost);
+    assert_eq!(step(at(1.0, 0.0, 0.29)), Step::Arrived);
+    assert_eq!(step(at(1.0, 0.0, -0.31)), Step::Lost);
+}
+
+/// Half a circle of 0.5 m to the left: its end lies beside the car when it begins, and is driven
+/// to all the same.
+#[test]
+fn a_way_that_turns_round_is_driven_to_its_end() {
+    let poses = (0..=30).map(|step| {
+        let turned = core::f64::consts::PI / 30.0 * f64::from(step);
+        CarPose {
+            x_m: 0.5 * libm::sin(turned),
+            y_m: 0.5 - 0.5 * libm::cos(turned),
+            heading_rad: turned,
+        }
+    });
+    let poses: Vec<CarPose> = poses.collect();
+    let mut follower = Follower::new(poses.clone(), Settings::default());
+    for pose in &poses[..29] {
+        let step = follower.step(*pose);
+        let is_left = matches!(step, Step::Drive { steering_rad, .. } if steering_rad > 0.0);
+        assert!(is_left, "{pose:?} {step:?}");
+    }
+    assert_eq!(follower.step(poses[30]), Step::Arrived);
+}
