@@ -19,28 +19,28 @@ pub(super) const LEVELS: Experiment = Experiment {
     name: "car-levels",
     about: "speed of the car at each motor level",
     place: "model car, chapter 3",
-    seeds: 5,
+    seeds: 1..6,
     perform: levels::perform,
 };
 pub(super) const CIRCLE: Experiment = Experiment {
     name: "car-circle",
     about: "circles that the car drives at steering values 0, 7 and 8: which is straight ahead",
     place: "model car, chapter 3",
-    seeds: 10,
+    seeds: 1..11,
     perform: circle::perform,
 };
 pub(super) const HALL: Experiment = Experiment {
     name: "car-hall",
     about: "hall values that are usable: the fielded host, and one that reads whole frames",
     place: "model car, page 9",
-    seeds: 20,
+    seeds: 1..21,
     perform: hall::perform,
 };
 pub(super) const WALL: Experiment = Experiment {
     name: "car-wall",
     about: "distance to a wall, controlled without an integral part and with one",
     place: "model car, mission I",
-    seeds: 20,
+    seeds: 1..21,
     perform: wall::perform,
 };
 
