@@ -12,7 +12,7 @@ use super::{EVERY, way};
 
 /// The corridor, and a start 0.60 m from the wall.
 const SCENARIO: &str = include_str!("../../../scenarios/apollo13-wall.toml");
-/// Steering by the distance's sum, rad/(m s): a twentieth of what makes it swing.
+/// Steering by the distance's sum, rad/(m s). The report has no figure.
 const INTEGRAL: f64 = 0.01;
 /// It is controlled from here on; has settled; and has not come to the end of the corridor.
 const FROM: Duration = Duration::from_secs(1);
@@ -22,7 +22,7 @@ const UNTIL: Duration = Duration::from_secs(34);
 const SENSOR_M: [f64; 2] = [0.304, 0.1];
 const WANTED_M: f64 = 0.40;
 
-pub(in super::super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Findings {
+pub(super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Findings {
     let seeds: Vec<u64> = (1..=plan.seeds).collect();
     let runs = each(plan, &seeds, tell, |seed| {
         [0.0, INTEGRAL].map(|integral| distances_m(integral, *seed))
