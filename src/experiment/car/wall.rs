@@ -39,14 +39,7 @@ pub(super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Find
         let row = [off(&run[0]), off(&run[1]), apart(run)];
         table.push(format!("seed {seed}"), row);
     }
-    let mut plot = Plot::new("Distance to the wall, seed 1", ["time (s)", "distance (m)"]);
-    if let Some(run) = runs.first() {
-        for (name, distances) in ["PD", "PID"].into_iter().zip(run) {
-            let places = distances.iter().enumerate();
-            let time = |look: usize| FROM.as_secs_f64() + look as f64 * EVERY.as_secs_f64();
-            plot = plot.line(name, places.map(|(look, it)| [time(look), *it]));
-        }
-    }
+    let plot = plot(runs.first().map_or(&[][..], |run| &run[..]));
     let spread = |of: &dyn Fn(&[Vec<f64>; 2]) -> f64| {
         let spread = Spread::of(runs.iter().map(of));
         format!("{:.1} mm, at most {:.1}", spread.median, spread.worst)
@@ -73,6 +66,16 @@ pub(super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Find
         plot,
         figures,
     }
+}
+
+fn plot(run: &[Vec<f64>]) -> Plot {
+    let plot = Plot::new("Distance to the wall, seed 1", ["time (s)", "distance (m)"]);
+    let time = |look: usize| FROM.as_secs_f64() + look as f64 * EVERY.as_secs_f64();
+    let curves = ["PD", "PID"].into_iter().zip(run);
+    curves.fold(plot, |plot, (name, distances)| {
+        let places = distances.iter().enumerate();
+        plot.line(name, places.map(|(look, it)| [time(look), *it]))
+    })
 }
 
 /// The first look at a car that has settled.
