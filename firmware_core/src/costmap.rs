@@ -36,6 +36,7 @@ pub struct Inflation {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Costmap {
     width: usize,
+    height: usize,
     cell_m: f64,
     origin_m: [f64; 2],
     obstacles: Vec<bool>,
@@ -62,6 +63,7 @@ impl Costmap {
         obstacles.truncate(obstacles.len() / width * width);
         let mut map = Self {
             width,
+            height: obstacles.len() / width,
             cell_m,
             origin_m,
             costs: alloc::vec![0; obstacles.len()],
@@ -96,7 +98,7 @@ impl Costmap {
 
     /// Cells along y.
     pub const fn height(&self) -> usize {
-        self.costs.len() / self.width
+        self.height
     }
 
     /// Edge of a cell, metres.
@@ -143,8 +145,9 @@ impl Costmap {
     }
 
     fn index(&self, [x, y]: [i32; 2]) -> Option<usize> {
-        let (x, y) = (usize::try_from(x).ok()?, usize::try_from(y).ok()?);
-        (x < self.width && y < self.height()).then_some(y * self.width + x)
+        // What is below 0 becomes larger than any map.
+        let (x, y) = (x.cast_unsigned() as usize, y.cast_unsigned() as usize);
+        (x < self.width && y < self.height).then_some(y * self.width + x)
     }
 
     /// Whether all that touch its edges are obstacles.

@@ -195,9 +195,9 @@ pub fn checksum(bytes: &[u8]) -> u16 {
 /// What is left of each byte, with 16 zeros behind it, divided by the polynomial.
 const fn remainders() -> [u16; 256] {
     let mut table = [0; 256];
-    let mut byte = 0;
+    let mut byte = 0_u16;
     while byte < 256 {
-        let mut crc = (byte as u16) << 8;
+        let mut crc = byte << 8;
         let mut bit = 0;
         while bit < 8 {
             let is_out = crc & 0x8000 != 0;
@@ -207,7 +207,7 @@ const fn remainders() -> [u16; 256] {
             }
             bit += 1;
         }
-        table[byte] = crc;
+        table[byte as usize] = crc;
         byte += 1;
     }
     table

@@ -158,6 +158,8 @@ impl Lattice {
 struct Search<'a> {
     lattice: &'a Lattice,
     map: &'a Costmap,
+    /// Cells of the map along x and y.
+    size: [u32; 2],
     angles: u32,
     /// Least cost of the way from each cell to the goal's.
     left: Vec<u32>,
@@ -178,6 +180,7 @@ impl<'a> Search<'a> {
         Self {
             lattice,
             map,
+            size: [map.width(), map.height()].map(|cells| u32::try_from(cells).unwrap_or(0)),
             angles,
             left: ways_to(map, goal, lattice.detour()),
             cost: alloc::vec![UNKNOWN; states],
@@ -190,19 +193,15 @@ impl<'a> Search<'a> {
     }
 
     fn state(&self, [x, y]: [i32; 2], angle: u32) -> Option<u32> {
-        let (x, y) = (u32::try_from(x).ok()?, u32::try_from(y).ok()?);
-        let width = u32::try_from(self.map.width()).ok()?;
-        let is_inside = x < width && usize::try_from(y).ok()? < self.map.height();
-        is_inside.then(|| (y * width + x) * self.angles + angle)
+        // What is below 0 becomes larger than any map.
+        let (x, y) = (x.cast_unsigned(), y.cast_unsigned());
+        let [width, height] = self.size;
+        (x < width && y < height).then(|| (y * width + x) * self.angles + angle)
     }
 
     fn cell(&self, state: u32) -> [i32; 2] {
-        let cell = (state / self.angles) as usize;
-        let whole = |value: usize| i32::try_from(value).unwrap_or(i32::MAX);
-        [
-            whole(cell % self.map.width()),
-            whole(cell / self.map.width()),
-        ]
+        let (cell, [width, _]) = (state / self.angles, self.size);
+        [cell % width, cell / width].map(u32::cast_signed)
     }
 
     fn left(&self, state: u32) -> u32 {

@@ -4,7 +4,7 @@ use alloc::vec::Vec;
 
 use super::primitives::{Primitive, PrimitiveSet};
 use crate::ackermann::wrapped;
-use crate::costmap::{Costmap, INSCRIBED};
+use crate::costmap::{Costmap, INSCRIBED, LETHAL};
 
 /// A robot's outline: a convex polygon around its reference point, metres, x ahead and y to the
 /// left.
@@ -295,10 +295,11 @@ impl Action {
         // Far from everything the outline is free with its middle.
         if dearest > 0 {
             for cell in &self.swept {
-                if map.is_obstacle(at(*cell)) {
+                let cost = map.cost(at(*cell));
+                if cost >= LETHAL {
                     return None;
                 }
-                dearest = dearest.max(map.cost(at(*cell)).min(INSCRIBED - 1));
+                dearest = dearest.max(cost.min(INSCRIBED - 1));
             }
         }
         Some(self.base_cost.saturating_mul(1 + u32::from(dearest)))

@@ -20,7 +20,7 @@ const WHEELBASE_M: f64 = 0.258;
 const FROM: Duration = Duration::from_secs(3);
 const UNTIL: Duration = Duration::from_secs(75);
 
-pub(in super::super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Findings {
+pub(super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Findings {
     let values = VALUES.map(|(value, _)| value);
     let jobs = jobs(&values, plan.seeds);
     let ways = each(plan, &jobs, tell, |(value, seed)| {

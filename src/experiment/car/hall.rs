@@ -39,7 +39,7 @@ impl Tap for Sent {
     }
 }
 
-pub(in super::super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Findings {
+pub(super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Findings {
     let seeds: Vec<u64> = (1..=plan.seeds).collect();
     let found = each(plan, &seeds, tell, |seed| rates(*seed));
     let median = |of: &dyn Fn(&Rates) -> f64| Spread::of(found.iter().map(of)).median;

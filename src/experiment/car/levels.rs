@@ -14,7 +14,7 @@ const STRAIGHT: i8 = 8;
 const FROM: Duration = Duration::from_secs(4);
 const UNTIL: Duration = Duration::from_secs(7);
 
-pub(in super::super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Findings {
+pub(super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Findings {
     let levels: Vec<i8> = (-LEVEL_MAX..=LEVEL_MAX).collect();
     let jobs = jobs(&levels, plan.seeds);
     let found = each(plan, &jobs, tell, |(level, seed)| speed_cm_s(*level, *seed));

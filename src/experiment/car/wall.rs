@@ -12,7 +12,7 @@ use super::{EVERY, way};
 
 /// The corridor, and a start 0.60 m from the wall.
 const SCENARIO: &str = include_str!("../../../scenarios/apollo13-wall.toml");
-/// Steering by the distance's sum, rad/(m s): a twentieth of what makes it swing.
+/// Steering by the distance's sum, rad/(m s). The report has no figure.
 const INTEGRAL: f64 = 0.01;
 /// It is controlled from here on; has settled; and has not come to the end of the corridor.
 const FROM: Duration = Duration::from_secs(1);
@@ -22,7 +22,7 @@ const UNTIL: Duration = Duration::from_secs(34);
 const SENSOR_M: [f64; 2] = [0.304, 0.1];
 const WANTED_M: f64 = 0.40;
 
-pub(in super::super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Findings {
+pub(super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Findings {
     let seeds: Vec<u64> = (1..=plan.seeds).collect();
     let runs = each(plan, &seeds, tell, |seed| {
         [0.0, INTEGRAL].map(|integral| distances_m(integral, *seed))
@@ -39,14 +39,7 @@ pub(in super::super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync
         let row = [off(&run[0]), off(&run[1]), apart(run)];
         table.push(format!("seed {seed}"), row);
     }
-    let mut plot = Plot::new("Distance to the wall, seed 1", ["time (s)", "distance (m)"]);
-    if let Some(run) = runs.first() {
-        for (name, distances) in ["PD", "PID"].into_iter().zip(run) {
-            let places = distances.iter().enumerate();
-            let time = |look: usize| FROM.as_secs_f64() + look as f64 * EVERY.as_secs_f64();
-            plot = plot.line(name, places.map(|(look, it)| [time(look), *it]));
-        }
-    }
+    let plot = plot(runs.first().map_or(&[][..], |run| &run[..]));
     let spread = |of: &dyn Fn(&[Vec<f64>; 2]) -> f64| {
         let spread = Spread::of(runs.iter().map(of));
         format!("{:.1} mm, at most {:.1}", spread.median, spread.worst)
@@ -73,6 +66,16 @@ pub(in super::super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync
         plot,
         figures,
     }
+}
+
+fn plot(run: &[Vec<f64>]) -> Plot {
+    let plot = Plot::new("Distance to the wall, seed 1", ["time (s)", "distance (m)"]);
+    let time = |look: usize| FROM.as_secs_f64() + look as f64 * EVERY.as_secs_f64();
+    let curves = ["PD", "PID"].into_iter().zip(run);
+    curves.fold(plot, |plot, (name, distances)| {
+        let places = distances.iter().enumerate();
+        plot.line(name, places.map(|(look, it)| [time(look), *it]))
+    })
 }
 
 /// The first look at a car that has settled.

@@ -183,12 +183,14 @@ impl Gates {
             let nearest = others.min_by(|a, b| far(a).total_cmp(&far(b)));
             nearest.map(|nearest| nearest.0)
         };
+        let partners: Vec<Option<u32>> = markers.iter().map(nearest).collect();
+        let all: Vec<_> = markers.iter().zip(partners).collect();
         let mut pairs = Vec::new();
-        for (index, one) in markers.iter().enumerate() {
-            for other in &markers[index + 1..] {
-                let is_mutual = nearest(one) == Some(other.0) && nearest(other) == Some(one.0);
+        for (index, (one, partner)) in all.iter().enumerate() {
+            for (other, its_partner) in &all[index + 1..] {
+                let is_mutual = *partner == Some(other.0) && *its_partner == Some(one.0);
                 if is_mutual || self.settings.as_fielded {
-                    pairs.push([*one, *other]);
+                    pairs.push([**one, **other]);
                 }
             }
         }
