@@ -2,9 +2,9 @@
 //!
 //! A depth camera measures disparities: its depths err by the square of the depth, their inverses
 //! by the same everywhere. Seen so, a straight wall is a straight line as well: with the tangent
-//! `t` of the bearing and the depth `z`, `a x + b y = 1` is `1 / z = a + b t`. So each place is laid
-//! onto the straight line through its neighbours, as many as lie on one: of a wall 7 m ahead, whose
-//! points scatter by 7 cm, that leaves a centimetre.
+//! `t` of the bearing and the depth `z`, `a x + b y = 1` is `1 / z = a + b t`. So each place is
+//! laid onto the straight line through its neighbours, as many as lie on one: of a wall 7 m ahead,
+//! whose points scatter by 7 cm, that leaves a centimetre.
 
 use alloc::vec::Vec;
 
