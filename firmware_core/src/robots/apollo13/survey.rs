@@ -8,6 +8,7 @@
 //! The map is complete when it has no open edge left that the car can get to.
 
 mod edges;
+mod sightings;
 mod tracker;
 
 use core::time::Duration;

@@ -9,15 +9,15 @@
 
 use alloc::vec::Vec;
 
+use super::sightings::{Sighting, sightings};
 use crate::ackermann::{CarPose, Motion, wrapped};
 
 /// Edge of a square, metres.
 const SQUARE_M: f64 = 0.20;
 /// Squares along each side.
 const SIDE: usize = 160;
-/// Standard deviation of a depth, metres: at rest, and with the square of the range. The camera's
-/// is 1.43 mm at 1 m.
-const SIGMA_M: [f64; 2] = [0.004, 0.001_5];
+/// Standard deviation of the best point, metres.
+const SIGMA_M: f64 = 0.004;
 /// Points that a line needs, by number and by weight; at a weight of 1 a point is as good as can
 /// be.
 const POINTS_MIN: f64 = 8.0;
@@ -25,14 +25,15 @@ const WEIGHT_MIN: f64 = 0.2;
 /// Standard deviations of a line's points, metres: across it at most, along it at least.
 const ACROSS_MAX_M: f64 = 0.02;
 const ALONG_MIN_M: f64 = 0.025;
-/// At this weight a piece is known to a millimetre, and stays as it is.
-const WEIGHT_MAX: f64 = 25.0;
+/// At this weight a piece stays as it is. Points of one scan are wrong together, as the camera's
+/// pose is: some dozen scans, from near and far, are to have a say.
+const WEIGHT_MAX: f64 = 400.0;
 /// So many scans later, one minute, what was drawn is believed before all that is newer.
 const OLD_AFTER: u32 = 300;
 /// Points of a scan that are laid onto lines at most.
 const LAID_MAX: usize = 160;
-/// Farther points are neither laid nor drawn, metres.
-const REACH_M: f64 = 7.0;
+/// Farther points are neither laid nor drawn, metres: the camera's own end is near.
+const REACH_M: f64 = 9.0;
 /// Rounds of one search, and how far a point may lie from its line in the first half of them and in
 /// the rest, metres.
 const ROUNDS: u8 = 8;
@@ -41,16 +42,13 @@ const OFF_MAX_M: [f64; 2] = [0.25, 0.12];
 const HUBER_M: f64 = 0.03;
 /// Points beside each other are wrong together: what one counts for.
 const POINT: f64 = 0.15;
-/// The direction in which points lie is told by those so many places beside them, if they are no
-/// farther apart than this, metres; and part of that which may lie across the line.
-const BESIDE: usize = 8;
-const TOGETHER_M: f64 = 0.6;
+/// Part of the direction in which points lie that may lie across a line.
 const ASKEW_MAX: f64 = 0.35;
 /// Standard deviation of the odometry: of a way and of what is added at each step, metres and
 /// radians.
 const WAY: [f64; 2] = [0.05, 0.002];
 const SIDEWAYS: [f64; 2] = [0.01, 0.001];
-const TURN: [f64; 2] = [0.01, 0.001_2];
+const TURN: [f64; 2] = [0.01, 0.002];
 /// What of a correction of the heading is taken for the gyroscope's bias, and that at most, radians
 /// from one scan to the next.
 const BIASED: f64 = 0.03;
@@ -127,15 +125,6 @@ impl Piece {
     }
 }
 
-/// A point that the camera sees, in its own frame, and its standard deviation, metres.
-#[derive(Clone, Copy, Debug)]
-struct Sighting {
-    at: [f64; 2],
-    sigma: f64,
-    /// Where the points beside it lie along, if they belong together.
-    along: Option<[f64; 2]>,
-}
-
 /// Lines, and where the camera is among them.
 #[derive(Clone, Debug)]
 pub(super) struct Tracker {
@@ -193,9 +182,7 @@ impl Tracker {
         seen: impl Iterator<Item = [f64; 2]>,
     ) -> CarPose {
         self.scans = self.scans.saturating_add(1);
-        let near = seen.filter(|[_, range_m]| *range_m <= REACH_M);
-        let mut sightings: Vec<Sighting> = near.map(sighting).collect();
-        put_directions(&mut sightings);
+        let sightings = sightings(seen, REACH_M);
         let motion = Motion {
             turn_rad: motion.turn_rad - self.bias_rad,
             ..motion
@@ -286,7 +273,7 @@ impl Tracker {
                     (is_new, far) < (*new, *least) || !is_new && *new
                 });
                 if is_better {
-                    let sigma = SIGMA_M[0] * libm::sqrt(1.0 + 20.0 / piece.weight);
+                    let sigma = SIGMA_M * libm::sqrt(1.0 + 20.0 / piece.weight);
                     best = Some((is_new, far, line, off_m, sigma));
                 }
             }
@@ -311,7 +298,7 @@ impl Tracker {
                 *slot = u32::try_from(self.pieces.len()).unwrap_or(0);
             }
             let place = (*slot as usize).wrapping_sub(1);
-            let relative = SIGMA_M[0] / sighting.sigma;
+            let relative = SIGMA_M / sighting.sigma;
             let piece = self.pieces.get_mut(place);
             if let Some(piece) = piece.filter(|piece| piece.weight < WEIGHT_MAX) {
                 piece.add(at, relative * relative);
@@ -336,28 +323,6 @@ impl Tracker {
             .iter()
             .all(is_inside)
             .then(|| along.map(|along| along as usize))
-    }
-}
-
-fn sighting([bearing_rad, range_m]: [f64; 2]) -> Sighting {
-    let (sin, cos) = libm::sincos(bearing_rad);
-    Sighting {
-        at: [range_m * cos, range_m * sin],
-        sigma: SIGMA_M[0] + SIGMA_M[1] * range_m * range_m,
-        along: None,
-    }
-}
-
-/// Which way the points about each one lie.
-fn put_directions(sightings: &mut [Sighting]) {
-    for at in BESIDE..sightings.len().saturating_sub(BESIDE) {
-        let [from, to] = [sightings[at - BESIDE].at, sightings[at + BESIDE].at];
-        let way = [to[0] - from[0], to[1] - from[1]];
-        let length_m = libm::hypot(way[0], way[1]);
-        // Over an edge, or among points that are too near to each other to tell.
-        if (4.0 * sightings[at].sigma..TOGETHER_M).contains(&length_m) {
-            sightings[at].along = Some(way.map(|along| along / length_m));
-        }
     }
 }
 

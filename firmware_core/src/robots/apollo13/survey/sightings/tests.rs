@@ -1,0 +1,63 @@
+extern crate std;
+
+use std::vec::Vec;
+
+use super::*;
+use crate::random::Pcg32;
+
+/// A camera of 525 pixels before a wall that is `depth_m` away in its middle and comes nearer by
+/// `slope` a metre to the left; each of the 640 inverse depths is off by 0.00143 / m.
+fn scan(depth_m: f64, slope: f64, seed: u64) -> Vec<[f64; 2]> {
+    let mut random = Pcg32::new(seed);
+    (0..640)
+        .map(|column| {
+            let t = (319.5 - f64::from(column)) / 525.0;
+            // z = depth - slope z t.
+            let inverse = (1.0 + slope * t) / depth_m + random.normal(0.001_43);
+            [libm::atan(t), libm::sqrt(1.0 + t * t) / inverse]
+        })
+        .collect()
+}
+
+/// 6 m ahead single depths are off by 36 * 1.43 = 51 mm. 0.6 m to either side are 52 columns: the
+/// mean of the 40 nearest to either side is off by 51 / 9 = 5.7 mm.
+#[test]
+fn a_wall_far_ahead_is_as_straight_as_it_is() {
+    for (slope, seed) in [(0.0, 1), (0.2, 2), (-0.2, 3)] {
+        let places = sightings(scan(6.0, slope, seed).into_iter(), 9.0);
+        assert_eq!(places.len(), 640);
+        let middle = &places[100..540];
+        let off = |it: &Sighting| it.at[0] + slope * it.at[1] - 6.0;
+        let squares: f64 = middle.iter().map(|it| off(it) * off(it)).sum();
+        let rms_m = libm::sqrt(squares / middle.len() as f64);
+        assert!(rms_m < 0.010, "{rms_m}");
+        // The wall runs along (-slope, 1).
+        let along = middle.iter().filter_map(|it| it.along);
+        let askew = along.map(|[x, y]| (x + slope * y).abs());
+        assert!(askew.fold(0.0, f64::max) < 0.1);
+    }
+}
+
+/// A pillar's edge: 2 m to the left of the middle, 3 m to the right. No place is laid between.
+#[test]
+fn no_place_lies_between_a_pillar_and_what_is_behind() {
+    let [near, far] = [scan(2.0, 0.0, 4), scan(3.0, 0.0, 5)];
+    let both = near[..320].iter().chain(&far[320..]).copied();
+    for it in sightings(both, 9.0) {
+        let is_near = (it.at[0] - 2.0).abs() < 0.03;
+        assert!(is_near || (it.at[0] - 3.0).abs() < 0.06, "{it:?}");
+        assert_eq!(is_near, it.at[1] > 0.0);
+    }
+}
+
+/// A few places, and what is none: they stay what they are, or are left out.
+#[test]
+fn what_has_no_neighbours_stays_where_it_is() {
+    let seen = [[0.1, 2.0], [0.0, f64::INFINITY], [-0.1, 1.0], [-0.2, 12.0]];
+    let places = sightings(seen.into_iter(), 9.0);
+    assert_eq!(places.len(), 2);
+    // 2 m at 0.1 rad: 1.990 ahead, 0.1997 to the left.
+    assert!((places[0].at[0] - 1.990).abs() < 1e-3 && (places[0].at[1] - 0.1997).abs() < 1e-3);
+    assert!(places.iter().all(|it| it.along.is_none()));
+    assert!(sightings(std::iter::empty(), 9.0).is_empty());
+}
