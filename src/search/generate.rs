@@ -359,8 +359,8 @@ mod tests {
         }
     }
 
-    /// What is drawn while a sensor measures wrongly stays in the map; and one that is 25 cm off for
-    /// the sake of decoders is no sensor.
+    /// What is drawn while a sensor measures wrongly stays in the map; and one that is 25 cm off
+    /// for the sake of decoders is no sensor.
     #[test]
     fn no_map_is_judged_that_a_wrong_sensor_began() {
         let vary = Vary {
