@@ -159,7 +159,7 @@ impl Frontiers {
         self.stale = Cells::NONE;
     }
 
-    /// The robot was at `place`, or on its way there, and has learned nothing: it looks no more from
+    /// The robot was at `place`, or on its way there, and learned nothing: it looks no more from
     /// there as long as nobody forgives.
     pub fn showed_nothing(&mut self, map: &Grid, place: Point) {
         if let Some(cell) = Raster::of(map).cell_of(place) {
