@@ -20,7 +20,7 @@ use super::{Body, Surroundings};
 
 /// Most of the nine map cells of a cell.
 const MOST: u8 = 5;
-/// So many map cells that beams end in make a wall of a cell, however free the rest of it is: a thin
+/// So many map cells that beams end in make a wall of a cell, however free its rest is: a thin
 /// board may lie between two cells, and behind it the map draws a flank that looks like floor.
 const SOLID: u8 = 2;
 /// Rays of a view.
@@ -159,8 +159,8 @@ impl Frontiers {
         self.stale = Cells::NONE;
     }
 
-    /// The robot was at `place`, or on its way there, and has learned nothing: it does not look from
-    /// there again as long as nobody forgives.
+    /// The robot was at `place`, or on its way there, and learned nothing: it looks no more from
+    /// there as long as nobody forgives.
     pub fn showed_nothing(&mut self, map: &Grid, place: Point) {
         if let Some(cell) = Raster::of(map).cell_of(place) {
             cell.each_within(STALE_CELLS, |near| self.stale.set(near));
@@ -175,8 +175,8 @@ impl Frontiers {
     }
 
     /// The view that is worth most, its way taken off; `None` if nothing that `body` can reach is
-    /// unknown, or less than `least` cells of it, and nothing left to feel. A way that the body only
-    /// just fits through is the last resort.
+    /// unknown, or less than `least` cells of it, and nothing is left to feel. A way that the body
+    /// only just fits through is the last resort.
     pub fn next_view(
         &mut self,
         map: &Grid,

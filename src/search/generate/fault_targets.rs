@@ -28,8 +28,8 @@ pub(super) struct Device {
 
 /// How a sensor sits: that does not change while a robot drives, and no byte tells of it.
 const MOUNTS: [&str; 2] = ["turned", "mirrored"];
-/// What a decoder is tried with, whose distances are up to 25 cm wrong: a map that is begun with them
-/// fits nothing that is seen later, and no byte tells of it either.
+/// What a decoder is tried with, whose distances are up to 25 cm wrong: a map that is begun with
+/// them fits nothing that is seen later, and no byte tells of it either.
 const LIES: [&str; 1] = ["dense-starts"];
 
 impl Device {

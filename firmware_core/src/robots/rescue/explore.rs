@@ -20,8 +20,8 @@ use crate::pose::{Point, Pose, normalised};
 /// Scans after which the view is judged again: a second.
 const JUDGE_SCANS: u8 = 5;
 /// After so many views in a row that show less than so many cells, 0.02 m2, only large ones are
-/// tried, after twice as many only walls that were not felt, and after three times as many none: what
-/// is left is noise of the map, not floor.
+/// tried, after twice as many only walls that were not felt, and after three times as many none:
+/// what is left is noise of the map, not floor.
 const VAIN_VIEWS: u8 = 6;
 const NEWS_CELLS: u16 = 25;
 /// A view that showed fewer cells showed nothing.

@@ -27,7 +27,7 @@ const HALF_VIEW_TAN: f32 = 0.315;
 const RIM_RAD: f32 = 0.15;
 /// Half of a warm plate, millimetres.
 const HALF_PLATE_MM: f32 = 50.0;
-/// Farther from the sensor than this the place on the wall is not sure, millimetres. What the search
+/// Farther from the sensor than this the place on the wall is not sure, millimetres. What a search
 /// takes for felt lies nearer: 0.42 m from the middle, and the flank of 60 mm that the map draws
 /// before a wall.
 const FAR_MM: f32 = 450.0;
