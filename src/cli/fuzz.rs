@@ -21,6 +21,7 @@ use crate::search::fuzz::{
 };
 use crate::search::generate::Vary;
 use crate::search::shrink::Effort;
+use crate::show::folder::factor;
 
 /// Look for what nobody thought of: bytes into decoders and programs, whole missions made of bytes,
 /// or traffic for somebody else's program.
@@ -347,9 +348,9 @@ impl FuzzRun<'_> {
 
 /// A line of progress.
 fn print(fuzzer: &Fuzzer<'_>, subject: &dyn Subject, before: u64, time: Duration) {
-    let rate = (fuzzer.cases() - before) as f64 / time.as_secs_f64().max(1e-3);
+    let rate = factor((fuzzer.cases() - before) as f64 / time.as_secs_f64().max(1e-3));
     eprintln!(
-        "  {}: {} cases, {rate:.0}/s, {} behaviours, {} findings",
+        "  {}: {} cases, {rate}/s, {} behaviours, {} findings",
         subject.name(),
         fuzzer.cases(),
         fuzzer.behaviours(),

@@ -17,6 +17,7 @@ use crate::robots::KeptMap;
 use crate::run::Outcome;
 use crate::run::check::{Check, Status};
 pub use crate::show::metrics::Metrics;
+pub(crate) use crate::show::metrics::factor;
 use crate::show::render;
 use crate::show::report;
 use crate::whole_file;

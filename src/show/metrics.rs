@@ -45,7 +45,7 @@ impl Metrics {
         Self {
             sim_s: rounded(sim_s),
             wall_s: rounded(wall_s),
-            speedup: (sim_s / wall_s.max(1e-6)).round(),
+            speedup: rounded(sim_s / wall_s.max(1e-6)),
             pose_rms_mm: error.map(|error| rounded(error.rms_mm)),
             pose_max_mm: error.map(|error| rounded(error.max_mm)),
             heading_rms_deg: error.map(|error| rounded(error.rms_deg)),
@@ -56,5 +56,27 @@ impl Metrics {
             waypoints: outcome.waypoints[1],
             violations: outcome.violations,
         }
+    }
+}
+
+/// `523`, `9.8`, `0.26`: two digits that count below ten, so that little is not shown as nothing.
+pub(crate) fn factor(value: f64) -> String {
+    let places = match value {
+        10.0.. => 0,
+        1.0..10.0 => 1,
+        0.1..1.0 => 2,
+        _ => 3,
+    };
+    format!("{value:.places$}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::factor;
+
+    #[test]
+    fn little_is_not_nothing() {
+        let shown = [523.4, 9.84, 0.256, 0.004, 0.0].map(factor);
+        assert_eq!(shown, ["523", "9.8", "0.26", "0.004", "0.000"]);
     }
 }

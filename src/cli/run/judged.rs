@@ -16,7 +16,7 @@ use crate::realtime::{Lateness, Realtime, exec};
 use crate::run::check::{Check, Status};
 use crate::run::{Outcome, Run};
 use crate::scenario::{Scenario, Source};
-use crate::show::folder::{self, FolderError, Metrics};
+use crate::show::folder::{self, FolderError, Metrics, factor};
 
 /// How much is said while a run goes on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -251,8 +251,8 @@ fn print_summary(outcome: &Outcome, wall: Duration, out: &Path) {
     }
     let (sim_s, wall_s) = (metrics.sim_s, metrics.wall_s);
     println!(
-        "  {sim_s:.1} s simulated in {wall_s:.2} s, {:.0} times real time",
-        metrics.speedup
+        "  {sim_s:.1} s simulated in {wall_s:.2} s, {} times real time",
+        factor(metrics.speedup)
     );
     if let Some(error) = outcome.pose_error {
         let (mm, deg) = (error.rms_mm, error.rms_deg);

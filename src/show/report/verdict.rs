@@ -50,7 +50,8 @@ fn cause(outcome: &Outcome) -> String {
 fn tiles(outcome: &Outcome) -> String {
     // Wall time is no part of the run: it would make each report another one.
     let metrics = Metrics::of(outcome, Duration::ZERO);
-    let percent = |share: f64| format!("{:.0} %", share * 100.0);
+    // Not whole: 99.7 % would be all of it.
+    let percent = |share: f64| format!("{:.1} %", share * 100.0);
     let waypoints = (metrics.waypoints > 0)
         .then(|| format!("{} of {}", metrics.waypoints_visited, metrics.waypoints));
     let tiles = [

@@ -62,6 +62,7 @@ function showRobot() {
   say("error", gap ? `${gap.error_mm} mm, ${gap.error_deg}\u00b0` : "nothing to compare yet");
   say("lag", gap ? `the belief is ${gap.lag_ms} ms old, the robot went ${gap.went_mm} mm since`
     : "");
+  $("lag").hidden = $("lag-name").hidden = !gap;
   const ticks = pc?.state?.to.length ? `, told ${pc.state.to.join(", ")}` : "";
   say("mode", `${now.mode ?? pc?.state?.mode ?? "unknown"}${ticks}`);
   if (!stage.pc || !pc) { say("pc-state", "on a port"); return; }
@@ -112,8 +113,9 @@ function showSlow() {
 
 // What an axis is told, what it does, and its limit.
 function axisRow({ name, unit, set_point, limit, actual }) {
-  const told = actual === null ? `${set_point}` : `${set_point}, is ${actual}`;
-  return row([name, `${told} ${unit}${limit === null ? "" : ` (at most ${limit})`}`]);
+  const figure = (value) => String(Math.round(value * 1000) / 1000 + 0);
+  const told = figure(set_point) + (actual === null ? "" : `, is ${figure(actual)}`);
+  return row([name, `${told} ${unit}${limit === null ? "" : ` (at most ${figure(limit)})`}`]);
 }
 
 // A panel of the robot's: values that belong together, folded by a click. A value that is a number

@@ -55,10 +55,24 @@ function fitCanvas() {
   return ratio;
 }
 
+// All of it, as large as it can be, and nothing of it under the layers: in the middle, or to the
+// right of them.
+function fitBeside(bounds, ratio) {
+  const margin = 24 * ratio, whole = view.fit(canvas, bounds, margin);
+  const { offsetLeft, offsetTop, offsetWidth, offsetHeight } = $("layers");
+  const [right, low] = [offsetLeft + offsetWidth, offsetTop + offsetHeight].map((at) => at * ratio);
+  const [left, top] = view.toPixel(whole, bounds[0], bounds[3]);
+  const taken = Math.max(right - 16 * ratio, 0);
+  if (left >= right || top >= low || taken > canvas.width / 2) return whole;
+  const { width, height } = canvas;
+  const beside = view.fit({ width: width - taken, height }, bounds, margin);
+  return { ...beside, x: beside.x - taken / beside.scale };
+}
+
 function drawWorld() {
   const ratio = fitCanvas(), context = canvas.getContext("2d");
   const { now, maps, scan, overlays } = seen(), name = $("map").value, map = maps[name];
-  frame = camera ? { ...camera, height: canvas.height } : view.fit(canvas, bounds(map), 24 * ratio);
+  frame = camera ? { ...camera, height: canvas.height } : fitBeside(bounds(map), ratio);
   view.clear(context);
   if (map) view.drawMap(context, frame, map, mapPicture(name, map));
   if ($("show-grid").checked) view.drawGrid(context, frame, ratio);
