@@ -3,6 +3,9 @@
 //! draw of luck: nine seeds of it, as BreezySLAM was measured (median 0.311 m at 25 mm cells,
 //! 0.085 m at 50 mm, 2.2 s to 2.4 s; in the setting of 5 degrees 0.077 m).
 //!
+//! Measured: closing loops 0.061 m, the robot's own 0.064 m; tinySLAM at 25 mm 5.4 m in the median
+//! of nine seeds [0.46..8.8], at 50 mm 0.141 m [0.082..4.8].
+//!
 //! Prints mean errors of 2,984 relations (Kuemmerle et al. 2009), metres, and processor time. Needs
 //! the data beside the repository, and says so.
 

@@ -103,8 +103,9 @@ const BIAS_PART: f64 = 0.05;
 const BIAS_MOST: f64 = 0.1;
 /// Errors of wheels that slip, as a part of what is usual, at least.
 const RARE: f64 = 0.7;
-/// Deviations of wheels that do not, in mean errors.
-const USUAL: f64 = 0.85;
+/// Deviations of wheels that do not, in mean errors: of the way and of turns. A scan's error of
+/// place is one of its neighbours' too, so the wheels are heard more than their own error says.
+const USUAL: [f64; 2] = [0.7, 1.0];
 /// Squared deviations up to which wheels have not slipped.
 const SLIPPED: f64 = 12.0;
 /// Less of a scan on walls calls for a wider search, and that much more makes its result believed.
@@ -211,7 +212,8 @@ impl Mapper {
     /// The same of wheels that have not slipped: wheels are mostly right, and now and then very
     /// wrong.
     fn firm(&self, prior: &Prior) -> Prior {
-        let part = |axis: usize| (USUAL * self.wheels[axis] / self.wheels[axis].max(RARE)).min(1.0);
+        let part =
+            |axis: usize| (USUAL[axis] * self.wheels[axis] / self.wheels[axis].max(RARE)).min(1.0);
         let [metres, radians] = prior.deviation;
         Prior {
             deviation: [metres * part(0), radians * part(1)],
