@@ -476,8 +476,8 @@ mod tests {
     }
 
     /// In a corridor of nine cells only the middle one has more than four to both sides: two cells
-    /// beside the way, as near to it as can be; its ends stay. Beside a pillar 2 and 1 cells off the
-    /// room is 4 + 1.
+    /// beside the way, as near to it as can be; its ends stay. Beside a pillar 2 and 1 cells off
+    /// the room is 4 + 1.
     #[test]
     fn a_way_is_moved_to_where_there_is_room() {
         let mut map = drawn(ORIGIN, &["........."; 21]);
@@ -553,8 +553,8 @@ mod tests {
         assert_eq!(Roadmap::default().way(&open, ends.0, ends.1), None);
     }
 
-    /// From a cell beside the wall of a room the next open one is one step off, and four are not too
-    /// many; five are.
+    /// From a cell beside the wall of a room the next open one is one step off, and four are not
+    /// too many; five are.
     #[test]
     fn the_next_open_cell_is_at_most_four_steps_away() {
         let map = drawn(ORIGIN, &["........"]);

@@ -141,8 +141,8 @@ impl Prior {
 mod tests {
     use super::*;
 
-    /// By hand: 30 mm and hypot(12, 16) = 20 mm of way; turned by 0.3 and 0.2 rad; what was not seen
-    /// 10 mm and 0.02 rad. Position: 0.5 * 50 + 0.1 * 50 + 20 * 0.5 + 10 = 50 mm; heading:
+    /// By hand: 30 mm and hypot(12, 16) = 20 mm of way; turned by 0.3 and 0.2 rad; what was not
+    /// seen 10 mm and 0.02 rad. Position: 0.5 * 50 + 0.1 * 50 + 20 * 0.5 + 10 = 50 mm; heading:
     /// 0.01 + 0.2 * 0.5 + 0.001 * 50 + 0.02 = 0.18 rad.
     fn prior(cell_mm: f32) -> Prior {
         let noise = MotionNoise {
