@@ -389,4 +389,184 @@ mod tests {
             [Cell::new(1, 3), Cell::new(2, 3)]
         );
     }
+
+    /// A map of rows from y = 0 on whose first cell is `low`: a dot is free, all else an obstacle.
+    fn drawn(low: Cell, rows: &[&str]) -> CellMap {
+        let mut map = CellMap::new(100.0, 0, 10_000);
+        for (y, row) in (low.y..).zip(rows) {
+            for (x, what) in (low.x..).zip(row.chars()) {
+                let value = if what == '.' { FREE } else { OBSTACLE };
+                map.set(Cell::new(x, y), value).expect("fits");
+            }
+        }
+        map
+    }
+
+    const ORIGIN: Cell = Cell::new(0, 0);
+
+    fn cells(places: &[(i32, i32)]) -> Vec<Cell> {
+        places.iter().map(|(x, y)| Cell::new(*x, *y)).collect()
+    }
+
+    /// Bresenham's line over four cells and up two, by hand, and its mirror images: each of its
+    /// cells is in the way but the first, and no other is.
+    #[test]
+    fn a_straight_way_is_clear_when_its_cells_are() {
+        let line = [(1, 0), (2, 1), (3, 1), (4, 2)];
+        let images: [fn(i32, i32) -> Cell; 6] = [
+            |x, y| Cell::new(x, y),
+            |x, y| Cell::new(-x, y),
+            |x, y| Cell::new(x, -y),
+            |x, y| Cell::new(-x, -y),
+            |x, y| Cell::new(y, x),
+            |x, y| Cell::new(-y, -x),
+        ];
+        let open = drawn(Cell::new(-5, -5), &["..........."; 11]);
+        for image in images {
+            let on_the_line = line.map(|(x, y)| image(x, y));
+            for (block, _) in open.iter() {
+                let mut map = open.clone();
+                map.set(block, OBSTACLE).expect("inside");
+                let is_clear = is_clear(&map, ORIGIN, image(4, 2));
+                assert_eq!(is_clear, !on_the_line.contains(&block), "{block:?}");
+            }
+        }
+        assert!(is_clear(&drawn(ORIGIN, &["#"]), ORIGIN, ORIGIN));
+    }
+
+    /// Around what stands in the middle of nine cells no corner is cut: four steps. Where nothing
+    /// stands, two across the diagonal.
+    #[test]
+    fn the_way_from_cell_to_cell_cuts_no_corner() {
+        let low = Cell::new(-5, 7);
+        let at = |x: i32, y: i32| Cell::new(low.x + x, low.y + y);
+        let round = drawn(low, &["...", ".#.", "##."]);
+        let way = [at(0, 1), at(0, 0), at(1, 0), at(2, 0), at(2, 1)];
+        assert_eq!(grid_way(&round, at(0, 1), at(2, 1)), Some(way.into()));
+        let open = drawn(low, &["..."; 3]);
+        let across = [at(0, 0), at(1, 1), at(2, 2)];
+        assert_eq!(grid_way(&open, at(0, 0), at(2, 2)), Some(across.into()));
+        let walled = drawn(low, &[".#."; 3]);
+        assert_eq!(grid_way(&walled, at(0, 0), at(2, 2)), None);
+        assert_eq!(grid_way(&open, at(0, 0), at(3, 2)), None);
+        assert_eq!(grid_way(&open, at(0, -1), at(2, 2)), None);
+        assert_eq!(
+            [
+                cost(ORIGIN, Cell::new(-3, 4)),
+                cost(ORIGIN, Cell::new(1, 1))
+            ],
+            [500, 141]
+        );
+    }
+
+    /// By hand, around a wall at x = 2 that leaves the lowest row free: the line from 0, 4 to 1, 0
+    /// touches columns 0 and 1 only; that from 1, 0 to 5, 1 leaves row 0 at x = 3.5, behind the
+    /// wall; one to 5, 2 would touch its end.
+    #[test]
+    fn a_way_goes_straight_where_it_can() {
+        let map = drawn(ORIGIN, &["......", "..#...", "..#...", "..#...", "..#..."]);
+        let down = (0..=4).rev().map(|y| (0, y));
+        let along = (1..=5).map(|x| (x, 0));
+        let up = (1..=4).map(|y| (5, y));
+        let way: Vec<_> = down.chain(along).chain(up).collect();
+        let expected = cells(&[(0, 4), (1, 0), (5, 1), (5, 4)]);
+        assert_eq!(smoothed(&map, &cells(&way)), expected);
+        assert_eq!(smoothed(&map, &cells(&[(3, 3)])), cells(&[(3, 3)]));
+        assert_eq!(smoothed(&map, &[]), []);
+    }
+
+    /// In a corridor of nine cells only the middle one has more than four to both sides: two cells
+    /// beside the way, as near to it as can be; its ends stay. Beside a pillar 2 and 1 cells off
+    /// the room is 4 + 1.
+    #[test]
+    fn a_way_is_moved_to_where_there_is_room() {
+        let mut map = drawn(ORIGIN, &["........."; 21]);
+        let way = cells(&[(2, 2), (2, 10), (2, 18)]);
+        assert_eq!(
+            centred(&map, &map, &way),
+            cells(&[(2, 2), (4, 10), (2, 18)])
+        );
+        // Four cells beside it are too many: it is moved by three at most.
+        let way = cells(&[(0, 2), (0, 10), (0, 18)]);
+        assert_eq!(
+            centred(&map, &map, &way),
+            cells(&[(0, 2), (3, 10), (0, 18)])
+        );
+        assert_eq!(room(&map, Cell::new(4, 10)), i32::MAX);
+        assert_eq!(room(&map, Cell::new(3, 10)), 16);
+        assert_eq!(room(&map, Cell::new(8, 10)), 1);
+        map.set(Cell::new(6, 11), OBSTACLE).expect("inside");
+        assert_eq!(room(&map, Cell::new(4, 10)), 5);
+    }
+
+    /// On an open floor exactly those vertices are joined that are no more than 30 cells apart.
+    #[test]
+    fn vertices_within_reach_are_joined() {
+        let open = drawn(
+            ORIGIN,
+            &["............................................."; 2],
+        );
+        let roadmap = Roadmap::new(&open, 40, &mut Dice::new(3));
+        assert_eq!(roadmap.vertices.len(), 40);
+        for (one, from) in roadmap.vertices.iter().enumerate() {
+            for (other, to) in roadmap.vertices.iter().enumerate().take(one) {
+                let is_near = from.distance(*to) <= 30.0;
+                assert_eq!(
+                    roadmap.edges.contains(&(one, other)),
+                    is_near,
+                    "{from:?} {to:?}"
+                );
+            }
+        }
+        let walled = drawn(ORIGIN, &["###"]);
+        assert_eq!(
+            Roadmap::new(&walled, 40, &mut Dice::new(3)),
+            Roadmap::default()
+        );
+    }
+
+    /// From 1 the nearest vertex is 0, to 8 it is 9; the straight edge between them is shorter than
+    /// the way by row 1. What is nearest but behind a wall is not in sight.
+    #[test]
+    fn a_way_begins_and_ends_at_the_vertices_in_sight() {
+        let open = drawn(ORIGIN, &["..........", ".........."]);
+        let roadmap = Roadmap {
+            vertices: cells(&[(0, 0), (5, 1), (9, 0)]),
+            edges: alloc::vec![(1, 0), (2, 1)],
+        };
+        let ends = (Cell::new(1, 0), Cell::new(8, 0));
+        let way = roadmap.way(&open, ends.0, ends.1);
+        assert_eq!(way, Some(cells(&[(1, 0), (0, 0), (5, 1), (9, 0), (8, 0)])));
+        let direct = Roadmap {
+            edges: alloc::vec![(1, 0), (2, 0), (2, 1)],
+            ..roadmap.clone()
+        };
+        let way = direct.way(&open, ends.0, ends.1);
+        assert_eq!(way, Some(cells(&[(1, 0), (0, 0), (9, 0), (8, 0)])));
+        let walled = drawn(ORIGIN, &["...#......", "...#......"]);
+        let beside = Roadmap {
+            vertices: cells(&[(4, 0), (0, 0)]),
+            edges: Vec::new(),
+        };
+        assert_eq!(beside.nearest(&open, Cell::new(2, 0)), Some(0));
+        assert_eq!(beside.nearest(&walled, Cell::new(2, 0)), Some(1));
+        assert_eq!(Roadmap::default().way(&open, ends.0, ends.1), None);
+    }
+
+    /// From a cell beside the wall of a room the next open one is one step off, and four are not
+    /// too many; five are.
+    #[test]
+    fn the_next_open_cell_is_at_most_four_steps_away() {
+        let map = drawn(ORIGIN, &["........"]);
+        let escaped = |steps: i32| {
+            let mut open = drawn(ORIGIN, &["########"]);
+            open.set(Cell::new(1 + steps, 0), FREE).expect("inside");
+            let way = escape(&map, &open, Cell::new(1, 0));
+            way.map(|way| way.iter().map(|cell| cell.x).collect::<Vec<_>>())
+        };
+        assert_eq!(escaped(0), Some(alloc::vec![1]));
+        assert_eq!(escaped(-1), Some(alloc::vec![1, 0]));
+        assert_eq!(escaped(4), Some(alloc::vec![1, 2, 3, 4, 5]));
+        assert_eq!(escaped(5), None);
+    }
 }

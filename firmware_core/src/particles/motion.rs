@@ -140,8 +140,8 @@ mod tests {
         assert_near(spot, [0.0, 0.0, 0.4, 0.0, 0.08_f64.sqrt(), 0.32_f64.sqrt()]);
     }
 
-    /// 1,000 guesses that go 1 m with a deviation of 0.5 m, and turn by 0.2 rad at its end only: mean
-    /// and variance within four standard errors.
+    /// 1,000 guesses that go 1 m with a deviation of 0.5 m, and turn by 0.2 rad at its end only:
+    /// mean and variance within four standard errors.
     #[test]
     fn guesses_spread_as_the_noise_says() {
         let mut random = Pcg32::new(9);

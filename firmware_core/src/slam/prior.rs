@@ -136,3 +136,70 @@ impl Prior {
         turn * turn * self.per_rad2
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// By hand: 30 mm and hypot(12, 16) = 20 mm of way; turned by 0.3 and 0.2 rad; what was not
+    /// seen 10 mm and 0.02 rad. Position: 0.5 * 50 + 0.1 * 50 + 20 * 0.5 + 10 = 50 mm; heading:
+    /// 0.01 + 0.2 * 0.5 + 0.001 * 50 + 0.02 = 0.18 rad.
+    fn prior(cell_mm: f32) -> Prior {
+        let noise = MotionNoise {
+            rest_cells: 25.0 / cell_mm,
+            per_mm: 0.1,
+            mm_per_rad: 20.0,
+            rest_rad: 0.01,
+            per_rad: 0.2,
+            rad_per_mm: 0.001,
+            cost: 2.0,
+            cost_max: 15.0,
+        };
+        let mut travel = Travel::NONE;
+        let change = PoseChange {
+            forward_mm: 30.0,
+            left_mm: 0.0,
+            turn: -0.3,
+        };
+        travel.add(change);
+        let change = PoseChange {
+            forward_mm: -12.0,
+            left_mm: 16.0,
+            turn: 0.2,
+        };
+        travel.add(change);
+        travel.doubt(4.0, 0.01);
+        travel.doubt(6.0, 0.01);
+        Prior::new(Pose::new(1_000.0, 2_000.0, 3.1), travel, &noise, cell_mm)
+    }
+
+    /// 30 mm and 40 mm off: 0.36 and 0.64; across pi by 0.0832 of 0.18: 0.2136; times 2.
+    #[test]
+    fn leaving_the_prediction_costs_by_the_square() {
+        let prior = prior(50.0);
+        let near = |one: f32, other: f32| (one - other).abs() < 1e-3;
+        assert!(near(prior.deviation_x(970.0), 0.36) && near(prior.deviation_y(2_040.0), 0.64));
+        assert!(near(prior.deviation_heading(-3.1), 0.2136));
+        let cost = prior.uncapped_cost(Pose::new(1_030.0, 1_960.0, -3.1));
+        assert!(near(cost, 2.0 * 1.2136), "{cost}");
+        assert_eq!((prior.cost_max, prior.firm().cost_max), (15.0, f32::MAX));
+        let around = prior.around(Pose::new(0.0, 0.0, 0.0));
+        assert!(near(around.deviation_x(50.0), 1.0));
+        let none = Prior::none(prior.predicted);
+        assert_eq!(none.uncapped_cost(Pose::new(0.0, 0.0, 0.0)), 0.0);
+    }
+
+    /// Three deviations are 150 mm and 0.54 rad: 2.7 cells of 55 mm, 10.8 steps of 0.05 rad; at
+    /// most 15 and 24, at least one.
+    #[test]
+    fn the_window_holds_three_standard_deviations() {
+        let window = |cell_mm, turn_step| {
+            let window = prior(cell_mm).window(cell_mm, turn_step);
+            assert_eq!(window.turn_step, turn_step);
+            (window.reach, window.turns)
+        };
+        assert_eq!(window(55.0, 0.05), (3, 11));
+        assert_eq!(window(5.0, 0.01), (15, 24));
+        assert_eq!(window(400.0, 1.0), (1, 1));
+    }
+}

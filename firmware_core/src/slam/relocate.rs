@@ -289,3 +289,151 @@ fn shortlist(
 fn heading_of(index: i32) -> f32 {
     normalised(index as f32 * HEADING_STEP)
 }
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use std::boxed::Box;
+
+    use super::*;
+
+    /// Values that look like chance: Knuth's hash of the place.
+    fn value(x: usize, y: usize) -> u8 {
+        let hash = (x * 31 + y * 1_009 + 7).wrapping_mul(2_654_435_761);
+        u8::try_from(hash >> 8 & 0x7F).unwrap()
+    }
+
+    fn grid<const W: usize, const H: usize>() -> Box<Grid<W, H>> {
+        let mut grid = Box::new(Grid::new(50.0));
+        for y in 0..H {
+            for x in 0..W {
+                grid.set(x, y, value(x, y));
+            }
+        }
+        grid
+    }
+
+    /// Each block by hand: the greatest value of all cells in it and its three neighbours to the
+    /// right and above.
+    fn is_bound<const W: usize, const H: usize>(block: usize) {
+        let coarse = Coarse::new(&grid::<W, H>());
+        assert_eq!(coarse.block, block);
+        let size = (W.div_ceil(block), H.div_ceil(block));
+        assert_eq!((coarse.width, coarse.height), size);
+        for y in 0..size.1 {
+            for x in 0..size.0 {
+                let ys = y * block..H.min((y + 2) * block);
+                let all = ys.flat_map(|y| {
+                    let xs = x * block..W.min((x + 2) * block);
+                    xs.map(move |x| value(x, y))
+                });
+                assert_eq!(Some(coarse.cells[y * size.0 + x]), all.max(), "{x} {y}");
+            }
+        }
+    }
+
+    /// 150 x 150 blocks of two cells are too many, so are 150 along an edge; 128 are not.
+    #[test]
+    fn a_block_bounds_what_can_be_reached_from_it() {
+        is_bound::<20, 13>(2);
+        is_bound::<256, 3>(2);
+        is_bound::<258, 3>(4);
+        is_bound::<3, 258>(4);
+        is_bound::<160, 160>(4);
+    }
+
+    /// The bound of a block is the sum of the blocks at the offsets; what lies outside is nothing.
+    #[test]
+    fn bounds_are_sums_over_the_points() {
+        let coarse = Coarse::new(&grid::<20, 13>());
+        let offsets = [
+            (0, 0),
+            (-3, 1),
+            (4, -2),
+            (9, 0),
+            (-9, 6),
+            (10, 0),
+            (-10, 0),
+            (0, -7),
+        ];
+        for y in 0..7 {
+            let bounds = coarse.bounds(&offsets, y);
+            for (x, bound) in (0..10).zip(bounds) {
+                let cells = offsets.iter().map(|(dx, dy)| (x + dx, y + dy));
+                let inside = cells.filter(|(x, y)| (0..10).contains(x) && (0..7).contains(y));
+                let index = |(x, y): (i32, i32)| usize::try_from(y * 10 + x).unwrap();
+                let sum: u16 = inside.map(|at| u16::from(coarse.cells[index(at)])).sum();
+                assert_eq!(bound, sum, "{x} {y}");
+            }
+        }
+    }
+
+    fn offered(candidates: &[(u16, i32, i32, i32)]) -> [Candidate; PLACES] {
+        let mut list = Shortlist::default();
+        for &(bound, x, y, heading) in candidates {
+            list.offer(Candidate {
+                bound,
+                x,
+                y,
+                heading,
+            });
+        }
+        list.best
+    }
+
+    fn bounds(candidates: &[(u16, i32, i32, i32)]) -> [u16; 3] {
+        let best = offered(candidates);
+        [0, 1, 2].map(|at: usize| best[at].bound)
+    }
+
+    /// Nearer than four blocks and eight headings they are one place, of which the best is kept;
+    /// headings close to a circle of 180.
+    #[test]
+    fn the_shortlist_keeps_the_best_of_each_place() {
+        let first = (10, 0, 0, 0);
+        assert_eq!(bounds(&[first, (20, 9, 0, 0), (15, 3, -3, 7)]), [20, 15, 0]);
+        assert_eq!(bounds(&[(15, 0, 0, 0), (14, -3, 3, 173)]), [15, 0, 0]);
+        for apart in [(9, 4, 0, 0), (9, 0, -4, 0), (9, 0, 0, 8), (9, 0, 0, 172)] {
+            assert_eq!(bounds(&[first, apart]), [10, 9, 0], "{apart:?}");
+        }
+        assert_eq!(bounds(&[(10, 0, 0, 2), (12, 0, 0, 177)]), [12, 0, 0]);
+        // More places than there is room for: the least are left out.
+        let many: std::vec::Vec<_> = (1..=26).map(|at| (at, i32::from(at) * 5, 0, 0)).collect();
+        let found = offered(&many).map(|one| one.bound);
+        let expected: std::vec::Vec<u16> = (3..=26).rev().collect();
+        assert_eq!(found[..], expected);
+    }
+
+    /// Lost at 1 m, 1 m with a heading of 3.1, across pi from -3.1: within 0.5 m and 0.2 rad.
+    #[test]
+    fn a_robot_that_drove_a_known_way_is_within_it() {
+        let bound = Bound {
+            centre: Pose::new(1_000.0, 1_000.0, 3.1),
+            mm: 500.0,
+            rad: 0.2,
+        };
+        let holds = |x_mm, heading| bound.holds(Pose::new(x_mm, 1_000.0, heading));
+        assert!(holds(1_499.0, 3.1) && holds(501.0, -3.1) && holds(1_000.0, 2.91));
+        assert!(!holds(1_501.0, 3.1) && !holds(499.0, 3.1) && !holds(1_000.0, 2.89));
+        assert!(!holds(1_000.0, -2.9));
+        let place = Pose::new(1_000.0, 1_515.0, 0.0);
+        assert!(bound.holds_place(place, 20.0) && !bound.holds_place(place, 10.0));
+        assert!(bound.holds_heading(2.89, 0.02) && !bound.holds_heading(2.87, 0.02));
+    }
+
+    /// Headings are 2 degrees apart; a block's middle is half a block from its corner.
+    #[test]
+    fn a_candidate_is_the_middle_of_its_block() {
+        let candidate = Candidate {
+            bound: 1,
+            x: 3,
+            y: -1,
+            heading: 45,
+        };
+        let centre = candidate.centre(100.0);
+        assert_eq!((centre.x_mm, centre.y_mm), (350.0, -50.0));
+        assert!((centre.heading.to_degrees() - 90.0).abs() < 1e-3);
+        assert!((heading_of(135).to_degrees() + 90.0).abs() < 1e-3);
+    }
+}

@@ -426,7 +426,8 @@ mod tests {
         }
     }
 
-    /// Of three markers in a row the nearest two are a gate; as fielded any two: 0.8, 1.1 and 1.9 m.
+    /// Of three markers in a row the nearest two are a gate; as fielded any two: 0.8, 1.1 and
+    /// 1.9 m.
     #[test]
     fn markers_that_are_each_others_nearest_belong_together() {
         let markers = [(1, [2.0, 0.4]), (2, [2.0, -0.4]), (3, [2.0, 1.5])];
