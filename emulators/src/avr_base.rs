@@ -89,7 +89,7 @@ pub struct AvrBase {
     regulator_at: Instant,
     regulated: Instant,
     analog_at: Instant,
-    block: usize,
+    infrared: infrared::Sensors,
     encoders: Encoders,
     battery: Battery,
     button: ButtonState,
@@ -220,7 +220,7 @@ impl AvrBase {
             regulator_at: ticks.after(Instant::ZERO, REGULATOR, 1),
             regulated: Instant::ZERO,
             analog_at: ticks.after(Instant::ZERO, ANALOG, 1),
-            block: 0,
+            infrared: infrared::Sensors::new(seed),
             encoders: Encoders::default(),
             battery: Battery::new(config.battery),
             button: ButtonState::Released,
@@ -309,7 +309,7 @@ impl AvrBase {
         self.regulator_at = now + REGULATOR;
         self.regulated = now;
         self.analog_at = now + ANALOG;
-        self.block = 0;
+        self.infrared.restart();
         self.battery.forget();
         self.button = ButtonState::Released;
         self.watchdog_at = None;
@@ -423,13 +423,8 @@ impl AvrBase {
     /// One run of the analog task: one block of distance sensors, floor, battery.
     fn analog(&mut self, at: Instant, world: &World) {
         self.analog_at = self.ticks.after(self.now, ANALOG, 1);
-        for sensor in infrared::BLOCKS[self.block] {
-            let distance = sensor.measure(world, self.quirks.near_objects);
-            self.memory.feed_i16(sensor.register, distance);
-        }
-        self.block = (self.block + 1) % infrared::BLOCKS.len();
-        self.memory
-            .feed_i16(infrared::FLOOR_REGISTER, infrared::FLOOR_RAW);
+        let near = self.quirks.near_objects;
+        self.infrared.measure(world, near, &mut self.memory);
         self.battery
             .sample(at, self.quirks.battery, &mut self.memory);
         self.feel(world);

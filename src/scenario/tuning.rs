@@ -40,6 +40,10 @@ pub struct TuningSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0, max = 500))]
     pub clearance_mm: Option<u16>,
+    /// Reads the base's infrared sensors: what they meet where the lidar shows nothing, as glass
+    /// and what is low, is an obstacle.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub infrared: bool,
     /// How it follows walls.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub walls: Option<WallsSpec>,

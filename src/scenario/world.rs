@@ -117,6 +117,10 @@ pub struct WallSpec {
     /// Is not on the floor plan that a robot may be given.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub unmapped: bool,
+    /// Is of glass: an `xv11` looks through it; infrared sensors see it, and whoever drives there
+    /// meets it.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub glass: bool,
 }
 
 /// A closed outline.
@@ -345,17 +349,19 @@ impl WorldSpec {
     fn fixtures(&self, source: &Source) -> Result<(Vec<Fixture>, Vec<Origin>), ScenarioError> {
         let mut fixtures = Vec::new();
         let mut origins = Vec::new();
-        let mut add = |shape, [reflectivity, height_m]: [f64; 2], key: &str, index: usize, span| {
-            fixtures.push(Fixture {
-                shape,
-                reflectivity,
-                height_m,
-            });
-            origins.push(Origin {
-                key: format!("world.{key}[{index}]"),
-                span,
-            });
-        };
+        let mut add =
+            |shape, [reflectivity, height_m]: [f64; 2], is_glass, key: &str, index: usize, span| {
+                fixtures.push(Fixture {
+                    shape,
+                    reflectivity,
+                    height_m,
+                    is_glass,
+                });
+                origins.push(Origin {
+                    key: format!("world.{key}[{index}]"),
+                    span,
+                });
+            };
         for (index, spec) in self.wall.iter().enumerate() {
             let wall = spec.get_ref();
             if wall.path_m.len() < 2 {
@@ -375,7 +381,7 @@ impl WorldSpec {
                     to: point(pair[1]),
                 };
                 let looks = [wall.reflectivity, height(wall.height_m)];
-                add(shape, looks, "wall", index, spec.span());
+                add(shape, looks, wall.glass, "wall", index, spec.span());
             }
         }
         for (index, spec) in self.polygon.iter().enumerate() {
@@ -383,7 +389,7 @@ impl WorldSpec {
             let corners = polygon.corners_m.iter().copied().map(point).collect();
             let shape = Shape::Polygon { corners };
             let looks = [polygon.reflectivity, height(polygon.height_m)];
-            add(shape, looks, "polygon", index, spec.span());
+            add(shape, looks, false, "polygon", index, spec.span());
         }
         for (index, spec) in self.pillar.iter().enumerate() {
             let pillar = spec.get_ref();
@@ -393,7 +399,7 @@ impl WorldSpec {
                     radius_m: pillar.radius_m,
                 };
                 let looks = [pillar.reflectivity, height(pillar.height_m)];
-                add(shape, looks, "pillar", index, spec.span());
+                add(shape, looks, false, "pillar", index, spec.span());
             }
         }
         if let Some(spec) = &self.maze {
@@ -405,14 +411,15 @@ impl WorldSpec {
             for corners in maze.boards() {
                 let corners = corners.into_iter().map(point).collect();
                 let looks = [1.0, f64::INFINITY];
-                add(Shape::Polygon { corners }, looks, "maze", 0, spec.span());
+                let shape = Shape::Polygon { corners };
+                add(shape, looks, false, "maze", 0, spec.span());
             }
         }
         if let Some(spec) = &self.plan {
             let image: OccupancyImage = plan::read(&spec.get_ref().yaml, source)
                 .map_err(|message| source.invalid(Some(spec.span()), "world.plan", message))?;
             for shape in image.walls() {
-                add(shape, [1.0, f64::INFINITY], "plan", 0, spec.span());
+                add(shape, [1.0, f64::INFINITY], false, "plan", 0, spec.span());
             }
         }
         Ok((fixtures, origins))
@@ -454,6 +461,7 @@ impl WorldSpec {
                 shape,
                 reflectivity: 1.0,
                 height_m: f64::INFINITY,
+                is_glass: false,
             };
             obstacles.push(Obstacle {
                 fixture,

@@ -8,12 +8,14 @@
 
 use core::f64::consts::{FRAC_PI_2, PI};
 
+use super::memory::Memory;
 use super::profile::NearObjects;
+use crate::rng::Rng;
 use crate::world::World;
 
 /// Sensors that are powered together, one block per run of the analog task, as places in
 /// [`SENSORS`]. Each sensor is so refreshed every 150.6 ms.
-pub(super) const BLOCKS: [&[Sensor]; 3] = [
+const BLOCKS: [&[Sensor]; 3] = [
     &[
         SHORT[0], // front left
         SHORT[1], // right front
@@ -30,15 +32,15 @@ pub(super) const BLOCKS: [&[Sensor]; 3] = [
 ];
 
 /// Registers of the sensor that looks at the floor.
-pub(super) const FLOOR_REGISTER: u8 = 15;
+const FLOOR_REGISTER: u8 = 15;
 /// Reading of the sensor that looks at the floor, on a floor. A guess; nothing is calibrated.
-pub(super) const FLOOR_RAW: i16 = 500;
+const FLOOR_RAW: i16 = 500;
 
 /// One sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Sensor {
+struct Sensor {
     /// First of its two registers.
-    pub(super) register: u8,
+    register: u8,
     mount: Mount,
     curve: Curve,
 }
@@ -206,16 +208,54 @@ const LONG: [Sensor; 2] = [
     },
 ];
 
+/// The sensors, the block of them whose turn it is, and their noise.
+#[derive(Clone, Debug)]
+pub(super) struct Sensors {
+    block: usize,
+    noise: Rng,
+}
+
+impl Sensors {
+    pub(super) fn new(seed: u64) -> Self {
+        Self {
+            block: 0,
+            noise: Rng::stream(seed, "base.infrared"),
+        }
+    }
+
+    /// The base starts anew.
+    pub(super) const fn restart(&mut self) {
+        self.block = 0;
+    }
+
+    /// Place of the block whose turn it is.
+    pub(super) const fn block(&self) -> usize {
+        self.block
+    }
+
+    /// Measures with one block, and the floor.
+    pub(super) fn measure(&mut self, world: &World, near: NearObjects, memory: &mut Memory) {
+        for sensor in BLOCKS[self.block] {
+            let distance = sensor.measure(world, near, self.noise.gauss());
+            memory.feed_i16(sensor.register, distance);
+        }
+        self.block = (self.block + 1) % BLOCKS.len();
+        memory.feed_i16(FLOOR_REGISTER, FLOOR_RAW);
+    }
+}
+
 impl Sensor {
-    /// What its registers show now.
-    pub(super) fn measure(&self, world: &World, near: NearObjects) -> i16 {
+    /// What its registers show now, with `noise` in deviations.
+    fn measure(&self, world: &World, near: NearObjects, noise: f64) -> i16 {
         let pose = world.pose();
         let from = pose.offset(self.mount.ahead, self.mount.left);
         let hit = world.cast_ray(from, pose.theta + self.mount.angle, RANGE_M);
-        let raw = hit.map_or(0, |hit| self.curve.raw(hit.distance * 1_000.0));
         match near {
-            NearObjects::FollowCurve => self.curve.distance_mm(raw),
-            NearObjects::Clamped => self.curve.distance_mm(raw.min(FALLING_UP_TO)).max(0),
+            NearObjects::FollowCurve => {
+                let raw = hit.map_or(0, |hit| self.curve.raw(hit.distance * 1_000.0));
+                self.curve.distance_mm(raw)
+            }
+            NearObjects::Clamped => documented_mm(hit.map(|hit| hit.distance), noise),
         }
     }
 }
@@ -224,6 +264,19 @@ impl Sensor {
 const RANGE_M: f64 = 1.0;
 /// All curves fall up to this reading; some of the short ones rise again a little later.
 const FALLING_UP_TO: u16 = 430;
+
+/// The report's sensors reach 1 m and are noisy; a deviation of 3 mm and one part in a hundred is
+/// a guess. Where nothing is, they tell that metre.
+fn documented_mm(distance_m: Option<f64>, noise: f64) -> i16 {
+    let Some(distance_m) = distance_m else {
+        return 1_000;
+    };
+    let mm = distance_m * 1_000.0;
+    let mm = (mm + noise * (3.0 + 0.01 * mm)).clamp(0.0, RANGE_M * 1_000.0);
+    #[expect(clippy::cast_possible_truncation, reason = "at most 1000")]
+    let whole = mm.round() as i16;
+    whole
+}
 
 impl Curve {
     /// Distance at which the falling branch ends, and reading at contact. Guesses, chosen so that
@@ -376,10 +429,16 @@ mod tests {
         };
         let scene = Scene::new([wall], vec![]).unwrap();
         let world = World::new(scene, BodyConfig::default(), Pose::default(), 1).unwrap();
-        let read = |register| sensor(register).measure(&world, NearObjects::FollowCurve);
+        let read = |register| sensor(register).measure(&world, NearObjects::FollowCurve, 9.0);
         assert_eq!([21, 31].map(|r| (read(r) - 170).abs() <= 3), [true; 2]);
         assert!((read(9) - 150).abs() <= 2, "{}", read(9));
         assert_eq!([29, 1, 5, 3, 7, 23].map(read), [200; 6]);
         assert_eq!(read(11), 400);
+        // The report's: a metre far, and with noise; 170 mm and a deviation of 4.7 mm.
+        let read = |register, noise| sensor(register).measure(&world, NearObjects::Clamped, noise);
+        assert_eq!(
+            [read(21, 0.0), read(21, 1.0), read(11, 1.0)],
+            [170, 175, 1_000]
+        );
     }
 }

@@ -108,7 +108,7 @@ impl AvrBase {
             Tasks::Gone => return self.chip.cpu.begin_tick(Due::bare_work(), false),
         }
         let due = self.ticks.due(at);
-        let work = due.work(self.block, self.set_points() != [0; 2]);
+        let work = due.work(self.infrared.block(), self.set_points() != [0; 2]);
         self.chip.cpu.begin_tick(work, due.divider);
         if due.regulator && self.ticks.after(at, REGULATOR, 1) > self.now {
             self.regulate(at, world);

@@ -210,7 +210,7 @@ pub struct Gains {
 pub enum NearObjects {
     /// What the curve says: negative, or farther again.
     FollowCurve,
-    /// Nearer and nearer down to zero.
+    /// Nearer and nearer down to zero, as far as a metre and with noise.
     Clamped,
 }
 

@@ -12,6 +12,7 @@ fn wall(x: f64, y: f64, half: f64, height_m: f64) -> Fixture {
     };
     Fixture {
         height_m,
+        is_glass: false,
         ..shape.into()
     }
 }

@@ -14,6 +14,7 @@ pub(crate) fn world() -> World {
         },
         reflectivity: 1.0,
         height_m: f64::INFINITY,
+        is_glass: false,
     };
     let scene = Scene::new([wall], vec![]).expect("a wall");
     let pose = Pose::new(1.0, 0.5, 0.0);

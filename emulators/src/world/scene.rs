@@ -61,6 +61,9 @@ pub struct Fixture {
     /// How far it rises from the floor, metres: what is as high or higher sees over it, see
     /// [`Scene::slice`]. The robot's body meets it all the same.
     pub height_m: f64,
+    /// A pane of glass: the beam of a lidar goes through it, see [`Scene::for_lidar`]. Infrared
+    /// sensors, cameras and the body meet it.
+    pub is_glass: bool,
 }
 
 impl From<Shape> for Fixture {
@@ -70,6 +73,7 @@ impl From<Shape> for Fixture {
             shape,
             reflectivity: 1.0,
             height_m: f64::INFINITY,
+            is_glass: false,
         }
     }
 }

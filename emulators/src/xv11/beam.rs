@@ -13,7 +13,7 @@ use super::optics::{
 use crate::lidar::beam::{Beam, aside, normal};
 use crate::lidar::{Direction, Mount};
 use crate::rng::Rng;
-use crate::world::{Hit, Point, World};
+use crate::world::{Hit, Point, Scene, World};
 
 /// Error codes that the optics give; meanings are inferred from where they occur.
 mod code {
@@ -64,6 +64,9 @@ const FLAW_TOO_WIDE: f64 = 7e-4;
 const FLAW_TOO_DIM: f64 = 3e-4;
 const FLAW_BOTH: f64 = 3e-5;
 
+/// Height of the beam above the floor, metres: it lies on the robot. A guess.
+const HEIGHT_M: f64 = 0.10;
+
 /// The optics with their noise and what they saw in the last turn.
 #[derive(Clone, Debug)]
 pub(super) struct Eye {
@@ -79,6 +82,8 @@ pub(super) struct Eye {
     /// True distance per degree as last seen, millimetres; infinite without a dot. Tells where a
     /// closer look is worth its ray casts. The first degrees are there again behind the last.
     seen_mm: Box<[f64; 360 + SHADOW_DEGREES]>,
+    /// The scene, and what of it the beam meets.
+    views: Option<[Scene; 2]>,
 }
 
 impl Eye {
@@ -92,6 +97,7 @@ impl Eye {
             strength: Rng::stream(seed, &format!("{name}.strength")),
             beam: Rng::stream(seed, &format!("{name}.beam")),
             seen_mm: Box::new([f64::INFINITY; 360 + SHADOW_DEGREES]),
+            views: None,
         }
     }
 
@@ -127,8 +133,9 @@ impl Eye {
             strength: normal(&mut self.strength),
         };
         let beam = self.beam_at(world, at, angle_deg, noise.angle);
-        let hit = world
-            .cast_ray_at(at, beam.from, beam.angle, RANGE_MAX_MM / 1e3)
+        self.keep_view(world.scene());
+        let hit = self
+            .cast(at, beam.from, beam.angle, RANGE_MAX_MM / 1e3)
             .filter(|_| !self.dark);
         let mm = hit.map_or(f64::INFINITY, |hit| hit.distance * 1e3);
         let slot = usize::from(slot % 360);
@@ -139,15 +146,28 @@ impl Eye {
         let Some(hit) = hit else {
             return no_dot();
         };
-        if shadowed && self.is_shadowed(world, beam, hit) {
+        if shadowed && self.is_shadowed(beam, hit) {
             return no_dot();
         }
         if is_rough(behind, mm, ahead)
-            && let Some(reading) = self.rough(world, beam, hit, [behind, ahead], &noise)
+            && let Some(reading) = self.rough(beam, hit, [behind, ahead], &noise)
         {
             return reading;
         }
         smooth(mm, hit, &noise)
+    }
+
+    /// Looks anew at what a lidar sees of `scene`, if that is another one.
+    fn keep_view(&mut self, scene: &Scene) {
+        let is_kept = |[whole, _]: &[Scene; 2]| whole.is_clone_of(scene);
+        if !self.views.as_ref().is_some_and(is_kept) {
+            self.views = Some([scene.clone(), scene.for_lidar(HEIGHT_M)]);
+        }
+    }
+
+    fn cast(&self, at: Instant, from: Point, angle: f64, reach: f64) -> Option<Hit> {
+        let [_, seen] = self.views.as_ref()?;
+        seen.cast_ray(at, from, angle, reach)
     }
 
     fn beam_at(&self, world: &World, at: Instant, angle_deg: f64, jitter: f64) -> Beam {
@@ -171,7 +191,6 @@ impl Eye {
     /// an edge or a corner lies in it.
     fn rough(
         &self,
-        world: &World,
         beam: Beam,
         hit: Hit,
         neighbours_mm: [f64; 2],
@@ -183,8 +202,7 @@ impl Eye {
             Direction::Clockwise => -DOT_RAD,
         };
         let look = |offset: f64| {
-            world
-                .cast_ray_at(beam.at, beam.from, beam.angle + offset, RANGE_MAX_MM / 1e3)
+            self.cast(beam.at, beam.from, beam.angle + offset, RANGE_MAX_MM / 1e3)
                 .map_or(f64::INFINITY, |hit| hit.distance * 1e3)
         };
         let sides = [-sense, sense].into_iter().zip(neighbours_mm);
@@ -227,7 +245,7 @@ impl Eye {
     }
 
     /// Whether something stands between the dot and the camera.
-    fn is_shadowed(&self, world: &World, beam: Beam, hit: Hit) -> bool {
+    fn is_shadowed(&self, beam: Beam, hit: Hit) -> bool {
         let (sin, cos) = libm::sincos(beam.angle);
         let dot = Point::new(
             beam.from.x + hit.distance * cos,
@@ -240,7 +258,7 @@ impl Eye {
         let camera = aside(beam.from, beam.angle, side);
         let angle = libm::atan2(dot.y - camera.y, dot.x - camera.x);
         let reach = camera.distance(dot) - 0.01;
-        reach > 0.0 && world.cast_ray_at(beam.at, camera, angle, reach).is_some()
+        reach > 0.0 && self.cast(beam.at, camera, angle, reach).is_some()
     }
 }
 

@@ -14,12 +14,16 @@ const LOOK_AHEAD_S: [f32; 5] = [0.15, 0.3, 0.5, 0.7, 0.9];
 /// Coming nearer by less than this does not count.
 const APPROACH_MM: f32 = 4.0;
 
+/// Most points: those of a scan, and as many places again that other sensors tell of as there is
+/// use for.
+const POINTS_MAX: usize = BEAMS + 80;
+
 /// What the lidar saw last, from where the robot is now.
 #[derive(Clone, Debug)]
 pub struct Surroundings {
-    points: [Point; BEAMS],
+    points: [Point; POINTS_MAX],
     /// Distances of the points.
-    ranges_mm: [f32; BEAMS],
+    ranges_mm: [f32; POINTS_MAX],
     count: usize,
     nearest_mm: f32,
 }
@@ -27,8 +31,8 @@ pub struct Surroundings {
 impl Surroundings {
     /// Nothing seen.
     pub const EMPTY: Self = Self {
-        points: [Point::new(0.0, 0.0); BEAMS],
-        ranges_mm: [0.0; BEAMS],
+        points: [Point::new(0.0, 0.0); POINTS_MAX],
+        ranges_mm: [0.0; POINTS_MAX],
         count: 0,
         nearest_mm: f32::INFINITY,
     };
@@ -46,14 +50,25 @@ impl Surroundings {
     /// These points, at most [`BEAMS`].
     pub fn of(points: impl Iterator<Item = Point>) -> Self {
         let mut around = Self::EMPTY;
-        for point in points.take(BEAMS) {
-            around.points[around.count] = point;
-            let range = libm::sqrtf(point.x_mm * point.x_mm + point.y_mm * point.y_mm);
-            around.ranges_mm[around.count] = range;
-            around.nearest_mm = around.nearest_mm.min(range);
-            around.count += 1;
-        }
+        around.put(points.take(BEAMS));
         around
+    }
+
+    /// Adds what other sensors know of. A robot whose lidar is blind stays blind.
+    pub fn add(&mut self, points: impl Iterator<Item = Point>) {
+        if !self.is_blind() {
+            self.put(points);
+        }
+    }
+
+    fn put(&mut self, points: impl Iterator<Item = Point>) {
+        for point in points.take(POINTS_MAX - self.count) {
+            self.points[self.count] = point;
+            let range = libm::sqrtf(point.x_mm * point.x_mm + point.y_mm * point.y_mm);
+            self.ranges_mm[self.count] = range;
+            self.nearest_mm = self.nearest_mm.min(range);
+            self.count += 1;
+        }
     }
 
     /// Whether too little was seen to move at all.

@@ -12,6 +12,7 @@
 //! work; it is done once per turn in [`poll`](crate::Master::poll), and what follows from it is
 //! decided in the next call, when it is known how long it took.
 
+mod blind;
 mod config;
 mod decide;
 mod defects;
@@ -32,7 +33,7 @@ use core::time::Duration;
 use protocols::pcui::message::{Mode, State};
 use protocols::{Instant, LineConfig, Port, xv11};
 
-pub use config::{Config, Display, Smear, Turning, WHEELS};
+pub use config::{Config, Display, Infrared, Smear, Turning, WHEELS};
 pub use defects::{Defects, Own};
 pub use drive::Battery;
 pub use explore::Progress;
@@ -46,6 +47,7 @@ use crate::radio_setup::RadioSetup;
 use crate::scan::Scan;
 use crate::slam::Mapper;
 use crate::waypoints::{Waypoint, Waypoints};
+use blind::Blind;
 use drive::Drive;
 use explore::Explore;
 use health::Health;
@@ -94,6 +96,7 @@ pub struct Rescue {
     navigator: Navigator,
     explore: Explore,
     victims: Victims,
+    blind: Blind,
     health: Health,
     waypoints: Waypoints,
     mode: Mode,
@@ -162,6 +165,7 @@ impl Rescue {
             navigator: Navigator::new(config.navigation),
             explore: Explore::new(config.sought),
             victims: Victims::new(),
+            blind: Blind::new(),
             health: Health::new(),
             waypoints: Waypoints::with_defects(config.defects.waypoints),
             mode,
@@ -254,6 +258,7 @@ impl Rescue {
         }
         self.drive.tick(now);
         self.feel(now);
+        self.look_near(now);
         self.watch_health(now);
         if let Some(frame) = self.pc.freed(now) {
             self.obey(now, &frame);
@@ -364,7 +369,8 @@ impl Rescue {
     fn navigate(&mut self, now: Instant) {
         let since = self.motion_until(now);
         let pose = self.mapper.pose().then(since);
-        let around = Surroundings::seen(&self.scan, since);
+        let mut around = Surroundings::seen(&self.scan, since);
+        around.add(self.blind.seen_from(pose));
         let set_point = match self.mode() {
             Mode::Stop => HALT,
             Mode::Manual => return,

@@ -58,6 +58,10 @@ pub struct Register {
 
 /// System status; the fielded firmware always reports 0.
 pub const SYSTEM_STATUS: u8 = 0;
+/// First of six infrared distances in a row, two bytes each.
+pub const DIST_BACK_RIGHT: u8 = 1;
+/// First of the other four, which lie in 12 bytes.
+pub const DIST_FRONT_LEFT: u8 = 21;
 /// Battery voltage in mV, two bytes.
 pub const BATTERY_MV: u8 = 33;
 /// Battery charge in percent.
@@ -112,7 +116,7 @@ use Width::{I8, I16, I32, U8};
 /// All values in order of their address, without gaps.
 pub const TABLE: [Register; 30] = [
     reg(SYSTEM_STATUS, "system_status", U8, ReadOnly, ""),
-    reg(1, "dist_back_right", I16, ReadOnly, "mm"),
+    reg(DIST_BACK_RIGHT, "dist_back_right", I16, ReadOnly, "mm"),
     reg(3, "dist_right_back", I16, ReadOnly, "mm"),
     reg(5, "dist_left_back", I16, ReadOnly, "mm"),
     reg(7, "dist_back_left", I16, ReadOnly, "mm"),
@@ -122,7 +126,7 @@ pub const TABLE: [Register; 30] = [
     reg(15, "dist_down", I16, ReadOnly, "adc"),
     reg(17, "adc8", I16, Scratch, ""),
     reg(19, "battery_raw", I16, ReadOnly, "adc"),
-    reg(21, "dist_front_left", I16, ReadOnly, "mm"),
+    reg(DIST_FRONT_LEFT, "dist_front_left", I16, ReadOnly, "mm"),
     reg(23, "dist_left_front", I16, ReadOnly, "mm"),
     reg(25, "impasse_1", I16, ReadOnly, ""),
     reg(27, "impasse_2", I16, ReadOnly, ""),

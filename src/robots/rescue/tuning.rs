@@ -1,7 +1,7 @@
 //! Figures of a scenario in place of the program's own.
 
 use firmware_core::navigation::{WallFollowing, WallLaw};
-use firmware_core::robots::rescue::{Config, Smear};
+use firmware_core::robots::rescue::{Config, Infrared, Smear};
 use firmware_core::slam::{Budget, Fading};
 
 use crate::scenario::tuning::{FadingSpec, TuningSpec, WallsSpec};
@@ -34,6 +34,9 @@ pub(super) fn tune(config: &mut Config, tuning: &TuningSpec) {
     }
     if tuning.smear {
         config.smear = Smear::Kept;
+    }
+    if tuning.infrared {
+        config.infrared = Infrared::Read;
     }
     let body = &mut config.navigation.body;
     if let Some(radius_mm) = tuning.radius_mm {

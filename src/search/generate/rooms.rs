@@ -66,6 +66,7 @@ pub(super) fn walls(arena: &Arena, dice: &mut Draw) -> Vec<Spanned<WallSpec>> {
             reflectivity: 1.0,
             height_m: None,
             unmapped: false,
+            glass: false,
         };
         Spanned::new(0..0, wall)
     };

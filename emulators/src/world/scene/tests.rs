@@ -33,6 +33,7 @@ fn walker(shape: Shape) -> Obstacle {
             shape,
             reflectivity: 0.4,
             height_m: f64::INFINITY,
+            is_glass: false,
         },
         path: Path {
             waypoints: vec![waypoint(0, 0.0), waypoint(4, 4.0)],
@@ -86,6 +87,7 @@ fn the_hit_carries_the_reflectivity_of_what_was_hit() {
         shape: wall(1.0, -1.0, 1.0, 1.0),
         reflectivity: 0.1,
         height_m: f64::INFINITY,
+        is_glass: false,
     };
     let scene = Scene::new([black, wall(2.0, -1.0, 2.0, 1.0).into()], vec![]).unwrap();
     let hit = scene
@@ -214,6 +216,7 @@ fn negative_reflectivity_is_refused() {
         shape: circle(0.0, 0.0, 1.0),
         reflectivity: -0.1,
         height_m: f64::INFINITY,
+        is_glass: false,
     };
     let error = Scene::new([fixture], vec![]).unwrap_err();
     assert_eq!(

@@ -1,5 +1,7 @@
 //! What can be seen of a scene from a height, and within a cone.
 
+use std::sync::Arc;
+
 use protocols::Instant;
 
 use super::{Fixture, Obstacle, Scene};
@@ -22,10 +24,25 @@ impl Scene {
     /// and keep it; if everything is that high, it is this scene.
     #[must_use]
     pub fn slice(&self, height_m: f64) -> Self {
-        let is_seen = |fixture: &Fixture| fixture.height_m > height_m;
+        self.only(|fixture| fixture.height_m > height_m)
+    }
+
+    /// What the beam of a lidar at `height_m` meets: what is higher, and no glass. A guess in that
+    /// all panes let all light through; real ones show themselves when looked at squarely.
+    #[must_use]
+    pub fn for_lidar(&self, height_m: f64) -> Self {
+        self.only(|fixture| fixture.height_m > height_m && !fixture.is_glass)
+    }
+
+    /// Whether `other` is a clone of this scene.
+    pub fn is_clone_of(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.inner, &other.inner)
+    }
+
+    fn only(&self, is_seen: impl Fn(&Fixture) -> bool) -> Self {
         let inner = &*self.inner;
         let obstacles = || inner.obstacles.iter();
-        if inner.fixtures.iter().all(is_seen) && obstacles().all(|it| is_seen(&it.fixture)) {
+        if inner.fixtures.iter().all(&is_seen) && obstacles().all(|it| is_seen(&it.fixture)) {
             return self.clone();
         }
         let fixtures = inner.fixtures.iter().filter(|it| is_seen(it)).cloned();
@@ -75,6 +92,7 @@ mod tests {
         };
         Fixture {
             height_m,
+            is_glass: false,
             ..shape.into()
         }
     }
@@ -113,6 +131,23 @@ mod tests {
         let scene = Scene::new([wall(2.0, 1.0)], vec![toy]).unwrap();
         assert_eq!(range(&scene), Some(1.0));
         assert_eq!(range(&scene.slice(0.35)), Some(2.0));
+    }
+
+    /// A pane 1 m ahead and a threshold of 4 cm 2 m ahead are nothing to a lidar 10 cm above the
+    /// floor; the scene itself has both.
+    #[test]
+    fn a_lidar_looks_through_glass_and_over_a_threshold() {
+        let pane = Fixture {
+            is_glass: true,
+            ..wall(1.0, f64::INFINITY)
+        };
+        let fixtures = [pane, wall(2.0, 0.04), wall(3.0, f64::INFINITY)];
+        let scene = Scene::new(fixtures, vec![]).unwrap();
+        assert_eq!(range(&scene), Some(1.0));
+        assert_eq!(range(&scene.slice(0.10)), Some(1.0));
+        let seen = scene.for_lidar(0.10);
+        assert_eq!(range(&seen), Some(3.0));
+        assert!(seen.is_clone_of(&seen.for_lidar(0.10)) && !seen.is_clone_of(&scene));
     }
 
     #[test]

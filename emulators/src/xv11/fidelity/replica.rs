@@ -89,6 +89,7 @@ fn scene() -> World {
         shape: box_walls,
         reflectivity: 0.9,
         height_m: f64::INFINITY,
+        is_glass: false,
     };
     let scene = Scene::new([fixed], vec![hand()]).expect("a box and a hand");
     let body = BodyConfig {
@@ -117,6 +118,7 @@ fn hand() -> Obstacle {
             },
             reflectivity: 0.16,
             height_m: f64::INFINITY,
+            is_glass: false,
         },
         path: Path {
             waypoints,

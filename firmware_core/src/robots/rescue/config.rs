@@ -33,6 +33,8 @@ pub struct Config {
     pub smear: Smear,
     /// What tells how far the robot has turned.
     pub turning: Turning,
+    /// Whether it looks for what its lidar does not see.
+    pub infrared: Infrared,
     /// What the robot does until it is told otherwise.
     pub initial_mode: Mode,
     /// How the radio is set up before it is used; `None`: it is ready.
@@ -58,6 +60,7 @@ impl Config {
         sought: Sought::Floor,
         smear: Smear::Undone,
         turning: Turning::Wheels,
+        infrared: Infrared::Unread,
         initial_mode: Mode::Stop,
         radio_setup: None,
         pc_link: pc_link::Settings::DEFAULT,
@@ -82,6 +85,15 @@ pub enum Turning {
     Wheels,
     /// The gyroscope of its base.
     Gyroscope,
+}
+
+/// Whether the base's infrared sensors are read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Infrared {
+    /// They are not, as by the fielded program.
+    Unread,
+    /// What they meet where the lidar shows nothing is an obstacle.
+    Read,
 }
 
 /// Whether the robot has a display.

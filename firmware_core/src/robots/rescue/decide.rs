@@ -43,6 +43,21 @@ impl Rescue {
         }
     }
 
+    /// Looks for what the lidar does not see with what the infrared sensors have read since.
+    pub(super) fn look_near(&mut self, now: Instant) {
+        let Some(readings) = self.drive.take_infrared() else {
+            return;
+        };
+        if self.matched.is_none() || self.is_lost() || !self.drive.odometry.remembers(now) {
+            return;
+        }
+        let since = self.motion_until(now);
+        let pose = self.mapper.pose().then(since);
+        let around = Surroundings::seen(&self.scan, since);
+        let speed = self.drive.speed();
+        self.blind.take(readings, pose, &around, speed);
+    }
+
     /// The victims that it has found.
     pub fn victims(&self) -> &[Victim] {
         self.victims.all()

@@ -8,7 +8,8 @@ use crate::gyro::{Gyro, Wheels};
 use crate::navigation::{HALT, Sought};
 use crate::odometry::Odometry;
 
-use super::config::{Config, TICK_MM_S, Turning};
+use super::blind;
+use super::config::{Config, Infrared, TICK_MM_S, Turning};
 
 /// Encoders and measured speeds: ten registers in one answer, so that they belong together.
 const WHEELS: Request = Request::read(registers::ENCODER_LEFT, 10);
@@ -16,6 +17,13 @@ const WHEELS: Request = Request::read(registers::ENCODER_LEFT, 10);
 const HEAT: Request = Request::read(registers::HEAT_LEFT, 6);
 /// One rescue kit.
 const KIT: Request = Request::write(registers::KITS, [1]);
+/// The infrared sensors, and others that lie between them; in two reads.
+const INFRARED: [Request; 2] = [
+    Request::read(registers::DIST_BACK_RIGHT, 12),
+    Request::read(registers::DIST_FRONT_LEFT, 12),
+];
+/// Where in each read its sensors are.
+const INFRARED_AT: [&[usize]; 2] = [&[0, 2, 4, 6, 8, 10], &[0, 2, 8, 10]];
 const BATTERY: Request = Request::read(registers::BATTERY_MV, 3);
 /// The sum of the gyroscope.
 const YAW: Request = Request::read(registers::YAW, 4);
@@ -24,6 +32,8 @@ const YAW: Request = Request::read(registers::YAW, 4);
 const WHEELS_PERIOD: Duration = Duration::from_millis(40);
 /// The base reads its thermometers every 50 ms.
 const HEAT_PERIOD: Duration = Duration::from_millis(100);
+/// The base measures with a third of its infrared sensors every 50 ms.
+const INFRARED_PERIOD: Duration = Duration::from_millis(100);
 const BATTERY_PERIOD: Duration = Duration::from_secs(1);
 /// Longest time between two writes of the set-points. The base stops by itself after a second.
 const REFRESH: Duration = Duration::from_millis(150);
@@ -71,6 +81,11 @@ pub(super) struct Drive {
     /// `None` if there are no thermometers.
     heat_at: Option<Instant>,
     heat: Option<[i16; 2]>,
+    /// `None` if the infrared sensors are not read.
+    infrared_at: Option<Instant>,
+    /// Their readings, mm, and whether both halves were read since somebody asked last.
+    infrared: [i16; blind::SENSORS],
+    is_infrared_new: bool,
     /// Kits that are still to be dropped.
     kits: u8,
     probe_at: Instant,
@@ -111,6 +126,12 @@ impl Drive {
                 Sought::FloorAndHeat => Some(Instant::ZERO),
             },
             heat: None,
+            infrared_at: match config.infrared {
+                Infrared::Unread => None,
+                Infrared::Read => Some(Instant::ZERO),
+            },
+            infrared: [i16::MAX; blind::SENSORS],
+            is_infrared_new: false,
             kits: 0,
             probe_at: Instant::ZERO,
             was_silent: false,
@@ -197,6 +218,12 @@ impl Drive {
                 self.link.submit(now, KIT);
             }
         }
+        if self.infrared_at.is_some_and(|at| now >= at) {
+            self.infrared_at = Some(now + INFRARED_PERIOD);
+            for request in INFRARED {
+                self.link.submit(now, request);
+            }
+        }
     }
 
     pub(super) fn next_at(&self) -> Instant {
@@ -218,11 +245,17 @@ impl Drive {
             .min(self.wheels_at)
             .min(self.battery_at)
             .min(self.heat_at.unwrap_or(FAR))
+            .min(self.infrared_at.unwrap_or(FAR))
     }
 
     /// The newest reading of the thermometers, left and right, tenths of a degree, once.
     pub(super) const fn take_heat(&mut self) -> Option<[i16; 2]> {
         self.heat.take()
+    }
+
+    /// The newest readings of the infrared sensors, mm, once.
+    pub(super) fn take_infrared(&mut self) -> Option<[i16; blind::SENSORS]> {
+        core::mem::take(&mut self.is_infrared_new).then_some(self.infrared)
     }
 
     /// A new reading of the battery, once.
@@ -329,6 +362,8 @@ impl Drive {
                 let sum = i32::from_le_bytes([data[0], data[1], data[2], data[3]]);
                 self.yaw = Some((done.at, sum));
             }
+            Outcome::Data(data) if done.request == INFRARED[0] => self.infrared_read(0, &data),
+            Outcome::Data(data) if done.request == INFRARED[1] => self.infrared_read(1, &data),
             Outcome::Written if done.request == KIT => self.kits = self.kits.saturating_sub(1),
             Outcome::Data(data) => {
                 self.is_battery_new = true;
@@ -346,6 +381,14 @@ impl Drive {
             Outcome::Failed if done.request.is_write() => self.written_at = Instant::ZERO,
             Outcome::Failed => {}
         }
+    }
+
+    fn infrared_read(&mut self, half: usize, data: &[u8; READ_MAX]) {
+        let first = if half == 0 { 0 } else { INFRARED_AT[0].len() };
+        for (reading, &at) in self.infrared[first..].iter_mut().zip(INFRARED_AT[half]) {
+            *reading = i16::from_le_bytes([data[at], data[at + 1]]);
+        }
+        self.is_infrared_new = half == 1;
     }
 
     fn wheels_read(&mut self, at: Instant, data: &[u8; READ_MAX]) {

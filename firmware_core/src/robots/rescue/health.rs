@@ -172,6 +172,7 @@ impl Rescue {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Config;
     use super::*;
 
     fn take(health: &mut Health, percent: i8) -> bool {
@@ -179,6 +180,19 @@ mod tests {
             millivolts: 10_000,
             percent,
         })
+    }
+
+    /// 20 mm from the rim of a map of 3 m the robot is off it, in its middle it is not.
+    #[test]
+    fn leaving_the_map_is_told() {
+        let is_told = |x_mm| {
+            let mut config = Config::default();
+            config.mapping.start = Pose::new(x_mm, 1_500.0, 0.0);
+            let mut robot = Rescue::new(config);
+            robot.watch_health(Instant::ZERO);
+            robot.diagnosis().conditions.has(Condition::OffMap)
+        };
+        assert_eq!([1_500.0, 2_980.0, 20.0].map(is_told), [false, true, true]);
     }
 
     /// Five in a row; a full one makes it forget, one of 20 percent does not.
