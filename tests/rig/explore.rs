@@ -31,6 +31,22 @@ fn a_flat_is_searched_to_its_last_corner_and_left_for_home() {
     assert_eq!(judged("rescue-explore", "", |_| {}), [""; 0]);
 }
 
+/// Two panes and a threshold of 4 cm, which the lidar does not see; unread, the infrared sensors
+/// are of no use.
+#[test]
+fn glass_and_thresholds_are_seen_by_infrared() {
+    assert_eq!(judged("rescue-glass", "", |_| {}), [""; 0]);
+    let unread = |scenario: &mut Scenario| {
+        scenario.program.tuning = None;
+        scenario.duration = "60s".parse().expect("a minute");
+    };
+    let failed = judged("rescue-glass", "", unread);
+    assert!(
+        failed.iter().any(|it| it.starts_with("no-collision")),
+        "{failed:?}"
+    );
+}
+
 #[test]
 fn mazes_of_all_sizes_are_searched() {
     for (seed, size) in [(2, [3, 3]), (3, [4, 3]), (4, [4, 4])] {
