@@ -59,5 +59,5 @@ fn what_has_no_neighbours_stays_where_it_is() {
     // 2 m at 0.1 rad: 1.990 ahead, 0.1997 to the left.
     assert!((places[0].at[0] - 1.990).abs() < 1e-3 && (places[0].at[1] - 0.1997).abs() < 1e-3);
     assert!(places.iter().all(|it| it.along.is_none()));
-    assert!(sightings(std::iter::empty(), 9.0).is_empty());
+    assert!(sightings(core::iter::empty(), 9.0).is_empty());
 }
