@@ -40,12 +40,10 @@ pub(super) fn document(
     result: Option<Value>,
 ) -> Value {
     let end = match ended {
-        Ok(Verdict::Pass) => End::Pass,
-        Ok(Verdict::Fail) => End::Fail,
+        Ok(Verdict::Pass | Verdict::Program(0)) => End::Pass,
+        Ok(Verdict::Fail | Verdict::Program(_)) => End::Fail,
         Ok(Verdict::NotJudged) => End::NotJudged,
         Ok(Verdict::Interrupted(_)) => End::Interrupted,
-        Ok(Verdict::Program(0)) => End::Pass,
-        Ok(Verdict::Program(_)) => End::Fail,
         Err(_) => End::Error,
     };
     json!({

@@ -167,7 +167,7 @@ pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
     Ok(ended_by.map_or(verdict, Verdict::Interrupted))
 }
 
-/// Counts, and makes the case of each cause smaller: somebody who watches is told why it takes long.
+/// Counts, and makes the case of each cause smaller: who watches is told why it takes long.
 fn summarise(
     store: &Store,
     earlier: Option<&(PathBuf, Store)>,

@@ -90,8 +90,8 @@ fn a_campaign_that_is_told_to_end_is_not_done() {
     }
 }
 
-/// All has run, and 150 tries of a mission of 90 s are ahead: the case is written as it is, with its
-/// four waypoints.
+/// All has run, and 150 tries of a mission of 90 s are ahead: the case is written as it is, with
+/// its four waypoints.
 #[test]
 fn who_is_told_to_end_while_a_case_is_made_smaller_takes_the_best_so_far() {
     let session = Session::new("campaign-told-late");

@@ -101,8 +101,8 @@ pub(crate) fn merge(dirs: &[PathBuf], out: &Path) -> Result<Store, StoreError> {
 }
 
 /// Sums up `store`, compared with `earlier` and the folder that it is from, if that is given:
-/// writes `campaign.json`, `campaign.html` and a minimised case for each cause into its folder. Once
-/// `is_over` says so, the cases stay as small as they are.
+/// writes `campaign.json`, `campaign.html` and a minimised case for each cause into its folder.
+/// Once `is_over` says so, the cases stay as small as they are.
 ///
 /// # Errors
 /// If a case cannot be read, or the folder cannot be written.

@@ -148,6 +148,8 @@ pub struct Apollo13 {
     survey: Option<Survey>,
     /// When a place to look from was chosen last.
     chosen: Option<Instant>,
+    /// Since when it has not got on while it maps, and where.
+    got_on: Option<(Instant, CarPose)>,
     pilot: Pilot,
     gates: Gates,
     passage: Option<Passage>,
@@ -229,6 +231,7 @@ impl Apollo13 {
             floor,
             survey: None,
             chosen: None,
+            got_on: None,
             pilot: Pilot::new(PrimitiveSet::car(), &outline, follower::Settings::default()),
             gates: Gates::new(rules),
             passage: None,

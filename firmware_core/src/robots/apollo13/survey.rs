@@ -47,11 +47,22 @@ const MARGIN: usize = 12;
 const BESIDE_M: f64 = 0.9;
 /// From one place of the track to the next, metres.
 const TRACK_M: f64 = 0.2;
+/// The newest places of the track, a metre, are not passed yet: what is open there may lie ahead.
+const STILL_HERE: usize = 5;
 /// Less from one scan to the next is a car that stands, metres; of one, so many are drawn first.
 const REST_M: f64 = 0.000_5;
 const SCANS_AT_REST: u32 = 10;
 /// Scans before there is a map to drive by.
 const SCANS_MIN: u32 = 5;
+
+/// With edges left that the car could not get to, it goes back by so much of its way and tries them
+/// anew: from beside a corner there may be no way on. Metres, and how often.
+const BACK_M: f64 = 2.5;
+const BACK_MAX: u8 = 1;
+/// After so many goals in a row that show fewer new cells than this, a quarter of a square metre,
+/// the car has seen what it can.
+const VAIN_MAX: u8 = 4;
+const NEWS_CELLS: usize = 100;
 
 /// Where to go next.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,6 +98,11 @@ pub struct Survey {
     /// The edge that the car was sent to last.
     edge: Option<[f64; 2]>,
     tried: Tried,
+    /// How often it went back.
+    went_back: u8,
+    /// Cells known at the last goal that showed something, and goals since.
+    known: usize,
+    vain: u8,
     is_complete: bool,
 }
 
@@ -108,6 +124,9 @@ impl Survey {
             track: Vec::new(),
             edge: None,
             tried: Tried::default(),
+            went_back: 0,
+            known: 0,
+            vain: 0,
             is_complete: false,
         }
     }
@@ -201,13 +220,22 @@ impl Survey {
         if self.is_complete {
             return Choice::Done;
         }
-        let Some((goal, place)) = edges::next(self, costs, pose, is_free) else {
-            self.is_complete = true;
-            return Choice::Done;
+        let Some((goal, place)) = edges::next(self, costs, pose, &is_free) else {
+            return match self.back(pose, is_free) {
+                Some(goal) => Choice::Go(goal),
+                None => {
+                    self.is_complete = true;
+                    Choice::Done
+                }
+            };
         };
         let before = self.edge.replace(place);
         if is_under_way && before.is_some_and(|before| edges::are_same(before, place)) {
             return Choice::Stay;
+        }
+        if self.is_in_vain() {
+            self.is_complete = true;
+            return Choice::Done;
         }
         match self.tried.add(place) {
             true => Choice::Look(goal),
@@ -215,9 +243,33 @@ impl Survey {
         }
     }
 
-    /// Whether the camera came by so near that what it has not seen there lies beside it.
+    /// Whether the last goals have shown nothing.
+    fn is_in_vain(&mut self) -> bool {
+        let known = self.cells.iter().filter(|cell| **cell != UNKNOWN).count();
+        if known >= self.known + NEWS_CELLS {
+            (self.known, self.vain) = (known, 0);
+        } else {
+            self.vain = self.vain.saturating_add(1);
+        }
+        self.vain > VAIN_MAX
+    }
+
+    /// Some way back from `pose`, if the car has given up on an edge: it may try that once more.
+    fn back(&mut self, pose: CarPose, is_free: impl Fn(CarPose) -> bool) -> Option<CarPose> {
+        if self.went_back >= BACK_MAX || !self.tried.has_given_up() {
+            return None;
+        }
+        let mut way = self.track.iter().rev().copied();
+        let goal = way.find(|at| at.distance_m(pose) >= BACK_M && is_free(*at))?;
+        self.went_back += 1;
+        self.tried = Tried::default();
+        Some(goal)
+    }
+
+    /// Whether the camera has come by so near that what it has not seen there lies beside its way.
     fn is_beside(&self, [x_m, y_m]: [f64; 2]) -> bool {
-        let mut track = self.track.iter();
+        let passed = self.track.len().saturating_sub(STILL_HERE);
+        let mut track = self.track[..passed].iter();
         track.any(|at| libm::hypot(at.x_m - x_m, at.y_m - y_m) < BESIDE_M)
     }
 

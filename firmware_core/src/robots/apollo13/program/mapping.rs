@@ -18,6 +18,10 @@ const FLOOR_EVERY: Duration = Duration::from_secs(1);
 /// So near a goal the next one is chosen, metres, and no oftener than this.
 const NEAR_M: f64 = 1.2;
 const CHOOSES_EVERY: Duration = Duration::from_secs(2);
+/// A car that gets on by less than this, metres, in so long shuffles before something that only
+/// shows from where it stands: that place is not for it.
+const GOT_ON_M: f64 = 0.3;
+const GETS_ON_WITHIN: Duration = Duration::from_secs(15);
 
 impl Apollo13 {
     /// A map is begun when mapping is ordered: the plan that the car was given does not count. When
@@ -67,12 +71,25 @@ impl Apollo13 {
         self.move_origin(found.shifted(-CAMERA_AHEAD_M));
     }
 
+    /// Whether the car has got on within the last while, at least by what counts as such; a car
+    /// that has not starts to count anew.
+    fn gets_on(&mut self, pose: CarPose) -> bool {
+        let (since, at) = *self.got_on.get_or_insert((self.now, pose));
+        let has_moved = at.distance_m(pose) > GOT_ON_M;
+        let is_late = self.now - since > GETS_ON_WITHIN;
+        if has_moved || is_late {
+            self.got_on = Some((self.now, pose));
+        }
+        has_moved || !is_late
+    }
+
     /// The next place to look from, when the car is near the last one: it need not stop there.
     pub(super) fn explore(&mut self, pose: CarPose) {
         let is_under_way = matches!(self.pilot.state(), GoalState::Driving | GoalState::Planning);
         let is_far = |goal: CarPose| goal.distance_m(pose) > NEAR_M;
         let is_old = |chosen: Instant| self.now - chosen >= CHOOSES_EVERY;
         let is_due = self.chosen.is_none_or(is_old);
+        let is_under_way = is_under_way && self.gets_on(pose);
         if is_under_way && (!is_due || self.pilot.goal().is_some_and(is_far)) {
             return;
         }

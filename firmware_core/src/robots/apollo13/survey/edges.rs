@@ -44,6 +44,11 @@ impl Tried {
         self.near(place).is_some_and(|at| self.0[at].1 >= TRIES_MAX)
     }
 
+    /// Whether there is an edge that the car does not go to any more.
+    pub(super) fn has_given_up(&self) -> bool {
+        self.0.iter().any(|(_, tries)| *tries >= TRIES_MAX)
+    }
+
     /// The car goes to the edge at this place; whether for the first time.
     pub(super) fn add(&mut self, place: [f64; 2]) -> bool {
         let near = self.near(place);
