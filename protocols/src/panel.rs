@@ -183,34 +183,16 @@ const fn window_of(bytes: &[u8; WINDOW_LEN]) -> Window {
     }
 }
 
-/// CRC-16/XMODEM: polynomial 1021, from 0, a byte at a time.
+/// CRC-16/XMODEM: polynomial 1021, from 0, four bits at a time.
 pub fn checksum(bytes: &[u8]) -> u16 {
-    const TABLE: [u16; 256] = remainders();
+    const TABLE: [u16; 16] = [
+        0x0000, 0x1021, 0x2042, 0x3063, 0x4084, 0x50A5, 0x60C6, 0x70E7, 0x8108, 0x9129, 0xA14A,
+        0xB16B, 0xC18C, 0xD1AD, 0xE1CE, 0xF1EF,
+    ];
     bytes.iter().fold(0, |crc, &byte| {
-        let [high, low] = crc.to_be_bytes();
-        (u16::from(low) << 8) ^ TABLE[usize::from(high ^ byte)]
+        let crc = (crc << 4) ^ TABLE[usize::from((crc >> 12) ^ u16::from(byte >> 4))];
+        (crc << 4) ^ TABLE[usize::from((crc >> 12) ^ u16::from(byte & 0x0F))]
     })
-}
-
-/// What is left of each byte, with 16 zeros behind it, divided by the polynomial.
-const fn remainders() -> [u16; 256] {
-    let mut table = [0; 256];
-    let mut byte = 0_u16;
-    while byte < 256 {
-        let mut crc = byte << 8;
-        let mut bit = 0;
-        while bit < 8 {
-            let is_out = crc & 0x8000 != 0;
-            crc <<= 1;
-            if is_out {
-                crc ^= 0x1021;
-            }
-            bit += 1;
-        }
-        table[byte as usize] = crc;
-        byte += 1;
-    }
-    table
 }
 
 /// Puts start, number, length and checksum around a payload that already lies in `frame[4..]`;
