@@ -94,6 +94,17 @@ export class Browser {
     await this.ask("POST", "/actions", { actions: [{ type: "pointer", id: "mouse", actions }] });
   }
 
+  // Turns the wheel at a place of the window, down if positive.
+  async wheel([x, y], deltaY) {
+    const [left, top] = [x, y].map(Math.round);
+    const turn = { type: "scroll", duration: 0, x: left, y: top, deltaX: 0, deltaY };
+    const over = { type: "pointerMove", duration: 0, x: left, y: top };
+    await this.ask("POST", "/actions", { actions: [
+      { type: "pointer", id: "mouse", actions: [over, { type: "pause", duration: 0 }] },
+      { type: "wheel", id: "wheel", actions: [{ type: "pause", duration: 0 }, turn] },
+    ] });
+  }
+
   chrome(cmd, params = {}) { return this.ask("POST", "/goog/cdp/execute", { cmd, params }); }
 
   // The size of the window in CSS pixels, and light or dark.

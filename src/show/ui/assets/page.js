@@ -74,7 +74,7 @@ function begin(stage) {
   const ghost = stage.branched_ns ? { at: stage.branched_ns / 1e6, samples: hilrig.samples } : null;
   Object.assign(hilrig, {
     stage, now: null, slow: null, scan: null, checks: null, maps: {}, samples: [], series: [],
-    events: [], past: null, overlays: [], ghost,
+    events: [], past: null, overlays: [], believes: false, ghost,
   });
   $("overlays").replaceChildren();
   images = {};

@@ -59,13 +59,16 @@ function showRobot() {
     node.disabled = Boolean(hilrig.past);
     node.setAttribute("aria-pressed", String(node.dataset.mode === pc?.state?.mode));
   }
+  // A program outside the rig believes what it likes.
+  hilrig.believes ||= Boolean(now.believed);
+  $("show-belief").parentElement.hidden = !hilrig.believes;
   say("error", gap ? `${gap.error_mm} mm, ${gap.error_deg}\u00b0` : "nothing to compare yet");
   say("lag", gap ? `the belief is ${gap.lag_ms} ms old, the robot went ${gap.went_mm} mm since`
     : "");
   $("lag").hidden = $("lag-name").hidden = !gap;
   const ticks = pc?.state?.to.length ? `, told ${pc.state.to.join(", ")}` : "";
   say("mode", `${now.mode ?? pc?.state?.mode ?? "unknown"}${ticks}`);
-  if (!stage.pc || !pc) { say("pc-state", "on a port"); return; }
+  if (!stage.pc || !pc) { say("pc-state", "not in the rig"); return; }
   const silent = pc.heard_ms > 1500 ? `, silent for ${(pc.heard_ms / 1000).toFixed(0)} s` : "";
   say("pc-state", `${pc.connection}${silent}${now.trouble ? `: ${now.trouble}` : ""}`);
   say("connect", pc.connection === "closed" ? "Connect" : "Disconnect");
@@ -149,11 +152,12 @@ function showEvents() {
   shown.events = key;
   const atEnd = list.scrollTop + list.clientHeight >= list.scrollHeight - 20;
   const all = hilrig.past ? hilrig.events.filter((event) => event.at <= until) : hilrig.events;
-  list.replaceChildren(...all.slice(-EVENTS_SHOWN).map((event) => {
+  const items = all.slice(-EVENTS_SHOWN).map((event) => {
     const item = make("li", "", event.violation ? { className: "violation" } : {});
     item.append(jump(event.at), ` ${event.source} ${event.rule} ${event.detail}`);
     return item;
-  }));
+  });
+  list.replaceChildren(...items.length ? items : [make("li", "nothing happened yet")]);
   if (atEnd) list.scrollTop = list.scrollHeight;
 }
 

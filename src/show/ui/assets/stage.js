@@ -33,6 +33,8 @@ function offerMaps(heads) {
   // What this robot does not have is not offered; a map that is not there is not chosen.
   const there = (name) => name === "" || heads.some((head) => head.name === name && head.width);
   for (const option of $("map").options) option.hidden = !there(option.value);
+  const none = heads.every(({ name, width }) => name === "display" || !width);
+  $("map").parentElement.hidden = $("layer").parentElement.hidden = none;
 }
 
 function mapPicture(name, map) {
