@@ -92,7 +92,23 @@ impl CarPose {
 
     /// Distance to `other`, whatever the headings.
     pub fn distance_m(self, other: Self) -> f64 {
-        libm::hypot(self.x_m - other.x_m, self.y_m - other.y_m)
+        self.distance_to([other.x_m, other.y_m])
+    }
+
+    /// Distance to a place, metres.
+    pub fn distance_to(self, [x_m, y_m]: [f64; 2]) -> f64 {
+        libm::hypot(self.x_m - x_m, self.y_m - y_m)
+    }
+
+    /// Where a place is, metres, that lies as seen from `other` as `place_m` lies as seen from here.
+    pub fn carried(self, other: Self, [x_m, y_m]: [f64; 2]) -> [f64; 2] {
+        let heading_rad = self.heading_rad;
+        let place = other.then(self.motion_to(Self {
+            x_m,
+            y_m,
+            heading_rad,
+        }));
+        [place.x_m, place.y_m]
     }
 }
 

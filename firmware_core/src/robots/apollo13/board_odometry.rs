@@ -5,15 +5,20 @@
 //! (seed 003 and ucboard).
 
 use core::f64::consts::TAU;
+use core::time::Duration;
+
+use protocols::Instant;
 
 use super::arbiter::Drive;
 use super::steering;
-use crate::ackermann::{CarGeometry, CarPose};
+use crate::ackermann::{CarGeometry, CarPose, Motion};
 
 /// Travel of the wheel from pulse to pulse.
 const PULSE_M: f64 = TAU * 0.032 / 8.0;
 /// More pulses from frame to frame are those of a board that was reset: 1 m.
 const PULSES_MAX: u16 = 40;
+/// The motor's lag: how fast a car gets its speed, and loses it without a drive, seconds.
+const LAG_S: f64 = 0.3;
 /// The car as the program knows it.
 const CAR: CarGeometry = CarGeometry {
     wheelbase_m: 0.25,
@@ -24,7 +29,10 @@ const CAR: CarGeometry = CarGeometry {
 #[derive(Clone, Debug, Default)]
 pub struct BoardOdometry {
     pose: CarPose,
-    pulses: Option<u16>,
+    /// The last frame's, and when it came.
+    heard: Option<(Instant, u16)>,
+    /// Speed of the wheel by its pulses, m/s.
+    speed_m_s: f64,
     angle_rad: f64,
     is_backwards: bool,
 }
@@ -33,6 +41,21 @@ impl BoardOdometry {
     /// Where the car is, seen from where it began.
     pub const fn pose(&self) -> CarPose {
         self.pose
+    }
+
+    /// Where it is now, if the motor has stood since the last frame: a board that is silent may be
+    /// starting anew.
+    pub fn pose_at(&self, now: Instant) -> CarPose {
+        let rolled_m = self
+            .heard
+            .map_or(0.0, |(heard, _)| self.rolled_m(now - heard));
+        let path_m = CAR.rear_of_left_wheel(self.angle_rad, rolled_m);
+        self.pose.then(self.arc(path_m))
+    }
+
+    /// How far the wheel rolls without a drive.
+    fn rolled_m(&self, passed: Duration) -> f64 {
+        self.speed_m_s * LAG_S * (1.0 - libm::exp(-passed.as_secs_f64() / LAG_S))
     }
 
     /// Whether it was told to drive backwards last.
@@ -48,21 +71,32 @@ impl BoardOdometry {
         }
     }
 
-    /// A frame of the board with its pulses since the start, which wrap; whether there are new
-    /// ones. The magnets do not tell forth from back.
-    pub fn hear(&mut self, pulses: u16) -> bool {
-        let Some(before) = self.pulses.replace(pulses) else {
+    /// A frame of the board with its pulses since the start, which wrap; whether the wheel turned.
+    /// The magnets do not tell forth from back. A board that was reset stopped its motor some time
+    /// since the frame before, and did not count while the car rolled out.
+    pub fn hear(&mut self, now: Instant, pulses: u16) -> bool {
+        let Some((heard, before)) = self.heard.replace((now, pulses)) else {
             return false;
         };
+        let passed = now - heard;
         let new = pulses.wrapping_sub(before);
-        if new == 0 || new > PULSES_MAX {
+        let way = if self.is_backwards { -1.0 } else { 1.0 };
+        let wheel_m = match new > PULSES_MAX {
+            true => self.rolled_m(passed),
+            false => way * PULSE_M * f64::from(new),
+        };
+        self.speed_m_s += (wheel_m - self.speed_m_s * passed.as_secs_f64().min(LAG_S)) / LAG_S;
+        if new == 0 {
             return false;
         }
-        let way = if self.is_backwards { -1.0 } else { 1.0 };
-        let wheel_m = way * PULSE_M * f64::from(new);
         let path_m = CAR.rear_of_left_wheel(self.angle_rad, wheel_m);
-        self.pose = self.pose.then(CAR.rear_arc(self.angle_rad, path_m));
+        self.pose = self.pose.then(self.arc(path_m));
         true
+    }
+
+    /// Where the steering that is commanded leads over `path_m` of the rear axle's middle.
+    pub fn arc(&self, path_m: f64) -> Motion {
+        CAR.rear_arc(self.angle_rad, path_m)
     }
 }
 
@@ -74,10 +108,15 @@ mod tests {
         let mut board = BoardOdometry::default();
         let steering = value;
         board.command(Drive { level, steering });
-        for pulses in pulses {
-            board.hear(*pulses);
+        for (frame, pulses) in (0..).zip(pulses) {
+            board.hear(at_frame(frame), *pulses);
         }
         board
+    }
+
+    /// Frames come 15 times a second.
+    fn at_frame(frame: u64) -> Instant {
+        Instant::from_nanos(frame * 66_666_667)
     }
 
     /// 40 pulses of 25.13 mm are 1.0053 m of the left wheel; across the end of 16 bits, and back as
@@ -99,10 +138,34 @@ mod tests {
         assert!((turned - 0.5479).abs() < 1e-3, "{turned}");
     }
 
-    /// The first frame only sets the beginning, and so does that of a board that was reset.
+    /// The first frame only sets the beginning, and that of a board that was reset while the car
+    /// stood.
     #[test]
-    fn a_board_that_was_reset_has_not_moved() {
+    fn a_board_that_was_reset_at_rest_has_not_moved() {
         let board = driven(2, 8, &[500, 0, 3]);
         assert!((board.pose().x_m - 3.0 * PULSE_M).abs() < 1e-3);
+    }
+
+    /// At 0.22 m/s for 4 s, then 0.4 s without a frame, and a counter that begins anew: the car
+    /// rolled 0.22 * 0.3 m * (1 - exp(-4/3)) = 48.6 mm; one that had stopped before did not. A
+    /// pulse is 25 mm of it.
+    #[test]
+    fn a_car_rolls_out_while_its_board_starts() {
+        for (stands, expected_m) in [(0, 0.0486), (40, 0.0)] {
+            // 7 pulses in 12 frames.
+            let pulses = |frame: u16| frame * 7 / 12;
+            let mut board = BoardOdometry::default();
+            let (level, steering) = (2, 8);
+            board.command(Drive { level, steering });
+            for frame in 0..60 + stands {
+                board.hear(at_frame(frame.into()), 100 + pulses(frame.min(59)));
+            }
+            let (before_m, starts) = (board.pose().x_m, at_frame(u64::from(stands) + 65));
+            let foreseen_m = board.pose_at(starts).x_m;
+            board.hear(starts, 0);
+            let rolled_m = board.pose().x_m - before_m;
+            assert!((rolled_m - expected_m).abs() < 0.01, "{rolled_m}");
+            assert!((foreseen_m - board.pose().x_m).abs() < 1e-9);
+        }
     }
 }

@@ -105,15 +105,9 @@ impl Floor {
     /// Another plan: what was seen is forgotten, what was heard is not.
     pub fn renew(&mut self, plan: FloorPlan, inflation: Inflation) {
         let before = core::mem::replace(self, Self::new(plan, inflation));
-        for (at, until) in before.heard {
-            let cell = [at % before.plan.width, at / before.plan.width];
-            let place = [0, 1].map(|axis| {
-                let middle_m = (cell[axis] as f64 + 0.5) * before.plan.cell_m;
-                let off_m = before.plan.origin_m[axis] + middle_m - self.plan.origin_m[axis];
-                off_m / self.plan.cell_m
-            });
-            if let Some(at) = self.index(place) {
-                self.heard.insert(at, until);
+        for (at, until) in &before.heard {
+            if let Some(at) = self.cell(before.place(*at)) {
+                self.heard.insert(at, *until);
             }
         }
     }
@@ -159,12 +153,7 @@ impl Floor {
     pub fn in_the_way(&self) -> impl Iterator<Item = [f64; 2]> {
         let all = sure(&self.seen).chain(self.heard.keys().chain(&self.posts).copied());
         let new = all.filter(|at| !self.plan.obstacles[*at]);
-        new.map(|at| {
-            let (row, column) = (at / self.plan.width, at % self.plan.width);
-            let [x0, y0] = self.plan.origin_m;
-            let middle = |cell: usize| (cell as f64 + 0.5) * self.plan.cell_m;
-            [x0 + middle(column), y0 + middle(row)]
-        })
+        new.map(|at| self.place(at))
     }
 
     /// What it costs to be where, with all that was seen and heard; `None` without a map.
@@ -264,15 +253,7 @@ impl Floor {
         if !self.is_known() {
             return;
         }
-        let cell = |[x_m, y_m]: [f64; 2]| {
-            let place = CarPose {
-                x_m,
-                y_m,
-                heading_rad: 0.0,
-            };
-            self.index(Ray::new(&self.plan, place, 0.0).at(0.0))
-        };
-        let posts: BTreeSet<usize> = places.filter_map(cell).collect();
+        let posts: BTreeSet<usize> = places.filter_map(|place| self.cell(place)).collect();
         if posts != self.posts {
             self.posts = posts;
             self.costs = None;
@@ -300,6 +281,20 @@ impl Floor {
             crate::grid::FREE
         };
         true
+    }
+
+    /// The middle of a cell, metres.
+    fn place(&self, at: usize) -> [f64; 2] {
+        let (row, column) = (at / self.plan.width, at % self.plan.width);
+        let [x0, y0] = self.plan.origin_m;
+        let middle = |cell: usize| (cell as f64 + 0.5) * self.plan.cell_m;
+        [x0 + middle(column), y0 + middle(row)]
+    }
+
+    /// The cell at a place, metres.
+    fn cell(&self, place_m: [f64; 2]) -> Option<usize> {
+        let off = |axis: usize| (place_m[axis] - self.plan.origin_m[axis]) / self.plan.cell_m;
+        self.index([0, 1].map(off))
     }
 
     /// The cell at a place in cells from the corner.

@@ -71,6 +71,9 @@ pub struct Passage {
 /// where the car wrongly believed to be is forgotten then.
 const SIGHTINGS: u32 = 30;
 
+/// What stands so near the car, metres, may be seen by no camera: it is not forgotten.
+const NEAR_M: f64 = 1.5;
+
 /// Mean of where a marker was seen lately.
 #[derive(Clone, Copy, Debug, Default)]
 struct Marker {
@@ -120,9 +123,15 @@ impl Gates {
         is_new
     }
 
-    /// Forgets where markers were seen, but not which gates were passed.
-    pub fn forget(&mut self) {
-        self.markers.clear();
+    /// The car is not at `from`, where it believed to be, but at `to`: what stands near it goes
+    /// along until it is seen anew, once. Where the other markers were seen is forgotten, but not
+    /// which gates were passed.
+    pub fn carry(&mut self, from: CarPose, to: CarPose) {
+        self.markers.retain(|_, Marker { mean_m, seen }| {
+            let is_kept = *seen > 1 && from.distance_to(*mean_m) <= NEAR_M;
+            (*mean_m, *seen) = (from.carried(to, *mean_m), 1);
+            is_kept
+        });
     }
 
     /// Gates that were passed, in their order.
@@ -452,6 +461,37 @@ mod tests {
         assert!(!passes(at(1.9, -1.0), at(1.9, 1.0)) && !passes(at(1.0, -1.0), at(2.5, 2.0)));
     }
 
+    /// The car is a metre farther back and looks to the left: the marker half a metre before it
+    /// stands half a metre to the left of where it is, the one 2 m before it is forgotten. Carried
+    /// once more, and not seen on the way, it is forgotten, too: it may be what is in the way.
+    #[test]
+    fn what_is_near_goes_along_once_with_a_car_that_is_elsewhere() {
+        let markers = [(1, [0.5, 0.0]), (2, [2.0, 0.0])];
+        let mut gates = seen(Settings::default(), &markers);
+        for (id, place) in markers {
+            assert!(!gates.see(id, place));
+        }
+        let there = CarPose {
+            x_m: -1.0,
+            heading_rad: core::f64::consts::FRAC_PI_2,
+            ..ORIGIN
+        };
+        gates.carry(ORIGIN, there);
+        let markers: Vec<(u32, [f64; 2])> = gates.markers().collect();
+        let [(1, [x_m, y_m])] = markers[..] else {
+            panic!("{markers:?}");
+        };
+        assert!((x_m + 1.0).abs() < 1e-9 && (y_m - 0.5).abs() < 1e-9);
+        // Seen anew it is where it is seen, half of it at once.
+        gates.see(1, [-1.0, 0.7]);
+        let (_, [_, y_m]) = gates.markers().next().unwrap();
+        assert!((y_m - 0.6).abs() < 1e-9);
+        for left in [1, 0] {
+            gates.carry(there, there);
+            assert_eq!(gates.markers().count(), left);
+        }
+    }
+
     /// Where they stand is forgotten; that they were passed is not.
     #[test]
     fn a_gate_that_was_passed_is_not_driven_through_again() {
@@ -462,7 +502,7 @@ mod tests {
                 .moved(ORIGIN, CarPose { x_m: 3.0, ..ORIGIN })
                 .is_some()
         );
-        gates.forget();
+        gates.carry(CarPose { x_m: 9.0, ..ORIGIN }, ORIGIN);
         assert_eq!(gates.markers().count(), 0);
         for (id, place) in markers {
             assert!(gates.see(id, place));

@@ -45,17 +45,17 @@ impl GyroOdometry {
 
     /// Travel since the board's start, metres, and heading by its gyroscope, radians; the first
     /// ones only set the beginning. A travel that falls back by more than a metre is that of a
-    /// board that was reset: a new beginning.
-    pub fn update(&mut self, travel_m: f64, heading_rad: f64) {
+    /// board that was reset: a new beginning. How far it went since the last one, metres.
+    pub fn update(&mut self, travel_m: f64, heading_rad: f64) -> f64 {
         if !travel_m.is_finite() || !heading_rad.is_finite() {
-            return;
+            return 0.0;
         }
         let Some([before_m, before_rad]) = self.told.replace([travel_m, heading_rad]) else {
-            return;
+            return 0.0;
         };
         let way = travel_m - before_m;
         if way.abs() > 1.0 {
-            return;
+            return 0.0;
         }
         let turn_rad = wrapped(heading_rad - before_rad);
         // The chord of the arc leaves at half the turn.
@@ -71,6 +71,7 @@ impl GyroOdometry {
             left_m: way * sin,
             turn_rad,
         });
+        way
     }
 }
 

@@ -135,6 +135,8 @@ pub struct Apollo13 {
     watch: OdometerWatch,
     /// What the board tells of the way.
     by_board: BoardOdometry,
+    /// What encoder and steering tell of it.
+    steered: CarPose,
     /// The odometry at the last line, and the board's then.
     at_line: (GyroOdometry, CarPose),
     witness: Witness,
@@ -224,6 +226,7 @@ impl Apollo13 {
             odometry,
             watch: OdometerWatch::default(),
             by_board: BoardOdometry::default(),
+            steered: CarPose::default(),
             witness: Witness::default(),
             odometer_s: 0.0,
             localiser,
@@ -281,9 +284,11 @@ impl Apollo13 {
         if let Some(localiser) = &mut self.localiser {
             localiser.place(pose, [0.3, 0.3, 0.17]);
         }
-        // What was seen from elsewhere is not where it seemed to be.
-        self.gates.forget();
+        // What was seen from elsewhere is not where it seemed to be, but where it is from the car.
+        self.gates.carry(self.pose(), pose);
         self.floor.forget();
+        self.floor
+            .stand(self.gates.markers().map(|(_, place)| place));
         self.misfits = 0;
         self.search.is_asked = true;
         match self.passage.take() {

@@ -6,10 +6,16 @@
 //! stands. Of the turn nobody is: a servo may be dead as well as a gyroscope, and what the camera
 //! sees must tell.
 
-use crate::ackermann::{CarPose, Motion};
+use core::ops::RangeInclusive;
+use core::time::Duration;
 
-/// Travel by the board after which travels are compared, metres: six pulses.
-const WAY_M: f64 = 0.15;
+use protocols::Instant;
+
+use crate::ackermann::{CarPose, Motion, wrapped};
+
+/// Travel by the board after which travels are compared, metres: six pulses; and after which a
+/// comparison ends: an encoder that loses an eighth of its counts is found until then.
+const WAY_M: [f64; 2] = [0.15, 0.60];
 /// The same for turns.
 const TURN_M: f64 = 0.30;
 /// Travels that agree are no farther apart than this: two pulses and the time of a frame.
@@ -17,6 +23,13 @@ const WAY_OFF_M: f64 = 0.08;
 /// Turns that agree over [`TURN_M`] are no farther apart than this: 8 degrees of steering, and
 /// what the servo takes to get there.
 const TURN_OFF_RAD: f64 = 0.25;
+/// A gyroscope that tells no more than the first while the steering should have turned the car by
+/// the second may be dead.
+const STILL_RAD: f64 = 0.01;
+const TURNED_RAD: f64 = 0.10;
+/// The board's frames come each 67 ms. What comes later was held up on the line, and what comes
+/// sooner is behind it.
+const IN_TIME: RangeInclusive<Duration> = Duration::from_millis(30)..=Duration::from_millis(150);
 
 /// What is found, each over the way since the last finding.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,72 +40,100 @@ pub enum Finding {
     Turn(Motion, Motion),
 }
 
-/// Where odometer and board were when a comparison began.
+/// Where all say that the car is when the board told of it, each in its own frame.
 #[derive(Clone, Copy, Debug, Default)]
-struct Since {
-    odometer: CarPose,
-    board: CarPose,
+pub struct Told {
+    /// When the board's frame came.
+    pub now: Instant,
+    /// By encoder and gyroscope.
+    pub odometer: CarPose,
+    /// By the board's pulses and the steering that was commanded.
+    pub board: CarPose,
+    /// By the encoder and the steering that was commanded.
+    pub steered: CarPose,
+    /// Whether the car was told to drive backwards last.
+    pub is_backwards: bool,
 }
 
-impl Since {
-    fn motions(self, odometer: CarPose, board: CarPose) -> [Motion; 2] {
+impl Told {
+    /// Motions by the odometer, the board, and encoder with steering, from here on.
+    fn motions(&self, to: &Self) -> [Motion; 3] {
         [
-            self.odometer.motion_to(odometer),
-            self.board.motion_to(board),
+            self.odometer.motion_to(to.odometer),
+            self.board.motion_to(to.board),
+            self.steered.motion_to(to.steered),
         ]
     }
 }
 
-/// The comparison.
+/// The comparison: what was told when it began, of the way and of turns.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Witness {
-    way: Since,
-    turn: Since,
-    is_backwards: bool,
+    way: Told,
+    turn: Told,
+    heard: Instant,
 }
 
 impl Witness {
     /// Begins anew: what was told up to here is settled, or cannot be compared.
-    pub const fn begin(&mut self, odometer: CarPose, board: CarPose) {
-        self.way = Since { odometer, board };
-        self.turn = self.way;
+    pub const fn begin(&mut self, told: Told) {
+        (self.way, self.turn, self.heard) = (told, told, told.now);
     }
 
-    /// Where both say that the car is, each in its own frame. A car that changes its direction
-    /// rolls on for a while, which only the odometer tells: nothing is compared then.
-    pub fn compare(
-        &mut self,
-        odometer: CarPose,
-        board: CarPose,
-        is_backwards: bool,
-    ) -> Option<Finding> {
-        if is_backwards != self.is_backwards {
-            self.is_backwards = is_backwards;
-            self.begin(odometer, board);
+    /// Compares up to what is told now. A car that changes its direction rolls on for a while,
+    /// which only the odometer tells: that is left out. Frames that were held up tell of a way that
+    /// the odometer told of before: nothing is compared until they come in time again.
+    pub fn compare(&mut self, told: Told) -> Option<Finding> {
+        let passed = told.now - core::mem::replace(&mut self.heard, told.now);
+        if told.is_backwards != self.way.is_backwards {
+            self.begin(told);
             return None;
         }
-        let [told, other] = self.way.motions(odometer, board);
-        if other.ahead_m.abs() >= WAY_M {
-            self.way = Since { odometer, board };
-            let is_short = told.ahead_m.abs() + WAY_OFF_M < other.ahead_m.abs();
-            let is_other_way = told.ahead_m * other.ahead_m < 0.0;
-            let is_off = (told.ahead_m - other.ahead_m).abs() > WAY_OFF_M;
-            if is_off && (is_short || is_other_way) {
-                self.turn = self.way;
-                let turn_rad = told.turn_rad;
-                return Some(Finding::Way(told, Motion { turn_rad, ..other }));
-            }
+        if !IN_TIME.contains(&passed) {
+            return None;
         }
-        let [told, other] = self.turn.motions(odometer, board);
-        if libm::hypot(other.ahead_m, other.left_m) >= TURN_M {
-            self.turn = Since { odometer, board };
-            let off = crate::ackermann::wrapped(told.turn_rad - other.turn_rad);
-            if off.abs() > TURN_OFF_RAD {
-                return Some(Finding::Turn(told, other));
-            }
-        }
-        None
+        self.compare_ways(told).or_else(|| self.compare_turns(told))
     }
+
+    fn compare_ways(&mut self, told: Told) -> Option<Finding> {
+        let [odometer, board, _] = self.way.motions(&told);
+        let [by_odometer_m, by_board_m] = [odometer, board].map(|motion| length(&motion));
+        if by_board_m < WAY_M[0] {
+            return None;
+        }
+        let is_short = by_odometer_m + WAY_OFF_M < by_board_m;
+        let is_other_way = odometer.ahead_m * board.ahead_m < 0.0;
+        let is_off = (odometer.ahead_m - board.ahead_m).abs() > WAY_OFF_M;
+        let is_found = is_off && (is_short || is_other_way);
+        if is_found || by_board_m >= WAY_M[1] {
+            self.way = told;
+        }
+        is_found.then(|| {
+            self.turn = told;
+            let turn_rad = odometer.turn_rad;
+            Finding::Way(odometer, Motion { turn_rad, ..board })
+        })
+    }
+
+    fn compare_turns(&mut self, told: Told) -> Option<Finding> {
+        let [odometer, board, steered] = self.turn.motions(&told);
+        // A board that is reset again and again counts less than the encoder, and never more.
+        let other = match length(&steered) > length(&board) {
+            true => steered,
+            false => board,
+        };
+        if length(&other) < TURN_M {
+            return None;
+        }
+        self.turn = told;
+        let off = wrapped(odometer.turn_rad - other.turn_rad).abs();
+        let is_dead = odometer.turn_rad.abs() < STILL_RAD && off > TURNED_RAD;
+        (is_dead || off > TURN_OFF_RAD).then_some(Finding::Turn(odometer, other))
+    }
+}
+
+fn length(motion: &Motion) -> f64 {
+    libm::hypot(motion.ahead_m, motion.left_m)
 }
 
 #[cfg(test)]
@@ -104,6 +145,17 @@ mod tests {
             x_m,
             heading_rad,
             ..CarPose::default()
+        }
+    }
+
+    /// What the frame after the beginning tells; the encoder goes with the board.
+    fn told(odometer: CarPose, board: CarPose) -> Told {
+        Told {
+            now: Instant::ZERO + Duration::from_millis(67),
+            odometer,
+            board,
+            steered: board,
+            is_backwards: false,
         }
     }
 
@@ -119,10 +171,28 @@ mod tests {
             (0.40, false),
         ] {
             let mut witness = Witness::default();
-            let finding = witness.compare(at(told_m, 0.1), at(0.16, 0.0), false);
+            let finding = witness.compare(told(at(told_m, 0.1), at(0.16, 0.0)));
             let way = matches!(finding, Some(Finding::Way(told, other))
                 if told.ahead_m == told_m && other.ahead_m == 0.16 && other.turn_rad == 0.1);
             assert_eq!(way, is_found, "{told_m}");
+        }
+    }
+
+    /// Of each 25 mm the encoder counts 18: 0.07 m are missing after 10 pulses, 0.084 after 12. Of
+    /// 23 mm nothing is missing that two pulses would not explain, however long the way.
+    #[test]
+    fn an_encoder_that_is_worn_is_found() {
+        for (counted_m, found_at) in [(0.018, Some(12)), (0.023, None)] {
+            let mut witness = Witness::default();
+            let found = (1..100).find(|pulse| {
+                let way = |each_m: f64| at(each_m * f64::from(*pulse), 0.0);
+                let told = Told {
+                    now: Instant::ZERO + Duration::from_millis(67) * *pulse,
+                    ..told(way(counted_m), way(0.025))
+                };
+                matches!(witness.compare(told), Some(Finding::Way(..)))
+            });
+            assert_eq!(found, found_at, "{counted_m}");
         }
     }
 
@@ -133,12 +203,65 @@ mod tests {
             [(0.2, false, false), (0.3, false, true), (0.3, true, false)]
         {
             let mut witness = Witness::default();
-            let finding = witness.compare(at(0.31, turned), at(0.31, 0.0), is_backwards);
+            let finding = witness.compare(Told {
+                is_backwards,
+                ..told(at(0.31, turned), at(0.31, 0.0))
+            });
             assert_eq!(
                 matches!(finding, Some(Finding::Turn(..))),
                 is_found,
                 "{turned}"
             );
         }
+    }
+
+    /// Steered by 0.15 rad over 0.31 m: a gyroscope that tells nothing of it is doubted, one that
+    /// tells 0.05 rad is not, as the linkage may be off by so much. With a board that is reset on
+    /// the way, too.
+    #[test]
+    fn a_gyroscope_that_stands_still_in_a_turn_is_doubted() {
+        for (turned, board_m, is_found) in [
+            (0.0, 0.31, true),
+            (0.0, 0.05, true),
+            (0.05, 0.31, false),
+            (0.05, 0.05, false),
+        ] {
+            let mut witness = Witness::default();
+            let finding = witness.compare(Told {
+                steered: at(0.31, 0.15),
+                ..told(at(0.31, turned), at(board_m, 0.15 * board_m / 0.31))
+            });
+            let other = |motion: Motion| motion.turn_rad == 0.15;
+            let is = matches!(finding, Some(Finding::Turn(_, motion)) if other(motion));
+            assert_eq!(is, is_found, "{turned} {board_m}");
+        }
+    }
+
+    /// The board's line stands still for a second; its frames come at once then, a millisecond
+    /// apart, and tell of the 0.22 m that the odometer told of before. From then on both go on
+    /// alike.
+    #[test]
+    fn frames_that_were_held_up_find_nothing() {
+        let mut witness = Witness::default();
+        let at_ms = |ms: u64, odometer_m: f64, board_m: f64| Told {
+            now: Instant::ZERO + Duration::from_millis(ms),
+            ..told(at(odometer_m, 0.0), at(board_m, 0.0))
+        };
+        assert_eq!(witness.compare(at_ms(67, 0.0, 0.0)), None);
+        for frame in 1..=15 {
+            let board_m = 0.0147 * frame as f64;
+            assert_eq!(witness.compare(at_ms(1_067 + frame, 0.22, board_m)), None);
+        }
+        for frame in 1..=40 {
+            let way = 0.0147 * frame as f64;
+            let told = at_ms(1_082 + 67 * frame, 0.22 + way, 0.2205 + way);
+            assert_eq!(witness.compare(told), None, "{frame}");
+        }
+        // What the odometer does not tell while frames are held up is found behind them.
+        for (ms, board_m) in [(4_000, 1.1), (4_001, 1.2)] {
+            assert_eq!(witness.compare(at_ms(ms, 0.808, board_m)), None);
+        }
+        let finding = witness.compare(at_ms(4_070, 0.808, 1.2));
+        assert!(matches!(finding, Some(Finding::Way(..))));
     }
 }

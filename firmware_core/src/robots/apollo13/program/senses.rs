@@ -13,7 +13,7 @@ use super::{Apollo13, Board, CAMERA_AHEAD_M, FRONT_AHEAD_M, MISFITS_MAX};
 use crate::ackermann::{CarPose, Motion};
 use crate::particles::Localiser;
 use crate::robots::apollo13::wall::Side;
-use crate::robots::apollo13::witness::Finding;
+use crate::robots::apollo13::witness::{Finding, Told};
 
 /// Readings beyond this are none, metres: what the fielded program publishes.
 const ULTRASOUND_MAX_M: f64 = 3.0;
@@ -26,11 +26,11 @@ const OPEN_M: f64 = 0.60;
 /// Of a scan at least so much fits where the car is, unless a box that is on no map fills the
 /// picture.
 const FIT_MIN: f64 = 0.35;
-/// After so many scans that do not fit, some guesses are laid elsewhere: 25 cm of way.
-const MISFITS_SEARCHED: u8 = 5;
-/// Part of the guesses that are laid elsewhere, and how far: metres, metres, radians.
+/// After so many scans that do not fit, some guesses are laid elsewhere, so far: metres, metres,
+/// radians. First as by a gyroscope that failed, 25 cm of way later as if carried.
+const SEARCHES: [(u8, [f64; 3]); 2] = [(5, [0.2, 0.2, 0.5]), (20, [1.0, 1.0, 0.3])];
+/// Part of the guesses that are laid elsewhere.
 const SEARCHED: f64 = 0.05;
-const SEARCHED_SIGMA: [f64; 3] = [1.0, 1.0, 0.3];
 
 impl Apollo13 {
     pub(super) fn hear_board(&mut self, bytes: &[u8]) {
@@ -152,22 +152,22 @@ impl Apollo13 {
             self.odometry.clone_from(&self.at_line.0);
         }
         self.odometer_s = reading.time_s;
-        self.odometry.update(reading.distance_m, reading.yaw_rad);
-        self.at_line = (self.odometry.clone(), self.by_board.pose());
+        let way_m = self.odometry.update(reading.distance_m, reading.yaw_rad);
+        self.steered = self.steered.then(self.by_board.arc(way_m));
+        self.at_line = (self.odometry.clone(), self.by_board.pose_at(self.now));
         self.gates.moved(before, self.pose());
     }
 
     /// Pulses of the board, which bridge what the odometer does not tell.
     fn take_pulses(&mut self, pulses: u16) {
-        if self.by_board.hear(pulses) {
+        if self.by_board.hear(self.now, pulses) {
             self.watch.roll(self.now);
         }
         let before = self.pose();
         match self.watch.is_silent(self.now) {
             true => {
                 self.bridge();
-                let (odometer, board) = (self.odometry.pose(), self.by_board.pose());
-                self.witness.begin(odometer, board);
+                self.witness.begin(self.told());
             }
             false => self.compare(),
         }
@@ -176,16 +176,14 @@ impl Apollo13 {
 
     /// What the odometer and the board tell of the same way must agree.
     fn compare(&mut self) {
-        let (odometer, board) = (self.odometry.pose(), self.by_board.pose());
-        let is_backwards = self.by_board.is_backwards();
-        let finding = self.witness.compare(odometer, board, is_backwards);
+        let finding = self.witness.compare(self.told());
         self.counters.doubts += u64::from(finding.is_some());
         match finding {
             Some(Finding::Way(told, other)) => {
                 self.odometry.bridge(told.inverse());
                 self.odometry.bridge(other);
-                self.at_line = (self.odometry.clone(), board);
-                self.witness.begin(self.odometry.pose(), board);
+                self.at_line = (self.odometry.clone(), self.by_board.pose());
+                self.witness.begin(self.told());
             }
             Some(Finding::Turn(told, other)) => {
                 if let Some(localiser) = &mut self.localiser {
@@ -196,10 +194,20 @@ impl Apollo13 {
         }
     }
 
+    fn told(&self) -> Told {
+        Told {
+            now: self.now,
+            odometer: self.odometry.pose(),
+            board: self.by_board.pose(),
+            steered: self.steered,
+            is_backwards: self.by_board.is_backwards(),
+        }
+    }
+
     /// From the last line on, the car moved as the board tells.
     fn bridge(&mut self) {
         let (odometry, board) = &self.at_line;
-        let motion = board.motion_to(self.by_board.pose());
+        let motion = board.motion_to(self.by_board.pose_at(self.now));
         self.odometry.clone_from(odometry);
         self.odometry.bridge(motion);
     }
@@ -261,8 +269,12 @@ impl Apollo13 {
             false => self.misfits.saturating_sub(2),
         };
         self.counters.lost += u64::from(!was_lost && self.misfits == MISFITS_MAX);
-        if self.misfits >= MISFITS_SEARCHED {
-            localiser.search(SEARCHED, SEARCHED_SIGMA);
+        let search = SEARCHES
+            .iter()
+            .rev()
+            .find(|(misfits, _)| self.misfits >= *misfits);
+        if let Some((_, sigma)) = search {
+            localiser.search(SEARCHED, *sigma);
         }
     }
 
