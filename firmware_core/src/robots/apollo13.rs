@@ -13,6 +13,7 @@ pub mod follower;
 #[cfg(feature = "host")]
 pub mod gates;
 pub mod gyro_odometry;
+pub mod gyro_watch;
 pub mod odometer_watch;
 #[cfg(feature = "host")]
 pub mod pilot;

@@ -63,6 +63,11 @@ impl BoardOdometry {
         self.is_backwards
     }
 
+    /// How the wheels were told to stand, radians, to the left positive.
+    pub const fn steering_rad(&self) -> f64 {
+        self.angle_rad
+    }
+
     /// What is commanded from now on. A car that is told to stop rolls on as it did.
     pub fn command(&mut self, drive: Drive) {
         self.angle_rad = steering::angle_deg(drive.steering).to_radians();

@@ -29,6 +29,7 @@ use super::floor::{Floor, FloorPlan};
 use super::follower;
 use super::gates::{self, Gates, Passage};
 use super::gyro_odometry::{self, GyroOdometry};
+use super::gyro_watch::GyroWatch;
 use super::odometer_watch::OdometerWatch;
 use super::pilot::Pilot;
 use super::raw_lines::RawLines;
@@ -133,6 +134,7 @@ pub struct Apollo13 {
     arbiter: Arbiter,
     odometry: GyroOdometry,
     watch: OdometerWatch,
+    gyro: GyroWatch,
     /// What the board tells of the way.
     by_board: BoardOdometry,
     /// What encoder and steering tell of it.
@@ -225,6 +227,7 @@ impl Apollo13 {
             at_line: (odometry.clone(), CarPose::default()),
             odometry,
             watch: OdometerWatch::default(),
+            gyro: GyroWatch::default(),
             by_board: BoardOdometry::default(),
             steered: CarPose::default(),
             witness: Witness::default(),

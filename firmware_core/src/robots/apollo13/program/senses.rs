@@ -147,6 +147,7 @@ impl Apollo13 {
         if is_reset || self.watch.is_misled() {
             self.bridge();
             self.odometry.begin_anew();
+            self.gyro.begin_anew();
         } else {
             // It counted on while its lines were lost, and better than the board.
             self.odometry.clone_from(&self.at_line.0);
@@ -154,8 +155,24 @@ impl Apollo13 {
         self.odometer_s = reading.time_s;
         let way_m = self.odometry.update(reading.distance_m, reading.yaw_rad);
         self.steered = self.steered.then(self.by_board.arc(way_m));
+        self.turn_as_steered(reading);
         self.at_line = (self.odometry.clone(), self.by_board.pose_at(self.now));
         self.gates.moved(before, self.pose());
+    }
+
+    /// What a gyroscope that is stuck does not tell, the steering does. The other dialects tell the
+    /// rate too coarsely to see whether it is.
+    fn turn_as_steered(&mut self, reading: odometer::Reading) {
+        if self.config.dialect != Some(odometer::Dialect::Fixed) {
+            return;
+        }
+        let turn_rad = self.gyro.hear(reading, self.by_board.steering_rad());
+        if turn_rad != 0.0 {
+            self.odometry.bridge(Motion {
+                turn_rad,
+                ..Motion::default()
+            });
+        }
     }
 
     /// Pulses of the board, which bridge what the odometer does not tell.

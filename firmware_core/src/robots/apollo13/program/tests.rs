@@ -32,12 +32,17 @@ struct Car<'a> {
     random: Pcg32,
     has_touched: bool,
     has_odometer: bool,
+    /// Heading by the odometer's gyroscope, and whether that is stuck.
+    yaw: f64,
+    is_gyro_stuck: bool,
 }
 
 impl<'a> Car<'a> {
     fn new(config: Config, is_wall: &'a dyn Fn(f64, f64) -> bool) -> Self {
         Self {
             pose: config.start,
+            yaw: config.start.heading_rad,
+            is_gyro_stuck: false,
             random: Pcg32::new(config.seed + 99),
             program: Apollo13::new(config),
             is_wall,
@@ -104,7 +109,11 @@ impl<'a> Car<'a> {
         self.speed += (wanted - self.speed) * 0.01 / 0.3;
         let angle = steering::angle_deg(self.drive.steering).to_radians();
         self.travel += self.speed * 0.01;
-        self.pose = self.pose.then(car.rear_arc(angle, self.speed * 0.01));
+        let motion = car.rear_arc(angle, self.speed * 0.01);
+        self.pose = self.pose.then(motion);
+        if !self.is_gyro_stuck {
+            self.yaw += motion.turn_rad;
+        }
         let corners = [
             [0.359, 0.165],
             [0.359, -0.165],
@@ -125,8 +134,9 @@ impl<'a> Car<'a> {
         let ms = self.now.as_millis();
         let line = odometer::Dialect::Fixed.line(&odometer::Measurement {
             distance_m: self.travel as f32,
-            rate_rad_s: 0.0,
-            yaw_rad: wrapped(self.pose.heading_rad) as f32,
+            // Only its noise: one that is quiet is stuck.
+            rate_rad_s: f32::from(!self.is_gyro_stuck && (ms / 10).is_multiple_of(3)) * 0.001,
+            yaw_rad: wrapped(self.yaw) as f32,
             time_ms: u32::try_from(ms).unwrap(),
         });
         if self.has_odometer {
@@ -271,6 +281,24 @@ fn an_odometer_that_is_gone_for_good_is_done_without() {
         let off = libm::hypot(car.pose.x_m - 4.5, car.pose.y_m - 1.5);
         assert!(off < 0.40, "seed {seed}: {off}");
     }
+}
+
+/// The gyroscope is stuck for 5 s while the car turns to the left. Nothing but
+/// the steering tells of the turn, as there is no map: 3 % too much, by the wheelbase.
+#[test]
+fn a_gyroscope_that_is_stuck_is_done_without() {
+    let mut car = Car::new(Config::default(), &|_, _| false);
+    car.is_gyro_stuck = true;
+    for _ in 0..50 {
+        car.say("/1/speed", &[2.0]);
+        car.say("/1/direction", &[-30.0]);
+        car.run(0.1);
+    }
+    car.is_gyro_stuck = false;
+    car.run(1.0);
+    let (truth, pose) = (car.pose.heading_rad, car.program.pose().heading_rad);
+    assert!(truth > 0.8, "{truth}");
+    assert!(wrapped(pose - truth).abs() < 0.05 * truth, "{pose} {truth}");
 }
 
 /// A click of 1.3 m and 0.5 rad beside where the car believes to be.
