@@ -18,6 +18,7 @@ mod bundle;
 mod contact;
 mod error;
 pub mod geometry;
+mod glide;
 mod grid;
 mod inertia;
 pub mod occupancy;
@@ -38,11 +39,12 @@ pub use contact::Contact;
 use contact::{Bumper, Push};
 pub use error::WorldError;
 pub use geometry::{Bounds, Point, Pose, wrap_angle};
+use glide::glide;
 pub use occupancy::OccupancyImage;
 pub use path::{Path, Repeat, Waypoint};
 pub use scene::{
     AMBIENT_C, Cause, Cone, Fixture, FloorLine, FloorLineError, HeatPlate, HeatPlateError, Hit,
-    Obstacle, PRIMITIVES_MAX, Part, Row, Scene, SceneError, Shape,
+    Obstacle, PRIMITIVES_MAX, Part, Row, Scene, SceneError, Shape, SlickFloor, SlickFloorError,
 };
 
 /// Steps whose motion is remembered: a lidar's packet holds beams of the last few milliseconds,
@@ -61,6 +63,8 @@ pub struct World {
     wheels: [Option<usize>; 2],
     bumper: Bumper,
     push: Push,
+    /// What the body did in the step before by its wheels alone.
+    rolled: Velocity,
     now: Instant,
     /// The step that begins next. The one before it is under way, or ends right `now`.
     next_step: u64,
@@ -122,6 +126,7 @@ impl World {
             bumper,
             chassis,
             push: Push::default(),
+            rolled: Velocity::default(),
             now: Instant::ZERO,
             next_step: 0,
             trail: vec![Motion::rest(start); TRAIL_STEPS],
@@ -352,14 +357,15 @@ impl World {
             None => self.motion(0).start,
         };
         start.theta = wrap_angle(start.theta);
+        let wanted = self.chassis.begin_step(step);
+        assert!(
+            wanted.speed_m_s.is_finite() && wanted.turn_rad_s.is_finite(),
+            "the speed and turn rate of a chassis must be finite"
+        );
         let Velocity {
             speed_m_s: speed,
             turn_rad_s: turn,
-        } = self.chassis.begin_step(step);
-        assert!(
-            speed.is_finite() && turn.is_finite(),
-            "the speed and turn rate of a chassis must be finite"
-        );
+        } = self.on_floor(start.point(), wanted);
         let (drift, twist) = self.push.step();
         let wanted = Motion {
             start,
@@ -367,8 +373,21 @@ impl World {
             turn: turn + twist,
             drift,
         };
-        self.trail[index(step)] = self.bumper.constrain(&self.scene, began, wanted);
+        let motion = self.bumper.constrain(&self.scene, began, wanted);
+        self.rolled = Velocity {
+            speed_m_s: motion.speed,
+            turn_rad_s: motion.turn - twist,
+        };
+        self.trail[index(step)] = motion;
         self.next_step = step + 1;
+    }
+
+    /// What the wheels' wish comes to at `place`.
+    fn on_floor(&self, place: Point, wanted: Velocity) -> Velocity {
+        match self.scene.grip_at(place) {
+            Some(grip) => glide(self.rolled, wanted, grip, self.footprint().reach_m()),
+            None => wanted,
+        }
     }
 
     fn current(&self) -> &Motion {

@@ -1,9 +1,10 @@
 //! The model car's fielded program, its boards and its sketch.
 //!
 //! What the program has is shown by the program itself on a bench of bytes; what a board or the
-//! sketch has, by the emulated device in a world of its own.
+//! sketch has, by the emulated device in a world of its own; laws, by figures.
 
 mod boards;
+mod laws;
 mod program;
 
 use super::{Bug, Live};
@@ -13,7 +14,7 @@ const HOST: &str = "model car, host";
 const ODOMETER: &str = "model car, odometer";
 const PHONE: &str = "model car, remote";
 
-pub(super) const ROWS: [Bug; 16] = [
+pub(super) const ROWS: [Bug; 25] = [
     Bug::mutant(
         "AF-01",
         HOST,
@@ -118,5 +119,64 @@ pub(super) const ROWS: [Bug; 16] = [
         live: Live::Not(
             "the list is the host's memory, which is not modelled; the line is refused",
         ),
+    },
+    Bug::new(
+        "AF-17",
+        HOST,
+        "an angle becomes the next steering value to the right, not the nearest",
+        "the fielded search of the table",
+        laws::af_17,
+    ),
+    Bug::new(
+        "AF-18",
+        HOST,
+        "a sign of the report: what is steered to get somewhere leads elsewhere",
+        "equation (V) as printed",
+        laws::af_18,
+    ),
+    Bug::new(
+        "AF-19",
+        HOST,
+        "a gate behind the car is as good as one ahead",
+        "the fielded choice of gates",
+        laws::af_19,
+    ),
+    Bug::new(
+        "AF-20",
+        HOST,
+        "a gate is driven at with the heading that the car happens to have",
+        "the fielded goal",
+        laws::af_20,
+    ),
+    Bug::new(
+        "AF-21",
+        HOST,
+        "a marker stays where it was seen first",
+        "the fielded list of markers",
+        laws::af_21,
+    ),
+    Bug {
+        id: "AF-22",
+        place: PHONE,
+        sees: "the layout's button for autonomous driving says what no node listens to",
+        live: Live::Not("both names are heard: the layout is a file that the phone brings along"),
+    },
+    Bug {
+        id: "AF-23",
+        place: HOST,
+        sees: "opening the odometer's port resets it: the way begins at 0 and the car jumps back",
+        live: Live::Not("what the fielded host did then is not published; ours begins anew"),
+    },
+    Bug {
+        id: "AF-24",
+        place: HOST,
+        sees: "a turn rate is taken for a steering angle",
+        live: Live::Not("it steers as a gain of 3 would: a unit, and nothing to be seen"),
+    },
+    Bug {
+        id: "AF-25",
+        place: HOST,
+        sees: "12 of 80 motions are there twice, and plans lead through what is unknown",
+        live: Live::Not("the planner is a library's; ours drops what is there twice when it reads"),
     },
 ];

@@ -1,6 +1,8 @@
 //! The world of a scenario: what is solid, where the robot starts, what moves and pushes.
 
 mod body;
+mod heat;
+mod slick;
 
 use core::time::Duration;
 
@@ -15,6 +17,9 @@ use toml::Spanned;
 use super::{MazeSpec, ScenarioError, Source, Span};
 use crate::scenario::plan;
 pub use body::BodySpec;
+pub use heat::HeatSpec;
+use heat::body;
+pub use slick::SlickSpec;
 
 /// Ground truth as data.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -53,6 +58,10 @@ pub struct WorldSpec {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(with = "Vec<HeatSpec>")]
     pub heat: Vec<Spanned<HeatSpec>>,
+    /// Places where the floor holds wheels less than they may want.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(with = "Vec<SlickSpec>")]
+    pub slick: Vec<Spanned<SlickSpec>>,
     /// Round obstacles that move.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(with = "Vec<MovingSpec>")]
@@ -166,20 +175,6 @@ pub struct PillarSpec {
     pub unmapped: bool,
 }
 
-/// A warm plate on a wall, as wide as it is seen from above.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct HeatSpec {
-    /// One end, metres; on the wall's surface, or less than 5 mm beside it.
-    pub from_m: [f64; 2],
-    /// The other end, metres.
-    pub to_m: [f64; 2],
-    /// How warm, degrees Celsius, -50 to 150; all else has 22.
-    #[schemars(range(min = -50.0, max = 150.0))]
-    #[serde(default = "body")]
-    pub temperature_c: f64,
-}
-
 /// A round obstacle that moves along a line of points at constant speed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -228,10 +223,6 @@ pub struct PushSpec {
     pub over: Span,
 }
 
-const fn body() -> f64 {
-    37.0
-}
-
 const fn white() -> f64 {
     1.0
 }
@@ -268,6 +259,7 @@ impl WorldSpec {
             polygon: Vec::new(),
             pillar: Vec::new(),
             heat: Vec::new(),
+            slick: Vec::new(),
             moving: Vec::new(),
             push: Vec::new(),
             is_nowhere: true,
@@ -324,6 +316,7 @@ impl WorldSpec {
         let (fixtures, fixture_origins) = self.fixtures(source)?;
         let (obstacles, obstacle_origins) = self.obstacles(source)?;
         let plates = self.heat_plates(source)?;
+        let slick = slick::build(&self.slick, source)?;
         let scene = match &self.bounds {
             Some(bounds) => {
                 let bounds = Bounds {
@@ -334,7 +327,7 @@ impl WorldSpec {
             }
             None => Scene::new(fixtures, obstacles),
         };
-        let scene = scene.map(|scene| scene.with_heat_plates(plates));
+        let scene = scene.map(|scene| scene.with_heat_plates(plates).with_slick_floors(slick));
         scene.map_err(|error| {
             let origin = match error.part {
                 Part::Fixture(index) => fixture_origins.get(index),

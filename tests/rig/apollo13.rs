@@ -88,6 +88,35 @@ fn ap14_gates_are_passed_wherever_they_stand() {
     }
 }
 
+/// A car that starts on ice, with the lines that carry accelerations; `grip` is the floor's, none
+/// if it holds.
+fn on_ice(seed: u64, grip: Option<f64>) -> (Scenario, Source) {
+    let ice = grip
+        .map(|grip| format!("[[world.slick]]\nmin_m = [0, 0]\nmax_m = [2, 2]\ngrip = {grip}\n"));
+    let text = format!(
+        "schema = 1\nname = \"ice\"\nrobot = \"apollo13\"\nduration = \"4s\"\nseed = {seed}\n\
+         [device.odometer.odometer]\nprogram = \"raw\"\n[[mission.step]]\nat = \"2s\"\n\
+         do = {{ drive = [3, 8] }}\n[world]\n\
+         start = {{ x_m = 0.7, y_m = 1, heading_deg = 0 }}\n[[world.wall]]\n\
+         path_m = [[0, 0], [6, 0], [6, 2], [0, 2], [0, 0]]\n{}",
+        ice.unwrap_or_default()
+    );
+    Scenario::parse(Path::new("<ice>"), text).expect("sound")
+}
+
+/// Wheels that spin on ice are found by the accelerometer, once; on a floor that holds, nothing is.
+/// Ice of 0.002 g makes 4 cm/s in two seconds, the wheels 35.
+#[test]
+fn d1_a_car_on_ice_feels_that_its_wheels_spin() {
+    for seed in 0..20 {
+        for (grip, expected) in [(Some(0.002), 1), (None, 0)] {
+            let outcome = run_to_end(on_ice(seed, grip));
+            let found = outcome.counters["slips felt"];
+            assert_eq!(found, expected, "seed {seed}, grip {grip:?}");
+        }
+    }
+}
+
 /// A phone that orders nothing but a stop: the missions pass by what the car does.
 #[test]
 fn a_car_that_nobody_orders_visits_nothing() {

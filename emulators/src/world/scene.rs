@@ -4,6 +4,7 @@ mod error;
 mod floor;
 mod heat;
 mod row;
+mod slick;
 mod view;
 
 use std::sync::Arc;
@@ -17,6 +18,7 @@ pub use error::{Cause, Part, SceneError};
 pub use floor::{FloorLine, FloorLineError};
 pub use heat::{AMBIENT_C, HeatPlate, HeatPlateError};
 pub use row::Row;
+pub use slick::{SlickFloor, SlickFloorError};
 pub use view::Cone;
 
 /// Coordinates beyond this are taken for a mistake (a floor plan in millimetres, say).
@@ -104,6 +106,7 @@ pub struct Scene {
     inner: Arc<Inner>,
     floor: Arc<[FloorLine]>,
     heat: Arc<[HeatPlate]>,
+    slick: Arc<[SlickFloor]>,
 }
 
 #[derive(Debug)]
@@ -319,6 +322,7 @@ impl Scene {
         Ok(Self {
             floor: Arc::new([]),
             heat: Arc::new([]),
+            slick: Arc::new([]),
             inner: Arc::new(Inner {
                 fixtures,
                 obstacles,

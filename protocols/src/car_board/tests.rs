@@ -342,3 +342,59 @@ proptest! {
         }
     }
 }
+
+/// Small numbers by chance, by which a stream is made and damaged: as the proptests above, but a
+/// hundred thousand of them.
+struct Dice(u64);
+
+impl Dice {
+    fn below(&mut self, most: u64) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 >> 11) % most
+    }
+
+    /// Ranges of which many have the bytes of a sync.
+    fn range(&mut self) -> u16 {
+        let most = [16, 256, 1_101][usize::try_from(self.below(3)).unwrap()];
+        u16::try_from(self.below(most)).unwrap()
+    }
+
+    fn readings(&mut self) -> Readings {
+        Readings {
+            front_cm: self.range(),
+            right_cm: self.range(),
+            left_cm: self.range(),
+            line: u8::try_from(self.below(2)).unwrap(),
+            hall: u16::try_from(self.below(65_536)).unwrap(),
+            battery_mv: 6_800 + u16::try_from(self.below(1_600)).unwrap(),
+        }
+    }
+
+    fn damage(&mut self) -> Damage {
+        let byte = u8::try_from(self.below(256)).unwrap();
+        match self.below(3) {
+            0 => Damage::Insert(byte),
+            1 => Damage::Delete,
+            _ => Damage::Flip(byte.max(1)),
+        }
+    }
+}
+
+/// AP1: as often as it asks for, from the second frame behind the one that was hit all are right.
+#[test]
+fn ap1_a_hundred_thousand_damaged_streams_are_read_on() {
+    let mut dice = Dice(0x9E37_79B9_7F4A_7C15);
+    for case in 0..100_000 {
+        let frames: Vec<Frame> = (0..6).map(|_| dice.readings().encode()).collect();
+        let at = usize::try_from(26 + dice.below(26)).unwrap();
+        let damage = dice.damage();
+        let found = decode(&damaged(&frames, at, damage));
+        let hit = at / FRAME_LEN;
+        assert!(
+            found.len() <= frames.len() && found.ends_with(&frames[hit + 2..]),
+            "case {case}, {damage:?} at {at} of {frames:?}: {found:?}"
+        );
+    }
+}

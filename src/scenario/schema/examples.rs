@@ -32,7 +32,7 @@ pub fn examples() -> Vec<(String, String)> {
     paths.chain(kinds).filter_map(whole).collect()
 }
 
-const EXAMPLES: [(&str, &str); 19] = [
+const EXAMPLES: [(&str, &str); 20] = [
     (
         "",
         r#"
@@ -214,6 +214,15 @@ maze = { seed = 3, columns = 4, rows = 3 }
 [[world.heat]]
 from_m = [2.7, 1.0]
 to_m = [2.7, 1.1]
+"#,
+    ),
+    (
+        "world.slick",
+        r#"
+[[world.slick]]
+min_m = [0.6, 0.6]
+max_m = [1.8, 2.4]
+grip = 0.02
 "#,
     ),
     (

@@ -56,6 +56,7 @@ impl Scene {
         Self {
             floor: self.floor.clone(),
             heat: self.heat.clone(),
+            slick: self.slick.clone(),
             ..seen
         }
     }

@@ -1,0 +1,21 @@
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A warm plate on a wall, as wide as it is seen from above.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HeatSpec {
+    /// One end, metres; on the wall's surface, or less than 5 mm beside it.
+    pub from_m: [f64; 2],
+    /// The other end, metres.
+    pub to_m: [f64; 2],
+    /// How warm, degrees Celsius, -50 to 150; all else has 22.
+    #[schemars(range(min = -50.0, max = 150.0))]
+    #[serde(default = "body")]
+    pub temperature_c: f64,
+}
+
+/// A warm body, degrees Celsius.
+pub(super) const fn body() -> f64 {
+    37.0
+}
