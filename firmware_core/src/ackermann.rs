@@ -100,7 +100,7 @@ impl CarPose {
         libm::hypot(self.x_m - x_m, self.y_m - y_m)
     }
 
-    /// Where a place is, metres, that lies as seen from `other` as `place_m` lies as seen from here.
+    /// Where a place is, metres, that lies as seen from `other` as this one lies as seen from here.
     pub fn carried(self, other: Self, [x_m, y_m]: [f64; 2]) -> [f64; 2] {
         let heading_rad = self.heading_rad;
         let place = other.then(self.motion_to(Self {

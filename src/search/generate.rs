@@ -430,8 +430,9 @@ mod tests {
                 .fault
                 .iter()
                 .any(|fault| fault.kind == FaultKind::Wrong);
-            let is_asked = made.expect.wall_overlap_min.is_some();
-            assert_ne!(is_asked, is_wrong, "seed {seed}");
+            let asked = made.expect.wall_overlap_min;
+            let expected = (!is_wrong).then_some(0.5);
+            assert_eq!(asked, expected, "seed {seed}");
             wrong += u32::from(is_wrong);
             let mut own = made.fault.iter().filter_map(|fault| fault.fault.as_deref());
             assert!(own.all(|name| name != "dense-starts"), "seed {seed}");
