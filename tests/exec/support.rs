@@ -158,6 +158,14 @@ impl Ended {
         (text("status"), text("detail"))
     }
 
+    /// Its exit code is that of a run that failed: 1, or 3 on a host so busy that the rig was late
+    /// itself, which it says then.
+    pub(crate) fn assert_is_failure(&self) {
+        let was_late = self.said.contains("the rig itself was late");
+        let expected = if was_late { 3 } else { 1 };
+        assert_eq!(self.code, Some(expected), "{}", self.said);
+    }
+
     /// The checks that failed.
     pub(crate) fn failed(&self) -> Vec<&str> {
         let checks = self.result["checks"].as_array().expect("a list");
