@@ -36,12 +36,16 @@ pub(crate) struct Browser {
 }
 
 impl Browser {
-    /// A browser that shows `server`'s page, connected. `None`, and a word, on a machine without a
-    /// browser; CI has to have one.
+    /// A browser that shows `server`'s page, connected; a run that was held goes on. `None`, and a
+    /// word, on a machine without a browser; CI has to have one.
     pub(crate) fn at(name: &str, server: &Server) -> Option<Self> {
         let browser = Self::start(name)?;
         browser.go(&format!("http://{}/", server.host));
         browser.wait("hilrig.connected && hilrig.now && hilrig.stage");
+        if browser.value("hilrig.now.paused") == true {
+            browser.click("#play");
+            browser.wait("!hilrig.now.paused || hilrig.now.over");
+        }
         Some(browser)
     }
 
@@ -247,9 +251,8 @@ impl Browser {
 
     /// Pauses the run; the time at which it stands, everything the page shows belonging to it.
     pub(crate) fn pause(&self) -> u64 {
-        if self.value("hilrig.now.paused") == false {
-            self.click("#play");
-        }
+        // Looked at and clicked at once: a run that ends between the two would be played on.
+        self.value("(hilrig.now.paused || document.getElementById('play').click(), true)");
         self.wait("hilrig.now.paused && hilrig.now.at_ns === hilrig.now.looked_ns");
         // What was drawn last is what was told last.
         self.value("(draw(), true)");

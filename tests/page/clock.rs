@@ -6,7 +6,7 @@ use super::server::Server;
 /// Steps are exact to the nanosecond, and nothing moves between them.
 #[test]
 fn a_paused_run_moves_by_steps() {
-    let server = Server::of("empty-room", "1");
+    let server = Server::held("empty-room", "1");
     let Some(browser) = Browser::at("steps", &server) else {
         return;
     };
@@ -25,7 +25,7 @@ fn a_paused_run_moves_by_steps() {
 /// A restart is another run, from zero, with the seed that was asked for.
 #[test]
 fn a_run_begins_anew_with_another_seed() {
-    let server = Server::of("empty-room", "30");
+    let server = Server::held("empty-room", "30");
     let Some(browser) = Browser::at("seed", &server) else {
         return;
     };
@@ -43,7 +43,7 @@ fn a_run_begins_anew_with_another_seed() {
 /// The server ends and another one takes its place: the page finds it by itself.
 #[test]
 fn a_page_comes_back_when_its_server_does() {
-    let first = Server::of("empty-room", "1");
+    let first = Server::held("empty-room", "1");
     let Some(browser) = Browser::at("back", &first) else {
         return;
     };

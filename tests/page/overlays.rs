@@ -27,7 +27,7 @@ fn names(list: &Value) -> Vec<&str> {
 /// PC's.
 #[test]
 fn what_a_robot_sees_and_plans_is_shown() {
-    let server = Server::of("yellow-map", "30");
+    let server = Server::held("yellow-map", "30");
     let Some(browser) = Browser::at("overlays", &server) else {
         return;
     };
@@ -84,7 +84,7 @@ fn what_a_robot_sees_and_plans_is_shown() {
 /// circle of its reach would have neither.
 #[test]
 fn a_robot_is_drawn_as_the_outline_that_it_has() {
-    let server = Server::of("yellow-reactive", "1");
+    let server = Server::held("yellow-reactive", "1");
     let Some(browser) = Browser::at("outline", &server) else {
         return;
     };

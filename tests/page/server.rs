@@ -124,6 +124,12 @@ impl Server {
         Self::start(&[&scenario(name), "--speed", speed])
     }
 
+    /// A shipped scenario that stands at its beginning until a browser plays it at `speed`: on a
+    /// busy machine a run would be over before the browser is there.
+    pub(crate) fn held(name: &str, speed: &str) -> Self {
+        Self::start(&[&scenario(name), "--speed", speed, "--paused"])
+    }
+
     fn connect(&self) -> TcpStream {
         let socket = TcpStream::connect(&self.host).expect("the server listens");
         let timeout = socket.set_read_timeout(Some(PATIENCE));

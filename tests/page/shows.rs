@@ -24,7 +24,7 @@ fn cells(browser: &Browser, map: &str) -> Vec<u8> {
 /// poses and the waypoints are those of the program, of the PC and of the world at that nanosecond.
 #[test]
 fn maps_poses_and_waypoints_are_those_of_the_core_at_that_time() {
-    let server = Server::of("rescue-flat", "4");
+    let server = Server::held("rescue-flat", "4");
     let Some(browser) = Browser::at("shows", &server) else {
         return;
     };
@@ -87,7 +87,7 @@ fn maps_poses_and_waypoints_are_those_of_the_core_at_that_time() {
 /// A reload begins with nothing and ends with the same.
 #[test]
 fn a_page_that_is_loaded_again_shows_the_same() {
-    let server = Server::of("two-rooms", "10");
+    let server = Server::held("two-rooms", "10");
     let Some(browser) = Browser::at("reload", &server) else {
         return;
     };
@@ -105,7 +105,7 @@ fn a_page_that_is_loaded_again_shows_the_same() {
 /// a device of one's own may be named freely; so may a fault's kind be asked for.)
 #[test]
 fn text_is_never_markup() {
-    let server = Server::of("empty-room", "1");
+    let server = Server::held("empty-room", "1");
     let Some(browser) = Browser::at("markup", &server) else {
         return;
     };
@@ -130,7 +130,7 @@ fn text_is_never_markup() {
 /// The slider shows the run as it was: the recorded pose, and the map with fewer cells.
 #[test]
 fn the_slider_shows_what_was_recorded() {
-    let server = Server::of("rescue-flat", "10");
+    let server = Server::held("rescue-flat", "10");
     let Some(browser) = Browser::at("slider", &server) else {
         return;
     };

@@ -11,7 +11,7 @@ use super::server::Server;
 /// A room without a mission, the PC connected.
 fn room(name: &str) -> Option<(Server, Browser)> {
     let room = super::server::endless("empty-room", name);
-    let server = Server::start(&[&room, "--speed", "2"]);
+    let server = Server::start(&[&room, "--speed", "2", "--paused"]);
     let browser = Browser::at(name, &server)?;
     browser.wait("hilrig.now.pc.connection === 'connected' && hilrig.now.pc.size_mm");
     browser.click("[data-mode=stop]");
