@@ -41,8 +41,10 @@ mod wireshark;
 mod with;
 
 use std::io::{self, ErrorKind, Write as _};
+use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::thread;
 
 use clap::{ArgMatches, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 
@@ -58,6 +60,7 @@ use crate::search::StoreError;
 use crate::search::fuzz::dut::HarnessError;
 use crate::show::folder::FolderError;
 use crate::slam::map::MapError;
+use crate::workers;
 
 /// Hardware-in-the-loop rig for small serial robots.
 #[derive(Debug, Parser)]
@@ -248,7 +251,11 @@ pub fn main() -> ExitCode {
         Err(told) => return explain(&told),
     };
     out::begin(cli.json);
-    let result = perform(cli.command);
+    let result = match cfg!(feature = "large") {
+        true => thread::scope(|scope| workers::spawn(scope, || perform(cli.command)).join())
+            .unwrap_or_else(|panic| resume_unwind(panic)),
+        false => perform(cli.command),
+    };
     if let Err(error) = &result {
         eprintln!("error: {error}");
     }

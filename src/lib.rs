@@ -45,6 +45,7 @@ pub mod search;
 pub mod show;
 pub mod slam;
 mod whole_file;
+mod workers;
 
 pub use registry::NameTaken;
 /// The crates below, so that another crate needs this one alone; see the [`prelude`].

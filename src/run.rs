@@ -461,7 +461,10 @@ impl Run {
         let way = self.truth.iter().step_by(WAY_EVERY as usize);
         let way: Vec<Pose> = way.map(|&(_, pose)| pose).collect();
         let map = self.instruments.map(&self.rig);
-        let wall_overlap = map.map(|map| score::wall_overlap(map, &self.rig.world, &way));
+        let wall_overlap = map.map(|map| {
+            let within_mm = self.scenario.expect.wall_within_mm;
+            score::wall_overlap(map, &self.rig.world, &way, within_mm)
+        });
         (score::pose_error(&self.pairs), wall_overlap)
     }
 

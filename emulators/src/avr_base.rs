@@ -93,6 +93,8 @@ pub struct AvrBase {
     encoders: Encoders,
     battery: Battery,
     button: ButtonState,
+    /// Until then it tells of the button, unasked.
+    announces_until: Instant,
     watchdog_at: Option<Instant>,
     motors: Motors,
     last_frame: Instant,
@@ -224,6 +226,7 @@ impl AvrBase {
             encoders: Encoders::default(),
             battery: Battery::new(config.battery),
             button: ButtonState::Released,
+            announces_until: Instant::ZERO,
             watchdog_at: None,
             motors: Motors {
                 driven: false,

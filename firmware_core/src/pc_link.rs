@@ -24,7 +24,13 @@ pub use fielded::Defects;
 use fielded::{CountedPsi, Receiver};
 
 /// Room for the longest frame beside a queue that is still worth filling.
-const TX_LEN: usize = 2048;
+const TX_LEN: usize = if cfg!(feature = "large") { 8192 } else { 2048 };
+/// Bytes that go at once: the radio has room for 700. Only a row of the large map is longer.
+const AT_ONCE: usize = if cfg!(feature = "large") {
+    512
+} else {
+    FRAME_MAX
+};
 /// Rows are added only while no more than this is queued, so that a pose never waits long.
 const ROWS_BELOW: usize = 512;
 /// How often a row is tried again while the queue does not drain.
@@ -138,6 +144,9 @@ pub struct PcLink {
     /// When what has been sent will have passed the far side.
     passed_at: Instant,
     row: u16,
+    /// Queued bytes that have to wait, and until when.
+    held: usize,
+    release_at: Instant,
     echo_is_due: bool,
     counters: Counters,
     fielded: Fielded,
@@ -178,6 +187,8 @@ impl PcLink {
             row_at: Instant::ZERO,
             passed_at: Instant::ZERO,
             row: 0,
+            held: 0,
+            release_at: Instant::ZERO,
             echo_is_due: false,
             counters: Counters::NONE,
             fielded: Fielded {
@@ -243,6 +254,7 @@ impl PcLink {
         if now < self.next_at() {
             return;
         }
+        self.release(now);
         let mut frame = [0; FRAME_MAX];
         if now >= self.pose_at {
             self.pose_at = next_period(self.pose_at, self.settings.pose_period, now);
@@ -283,7 +295,13 @@ impl PcLink {
             return Instant::ZERO;
         }
         let figures = self.state_at.min(self.diagnosis_at);
-        self.pose_at.min(figures).min(self.row_at)
+        let release_at = if self.held > 0 {
+            self.release_at
+        } else {
+            NEVER
+        };
+        let frames_at = self.pose_at.min(figures).min(self.row_at);
+        frames_at.min(release_at)
     }
 
     /// When [`freed`](Self::freed) wants to be called.
@@ -294,6 +312,8 @@ impl PcLink {
     /// Moves bytes for the line into `buf`; returns how many.
     pub fn transmit(&mut self, buf: &mut [u8]) -> usize {
         let was_full = self.tx.len() > ROWS_BELOW;
+        let free = buf.len().min(self.tx.len() - self.held);
+        let buf = &mut buf[..free];
         let count = if self.settings.defects.sends_twice && self.tx.refused() > 0 {
             self.pop_twice(buf)
         } else {
@@ -375,6 +395,25 @@ impl PcLink {
         }
     }
 
+    /// What the radio has no room for yet waits in the queue, and all behind it.
+    fn hold(&mut self, now: Instant, len: usize, pace: u32) {
+        if self.held > 0 {
+            self.held += len;
+        } else if len > AT_ONCE {
+            self.held = len - AT_ONCE;
+            self.release_at = now + passing(AT_ONCE, pace);
+        }
+    }
+
+    fn release(&mut self, now: Instant) {
+        let pace = self.settings.pace_bytes_per_s.unwrap_or(u32::MAX);
+        while self.held > 0 && now >= self.release_at {
+            let part = self.held.min(AT_ONCE / 2);
+            self.held -= part;
+            self.release_at += passing(part, pace);
+        }
+    }
+
     fn queue(&mut self, now: Instant, frame: &[u8], len: Option<usize>) {
         let Some(len) = len else {
             return;
@@ -382,12 +421,17 @@ impl PcLink {
         if self.tx.push(&frame[..len]) {
             self.counters.sent = self.counters.sent.saturating_add(1);
             if let Some(pace) = self.settings.pace_bytes_per_s {
-                let nanos = len as u64 * 1_000_000_000 / u64::from(pace.max(1));
-                self.passed_at = self.passed_at.max(now) + Duration::from_nanos(nanos);
+                self.hold(now, len, pace);
+                self.passed_at = self.passed_at.max(now) + passing(len, pace);
                 self.row_at = self.row_at.max(self.passed_at);
             }
         }
     }
+}
+
+/// How long the radio takes for so many bytes.
+fn passing(len: usize, pace: u32) -> Duration {
+    Duration::from_nanos(len as u64 * 1_000_000_000 / u64::from(pace.max(1)))
 }
 
 /// The first so many of a list, with a length that is known.

@@ -22,8 +22,9 @@ use crate::{Candidate, Format, FrameError};
 pub const MAGIC: [u8; 8] = *b"PCUI_MSG";
 /// Bytes before the payload.
 pub const HEADER_LEN: usize = 17;
-/// Most payload bytes: a list of 100 waypoints.
-pub const PAYLOAD_MAX: usize = 902;
+/// Most payload bytes: a list of 100 waypoints, or, with the feature `large`, a row of 2829 cells
+/// and what stands before it.
+pub const PAYLOAD_MAX: usize = if cfg!(feature = "large") { 2832 } else { 902 };
 /// Most payload bytes that the fielded ends accept.
 pub const FIELDED_PAYLOAD_MAX: usize = 511;
 /// The longest frame.

@@ -25,6 +25,7 @@ use crate::search::campaign::{
 };
 use crate::search::generate::{self, Dice, Vary};
 use crate::show::folder::FolderError;
+use crate::workers;
 
 /// Run scenarios with many seeds, on all processors and on many machines, and group what fails.
 ///
@@ -268,7 +269,7 @@ fn run_all<'a>(
                 out: &args.out,
                 job,
             };
-            scope.spawn(move || {
+            workers::spawn(scope, move || {
                 while let Some(&(name, seed)) = todo.get(next.fetch_add(1, Ordering::Relaxed)) {
                     if stop.is_due(clock.now()) {
                         break;

@@ -7,6 +7,7 @@ use std::thread;
 use super::Plan;
 use crate::run::Run;
 use crate::scenario::Scenario;
+use crate::workers;
 
 /// The flat of the demo, 3 m x 3 m.
 pub(super) const FLAT: &str = include_str!("../../scenarios/rescue-flat.toml");
@@ -34,7 +35,7 @@ pub(super) fn each<J: Sync, R: Send>(
     };
     thread::scope(|scope| {
         for _ in 0..plan.jobs.clamp(1, jobs.len().max(1)) {
-            scope.spawn(worker);
+            workers::spawn(scope, worker);
         }
     });
     let results = results.into_inner().unwrap_or_default();

@@ -108,6 +108,8 @@ impl Run {
                 "{:.3} of the walls found, {:.3} of the found ones right, at least {min}",
                 overlap.found, overlap.right
             );
+            let within = expect.wall_within_mm.map(|mm| format!(" within {mm} mm"));
+            let detail = detail + &within.unwrap_or_default();
             checks.push(Check::new("wall-overlap", overlap.least() >= min, detail));
         }
         if let Some(max) = expect.violations_max {

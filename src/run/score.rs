@@ -87,9 +87,9 @@ pub(crate) fn is_wall(map: MapView<'_>, x: usize, y: usize) -> bool {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct WallOverlap {
     /// Share of the walls that an ideal lidar would have seen on the robot's way and that the map
-    /// shows within one cell.
+    /// shows within one cell, or as many as are allowed.
     pub found: f64,
-    /// Share of the map's wall cells that have a true wall within one cell.
+    /// Share of the map's wall cells that have a true wall within as many.
     pub right: f64,
 }
 
@@ -141,17 +141,28 @@ impl Cells {
         marked.map(|(index, _)| (index % self.width, index / self.width))
     }
 
-    fn is_near(&self, x: usize, y: usize) -> bool {
-        let ys = y.saturating_sub(1)..=(y + 1).min(self.height - 1);
+    /// Whether one is marked at most `reach` cells away along x and y.
+    fn is_near(&self, x: usize, y: usize, reach: usize) -> bool {
+        let ys = y.saturating_sub(reach)..=(y + reach).min(self.height - 1);
         ys.into_iter().any(|y| {
-            let xs = x.saturating_sub(1)..=(x + 1).min(self.width - 1);
+            let xs = x.saturating_sub(reach)..=(x + reach).min(self.width - 1);
             self.bits[y * self.width..][xs].contains(&true)
         })
     }
 }
 
-/// Compares the walls of `map` with those of the scene, as seen from `way`.
-pub(crate) fn wall_overlap(map: MapView<'_>, world: &World, way: &[TruePose]) -> WallOverlap {
+/// Compares the walls of `map` with those of the scene, as seen from `way`. A wall may be drawn one
+/// cell from where it is, or `within_mm`.
+pub(crate) fn wall_overlap(
+    map: MapView<'_>,
+    world: &World,
+    way: &[TruePose],
+    within_mm: Option<f64>,
+) -> WallOverlap {
+    let cells = within_mm.unwrap_or_default() / f64::from(map.cell_mm());
+    #[expect(clippy::cast_possible_truncation, reason = "at most 1000")]
+    #[expect(clippy::cast_sign_loss, reason = "not negative")]
+    let reach = (cells as usize).max(1);
     let mut drawn = Cells::like(map);
     for y in 0..map.height() {
         for x in 0..map.width() {
@@ -179,16 +190,16 @@ pub(crate) fn wall_overlap(map: MapView<'_>, world: &World, way: &[TruePose]) ->
         outline(&fixture.shape, step, |place| solid.mark(place));
     }
     WallOverlap {
-        found: share(&seen, &drawn),
-        right: share(&drawn, &solid),
+        found: share(&seen, &drawn, reach),
+        right: share(&drawn, &solid, reach),
     }
 }
 
-fn share(of: &Cells, near: &Cells) -> f64 {
+fn share(of: &Cells, near: &Cells, reach: usize) -> f64 {
     let (mut all, mut good) = (0_u32, 0_u32);
     for (x, y) in of.iter() {
         all += 1;
-        good += u32::from(near.is_near(x, y));
+        good += u32::from(near.is_near(x, y, reach));
     }
     if all == 0 {
         0.0
@@ -233,6 +244,8 @@ pub(crate) fn outline(shape: &Shape, step: f64, mut visit: impl FnMut(Point)) {
 
 #[cfg(test)]
 mod tests {
+    use emulators::world::{BodyConfig, Scene};
+
     use super::*;
 
     fn pair(dx: f64, dtheta: f64) -> PosePair {
@@ -255,6 +268,25 @@ mod tests {
         assert!((error.max_mm - 40.0).abs() < 1e-9);
         assert!((error.max_deg - 90.0).abs() < 1e-9);
         assert!((error.rms_deg - 4050_f64.sqrt()).abs() < 1e-9);
+    }
+
+    /// A wall along x at 0.55 m, drawn 30 mm farther up: three cells are too far for one, and near
+    /// enough for 30 mm.
+    #[test]
+    fn a_wall_may_be_drawn_so_far_from_where_it_is() {
+        let wall = Shape::Wall {
+            from: Point::new(0.0, 0.555),
+            to: Point::new(1.0, 0.555),
+        };
+        let scene = Scene::new([wall], Vec::new()).expect("one wall");
+        let start = TruePose::new(0.5, 0.2, 0.0);
+        let world = World::new(scene, BodyConfig::default(), start, 1).expect("room for it");
+        let mut cells = vec![127; 100 * 100];
+        cells[58 * 100..59 * 100].fill(255);
+        let map = MapView::new(100, 10.0, [0.0; 2], &cells);
+        let share = |within_mm| wall_overlap(map, &world, &[start], within_mm).least();
+        assert_eq!([None, Some(29.0)].map(share), [0.0; 2]);
+        assert_eq!(share(Some(30.0)), 1.0);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use emulators::world::PRIMITIVES_MAX;
 
-use super::{Action, Scenario, ScenarioError, Source};
+use super::{Action, Expect, Scenario, ScenarioError, Source};
 
 /// Farther from the origin nothing is, metres.
 const FAR_M: f64 = 10_000.0;
@@ -25,7 +25,8 @@ pub(super) fn check_text(source: &Source) -> Result<(), ScenarioError> {
     Ok(())
 }
 
-/// Whether the start and all waypoints are on this side of the horizon.
+/// Whether the start and all waypoints are on this side of the horizon, and what is expected can come
+/// true.
 pub(super) fn check(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError> {
     let start = &scenario.world.start;
     let at = start.get_ref();
@@ -37,6 +38,16 @@ pub(super) fn check(scenario: &Scenario, source: &Source) -> Result<(), Scenario
         if !(-most..=most).contains(&found) {
             let message = format!("is {}, expected -{most} to {most}", shown(found));
             return Err(source.invalid(Some(start.span()), format!("world.start.{key}"), message));
+        }
+    }
+    for (key, found, most) in bounded(&scenario.expect) {
+        if found.is_some_and(|found| !(0.0..=most).contains(&found)) {
+            let found = shown(found.unwrap_or_default());
+            let message = match most.is_finite() {
+                true => format!("is {found}, expected 0 to {most}"),
+                false => format!("is {found}, expected at least 0"),
+            };
+            return Err(source.invalid(source.find(key), format!("expect.{key}"), message));
         }
     }
     if let Some(message) = beyond(&scenario.mission.waypoints_m) {
@@ -58,6 +69,22 @@ pub(super) fn check(scenario: &Scenario, source: &Source) -> Result<(), Scenario
         }
     }
     Ok(())
+}
+
+/// Figures of what is expected, and the most that each may be; none is negative.
+fn bounded(expect: &Expect) -> [(&'static str, Option<f64>, f64); 9] {
+    let far = f64::INFINITY;
+    [
+        ("visit_within_mm", expect.visit_within_mm, far),
+        ("return_within_mm", expect.return_within_mm, far),
+        ("home_within_mm", expect.home_within_mm, far),
+        ("explored_min", expect.explored_min, 1.0),
+        ("victims_within_mm", expect.victims_within_mm, far),
+        ("pose_rms_mm_max", expect.pose_rms_mm_max, far),
+        ("heading_rms_deg_max", expect.heading_rms_deg_max, far),
+        ("wall_overlap_min", expect.wall_overlap_min, 1.0),
+        ("wall_within_mm", expect.wall_within_mm, 1_000.0),
+    ]
 }
 
 /// What is wrong with the first waypoint that is too far away.
@@ -111,6 +138,23 @@ mod tests {
         insta::assert_snapshot!(
             refused("{ x_m = 1, y_m = 1, heading_deg = inf }", ""),
             @r#"t.toml:7: world.start.heading_deg: is inf, expected -3600 to 3600"#
+        );
+    }
+
+    /// A share in per cent would never come true, and a negative one always.
+    #[test]
+    fn what_cannot_come_true_is_not_expected() {
+        insta::assert_snapshot!(
+            refused(START, "[expect]\nwall_overlap_min = 90"),
+            @r#"t.toml:6: expect.wall_overlap_min: is 90, expected 0 to 1"#
+        );
+        insta::assert_snapshot!(
+            refused(START, "[expect]\nvisit_within_mm = -5"),
+            @r#"t.toml:6: expect.visit_within_mm: is -5, expected at least 0"#
+        );
+        insta::assert_snapshot!(
+            refused(START, "[expect]\nwall_within_mm = nan"),
+            @r#"t.toml:6: expect.wall_within_mm: is NaN, expected 0 to 1000"#
         );
     }
 

@@ -163,11 +163,16 @@ pub struct Expect {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
     pub heading_rms_deg_max: Option<f64>,
-    /// Share of walls found, and of found walls that are there, within one cell: the smaller one,
-    /// 0 to 1, at least.
+    /// Share of walls found, and of found walls that are there, within one cell or
+    /// `wall_within_mm`: the smaller one, 0 to 1, at least.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub wall_overlap_min: Option<f64>,
+    /// So far from where it is a wall may be drawn, millimetres along x and y, in whole cells; one
+    /// cell if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1000.0))]
+    pub wall_within_mm: Option<f64>,
     /// How often the program broke a rule of a device, at most.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub violations_max: Option<u64>,

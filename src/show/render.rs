@@ -13,6 +13,9 @@ const ROS_UNKNOWN: u8 = 205;
 /// Cells that differ less than this from unknown count as unknown.
 const UNKNOWN_BAND: u8 = 12;
 
+/// From this size on a map needs no magnifying to be seen.
+const LARGE_CELLS: usize = 1500;
+
 /// What a cell is to a reader of the map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cell {
@@ -121,14 +124,18 @@ pub fn ros_yaml_at([x, y]: [f64; 2], cell_m: f64, image: &str) -> String {
 /// The map as the program holds it, dark where it believes a wall, with the true way (green) and
 /// the believed way (red).
 pub fn picture(grid: MapView<'_>, truth: &[Pose], estimate: &[Pose]) -> Picture {
-    const SCALE: usize = 3;
-    let height = grid.height();
-    let h = height * SCALE;
-    let cells = Picture::from_fn(grid.width(), height, |x, y| {
+    let (width, height) = (grid.width(), grid.height());
+    let scale = if width.max(height) > LARGE_CELLS {
+        1
+    } else {
+        3
+    };
+    let h = height * scale;
+    let cells = Picture::from_fn(width, height, |x, y| {
         [255 - grid.get(x, height - 1 - y).unwrap_or(127); 3]
     });
-    let mut image = cells.magnified(SCALE);
-    let pixel_m = f64::from(grid.cell_mm()) / 1000.0 / SCALE as f64;
+    let mut image = cells.magnified(scale);
+    let pixel_m = f64::from(grid.cell_mm()) / 1000.0 / scale as f64;
     for (way, colour) in [(truth, [0, 160, 60]), (estimate, [220, 40, 30])] {
         for pair in way.windows(2) {
             let shape = Shape::Wall {

@@ -47,6 +47,36 @@ fn motors_stop_when_the_master_falls_silent() {
     assert!(!run.rig.world.is_moving());
 }
 
+/// Somebody presses the button on the robot, at 6 s and for two seconds: it stops and stays where it
+/// is, though the base drives again from 12 s on, when the button was pressed once more. The PC's
+/// order at 14 s makes it go on. (Seed report, page 9.)
+#[test]
+fn the_stop_button_stops_the_robot_until_the_pc_lets_it_go_on() {
+    let button = |from: &str, lasting: &str| {
+        format!(
+            "[[fault]]\nkind = \"device\"\nfault = \"stop-button\"\ndevice = \"base\"\n\
+             from = \"{from}\"\nlasting = \"{lasting}\"\n"
+        )
+    };
+    let pressed = button("6s", "2s") + &button("12s", "200ms");
+    let mut run = start(in_a_room(
+        "60s",
+        &format!(
+            "[mission]\nwaypoints_m = [[0.9, 1.5], [2.1, 1.5], [0.9, 1.5]]\n\
+             [[mission.step]]\nat = \"14s\"\ndo = {{ mode = \"waypoint\" }}\n\
+             [expect]\nvisit_within_mm = 200\nviolations_max = 0\n\
+             [device.base.avr-base]\nannounce = true\n{pressed}"
+        ),
+    ));
+    run.go_on_until(Instant::from_secs(6));
+    assert!(run.rig.world.is_moving());
+    run.go_on_until(Instant::from_secs(6) + Duration::from_millis(700));
+    let place = run.rig.world.pose();
+    run.go_on_until(Instant::from_secs(14));
+    assert_eq!(run.rig.world.pose(), place);
+    assert_eq!(super::failures(&run.finish()), Vec::<String>::new());
+}
+
 /// What a checker is worth is shown by what it catches: a base whose firmware never stops
 /// (build of 2014, where the register restored the set-point).
 #[test]

@@ -22,7 +22,15 @@ const ROOMS: [&[&str]; 11] = [
     &["rig"],
 ];
 /// What every room may use, and what uses no room.
-const BOTTOM: [&str; 6] = ["hex", "html", "picture", "registry", "whole_file", "TOOL"];
+const BOTTOM: [&str; 7] = [
+    "hex",
+    "html",
+    "picture",
+    "registry",
+    "whole_file",
+    "workers",
+    "TOOL",
+];
 /// Roots of crates: a path that begins with `crate` begins there.
 const ROOTS: [&str; 4] = ["src", "protocols/src", "emulators/src", "firmware_core/src"];
 

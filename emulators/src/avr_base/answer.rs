@@ -65,6 +65,7 @@ impl AvrBase {
             let status = self.status();
             let frame = Frame::write(registers::SYSTEM_STATUS, &[status], self.quirks.checksum);
             self.bus.send(now, frame.as_bytes());
+            self.announces_until = self.bus.free_at();
         }
     }
 

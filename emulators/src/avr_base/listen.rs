@@ -77,7 +77,9 @@ impl AvrBase {
 
     fn judge_haste(&mut self, at: Instant, byte: u8) {
         let waits = self.pending.back().is_some_and(|last| last.request.valid);
-        let replies = self.chip.cpu.is_replying() || at < self.bus.free_at();
+        // What the base says unasked, nobody can wait for.
+        let answers = at < self.bus.free_at() && at >= self.announces_until;
+        let replies = self.chip.cpu.is_replying() || answers;
         if waits || replies {
             let rule = rules::REQUEST_BEFORE_REPLY;
             self.journal.violation(at, rule, &[byte], || {

@@ -3,24 +3,25 @@ use crate::grid;
 /// Map cells along the edge of a planner's cell.
 pub(super) const COARSE: usize = 3;
 /// Cells along an edge.
-pub(super) const EDGE: u8 = 100;
-pub(super) const SIDE: usize = EDGE as usize;
-const _: () = assert!(SIDE == grid::SIDE / COARSE);
+pub(super) const SIDE: usize = grid::SIDE / COARSE;
+#[expect(clippy::cast_possible_truncation, reason = "a third of 8191 at most")]
+pub(super) const EDGE: u16 = SIDE as u16;
+const _: () = assert!(SIDE * COARSE == grid::SIDE, "no rest at the map's rim");
 
 /// A cell of the planner's map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Cell {
-    pub(super) x: u8,
-    pub(super) y: u8,
+    pub(super) x: u16,
+    pub(super) y: u16,
 }
 
 impl Cell {
     /// The cell `dx` and `dy` from this one, if it lies in the map.
     pub(super) fn moved(self, dx: i8, dy: i8) -> Option<Self> {
-        let inside = |index: &u8| *index < EDGE;
+        let inside = |index: &u16| *index < EDGE;
         Some(Self {
-            x: self.x.checked_add_signed(dx).filter(inside)?,
-            y: self.y.checked_add_signed(dy).filter(inside)?,
+            x: self.x.checked_add_signed(i16::from(dx)).filter(inside)?,
+            y: self.y.checked_add_signed(i16::from(dy)).filter(inside)?,
         })
     }
 

@@ -32,7 +32,7 @@ const UNKNOWN_MAX: u16 = 10;
 /// An edge of fewer cells is a crack between two boards, not a way.
 const EDGE_CELLS_MIN: u8 = 3;
 /// Views stand so many cells apart.
-const VIEW_CELLS: u8 = 3;
+const VIEW_CELLS: u16 = 3;
 /// So near to a place that showed nothing, others will not either.
 const STALE_CELLS: i8 = 4;
 /// An edge counts so near to where the robot's middle can get to, 15 cm: cracks between boards lead
@@ -57,10 +57,12 @@ const STRAY_CELLS: i8 = 5;
 /// Steps of rays that cost as much as a point of a candidate pose, 580 cycles of the STM32F4: a
 /// step takes 18.
 const STEPS_PER_POINT: u32 = 32;
-/// Steps that sorting 90,000 cells of the map costs, at 4 cycles each.
-const SCENE_STEPS: u32 = 20_000;
+/// Cells of the planner's map.
+const CELLS: u32 = EDGE as u32 * EDGE as u32;
+/// Steps that sorting the map's cells costs, at 4 cycles each; nine of them are a planner's cell.
+const SCENE_STEPS: u32 = 2 * CELLS;
 /// Steps that a wave over a free map and growing what it has reached by a disc cost at most.
-const WAVE_STEPS: u32 = 30_000;
+const WAVE_STEPS: u32 = 3 * CELLS;
 
 /// What the robot looks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -235,12 +237,12 @@ impl Frontiers {
     }
 
     /// Cells of the planner of which something is known, walls that were felt counted once more.
-    pub fn known_cells(&mut self, map: &Grid) -> u16 {
+    pub fn known_cells(&mut self, map: &Grid) -> u32 {
         let mut unknown = 0;
         self.scene(map).unknown.each(|_| unknown += 1);
         let mut felt = 0;
         self.felt.each(|_| felt += 1);
-        u16::from(EDGE) * u16::from(EDGE) - unknown + felt
+        CELLS - unknown + felt
     }
 
     fn scene(&mut self, map: &Grid) -> Scene {
@@ -481,7 +483,7 @@ fn wave(scene: &Scene, near: &Cells, start: Cell, mut visit: impl FnMut(Cell, u1
                 }
             }
         }
-        way += 1;
+        way = way.saturating_add(1);
     }
 }
 

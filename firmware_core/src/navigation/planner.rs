@@ -32,7 +32,7 @@ const GOAL: u8 = 9;
 #[derive(Clone, Debug)]
 pub(super) struct Planner {
     /// Two cells a byte.
-    field: [[u8; SIDE / 2]; SIDE],
+    field: [[u8; SIDE.div_ceil(2)]; SIDE],
     /// Cells too near to an obstacle.
     near: Cells,
     raster: Raster,
@@ -46,7 +46,7 @@ pub(super) struct Planner {
 impl Planner {
     pub(super) const fn new() -> Self {
         Self {
-            field: [[UNREACHED * 0x11; SIDE / 2]; SIDE],
+            field: [[UNREACHED * 0x11; SIDE.div_ceil(2)]; SIDE],
             near: Cells::NONE,
             raster: Raster::NONE,
             kept: None,
@@ -76,7 +76,7 @@ impl Planner {
         let ends = [pose.position(), goal];
         let reach = self.raster.reach(body.keep_mm() - 25.0);
         let Some(goal) = self.raster.cell_of(goal) else {
-            self.field = [[UNREACHED * 0x11; SIDE / 2]; SIDE];
+            self.field = [[UNREACHED * 0x11; SIDE.div_ceil(2)]; SIDE];
             return;
         };
         if self.kept == Some(goal) {
@@ -126,7 +126,7 @@ impl Planner {
         }
         if let Some(cell) = ahead.and_then(|place| self.raster.cell_of(place)) {
             self.refuse(cell);
-            self.field = [[UNREACHED * 0x11; SIDE / 2]; SIDE];
+            self.field = [[UNREACHED * 0x11; SIDE.div_ceil(2)]; SIDE];
         }
     }
 
@@ -200,7 +200,7 @@ impl Planner {
     /// Plans with what is `reach` cells off the obstacles: whether a way leads from end to end.
     fn reaches(&mut self, obstacles: &Cells, reach: i8, ends: [Point; 2], goal: Cell) -> bool {
         self.near = self.raster.blocked(obstacles, reach, ends);
-        self.field = [[UNREACHED * 0x11; SIDE / 2]; SIDE];
+        self.field = [[UNREACHED * 0x11; SIDE.div_ceil(2)]; SIDE];
         self.spread(goal);
         let start = self.raster.cell_of(ends[0]);
         start.and_then(|cell| self.nearest_reached(cell)).is_some()
@@ -227,14 +227,14 @@ impl Planner {
     /// Whether the straight line between two cells is free.
     fn sees(&self, from: Cell, to: Cell) -> bool {
         let (dx, dy) = (
-            i16::from(to.x) - i16::from(from.x),
-            i16::from(to.y) - i16::from(from.y),
+            i32::from(to.x) - i32::from(from.x),
+            i32::from(to.y) - i32::from(from.y),
         );
         let steps = (dx.abs().max(dy.abs()) * 2).max(1);
         (0..=steps).all(|step| {
-            let along = |from: u8, delta: i16| {
-                let cell = (i16::from(from) * steps * 2 + delta * step * 2 + steps) / (steps * 2);
-                u8::try_from(cell).expect("between two cells")
+            let along = |from: u16, delta: i32| {
+                let cell = (i32::from(from) * steps * 2 + delta * step * 2 + steps) / (steps * 2);
+                u16::try_from(cell).expect("between two cells")
             };
             let cell = Cell {
                 x: along(from.x, dx),

@@ -78,7 +78,7 @@ impl Raster {
                 clippy::cast_sign_loss,
                 reason = "range checked"
             )]
-            (cell >= 0.0 && cell < f32::from(EDGE)).then_some(cell as u8)
+            (cell >= 0.0 && cell < f32::from(EDGE)).then_some(cell as u16)
         };
         Some(Cell {
             x: index(point.x_mm)?,
@@ -87,7 +87,7 @@ impl Raster {
     }
 
     pub(super) fn middle(self, cell: Cell) -> Point {
-        let middle = |index: u8| (f32::from(index) + 0.5) * self.cell_mm;
+        let middle = |index: u16| (f32::from(index) + 0.5) * self.cell_mm;
         Point::new(middle(cell.x), middle(cell.y))
     }
 }

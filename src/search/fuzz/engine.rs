@@ -13,6 +13,7 @@ use emulators::rng::Rng;
 use super::havoc;
 use super::subject::{Behaviour, MARKS, Subject, Violation, law};
 use crate::search::campaign::words_of_panic;
+use crate::workers;
 
 /// Most causes that are kept of one law: a law that is broken in a hundred ways is one to look at.
 const CAUSES_MAX: usize = 5;
@@ -129,7 +130,7 @@ impl<'a> Fuzzer<'a> {
             worker()
         } else {
             thread::scope(|scope| {
-                let threads: Vec<_> = (0..jobs).map(|_| scope.spawn(worker)).collect();
+                let threads: Vec<_> = (0..jobs).map(|_| workers::spawn(scope, worker)).collect();
                 let each = threads.into_iter().map(|thread| thread.join());
                 each.flat_map(|looked| looked.expect("panics of cases are caught"))
                     .collect()

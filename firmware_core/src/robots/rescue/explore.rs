@@ -23,9 +23,9 @@ const JUDGE_SCANS: u8 = 5;
 /// tried, after twice as many only walls that were not felt, and after three times as many none:
 /// what is left is noise of the map, not floor.
 const VAIN_VIEWS: u8 = 6;
-const NEWS_CELLS: u16 = 25;
+const NEWS_CELLS: u32 = 25;
 /// A view that showed fewer cells showed nothing.
-const NOTHING_CELLS: u16 = 3;
+const NOTHING_CELLS: u32 = 3;
 /// Scans for which the robot looks at what it came for.
 const LOOK_SCANS: u8 = 4;
 /// Scans that a way may take: 20 s, and 13 cm/s.
@@ -89,10 +89,10 @@ pub(super) struct Explore {
     is_second: bool,
     views: u16,
     /// Cells known at the last view that showed something, and views since.
-    known: u16,
+    known: u32,
     vain: u8,
     /// The last view, and the cells known when it was chosen.
-    last: Option<(Point, u16)>,
+    last: Option<(Point, u32)>,
 }
 
 impl Explore {
