@@ -244,9 +244,11 @@ fn silences(kind: FaultKind) -> bool {
     )
 }
 
-/// Whether something that is there seems not to be, or to stand still: a robot can know no better.
+/// Whether something that is there seems not to be, or to stand still: a robot can know no better,
+/// and one that does not steer hits what it was to pass.
 fn is_deceived(fault: &FaultSpec) -> bool {
-    fault.kind == FaultKind::Stuck || fault.fault.as_deref() == Some("blind")
+    let name = fault.fault.as_deref().unwrap_or_default();
+    fault.kind == FaultKind::Stuck || ["blind", "servo"].contains(&name)
 }
 
 /// Whether it comes and goes by its nature.

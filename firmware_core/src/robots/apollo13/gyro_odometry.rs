@@ -43,6 +43,11 @@ impl GyroOdometry {
         self.pose = self.pose.then(motion);
     }
 
+    /// How far it has counted since the last reading, metres; 0 if there was none.
+    pub fn counted_m(&self, travel_m: f64) -> f64 {
+        self.told.map_or(0.0, |[before_m, _]| travel_m - before_m)
+    }
+
     /// Travel since the board's start, metres, and heading by its gyroscope, radians; the first
     /// ones only set the beginning. A travel that falls back by more than a metre is that of a
     /// board that was reset: a new beginning. How far it went since the last one, metres.

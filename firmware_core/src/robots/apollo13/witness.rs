@@ -64,6 +64,16 @@ impl Told {
             self.steered.motion_to(to.steered),
         ]
     }
+
+    /// The ways from here on, if the odometer's is opposite to the board's.
+    fn other_way(&self, to: &Self) -> Option<Finding> {
+        let [odometer, board, _] = self.motions(to);
+        let is_other_way = odometer.ahead_m * board.ahead_m < 0.0;
+        let is_off = (odometer.ahead_m - board.ahead_m).abs() > WAY_OFF_M;
+        let is_found = length(&board) >= WAY_M[0] && is_other_way && is_off;
+        let turn_rad = odometer.turn_rad;
+        is_found.then(|| Finding::Way(odometer, Motion { turn_rad, ..board }))
+    }
 }
 
 /// The comparison: what was told when it began, of the way and of turns.
@@ -72,6 +82,8 @@ pub struct Witness {
     way: Told,
     turn: Told,
     heard: Instant,
+    /// What was told when the car was ordered to drive the other way.
+    turned: Option<Told>,
 }
 
 impl Witness {
@@ -80,14 +92,22 @@ impl Witness {
         (self.way, self.turn, self.heard) = (told, told, told.now);
     }
 
+    /// The car is ordered to drive the other way from here on.
+    pub const fn turn_round(&mut self, told: Told) {
+        self.turned = Some(told);
+    }
+
     /// Compares up to what is told now. A car that changes its direction rolls on for a while,
     /// which only the odometer tells: that is left out. Frames that were held up tell of a way that
-    /// the odometer told of before: nothing is compared until they come in time again.
+    /// the odometer told of before: nothing is compared until they come in time again. Only an
+    /// encoder that has counted the other way since the car was turned round is found all the same.
     pub fn compare(&mut self, told: Told) -> Option<Finding> {
         let passed = told.now - core::mem::replace(&mut self.heard, told.now);
         if told.is_backwards != self.way.is_backwards {
+            let is_late = passed > *IN_TIME.end();
+            let turned = self.turned.take().filter(|_| is_late);
             self.begin(told);
-            return None;
+            return turned.and_then(|from| from.other_way(&told));
         }
         if !IN_TIME.contains(&passed) {
             return None;
@@ -193,6 +213,35 @@ mod tests {
                 matches!(witness.compare(told), Some(Finding::Way(..)))
             });
             assert_eq!(found, found_at, "{counted_m}");
+        }
+    }
+
+    /// The car is turned round while the board's frames are lost for two seconds: it went 0.4 m back,
+    /// and the encoder says ahead. One that says back is believed, however far; and so is either if
+    /// no frame was lost, because the car rolled on.
+    #[test]
+    fn an_encoder_that_counts_the_other_way_is_found_behind_a_gap() {
+        for (told_m, gap_ms, is_found) in [
+            (0.40, 2_000, true),
+            (-0.40, 2_000, false),
+            (-0.20, 2_000, false),
+            (0.40, 67, false),
+        ] {
+            let mut witness = Witness::default();
+            let turned = Told {
+                is_backwards: true,
+                ..Told::default()
+            };
+            witness.turn_round(turned);
+            let back = Told {
+                now: Instant::ZERO + Duration::from_millis(gap_ms),
+                odometer: at(told_m, 0.0),
+                board: at(-0.40, 0.0),
+                ..turned
+            };
+            let finding = witness.compare(back);
+            let way = matches!(finding, Some(Finding::Way(_, other)) if other.ahead_m == -0.40);
+            assert_eq!(way, is_found, "{told_m} m, {gap_ms} ms");
         }
     }
 

@@ -17,6 +17,9 @@ use crate::robots::apollo13::witness::{Finding, Told};
 
 /// Readings beyond this are none, metres: what the fielded program publishes.
 const ULTRASOUND_MAX_M: f64 = 3.0;
+/// Way that an odometer has counted less than the board while it was silent, and not by chance,
+/// metres: three pulses.
+const MISSED_M: f64 = 0.08;
 /// Scans are entered into the floor no oftener; the fielded costmap did it each 200 ms.
 const SEE_EVERY: Duration = Duration::from_millis(100);
 /// Where the ultrasonic sensor ahead hears nothing up to here, columns without a depth are open
@@ -142,9 +145,10 @@ impl Apollo13 {
         let before = self.pose();
         // Its clock falls back when it is reset.
         let is_reset = reading.time_s < self.odometer_s;
+        let has_missed = self.watch.is_silent(self.now) && self.has_missed_way(reading.distance_m);
         self.watch.hear(self.now, is_reset);
         // Of a gyroscope whose offset was taken while the car turned nothing is believed.
-        if is_reset || self.watch.is_misled() {
+        if is_reset || has_missed || self.watch.is_misled() {
             self.bridge();
             self.odometry.begin_anew();
             self.gyro.begin_anew();
@@ -158,6 +162,15 @@ impl Apollo13 {
         self.turn_as_steered(reading);
         self.at_line = (self.odometry.clone(), self.by_board.pose_at(self.now));
         self.gates.moved(before, self.pose());
+    }
+
+    /// Whether an odometer that was silent has counted less than the board since its last line: one
+    /// that waits for its gyroscope does not look at its encoder.
+    fn has_missed_way(&self, travel_m: f64) -> bool {
+        let (odometry, board) = &self.at_line;
+        let by_board = board.motion_to(self.by_board.pose_at(self.now));
+        odometry.counted_m(travel_m).abs() + MISSED_M
+            < libm::hypot(by_board.ahead_m, by_board.left_m)
     }
 
     /// What a gyroscope that is stuck does not tell, the steering does. The other dialects tell the
@@ -189,6 +202,15 @@ impl Apollo13 {
             false => self.compare(),
         }
         self.gates.moved(before, self.pose());
+    }
+
+    /// What is sent to the board is what its pulses mean from now on.
+    pub(super) fn note_command(&mut self) {
+        let was_backwards = self.by_board.is_backwards();
+        self.by_board.command(self.drive);
+        if self.by_board.is_backwards() != was_backwards {
+            self.witness.turn_round(self.told());
+        }
     }
 
     /// What the odometer and the board tell of the same way must agree.
