@@ -41,8 +41,15 @@ pub struct Costmap {
     origin_m: [f64; 2],
     obstacles: Vec<bool>,
     costs: Vec<u8>,
-    /// What an obstacle makes of the cells around it.
-    stamp: Vec<([isize; 2], u8)>,
+    /// What an obstacle makes of the cells around it, row by row.
+    stamp: Vec<Stripe>,
+}
+
+/// Costs of neighbouring cells in a row, and where the first lies from the obstacle.
+#[derive(Clone, Debug, PartialEq)]
+struct Stripe {
+    from: [isize; 2],
+    costs: Vec<u8>,
 }
 
 impl Costmap {
@@ -165,33 +172,44 @@ impl Costmap {
     fn press(&mut self, at: usize) {
         let (width, height) = (self.width, self.height());
         let (x, y) = (at % width, at / width);
-        for &([dx, dy], cost) in &self.stamp {
-            let (Some(x), Some(y)) = (x.checked_add_signed(dx), y.checked_add_signed(dy)) else {
+        for stripe in &self.stamp {
+            let [dx, dy] = stripe.from;
+            let Some(y) = y.checked_add_signed(dy).filter(|y| *y < height) else {
                 continue;
             };
-            if x < width && y < height {
-                let slot = &mut self.costs[y * width + x];
-                *slot = cost.max(*slot);
+            // What begins beside the map is cut.
+            let (first, cut) = match x.checked_add_signed(dx) {
+                Some(first) => (first, 0),
+                None => (0, dx.unsigned_abs() - x),
+            };
+            let row = &mut self.costs[y * width..][..width];
+            let (Some(slots), Some(costs)) = (row.get_mut(first..), stripe.costs.get(cut..)) else {
+                continue;
+            };
+            for (slot, cost) in slots.iter_mut().zip(costs) {
+                *slot = (*cost).max(*slot);
             }
         }
     }
 }
 
 /// Cost of the cells around an obstacle.
-fn stamp(cell_m: f64, inflation: Inflation) -> Vec<([isize; 2], u8)> {
+fn stamp(cell_m: f64, inflation: Inflation) -> Vec<Stripe> {
     #[expect(clippy::cast_possible_truncation, reason = "at most 1000 cells")]
     let reach = libm::floor(inflation.radius_m / cell_m).clamp(0.0, 1_000.0) as isize;
-    let mut stamp = Vec::new();
-    for dy in -reach..=reach {
-        for dx in -reach..=reach {
-            let cells = libm::sqrt((dx * dx + dy * dy) as f64);
-            let cost = cost_at(cells * cell_m, inflation);
-            if cost > 0 {
-                stamp.push(([dx, dy], cost));
-            }
-        }
-    }
-    stamp
+    let cost = |dx: isize, dy: isize| {
+        let cells = libm::sqrt((dx * dx + dy * dy) as f64);
+        cost_at(cells * cell_m, inflation)
+    };
+    let stripe = |dy: isize| {
+        // Symmetric, and without a gap: the cost falls with the distance.
+        let reach = (0..=reach).rev().find(|dx| cost(*dx, dy) > 0)?;
+        Some(Stripe {
+            from: [-reach, dy],
+            costs: (-reach..=reach).map(|dx| cost(dx, dy)).collect(),
+        })
+    };
+    (-reach..=reach).filter_map(stripe).collect()
 }
 
 /// Cost at this distance from an obstacle's middle.

@@ -176,18 +176,21 @@ impl Survey {
 
     /// What is known so far as a plan to drive by.
     pub fn plan(&self) -> FloorPlan {
-        let is_known =
-            |(at, value): (usize, &u8)| (*value != UNKNOWN).then_some([at % SIDE, at / SIDE]);
-        let known = self.cells.iter().enumerate().filter_map(is_known);
-        let bounds = known.fold([[SIDE; 2], [0; 2]], |[low, high], cell| {
-            [0, 1].map(|end| {
-                core::array::from_fn(|axis| match end {
-                    0 => low[axis].min(cell[axis]),
-                    _ => high[axis].max(cell[axis]),
-                })
-            })
-        });
-        let [low, high]: [[usize; 2]; 2] = bounds;
+        let [mut low, mut high] = [[SIDE; 2], [0; 2]];
+        for (y, row) in self.cells.chunks_exact(SIDE).enumerate() {
+            // Of a large map most rows are unknown as a whole, which takes no time to see.
+            if row == [UNKNOWN; SIDE] {
+                continue;
+            }
+            let is_known = |value: &u8| *value != UNKNOWN;
+            let ends = [
+                row.iter().position(is_known),
+                row.iter().rposition(is_known),
+            ];
+            let [first, last] = ends.map(Option::unwrap_or_default);
+            low = [low[0].min(first), low[1].min(y)];
+            high = [high[0].max(last), high[1].max(y)];
+        }
         if low[0] > high[0] {
             return FloorPlan::default();
         }
@@ -270,7 +273,8 @@ impl Survey {
     fn is_beside(&self, [x_m, y_m]: [f64; 2]) -> bool {
         let passed = self.track.len().saturating_sub(STILL_HERE);
         let mut track = self.track[..passed].iter();
-        track.any(|at| libm::hypot(at.x_m - x_m, at.y_m - y_m) < BESIDE_M)
+        let far = |at: &CarPose| [at.x_m - x_m, at.y_m - y_m];
+        track.any(|at| far(at).map(|m| m * m).iter().sum::<f64>() < BESIDE_M * BESIDE_M)
     }
 
     /// Whether the camera has passed the cell at this place, metres.

@@ -170,11 +170,12 @@ impl Reach {
         let is_edge = |index: &usize| {
             let here = cell(*index, self.width);
             let place = costs.middle_m(here);
+            let beside = AROUND[..4].iter();
+            let mut beside = beside.map(|[dx, dy]| costs.middle_m([here[0] + dx, here[1] + dy]));
+            // The car's whole track is looked at last.
             survey.is_free(place)
+                && beside.any(|place| survey.is_unknown(place))
                 && !survey.is_beside(place)
-                && AROUND[..4]
-                    .iter()
-                    .any(|[dx, dy]| survey.is_unknown(costs.middle_m([here[0] + dx, here[1] + dy])))
         };
         let mut is_left = alloc::vec![false; self.before.len()];
         let all: Vec<usize> = self.order.iter().copied().filter(is_edge).collect();

@@ -52,8 +52,17 @@ pub(super) fn sightings(seen: impl Iterator<Item = [f64; 2]>, reach_m: f64) -> V
         sums.push(sum);
     }
     let all = (0..scan.len()).map(|index| laid(&scan, &sums, index));
-    all.filter(|it| libm::hypot(it.at[0], it.at[1]) <= reach_m)
-        .collect()
+    all.filter(|it| is_within(it.at, reach_m)).collect()
+}
+
+/// Whether a place is no farther than this. Most are much nearer or farther, which needs no root.
+fn is_within([x, y]: [f64; 2], reach_m: f64) -> bool {
+    let (square, most) = (x * x + y * y, reach_m * reach_m);
+    match square / most {
+        part if part < 0.999 => true,
+        part if part > 1.001 => false,
+        _ => libm::hypot(x, y) <= reach_m,
+    }
 }
 
 /// The place of this index, on the line through its neighbours if there is one.
@@ -104,7 +113,8 @@ fn on_line(before: &Sums, after: &Sums, t: f64) -> Option<Sighting> {
     let off_m = depth_m * depth_m * INVERSE_SIGMA * libm::sqrt(parts);
     // The derivative of (1 / q, t / q) by t.
     let way = [-slope, q - slope * t];
-    let length = libm::hypot(way[0], way[1]);
+    // Neither is so large that its square were none.
+    let length = libm::sqrt(way[0] * way[0] + way[1] * way[1]);
     Some(Sighting {
         at: [depth_m, depth_m * t],
         sigma: SIGMA_MIN_M.max(off_m),
