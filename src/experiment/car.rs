@@ -11,8 +11,8 @@ use core::time::Duration;
 use emulators::world::Pose;
 use protocols::Instant;
 
-use super::Experiment;
 use super::runs::start;
+use super::{Experiment, Plan};
 use crate::run::Run;
 
 pub(super) const LEVELS: Experiment = Experiment {
@@ -80,8 +80,66 @@ fn way(run: &mut Run, from: Duration, until: Duration) -> Vec<Pose> {
 }
 
 /// A name and a seed, for all names and seeds.
-fn jobs<T: Copy>(of: &[T], seeds: u64) -> Vec<(T, u64)> {
+fn jobs<T: Copy>(of: &[T], plan: &Plan) -> Vec<(T, u64)> {
     let each = of.iter();
-    each.flat_map(|one| (1..=seeds).map(move |seed| (*one, seed)))
+    each.flat_map(|one| plan.seeds().map(move |seed| (*one, seed)))
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What each figure of an experiment begins with, over two seeds.
+    fn found(experiment: &Experiment) -> Vec<f64> {
+        let plan = Plan {
+            first_seed: 40,
+            seeds: 2,
+            jobs: 2,
+        };
+        let findings = (experiment.perform)(&plan, &|_, _| {});
+        let number = |figure: &super::super::Figure| {
+            let word = figure.ours.split(' ').next().unwrap_or_default();
+            word.parse().expect("a figure comes first")
+        };
+        findings.figures.iter().map(number).collect()
+    }
+
+    /// The report's table of levels: +22 and -22 cm/s, within 5 %; -2 does not move.
+    #[test]
+    fn d1_levels_are_as_fast_as_the_report_says() {
+        let [two, minus_three, minus_two, ..] = found(&LEVELS)[..] else {
+            panic!("figures are missing");
+        };
+        assert!((two - 22.0).abs() < 1.1 && (minus_three + 22.0).abs() < 1.1);
+        assert_eq!(minus_two, 0.0);
+    }
+
+    /// The report's table of angles: 6.0 degrees to the left at 0, 0.4 at 7 and 8.
+    #[test]
+    fn d1_steering_value_0_is_six_degrees_to_the_left() {
+        let [zero, _, seven, eight] = found(&CIRCLE)[..] else {
+            panic!("figures are missing");
+        };
+        assert!((zero - 6.0).abs() <= 0.1, "{zero}");
+        assert!((seven - 0.4).abs() <= 0.1 && (eight - 0.4).abs() <= 0.1);
+    }
+
+    /// Less than one hall value a second, where a sound host has each of 15.
+    #[test]
+    fn d1_the_fielded_host_has_less_than_one_hall_value_a_second() {
+        let [fielded, _, sound, sent] = found(&HALL)[..] else {
+            panic!("figures are missing");
+        };
+        assert!(fielded < 1.0 && sound > 14.0 && sent - sound < 0.1);
+    }
+
+    /// The integral part has no visible effect: less than 5 mm between the two.
+    #[test]
+    fn d1_the_integral_part_has_no_visible_effect() {
+        let [without, with, ..] = found(&WALL)[..] else {
+            panic!("figures are missing");
+        };
+        assert!(without < 10.0 && with < 10.0 && (without - with).abs() < 5.0);
+    }
 }

@@ -25,8 +25,8 @@ pub(super) fn check_text(source: &Source) -> Result<(), ScenarioError> {
     Ok(())
 }
 
-/// Whether the start and all waypoints are on this side of the horizon, and what is expected can come
-/// true.
+/// Whether the start and all waypoints are on this side of the horizon, and what is expected can
+/// come true.
 pub(super) fn check(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError> {
     let start = &scenario.world.start;
     let at = start.get_ref();

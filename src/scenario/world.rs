@@ -1,6 +1,7 @@
 //! The world of a scenario: what is solid, where the robot starts, what moves and pushes.
 
 mod body;
+mod floor_line;
 mod heat;
 mod slick;
 
@@ -17,6 +18,7 @@ use toml::Spanned;
 use super::{MazeSpec, ScenarioError, Source, Span};
 use crate::scenario::plan;
 pub use body::BodySpec;
+pub use floor_line::FloorLineSpec;
 pub use heat::HeatSpec;
 use heat::body;
 pub use slick::SlickSpec;
@@ -62,6 +64,10 @@ pub struct WorldSpec {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(with = "Vec<SlickSpec>")]
     pub slick: Vec<Spanned<SlickSpec>>,
+    /// Lines on the floor.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(with = "Vec<FloorLineSpec>")]
+    pub line: Vec<Spanned<FloorLineSpec>>,
     /// Round obstacles that move.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(with = "Vec<MovingSpec>")]
@@ -260,6 +266,7 @@ impl WorldSpec {
             pillar: Vec::new(),
             heat: Vec::new(),
             slick: Vec::new(),
+            line: Vec::new(),
             moving: Vec::new(),
             push: Vec::new(),
             is_nowhere: true,
@@ -317,6 +324,7 @@ impl WorldSpec {
         let (obstacles, obstacle_origins) = self.obstacles(source)?;
         let plates = self.heat_plates(source)?;
         let slick = slick::build(&self.slick, source)?;
+        let lines = floor_line::build(&self.line, source)?;
         let scene = match &self.bounds {
             Some(bounds) => {
                 let bounds = Bounds {
@@ -327,7 +335,10 @@ impl WorldSpec {
             }
             None => Scene::new(fixtures, obstacles),
         };
-        let scene = scene.map(|scene| scene.with_heat_plates(plates).with_slick_floors(slick));
+        let scene = scene.map(|scene| {
+            let scene = scene.with_heat_plates(plates);
+            scene.with_slick_floors(slick).with_floor_lines(lines)
+        });
         scene.map_err(|error| {
             let origin = match error.part {
                 Part::Fixture(index) => fixture_origins.get(index),

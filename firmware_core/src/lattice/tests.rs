@@ -224,8 +224,9 @@ fn least_cost(lattice: &Lattice, map: &Costmap, start: [i32; 3], goal: [i32; 3])
     None
 }
 
-/// P5: 50 maps with blocks at random: the cost of each pass is within its factor of
-/// the least one, the last one is the least one, nothing overlaps.
+/// P5: maps with blocks at random, until 50 had a way: the cost of each pass is within its factor
+/// of the least one, the last one is the least one, nothing overlaps. Where it finds no way, there
+/// is none.
 #[test]
 fn p5_plans_are_within_their_bounds_on_random_maps() {
     let lattice = car();
@@ -237,7 +238,9 @@ fn p5_plans_are_within_their_bounds_on_random_maps() {
             .wrapping_add(1_442_695_040_888_963_407);
         (state >> 33) % below
     };
-    for number in 0..50 {
+    let mut number = 0;
+    while planned < 50 {
+        number += 1;
         let blocks: Vec<[f64; 2]> = (0..5)
             .map(|_| [0, 1].map(|_| dice(50) as f64 * 0.1))
             .collect();
@@ -267,7 +270,7 @@ fn p5_plans_are_within_their_bounds_on_random_maps() {
             Err(other) => panic!("map {number}: {other}"),
         }
     }
-    assert!(planned >= 20, "{planned} maps had a way");
+    assert!(number <= 150, "{number} maps were drawn");
 }
 
 /// P5: across 20 m by 20 m between 60 blocks. What a plan takes is counted in poses that are

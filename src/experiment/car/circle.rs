@@ -22,7 +22,7 @@ const UNTIL: Duration = Duration::from_secs(75);
 
 pub(super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Findings {
     let values = VALUES.map(|(value, _)| value);
-    let jobs = jobs(&values, plan.seeds);
+    let jobs = jobs(&values, plan);
     let ways = each(plan, &jobs, tell, |(value, seed)| {
         // Straight on it gets 16 m far.
         let size_m = if *value == 0 {

@@ -16,7 +16,7 @@ const UNTIL: Duration = Duration::from_secs(7);
 
 pub(super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Findings {
     let levels: Vec<i8> = (-LEVEL_MAX..=LEVEL_MAX).collect();
-    let jobs = jobs(&levels, plan.seeds);
+    let jobs = jobs(&levels, plan);
     let found = each(plan, &jobs, tell, |(level, seed)| speed_cm_s(*level, *seed));
     let speeds = |level: i8| {
         let of_level = jobs

@@ -32,7 +32,7 @@ pub fn examples() -> Vec<(String, String)> {
     paths.chain(kinds).filter_map(whole).collect()
 }
 
-const EXAMPLES: [(&str, &str); 20] = [
+const EXAMPLES: [(&str, &str); 21] = [
     (
         "",
         r#"
@@ -223,6 +223,15 @@ to_m = [2.7, 1.1]
 min_m = [0.6, 0.6]
 max_m = [1.8, 2.4]
 grip = 0.02
+"#,
+    ),
+    (
+        "world.line",
+        r#"
+[[world.line]]
+from_m = [0.8, 0.2]
+to_m = [0.8, 2.8]
+width_m = 0.05
 "#,
     ),
     (

@@ -72,7 +72,7 @@ impl Told {
         let is_off = (odometer.ahead_m - board.ahead_m).abs() > WAY_OFF_M;
         let is_found = length(&board) >= WAY_M[0] && is_other_way && is_off;
         let turn_rad = odometer.turn_rad;
-        is_found.then(|| Finding::Way(odometer, Motion { turn_rad, ..board }))
+        is_found.then_some(Finding::Way(odometer, Motion { turn_rad, ..board }))
     }
 }
 
@@ -216,9 +216,9 @@ mod tests {
         }
     }
 
-    /// The car is turned round while the board's frames are lost for two seconds: it went 0.4 m back,
-    /// and the encoder says ahead. One that says back is believed, however far; and so is either if
-    /// no frame was lost, because the car rolled on.
+    /// The car is turned round while the board's frames are lost for two seconds: it went 0.4 m
+    /// back, and the encoder says ahead. One that says back is believed, however far; and so is
+    /// either if no frame was lost, because the car rolled on.
     #[test]
     fn an_encoder_that_counts_the_other_way_is_found_behind_a_gap() {
         for (told_m, gap_ms, is_found) in [
