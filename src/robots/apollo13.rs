@@ -18,19 +18,19 @@ mod phone;
 mod script;
 
 use emulators::car_board;
-use emulators::world::{Ackermann, Chassis};
+use emulators::world::Chassis;
 use firmware_core::Master as _;
 use firmware_core::ackermann::CarPose;
 use firmware_core::robots::apollo13::wall::Side;
 use firmware_core::robots::apollo13::{Apollo13, Config};
 
-use super::{Alone, Dut, PcEnd, ProgramPort, Robot, WirePlan, Wired, refuse_chassis};
+use super::{Alone, Dut, PcEnd, ProgramPort, Robot, WirePlan, Wired};
 use crate::rig::line::End;
 use crate::rig::{LinkKind, Rig};
 use crate::scenario::device::{
     Built, CAMERA, CAR_BOARD, CameraSpec, MountSpec, ODOMETER, OdometerSpec,
 };
-use crate::scenario::{DeviceSpec, Scenario, ScenarioError, Source};
+use crate::scenario::{AckermannSpec, ChassisSpec, DeviceSpec, Scenario, ScenarioError, Source};
 
 use instruments::ApolloInstruments;
 use phone::Phone;
@@ -84,10 +84,16 @@ impl Robot for ApolloRobot {
         scenario: &Scenario,
         source: &Source,
     ) -> Result<Option<Box<dyn Chassis>>, ScenarioError> {
-        refuse_chassis(scenario, source)?;
-        let chassis = Ackermann::new(car_board::chassis(), scenario.seed)
-            .map_err(|error| source.invalid(None, "robot", error.to_string()))?;
-        Ok(Some(Box::new(chassis)))
+        let spec = match &scenario.chassis {
+            Some(ChassisSpec::Ackermann(spec)) => &**spec,
+            Some(ChassisSpec::Differential(_)) => {
+                let message = "expected ackermann: this robot is a car";
+                return Err(source.invalid(source.find("chassis"), "chassis", message));
+            }
+            None => &AckermannSpec::default(),
+        };
+        let chassis = spec.build(car_board::chassis(), scenario.seed, source)?;
+        Ok(Some(chassis))
     }
 
     fn wire(&self, plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {

@@ -2,6 +2,7 @@
 
 use emulators::world::{
     Ackermann, AckermannConfig, BodyConfig, BodyError, Chassis, Differential, Footprint, Point,
+    SteeringLaw,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -9,7 +10,8 @@ use toml::Spanned;
 
 use super::{ScenarioError, Source};
 
-/// The drive train of a custom robot: one of these tables.
+/// The drive train of a custom robot, one of these tables; or what is different at the car of a
+/// robot that is one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum ChassisSpec {
@@ -18,7 +20,7 @@ pub enum ChassisSpec {
     Differential(DifferentialSpec),
     /// A car: driven rear axle, steered front wheels. Actuators `drive` and `steering`, encoder
     /// `drive`; its place is the middle of the rear axle.
-    Ackermann(AckermannSpec),
+    Ackermann(Box<AckermannSpec>),
 }
 
 /// What a differential chassis has besides the figures of `[world.body]`.
@@ -32,7 +34,8 @@ pub struct DifferentialSpec {
     pub footprint_m: Option<Spanned<Vec<[f64; 2]>>>,
 }
 
-/// Figures of a car; what is not given is that of a Tamiya TT-01 in 1:10.
+/// Figures of a car; what is not given is that of a Tamiya TT-01 in 1:10, or of the robot that has
+/// one.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AckermannSpec {
@@ -56,6 +59,17 @@ pub struct AckermannSpec {
     /// Largest steering angle to either side, degrees; 25 if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub steering_max_deg: Option<f64>,
+    /// What the linkage makes of an angle: the wheels' by the servo's, 0.1 to 2; 1 if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub steering_gain: Option<f64>,
+    /// How the wheels stand when straight ahead is told, degrees, to the left positive; 0 if not
+    /// given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub steering_trim_deg: Option<f64>,
+    /// How that wanders while the car rolls: standard deviation after one metre, degrees; 0 if not
+    /// given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub steering_wander_deg: Option<f64>,
     /// Fastest turn of the servo, degrees per second; 172 if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub steering_rate_deg_s: Option<f64>,
@@ -99,22 +113,33 @@ impl ChassisSpec {
                     None => Box::new(chassis),
                 })
             }
-            Self::Ackermann(spec) => {
-                let key = "chassis.ackermann.footprint_m";
-                let footprint = footprint(spec.footprint_m.as_ref(), key, source)?;
-                let chassis = Ackermann::new(spec.config(footprint), seed).map_err(|error| {
-                    let span = source.find("ackermann");
-                    source.invalid(span, "chassis.ackermann", error.to_string())
-                })?;
-                Ok(Box::new(chassis))
-            }
+            Self::Ackermann(spec) => spec.build(AckermannConfig::default(), seed, source),
         }
     }
 }
 
 impl AckermannSpec {
-    fn config(&self, footprint: Option<Footprint>) -> AckermannConfig {
-        let usual = AckermannConfig::default();
+    /// The car; what is not given is as `usual`, `seed` chooses its dice.
+    ///
+    /// # Errors
+    /// If a figure is out of range, or the outline is none.
+    pub fn build(
+        &self,
+        usual: AckermannConfig,
+        seed: u64,
+        source: &Source,
+    ) -> Result<Box<dyn Chassis>, ScenarioError> {
+        let key = "chassis.ackermann.footprint_m";
+        let footprint = footprint(self.footprint_m.as_ref(), key, source)?;
+        let chassis = Ackermann::new(self.config(usual, footprint), seed).map_err(|error| {
+            let span = source.find("ackermann");
+            source.invalid(span, "chassis.ackermann", error.to_string())
+        })?;
+        Ok(Box::new(chassis))
+    }
+
+    fn config(&self, usual: AckermannConfig, footprint: Option<Footprint>) -> AckermannConfig {
+        let law = usual.steering_law;
         let radians = |degrees: Option<f64>, usual: f64| degrees.map_or(usual, f64::to_radians);
         AckermannConfig {
             footprint: footprint.unwrap_or(usual.footprint),
@@ -123,6 +148,11 @@ impl AckermannSpec {
             wheel_radius_m: self.wheel_radius_m.unwrap_or(usual.wheel_radius_m),
             ticks_per_turn: self.ticks_per_turn.unwrap_or(usual.ticks_per_turn),
             steering_max_rad: radians(self.steering_max_deg, usual.steering_max_rad),
+            steering_law: SteeringLaw {
+                gain: self.steering_gain.unwrap_or(law.gain),
+                trim_rad: radians(self.steering_trim_deg, law.trim_rad),
+                wander_rad: radians(self.steering_wander_deg, law.wander_rad),
+            },
             steering_rate_rad_s: radians(self.steering_rate_deg_s, usual.steering_rate_rad_s),
             full_speed_m_s: self.full_speed_m_s.unwrap_or(usual.full_speed_m_s),
             lag_s: self.lag_s.unwrap_or(usual.lag_s),

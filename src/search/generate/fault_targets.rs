@@ -24,6 +24,8 @@ pub(super) struct Device {
     pub(super) has_registers: bool,
     /// Whether it sends messages. What has levels alone is read when it is looked at, never late.
     pub(super) has_messages: bool,
+    /// Whether its robot searches until all is seen, and goes home before if its battery is low.
+    has_to_last: bool,
 }
 
 /// How a sensor sits: that does not change while a robot drives, and no byte tells of it.
@@ -31,6 +33,8 @@ const MOUNTS: [&str; 2] = ["turned", "mirrored"];
 /// What a decoder is tried with, whose distances are up to 25 cm wrong: a map that is begun with
 /// them fits nothing that is seen later, and no byte tells of it either.
 const LIES: [&str; 1] = ["dense-starts"];
+/// What ends a search by the robot's own decision.
+const SENT_HOME: &str = "battery-low";
 
 impl Device {
     /// Faults that no other device has, and that can come and go.
@@ -41,6 +45,7 @@ impl Device {
             .copied()
             .filter(move |name| !is_known(name))
             .filter(|name| !MOUNTS.contains(name) && !LIES.contains(name))
+            .filter(|name| !self.has_to_last || *name != SENT_HOME)
     }
 }
 
@@ -72,11 +77,17 @@ impl FaultTargets {
                 // Nobody is at the other end of what a scenario describes itself.
                 let open = wired.open_ends.iter().map(|end| end.link.as_str());
                 let open: Vec<&str> = open.collect();
-                Self {
+                let mut targets = Self {
                     consoles: wired.instruments.consoles(),
                     hasty: wired.instruments.silence().map(|silence| silence.link),
                     ..Self::wired(&wired.rig, &open)
+                };
+                let expect = &scenario.expect;
+                let is_search = expect.explored_min.or(expect.victims_within_mm).is_some();
+                for device in &mut targets.devices {
+                    device.has_to_last = is_search;
                 }
+                targets
             }
             Err(_) => Self::default(),
         }
@@ -98,6 +109,7 @@ impl FaultTargets {
             faults,
             has_registers: rig.register(name, 0).is_some(),
             has_messages: wires().any(|line| rig.node_name(line.from.node) == name),
+            has_to_last: false,
         };
         Self {
             links,
