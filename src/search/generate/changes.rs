@@ -59,13 +59,17 @@ fn move_something(world: &mut WorldSpec, dice: &mut Draw) {
             move_polygon(world, index, by, dice);
         }
         2 => {
-            let pillars = world.pillar.len();
-            let pillar = world.pillar[dice.index(pillars)].get_mut();
+            let index = dice.index(world.pillar.len());
+            let pillar = world.pillar[index].get_ref();
             if pillar.at_m.is_empty() {
                 return;
             }
             let place = dice.index(pillar.at_m.len());
-            pillar.at_m[place] = moved(pillar.at_m[place], by);
+            // A post stays with its wall: it is what a lidar sees of a pane of glass.
+            if !touches(world, pillar.at_m[place], pillar.radius_m, Of::Pillar) {
+                let place = &mut world.pillar[index].get_mut().at_m[place];
+                *place = moved(*place, by);
+            }
         }
         _ => {
             let walkers = world.moving.len();
@@ -79,19 +83,22 @@ fn move_something(world: &mut WorldSpec, dice: &mut Draw) {
 }
 
 /// A wall that ends in the room becomes longer or shorter, as at a door; of one that does not, a
-/// side is moved.
+/// side is moved, but none that is held by something at an end.
 fn move_wall(world: &mut WorldSpec, index: usize, by: f64, dice: &mut Draw) {
     let path = &world.wall[index].get_ref().path_m;
     let last = path.len().saturating_sub(1);
     let ends = [(0, 1), (last, last.saturating_sub(1))];
-    let is_free = |&(end, _): &(usize, usize)| !touches(world, path[end], Some(index), None);
-    let free: Vec<(usize, usize)> = match path.len() > 1 && path[0] != path[last] {
+    let is_closed = path.first() == path.last();
+    let is_free = |&(end, _): &(usize, usize)| !touches(world, path[end], 0.0, Of::Wall(index));
+    let free: Vec<(usize, usize)> = match path.len() > 1 && !is_closed {
         true => ends.into_iter().filter(is_free).collect(),
         false => Vec::new(),
     };
     if free.is_empty() {
         let side = dice.index(last.max(1));
-        move_side(&mut world.wall[index].get_mut().path_m, side, by);
+        if is_closed || (side > 0 && side + 1 < last) {
+            move_side(&mut world.wall[index].get_mut().path_m, side, by);
+        }
         return;
     }
     let (end, inner) = free[dice.index(free.len())];
@@ -103,7 +110,7 @@ fn move_wall(world: &mut WorldSpec, index: usize, by: f64, dice: &mut Draw) {
 /// Furniture that stands free is moved, of the rest a side that touches nothing.
 fn move_polygon(world: &mut WorldSpec, index: usize, by: [f64; 2], dice: &mut Draw) {
     let corners = &world.polygon[index].get_ref().corners_m;
-    let is_free = |&place: &[f64; 2]| !touches(world, place, None, Some(index));
+    let is_free = |&place: &[f64; 2]| !touches(world, place, 0.0, Of::Polygon(index));
     if corners.iter().all(is_free) {
         for corner in &mut world.polygon[index].get_mut().corners_m {
             *corner = moved(*corner, by);
@@ -146,24 +153,35 @@ fn move_side(path: &mut [[f64; 2]], side: usize, by: f64) {
     }
 }
 
-/// Whether `place` lies on a wall or polygon other than these.
-fn touches(
-    world: &WorldSpec,
-    place: [f64; 2],
-    but_wall: Option<usize>,
-    but_polygon: Option<usize>,
-) -> bool {
-    let near = |from: [f64; 2], to: [f64; 2]| line_distance(from, to, place) <= JOINED_M;
+/// What a point belongs to: it does not touch itself.
+#[derive(Clone, Copy, PartialEq)]
+enum Of {
+    Wall(usize),
+    Polygon(usize),
+    Pillar,
+}
+
+/// Whether what reaches so many metres around `place` touches a wall or polygon, or, if it is no
+/// pillar, one of these.
+fn touches(world: &WorldSpec, place: [f64; 2], reach_m: f64, of: Of) -> bool {
+    let near = |from: [f64; 2], to: [f64; 2]| line_distance(from, to, place) <= reach_m + JOINED_M;
     let along = |path: &[[f64; 2]]| path.windows(2).any(|pair| near(pair[0], pair[1]));
     let walls = world.wall.iter().enumerate();
-    let mut walls = walls.filter(|&(index, _)| Some(index) != but_wall);
+    let mut walls = walls.filter(|&(index, _)| of != Of::Wall(index));
     let polygons = world.polygon.iter().enumerate();
-    let mut polygons = polygons.filter(|&(index, _)| Some(index) != but_polygon);
+    let mut polygons = polygons.filter(|&(index, _)| of != Of::Polygon(index));
+    let mut posts = world.pillar.iter().filter(|_| of != Of::Pillar);
     walls.any(|(_, wall)| along(&wall.get_ref().path_m))
         || polygons.any(|(_, polygon)| {
             let corners = &polygon.get_ref().corners_m;
             let ends = corners.first().zip(corners.last());
             along(corners) || ends.is_some_and(|(&first, &last)| near(last, first))
+        })
+        || posts.any(|pillar| {
+            let pillar = pillar.get_ref();
+            let is_near =
+                |&at: &[f64; 2]| line_distance(at, at, place) <= pillar.radius_m + JOINED_M;
+            pillar.at_m.iter().any(is_near)
         })
 }
 
@@ -223,6 +241,33 @@ mod tests {
         let mut world = world();
         move_wall(&mut world, 1, 0.15, &mut zeros());
         assert_eq!(world.wall[1].get_ref().path_m, [[1.0, 0.0], [1.0, 1.35]]);
+    }
+
+    /// A pane of glass from a wall to its post, and the post: neither goes without the other.
+    #[test]
+    fn a_pane_and_its_post_stay_together() {
+        let mut world = world();
+        world.wall[1].get_mut().glass = true;
+        let text = "start = { x_m = 0.5, y_m = 0.5, heading_deg = 0 }\n\
+            [[pillar]]\nat_m = [[1.0, 1.22]]\nradius_m = 0.03\n";
+        world.pillar = toml::from_str::<WorldSpec>(text).expect("sound").pillar;
+        let before = world.clone();
+        move_wall(&mut world, 1, 0.15, &mut zeros());
+        assert_eq!(world, before);
+        world.wall.truncate(2);
+        world.polygon.clear();
+        let only_pane = world.wall.pop().expect("the pane");
+        world.wall = vec![only_pane];
+        let before = world.clone();
+        // With no side and no furniture left, each draw takes the pane or the post.
+        for byte in 0..=255 {
+            move_something(
+                &mut world,
+                &mut super::super::Dice::of_bytes(&[byte; 64]).world,
+            );
+        }
+        let pillar = |world: &WorldSpec| world.pillar[0].get_ref().at_m.clone();
+        assert_eq!(pillar(&world), pillar(&before));
     }
 
     /// The side along y = 0 moves to the left of its direction: into the room. The path stays
