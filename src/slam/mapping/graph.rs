@@ -68,22 +68,34 @@ impl Graph {
         self.edges.push(edge);
     }
 
-    /// Moves the poses to where they agree best, at most `steps` times; how far the farthest of
-    /// them went in all, metres.
-    pub fn optimise(&mut self, steps: u32) -> f64 {
-        let pairs = self.edges.iter().map(|edge| (edge.from, edge.to));
-        let plan = Plan::new(self.poses.len(), pairs);
-        let before = self.poses.clone();
+    /// Moves all poses to where they agree best, at most `steps` times.
+    pub fn optimise(&mut self, steps: u32) {
+        let all: Vec<usize> = (0..self.poses.len()).collect();
+        self.optimise_part(&all, steps);
+    }
+
+    /// The same of the `most` poses nearest to one by way; all others stay.
+    pub fn optimise_near(&mut self, pose: usize, most: usize, steps: u32) {
+        let mut near = self.nearest(pose, most);
+        near.sort_unstable();
+        self.optimise_part(&near, steps);
+    }
+
+    fn optimise_part(&mut self, poses: &[usize], steps: u32) {
+        let part = Part::of(self, poses);
+        let free = part.edges.iter().filter_map(|edge| part.ends(edge));
+        let plan = Plan::new(poses.len(), free);
         for step in 0..steps {
             // A loop that has just been found is off as far as the way before it was, and must not
             // be unheard for that.
             let kernel = step >= steps / 2;
-            let Some(by) = self.system(&plan, kernel).solve() else {
+            let Some(by) = self.system(&part, &plan, kernel).solve() else {
                 break;
             };
             let mut most = 0.0_f64;
-            for (pose, by) in self.poses.iter_mut().zip(&by) {
+            for (pose, by) in poses.iter().zip(&by) {
                 most = most.max(by[0].abs()).max(by[1].abs()).max(by[2].abs());
+                let pose = &mut self.poses[*pose];
                 *pose = Pose::new(
                     pose.x - by[0],
                     pose.y - by[1],
@@ -94,14 +106,14 @@ impl Graph {
                 break;
             }
         }
-        let ways = before.iter().zip(&self.poses);
-        ways.map(|(a, b)| distance(*a, *b)).fold(0.0, f64::max)
     }
 
-    fn system<'a>(&self, plan: &'a Plan, kernel: bool) -> System<'a> {
+    fn system<'a>(&self, part: &Part, plan: &'a Plan, kernel: bool) -> System<'a> {
         let mut system = System::new(plan);
-        system.add(0, 0, &diagonal([HELD; 3]));
-        for edge in &self.edges {
+        if let Some(first) = part.place(0) {
+            system.add(first, first, &diagonal([HELD; 3]));
+        }
+        for edge in &part.edges {
             let (off, from, to) = self.slopes(edge);
             let information = scaled(
                 &edge.information,
@@ -109,11 +121,17 @@ impl Graph {
             );
             let [for_from, for_to] =
                 [&from, &to].map(|slope| product(&transposed(slope), &information));
-            system.add(edge.from, edge.from, &product(&for_from, &from));
-            system.add(edge.to, edge.to, &product(&for_to, &to));
-            system.add(edge.from, edge.to, &product(&for_from, &to));
-            system.add_right(edge.from, applied(&for_from, off));
-            system.add_right(edge.to, applied(&for_to, off));
+            if let Some(at) = part.place(edge.from) {
+                system.add(at, at, &product(&for_from, &from));
+                system.add_right(at, applied(&for_from, off));
+            }
+            if let Some(at) = part.place(edge.to) {
+                system.add(at, at, &product(&for_to, &to));
+                system.add_right(at, applied(&for_to, off));
+            }
+            if let Some((from, at)) = part.ends(edge) {
+                system.add(from, at, &product(&for_from, &to));
+            }
         }
         system
     }
@@ -136,6 +154,10 @@ impl Graph {
 
     /// Takes out the loops that disagree with the poses by more squared deviations; their number.
     pub fn drop_loops(&mut self, strained: f64) -> usize {
+        let is_false = |edge: &Edge| edge.kind == Kind::Loop && self.strain(edge) > strained;
+        if !self.edges.iter().any(is_false) {
+            return 0;
+        }
         let edges = core::mem::take(&mut self.edges);
         let count = edges.len();
         self.around.iter_mut().for_each(Vec::clear);
@@ -149,6 +171,34 @@ impl Graph {
 
     /// Way along edges from a pose to each, metres, as far as it is less than `most_m`.
     pub fn ways_from(&self, pose: usize, most_m: f64) -> Vec<f64> {
+        self.walk(pose, most_m, |_| true)
+    }
+
+    /// The same to these poses alone, in their order.
+    pub fn ways_to(&self, pose: usize, to: &[usize], most_m: f64) -> Vec<f64> {
+        let mut left = to.len();
+        let mut is_sought = vec![false; self.poses.len()];
+        to.iter().for_each(|to| is_sought[*to] = true);
+        let ways = self.walk(pose, most_m, |at| {
+            left -= usize::from(is_sought[at]);
+            left > 0
+        });
+        to.iter().map(|to| ways[*to]).collect()
+    }
+
+    /// The poses nearest to one by way, itself the first, `most` at most.
+    fn nearest(&self, pose: usize, most: usize) -> Vec<usize> {
+        let mut near = Vec::with_capacity(most);
+        self.walk(pose, f64::INFINITY, |next| {
+            near.push(next);
+            near.len() < most
+        });
+        near
+    }
+
+    /// Goes along edges from a pose to others, the nearest first, until `goes_on` says no: the ways
+    /// found, metres, if less than `most_m`.
+    fn walk(&self, pose: usize, most_m: f64, mut goes_on: impl FnMut(usize) -> bool) -> Vec<f64> {
         let mut ways = vec![f64::INFINITY; self.poses.len()];
         let mut queue = BinaryHeap::new();
         ways[pose] = 0.0;
@@ -158,6 +208,9 @@ impl Graph {
             let way = f64::from_bits(bits);
             if way > ways[at] {
                 continue;
+            }
+            if !goes_on(at) {
+                break;
             }
             for edge in self.around[at].iter().map(|edge| &self.edges[*edge]) {
                 let next = if edge.from == at { edge.to } else { edge.from };
@@ -169,6 +222,37 @@ impl Graph {
             }
         }
         ways
+    }
+}
+
+/// The poses that may move, and what is known of them.
+struct Part {
+    /// Of each pose of the graph its number among those that may move.
+    places: Vec<Option<usize>>,
+    edges: Vec<Edge>,
+}
+
+impl Part {
+    fn of(graph: &Graph, poses: &[usize]) -> Self {
+        let mut places = vec![None; graph.poses.len()];
+        for (place, pose) in poses.iter().enumerate() {
+            places[*pose] = Some(place);
+        }
+        let around = poses.iter().flat_map(|pose| &graph.around[*pose]);
+        let mut edges: Vec<usize> = around.copied().collect();
+        edges.sort_unstable();
+        edges.dedup();
+        let edges = edges.into_iter().map(|edge| graph.edges[edge]).collect();
+        Self { places, edges }
+    }
+
+    fn place(&self, pose: usize) -> Option<usize> {
+        self.places[pose]
+    }
+
+    /// An edge's ends, if both may move.
+    fn ends(&self, edge: &Edge) -> Option<(usize, usize)> {
+        self.place(edge.from).zip(self.place(edge.to))
     }
 }
 
@@ -276,6 +360,32 @@ mod tests {
         assert!(graph.poses[10].x > 9.0, "{:?}", graph.poses[10]);
     }
 
+    /// Ten poses a metre apart, and a word that the last two are 0.8 m apart: of three that may move
+    /// the last bears it, and those before stay where they are, to the bit; with all of them it
+    /// says the same.
+    #[test]
+    fn what_is_near_moves_and_the_rest_stays() {
+        let mut graph = Graph::default();
+        graph.add_pose(Pose::default());
+        for number in 0..9 {
+            let x = f64::from(number);
+            graph.add_pose(Pose::new(x + 1.0, 0.0, 0.0));
+            let from = graph.poses.len() - 2;
+            graph.add_edge(edge(from, from + 1, Pose::new(1.0, 0.0, 0.0), Kind::Way));
+        }
+        graph.add_edge(edge(8, 9, Pose::new(0.8, 0.0, 0.0), Kind::Loop));
+        let mut whole = graph.clone();
+        whole.optimise(10);
+        let before = graph.poses.clone();
+        graph.optimise_near(9, 3, 10);
+        assert_eq!(graph.poses[..7], before[..7]);
+        // Both words count alike: 0.9 m.
+        for graph in [&graph, &whole] {
+            let last = between(graph.poses[8], graph.poses[9]);
+            assert!((last.x - 0.9).abs() < 1e-6, "{last:?}");
+        }
+    }
+
     /// Of two loops the one that is 10 m off is dropped and the one that is 0.1 m off (one squared
     /// deviation) is kept, as is every way, however strained; and no way leads through the one that
     /// is gone.
@@ -307,5 +417,8 @@ mod tests {
         assert_eq!(graph.ways_from(0, 50.0), [0.0, 20.0, 40.0, f64::INFINITY]);
         graph.add_edge(edge(0, 3, Pose::default(), Kind::Loop));
         assert_eq!(graph.ways_from(0, 50.0), [0.0, 20.0, 21.0, 1.0]);
+        assert_eq!(graph.ways_to(0, &[2, 3], 50.0), [21.0, 1.0]);
+        assert_eq!(graph.ways_to(0, &[1, 2], 20.5), [20.0, f64::INFINITY]);
+        assert!(graph.ways_to(0, &[], 50.0).is_empty());
     }
 }

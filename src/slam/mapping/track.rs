@@ -1,20 +1,21 @@
 //! From scan to scan: each is laid onto the walls seen lately.
 
 mod closing;
+mod summits;
 
 use emulators::world::{Pose, wrap_angle};
 
 use crate::slam::mapping::Shot;
 use crate::slam::mapping::align::{Fit, Prior, align};
 use crate::slam::mapping::cloud::{Cloud, Frame, Spot};
-use crate::slam::mapping::correlate::{Candidate, REACH_MAX, Window, search};
 use crate::slam::mapping::graph::{Edge, Graph, Kind};
 use crate::slam::mapping::keyframe::Keyframe;
 use crate::slam::mapping::matrix::{Matrix, diagonal, inverse, sum, turned};
 use crate::slam::mapping::motion::{between, distance, moved};
 use crate::slam::mapping::sheet::Sheet;
-use crate::slam::mapping::surfels::{CELL_M, Surfels, some_of};
+use crate::slam::mapping::surfels::{Surfels, some_of};
 use closing::Closing;
+use summits::{best_fit, window};
 
 /// What the mapper is told once.
 #[derive(Clone, Copy, Debug)]
@@ -72,6 +73,9 @@ pub struct Mapper {
     wheels: [f64; 2],
     /// What the wheels miss always: radians per metre.
     bias: f64,
+    /// Part of a scan that lay on walls lately, and how many scans since have been far below.
+    usual: f64,
+    below: u32,
 }
 
 /// To each side of the walls' middle, metres.
@@ -94,8 +98,6 @@ const KNOWN_AFTER_M: f64 = 50.0;
 const KNOWN_BY: usize = 3;
 /// Spots of a scan that are compared with the walls.
 const SPOTS: usize = 180;
-/// Poses that are laid onto the walls in detail.
-const TRIES: usize = 4;
 
 /// So much of what the wheels missed in a metre is taken for what they miss always, and most of
 /// that, radians per metre.
@@ -111,10 +113,14 @@ const SLIPPED: f64 = 12.0;
 /// Less of a scan on walls calls for a wider search, and that much more makes its result believed.
 const POOR: f64 = 0.5;
 const GAIN: f64 = 0.2;
+/// So does so much less than lay on walls lately; of that each scan counts a part.
+const DROP: f64 = 0.25;
+const USUAL_PART: f64 = 0.1;
+/// Metres by which the search becomes wider at each scan that is not found, and how often.
+const BELOW_M: f64 = 0.05;
+const BELOW_MOST: u32 = 8;
 /// Less of a scan on walls says nothing.
 const DOUBTFUL: f64 = 0.25;
-/// What a squared standard deviation from the odometry costs of the score.
-const COST: f64 = 0.01;
 
 impl Mapper {
     /// One that has seen nothing.
@@ -133,6 +139,8 @@ impl Mapper {
             unsure: [0.0; 2],
             wheels: [1.0; 2],
             bias: 0.0,
+            usual: 0.0,
+            below: 0,
         }
     }
 
@@ -157,6 +165,12 @@ impl Mapper {
         if !is_doubtful && fit.explained > POOR {
             self.learn(&wide, pose, libm::hypot(shot.moved.x, shot.moved.y));
         }
+        self.below = if fit.explained < self.least() {
+            self.below + 1
+        } else {
+            0
+        };
+        self.usual += USUAL_PART * (fit.explained - self.usual);
         self.path_m += distance(self.pose, pose);
         self.pose = pose;
         for (unsure, by) in self.unsure.iter_mut().zip(prior.deviation) {
@@ -243,13 +257,15 @@ impl Mapper {
         let spots = some_of(spots, SPOTS);
         let step = crate::slam::mapping::branch::step_for(&spots);
         let best = best_fit(&self.walls, &spots, &window(prior, step, 3.0), prior);
-        if best.explained >= POOR {
+        if best.explained >= self.least() {
             return best;
         }
-        // The wheels may have slipped: then they err by up to 40 degrees, and hardly in the way.
+        // The wheels may have slipped: then they err by up to 40 degrees, and hardly in the way;
+        // but what is not found at once is farther away at each scan.
+        let below = f64::from(self.below.min(BELOW_MOST));
         let loose = Prior {
             deviation: [
-                (1.5 * prior.deviation[0]).max(0.1),
+                (1.5 * prior.deviation[0]).max(0.1 + BELOW_M * below),
                 (2.5 * prior.deviation[1]).max(0.2),
             ],
             ..*prior
@@ -262,6 +278,11 @@ impl Mapper {
         }
     }
 
+    /// How much of a scan must lie on walls, so that it need not be looked for farther off.
+    fn least(&self) -> f64 {
+        POOR.max(self.usual - DROP)
+    }
+
     /// The nearest of enough keyframes that saw the same long ago: a robot that stays in a building
     /// does not fill its memory.
     fn known_from(&self, fit: &Fit) -> Option<usize> {
@@ -269,9 +290,10 @@ impl Mapper {
             return None;
         }
         let near = |key: &usize| {
-            let way = between(self.graph.poses[*key], self.pose);
+            let pose = self.graph.poses[*key];
             let is_old = self.path_m - self.keyframes[*key].path_m > KNOWN_AFTER_M;
-            is_old && libm::hypot(way.x, way.y) < KEY_M && way.theta.abs() < KEY_RAD
+            let turn = wrap_angle(self.pose.theta - pose.theta);
+            is_old && distance(pose, self.pose) < KEY_M && turn.abs() < KEY_RAD
         };
         let mut near: Vec<usize> = (0..self.keyframes.len()).filter(near).collect();
         if near.len() < KNOWN_BY {
@@ -418,49 +440,6 @@ impl Mapper {
     }
 }
 
-/// The window of so many standard deviations.
-pub(crate) fn window(prior: &Prior, step: f64, sigmas: f64) -> Window {
-    let [metres, radians] = prior.deviation;
-    let count = |of: f64, most: f64| {
-        #[expect(clippy::cast_possible_truncation, reason = "clamped")]
-        let count = libm::ceil(of).clamp(1.0, most) as i32;
-        count
-    };
-    Window {
-        reach: count(sigmas * metres / f64::from(CELL_M), f64::from(REACH_MAX)),
-        turns: count(sigmas * radians / step, 40.0),
-        step,
-    }
-}
-
-/// The best of the window's summits, laid onto the walls.
-pub(crate) fn best_fit(walls: &Surfels, spots: &[Spot], window: &Window, prior: &Prior) -> Fit {
-    let rating = |fit: &Fit| fit.score - COST * prior.off(fit.pose).min(25.0);
-    let mut best = align(walls, spots, prior.pose, prior);
-    let mut tried: Vec<Candidate> = Vec::new();
-    for one in search(walls, spots, window, prior) {
-        let is_summit = |other: &Candidate| {
-            let turn = wrap_angle(one.pose.theta - other.pose.theta).abs();
-            distance(one.pose, other.pose) > 0.25 || turn > 2.5 * window.step
-        };
-        let is_high = tried
-            .first()
-            .is_none_or(|best| one.score > 0.85 * best.score);
-        if !is_high || tried.len() >= TRIES {
-            break;
-        }
-        if !tried.iter().all(is_summit) {
-            continue;
-        }
-        let fit = align(walls, spots, one.pose, prior);
-        if rating(&fit) > rating(&best) {
-            best = fit;
-        }
-        tried.push(one);
-    }
-    best
-}
-
 /// Errors that all spots of a scan have in common: metres, radians.
 const COMMON_M: f64 = 0.005;
 const COMMON_RAD: f64 = 0.001;
@@ -542,6 +521,56 @@ mod tests {
         assert!(distance(outcome.pose, at) < 0.03, "{outcome:?} {at:?}");
         let turn = wrap_angle(outcome.pose.theta - at.theta).abs();
         assert!(turn < 0.01 && outcome.quality > 0.8, "{outcome:?} {at:?}");
+    }
+
+    /// How far off the mapper is if the wheels say 10 cm on and the robot goes back so far, so much
+    /// of a scan lay on walls lately, and so many scans since lay on far less.
+    fn off(back_m: f64, usual: f64, below: u32) -> f64 {
+        let (mut mapper, at) = at_home();
+        (mapper.usual, mapper.below) = (usual, below);
+        let by = Pose::new(-back_m, 0.0, 0.0);
+        let (at, outcome) = drive(&mut mapper, at, by, Pose::new(0.1, 0.0, 0.0));
+        distance(outcome.pose, at)
+    }
+
+    /// At stake: where the wheels say, 60 % of the scan lie on walls, and the robot is led astray.
+    /// It was 95 % before, so it is looked for farther off.
+    #[test]
+    fn a_scan_that_fits_much_less_than_those_before_is_looked_for() {
+        for back_m in [0.1, 0.2, 0.25] {
+            assert!(off(back_m, 0.95, 0) < 0.02, "{back_m}");
+            assert!(
+                off(back_m, 0.7, 0) > 0.1,
+                "{back_m}: 60 % are not much less than 70"
+            );
+        }
+    }
+
+    /// What wheels that go on lying hid for four scans is 0.7 m away: each makes the search wider.
+    #[test]
+    fn what_is_not_found_is_looked_for_farther_off() {
+        assert!(off(0.6, 0.95, 0) > 0.5);
+        assert!(off(0.6, 0.95, 4) < 0.02);
+    }
+
+    /// Twelve scans that lie on walls, and one that does not: what is usual falls by a tenth of the
+    /// difference, and the next that fits ends the count.
+    #[test]
+    fn what_is_usual_follows_slowly() {
+        let (mut mapper, at) = at_home();
+        (mapper.usual, mapper.below) = (1.0, 3);
+        let still = Pose::default();
+        drive(&mut mapper, at, still, still);
+        assert!(mapper.usual > 0.98 && mapper.below == 0);
+        let none = Shot {
+            moved: still,
+            is_measured: true,
+            ends: &[[0.3, 0.3]; 90],
+        };
+        let before = mapper.usual;
+        let quality = mapper.take(&none).quality;
+        assert!((mapper.usual - before - 0.1 * (quality - before)).abs() < 1e-9);
+        assert_eq!(mapper.below, 1);
     }
 
     /// A scan of somewhere else altogether: the wheels' word stands, and the scan is doubtful.

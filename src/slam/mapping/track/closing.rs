@@ -4,7 +4,8 @@
 
 use emulators::world::{Pose, wrap_angle};
 
-use super::{Mapper, best_fit, blurred, seen_from, window};
+use super::summits::{best_fit, window};
+use super::{Mapper, blurred, seen_from};
 use crate::slam::mapping::align::{Fit, Prior, align};
 use crate::slam::mapping::branch::{Bounds, Wide, search, step_for};
 use crate::slam::mapping::cloud::{Cloud, Frame, Spot};
@@ -69,6 +70,11 @@ const AGREE_RAD: f64 = 0.05;
 /// many new ones at last.
 const STRAINED: f64 = 12.0;
 const FRESH_MAX: usize = 40;
+/// Poses that such an edge may move, the nearest by way: it says nothing new of those far off, and
+/// a building of any size costs the same.
+const NEAR: usize = 400;
+/// Steps to where the poses agree.
+const STEPS: u32 = 6;
 /// A loop that is still off by more squared deviations when all others have been heard is false:
 /// then it counts a tenth or less, and is dropped.
 const HOPELESS: f64 = 64.0;
@@ -85,9 +91,8 @@ impl Mapper {
             return false;
         }
         self.closing.looked_at_m = path_m;
-        let ways = self.graph.ways_from(number, WAY_MAX_M);
         let mut is_strained = false;
-        for (key, way_m) in self.places(number, &ways) {
+        for (key, way_m) in self.places(number) {
             if way_m < FAR_M {
                 is_strained |= self.lay(key, number, way_m);
             } else if self.seek(key, number, way_m) {
@@ -95,32 +100,36 @@ impl Mapper {
             }
         }
         if is_strained || self.closing.fresh >= FRESH_MAX {
-            self.agree();
+            self.graph.optimise_near(number, NEAR, STEPS);
+            self.agreed();
             return true;
         }
         false
     }
 
     /// Old keyframes that the newest may stand at, one a place, the nearest first.
-    fn places(&self, number: usize, ways: &[f64]) -> Vec<(usize, f64)> {
+    fn places(&self, number: usize) -> Vec<(usize, f64)> {
         let here = self.graph.poses[number];
         let path_m = self.keyframes[number].path_m;
-        let mut near: Vec<(f64, usize)> = (0..number)
-            .filter(|key| path_m - self.keyframes[*key].path_m > OLD_M)
-            .filter_map(|key| {
-                let far = distance(self.graph.poses[key], here);
-                (far < grown(REACH, ways[key]) + 2.0).then_some((far, key))
-            })
+        let far = |key: usize| distance(self.graph.poses[key], here);
+        let old = (0..number).filter(|key| path_m - self.keyframes[*key].path_m > OLD_M);
+        let old: Vec<usize> = old.filter(|key| far(*key) < REACH[2] + 2.0).collect();
+        let ways = self.graph.ways_to(number, &old, WAY_MAX_M);
+        let mut near: Vec<(f64, usize, f64)> = old
+            .into_iter()
+            .zip(ways)
+            .map(|(key, way_m)| (far(key), key, way_m))
+            .filter(|(far, _, way_m)| *far < grown(REACH, *way_m) + 2.0)
             .collect();
         near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let mut places: Vec<(usize, f64)> = Vec::new();
-        for (_, key) in near {
+        for (_, key, way_m) in near {
             let path_m = self.keyframes[key].path_m;
             let is_new = |(other, _): &(usize, f64)| {
                 (self.keyframes[*other].path_m - path_m).abs() > 1.5 * PLACE_M
             };
             if places.len() < PLACES && places.iter().all(is_new) {
-                places.push((key, ways[key]));
+                places.push((key, way_m));
             }
         }
         places
@@ -327,7 +336,8 @@ impl Mapper {
             });
         }
         self.closing.guesses.clear();
-        self.agree();
+        self.graph.optimise(STEPS);
+        self.agreed();
         true
     }
 
@@ -350,10 +360,10 @@ impl Mapper {
         }
     }
 
-    /// Finds the poses that agree best, and where the robot is by them.
-    fn agree(&mut self) {
+    /// The poses have been made to agree: without the loops that do not, and the robot is where
+    /// they say.
+    fn agreed(&mut self) {
         self.closing.fresh = 0;
-        self.graph.optimise(6);
         self.closing.dropped += self.graph.drop_loops(HOPELESS);
         self.pose = *self.graph.poses.last().expect("a keyframe was just kept");
     }
