@@ -239,6 +239,13 @@ mod tests {
         assert_eq!((decoder.discarded(), decoder.pending()), (3, 0));
     }
 
+    #[test]
+    fn a_log_shows_bytes() {
+        extern crate std;
+        let text = std::format!("{:?}", Frame::read(36, 10, HighFirst));
+        assert_eq!(text, "avr::Frame([AB, 24, 0A, 00, D9])");
+    }
+
     /// W is the highest bit of the count byte, whatever the other seven are.
     #[test]
     fn w_alone_tells_a_write_from_a_read() {

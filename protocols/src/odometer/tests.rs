@@ -138,6 +138,17 @@ fn lines_that_say_nothing_are_told_apart() {
     ));
 }
 
+/// Of zeros a sum may be off by 5 times 0.005, and by no more: a 32-bit 0 has no last place.
+#[test]
+fn a_sum_may_be_off_by_what_rounding_does_to_five_figures() {
+    let is_read = |sum: &str| {
+        let line = std::format!("0.00*0.00*0.00*0*{sum}*");
+        Dialect::AsCoded.read(line.as_bytes()).is_ok()
+    };
+    assert_eq!(["0.025", "-0.025"].map(is_read), [true; 2]);
+    assert_eq!(["0.0251", "-0.0251"].map(is_read), [false; 2]);
+}
+
 #[test]
 fn errors_of_lines_tell_what_was_found() {
     use LineError as E;

@@ -430,6 +430,24 @@ mod tests {
     }
 
     /// In a log a frame stands as its name and bytes.
+    /// A header alone says whether its payload may be waited for.
+    #[test]
+    fn the_longest_payload_is_waited_for_and_one_byte_more_is_not() {
+        use crate::pcui::PAYLOAD_MAX;
+        let judged = |payload_len: usize| {
+            let mut header = [0; HEADER_LEN];
+            header[..8].copy_from_slice(b"PCUI_MSG");
+            let length = u16::try_from(payload_len).expect("below 65536");
+            header[8..10].copy_from_slice(&length.to_le_bytes());
+            Decoder::default().push(&header).next()
+        };
+        assert_eq!(judged(PAYLOAD_MAX), None);
+        let max = u32::try_from(PAYLOAD_MAX).expect("below 65536");
+        let found = max + 1;
+        let error = crate::FrameError::Length { max, found };
+        assert_eq!(judged(PAYLOAD_MAX + 1), Some(Err(error)));
+    }
+
     #[test]
     fn a_log_shows_name_and_bytes() {
         extern crate std;

@@ -223,6 +223,24 @@ fn the_first_nodes_of_a_real_sensor_are_read_as_sent() {
     );
 }
 
+/// Where the next node should begin stands one without its check bit (!S S C is 100, not 101), and
+/// no answer: a byte was lost, and the node in front may have lost it.
+#[test]
+fn a_node_is_refused_where_none_follows() {
+    let no_check_bit = [0x02, 0x00, 0, 0, 0];
+    let bytes = [&SCAN[..], &FIRST_NODES[2], &no_check_bit].concat();
+    let outcomes: Vec<_> = Decoder::default().push(&bytes).take(2).collect();
+    let error = FrameError::Checksum {
+        expected: 0b101,
+        found: 0b100,
+    };
+    let scan = Frame::Stream(Descriptor::nodes());
+    assert_eq!(outcomes, [Ok(scan), Err(error)]);
+    let bytes = [&SCAN[..], &FIRST_NODES[2], &INFO].concat();
+    let outcome = Decoder::default().push(&bytes).nth(1);
+    assert_eq!(outcome, Some(Node::parse(FIRST_NODES[2]).map(Frame::Node)));
+}
+
 /// By hand: quality 47 << 2 | 01 = BD; 90 degrees = 5760 = 45 * 128, so 01 2D; 1000 mm = 0FA0.
 #[test]
 fn ye3_a_node_is_laid_out_by_hand() {

@@ -48,6 +48,16 @@ fn frames_are_laid_out_by_hand() {
     assert_eq!(payloads(&mut decoder, &both), [[1, 2], [0x7E, 0x7D]]);
 }
 
+/// Behind an escape 5E and 5D are sound (7E and 7D with a flipped bit), and nothing else.
+#[test]
+fn only_two_bytes_may_follow_an_escape() {
+    let outcome = |byte: u8| Decoder::default().push(&[0x7E, 0, 9, 0x7D, byte]).next();
+    assert_eq!([0x5E, 0x5D].map(outcome), [None, None]);
+    for found in [0x00, 0x5C, 0x5F, 0x7C, 0x7D, 0x7F] {
+        assert_eq!(outcome(found), Some(Err(FrameError::Escape { found })));
+    }
+}
+
 #[test]
 fn what_does_not_fit_is_not_written() {
     let found = PAYLOAD_MAX + 1;
