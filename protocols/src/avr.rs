@@ -265,4 +265,15 @@ mod tests {
         assert_eq!((empty.is_write(), empty.count()), (true, 0));
         assert!(!Frame::read(0, 0, LowFirst).is_write());
     }
+
+    /// The fielded write of three bytes, in one piece, and a byte at a time.
+    #[test]
+    fn a_write_is_found_with_its_data() {
+        let bytes = [0xAB, 0x2E, 0x83, 0x14, 0xEC, 0x00, 0x02, 0x5C];
+        let write = Frame::write(46, &[20, 0xEC, 0], HighFirst);
+        assert_eq!(Decoder::new(HighFirst).push(&bytes).next(), Some(Ok(write)));
+        let mut decoder = Decoder::new(HighFirst);
+        let complete = bytes.map(|byte| decoder.push(&[byte]).next().is_some());
+        assert_eq!(complete, [0, 0, 0, 0, 0, 0, 0, 1].map(|found| found == 1));
+    }
 }

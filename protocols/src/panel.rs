@@ -491,6 +491,19 @@ mod tests {
         );
     }
 
+    /// 50 runs of two are 150 bytes, 100 pixels one by one are 200.
+    #[test]
+    fn many_short_runs_are_runs_as_long_as_they_are_shorter() {
+        let window = Window {
+            columns: [0, 99],
+            rows: [0, 0],
+        };
+        let pixels: [u16; 100] = core::array::from_fn(|x| u16::from(x / 2 % 2 == 0));
+        let mut frame = [0; 300];
+        let len = encode_pixels(window, &pixels, &mut frame);
+        assert_eq!((len, frame[1]), (Some(4 + 8 + 150 + 2), RUNS));
+    }
+
     /// T2: a pen report is 11 bytes; one with a byte more is refused by a decoder of 11.
     #[test]
     fn a_frame_too_long_for_its_decoder_is_told() {
