@@ -8,7 +8,7 @@ use std::process::{Command, Stdio};
 
 use serde_json::Value;
 
-use crate::list::Mutant;
+use crate::list::{Genre, Mutant};
 use crate::switch::{self, Switched};
 
 /// The environment variable that names the active mutant.
@@ -196,7 +196,10 @@ impl<'a> Copy<'a> {
                 self.still_const.insert(name);
                 continue;
             }
-            let guilty = guilty(error, files);
+            let mut guilty = guilty(error, files);
+            if guilty.is_empty() {
+                guilty.extend(self.returned_before(error, files));
+            }
             if guilty.is_empty() && !error["spans"].as_array().is_none_or(Vec::is_empty) {
                 unexplained.push(error["rendered"].as_str().unwrap_or("").to_owned());
             }
@@ -210,6 +213,20 @@ impl<'a> Copy<'a> {
             ));
         }
         Ok(more)
+    }
+
+    /// The made-up value that is returned last before the place of an error: of a function that
+    /// returns an `impl Trait` it sets the type, and what the author wrote is then the error.
+    fn returned_before(&self, error: &Value, files: &BTreeMap<&str, Switched>) -> Option<usize> {
+        let spans = error["spans"].as_array()?;
+        let span = spans.iter().find(|span| span["is_primary"] == true)?;
+        let at = usize::try_from(span["byte_start"].as_u64()?).ok()?;
+        let arms = files.get(span["file_name"].as_str()?)?.arms.iter();
+        let returned = arms
+            .filter(|(arm, mutant)| arm.end <= at && self.mutants[*mutant].genre == Genre::FnValue);
+        returned
+            .max_by_key(|(arm, _)| arm.end)
+            .map(|(_, mutant)| *mutant)
     }
 
     fn tests(&self) -> Result<Vec<PathBuf>, String> {
