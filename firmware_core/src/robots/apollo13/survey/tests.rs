@@ -326,6 +326,7 @@ fn an_edge_is_tried_three_times() {
 }
 
 /// A corridor of 1 m between walls, free from `from_m` to `to_m`, with nothing known beyond.
+#[expect(clippy::cast_possible_truncation, reason = "some hundred cells")]
 fn corridor(from_m: f64, to_m: f64) -> Survey {
     let mut survey = Survey::new(at(0.0));
     let column = |m: f64| usize::try_from((m * 20.0).round() as i64 + 320).unwrap();
