@@ -180,4 +180,42 @@ mod tests {
         assert_eq!(map, before);
         assert_eq!(map.set(at(319.0, -320.0), 1), Ok(()));
     }
+
+    /// 64 cells from -32 on: one above the last adds 64 rows and no column, one left of the first 64
+    /// columns and no row, one 100 above the last 101 rows.
+    #[test]
+    fn it_grows_only_where_it_has_to() {
+        let grown = |x_mm: f32, y_mm: f32| {
+            let mut map = GrowingMap::new(10.0, 1 << 20);
+            assert_eq!(map.set(at(x_mm, y_mm), OBSTACLE), Ok(()));
+            assert_eq!(map.get(at(x_mm, y_mm)), OBSTACLE);
+            let view = map.view();
+            (
+                view.rows().next().map_or(0, <[u8]>::len),
+                view.rows().count(),
+                view.origin_mm(),
+            )
+        };
+        assert_eq!(grown(-315.0, 315.0), (64, 64, [-320.0; 2]));
+        assert_eq!(grown(-315.0, 325.0), (64, 128, [-320.0; 2]));
+        assert_eq!(grown(-325.0, 315.0), (128, 64, [-960.0, -320.0]));
+        assert_eq!(grown(-315.0, 1325.0), (64, 165, [-320.0; 2]));
+        assert_eq!(grown(-1325.0, -315.0), (165, 64, [-1330.0, -320.0]));
+    }
+
+    #[test]
+    #[should_panic(expected = "the map has a first part")]
+    fn a_map_needs_room_for_its_first_part() {
+        let _ = GrowingMap::new(10.0, 64 * 64 - 1);
+    }
+
+    /// Cells are counted to 2^30 at most.
+    #[test]
+    fn a_place_beyond_all_cells_is_none() {
+        let mut map = GrowingMap::new(1.0, 64 * 64);
+        let far = (1_u32 << 30) as f32;
+        assert_eq!(map.set(at(far, 0.0), 1), Err(NotWritten::NoPlace));
+        assert_eq!(map.set(at(0.0, -far), 1), Err(NotWritten::NoPlace));
+        assert_eq!(map.set(at(far / 2.0, 0.0), 1), Err(NotWritten::TooLarge));
+    }
 }

@@ -235,4 +235,14 @@ mod tests {
             assert_eq!(motor.is_too_weak(), is_weak, "{gain}");
         }
     }
+
+    /// The fielded fault: a lost place in the stream kicks the motor.
+    #[test]
+    fn a_kick_is_the_duty_of_the_start() {
+        let mut motor = LidarMotor::new(300.0);
+        motor.packet(at(1), 350.0);
+        assert!(motor.take_duty().is_some_and(|duty| duty < 180));
+        motor.kick();
+        assert_eq!(motor.take_duty(), Some(180));
+    }
 }

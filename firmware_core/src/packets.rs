@@ -248,4 +248,25 @@ mod tests {
         assert_eq!(sound, (90, 0, StrayWrites::NONE));
         assert_eq!(outcomes(Defects::FIELDED, bytes.as_flattened()), sound);
     }
+
+    /// Three bytes from a false start on there is a packet, and all 22 that are rejected have no
+    /// other start: both times the packet is found that begins within, or behind them.
+    #[test]
+    fn a_rejected_packet_costs_no_other() {
+        let defects = Defects {
+            any_index: true,
+            ..Defects::NONE
+        };
+        let stream = [&[START, 0, 0][..], &packet(7), &packet(8)].concat();
+        let (good, bad, _) = outcomes(defects, &stream);
+        assert_eq!((good, bad), (2, 1));
+        let mut noise = [1; FRAME_LEN];
+        noise[0] = START;
+        let stream = [&noise[..], &packet(7)].concat();
+        let (good, bad, _) = outcomes(defects, &stream);
+        assert_eq!((good, bad), (1, 1));
+        let mut packets = Packets::with_defects(defects);
+        assert_eq!(packets.step(&mut &[0, 1, START, 2][..]), None);
+        assert_eq!(packets.pending(), 2);
+    }
 }

@@ -246,6 +246,29 @@ mod tests {
         );
     }
 
+    /// 100 mm ahead, 50 mm to the left and a quarter turn to the left. Seen from there the start is
+    /// 50 mm behind and 100 mm to the left; the same once more ends 50 mm ahead, 150 mm to the left.
+    #[test]
+    fn a_change_with_a_quarter_turn_is_undone_and_added_by_hand() {
+        let change = PoseChange {
+            forward_mm: 100.0,
+            left_mm: 50.0,
+            turn: FRAC_PI_2,
+        };
+        let is_near = |found: PoseChange, [forward, left, turn]: [f32; 3]| {
+            near(found.forward_mm, forward, 1e-3)
+                && near(found.left_mm, left, 1e-3)
+                && near(found.turn, turn, 1e-6)
+        };
+        let back = change.inverse();
+        assert!(is_near(back, [-50.0, 100.0, -FRAC_PI_2]), "{back:?}");
+        let twice = change.then(change);
+        assert!(is_near(twice, [50.0, 150.0, PI]), "{twice:?}");
+        let still = change.then(back);
+        assert!(is_near(still, [0.0; 3]), "{still:?}");
+        assert!(near(change.distance_mm(), 111.803, 1e-2));
+    }
+
     proptest! {
         #[test]
         fn normalised_angles_lie_within_half_a_turn(angle in -1e4_f32..1e4) {

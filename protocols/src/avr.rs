@@ -239,6 +239,13 @@ mod tests {
         assert_eq!((decoder.discarded(), decoder.pending()), (3, 0));
     }
 
+    #[test]
+    fn a_log_shows_bytes() {
+        extern crate std;
+        let text = std::format!("{:?}", Frame::read(36, 10, HighFirst));
+        assert_eq!(text, "avr::Frame([AB, 24, 0A, 00, D9])");
+    }
+
     /// W is the highest bit of the count byte, whatever the other seven are.
     #[test]
     fn w_alone_tells_a_write_from_a_read() {
@@ -257,5 +264,16 @@ mod tests {
         let empty = Frame::write(0, &[], LowFirst);
         assert_eq!((empty.is_write(), empty.count()), (true, 0));
         assert!(!Frame::read(0, 0, LowFirst).is_write());
+    }
+
+    /// The fielded write of three bytes, in one piece, and a byte at a time.
+    #[test]
+    fn a_write_is_found_with_its_data() {
+        let bytes = [0xAB, 0x2E, 0x83, 0x14, 0xEC, 0x00, 0x02, 0x5C];
+        let write = Frame::write(46, &[20, 0xEC, 0], HighFirst);
+        assert_eq!(Decoder::new(HighFirst).push(&bytes).next(), Some(Ok(write)));
+        let mut decoder = Decoder::new(HighFirst);
+        let complete = bytes.map(|byte| decoder.push(&[byte]).next().is_some());
+        assert_eq!(complete, [0, 0, 0, 0, 0, 0, 0, 1].map(|found| found == 1));
     }
 }

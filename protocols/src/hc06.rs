@@ -184,6 +184,13 @@ mod tests {
     }
 
     #[test]
+    fn a_family_is_shown_by_its_name() {
+        extern crate std;
+        let shown = Family::ALL.map(|family| std::format!("{family}"));
+        assert_eq!(shown, ["linvor-1.8", "hc01-2.0", "3.0-20170609"]);
+    }
+
+    #[test]
     fn a_command_is_exact_or_none() {
         assert_eq!(Command::parse(b"AT"), Some(Command::Attention));
         assert_eq!(Command::parse(b"AT\r\n"), None);

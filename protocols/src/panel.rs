@@ -349,6 +349,7 @@ mod tests {
         let mixed = [1, 2, 3, 4];
         let len = encode_pixels(window, &mixed, &mut frame).expect("fits");
         assert_eq!((frame[1], len), (WRITE, 4 + 8 + 8 + 2));
+        assert_eq!(frame[12..20], [0, 1, 0, 2, 0, 3, 0, 4]);
         assert_eq!(encode_pixels(window, &mixed[..3], &mut frame), None);
     }
 
@@ -399,6 +400,17 @@ mod tests {
         assert_eq!((command(&on), command(&off)), (Ok(true), Ok(false)));
         let frame = decoded::<FRAME_MAX>(&off).expect("sound");
         assert_eq!(frame.command(), Some(Command::Off));
+    }
+
+    #[test]
+    fn a_log_shows_number_and_payload() {
+        extern crate std;
+        let frame = Framing::<PEN_LEN>.frame(&encode_pen(Pen {
+            contact: Contact::Down,
+            reading: [0x123, 0xFFF],
+        }));
+        let text = std::format!("{frame:?}");
+        assert_eq!(text, "panel::Frame(54, [01, 01, 23, 0F, FF])");
     }
 
     /// T2: runs are three bytes, pixels two; a switch carries nothing.
@@ -477,6 +489,19 @@ mod tests {
             encode_pixels(window(256), &[7; 256], &mut frame[..19]),
             None
         );
+    }
+
+    /// 50 runs of two are 150 bytes, 100 pixels one by one are 200.
+    #[test]
+    fn many_short_runs_are_runs_as_long_as_they_are_shorter() {
+        let window = Window {
+            columns: [0, 99],
+            rows: [0, 0],
+        };
+        let pixels: [u16; 100] = core::array::from_fn(|x| u16::from(x / 2 % 2 == 0));
+        let mut frame = [0; 300];
+        let len = encode_pixels(window, &pixels, &mut frame);
+        assert_eq!((len, frame[1]), (Some(4 + 8 + 150 + 2), RUNS));
     }
 
     /// T2: a pen report is 11 bytes; one with a byte more is refused by a decoder of 11.

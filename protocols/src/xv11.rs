@@ -232,4 +232,12 @@ mod tests {
         assert_eq!(decoder.push(&PLAIN).filter(Result::is_ok).count(), 1);
         assert_eq!((decoder.discarded(), decoder.pending()), (7, 0));
     }
+
+    /// 7 + A0 is A7; 297.21875 is 4A4E, 19,022 of 64ths.
+    #[test]
+    fn a_packet_says_where_it_belongs_and_how_fast_the_sensor_turns() {
+        let frame = Frame::new(7, SpeedWord(0x4A4E), [RawReading([0; 4]); 4]);
+        assert_eq!((frame.as_bytes()[1], frame.index()), (0xA7, 7));
+        assert!((frame.speed_rpm() - 297.218_75).abs() < 1e-4);
+    }
 }

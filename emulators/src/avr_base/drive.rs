@@ -236,4 +236,32 @@ mod tests {
         assert_eq!(at_counts(0x00FE, 0x00FF).torn(), None);
         assert_eq!(at_counts(0, -1).torn(), Some(-256));
     }
+
+    /// What the low byte of before and the others of now make; nothing, if only the low byte changed.
+    #[test]
+    fn a_torn_count_has_the_low_byte_of_before() {
+        let torn = |before: i32, count: i32| {
+            let mut counter = Counter::started(Instant::ZERO, 0);
+            (counter.before, counter.count) = (before, count);
+            counter.torn()
+        };
+        assert_eq!(torn(0x00FF, 0x0100), Some(0x01FF));
+        assert_eq!(torn(0x0100, 0x00FF), Some(0x0000));
+        assert_eq!(
+            [torn(0x10, 0x12), torn(0x100, 0x1FF), torn(-2, -1)],
+            [None; 3]
+        );
+        assert_eq!(torn(-1, 0), Some(0xFF));
+        assert_eq!(torn(0, -1), Some(-256));
+    }
+
+    /// 3 edges in 3 looks are 3. Of 2 in a look none is seen, of 3 one back, of 5 one.
+    #[test]
+    fn edges_between_two_looks_are_told_by_the_state_alone() {
+        let seen = [3, 6, 9, 12, 15].map(|turned| polled(turned, 3));
+        assert_eq!(seen, [3, 0, -3, 0, 3]);
+        assert_eq!([polled(-3, 3), polled(-6, 3), polled(-9, 3)], [-3, 0, 3]);
+        // 4 in 3 looks: 1, 1 and 2.
+        assert_eq!([polled(4, 3), polled(2, 3)], [2, 2]);
+    }
 }

@@ -441,4 +441,17 @@ mod tests {
             [170, 175, 1_000]
         );
     }
+
+    /// 3 mm and a hundredth of the way: 8 mm of 500.
+    #[test]
+    fn a_documented_sensor_deviates_by_three_millimetres_and_a_hundredth() {
+        let told = |distance_m, noise| documented_mm(Some(distance_m), noise);
+        assert_eq!(
+            [told(0.5, 0.0), told(0.5, 1.0), told(0.5, -2.0)],
+            [500, 508, 484]
+        );
+        assert_eq!([told(0.1, 1.0), told(0.1, -3.0)], [104, 88]);
+        assert_eq!([told(0.995, 3.0), told(0.001, -1.0)], [1_000, 0]);
+        assert_eq!(documented_mm(None, 5.0), 1_000);
+    }
 }

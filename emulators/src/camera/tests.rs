@@ -265,3 +265,28 @@ fn a_battery_that_collapses_takes_depths_first_and_then_all() {
         Some(Instant::from_secs(1) + Duration::from_nanos(33_333_333))
     );
 }
+
+/// From (1, 2) a marker at (2.5, 2.3) is hidden by what stands on the line to it, and by nothing
+/// that stands on the line from the origin.
+#[test]
+fn a_marker_is_hidden_by_what_stands_before_it_as_the_robot_stands() {
+    let told = |fixtures: Vec<Fixture>| {
+        let config = CameraConfig {
+            markers: vec![PlacedMarker {
+                id: 3,
+                at_m: [2.5, 2.3, 0.20],
+                facing_rad: PI,
+            }],
+            ..exact()
+        };
+        let scene = Scene::new(fixtures, Vec::new()).expect("sound");
+        let pose = Pose::new(1.0, 2.0, 0.0);
+        let mut world = World::new(scene, BodyConfig::default(), pose, 1).expect("free");
+        let mut camera = Camera::new(config, 1, "camera");
+        sent(&mut camera, &mut world, Camera::MARKERS, 40).pop()
+    };
+    assert!(told(Vec::new()).is_some());
+    assert_eq!(told(vec![wall(2.0, 2.2, 0.1, 0.4)]), None);
+    assert!(told(vec![wall(2.0, 2.45, 0.1, 0.4)]).is_some());
+    assert!(told(vec![wall(2.0, 1.95, 0.1, 0.4)]).is_some());
+}

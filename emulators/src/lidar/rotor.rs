@@ -315,4 +315,38 @@ mod tests {
         rotor.stuck = true;
         assert_eq!(rotor.reaches(rotor.angle_deg() + 1.0), None);
     }
+
+    /// 600 degrees a second, 360,000 more each second: 0.6 degrees take 1.2 / (600 + sqrt(792,000))
+    /// s, 0.805399 ms. At an even speed 1 ms.
+    #[test]
+    fn a_place_is_reached_by_an_even_acceleration() {
+        let mut rotor = Rotor::new(MOTOR, MotorSupply::Fixed { volts: 0.0 }, 0.0);
+        rotor.speed_rpm = 100.0;
+        rotor.at = Instant::from_secs(1);
+        let after = |speed_end: f64| rotor.crossing(0.6, speed_end) - Instant::from_secs(1);
+        assert_eq!(after(160.0).as_nanos() / 100, 8_053);
+        assert_eq!(after(100.0).as_micros(), 1_000);
+        // 12 degrees a second each millisecond less: 1.2 / (600 + sqrt(360,000 - 14,400)).
+        assert_eq!(after(98.0).as_nanos() / 100, 10_102);
+    }
+
+    /// Whatever its supply, without power only friction is left, and a head at rest stays there.
+    #[test]
+    fn a_head_without_power_comes_to_rest() {
+        let supplies = [
+            MotorSupply::Regulated { rpm: 300.0 },
+            MotorSupply::Fixed { volts: 3.3 },
+            MotorSupply::Host { volts: 3.3 },
+        ];
+        for supply in supplies {
+            let mut rotor = spun_up(supply);
+            rotor.unpowered = true;
+            let friction = MOTOR.dry_rpm_s + MOTOR.viscous_per_s * rotor.speed_rpm;
+            assert!((rotor.acceleration() + friction).abs() < 1e-9, "{supply:?}");
+            rotor.advance(Instant::from_secs(10));
+            assert!(rotor.speed_rpm() < 1e-9, "{supply:?}");
+            rotor.advance(Instant::from_secs(11));
+            assert!(rotor.speed_rpm() < 1e-9, "{supply:?}");
+        }
+    }
 }

@@ -205,3 +205,17 @@ fn settings_are_read_back_until_a_restart_and_not_lost_by_its_end() {
     assert_eq!(filter(&mut chip), 0);
     assert_eq!(chip.known_faults(), ["off", "restart", "stuck", "wrong"]);
 }
+
+/// A bias of 2 degrees a second, of which another 1 has walked: 3 times 131 counts.
+#[test]
+fn what_has_walked_adds_to_the_bias() {
+    let world = world();
+    let config = Mpu6050Config {
+        bias_dps: [2.0, 0.0, -2.0],
+        ..ideal()
+    };
+    let mut chip = awake(config, &world);
+    chip.walked = [1.0; 3];
+    let rates = [0x43, 0x45, 0x47].map(|register| word(&mut chip, register, &world));
+    assert_eq!(rates, [393, 131, -131]);
+}

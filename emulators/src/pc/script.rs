@@ -185,4 +185,30 @@ mod tests {
             "step 1: 101 waypoints, at most 100 fit a frame"
         );
     }
+
+    /// A step goes in front of the one that is named, or behind the last; what fits no frame and what
+    /// is one too many is refused.
+    #[test]
+    fn a_step_is_put_in_its_place() {
+        let at = |seconds: u64| Step {
+            when: When::At(Duration::from_secs(seconds)),
+            action: Action::Open,
+        };
+        let mut script = Script::new(vec![at(1), at(2)]).expect("within the limits");
+        assert!(script.insert(1, at(3)).is_ok() && script.insert(9, at(4)).is_ok());
+        assert_eq!(script.steps(), [at(1), at(3), at(2), at(4)]);
+        let raw = |len: usize| Step {
+            action: Action::Raw(vec![0; len]),
+            ..at(5)
+        };
+        let found = RAW_MAX + 1;
+        let error = ScriptError::Raw { step: 0, found };
+        assert_eq!(script.insert(0, raw(RAW_MAX + 1)), Err(error));
+        assert!(script.insert(0, raw(RAW_MAX)).is_ok());
+        let full = vec![at(1); STEPS_MAX];
+        let mut full = Script::new(full).expect("within the limits");
+        let found = STEPS_MAX + 1;
+        assert_eq!(full.insert(0, at(2)), Err(ScriptError::Steps { found }));
+        assert_eq!(full.steps().len(), STEPS_MAX);
+    }
 }

@@ -692,3 +692,19 @@ fn a_refused_row_says_what_the_map_has() {
     let layer = RowError::Layer(2);
     assert_eq!(layer.to_string(), "layer 2, but the map has only layer 0");
 }
+
+/// What is written to a closed port is gone, and so is what does not fit any more; up to 131,072
+/// bytes wait.
+#[test]
+fn a_port_takes_what_it_holds_while_it_is_open() {
+    let mut pc = Pc::new(opened_at_once(Vec::new()));
+    pc.write(Instant::ZERO, b"closed");
+    assert!(pc.out.is_empty());
+    pc.tick(Instant::ZERO);
+    assert!(pc.connection != Connection::Closed);
+    let waiting = pc.out.len();
+    pc.write(Instant::ZERO, &vec![0; OUT_MAX - waiting]);
+    assert_eq!(pc.out.len(), OUT_MAX);
+    pc.write(Instant::ZERO, b"x");
+    assert_eq!(pc.out.len(), OUT_MAX);
+}

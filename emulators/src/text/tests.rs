@@ -89,6 +89,16 @@ fn each_rule_finds_its_guilty_master() {
     );
 }
 
+/// 256 bytes are waited for, the 257th is one too many.
+#[test]
+fn a_line_is_waited_for_up_to_256_bytes() {
+    let mut slave = Text::new(config()).expect("sound");
+    after(&mut slave, 1, &"a".repeat(256));
+    assert_eq!(rules(&mut slave), [""; 0]);
+    after(&mut slave, 300, "a");
+    assert_eq!(rules(&mut slave), ["line-too-long"]);
+}
+
 #[test]
 fn values_are_safe_when_the_master_falls_silent() {
     let mut slave = Text::new(config()).expect("sound");

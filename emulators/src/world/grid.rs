@@ -442,4 +442,32 @@ mod tests {
             None
         );
     }
+
+    /// However far is looked around, it ends at the edge of the grid, and what is there is seen.
+    #[test]
+    fn a_look_around_ends_with_the_grid() {
+        let corners = [(0.0, 0.0), (4.0, 0.0), (4.0, 2.0), (0.0, 2.0)];
+        let pillars = corners.map(|(x, y)| {
+            let center = Point::new(x, y);
+            Primitive::Circle(Circle {
+                center,
+                radius: 0.1,
+            })
+        });
+        let grid = Grid::new(&pillars, bounds(&pillars));
+        let seen = |x: f64, y: f64, reach: f64| {
+            let mut seen = [false; 4];
+            grid.each_near(Point::new(x, y), reach, |index| seen[index] = true);
+            seen
+        };
+        for (index, (x, y)) in corners.into_iter().enumerate() {
+            let mut own = [false; 4];
+            own[index] = true;
+            assert_eq!(seen(x, y, 0.1), own);
+            assert_eq!(seen(x, y, 90.0), [true; 4]);
+        }
+        assert_eq!(seen(2.0, 1.0, 0.2), [false; 4]);
+        assert_eq!(seen(-90.0, 1.0, 1.0), [false; 4]);
+        assert_eq!(seen(2.0, 90.0, 1.0), [false; 4]);
+    }
 }

@@ -91,4 +91,21 @@ mod tests {
             "{felt:?}"
         );
     }
+
+    /// 2 m/s along the heading, and a push of (0.5, 0.25) m/s.
+    #[test]
+    fn a_push_adds_to_the_speed_along_the_heading() {
+        let drawn = |theta: f64| {
+            velocity(&Motion {
+                start: Pose::new(7.0, 8.0, theta),
+                speed: 2.0,
+                turn: 9.0,
+                drift: Point::new(0.5, 0.25),
+            })
+        };
+        let is = |found: Point, x: f64, y: f64| found.distance(Point::new(x, y)) < 1e-12;
+        let quarter = core::f64::consts::FRAC_PI_2;
+        assert!(is(drawn(0.0), 2.5, 0.25) && is(drawn(quarter), 0.5, 2.25));
+        assert!(is(drawn(-quarter), 0.5, -1.75));
+    }
 }

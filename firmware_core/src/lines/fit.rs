@@ -109,3 +109,68 @@ impl Fit {
         ))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(x_mm: f32, y_mm: f32) -> Point {
+        Point::new(x_mm, y_mm)
+    }
+
+    /// 3, 4, 5; between two points of one place no direction is better than another.
+    #[test]
+    fn a_chord_runs_from_point_to_point() {
+        let chord = Fit::chord(at(10.0, 20.0), at(40.0, -20.0));
+        assert_eq!(chord.direction, [0.6, -0.8]);
+        assert_eq!(Fit::chord(at(1.0, 1.0), at(1.0, 1.0)).direction, [1.0, 0.0]);
+    }
+
+    /// x = 10 + 4 s, y = 20 + 3 s, and points 5 to both sides of it, which cancel out. Backwards
+    /// the line has the other direction.
+    #[test]
+    fn a_line_is_fitted_through_the_middle_of_its_points() {
+        let steps = [
+            (0.0, 0.0),
+            (10.0, 5.0),
+            (20.0, -5.0),
+            (30.0, -5.0),
+            (40.0, 5.0),
+            (50.0, 0.0),
+        ];
+        let points = steps
+            .map(|(s, off): (f32, f32)| at(10.0 + 4.0 * s - 0.6 * off, 20.0 + 3.0 * s + 0.8 * off));
+        let settings = Settings::default();
+        let fit = Fit::of(points.into_iter(), &settings);
+        let back = Fit::of(points.into_iter().rev(), &settings);
+        let is = |found: [f32; 2], expected: [f32; 2]| {
+            (found[0] - expected[0]).abs() < 0.01 && (found[1] - expected[1]).abs() < 0.01
+        };
+        assert!(
+            is(fit.direction, [0.8, 0.6]) && is(back.direction, [-0.8, -0.6]),
+            "{fit:?}"
+        );
+        assert!(fit.start.distance_mm(at(10.0, 20.0)) < 0.1, "{fit:?}");
+        assert!(fit.end.distance_mm(at(210.0, 170.0)) < 0.1, "{fit:?}");
+        assert!((fit.cos_to(&back) + 1.0).abs() < 1e-4);
+        assert_eq!((fit.line().start, fit.line().end), (fit.start, fit.end));
+    }
+
+    /// (0, 10) + s (4, 3) and (100, 0) + s (0, 1) meet at (100, 85). Less than 5.7 degrees apart
+    /// they meet nowhere.
+    #[test]
+    fn two_lines_meet_where_both_would_go_on_to() {
+        let (one, other) = (
+            Fit::chord(at(0.0, 10.0), at(40.0, 40.0)),
+            Fit::chord(at(100.0, 0.0), at(100.0, 7.0)),
+        );
+        for crossing in [one.crossing(&other), other.crossing(&one)] {
+            let crossing = crossing.expect("they are not parallel");
+            assert!(crossing.distance_mm(at(100.0, 85.0)) < 0.01, "{crossing:?}");
+        }
+        let level = Fit::chord(at(0.0, 0.0), at(100.0, 0.0));
+        let meets = |y_mm: f32| level.crossing(&Fit::chord(at(0.0, 50.0), at(100.0, y_mm)));
+        assert_eq!((meets(59.9), meets(40.1)), (None, None));
+        assert!(meets(60.1).is_some() && meets(39.9).is_some());
+    }
+}

@@ -192,4 +192,25 @@ mod tests {
         // With the first wheel slower than the other, half the time is half the way.
         assert!(is_at([0, 20], 0.0, [0.0, 0.0]));
     }
+
+    /// Of two points as near, 3, 4 and 5, the first; one that is nearer outside the bearings is none.
+    #[test]
+    fn the_nearest_point_between_two_bearings_is_told() {
+        let places = [
+            (400.0, -300.0),
+            (300.0, 400.0),
+            (400.0, 300.0),
+            (600.0, 800.0),
+        ];
+        let points = places.map(|(x, y)| Point::new(x, y));
+        let around = Surroundings::of(points.into_iter());
+        let nearest = around.nearest(0.0..=1.5).expect("there are three");
+        assert!(
+            (nearest.0 - 0.9273).abs() < 1e-3 && (nearest.1 - 500.0).abs() < 0.1,
+            "{nearest:?}"
+        );
+        let right = around.nearest(-1.5..=0.0).expect("there is one");
+        assert!((right.0 + 0.6435).abs() < 1e-3, "{right:?}");
+        assert_eq!(around.nearest(2.0..=3.0), None);
+    }
 }

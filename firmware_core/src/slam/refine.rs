@@ -265,4 +265,79 @@ mod tests {
         }
         assert_eq!(spline(32 << (CELL_BITS - FRACTION_BITS)), [8, 48, 8]);
     }
+
+    /// What is curved by a millionth is a summit, and what is less is none, along each axis.
+    #[test]
+    fn a_summit_is_curved_along_all_three_axes() {
+        for axis in 0..3 {
+            let mut diagonal = [1.0; 3];
+            diagonal[axis] = 1e-6;
+            assert_eq!(solve(diagonal, [0.0; 3], diagonal), Some([1.0; 3]));
+            diagonal[axis] = 0.9e-6;
+            assert_eq!(solve(diagonal, [0.0; 3], diagonal), None);
+        }
+    }
+
+    fn is_near(found: Option<[f32; 3]>, expected: [f32; 3]) -> bool {
+        found.is_some_and(|found| {
+            let mut parts = found.iter().zip(expected);
+            parts.all(|(part, expected)| (part - expected).abs() < 1e-4)
+        })
+    }
+
+    /// x + y + z = 6, x + 5y + 3z = 20, x + 3y + 6z = 25 has the solution 1, 2, 3.
+    #[test]
+    fn equations_with_all_entries_are_solved() {
+        let solution = solve([1.0, 5.0, 6.0], [1.0, 1.0, 3.0], [6.0, 20.0, 25.0]);
+        assert!(is_near(solution, [1.0, 2.0, 3.0]), "{solution:?}");
+    }
+
+    /// The summit of 7 - (x - 0.5)^2 - 2 (y + 0.25)^2 - 4 (z - 0.1)^2 is where it says; one that is
+    /// 9 away is gone to by 1.5; a valley has none.
+    #[test]
+    fn a_newton_step_leads_to_the_summit() {
+        let hill = |[x, y, z]: [f32; 3]| {
+            let squares = [x - 0.5, y + 0.25, z - 0.1].map(|off| off * off);
+            7.0 - squares[0] - 2.0 * squares[1] - 4.0 * squares[2]
+        };
+        let step = newton_step(hill);
+        assert!(is_near(step, [0.5, -0.25, 0.1]), "{step:?}");
+        let far = newton_step(|[x, y, z]| -(x - 9.0) * (x - 9.0) - (y + 9.0) * (y + 9.0) - z * z);
+        assert!(is_near(far, [1.5, -1.5, 0.0]), "{far:?}");
+        assert_eq!(newton_step(|[x, y, z]| x * x + y * y + z * z), None);
+    }
+
+    /// x - x^2 - y^2 - z^2 + x y: of the cross term half is taken, so that 2 x - y / 2 = 1 and
+    /// 2 y = x / 2, which is 8/15 and 2/15. The same with the other two pairs.
+    #[test]
+    fn half_of_a_cross_term_counts() {
+        for (one, other) in [(0, 1), (0, 2), (1, 2)] {
+            let step = newton_step(|at| {
+                let squares: f32 = at.iter().map(|along| along * along).sum();
+                at[one] - squares + at[one] * at[other]
+            });
+            let mut expected = [0.0; 3];
+            (expected[one], expected[other]) = (8.0 / 15.0, 2.0 / 15.0);
+            assert!(is_near(step, expected), "{one} {other} {step:?}");
+        }
+    }
+
+    /// A quarter into the cell: 48^2 / 128 = 18, 16^2 / 128 = 2, and the rest of 64. At its border
+    /// both cells have half.
+    #[test]
+    fn the_splines_weights_are_squares() {
+        let at = |part: i32| spline(part << (CELL_BITS - FRACTION_BITS));
+        assert_eq!(
+            [at(0), at(16), at(48)],
+            [[32, 32, 0], [18, 44, 2], [2, 44, 18]]
+        );
+        assert_eq!(at(64 + 16), at(16));
+    }
+
+    /// Sixteenths of a cell: 3-4-5 triangles of 5 and 1 cells.
+    #[test]
+    fn the_mean_reach_is_in_cells() {
+        assert_eq!(mean_reach_cells(&[[48, -64], [0, 16]]), 3.0);
+        assert_eq!(mean_reach_cells(&[]), 0.0);
+    }
 }

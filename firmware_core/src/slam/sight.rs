@@ -104,4 +104,47 @@ mod tests {
             assert_eq!(as_far_as_seen(points, Pose::default(), found), found);
         }
     }
+
+    /// A wall along `(along, across)` / 5, 5 cells from point to point, `from` away.
+    fn wall(count: i16, from: [i16; 2], [along, across]: [i16; 2]) -> Vec<[i16; 2]> {
+        let point = |n: i16| [from[0] + n * along, from[1] + n * across];
+        (0..count).map(point).collect()
+    }
+
+    /// 34 points of a wall are 30 pairs, 14 of the one across it 10: along the first stands a third
+    /// of what stands across. Where one wall ends and the other begins there is none.
+    #[test]
+    fn the_direction_with_the_fewest_walls_across_is_the_least_seen() {
+        let laid = [
+            ([-60, 400], [4, 3], [300, -400], [-3, 4]),
+            ([60, 400], [-4, 3], [-300, -400], [3, 4]),
+            ([400, -60], [3, 4], [-400, 300], [4, -3]),
+            ([-60, 400], [5, 0], [400, -300], [0, 5]),
+            ([400, -60], [0, 5], [-300, 400], [5, 0]),
+        ];
+        for (from, along, other, across) in laid {
+            let points = [wall(34, from, along), wall(14, other, across)].concat();
+            let (axis, share) = least_seen(&points).expect("there are walls");
+            let [x, y] = along.map(|part| f32::from(part) / 5.0);
+            let askew = axis[0] * y - axis[1] * x;
+            assert!(askew.abs() < 1e-3, "{axis:?} {along:?}");
+            assert!((libm::hypotf(axis[0], axis[1]) - 1.0).abs() < 1e-5);
+            assert!((share - 1.0 / 3.0).abs() < 1e-4, "{share} {along:?}");
+        }
+    }
+
+    /// Of 2 parts in 100 across, half of what lies between 1 and 3, half is believed: of 10 mm along
+    /// the wall 5, of 4 mm across it all.
+    #[test]
+    fn between_deaf_and_hearing_the_scan_counts_for_its_part() {
+        let points = [
+            wall(54, [-130, 400], [5, 0]),
+            wall(54, [130, -400], [-5, 0]),
+            wall(6, [400, -10], [0, 5]),
+        ];
+        let found = Pose::new(990.0, 504.0, 0.0);
+        let pose = as_far_as_seen(&points.concat(), Pose::new(1000.0, 500.0, 0.0), found);
+        assert!((pose.x_mm - 995.0).abs() < 0.1, "{pose:?}");
+        assert!((pose.y_mm - 504.0).abs() < 0.1, "{pose:?}");
+    }
 }

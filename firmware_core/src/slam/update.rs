@@ -119,7 +119,11 @@ fn parts(part: u32, whole: u32) -> u32 {
         let down = quotient as u64 as u32;
         return down + u32::from(f64::from(down) < quotient);
     }
-    // In two divisions of 32 bits, which a Cortex-M4 can do.
+    narrow_parts(part, whole)
+}
+
+/// The same in two divisions of 32 bits, which a Cortex-M4 can do.
+const fn narrow_parts(part: u32, whole: u32) -> u32 {
     let (high, rest) = ((part << 16) / whole, (part << 16) % whole);
     (high << 16) + (rest << 16).div_ceil(whole)
 }
@@ -502,5 +506,23 @@ mod tests {
             (grid.get(295, 0), grid.get(296, 0)),
             (Some(0), Some(UNKNOWN))
         );
+    }
+
+    /// A half is 2^31, a third of 2^32 is 1431655765.3, and 65535 less one part of 65535 is 65537.00002
+    /// below 2^32: rounded up. Whatever the machine divides by.
+    #[test]
+    fn parts_are_rounded_up_to_32_places() {
+        let expected = [
+            ((1, 2), 1 << 31),
+            ((3, 8), 3 << 29),
+            ((1, 3), 1_431_655_766),
+            ((2, 3), 2_863_311_531),
+            ((65_534, 65_535), 4_294_901_759),
+            ((0, 7), 0),
+        ];
+        for ((part, whole), parts_2_32) in expected {
+            assert_eq!(parts(part, whole), parts_2_32, "{part} {whole}");
+            assert_eq!(narrow_parts(part, whole), parts_2_32, "{part} {whole}");
+        }
     }
 }

@@ -193,3 +193,33 @@ proptest! {
         }
     }
 }
+
+/// The fielded program: two waypoints behind the same one lead to an object that is gone, one behind
+/// an unknown one to a null pointer.
+#[test]
+fn links_of_the_sender_break_the_fielded_list() {
+    let list = |links: &[i16], defects: Defects| {
+        let mut waypoints = Waypoints::with_defects(defects);
+        let sent = (0..).zip(links).map(|(id, &previous)| Sent {
+            position_mm: [0; 2],
+            layer: 0,
+            id,
+            previous,
+        });
+        waypoints.replace(sent);
+        (waypoints.is_dead(), waypoints.stray_writes().count)
+    };
+    let shared = Defects {
+        follows_shared_links: true,
+        ..Defects::NONE
+    };
+    let unknown = Defects {
+        follows_unknown_links: true,
+        ..Defects::NONE
+    };
+    assert_eq!(list(&[-1, 0, 0], shared), (false, 1));
+    assert_eq!(list(&[-1, 0, 1], shared), (false, 0));
+    assert_eq!(list(&[-1, 7], unknown), (true, 0));
+    assert_eq!(list(&[-1, 0, 1], unknown), (false, 0));
+    assert_eq!(list(&[-1, 7, 0, 0], Defects::NONE), (false, 0));
+}

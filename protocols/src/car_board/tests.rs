@@ -398,3 +398,40 @@ fn ap1_a_hundred_thousand_damaged_streams_are_read_on() {
         );
     }
 }
+
+#[test]
+fn levels_and_steering_values_are_their_numbers() {
+    for number in -10..=10_i8 {
+        assert_eq!(Level::new(number.into()).map(Level::get), Ok(number));
+    }
+    for number in -50..=50_i8 {
+        assert_eq!(Steering::new(number.into()).map(Steering::get), Ok(number));
+    }
+}
+
+/// Behind 13 bytes 00 0F must follow: the place of the first byte that is another is told.
+#[test]
+fn a_frame_is_refused_where_no_other_follows() {
+    let frame = *Readings {
+        battery_mv: 7_400,
+        ..Readings::default()
+    }
+    .encode()
+    .as_bytes();
+    let outcome = |behind: &[u8]| {
+        let bytes = [&frame[..], behind].concat();
+        Decoder::default().push(&bytes).next()
+    };
+    let (at, found) = (13, 0x01);
+    assert_eq!(
+        outcome(&[0x01]),
+        Some(Err(FrameError::Implausible { at, found }))
+    );
+    let (at, found) = (14, 0x0E);
+    assert_eq!(
+        outcome(&[0x00, 0x0E]),
+        Some(Err(FrameError::Implausible { at, found }))
+    );
+    assert_eq!(outcome(&[0x00]), None);
+    assert_eq!(outcome(&SYNC), Frame::from_bytes(frame).map(Ok));
+}

@@ -138,6 +138,44 @@ fn lines_that_say_nothing_are_told_apart() {
     ));
 }
 
+/// Of zeros a sum may be off by 5 times 0.005, and by no more: a 32-bit 0 has no last place.
+#[test]
+fn a_sum_may_be_off_by_what_rounding_does_to_five_figures() {
+    let is_read = |sum: &str| {
+        let line = std::format!("0.00*0.00*0.00*0*{sum}*");
+        Dialect::AsCoded.read(line.as_bytes()).is_ok()
+    };
+    assert_eq!(["0.025", "-0.025"].map(is_read), [true; 2]);
+    assert_eq!(["0.0251", "-0.0251"].map(is_read), [false; 2]);
+}
+
+/// 160 bytes are the longest line, with its end.
+#[test]
+fn a_line_is_waited_for_up_to_160_bytes() {
+    use crate::FrameError;
+    let mut decoder = Decoder::default();
+    assert_eq!(decoder.push(&[b'a'; 159]).count(), 0);
+    assert_eq!(decoder.push(b"\n").filter(Result::is_ok).count(), 1);
+    let mut decoder = Decoder::default();
+    assert_eq!(decoder.push(&[b'a'; 159]).count(), 0);
+    let (max, found) = (160, 160);
+    let error = Some(Err(FrameError::Length { max, found }));
+    assert_eq!(decoder.push(b"a").next(), error);
+}
+
+/// The way in metres, the heading in radians, the time in milliseconds.
+#[test]
+fn a_line_as_coded_is_read_by_hand() {
+    let read = Dialect::AsCoded.read(b"1.25*0.50*1.50*12345*12347.76*");
+    let reading = Reading {
+        distance_m: 1.25,
+        rate_rad_s: 0.5,
+        yaw_rad: 1.5,
+        time_s: 12.345,
+    };
+    assert_eq!(read, Ok(reading));
+}
+
 #[test]
 fn errors_of_lines_tell_what_was_found() {
     use LineError as E;

@@ -252,6 +252,31 @@ mod tests {
         assert_eq!(encode_victims(places.into_iter(), &mut frame[..24]), None);
     }
 
+    /// Told twice a condition holds still; there are seven, one bit each from the lowest.
+    #[test]
+    fn conditions_are_bits_from_the_lowest() {
+        let all = Condition::ALL;
+        let with = |conditions: Conditions, condition| conditions.with(condition, true);
+        let twice = all.into_iter().chain(all).fold(Conditions::NONE, with);
+        assert_eq!(twice, Conditions(0b111_1111));
+        assert!(twice.iter().eq(all));
+        let bits = all.map(|condition| Conditions::NONE.with(condition, true).0);
+        assert_eq!(bits, [1, 2, 4, 8, 16, 32, 64]);
+    }
+
+    #[test]
+    fn states_and_conditions_are_said_in_words() {
+        let states = Search::ALL.map(Search::text);
+        assert_eq!(states, ["none", "seeks", "goes home", "is home"]);
+        let conditions = Condition::ALL.map(Condition::text);
+        assert_eq!(
+            conditions[..3],
+            ["battery low", "base silent", "lidar silent"]
+        );
+        assert_eq!(conditions[3..5], ["lost", "off the map"]);
+        assert_eq!(conditions[5..], ["stop button", "lidar motor too weak"]);
+    }
+
     /// A state of the search that a later robot may have is none.
     #[test]
     fn what_is_not_known_is_left_out() {

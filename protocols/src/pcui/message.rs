@@ -429,6 +429,24 @@ mod tests {
         assert_eq!(seal(&mut frame[..918], *b"MAP", 902), None);
     }
 
+    /// A header alone says whether its payload may be waited for.
+    #[test]
+    fn the_longest_payload_is_waited_for_and_one_byte_more_is_not() {
+        use crate::pcui::PAYLOAD_MAX;
+        let judged = |payload_len: usize| {
+            let mut header = [0; HEADER_LEN];
+            header[..8].copy_from_slice(b"PCUI_MSG");
+            let length = u16::try_from(payload_len).expect("below 65536");
+            header[8..10].copy_from_slice(&length.to_le_bytes());
+            Decoder::default().push(&header).next()
+        };
+        assert_eq!(judged(PAYLOAD_MAX), None);
+        let max = u32::try_from(PAYLOAD_MAX).expect("below 65536");
+        let found = max + 1;
+        let error = crate::FrameError::Length { max, found };
+        assert_eq!(judged(PAYLOAD_MAX + 1), Some(Err(error)));
+    }
+
     /// In a log a frame stands as its name and bytes.
     #[test]
     fn a_log_shows_name_and_bytes() {
@@ -549,5 +567,26 @@ mod tests {
             \x02\x00\x02\x00\x00\x01\x00\xFF\xFF\x05\x00\x05\x00\x00\x00\x00\x01\x00";
         assert_eq!(frame[..len], golden[..]);
         assert_eq!(encode_waypoints(list.into_iter(), &mut frame[..36]), None);
+    }
+
+    /// Three bytes are an order, with the speeds of both sides; of any other length than 9 more it is
+    /// neither.
+    #[test]
+    fn an_order_is_read_by_hand() {
+        let decoded = |bytes: &[u8]| Decoder::default().push(bytes).next().expect("whole");
+        let order = decoded(b"PCUI_MSG\x03\x00\x02\x01\x00\x00STA\x03\x01\xFE").expect("sound");
+        let expected = Order {
+            mode: Mode::Manual,
+            set_point: [1, -2],
+        };
+        assert_eq!(order.message(), Ok(Message::Order(expected)));
+        let longer = decoded(b"PCUI_MSG\x04\x00\x06\x00\x00\x00STA\x03\x01\x01\x01");
+        let (expected, found) = (9, 4);
+        let error = MessageError::Length { expected, found };
+        assert_eq!(longer.expect("sound").message(), Err(error));
+        let shorter = decoded(b"PCUI_MSG\x01\x00\x03\x00\x00\x00STA\x03");
+        let (expected, found) = (9, 1);
+        let error = MessageError::Length { expected, found };
+        assert_eq!(shorter.expect("sound").message(), Err(error));
     }
 }

@@ -223,6 +223,74 @@ fn the_first_nodes_of_a_real_sensor_are_read_as_sent() {
     );
 }
 
+/// Where the next node should begin stands one without its check bit (!S S C is 100, not 101), and
+/// no answer: a byte was lost, and the node in front may have lost it.
+#[test]
+fn a_node_is_refused_where_none_follows() {
+    let no_check_bit = [0x02, 0x00, 0, 0, 0];
+    let bytes = [&SCAN[..], &FIRST_NODES[2], &no_check_bit].concat();
+    let outcomes: Vec<_> = Decoder::default().push(&bytes).take(2).collect();
+    let error = FrameError::Checksum {
+        expected: 0b101,
+        found: 0b100,
+    };
+    let scan = Frame::Stream(Descriptor::nodes());
+    assert_eq!(outcomes, [Ok(scan), Err(error)]);
+    let bytes = [&SCAN[..], &FIRST_NODES[2], &INFO].concat();
+    let outcome = Decoder::default().push(&bytes).nth(1);
+    assert_eq!(outcome, Some(Node::parse(FIRST_NODES[2]).map(Frame::Node)));
+}
+
+/// Behind a sound frame equal start bits are damage, which is told; where nothing sound came before
+/// they are noise. 02 begins no turn: two nodes in a row that do are damage as well.
+#[test]
+fn damage_between_nodes_is_told() {
+    let first = |bytes: &[u8]| streaming(Mode::Nodes).push(bytes).next();
+    assert_eq!(first(&[0x03, 0x03, 0x03]), None);
+    let behind = |bytes: &[u8]| {
+        let bytes = [&SCAN[..], bytes].concat();
+        Decoder::default().push(&bytes).nth(1)
+    };
+    let equal_start_bits = FrameError::Checksum {
+        expected: 0b011,
+        found: 0b111,
+    };
+    assert_eq!(behind(&[0x03]), Some(Err(equal_start_bits)));
+    let node = FIRST_NODES[0];
+    assert_eq!(
+        behind(&[&node[..], &[0x03]].concat()),
+        Some(Err(equal_start_bits))
+    );
+    let begins = [0x01, 0x8F, 0x63, 0x00, 0x00];
+    let (expected, found) = (1, 2);
+    let twice = FrameError::Checksum { expected, found };
+    assert_eq!(behind(&[begins, begins].concat()), Some(Err(twice)));
+    let parsed = Node::parse(node).expect("sound");
+    assert_eq!(
+        behind(&[node, begins].concat()),
+        Some(Ok(Frame::Node(parsed)))
+    );
+    assert!(!parsed.starts_turn());
+    assert!(Node::parse(begins).is_ok_and(Node::starts_turn));
+}
+
+/// 7, 4 and 73 bytes are 84, as many as a capsule has; of a longer value 124 bytes are told.
+#[test]
+fn an_answer_as_long_as_a_capsule_is_none() {
+    let answer = |len: usize| {
+        let value = &[7; 200][..len];
+        Conf { key: 0x7F, value }.answer()
+    };
+    assert_eq!(answer(73).as_bytes().len(), 84);
+    for mode in [Mode::Answers, Mode::Capsules] {
+        let outcome = streaming(mode).push(answer(73).as_bytes()).next();
+        assert_eq!(outcome, Some(Ok(Frame::Answer(answer(73)))));
+    }
+    assert_eq!(answer(124).as_bytes().len(), 7 + 128);
+    assert_eq!(answer(200), answer(124));
+    assert_eq!(answer(123).as_bytes().len(), 7 + 127);
+}
+
 /// By hand: quality 47 << 2 | 01 = BD; 90 degrees = 5760 = 45 * 128, so 01 2D; 1000 mm = 0FA0.
 #[test]
 fn ye3_a_node_is_laid_out_by_hand() {
@@ -266,6 +334,8 @@ fn a_capsule_is_laid_out_by_hand() {
     assert!(bytes[9..].iter().all(|&byte| byte == 0));
     assert!(capsule.is_first());
     assert_eq!(capsule.raw_samples(), samples);
+    let shown = std::format!("{capsule:?}");
+    assert!(shown.starts_with("rplidar::Capsule([A9, 5E, 80, 82, A3"));
 }
 
 /// Its bit is the highest of the angle's, which it does not change.

@@ -48,6 +48,16 @@ fn frames_are_laid_out_by_hand() {
     assert_eq!(payloads(&mut decoder, &both), [[1, 2], [0x7E, 0x7D]]);
 }
 
+/// Behind an escape 5E and 5D are sound (7E and 7D with a flipped bit), and nothing else.
+#[test]
+fn only_two_bytes_may_follow_an_escape() {
+    let outcome = |byte: u8| Decoder::default().push(&[0x7E, 0, 9, 0x7D, byte]).next();
+    assert_eq!([0x5E, 0x5D].map(outcome), [None, None]);
+    for found in [0x00, 0x5C, 0x5F, 0x7C, 0x7D, 0x7F] {
+        assert_eq!(outcome(found), Some(Err(FrameError::Escape { found })));
+    }
+}
+
 #[test]
 fn what_does_not_fit_is_not_written() {
     let found = PAYLOAD_MAX + 1;
@@ -238,4 +248,69 @@ proptest! {
         let got = payloads(&mut Decoder::default(), &[noise, encoded(&payload)].concat());
         prop_assert_eq!(got.last(), Some(&payload));
     }
+}
+
+/// By hand: FF - (01 + 02) = FC, and 00 is not.
+#[test]
+fn a_frame_knows_whether_its_checksum_holds() {
+    let mut decoder = Decoder::new(Defects {
+        deliver_corrupt: true,
+        ..Defects::default()
+    });
+    let mut damaged = PLAIN;
+    damaged[5] = 0x00;
+    let bytes = [PLAIN, damaged].concat();
+    let frames: Vec<Frame> = decoder.push(&bytes).map(Result::unwrap).collect();
+    assert_eq!([frames[0].is_sound(), frames[1].is_sound()], [true, false]);
+    let shown = std::format!("{:?}", frames[1]);
+    assert_eq!(shown, "telemetry::Frame([01, 02], 00)");
+}
+
+/// 3,200 is 0C80 hex.
+#[test]
+fn the_longest_payload_is_waited_for_and_one_byte_more_is_not() {
+    let outcome = |low: u8| Decoder::default().push(&[0x7E, 0x0C, low]).next();
+    assert_eq!(outcome(0x80), None);
+    let (max, found) = (3_200, 3_201);
+    assert_eq!(outcome(0x81), Some(Err(FrameError::Length { max, found })));
+}
+
+/// Either fielded defect takes any byte behind an escape: 41 is 61 with a flipped bit.
+#[test]
+fn a_fielded_end_takes_any_byte_behind_an_escape() {
+    for (deliver_corrupt, ignore_start) in [(true, false), (false, true)] {
+        let mut decoder = Decoder::new(Defects {
+            deliver_corrupt,
+            ignore_start,
+            deaf_while_done: false,
+        });
+        // FF - 61 = 9E.
+        let bytes = [0x7E, 0x00, 0x01, 0x7D, 0x41, 0x9E];
+        assert_eq!(payloads(&mut decoder, &bytes), [[0x61]]);
+    }
+}
+
+#[test]
+fn errors_of_writing_tell_what_was_found() {
+    let shown = |error: EncodeError| std::format!("{error}");
+    assert_eq!(
+        shown(EncodeError::TooLong { found: 3_201 }),
+        "payload has 3201 bytes, at most 3200 allowed"
+    );
+    let no_room = EncodeError::NoRoom { room: 5 };
+    assert_eq!(shown(no_room), "frame does not fit into 5 bytes");
+}
+
+#[test]
+fn a_quiet_line_with_nothing_pending_is_no_error() {
+    let mut decoder = Decoder::default();
+    decoder.idle();
+    assert_eq!(decoder.push(&[]).next(), None);
+    assert_eq!(decoder.push(&PLAIN[..3]).next(), None);
+    decoder.idle();
+    let found = 3;
+    assert_eq!(
+        decoder.push(&[]).next(),
+        Some(Err(FrameError::Truncated { found }))
+    );
 }

@@ -119,4 +119,22 @@ mod tests {
             }
         );
     }
+
+    /// 271 is 010F, the weak bit makes it 410F; 16,383 is 3FFF, and so is everything beyond.
+    #[test]
+    fn a_reading_is_written_by_hand() {
+        let bytes = |distance_mm, weak| {
+            let strength = 80;
+            RawReading::from(Reading::Range {
+                distance_mm,
+                strength,
+                weak,
+            })
+            .0
+        };
+        assert_eq!(bytes(271, true), [0x0F, 0x41, 0x50, 0x00]);
+        assert_eq!(bytes(271, false), [0x0F, 0x01, 0x50, 0x00]);
+        assert_eq!(bytes(16_384, true), [0xFF, 0x7F, 0x50, 0x00]);
+        assert_eq!(bytes(16_383, false), [0xFF, 0x3F, 0x50, 0x00]);
+    }
 }

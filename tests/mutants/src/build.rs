@@ -8,19 +8,45 @@ use std::process::{Command, Stdio};
 
 use serde_json::Value;
 
-use crate::list::Mutant;
+use crate::list::{Genre, Mutant};
 use crate::switch::{self, Switched};
 
 /// The environment variable that names the active mutant.
 pub const ACTIVE: &str = "ACTIVE_MUTANT";
 
+/// The environment variable that names the file where the tests note which mutants they reach.
+pub const REACHED: &str = "REACHED_MUTANTS";
+
 /// Appended to the package's `lib.rs`. The attribute stands at its top.
 const SWITCH: &str = "
-/// Which mutant holds, by its number from 1; 0: none.
+/// Which mutant holds, by its number from 1; 0: none. If asked for, it is noted which thread came
+/// by the mutants `here`: each test has one of its own, with its name.
 #[doc(hidden)]
-pub fn active_mutant() -> u32 {
+pub fn active_mutant(here: &[u32]) -> u32 {
     extern crate std;
+    use std::io::Write as _;
     static ACTIVE: std::sync::OnceLock<u32> = std::sync::OnceLock::new();
+    static REACHED: std::sync::OnceLock<Option<std::fs::File>> = std::sync::OnceLock::new();
+    std::thread_local! {
+        static SEEN: std::cell::RefCell<std::vec::Vec<u32>> = std::cell::RefCell::default();
+    }
+    let reached = REACHED.get_or_init(|| {
+        let path = std::env::var_os(\"REACHED_MUTANTS\")?;
+        std::fs::OpenOptions::new().append(true).open(path).ok()
+    });
+    if let Some(mut file) = reached.as_ref() {
+        let _ = SEEN.try_with(|seen| {
+            let mut seen = seen.borrow_mut();
+            for &number in here.iter() {
+                if let Err(at) = seen.binary_search(&number) {
+                    seen.insert(at, number);
+                    let thread = std::thread::current();
+                    let line = std::format!(\"{number} {}\\n\", thread.name().unwrap_or(\"?\"));
+                    let _ = file.write_all(line.as_bytes());
+                }
+            }
+        });
+    }
     *ACTIVE.get_or_init(|| {
         std::env::var(\"ACTIVE_MUTANT\").ok().and_then(|text| text.parse().ok()).unwrap_or(0)
     })
@@ -52,6 +78,8 @@ pub fn all_at_once(package: &str, out: &Path, mutants: &[Mutant]) -> Result<Buil
     } else {
         tree.join(package)
     };
+    let target = out.join("target");
+    fs::create_dir_all(&target).map_err(|error| format!("{}: {error}", target.display()))?;
     let mut files: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
     for (at, mutant) in mutants.iter().enumerate() {
         files.entry(&mutant.file).or_default().push(at);
@@ -59,7 +87,8 @@ pub fn all_at_once(package: &str, out: &Path, mutants: &[Mutant]) -> Result<Buil
     let mut copy = Copy {
         package,
         tree: &tree,
-        target: out.join("target"),
+        // As the compiler runs in the copy.
+        target: fs::canonicalize(&target).unwrap_or(target),
         mutants,
         unviable: BTreeSet::new(),
         still_const: BTreeSet::new(),
@@ -167,7 +196,10 @@ impl<'a> Copy<'a> {
                 self.still_const.insert(name);
                 continue;
             }
-            let guilty = guilty(error, files);
+            let mut guilty = guilty(error, files);
+            if guilty.is_empty() {
+                guilty.extend(self.returned_before(error, files));
+            }
             if guilty.is_empty() && !error["spans"].as_array().is_none_or(Vec::is_empty) {
                 unexplained.push(error["rendered"].as_str().unwrap_or("").to_owned());
             }
@@ -181,6 +213,20 @@ impl<'a> Copy<'a> {
             ));
         }
         Ok(more)
+    }
+
+    /// The made-up value that is returned last before the place of an error: of a function that
+    /// returns an `impl Trait` it sets the type, and what the author wrote is then the error.
+    fn returned_before(&self, error: &Value, files: &BTreeMap<&str, Switched>) -> Option<usize> {
+        let spans = error["spans"].as_array()?;
+        let span = spans.iter().find(|span| span["is_primary"] == true)?;
+        let at = usize::try_from(span["byte_start"].as_u64()?).ok()?;
+        let arms = files.get(span["file_name"].as_str()?)?.arms.iter();
+        let returned = arms
+            .filter(|(arm, mutant)| arm.end <= at && self.mutants[*mutant].genre == Genre::FnValue);
+        returned
+            .max_by_key(|(arm, _)| arm.end)
+            .map(|(_, mutant)| *mutant)
     }
 
     fn tests(&self) -> Result<Vec<PathBuf>, String> {
@@ -215,10 +261,7 @@ impl<'a> Copy<'a> {
             ])
             .args(features(self.package))
             .current_dir(self.tree)
-            .env(
-                "CARGO_TARGET_DIR",
-                fs::canonicalize(&self.target).unwrap_or(self.target.clone()),
-            )
+            .env("CARGO_TARGET_DIR", &self.target)
             .stderr(Stdio::inherit())
             .output()
             .map_err(|error| format!("cargo: {error}"))?;

@@ -37,13 +37,11 @@ pub enum Genre {
     StructField,
 }
 
-/// From a place to a place.
+/// Where it begins; where it ends the syntax says.
 #[derive(Clone, Copy, Debug, Deserialize)]
 pub struct Span {
     /// Its first character.
     pub start: Place,
-    /// The character behind its last.
-    pub end: Place,
 }
 
 /// A line and a column, both from 1.

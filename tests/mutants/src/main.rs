@@ -58,7 +58,7 @@ fn judge(
         built.unviable.len(),
         built.unswitched.len()
     );
-    let fates = trial::all(&built, &drawn)?;
+    let fates = trial::all(&built, &drawn, out)?;
     tell(package, out, &drawn, &built, &fates)
 }
 

@@ -1,5 +1,5 @@
 //! One source file with its mutants compiled in: each is an arm beside what the author wrote, and
-//! `crate::active_mutant()` says which of them holds.
+//! `crate::active_mutant` says which of them holds.
 //!
 //! An operand stands in every arm; in those of the mutants as it was, so that nested mutants add up
 //! and do not multiply.
@@ -337,7 +337,8 @@ impl Printer<'_> {
         match site.form {
             Form::Cut => {}
             Form::Expression => {
-                self.out.push_str("(match crate::active_mutant() {");
+                self.out
+                    .push_str(&format!("(match {} {{", asked(&site.arms)));
                 for (number, by) in &site.arms {
                     self.arm(*number, |printer| {
                         printer
@@ -350,7 +351,8 @@ impl Printer<'_> {
                 self.out.push_str(") })");
             }
             Form::Body => {
-                self.out.push_str("match crate::active_mutant() {");
+                self.out
+                    .push_str(&format!("match {} {{", asked(&site.arms)));
                 for (number, by) in &site.arms {
                     self.arm(*number, |printer| {
                         printer
@@ -364,10 +366,10 @@ impl Printer<'_> {
                 let (number, _) = site.arms[0];
                 self.arm(number, |printer| {
                     let word = if guarded { "" } else { " if " };
-                    let number = number + 1;
+                    let (asked, number) = (asked(&site.arms), number + 1);
                     printer
                         .out
-                        .push_str(&format!("{word}crate::active_mutant() != {number}u32"));
+                        .push_str(&format!("{word}{asked} != {number}u32"));
                 });
                 if guarded {
                     self.out.push_str(" && (");
@@ -383,4 +385,13 @@ impl Printer<'_> {
         print(self);
         self.arms.push((start..self.out.len(), number));
     }
+}
+
+/// The call that says which of these mutants holds.
+fn asked(arms: &[(usize, String)]) -> String {
+    let numbers: Vec<String> = arms
+        .iter()
+        .map(|(number, _)| format!("{}u32", number + 1))
+        .collect();
+    format!("crate::active_mutant(&[{}])", numbers.join(", "))
 }

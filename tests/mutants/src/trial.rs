@@ -1,6 +1,10 @@
-//! Each mutant against the tests: the first binary that fails, or does not end, has seen it. The
-//! tests of its own module come first: they see most, in a hundredth of the time.
+//! Each mutant against the tests: the first that fails, or does not end, has seen it. Only those
+//! are tried that came by its place when nothing was changed; those of its own module come first:
+//! they see most, in a hundredth of the time. A value that tests share (`LazyLock`) is noted for the
+//! first of them alone: no test of a library does that.
 
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
 use std::io::{BufRead, BufReader};
 use std::os::unix::process::CommandExt;
 use std::path::Path;
@@ -9,7 +13,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, mpsc};
 use std::time::{Duration, Instant};
 
-use crate::build::{ACTIVE, Built};
+use crate::build::{ACTIVE, Built, REACHED};
 use crate::list::Mutant;
 
 /// What became of a mutant.
@@ -25,19 +29,30 @@ pub enum Fate {
 
 /// Trials at a time: as many as the rig's own checks are made for.
 const JOBS: usize = 2;
+/// Tests of a binary that may fail without a mutant: on a busy machine those of the clock do.
+const FAILING_MAX: usize = 5;
 /// Nobody is late before this.
 const PATIENCE: Duration = Duration::from_secs(60);
 
+/// A test binary, and what it did when nothing was changed.
+struct Binary<'a> {
+    path: &'a Path,
+    time: Duration,
+    names: Vec<String>,
+    /// By mutant: the tests that came by it. `None` among them: a thread or a process of whichever.
+    reached: BTreeMap<usize, BTreeSet<Option<String>>>,
+}
+
 /// The fate of every mutant that is compiled in, by its place in the draw.
-pub fn all(built: &Built, drawn: &[Mutant]) -> Result<Vec<(usize, Fate)>, String> {
-    let tests = by_time(built)?;
+pub fn all(built: &Built, drawn: &[Mutant], out: &Path) -> Result<Vec<(usize, Fate)>, String> {
+    let binaries = unchanged(built, out)?;
     let next = AtomicUsize::new(0);
     let fates = Mutex::new(Vec::new());
     std::thread::scope(|scope| {
         for _ in 0..JOBS {
             scope.spawn(|| {
                 while let Some(&mutant) = built.switched.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    let fate = fate(&built.folder, &tests, mutant, &drawn[mutant]);
+                    let fate = fate(&built.folder, &binaries, mutant, &drawn[mutant]);
                     let mut fates = fates.lock().unwrap_or_else(|held| held.into_inner());
                     fates.push((mutant, fate));
                     eprintln!(
@@ -55,29 +70,95 @@ pub fn all(built: &Built, drawn: &[Mutant]) -> Result<Vec<(usize, Fate)>, String
     Ok(fates)
 }
 
-/// The tests with how long each takes when nothing is changed, the quickest first.
-fn by_time(built: &Built) -> Result<Vec<(&Path, Duration)>, String> {
-    let mut tests = Vec::new();
-    for test in &built.tests {
+/// The binaries with what each does when nothing is changed, the quickest first.
+fn unchanged<'a>(built: &'a Built, out: &Path) -> Result<Vec<Binary<'a>>, String> {
+    let mut binaries = Vec::new();
+    for path in &built.tests {
+        let notes = std::path::absolute(out.join("reached.txt"));
+        let notes = notes.map_err(|error| format!("{}: {error}", out.display()))?;
+        fs::write(&notes, "").map_err(|error| format!("{}: {error}", notes.display()))?;
         let started = Instant::now();
-        let limit = Duration::from_secs(1200);
-        match run(&built.folder, test, None, 0, limit) {
-            Some(true) => tests.push((test.as_path(), started.elapsed())),
-            _ => return Err(format!("{} fails without a mutant", test.display())),
+        let mut names = names(&built.folder, path)?;
+        // Of one thread no test has its name.
+        let mut all = ["--test-threads", "2", "--exact"]
+            .map(str::to_owned)
+            .to_vec();
+        let mut failing = 0;
+        let passed = loop {
+            let limit = Duration::from_secs(1200);
+            let failed = match run(&built.folder, path, &all, 0, Some(&notes), limit) {
+                Outcome::Passed => break true,
+                Outcome::Failed(Some(failed)) if failing < FAILING_MAX => failed,
+                Outcome::Failed(_) | Outcome::Late => break false,
+            };
+            eprintln!("{failed} fails without a mutant, and is left out");
+            names.retain(|name| *name != failed);
+            all.extend(["--skip".to_owned(), failed]);
+            failing += 1;
+        };
+        if !passed {
+            eprintln!("{} fails without a mutant, and is left out", path.display());
+            continue;
         }
+        let time = started.elapsed();
+        let text = fs::read(&notes).map_err(|error| format!("{}: {error}", notes.display()))?;
+        let mut reached: BTreeMap<usize, BTreeSet<Option<String>>> = BTreeMap::new();
+        for line in String::from_utf8_lossy(&text).lines() {
+            let (number, thread) = line.split_once(' ').unwrap_or((line, ""));
+            let number: usize = number.parse().map_err(|_| format!("a note: {line}"))?;
+            let test = names.iter().find(|name| *name == thread).cloned();
+            reached.entry(number).or_default().insert(test);
+        }
+        eprintln!("{} s for {}", time.as_secs(), path.display());
+        binaries.push(Binary {
+            path,
+            time,
+            names,
+            reached,
+        });
     }
-    tests.sort_by_key(|(_, time)| *time);
-    Ok(tests)
+    if binaries.is_empty() {
+        return Err("all tests fail without a mutant".to_owned());
+    }
+    binaries.sort_by_key(|binary| binary.time);
+    Ok(binaries)
 }
 
-fn fate(folder: &Path, tests: &[(&Path, Duration)], at: usize, mutant: &Mutant) -> Fate {
-    let own = module(&mutant.file);
-    for only in [Some(own.as_str()), None] {
-        for &(test, time) in tests {
-            match run(folder, test, only, at + 1, PATIENCE.max(4 * time)) {
-                None => return Fate::Late,
-                Some(false) => return Fate::Caught,
-                Some(true) => {}
+/// The names of the tests of a binary.
+fn names(folder: &Path, path: &Path) -> Result<Vec<String>, String> {
+    let output = Command::new(path)
+        .args(["--list", "--format", "terse"])
+        .current_dir(folder)
+        .output()
+        .map_err(|error| format!("{}: {error}", path.display()))?;
+    let text = String::from_utf8_lossy(&output.stdout);
+    let names = text.lines().filter_map(|line| line.strip_suffix(": test"));
+    Ok(names.map(str::to_owned).collect())
+}
+
+/// Tries the tests that came by the mutant; no other can see it.
+fn fate(folder: &Path, binaries: &[Binary], at: usize, mutant: &Mutant) -> Fate {
+    let module = module(&mutant.file);
+    for is_own in [true, false] {
+        for binary in binaries {
+            let Some(reached) = binary.reached.get(&(at + 1)) else {
+                continue;
+            };
+            let by_whichever = reached.contains(&None);
+            let of_it = binary.names.iter().filter(|name| {
+                name.contains(&module) == is_own
+                    && (by_whichever || reached.contains(&Some((*name).clone())))
+            });
+            let mut tests: Vec<String> = of_it.cloned().collect();
+            if tests.is_empty() {
+                continue;
+            }
+            tests.push("--exact".to_owned());
+            let patience = PATIENCE.max(4 * binary.time);
+            match run(folder, binary.path, &tests, at + 1, None, patience) {
+                Outcome::Late => return Fate::Late,
+                Outcome::Failed(_) => return Fate::Caught,
+                Outcome::Passed => {}
             }
         }
     }
@@ -90,19 +171,30 @@ fn module(file: &str) -> String {
     inside.trim_end_matches(".rs").replace('/', "::") + "::"
 }
 
-/// Whether `test` passed, or those of its tests whose names have `only` in them; `None` if it had
-/// not ended by `limit`. The first test that fails ends it.
+/// What became of a run.
+enum Outcome {
+    Passed,
+    /// The first test that failed, if one has.
+    Failed(Option<String>),
+    /// It had not ended in time.
+    Late,
+}
+
+/// Runs the tests of `binary` that `arguments` ask for, no longer than `limit`. The first one that
+/// fails ends it.
 fn run(
     folder: &Path,
-    test: &Path,
-    only: Option<&str>,
+    binary: &Path,
+    arguments: &[String],
     active: usize,
+    notes: Option<&Path>,
     limit: Duration,
-) -> Option<bool> {
-    let child = Command::new(test)
-        .args(only)
+) -> Outcome {
+    let child = Command::new(binary)
+        .args(arguments)
         .current_dir(folder)
         .env(ACTIVE, active.to_string())
+        .envs(notes.map(|notes| (REACHED, notes)))
         .env("CARGO_MANIFEST_DIR", folder)
         .envs([
             ("CI", "true"),
@@ -114,23 +206,26 @@ fn run(
         .stderr(Stdio::null())
         .process_group(0)
         .spawn();
-    let mut child = child.ok()?;
-    let lines = BufReader::new(child.stdout.take()?).lines();
+    let Ok(mut child) = child else {
+        return Outcome::Failed(None);
+    };
+    let lines = child.stdout.take().map(|out| BufReader::new(out).lines());
     let (failed, heard) = mpsc::channel();
     std::thread::spawn(move || {
-        let failure = lines
-            .map_while(Result::ok)
-            .any(|line| line.ends_with("... FAILED"));
+        let mut lines = lines.into_iter().flatten().map_while(Result::ok);
+        let failure = lines.find_map(|line| {
+            let name = line.strip_prefix("test ")?.strip_suffix(" ... FAILED")?;
+            Some(name.trim_end_matches(" - should panic").to_owned())
+        });
         let _ = failed.send(failure);
     });
-    let failure = heard.recv_timeout(limit);
-    let passed = match failure {
-        Ok(false) => Some(child.wait().is_ok_and(|status| status.success())),
-        Ok(true) => Some(false),
-        Err(_) => None,
+    let outcome = match heard.recv_timeout(limit) {
+        Ok(None) if child.wait().is_ok_and(|status| status.success()) => Outcome::Passed,
+        Ok(failure) => Outcome::Failed(failure),
+        Err(_) => Outcome::Late,
     };
     end(&mut child);
-    passed
+    outcome
 }
 
 /// Ends `child` with all that it started.

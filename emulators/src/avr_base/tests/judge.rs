@@ -49,6 +49,8 @@ fn registers_beyond_the_map_are_told() {
     for profile in BOTH {
         let guilty = broken_by(profile, &[&read(profile, 50, 10)]);
         assert_eq!(guilty, [rules::UNKNOWN_REGISTER]);
+        let guilty = broken_by(profile, &[&read(profile, 50, 4)]);
+        assert_eq!(guilty, [rules::UNKNOWN_REGISTER]);
         let innocent = broken_by(profile, &[&read(profile, 50, 3)]);
         assert_eq!(innocent, NONE);
     }

@@ -137,3 +137,56 @@ impl Test {
 fn same_side(place: Point, one: Point, other: Point) -> bool {
     (one.x - place.x) * (other.x - place.x) + (one.y - place.y) * (other.y - place.y) > 0.0
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn near(distance: f64) -> Near {
+        Near {
+            index: 0,
+            at: Point::default(),
+            distance,
+        }
+    }
+
+    /// A body of 0.5 m: what the surface leaves of its way, and by how much it came nearer.
+    fn left(before: f64, stay: f64, go: f64) -> (f64, Option<f64>) {
+        let mut test = Test {
+            radius: 0.5,
+            part: 1.0,
+            met: Vec::new(),
+        };
+        test.surface(near(before), near(stay), near(go));
+        (test.part, test.met.first().map(|met| met.1))
+    }
+
+    #[test]
+    fn a_surface_leaves_the_way_up_to_it() {
+        let is = |found: (f64, Option<f64>), part: f64, met: Option<f64>| {
+            (found.0 - part).abs() < 1e-12
+                && found.1.zip(met).is_none_or(|(a, b)| (a - b).abs() < 1e-12)
+                && found.1.is_some() == met.is_some()
+        };
+        // 0.2 m nearer, of which 0.1 m are free.
+        assert!(is(left(0.6, 0.6, 0.4), 0.5, Some(0.2)));
+        // Up to the surface, and no farther; away from it; past it far away.
+        assert!(is(left(0.6, 0.6, 0.5), 1.0, Some(0.0)));
+        assert!(is(left(0.4, 0.4, 0.45), 1.0, Some(0.0)));
+        assert!(is(left(0.9, 0.9, 0.8), 1.0, None));
+        // An obstacle comes by itself: it takes nothing of the body's own way, which leads away.
+        assert!(is(left(0.6, 0.4, 0.45), 1.0, Some(0.15)));
+        // Where it already overlaps nothing is left.
+        assert!(is(left(0.6, 0.45, 0.35), 0.0, Some(0.25)));
+        assert!(is(left(0.45, 0.45, 0.45), 1.0, Some(0.0)));
+    }
+
+    #[test]
+    fn two_places_lie_on_the_same_side() {
+        let at = Point::new;
+        let same = |one, other| same_side(at(1.0, 1.0), one, other);
+        assert!(same(at(3.0, 2.0), at(2.0, 0.0)) && !same(at(3.0, 2.0), at(0.0, 2.0)));
+        assert!(same(at(1.0, 4.0), at(0.0, 3.0)) && !same(at(1.0, 4.0), at(9.0, 0.5)));
+        assert!(!same(at(2.0, 1.0), at(1.0, 2.0)));
+    }
+}

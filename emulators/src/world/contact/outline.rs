@@ -376,3 +376,62 @@ impl Solid {
 fn middle(footprint: &Footprint, pose: Pose) -> Point {
     pose.offset(footprint.middle().x, footprint.middle().y)
 }
+
+#[cfg(test)]
+mod tests {
+    use core::f64::consts::FRAC_PI_2;
+
+    use super::*;
+    use crate::world::geometry::Circle;
+
+    /// A surface that moves by (0.1, -0.2) mm in a step of 1 ms.
+    fn solid() -> Solid {
+        let center = Point::default();
+        let none = Gap {
+            gap: 0.0,
+            body: center,
+            surface: center,
+        };
+        Solid {
+            index: 0,
+            primitive: Primitive::Circle(Circle {
+                center,
+                radius: 1.0,
+            }),
+            places: [Point::new(1.0, 1.0), Point::new(1.000_1, 0.999_8)],
+            began: none,
+            stay: none,
+            middle_m: 0.0,
+        }
+    }
+
+    /// At (1, 2) from its reference point a body that goes 3 m/s, turns 0.5 rad/s and is pushed by
+    /// (0.1, 0.2) m/s goes (2.1, 0.7) mm in a step; less what the surface goes, (2.0, 0.9) mm. Along
+    /// (3, 4) / 5 that is 1.92 mm. Turned by a quarter it is (-1.0, 3.9) mm and 2.52 mm.
+    #[test]
+    fn a_surface_is_approached_by_the_difference_of_both_ways() {
+        let wanted = Motion {
+            speed: 3.0,
+            turn: 0.5,
+            drift: Point::new(0.1, 0.2),
+            ..Motion::default()
+        };
+        let approach = |gap: f64, to: [f64; 2], theta: f64| {
+            let body = Point::new(8.0, 9.0);
+            let there = Gap {
+                gap,
+                body,
+                surface: Point::new(body.x + to[0], body.y + to[1]),
+            };
+            solid().approach(there, wanted, Pose::new(7.0, 7.0, theta))
+        };
+        let is = |found: f64, mm: f64| (found * 1e3 - mm).abs() < 1e-9;
+        assert!(is(approach(5.0, [3.0, 4.0], 0.0), 1.92));
+        assert!(is(approach(5.0, [3.0, 4.0], FRAC_PI_2), 2.52));
+        assert!(is(approach(5.0, [-3.0, -4.0], 0.0), 0.0));
+        assert!(is(approach(-5.0, [-3.0, -4.0], 0.0), 1.92));
+        assert!(is(approach(-5.0, [3.0, 4.0], 0.0), 0.0));
+        // In touch the whole way counts: sqrt(4 + 0.81).
+        assert!(is(approach(0.0, [0.0, 0.0], 0.0), 4.81_f64.sqrt()));
+    }
+}

@@ -172,3 +172,24 @@ fn a_sensor_ahead_and_left_of_a_robot_that_looks_left_is_behind_it_in_x() {
         "{place:?}"
     );
 }
+
+/// On the wall's line: from its far end on it is behind, up to a nanometre; it is met as far as the
+/// ray reaches, and a nanometre beside it.
+#[test]
+fn a_ray_along_the_wall_meets_it_up_to_a_nanometre() {
+    let met = |x: f64, y: f64, limit: f64| {
+        let ray = Ray::new(Point::new(x, y), FRAC_PI_2);
+        wall().cross(ray, limit).map(|crossing| crossing.distance)
+    };
+    assert_eq!([met(1.0, 0.0, 9.0), met(1.0, 1.0, 9.0)], [Some(0.0); 2]);
+    assert_eq!(met(1.0, 1.0 + 1e-6, 9.0), None);
+    assert_eq!(
+        [met(1.0, -5.0, 4.0), met(1.0, -5.0, 3.99)],
+        [Some(4.0), None]
+    );
+    assert!(met(1.0 + 0.5e-9, -5.0, 9.0).is_some() && met(1.0 - 0.5e-9, -5.0, 9.0).is_some());
+    assert_eq!(
+        [met(1.0 + 2e-9, -5.0, 9.0), met(1.0 - 2e-9, -5.0, 9.0)],
+        [None; 2]
+    );
+}

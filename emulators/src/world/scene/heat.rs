@@ -129,4 +129,17 @@ mod tests {
             Ok(0.05)
         );
     }
+
+    #[test]
+    fn a_scene_has_the_plates_that_it_was_given() {
+        let plates = [20.0, 37.0].map(|celsius| {
+            HeatPlate::new(Point::new(0.0, 0.0), Point::new(0.1, 0.0), celsius).unwrap()
+        });
+        let scene = Scene::new(Vec::<Shape>::new(), vec![]).unwrap();
+        assert_eq!(scene.heat_plates(), []);
+        assert_eq!(
+            scene.with_heat_plates(plates.to_vec()).heat_plates(),
+            plates
+        );
+    }
 }

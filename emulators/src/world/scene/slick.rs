@@ -114,4 +114,15 @@ mod tests {
         );
         assert!(of(0.0, 1.0, f64::NAN).is_some() && of(0.0, 1.0, 0.0).is_none());
     }
+
+    #[test]
+    fn a_place_that_is_none_is_told() {
+        let shown = |error: SlickFloorError| format!("{error}");
+        assert_eq!(
+            shown(SlickFloorError::Corners),
+            "the first corner is not the lower left one"
+        );
+        let grip = shown(SlickFloorError::Grip { found: -0.5 });
+        assert!(grip.starts_with("grip is -0.5, expected 0 to "), "{grip}");
+    }
 }

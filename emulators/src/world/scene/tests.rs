@@ -252,3 +252,29 @@ fn paths_that_cannot_be_walked_are_refused() {
     };
     assert_eq!(fault(vec![], vec![fast]).1, limit);
 }
+
+/// A pillar of 0.1 m on its way keeps within the bounds with all of it, to each side.
+#[test]
+fn an_obstacle_keeps_within_the_bounds_with_all_of_it() {
+    let bounds = Bounds {
+        min: Point::new(-2.0, -3.0),
+        max: Point::new(4.0, 5.0),
+    };
+    let is_within = |x: f64, y: f64| {
+        let obstacle = Obstacle {
+            path: Path {
+                waypoints: vec![Waypoint {
+                    at: Instant::ZERO,
+                    position: Point::new(x, y),
+                }],
+                repeat: Repeat::Once,
+            },
+            ..walker(circle(0.0, 0.0, 0.1))
+        };
+        Scene::within(bounds, Vec::<Shape>::new(), vec![obstacle]).is_ok()
+    };
+    let inside = [(-1.85, 1.0), (3.85, 1.0), (1.0, -2.85), (1.0, 4.85)];
+    assert_eq!(inside.map(|(x, y)| is_within(x, y)), [true; 4]);
+    let outside = [(-1.95, 1.0), (3.95, 1.0), (1.0, -2.95), (1.0, 4.95)];
+    assert_eq!(outside.map(|(x, y)| is_within(x, y)), [false; 4]);
+}

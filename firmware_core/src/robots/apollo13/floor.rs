@@ -473,4 +473,15 @@ mod tests {
         floor.hear(Instant::ZERO, SCANNER, 2.0);
         assert!(!floor.costs(Instant::ZERO).unwrap().is_obstacle([16, 10]));
     }
+
+    /// Cells beside each other in one piece of 64, and at both ends of a piece.
+    #[test]
+    fn all_sure_cells_are_found() {
+        let mut seen = alloc::vec![0; 200];
+        for at in [3, 4, 63, 64, 199] {
+            seen[at] = SURE;
+        }
+        seen[130] = SURE - 1;
+        assert!(sure(&seen).eq([3, 4, 63, 64, 199]));
+    }
 }

@@ -215,4 +215,27 @@ mod tests {
         }
         assert_eq!(opened, [3_200]);
     }
+
+    /// A motor's lag of 1.2 s, and 0.2 s for the offset: 1.4 s after it rolled the car was at rest.
+    #[test]
+    fn a_start_is_at_rest_1400_ms_after_the_car_rolled() {
+        let is_misled = |ms: u64| {
+            let mut watch = OdometerWatch::default();
+            watch.roll(at(1_000));
+            watch.hear(at(1_000 + ms), true);
+            watch.is_misled()
+        };
+        assert_eq!([1_399, 1_400].map(is_misled), [true, false]);
+    }
+
+    /// A line each 250 ms is none too few.
+    #[test]
+    fn silence_is_longer_than_a_quarter_of_a_second() {
+        let mut watch = OdometerWatch::default();
+        watch.hear(at(1_000), false);
+        assert_eq!(
+            [1_250, 1_251].map(|ms| watch.is_silent(at(ms))),
+            [false, true]
+        );
+    }
 }

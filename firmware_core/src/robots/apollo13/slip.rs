@@ -214,4 +214,52 @@ mod tests {
         }
         assert!(watch.found() == 0 && !watch.is_slipping());
     }
+
+    /// It stands for half a second: from then on the reading is the offset, then the mean of two and
+    /// of three, and the speed halves with each tenth of a second. One count, and it does not stand.
+    #[test]
+    fn the_offset_is_the_mean_of_what_is_felt_at_rest() {
+        let mut watch = SlipWatch::default();
+        for _ in 0..4 {
+            watch.rest(0.1, 0.0, 1.0);
+        }
+        watch.speed_m_s = 0.8;
+        let mut rest = |way_m: f64, felt: f64| {
+            watch.rest(0.1, way_m, felt);
+            (watch.offset_m_s2, watch.speed_m_s)
+        };
+        let is = |(offset, speed): (Option<f64>, f64), expected: [f64; 2]| {
+            offset.is_some_and(|offset| (offset - expected[0]).abs() < 1e-9)
+                && (speed - expected[1]).abs() < 1e-9
+        };
+        // 0.4 s and 0.1 s are half a second, or less by the last place of a sum.
+        let found = [rest(0.0, 2.0), rest(0.0, 6.0), rest(0.0, 1.0)];
+        assert!(
+            is(found[0], [2.0, 0.4]) && is(found[1], [4.0, 0.2]),
+            "{found:?}"
+        );
+        assert!(is(found[2], [3.0, 0.1]), "{found:?}");
+        assert!(is(rest(0.01, 9.0), [3.0, 0.1]) && is(rest(0.0, 9.0), [3.0, 0.1]));
+    }
+
+    /// What is older than 0.3 s does not count: four lines of a 16th of a second do.
+    #[test]
+    fn ways_are_compared_over_three_tenths_of_a_second() {
+        let mut watch = SlipWatch::default();
+        assert_eq!(watch.over(), [0.0; 3]);
+        for way in [8.0, 1.0, 2.0, 4.0] {
+            watch.lines[watch.next] = [0.062_5, way, 10.0 * way];
+            watch.next += 1;
+        }
+        assert_eq!(watch.over(), [0.25, 15.0, 150.0]);
+        watch.lines[watch.next] = [0.062_5, 16.0, 160.0];
+        watch.next += 1;
+        assert_eq!(watch.over(), [0.25, 23.0, 230.0]);
+        // The first place follows the last one.
+        let mut watch = SlipWatch::default();
+        watch.lines[LINES_MAX - 1] = [0.1, 1.0, 2.0];
+        watch.lines[0] = [0.1, 4.0, 8.0];
+        watch.next = 1;
+        assert_eq!(watch.over(), [0.2, 5.0, 10.0]);
+    }
 }

@@ -265,3 +265,6 @@ fn sum_of(waypoints: &Waypoints) -> u32 {
         (sum ^ u32::from(value.cast_unsigned())).wrapping_mul(0x0100_0193)
     })
 }
+
+#[cfg(test)]
+mod tests;

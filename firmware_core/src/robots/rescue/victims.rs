@@ -328,4 +328,75 @@ mod tests {
         let turned_away = Pose::new(0.0, 0.0, core::f32::consts::FRAC_PI_2);
         assert_eq!(victims.are_explained(turned_away), [false, false]);
     }
+
+    /// Somebody who fills exactly six tenths of what he should, felt twice, is one; a hand's breadth
+    /// less is none, nor is what was felt once. 250 mm from a victim is another one.
+    #[test]
+    fn a_victim_fills_six_tenths_twice_and_is_another_one_from_250_mm_on() {
+        let passed = |victims: &mut Victims, x_mm: f32, readings: u8, share: f32| {
+            let victim = Victim {
+                place: Point::new(x_mm, 0.0),
+                weight: 1.0,
+            };
+            victims.passing[1] = Passing {
+                victim,
+                readings,
+                share,
+            };
+            victims.passed(1)
+        };
+        let mut victims = Victims::new();
+        assert!(!passed(&mut victims, 0.0, 2, 0.599));
+        assert!(!passed(&mut victims, 0.0, 1, 0.9));
+        assert!(passed(&mut victims, 0.0, 2, 0.6));
+        assert!(!passed(&mut victims, 249.0, 2, 0.6));
+        // The middle of both of the same weight is 124.5.
+        assert_eq!(victims.all()[0].place.x_mm, 124.5);
+        assert!(passed(&mut victims, 374.5, 2, 0.6));
+        assert_eq!(victims.all().len(), 2);
+        let mut places = [[0; 2]; VICTIMS_MAX];
+        assert_eq!(victims.told(&mut places), [[125, 0], [375, 0]]);
+    }
+
+    /// 170 mm before the sensor somebody makes 14.07 degrees, six tenths of which are 8.44; 340 mm
+    /// away he makes 7.18, and at most 8.97 is believed to come from there. What reads 8.7 may do so
+    /// if there is a board behind in the field of view, but not beside it, 107 mm from its middle.
+    #[test]
+    fn a_board_beside_the_field_of_view_does_not_count() {
+        let with = |x: i16, y_mm: f32| {
+            let near = (-100..=100_i16).map(|n| Point::new(f32::from(n) * 10.0, 270.0));
+            let behind = (0..=4).map(|n| Point::new(f32::from(x + 2 * n), y_mm));
+            let ahead = behind.clone().map(|point| Point::new(-point.x_mm, y_mm));
+            Surroundings::of(near.chain(behind).chain(ahead))
+        };
+        assert_eq!(told(&[307, 307], &with(110, 440.0)), 1);
+        assert_eq!(told(&[307, 307], &with(98, 440.0)), 0);
+        // 100 mm behind the wall is the wall.
+        assert_eq!(told(&[307, 307], &with(50, 370.0)), 1);
+        // On the other side, and under the sensor, there is nothing to be seen.
+        assert_eq!(told(&[307, 307], &with(0, -440.0)), 1);
+    }
+
+    /// 45 tenths are warm, 44 are nobody; 15 tenths are the rim of somebody, and nothing that the
+    /// surroundings are taken for.
+    #[test]
+    fn warmth_begins_at_its_limits() {
+        let mut victims = Victims::new();
+        assert_eq!(victims.excess(0, 220), 0);
+        assert_eq!(victims.excess(0, 235), 15);
+        assert_eq!(victims.ambient_64[0], 220 * 64);
+        assert_eq!(victims.excess(0, 234), 14);
+        // 2 parts of 64 of the 14 tenths above it.
+        assert_eq!(victims.ambient_64[0], 220 * 64 + 28);
+        assert_eq!(victims.ambient_64[1], 0);
+        let around = wall();
+        let felt = |left: i16| {
+            let mut victims = Victims::new();
+            victims.take([220; 2], Pose::default(), &around);
+            victims.take([left, 220], Pose::default(), &around);
+            (victims.passing[0].readings, victims.is_warm[0])
+        };
+        assert_eq!([felt(265), felt(264)], [(1, true), (0, true)]);
+        assert_eq!([felt(235), felt(234)], [(0, true), (0, false)]);
+    }
 }

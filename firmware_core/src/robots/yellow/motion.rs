@@ -93,4 +93,11 @@ mod tests {
         }
         assert_eq!(velocity, Velocity::new(4.0, -3.0));
     }
+
+    #[test]
+    fn a_speed_that_is_no_number_is_none() {
+        assert!(Velocity::new(1.0, -1.0).is_finite());
+        assert!(!Velocity::new(f32::NAN, 0.0).is_finite());
+        assert!(!Velocity::new(0.0, f32::INFINITY).is_finite());
+    }
 }

@@ -207,3 +207,105 @@ impl Reactive {
         Velocity::new(linear, turn)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(ms: u64) -> Instant {
+        Instant::ZERO + Duration::from_millis(ms)
+    }
+
+    fn law() -> Reactive {
+        Reactive::new(Defects::NONE)
+    }
+
+    /// 0.3 m/s from 0.4 m on; from 0.4 to 0.1 m ahead it falls evenly. 10 rad/s a metre between left
+    /// and right, at most 2; less than 2 cm are none.
+    #[test]
+    fn speed_follows_the_room_ahead_and_the_turn_the_difference() {
+        let is = |distances_m, linear: f32, angular: f32| {
+            let found = law().step(at(0), distances_m);
+            (found.linear_m_s - linear).abs() < 1e-5 && (found.angular_rad_s - angular).abs() < 1e-4
+        };
+        assert!(is([0.4, 0.4, 0.4], 0.3, 0.0) && is([1.0, 0.4, 0.9], 0.3, 0.0));
+        assert!(is([0.25, 0.3, 0.3], 0.15, 0.0) && is([0.2, 0.3, 0.4], 0.1, 1.0));
+        assert!(is([0.25, 0.35, 0.3], 0.15, -0.5) && is([0.25, 0.3, 0.319], 0.15, 0.0));
+        assert!(is([0.25, 0.2, 0.5], 0.15, 2.0) && is([0.25, 0.5, 0.2], 0.15, -2.0));
+        assert!(is([0.7, 0.3, 0.35], 0.3, 0.5));
+    }
+
+    /// At 0.1 m on any side it backs away with a tenth of its speed for 0.3 s, then turns to where
+    /// there is more room, at most 3.2 s.
+    #[test]
+    fn what_is_too_near_is_left_backwards_and_turned_away_from() {
+        for near in [[0.1, 0.3, 0.4], [0.3, 0.1, 0.4], [0.3, 0.4, 0.1]] {
+            let mut law = law();
+            let back = Velocity::new(-0.1 * 0.3, 0.0);
+            assert_eq!([law.step(at(0), near), law.step(at(299), near)], [back; 2]);
+            let sign = if near[2] < near[1] { -1.0 } else { 1.0 };
+            let turn = Velocity::new(0.0, 2.0 * sign);
+            assert_eq!(
+                [law.step(at(300), near), law.step(at(3_499), near)],
+                [turn; 2]
+            );
+            assert_eq!(law.escapes, 1);
+            assert!(law.step(at(3_500), [0.25, 0.3, 0.3]).linear_m_s > 0.1);
+        }
+        assert!(law().step(at(0), [0.101, 0.101, 0.2]).linear_m_s >= 0.0);
+    }
+
+    /// An escape ends with more than 0.2 m ahead and more than 0.13 m on both sides.
+    #[test]
+    fn an_escape_ends_where_there_is_room() {
+        let ends = |distances_m: [f32; 3]| {
+            let mut law = law();
+            law.step(at(0), [0.1, 0.3, 0.3]);
+            law.step(at(300), [0.1, 0.3, 0.3]);
+            law.step(at(400), distances_m).linear_m_s > 0.0
+        };
+        assert!(ends([0.21, 0.14, 0.14]));
+        assert!(!ends([0.2, 0.14, 0.14]) && !ends([0.21, 0.12, 0.14]) && !ends([0.21, 0.14, 0.12]));
+    }
+
+    /// Straight before a wall, nearer than 0.16 m, with as much room to both sides, the law would
+    /// stand: the robot turns at once, to the left.
+    #[test]
+    fn straight_before_a_wall_it_turns() {
+        let mut law = law();
+        let turn = Velocity::new(0.0, 2.0);
+        assert_eq!(law.step(at(0), [0.15, 0.3, 0.31]), turn);
+        assert_eq!(law.escapes, 1);
+        let mut law = self::law();
+        assert!(law.step(at(0), [0.165, 0.3, 0.31]).linear_m_s > 0.0);
+        assert!(law.step(at(0), [0.15, 0.3, 0.33]).linear_m_s > 0.0);
+        assert_eq!(law.escapes, 0);
+    }
+
+    /// 4 m/s from 2.4 m on. At 1.2 m all round: 0.3 + 32 * 0.5 * 2.4 / 4.8 = 8.3 m/s; half a metre
+    /// more on the left: 0.1 + 40 * 0.5 / 2.4 rad/s, and 16 * 2.9 / 4.8 m/s.
+    #[test]
+    fn the_fielded_formula_is_at_the_ends_of_what_is_possible() {
+        let told = |distances_m| {
+            let mut law = Reactive::new(Defects {
+                fielded_formula: true,
+            });
+            let found = law.step(at(0), distances_m);
+            [found.linear_m_s, found.angular_rad_s]
+        };
+        let is = |found: [f32; 2], expected: [f32; 2]| {
+            (found[0] - expected[0]).abs() < 1e-4 && (found[1] - expected[1]).abs() < 1e-4
+        };
+        assert!(is(told([2.4, 2.4, 2.5]), [4.0, 0.0]));
+        assert!(is(told([1.2, 1.2, 1.2]), [8.3, 0.0]));
+        assert!(is(
+            told([1.2, 1.2, 1.7]),
+            [0.3 + 16.0 * 2.9 / 4.8, 0.1 + 20.0 / 2.4]
+        ));
+        assert!(is(
+            told([1.2, 1.7, 1.2]),
+            [0.3 + 16.0 * 2.9 / 4.8, 0.1 - 20.0 / 2.4]
+        ));
+        assert!(is(told([1.2, 0.1, 1.2]), [-0.4, 0.0]));
+    }
+}

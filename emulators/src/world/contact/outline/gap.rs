@@ -151,3 +151,135 @@ fn contains(corners: &[Point], point: Point) -> bool {
     }
     within
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::world::geometry::Segment;
+
+    fn at(x: f64, y: f64) -> Point {
+        Point::new(x, y)
+    }
+
+    /// 2 m along x and 1 m along y, from the origin on.
+    fn body() -> [Point; 4] {
+        [at(0.0, 0.0), at(2.0, 0.0), at(2.0, 1.0), at(0.0, 1.0)]
+    }
+
+    fn wall(from: Point, to: Point) -> Primitive {
+        Primitive::Segment(Segment::new(from, to).unwrap())
+    }
+
+    fn pillar(center: Point, radius: f64) -> Primitive {
+        Primitive::Circle(Circle { center, radius })
+    }
+
+    /// The gap, and the places on body and surface.
+    fn found(primitive: &Primitive, place: Point) -> (f64, Point, Point) {
+        let found = gap(&body(), at(1.0, 0.5), primitive, place);
+        (found.gap, found.body, found.surface)
+    }
+
+    fn assert_is(found: (f64, Point, Point), gap: f64, body: Point, surface: Point) {
+        assert!((found.0 - gap).abs() < 1e-12, "{found:?}");
+        assert!(found.1.distance(body) < 1e-12, "{found:?}");
+        assert!(found.2.distance(surface) < 1e-12, "{found:?}");
+    }
+
+    /// Beside a side, an end before a side, and beyond a corner, 3, 4, 5; with another origin as
+    /// much farther away.
+    #[test]
+    fn the_gap_to_a_wall_is_that_of_the_nearest_points() {
+        let end = wall(at(1.0, 1.25), at(1.0, 4.0));
+        let near = found(&end, Point::default());
+        assert_is(near, 0.25, at(1.0, 1.0), at(1.0, 1.25));
+        let moved = found(&end, at(0.5, 0.5));
+        assert_is(moved, 0.75, at(1.5, 1.0), at(1.5, 1.75));
+        let corner = wall(at(2.3, 1.4), at(5.0, 1.4));
+        let near = found(&corner, Point::default());
+        assert_is(near, 0.5, at(2.0, 1.0), at(2.3, 1.4));
+        let slanted = wall(at(3.0, 0.0), at(2.0, 2.0));
+        // (2, 1) is 1 from it along x and 2 along y: 2 / sqrt(5) / 2 away.
+        let near = found(&slanted, Point::default());
+        let foot = at(2.4, 1.2);
+        assert_is(near, 0.2_f64.sqrt(), at(2.0, 1.0), foot);
+    }
+
+    /// A wall through the body is as deep in it as its point nearest to the middle; one that cuts a
+    /// corner off, or lies within, overlaps.
+    #[test]
+    fn a_wall_within_the_body_is_a_gap_below_zero() {
+        let through = found(&wall(at(1.7, -1.0), at(1.7, 2.0)), Point::default());
+        assert_is(through, -0.3, at(2.0, 0.5), at(1.7, 0.5));
+        let cut = gap(
+            &body(),
+            at(1.0, 0.5),
+            &wall(at(1.5, -0.3), at(2.2, 0.3)),
+            Point::default(),
+        );
+        assert!((cut.gap + 1e-9).abs() < 1e-15, "{cut:?}");
+        let within = found(&wall(at(0.2, 0.4), at(0.2, 0.6)), Point::default());
+        assert_is(within, -0.2, at(0.0, 0.5), at(0.2, 0.5));
+    }
+
+    /// A pillar outside, one within the body, and a round room of 2 m around it, which its corners,
+    /// 1.118 m from its middle, are nearest to.
+    #[test]
+    fn the_gap_to_a_circle_is_that_of_its_rim() {
+        let outside = found(&pillar(at(4.0, 0.5), 0.5), Point::default());
+        assert_is(outside, 1.5, at(2.0, 0.5), at(3.5, 0.5));
+        let moved = found(&pillar(at(4.0, 0.5), 0.5), at(-1.0, 0.0));
+        assert_is(moved, 0.5, at(2.0, 0.5), at(2.5, 0.5));
+        let within = found(&pillar(at(1.0, 0.4), 0.1), Point::default());
+        assert_is(within, -0.5, at(1.0, 0.0), at(1.0, 0.3));
+        let (room, corner, _) = found(&pillar(at(1.0, 0.5), 2.0), Point::default());
+        assert!((room - (2.0 - 1.25_f64.sqrt())).abs() < 1e-12, "{room}");
+        assert!((corner.distance(at(1.0, 0.5)) - 1.25_f64.sqrt()).abs() < 1e-12);
+        // Halfway through the wall of the room: of 1.5 m, to the right.
+        let (room, corner, surface) = found(&pillar(at(-0.5, 0.0), 2.0), Point::default());
+        assert!((room - (2.0 - 7.25_f64.sqrt())).abs() < 1e-12, "{room}");
+        assert!(corner.distance(at(2.0, 1.0)) < 1e-12);
+        assert!((surface.distance(at(-0.5, 0.0)) - 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_surface_is_seen_from_its_origin() {
+        let pillar = pillar(at(0.0, 0.0), 1.0);
+        let away = |x: f64, y: f64| distance(at(1.0, 1.0), &pillar, at(x, y));
+        assert_eq!(
+            [away(1.0, 3.0), away(3.0, 1.0), away(1.0, 1.0)],
+            [1.0, 1.0, 1.0]
+        );
+    }
+
+    #[test]
+    fn ways_cross_within_both() {
+        let level = [at(0.0, 1.0), at(4.0, 1.0)];
+        let crosses = |x0, y0, x1, y1| cross(level, [at(x0, y0), at(x1, y1)]);
+        assert!(crosses(1.0, 0.0, 2.0, 3.0) && crosses(2.0, 3.0, 1.0, 0.0));
+        assert!(!crosses(1.0, 1.5, 2.0, 3.0) && !crosses(5.0, 0.0, 5.0, 3.0));
+        assert!(!crosses(-1.0, 0.0, -0.5, 3.0) && !crosses(1.0, 0.0, 2.0, 0.5));
+    }
+
+    #[test]
+    fn a_point_lies_within_or_not() {
+        let triangle = [at(0.0, 0.0), at(4.0, 0.0), at(1.0, 2.0)];
+        let inside = [(1.0, 0.5), (2.4, 1.0), (0.6, 1.0), (3.5, 0.1)];
+        let outside = [
+            (2.6, 1.0),
+            (0.4, 1.0),
+            (1.0, 2.1),
+            (1.0, -0.1),
+            (-1.0, 0.5),
+            (5.0, 0.5),
+        ];
+        assert_eq!(
+            inside.map(|(x, y)| contains(&triangle, at(x, y))),
+            [true; 4]
+        );
+        assert_eq!(
+            outside.map(|(x, y)| contains(&triangle, at(x, y))),
+            [false; 6]
+        );
+    }
+}

@@ -462,3 +462,27 @@ fn noise_on_all_ports_is_counted() {
     });
     assert!(bad > 100, "{bad}");
 }
+
+/// 0.7 s at rest: the pose that it was given, a line each 10 ms, a frame each 70. The tenth is
+/// believed when the next one follows.
+#[test]
+fn an_observer_is_told_pose_and_counts() {
+    let mut car = Car::new(in_hall(1, START), &hall);
+    car.run(0.7);
+    let (at, pose) = car.program.estimate().expect("it has one");
+    assert_eq!(at, Instant::from_millis(700));
+    let off = libm::hypotf(
+        pose.x_mm - START.x_m as f32 * 1e3,
+        pose.y_mm - START.y_m as f32 * 1e3,
+    );
+    let askew = f64::from(pose.heading) - START.heading_rad;
+    assert!(off < 50.0 && askew.abs() < 0.05, "{pose:?}");
+    let mut counts = Vec::new();
+    car.program
+        .counters(&mut |name, count| counts.push((name, count)));
+    let count = |name: &str| counts.iter().find(|it| it.0 == name).map(|it| it.1);
+    assert_eq!(count("odometer lines"), Some(70));
+    assert_eq!(count("odometer bad lines"), Some(0));
+    assert_eq!(count("board frames"), Some(9));
+    assert_eq!(count("board bad frames"), Some(0));
+}

@@ -153,3 +153,258 @@ fn a_car_that_stands_does_not_turn() {
         "{found:?}"
     );
 }
+
+/// The map's first cell is 16 m behind and to the right of the camera's, whole cells of 50 mm.
+#[test]
+fn the_map_lies_around_the_first_cell_of_the_camera() {
+    let survey = Survey::new(CarPose {
+        x_m: 1.02,
+        y_m: -0.01,
+        heading_rad: 1.0,
+    });
+    // 1.02 m is the cell from 1.00 on, -0.01 m the one from -0.05 on.
+    let [x, y] = survey.view().origin_mm();
+    assert!((x + 15_000.0).abs() < 0.01 && (y + 16_050.0).abs() < 0.01);
+    let survey = Survey::new(at(0.0));
+    let corners = [[-16.0, -16.0], [15.999, -16.0], [-16.0, 15.999]];
+    assert_eq!(
+        corners.map(|place| survey.index(place)),
+        [Some(0), Some(639), Some(639 * 640)]
+    );
+    for outside in [[16.0, 0.0], [0.0, 16.0], [-16.001, 0.0], [0.0, -16.001]] {
+        assert_eq!(survey.index(outside), None);
+        assert!(!survey.is_free(outside) && !survey.is_unknown(outside));
+    }
+}
+
+/// An obstacle in column 200 of row 100 and a free cell in column 190 of row 110: with 12 cells
+/// around them, 35 columns from 178 and 35 rows from 88 on.
+#[test]
+fn a_plan_is_cut_out_around_what_is_known() {
+    let mut survey = Survey::new(at(0.0));
+    assert_eq!(survey.plan(), FloorPlan::default());
+    survey.cells[100 * SIDE + 200] = OBSTACLE;
+    survey.cells[110 * SIDE + 190] = FREE;
+    let plan = survey.plan();
+    assert_eq!((plan.width, plan.obstacles.len()), (35, 35 * 35));
+    let is = |found: f64, expected: f64| (found - expected).abs() < 1e-9;
+    assert!(
+        is(plan.origin_m[0], -7.1) && is(plan.origin_m[1], -11.6),
+        "{:?}",
+        plan.origin_m
+    );
+    let at: Vec<usize> = (0..35 * 35)
+        .filter(|index| plan.obstacles[*index])
+        .collect();
+    assert_eq!(at, [12 * 35 + 22]);
+    // At the map's corner there is nothing to be added.
+    survey.cells[SIDE * SIDE - 1] = FREE;
+    survey.cells[5] = FREE;
+    assert_eq!(
+        (survey.plan().width, survey.plan().obstacles.len()),
+        (640, 640 * 640)
+    );
+}
+
+/// Two scans more with something than without make an obstacle, one more without a free cell. It
+/// counts to 10 and to -3, and of one scan once.
+#[test]
+fn a_cell_is_what_most_scans_say() {
+    let mut survey = Survey::new(at(0.0));
+    let place = [1.01, 1.01];
+    let mut after = |scans: usize, by: i8| {
+        for _ in 0..scans {
+            survey.scans += 1;
+            survey.count(place, by);
+            survey.count(place, by);
+        }
+        survey.cells[survey.index(place).unwrap()]
+    };
+    assert_eq!([after(1, 1), after(1, 1)], [UNKNOWN, OBSTACLE]);
+    assert_eq!([after(2, -1), after(1, -1)], [OBSTACLE, FREE]);
+    assert_eq!(
+        [after(20, -1), after(4, 1), after(1, 1)],
+        [FREE, FREE, OBSTACLE]
+    );
+    assert_eq!(
+        [after(20, 1), after(10, -1), after(1, -1)],
+        [OBSTACLE, OBSTACLE, FREE]
+    );
+}
+
+/// What is 2 m ahead is entered and the way to it is free up to 1.925 m; what is 3.5 m ahead is not
+/// entered yet; of 10 m the first 4 were looked at.
+#[test]
+fn a_beam_frees_its_way_and_enters_its_end() {
+    let looked = |range_m: f64, x_m: f64| {
+        let mut survey = Survey::new(at(0.0));
+        let bearing_rad = core::f64::consts::FRAC_PI_2;
+        let turned = CarPose {
+            heading_rad: -bearing_rad,
+            ..at(0.52)
+        };
+        for _ in 0..2 {
+            survey.scans += 1;
+            let beam = Beam {
+                bearing_rad,
+                range_m,
+            };
+            survey.look(turned, &[beam]);
+        }
+        survey.cells[survey.index([0.5 + x_m, 1e-9]).unwrap()]
+    };
+    assert_eq!(
+        [1.91, 1.96, 2.03].map(|x_m| looked(2.01, x_m)),
+        [FREE, UNKNOWN, OBSTACLE]
+    );
+    assert_eq!(
+        [3.42, 3.47, 3.53].map(|x_m| looked(3.51, x_m)),
+        [FREE, UNKNOWN, UNKNOWN]
+    );
+    assert_eq!([3.98, 4.06].map(|x_m| looked(10.0, x_m)), [FREE, UNKNOWN]);
+    assert_eq!(
+        [2.97, 3.03].map(|x_m| looked(x_m, x_m)),
+        [OBSTACLE, UNKNOWN]
+    );
+}
+
+/// The fifth goal in a row that shows less than 100 new cells is one too many.
+#[test]
+fn four_goals_may_show_nothing() {
+    let mut survey = Survey::new(at(0.0));
+    let mut show = |cells: usize| {
+        survey.cells[..cells].fill(FREE);
+        survey.is_in_vain()
+    };
+    assert!(!show(100));
+    assert_eq!([show(100), show(150), show(199), show(199)], [false; 4]);
+    assert!(!show(200));
+    assert_eq!(
+        [200, 200, 200, 200, 299].map(show),
+        [false, false, false, false, true]
+    );
+}
+
+/// Once, with an edge given up, back to the newest place at least 2.5 m away where there is room.
+#[test]
+fn the_car_goes_back_once_by_two_and_a_half_metres() {
+    let mut survey = Survey::new(at(0.0));
+    survey.track = [0.0, 1.0, 2.0, 3.5, 4.5].map(at).to_vec();
+    assert_eq!(survey.back(at(4.5), |_| true), None);
+    for _ in 0..3 {
+        survey.tried.add([9.0, 0.0]);
+    }
+    assert_eq!(survey.back(at(4.5), |_| false), None);
+    assert_eq!(survey.clone().back(at(4.5), |_| true), Some(at(2.0)));
+    assert_eq!(survey.clone().back(at(4.4), |_| true), Some(at(1.0)));
+    assert_eq!(survey.back(at(4.5), |pose| pose.x_m < 1.5), Some(at(1.0)));
+    assert!(!survey.tried.has_given_up());
+    for _ in 0..3 {
+        survey.tried.add([9.0, 0.0]);
+    }
+    assert_eq!(survey.back(at(4.5), |_| true), None);
+}
+
+/// 0.2 s after a scan the next one is due.
+#[test]
+fn five_scans_a_second_are_drawn() {
+    let mut survey = Survey::new(at(0.0));
+    assert!(survey.is_due(Instant::ZERO));
+    survey.draw(after(1), at(0.0), &[]);
+    let ms = |ms| Instant::ZERO + Duration::from_millis(ms);
+    assert_eq!([399, 400].map(|at| survey.is_due(ms(at))), [false, true]);
+}
+
+/// Two edges nearer than 0.6 m are the same; the third try is the last.
+#[test]
+fn an_edge_is_tried_three_times() {
+    let mut tried = Tried::default();
+    assert!(tried.add([0.0, 0.0]) && !tried.add([0.3, 0.5]) && tried.add([0.0, 0.6]));
+    assert!(!tried.has_given_up());
+    assert!(!tried.add([-0.59, 0.0]) && tried.has_given_up());
+    assert!(edges::are_same([1.0, 2.0], [1.3, 2.5]) && !edges::are_same([1.0, 2.0], [1.4, 2.5]));
+}
+
+/// A corridor of 1 m between walls, free from `from_m` to `to_m`, with nothing known beyond.
+#[expect(clippy::cast_possible_truncation, reason = "some hundred cells")]
+fn corridor(from_m: f64, to_m: f64) -> Survey {
+    let mut survey = Survey::new(at(0.0));
+    let column = |m: f64| usize::try_from((m * 20.0).round() as i64 + 320).unwrap();
+    for y in 309..=330 {
+        let value = if (310..330).contains(&y) {
+            FREE
+        } else {
+            OBSTACLE
+        };
+        survey.cells[y * SIDE..][column(from_m)..column(to_m)].fill(value);
+    }
+    survey
+}
+
+/// Where the car goes from 0 in a corridor: the goal, and the edge.
+fn goes(heading_rad: f64, from_m: f64, to_m: f64) -> (CarPose, [f64; 2]) {
+    let survey = corridor(from_m, to_m);
+    let pose = CarPose {
+        heading_rad,
+        ..at(0.01)
+    };
+    edges::next(&survey, &costs(&survey), pose, |_| true).expect("there are two edges")
+}
+
+/// An edge behind costs 12 m more: 1.6 m behind is as good as 13.6 m ahead. Halfway round it costs
+/// 6 m, here and there. One nearer than 1.5 m, which is 30 cells, costs 8 m more.
+#[test]
+fn an_edge_behind_or_too_near_costs_metres() {
+    let is_ahead = |heading_rad, from_m, to_m| goes(heading_rad, from_m, to_m).1[0] > 0.0;
+    assert!(is_ahead(0.0, -1.6, 13.3) && !is_ahead(0.0, -1.6, 13.9));
+    let aside = core::f64::consts::FRAC_PI_2;
+    assert!(is_ahead(aside, -4.0, 3.8) && !is_ahead(aside, -4.0, 4.3));
+    assert!(is_ahead(aside, -9.3, 1.0) && !is_ahead(aside, -8.6, 1.0));
+    assert!(is_ahead(-aside, -4.0, 1.55) && !is_ahead(aside, -4.0, 1.5));
+}
+
+/// The goal lies 0.6 m before the edge, on the way to it, and looks along the way. Where there is no
+/// room the car stops earlier.
+#[test]
+fn the_goal_lies_before_the_edge() {
+    let (goal, edge) = goes(0.0, -1.6, 8.0);
+    assert!(
+        (edge[0] - 7.975).abs() < 1e-6 && edge[1].abs() < 0.08,
+        "{edge:?}"
+    );
+    assert!(
+        (goal.x_m - 7.4).abs() < 0.06 && goal.y_m.abs() < 0.08,
+        "{goal:?}"
+    );
+    assert!(goal.heading_rad.abs() < 0.2, "{goal:?}");
+    let (goal, edge) = goes(core::f64::consts::PI, -8.0, 1.6);
+    assert!((edge[0] + 7.975).abs() < 1e-6, "{edge:?}");
+    assert!((goal.x_m + 7.4).abs() < 0.06, "{goal:?}");
+    assert!(goal.heading_rad.abs() > 2.9, "{goal:?}");
+    let survey = corridor(-1.6, 8.0);
+    let near = |pose: CarPose| pose.x_m < 5.0;
+    let found = edges::next(&survey, &costs(&survey), at(0.01), near).expect("there is room");
+    assert!((found.0.x_m - 4.975).abs() < 1e-6, "{found:?}");
+    assert_eq!(
+        edges::next(&survey, &costs(&survey), at(0.01), |_| false),
+        None
+    );
+}
+
+/// Around 2 times 2 unknown cells there are 8 cells beside them, around 3 times 3 there are 12: an
+/// edge has at least as many.
+#[test]
+fn twelve_cells_make_an_edge() {
+    let found = |side: usize| {
+        let mut survey = corridor(-1.0, 1.0);
+        for y in 310..330 {
+            let row = &mut survey.cells[y * SIDE..][..SIDE];
+            (row[300], row[339]) = (OBSTACLE, OBSTACLE);
+            if (318..318 + side).contains(&y) {
+                row[325..325 + side].fill(UNKNOWN);
+            }
+        }
+        edges::next(&survey, &costs(&survey), at(0.01), |_| true).is_some()
+    };
+    assert_eq!([0, 2, 3].map(found), [false, false, true]);
+}

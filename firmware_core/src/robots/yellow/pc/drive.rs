@@ -316,4 +316,59 @@ mod tests {
         goal.heading = Some(-0.11);
         assert!(!is_near(goal, 1_000.0, 0.0));
     }
+
+    fn sent() -> Sent {
+        Sent::new(Instant::ZERO, 0, Pose::new(1_000.0, 0.0, 0.0))
+    }
+
+    fn at(x_mm: f32, heading: f32) -> Pose {
+        Pose::new(x_mm, 0.0, heading)
+    }
+
+    /// At rest it is told again at the third look, then at the sixth; what drives is told again at
+    /// the twentieth look without getting on by more than 10 mm or 0.05 rad.
+    #[test]
+    fn a_robot_that_rests_or_does_not_get_on_is_told_again() {
+        let mut resting = sent();
+        let again = [0; 6].map(|_| resting.is_off(State::Off, at(1_000.0, 0.0)));
+        assert_eq!(again, [false, false, true, false, false, true]);
+        let told_at = |step_mm: f32, step_rad: f32| {
+            let mut driving = sent();
+            let looks = (0_u8..40).map(f32::from);
+            let mut poses = looks.map(|look| at(1_000.0 + look * step_mm, look * step_rad));
+            poses.position(|pose| driving.is_off(State::AutoPosition, pose))
+        };
+        assert_eq!(told_at(0.0, 0.0), Some(19));
+        assert_eq!([told_at(10.1, 0.0), told_at(0.0, -0.051)], [None; 2]);
+        // Each 11th look at 1 mm or at 5 mrad a look is one that got on.
+        assert_eq!([told_at(1.0, 0.0), told_at(0.0, 0.005)], [None; 2]);
+        assert_eq!(told_at(0.4, 0.0), Some(19));
+        // A rest that is interrupted by a look at a robot that drives begins anew.
+        let mut both = sent();
+        let states = [
+            State::Off,
+            State::Off,
+            State::AutoPosition,
+            State::Off,
+            State::Off,
+            State::Off,
+        ];
+        let again = states.map(|state| both.is_off(state, at(1_000.0, 0.0)));
+        assert_eq!(again, [false, false, false, false, false, true]);
+    }
+
+    /// The fielded rule counts looks, whatever the robot does, and asks for 10 mm from the start.
+    #[test]
+    fn the_fielded_rule_tells_again_what_has_not_moved() {
+        let told = |x_mm: f32| {
+            let mut sent = sent();
+            [0; 6].map(|_| sent.is_unmoved(at(x_mm, 0.0)))
+        };
+        let each_third = [false, false, true, false, false, true];
+        assert_eq!([told(1_000.0), told(1_009.9)], [each_third; 2]);
+        assert_eq!(told(1_010.0), [false; 6]);
+        let mut sent = sent();
+        (0..5).for_each(|_| assert!(!sent.is_unmoved(at(1_500.0, 0.0))));
+        assert!(sent.is_unmoved(at(1_005.0, 0.0)));
+    }
 }

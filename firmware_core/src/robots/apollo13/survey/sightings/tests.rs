@@ -59,5 +59,46 @@ fn what_has_no_neighbours_stays_where_it_is() {
     // 2 m at 0.1 rad: 1.990 ahead, 0.1997 to the left.
     assert!((places[0].at[0] - 1.990).abs() < 1e-3 && (places[0].at[1] - 0.1997).abs() < 1e-3);
     assert!(places.iter().all(|it| it.along.is_none()));
+    // 4 mm and 1.5 mm times 1.990 squared, or 0.995 squared.
+    assert!((places[0].sigma - 0.009_94).abs() < 1e-5);
+    assert!((places[1].sigma - 0.005_485).abs() < 1e-5);
     assert!(sightings(core::iter::empty(), 9.0).is_empty());
+}
+
+/// A camera of 525 pixels before an even wall, without noise.
+fn even(depth_m: f64) -> Vec<Sighting> {
+    let seen = (0..640).map(|column| {
+        let t = (319.5 - f64::from(column)) / 525.0;
+        [libm::atan(t), libm::sqrt(1.0 + t * t) * depth_m]
+    });
+    sightings(seen, 99.0)
+}
+
+/// 6 m ahead 81 places count, whose mean is off by 36 * 1.43 mm / 9. The first place of all is the
+/// end of 41, 20 from their middle, of which the mean square is (41^2 - 1) / 12 = 140: by
+/// sqrt((1 + 400 / 140) / 41) = 0.30673 of 51.48 mm. 12 m ahead 80 columns are 1.83 m, more than
+/// 1.2: so 41 places count. Right ahead at 1 m the best is 4 mm.
+#[test]
+fn a_place_is_as_sure_as_the_mean_of_its_neighbours() {
+    let is = |found: f64, expected: f64| (found - expected).abs() < 2e-6;
+    let wall = even(6.0);
+    assert!(is(wall[320].sigma, 0.005_72), "{:?}", wall[320]);
+    assert!(is(wall[0].sigma, 0.015_790), "{:?}", wall[0]);
+    assert!(is(wall[639].sigma, 0.015_790), "{:?}", wall[639]);
+    assert!(
+        is(even(12.0)[320].sigma, 0.032_159),
+        "{:?}",
+        even(12.0)[320]
+    );
+    assert!(is(even(1.0)[320].sigma, 0.004));
+    let across = wall[320].along.expect("it is a wall");
+    assert!(across[0].abs() < 1e-9 && is(across[1].abs(), 1.0));
+}
+
+/// 3, 4 and 5: what is as far away as the reach is within it, and 1 mm less is not.
+#[test]
+fn the_reach_is_a_distance() {
+    assert!(is_within([3.0, 4.0], 5.0) && is_within([3.0, -4.0], 5.002));
+    assert!(!is_within([3.0, 4.0], 4.999) && !is_within([-3.0, 4.0], 2.5));
+    assert!(is_within([0.3, 0.4], 5.0));
 }
