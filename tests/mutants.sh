@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # How many changes of behaviour do the tests see? Random mutants as cargo-mutants lists them, all
-# compiled in at once behind a switch (tests/mutants), each tried by those of the package's own tests
-# that come by its place; the score is the share of viable ones that a test caught.
+# compiled in at once behind a switch (tests/mutants), each tried by those of the package's own
+# tests that come by its place; the score is the share of viable ones that a test caught.
 #
 # usage: tests/mutants.sh PACKAGE [COUNT [SEED [FILE..]]]
 #

@@ -471,6 +471,27 @@ mod tests {
         })
     }
 
+    /// A heading that was multiplied by 57.3 once too often: 29,000 degrees are 1,661,578, of which
+    /// 32 bits keep eighths. A turn of half an eighth, 0.0573 rad or 15 mm of 262, is lost in it,
+    /// and the robot does not move.
+    #[test]
+    fn a_garbled_heading_swallows_a_small_turn() {
+        let defects = Defects {
+            garbles_the_heading: true,
+            ..Defects::NONE
+        };
+        let geometry = WheelGeometry {
+            wheel_radius_mm: 10.0 / TAU,
+            axle_mm: 262.0,
+            ticks_per_turn: 10,
+            ticks_per_second_max: 1_000,
+        };
+        let moved =
+            |psi_deg| fielded::change(&geometry, defects, psi_deg, [100, 115]).distance_mm();
+        assert!(moved(29_000.0) < 1e-3, "{}", moved(29_000.0));
+        assert!((moved(0.0) - 107.5).abs() < 0.1, "{}", moved(0.0));
+    }
+
     /// SL-07: 100 ticks backwards, looking to +y: +45.4 mm instead of -45.4.
     #[test]
     fn without_its_sign_driving_backwards_moves_forwards() {

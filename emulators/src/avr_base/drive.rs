@@ -237,7 +237,8 @@ mod tests {
         assert_eq!(at_counts(0, -1).torn(), Some(-256));
     }
 
-    /// What the low byte of before and the others of now make; nothing, if only the low byte changed.
+    /// What the low byte of before and the others of now make; nothing, if only the low byte
+    /// changed.
     #[test]
     fn a_torn_count_has_the_low_byte_of_before() {
         let torn = |before: i32, count: i32| {

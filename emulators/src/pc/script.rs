@@ -186,8 +186,8 @@ mod tests {
         );
     }
 
-    /// A step goes in front of the one that is named, or behind the last; what fits no frame and what
-    /// is one too many is refused.
+    /// A step goes in front of the one that is named, or behind the last; what fits no frame and
+    /// what is one too many is refused.
     #[test]
     fn a_step_is_put_in_its_place() {
         let at = |seconds: u64| Step {

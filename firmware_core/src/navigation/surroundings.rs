@@ -193,7 +193,8 @@ mod tests {
         assert!(is_at([0, 20], 0.0, [0.0, 0.0]));
     }
 
-    /// Of two points as near, 3, 4 and 5, the first; one that is nearer outside the bearings is none.
+    /// Of two points as near, 3, 4 and 5, the first; one that is nearer outside the bearings is
+    /// none.
     #[test]
     fn the_nearest_point_between_two_bearings_is_told() {
         let places = [

@@ -133,8 +133,8 @@ mod tests {
         }
     }
 
-    /// Of 2 parts in 100 across, half of what lies between 1 and 3, half is believed: of 10 mm along
-    /// the wall 5, of 4 mm across it all.
+    /// Of 2 parts in 100 across, half of what lies between 1 and 3, half is believed: of 10 mm
+    /// along the wall 5, of 4 mm across it all.
     #[test]
     fn between_deaf_and_hearing_the_scan_counts_for_its_part() {
         let points = [

@@ -508,8 +508,8 @@ mod tests {
         );
     }
 
-    /// A half is 2^31, a third of 2^32 is 1431655765.3, and 65535 less one part of 65535 is 65537.00002
-    /// below 2^32: rounded up. Whatever the machine divides by.
+    /// A half is 2^31, a third of 2^32 is 1431655765.3, and 65535 less one part of 65535 is
+    /// 65537.00002 below 2^32: rounded up. Whatever the machine divides by.
     #[test]
     fn parts_are_rounded_up_to_32_places() {
         let expected = [

@@ -194,8 +194,8 @@ proptest! {
     }
 }
 
-/// The fielded program: two waypoints behind the same one lead to an object that is gone, one behind
-/// an unknown one to a null pointer.
+/// The fielded program: two waypoints behind the same one lead to an object that is gone, one
+/// behind an unknown one to a null pointer.
 #[test]
 fn links_of_the_sender_break_the_fielded_list() {
     let list = |links: &[i16], defects: Defects| {

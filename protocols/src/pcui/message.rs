@@ -569,8 +569,8 @@ mod tests {
         assert_eq!(encode_waypoints(list.into_iter(), &mut frame[..36]), None);
     }
 
-    /// Three bytes are an order, with the speeds of both sides; of any other length than 9 more it is
-    /// neither.
+    /// Three bytes are an order, with the speeds of both sides; of any other length than 9 more it
+    /// is neither.
     #[test]
     fn an_order_is_read_by_hand() {
         let decoded = |bytes: &[u8]| Decoder::default().push(bytes).next().expect("whole");

@@ -1,7 +1,7 @@
 //! Each mutant against the tests: the first that fails, or does not end, has seen it. Only those
 //! are tried that came by its place when nothing was changed; those of its own module come first:
-//! they see most, in a hundredth of the time. A value that tests share (`LazyLock`) is noted for the
-//! first of them alone: no test of a library does that.
+//! they see most, in a hundredth of the time. A value that tests share (`LazyLock`) is noted for
+//! the first of them alone: no test of a library does that.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;

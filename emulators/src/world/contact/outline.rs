@@ -406,8 +406,8 @@ mod tests {
     }
 
     /// At (1, 2) from its reference point a body that goes 3 m/s, turns 0.5 rad/s and is pushed by
-    /// (0.1, 0.2) m/s goes (2.1, 0.7) mm in a step; less what the surface goes, (2.0, 0.9) mm. Along
-    /// (3, 4) / 5 that is 1.92 mm. Turned by a quarter it is (-1.0, 3.9) mm and 2.52 mm.
+    /// (0.1, 0.2) m/s goes (2.1, 0.7) mm in a step; less what the surface goes, (2.0, 0.9) mm.
+    /// Along (3, 4) / 5 that is 1.92 mm. Turned by a quarter it is (-1.0, 3.9) mm and 2.52 mm.
     #[test]
     fn a_surface_is_approached_by_the_difference_of_both_ways() {
         let wanted = Motion {

@@ -172,3 +172,19 @@ fn a_place_that_showed_nothing_is_left_alone_until_it_is_forgiven() {
     frontiers.forgive();
     assert_eq!(next(&mut frontiers, &map), Some(first));
 }
+
+/// What is felt of a wall 0.3 m away counts once more, and once only.
+#[test]
+fn walls_that_were_felt_are_known_once_more() {
+    let map = room(0);
+    let mut frontiers = Frontiers::new(Sought::FloorAndHeat);
+    let mut known = |bearings: &[f32]| {
+        frontiers.feel(&map, Point::new(1_200.0, 900.0), bearings.iter().copied());
+        frontiers.known_cells(&map)
+    };
+    let [before, one, again, two] = [&[][..], &[0.0], &[0.0], &[0.0, 0.7]].map(&mut known);
+    assert!(
+        before > 0 && one > before && again == one && two > one,
+        "{before} {one} {two}"
+    );
+}

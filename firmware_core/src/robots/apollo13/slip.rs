@@ -215,8 +215,9 @@ mod tests {
         assert!(watch.found() == 0 && !watch.is_slipping());
     }
 
-    /// It stands for half a second: from then on the reading is the offset, then the mean of two and
-    /// of three, and the speed halves with each tenth of a second. One count, and it does not stand.
+    /// It stands for half a second: from then on the reading is the offset, then the mean of two
+    /// and of three, and the speed halves with each tenth of a second. One count, and it does not
+    /// stand.
     #[test]
     fn the_offset_is_the_mean_of_what_is_felt_at_rest() {
         let mut watch = SlipWatch::default();

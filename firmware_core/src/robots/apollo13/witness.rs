@@ -313,4 +313,20 @@ mod tests {
         let finding = witness.compare(at_ms(4_070, 0.808, 1.2));
         assert!(matches!(finding, Some(Finding::Way(..))));
     }
+
+    /// Both turn by half a radian on 2 m; one of them turns the other way.
+    #[test]
+    fn turns_are_compared_with_their_signs() {
+        let found = |odometer_rad: f64, board_rad: f64| {
+            let mut witness = Witness::default();
+            witness.compare(told(at(2.0, odometer_rad), at(2.0, board_rad)))
+        };
+        assert!(found(0.5, 0.5).is_none() && found(-0.5, -0.5).is_none());
+        for sign in [1.0, -1.0] {
+            let finding = found(0.5 * sign, -0.5 * sign);
+            let is_turn = matches!(finding, Some(Finding::Turn(told, other))
+                if told.turn_rad == 0.5 * sign && other.turn_rad == -0.5 * sign);
+            assert!(is_turn, "{finding:?}");
+        }
+    }
 }

@@ -329,8 +329,8 @@ mod tests {
         assert_eq!(victims.are_explained(turned_away), [false, false]);
     }
 
-    /// Somebody who fills exactly six tenths of what he should, felt twice, is one; a hand's breadth
-    /// less is none, nor is what was felt once. 250 mm from a victim is another one.
+    /// Somebody who fills exactly six tenths of what he should, felt twice, is one; a hand's
+    /// breadth less is none, nor is what was felt once. 250 mm from a victim is another one.
     #[test]
     fn a_victim_fills_six_tenths_twice_and_is_another_one_from_250_mm_on() {
         let passed = |victims: &mut Victims, x_mm: f32, readings: u8, share: f32| {
@@ -359,8 +359,9 @@ mod tests {
     }
 
     /// 170 mm before the sensor somebody makes 14.07 degrees, six tenths of which are 8.44; 340 mm
-    /// away he makes 7.18, and at most 8.97 is believed to come from there. What reads 8.7 may do so
-    /// if there is a board behind in the field of view, but not beside it, 107 mm from its middle.
+    /// away he makes 7.18, and at most 8.97 is believed to come from there. What reads 8.7 may do
+    /// so if there is a board behind in the field of view, but not beside it, 107 mm from its
+    /// middle.
     #[test]
     fn a_board_beside_the_field_of_view_does_not_count() {
         let with = |x: i16, y_mm: f32| {

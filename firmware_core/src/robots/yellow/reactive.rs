@@ -220,8 +220,8 @@ mod tests {
         Reactive::new(Defects::NONE)
     }
 
-    /// 0.3 m/s from 0.4 m on; from 0.4 to 0.1 m ahead it falls evenly. 10 rad/s a metre between left
-    /// and right, at most 2; less than 2 cm are none.
+    /// 0.3 m/s from 0.4 m on; from 0.4 to 0.1 m ahead it falls evenly. 10 rad/s a metre between
+    /// left and right, at most 2; less than 2 cm are none.
     #[test]
     fn speed_follows_the_room_ahead_and_the_turn_the_difference() {
         let is = |distances_m, linear: f32, angular: f32| {

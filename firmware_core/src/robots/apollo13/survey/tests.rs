@@ -363,8 +363,8 @@ fn an_edge_behind_or_too_near_costs_metres() {
     assert!(is_ahead(-aside, -4.0, 1.55) && !is_ahead(aside, -4.0, 1.5));
 }
 
-/// The goal lies 0.6 m before the edge, on the way to it, and looks along the way. Where there is no
-/// room the car stops earlier.
+/// The goal lies 0.6 m before the edge, on the way to it, and looks along the way. Where there is
+/// no room the car stops earlier.
 #[test]
 fn the_goal_lies_before_the_edge() {
     let (goal, edge) = goes(0.0, -1.6, 8.0);

@@ -639,8 +639,8 @@ mod tests {
     }
 
     /// The odometry says 3 cm ahead, 1 cm left of the truth and turned: the wall says how far it is
-    /// away and how it is turned, the odometry what is along it. 80 points of 0.15 by the squares of 4
-    /// and of 6.928 mm, 2344, whose squares along the wall add up to 17.06 square metres, are
+    /// away and how it is turned, the odometry what is along it. 80 points of 0.15 by the squares
+    /// of 4 and of 6.928 mm, 2344, whose squares along the wall add up to 17.06 square metres, are
     /// 39,990; a turn within 0.012 rad is 6,944: of 0.02 rad there remain 0.00296.
     #[test]
     fn a_scan_is_laid_onto_the_wall() {

@@ -152,8 +152,8 @@ fn tap(screen: &mut Screen, ms: u64, x: u32, y: u32) -> Option<Hit> {
     hit
 }
 
-/// Pixel 20 of row 50 from below is cell 30 of row 75, pixel 22 cell 33, pixel 24 cell 36; the first
-/// and the last are those of the corners. 255 - 95 is 5 of 7: 22 of 31 and 45 of 63.
+/// Pixel 20 of row 50 from below is cell 30 of row 75, pixel 22 cell 33, pixel 24 cell 36; the
+/// first and the last are those of the corners. 255 - 95 is 5 of 7: 22 of 31 and 45 of 63.
 #[test]
 fn the_map_is_drawn_at_two_pixels_for_three_cells() {
     let mut map = Grid::new(10.0);
@@ -252,8 +252,8 @@ fn the_scan_is_drawn_if_it_is_asked_for() {
     assert_eq!(drawn(false), ([false; 2], 0));
 }
 
-/// (300, 300) mm is (26, 211), (1200, 300) mm is (86, 211); (4000, 300) mm is off the map, and so is
-/// the way to it. The first one is reached.
+/// (300, 300) mm is (26, 211), (1200, 300) mm is (86, 211); (4000, 300) mm is off the map, and so
+/// is the way to it. The first one is reached.
 #[test]
 fn waypoints_are_dots_with_numbers_and_ways_between() {
     let map = Grid::new(10.0);
@@ -431,8 +431,8 @@ fn the_status_bar_opens_into_the_messages() {
     assert_eq!(hit, Some(Hit::Button(Action::Order(Mode::Stop))));
 }
 
-/// Pixel 20 of row 50 from below: 20.5 and 50.5 times 1.5 cells. Twice within 0.6 s and 12 pixels is
-/// a double tap, a third time is a first one again. Reset wants two, others one.
+/// Pixel 20 of row 50 from below: 20.5 and 50.5 times 1.5 cells. Twice within 0.6 s and 12 pixels
+/// is a double tap, a third time is a first one again. Reset wants two, others one.
 #[test]
 fn the_map_is_touched_once_or_twice() {
     let place = [30.75, 75.75];
