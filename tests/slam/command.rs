@@ -20,6 +20,10 @@ impl Session {
         std::fs::write(self.0.join(name), bytes).expect("the target folder can be written");
     }
 
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.0.join(name)
+    }
+
     #[cfg(feature = "mcap")]
     pub(crate) fn bytes(&self, name: &str) -> Vec<u8> {
         std::fs::read(self.0.join(name)).expect("a command wrote it")
