@@ -4,6 +4,7 @@ use core::time::Duration;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
+use emulators::world::Pose;
 use firmware_core::slam::{Mode, Settings};
 use protocols::Instant;
 
@@ -12,9 +13,11 @@ use super::progress;
 use super::{CliError, Verdict, out};
 use crate::realtime::clock::{Clock as _, WallClock};
 use crate::slam::Log;
-use crate::slam::folder;
+use crate::slam::folder::{self, News};
+use crate::slam::map::walls;
+use crate::slam::mapping::WallPoint;
 use crate::slam::survey::{CELL_MM, Jump, Survey, settings, survey};
-use crate::slam::tour::{Wish, tour};
+use crate::slam::tour::{Wish, locate, tour};
 use crate::slam::tuning::Tuning;
 use open::open;
 
@@ -30,11 +33,13 @@ use open::open;
     hilrig slam intel.log.gz --out intel\n  \
     hilrig slam intel.log --mode core     # the robot's own mapper, without loops\n  \
     hilrig slam intel.log --mode seed     # the seed report's algorithm\n  \
+    hilrig slam today.mcap --map hilrig-out/slam-intel --start 2.5,-1,90\n  \
     hilrig slam hilrig-out/rescue-flat-1 --cell-mm 10     # the capture of a run\n  \
     hilrig slam field.pcapng --scenario scenarios/rescue-flat.toml\n  \
     hilrig slam rosbag2_2026_11_23     # the folder, or one .mcap or .db3 file\n\n\
     Leaves map.png, map.pgm + map.yaml (ROS), trajectory.tum and timing.json in the folder; mode\n\
-    graph also scans.csv (how sure each pose is), graph.g2o and walls.pcd.")]
+    graph also scans.csv (how sure each pose is), graph.g2o and walls.pcd. With --map the map is\n\
+    not changed: trajectory.tum, scans.csv, timing.json, and map.png with walls and way.")]
 pub(super) struct SlamArgs {
     /// The log, a result folder, or the folder of a rosbag2
     #[arg(value_name = "LOG")]
@@ -45,6 +50,14 @@ pub(super) struct SlamArgs {
     /// Which mapper [default: core for a capture or a result folder, graph for any other log]
     #[arg(long, value_enum)]
     mode: Option<ModeArg>,
+    /// Only find the poses, on a map that there is: a folder that slam left (its walls.pcd), a
+    /// .pcd file in text, or a ROS map's .yaml
+    #[arg(long, value_name = "PATH")]
+    map: Option<PathBuf>,
+    /// Where the way begins, to half a metre and 20 degrees: metres and degrees in the map
+    /// [default: where the log says, or else 0,0,0]
+    #[arg(long, value_name = "X,Y,DEG", value_parser = start, allow_hyphen_values = true)]
+    start: Option<Pose>,
     /// Do not look for places seen again (mode graph)
     #[arg(long)]
     no_loops: bool,
@@ -62,7 +75,7 @@ pub(super) struct SlamArgs {
     #[arg(long, value_name = "N", default_value_t = 1)]
     #[arg(value_parser = clap::value_parser!(u16).range(1..))]
     every: u16,
-    /// Folder for the results [default: hilrig-out/slam-NAME]
+    /// Folder for the results [default: hilrig-out/slam-NAME, with --map hilrig-out/on-map-NAME]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Edge of a map cell in millimetres, 5 to 500
@@ -113,12 +126,32 @@ fn offset(text: &str) -> Result<f64, String> {
     number(text, -3.0, 3.0)
 }
 
+fn start(text: &str) -> Result<Pose, String> {
+    let numbers: Vec<f64> = text
+        .split(',')
+        .filter_map(|part| part.trim().parse().ok())
+        .filter(|part: &f64| part.abs() < 1e5)
+        .collect();
+    match numbers[..] {
+        [x, y, degrees] if text.split(',').count() == 3 => {
+            Ok(Pose::new(x, y, degrees.to_radians()))
+        }
+        _ => Err("expected metres and degrees as X,Y,DEG, e.g. 2.5,-1,90".to_owned()),
+    }
+}
+
 /// Work that takes longer than this is reported while it goes on.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 pub(super) fn run(args: SlamArgs) -> Result<Verdict, CliError> {
+    if args.map.is_some() && !matches!(args.mode, None | Some(ModeArg::Graph)) {
+        let words = "--map goes with --mode graph: the other mappers begin with an empty map";
+        return Err(CliError::Usage(words.to_owned()));
+    }
+    let known = args.map.as_deref().map(walls).transpose()?;
     let (mut log, usual) = open(&args.log, args.scenario.as_deref())?;
     let mode = args.mode.unwrap_or(usual);
+    log.start = args.start.unwrap_or(log.start);
     let path = args.log.display();
     for note in &log.notes {
         eprintln!("{path}: {note}");
@@ -130,15 +163,23 @@ pub(super) fn run(args: SlamArgs) -> Result<Verdict, CliError> {
         every: usize::from(args.every),
     };
     tuning.apply(&mut log);
-    let result = mapped(&log, mode, &args);
+    let result = mapped(&log, mode, &args, known.as_deref());
     let stem = args.log.file_name().unwrap_or_default().to_string_lossy();
     let stem = stem.split('.').next().unwrap_or_default().to_owned();
+    let (news, name) = match &known {
+        Some(_) => (News::Way, "map"),
+        None => (News::Map, mode.name()),
+    };
+    let usual = match news {
+        News::Map => format!("slam-{stem}"),
+        News::Way => format!("on-map-{stem}"),
+    };
     let dir = args
         .out
-        .unwrap_or_else(|| PathBuf::from("hilrig-out").join(format!("slam-{stem}")));
-    let timing = folder::timing(mode.name(), &log, &result);
-    folder::write(&dir, &result, &timing)?;
-    print(&timing, mode);
+        .unwrap_or_else(|| PathBuf::from("hilrig-out").join(usual));
+    let timing = folder::timing(name, &log, &result);
+    folder::write(&dir, &result, &timing, news)?;
+    print(&timing);
     warn(&result, &args.log);
     println!("results in {}", dir.display());
     out::answer(&Surveyed {
@@ -157,7 +198,7 @@ pub(super) fn run(args: SlamArgs) -> Result<Verdict, CliError> {
 }
 
 /// Runs the mapper that was asked for, and says how far it is if that takes long.
-fn mapped(log: &Log, mode: ModeArg, args: &SlamArgs) -> Survey {
+fn mapped(log: &Log, mode: ModeArg, args: &SlamArgs, known: Option<&[WallPoint]>) -> Survey {
     let clock = WallClock::start();
     let mut told_at = clock.now();
     let of = log.shots.len();
@@ -170,15 +211,16 @@ fn mapped(log: &Log, mode: ModeArg, args: &SlamArgs) -> Survey {
         }
     };
     let cell_mm = args.cell_mm.map_or(CELL_MM, f32::from);
+    let wish = Wish {
+        cell_m: f64::from(cell_mm) / 1000.0,
+        closes_loops: !args.no_loops,
+        noise: args.noise,
+    };
+    if let Some(walls) = known {
+        return locate(log, walls, &wish, &clock, &mut tell);
+    }
     let mode = match mode {
-        ModeArg::Graph => {
-            let wish = Wish {
-                cell_m: f64::from(cell_mm) / 1000.0,
-                closes_loops: !args.no_loops,
-                noise: args.noise,
-            };
-            return tour(log, &wish, &clock, &mut tell);
-        }
+        ModeArg::Graph => return tour(log, &wish, &clock, &mut tell),
         ModeArg::Core => Mode::Core,
         ModeArg::Seed => Mode::Document,
     };
@@ -189,12 +231,12 @@ fn mapped(log: &Log, mode: ModeArg, args: &SlamArgs) -> Survey {
     survey(log, settings, &clock, &mut tell)
 }
 
-fn print(timing: &folder::Timing<'_>, mode: ModeArg) {
+fn print(timing: &folder::Timing<'_>) {
     println!(
         "{} scans, {} skipped, {} doubtful, {} ambiguous; {} mm cells",
         timing.scans, timing.skipped, timing.doubtful, timing.ambiguous, timing.cell_mm
     );
-    if mode == ModeArg::Graph {
+    if timing.mode == ModeArg::Graph.name() {
         println!(
             "{} keyframes, {} places seen again",
             timing.keyframes, timing.loop_edges

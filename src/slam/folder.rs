@@ -17,7 +17,7 @@ use crate::show::folder::{Folder, FolderError};
 /// `timing.json`.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Timing<'a> {
-    /// `core` or `seed`.
+    /// `graph`, `core` or `seed`; `map` if the way was found on a map that there was.
     pub mode: &'a str,
     /// Edge of a cell.
     pub cell_mm: f64,
@@ -69,23 +69,43 @@ pub(crate) fn timing<'a>(mode: &'a str, log: &Log, survey: &'a Survey) -> Timing
     }
 }
 
-/// Writes `map.png`, `map.pgm`, `map.yaml`, `trajectory.tum` and `timing.json` into `dir`, which
-/// is made if need be; of a mapper that closes loops also `scans.csv`, `graph.g2o`, `walls.pcd`.
-pub(crate) fn write(dir: &Path, survey: &Survey, timing: &Timing<'_>) -> Result<(), FolderError> {
+/// What is new in a survey.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum News {
+    /// Map and way.
+    Map,
+    /// The way on a map that there was.
+    Way,
+}
+
+/// Writes `map.png`, `trajectory.tum` and `timing.json` into `dir`, which is made if need be; of a
+/// new map also `map.pgm` and `map.yaml`; of a mapper that closes loops also `scans.csv`, and of
+/// its map `graph.g2o` and `walls.pcd`.
+pub(crate) fn write(
+    dir: &Path,
+    survey: &Survey,
+    timing: &Timing<'_>,
+    news: News,
+) -> Result<(), FolderError> {
     let folder = Folder::at(dir)?;
     let map = &survey.map;
     folder.put("trajectory.tum", tum(survey))?;
-    let yaml = crate::show::render::ros_yaml_at(map.corner, map.cell_m, "map.pgm");
-    folder.put("map.yaml", yaml)?;
-    if !survey.sureness.is_empty() {
+    let has_sureness = !survey.sureness.is_empty();
+    if has_sureness {
         folder.put("scans.csv", sureness(survey))?;
+    }
+    if has_sureness && news == News::Map {
         folder.put("graph.g2o", g2o(&survey.graph))?;
         folder.put("walls.pcd", pcd::text(&survey.walls))?;
     }
     let mut json = serde_json::to_string_pretty(timing).expect("plain data");
     json.push('\n');
     folder.put("timing.json", json)?;
-    folder.put("map.pgm", ros_image(map).pgm())?;
+    if news == News::Map {
+        let yaml = crate::show::render::ros_yaml_at(map.corner, map.cell_m, "map.pgm");
+        folder.put("map.yaml", yaml)?;
+        folder.put("map.pgm", ros_image(map).pgm())?;
+    }
     folder.picture("map.png", &picture(survey))
 }
 

@@ -155,12 +155,8 @@ impl Mapper {
         }
         let wide = self.predicted(shot);
         let placed = self.place(&cloud, wide, libm::hypot(shot.moved.x, shot.moved.y));
-        let Placed {
-            fit,
-            prior,
-            is_doubtful,
-        } = placed;
-        for (unsure, by) in self.unsure.iter_mut().zip(prior.deviation) {
+        let fit = placed.fit;
+        for (unsure, by) in self.unsure.iter_mut().zip(placed.prior.deviation) {
             *unsure += by * by;
         }
         let since = between(self.graph.poses[self.at], self.pose);
@@ -170,7 +166,7 @@ impl Mapper {
         } else if let Some(old) = self.known_from(&fit) {
             self.lean_on(old, &fit);
         } else {
-            self.keep(cloud, Some(fit).filter(|_| !is_doubtful));
+            self.keep(cloud, Some(fit).filter(|_| !placed.is_doubtful));
         }
         self.told(&placed)
     }
@@ -426,20 +422,6 @@ impl Mapper {
     /// The map, with cells of this edge, metres, or larger ones if those would be too many.
     pub fn sheet(&self, cell_m: f64) -> Sheet {
         Sheet::of(&self.keyframes, &self.graph.poses, cell_m)
-    }
-
-    /// Points of the walls.
-    pub fn walls(&self) -> Vec<WallPoint> {
-        let all = self.keyframes.iter().zip(&self.graph.poses);
-        all.flat_map(|(keyframe, pose)| {
-            let frame = Frame::new(*pose);
-            let spots = keyframe.cloud.spots().iter();
-            spots.map(move |spot| WallPoint {
-                at: frame.place(spot.at),
-                normal: frame.turned(spot.normal),
-            })
-        })
-        .collect()
     }
 
     /// A last look at everything.

@@ -4,7 +4,7 @@ use emulators::world::Pose;
 
 use super::{Mapper, OFF_MIDDLE_M, Outcome, Settings, WALLS_M};
 use crate::slam::mapping::Shot;
-use crate::slam::mapping::cloud::{Cloud, Spot};
+use crate::slam::mapping::cloud::{Cloud, Frame, Spot};
 
 /// A point of a map's wall.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,6 +14,22 @@ pub struct WallPoint {
     /// Unit vector across the wall, towards the side from which it was seen; zero where nobody
     /// knows.
     pub normal: [f32; 2],
+}
+
+impl Mapper {
+    /// Points of the walls.
+    pub fn walls(&self) -> Vec<WallPoint> {
+        let all = self.keyframes.iter().zip(&self.graph.poses);
+        all.flat_map(|(keyframe, pose)| {
+            let frame = Frame::new(*pose);
+            let spots = keyframe.cloud.spots().iter();
+            spots.map(move |spot| WallPoint {
+                at: frame.place(spot.at),
+                normal: frame.turned(spot.normal),
+            })
+        })
+        .collect()
+    }
 }
 
 /// A pose on a known map.
