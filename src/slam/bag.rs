@@ -20,8 +20,9 @@ use protocols::Instant;
 use super::finding::{Findings, Kind};
 use super::messages::{Beams, Said, log};
 use super::{BEAMS_MAX, Log};
-use crate::capture::replay::{Arrival, Passage, Recorded};
-use crate::rig::line::Direction;
+#[cfg(feature = "mcap")]
+use crate::capture::replay::Arrival;
+use crate::capture::replay::Recorded;
 
 /// A recording that cannot be used at all.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -54,6 +55,7 @@ enum Trust {
 #[derive(Clone, Copy, Debug)]
 enum Meaning {
     /// Bytes of a link, by its number.
+    #[cfg(feature = "mcap")]
     Bytes(usize),
     JsonScan,
     JsonPose,
@@ -137,24 +139,6 @@ impl Contents {
 }
 
 impl Contents {
-    /// The link whose bytes towards the master a topic of ours has.
-    fn link(&mut self, topic: &str, baud: Option<&String>) -> Option<usize> {
-        let (link, direction) = topic.strip_prefix('/')?.rsplit_once('/')?;
-        if direction != Direction::ToMaster.name() {
-            return None;
-        }
-        let links = &mut self.recorded.links;
-        let known = links.iter().position(|one| one.link == link);
-        Some(known.unwrap_or_else(|| {
-            links.push(Passage {
-                link: link.to_owned(),
-                baud: baud.and_then(|baud| baud.parse().ok()).unwrap_or(0),
-                ..Passage::default()
-            });
-            links.len() - 1
-        }))
-    }
-
     /// Takes a message, or notes why it cannot be used.
     fn message(&mut self, topic: &str, meaning: Meaning, logged: Instant, data: &[u8]) {
         if let Err(refusal) = self.understood(topic, meaning, logged, data) {
@@ -184,6 +168,7 @@ impl Contents {
             poses.push(heard.at(logged));
         };
         match meaning {
+            #[cfg(feature = "mcap")]
             Meaning::Bytes(link) => {
                 let bytes = data.to_vec();
                 let arrivals = &mut self.recorded.links[link].arrivals;

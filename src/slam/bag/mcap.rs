@@ -20,6 +20,8 @@ use protocols::Instant;
 
 use super::unpack::{self, BYTES_MAX, Unpacked};
 use super::{Contents, Meaning};
+use crate::capture::replay::Passage;
+use crate::rig::line::Direction;
 use crate::slam::finding::Kind;
 
 /// With this every file begins and ends.
@@ -50,6 +52,26 @@ pub fn read_into(contents: &mut Contents, bytes: &[u8]) {
         let what = format_args!("lengths that make no sense");
         let place = format_args!("the rest");
         reader.contents.findings.add(Kind::Unreadable, place, what);
+    }
+}
+
+impl Contents {
+    /// The link whose bytes towards the master a topic of ours has.
+    fn link(&mut self, topic: &str, baud: Option<&String>) -> Option<usize> {
+        let (link, direction) = topic.strip_prefix('/')?.rsplit_once('/')?;
+        if direction != Direction::ToMaster.name() {
+            return None;
+        }
+        let links = &mut self.recorded.links;
+        let known = links.iter().position(|one| one.link == link);
+        Some(known.unwrap_or_else(|| {
+            links.push(Passage {
+                link: link.to_owned(),
+                baud: baud.and_then(|baud| baud.parse().ok()).unwrap_or(0),
+                ..Passage::default()
+            });
+            links.len() - 1
+        }))
     }
 }
 
