@@ -1,20 +1,18 @@
 //! The mapper over a log of scans and odometry, whoever recorded it: CARMEN logs, our captures,
-//! MCAP files. The settings are the same for every log. The mapper is the robot's own
-//! ([`survey`](mod@survey)), or the one for buildings ([`mapping`](mod@mapping), by
+//! MCAP files, bags of ROS 2. The settings are the same for every log. The mapper is the robot's
+//! own ([`survey`](mod@survey)), or the one for buildings ([`mapping`](mod@mapping), by
 //! [`tour`](mod@tour)), which closes loops.
 //!
 //! ```text
 //! file -> Log: scans, each with the motion since the one before -> survey -> way, map, timing
 //! ```
 
+pub mod bag;
 pub mod carmen;
 pub mod finding;
 pub(crate) mod folder;
 pub mod map;
 pub mod mapping;
-#[cfg(feature = "mcap")]
-pub mod mcap;
-#[cfg(feature = "mcap")]
 mod messages;
 pub mod motion;
 mod stamps;

@@ -1,41 +1,47 @@
+mod open;
+
 use core::time::Duration;
-use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
+use emulators::world::Pose;
 use firmware_core::slam::{Mode, Settings};
 use protocols::Instant;
 
 use super::answer::Surveyed;
 use super::progress;
 use super::{CliError, Verdict, out};
-use crate::capture::replay::Recorded;
 use crate::realtime::clock::{Clock as _, WallClock};
-use crate::robots;
-use crate::scenario::{Scenario, Source};
+use crate::slam::Log;
+use crate::slam::folder::{self, News};
+use crate::slam::map::walls;
+use crate::slam::mapping::WallPoint;
 use crate::slam::survey::{CELL_MM, Jump, Survey, settings, survey};
-use crate::slam::tour::{Wish, tour};
+use crate::slam::tour::{Wish, locate, tour};
 use crate::slam::tuning::Tuning;
-use crate::slam::{Log, carmen, folder, wire};
+use open::open;
 
 /// Run the mapper over a log of scans and odometry: map, trajectory and timing.
 ///
-/// Reads CARMEN logs, also gzipped; captures, whose robot must be known; MCAP files, ours or with
-/// messages of ROS 2 (LaserScan, Odometry) or Foxglove (LaserScan, PoseInFrame), uncompressed. The
-/// settings are the same for every log. What the log holds that cannot be used is left out, counted
-/// and told on standard error.
+/// Reads CARMEN logs; captures, whose robot must be known; MCAP files, ours or with messages of
+/// ROS 2 (LaserScan, Odometry) or Foxglove (LaserScan, PoseInFrame); rosbag2 folders and .db3
+/// files. Files may be compressed by gzip, zstd or lz4, and so may the chunks and messages in them.
+/// The settings are the same for every log. What the log holds that cannot be used is left out,
+/// counted and told on standard error.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig slam intel.log.gz --out intel\n  \
     hilrig slam intel.log --mode core     # the robot's own mapper, without loops\n  \
     hilrig slam intel.log --mode seed     # the seed report's algorithm\n  \
+    hilrig slam today.mcap --map hilrig-out/slam-intel --start 2.5,-1,90\n  \
     hilrig slam hilrig-out/rescue-flat-1 --cell-mm 10     # the capture of a run\n  \
     hilrig slam field.pcapng --scenario scenarios/rescue-flat.toml\n  \
-    hilrig slam bag.mcap\n\n\
+    hilrig slam rosbag2_2026_11_23     # the folder, or one .mcap or .db3 file\n\n\
     Leaves map.png, map.pgm + map.yaml (ROS), trajectory.tum and timing.json in the folder; mode\n\
-    graph also scans.csv (how sure each pose is), graph.g2o and walls.pcd.")]
+    graph also scans.csv (how sure each pose is), graph.g2o and walls.pcd. With --map the map is\n\
+    not changed: trajectory.tum, scans.csv, timing.json, and map.png with walls and way.")]
 pub(super) struct SlamArgs {
-    /// The log, or a result folder
+    /// The log, a result folder, or the folder of a rosbag2
     #[arg(value_name = "LOG")]
     log: PathBuf,
     /// Scenario whose robot a capture is of [default: the one in the capture]
@@ -44,6 +50,14 @@ pub(super) struct SlamArgs {
     /// Which mapper [default: core for a capture or a result folder, graph for any other log]
     #[arg(long, value_enum)]
     mode: Option<ModeArg>,
+    /// Only find the poses, on a map that there is: a folder that slam left (its walls.pcd), a
+    /// .pcd file in text, or a ROS map's .yaml
+    #[arg(long, value_name = "PATH")]
+    map: Option<PathBuf>,
+    /// Where the way begins, to half a metre and 20 degrees: metres and degrees in the map
+    /// [default: where the log says, or else 0,0,0]
+    #[arg(long, value_name = "X,Y,DEG", value_parser = start, allow_hyphen_values = true)]
+    start: Option<Pose>,
     /// Do not look for places seen again (mode graph)
     #[arg(long)]
     no_loops: bool,
@@ -61,7 +75,7 @@ pub(super) struct SlamArgs {
     #[arg(long, value_name = "N", default_value_t = 1)]
     #[arg(value_parser = clap::value_parser!(u16).range(1..))]
     every: u16,
-    /// Folder for the results [default: hilrig-out/slam-NAME]
+    /// Folder for the results [default: hilrig-out/slam-NAME, with --map hilrig-out/on-map-NAME]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Edge of a map cell in millimetres, 5 to 500
@@ -112,14 +126,32 @@ fn offset(text: &str) -> Result<f64, String> {
     number(text, -3.0, 3.0)
 }
 
-/// Largest log, unpacked.
-const BYTES_MAX: u64 = 1 << 30;
+fn start(text: &str) -> Result<Pose, String> {
+    let numbers: Vec<f64> = text
+        .split(',')
+        .filter_map(|part| part.trim().parse().ok())
+        .filter(|part: &f64| part.abs() < 1e5)
+        .collect();
+    match numbers[..] {
+        [x, y, degrees] if text.split(',').count() == 3 => {
+            Ok(Pose::new(x, y, degrees.to_radians()))
+        }
+        _ => Err("expected metres and degrees as X,Y,DEG, e.g. 2.5,-1,90".to_owned()),
+    }
+}
+
 /// Work that takes longer than this is reported while it goes on.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 pub(super) fn run(args: SlamArgs) -> Result<Verdict, CliError> {
+    if args.map.is_some() && !matches!(args.mode, None | Some(ModeArg::Graph)) {
+        let words = "--map goes with --mode graph: the other mappers begin with an empty map";
+        return Err(CliError::Usage(words.to_owned()));
+    }
+    let known = args.map.as_deref().map(walls).transpose()?;
     let (mut log, usual) = open(&args.log, args.scenario.as_deref())?;
     let mode = args.mode.unwrap_or(usual);
+    log.start = args.start.unwrap_or(log.start);
     let path = args.log.display();
     for note in &log.notes {
         eprintln!("{path}: {note}");
@@ -131,15 +163,23 @@ pub(super) fn run(args: SlamArgs) -> Result<Verdict, CliError> {
         every: usize::from(args.every),
     };
     tuning.apply(&mut log);
-    let result = mapped(&log, mode, &args);
+    let result = mapped(&log, mode, &args, known.as_deref());
     let stem = args.log.file_name().unwrap_or_default().to_string_lossy();
     let stem = stem.split('.').next().unwrap_or_default().to_owned();
+    let (news, name) = match &known {
+        Some(_) => (News::Way, "map"),
+        None => (News::Map, mode.name()),
+    };
+    let usual = match news {
+        News::Map => format!("slam-{stem}"),
+        News::Way => format!("on-map-{stem}"),
+    };
     let dir = args
         .out
-        .unwrap_or_else(|| PathBuf::from("hilrig-out").join(format!("slam-{stem}")));
-    let timing = folder::timing(mode.name(), &log, &result);
-    folder::write(&dir, &result, &timing)?;
-    print(&timing, mode);
+        .unwrap_or_else(|| PathBuf::from("hilrig-out").join(usual));
+    let timing = folder::timing(name, &log, &result);
+    folder::write(&dir, &result, &timing, news)?;
+    print(&timing);
     warn(&result, &args.log);
     println!("results in {}", dir.display());
     out::answer(&Surveyed {
@@ -158,7 +198,7 @@ pub(super) fn run(args: SlamArgs) -> Result<Verdict, CliError> {
 }
 
 /// Runs the mapper that was asked for, and says how far it is if that takes long.
-fn mapped(log: &Log, mode: ModeArg, args: &SlamArgs) -> Survey {
+fn mapped(log: &Log, mode: ModeArg, args: &SlamArgs, known: Option<&[WallPoint]>) -> Survey {
     let clock = WallClock::start();
     let mut told_at = clock.now();
     let of = log.shots.len();
@@ -171,15 +211,16 @@ fn mapped(log: &Log, mode: ModeArg, args: &SlamArgs) -> Survey {
         }
     };
     let cell_mm = args.cell_mm.map_or(CELL_MM, f32::from);
+    let wish = Wish {
+        cell_m: f64::from(cell_mm) / 1000.0,
+        closes_loops: !args.no_loops,
+        noise: args.noise,
+    };
+    if let Some(walls) = known {
+        return locate(log, walls, &wish, &clock, &mut tell);
+    }
     let mode = match mode {
-        ModeArg::Graph => {
-            let wish = Wish {
-                cell_m: f64::from(cell_mm) / 1000.0,
-                closes_loops: !args.no_loops,
-                noise: args.noise,
-            };
-            return tour(log, &wish, &clock, &mut tell);
-        }
+        ModeArg::Graph => return tour(log, &wish, &clock, &mut tell),
         ModeArg::Core => Mode::Core,
         ModeArg::Seed => Mode::Document,
     };
@@ -190,12 +231,12 @@ fn mapped(log: &Log, mode: ModeArg, args: &SlamArgs) -> Survey {
     survey(log, settings, &clock, &mut tell)
 }
 
-fn print(timing: &folder::Timing<'_>, mode: ModeArg) {
+fn print(timing: &folder::Timing<'_>) {
     println!(
         "{} scans, {} skipped, {} doubtful, {} ambiguous; {} mm cells",
         timing.scans, timing.skipped, timing.doubtful, timing.ambiguous, timing.cell_mm
     );
-    if mode == ModeArg::Graph {
+    if timing.mode == ModeArg::Graph.name() {
         println!(
             "{} keyframes, {} places seen again",
             timing.keyframes, timing.loop_edges
@@ -235,155 +276,6 @@ fn warn(result: &Survey, path: &Path) {
     if poor > 0 {
         eprintln!("{path}: {poor} scans lie less than half on walls known before");
     }
-}
-
-/// With this every pcapng file begins.
-const PCAPNG: [u8; 4] = [0x0A, 0x0D, 0x0D, 0x0A];
-
-/// Reads the log, whatever it is; and the mapper that is usual for its kind.
-fn open(path: &Path, scenario: Option<&Path>) -> Result<(Log, ModeArg), CliError> {
-    if path.is_dir() {
-        let inside = path.join("capture.pcapng");
-        if inside.exists() {
-            return Ok((capture(&inside, scenario)?, ModeArg::Core));
-        }
-        return open(&recording_in(path)?, scenario);
-    }
-    let bytes = super::read(path)?;
-    if bytes.starts_with(&PCAPNG) {
-        return Ok((capture(path, scenario)?, ModeArg::Core));
-    }
-    let bytes = if bytes.starts_with(&[0x1F, 0x8B]) {
-        unpacked(&bytes, path).map_err(|what| CliError::content(path, what))?
-    } else {
-        bytes
-    };
-    if bytes.starts_with(b"\x89MCAP") {
-        return Ok((mcap(&bytes, path, scenario)?, ModeArg::Graph));
-    }
-    if let Some((_, error)) = FOREIGN.iter().find(|(magic, _)| bytes.starts_with(magic)) {
-        return Err(CliError::content(path, error));
-    }
-    let log = carmen::read(&bytes).map_err(|error| CliError::content(path, error))?;
-    Ok((log, ModeArg::Graph))
-}
-
-/// How files begin that hold logs and are not read, and what to do.
-const FOREIGN: [(&[u8], &str); 5] = [
-    (
-        b"SQLite format 3\0",
-        "is a rosbag2 in SQLite, expected MCAP: convert it with `ros2 bag convert`, storage_id: mcap",
-    ),
-    (
-        b"#ROSBAG V",
-        "is a bag of ROS 1, expected MCAP: convert it with `mcap convert IN.bag OUT.mcap`",
-    ),
-    (
-        b"BZh",
-        "is packed by bzip2, expected plain text or gzip: unpack it with bunzip2",
-    ),
-    (
-        b"\xFD7zXZ\0",
-        "is packed by xz, expected plain text or gzip: unpack it with unxz",
-    ),
-    (
-        b"\x28\xB5\x2F\xFD",
-        "is packed by zstd, expected plain text or gzip: unpack it with unzstd",
-    ),
-];
-
-/// The recording in a folder: of a bag of ROS 2 the one MCAP file.
-fn recording_in(dir: &Path) -> Result<PathBuf, CliError> {
-    let entries = std::fs::read_dir(dir).map_err(|error| CliError::read(dir, error))?;
-    let files = entries.flatten().map(|entry| entry.path());
-    let has_ending = |path: &PathBuf| {
-        let ending = path.extension().unwrap_or_default();
-        ["mcap", "db3"].iter().any(|known| ending == *known)
-    };
-    let mut files: Vec<_> = files.filter(has_ending).collect();
-    files.sort();
-    match &mut files[..] {
-        [one] => Ok(core::mem::take(one)),
-        [] => Err(CliError::content(
-            dir,
-            "holds neither capture.pcapng nor an .mcap file: expected a result folder or a rosbag2",
-        )),
-        several => Err(CliError::content(
-            dir,
-            format!(
-                "holds {} recordings, expected one: name the file",
-                several.len()
-            ),
-        )),
-    }
-}
-
-fn capture(path: &Path, scenario: Option<&Path>) -> Result<Log, CliError> {
-    let capture = super::replay::read(path)?;
-    let (scenario, source) = super::replay::robot(&capture, path, scenario)?;
-    let recorded = Recorded::of(&capture, None);
-    wire::read(&recorded, &senses(&scenario, &source)?)
-        .map_err(|error| CliError::content(path, error))
-}
-
-/// What a mapper needs to know of the scenario's robot.
-fn senses(scenario: &Scenario, source: &Source) -> Result<robots::Senses, CliError> {
-    let senses = robots::of(scenario, source)?.senses(scenario, source)?;
-    senses.ok_or_else(|| {
-        let message = "is not known to the mapper, expected a robot whose lidar and wheels are";
-        let error = source.invalid(source.find("robot"), "robot", message);
-        error.into()
-    })
-}
-
-#[cfg(not(feature = "mcap"))]
-fn mcap(_bytes: &[u8], path: &Path, _scenario: Option<&Path>) -> Result<Log, CliError> {
-    let error = "is an MCAP file, which this build of hilrig does not read (feature mcap)";
-    Err(CliError::content(path, error))
-}
-
-/// Ours hold the bytes of the links, from which more is known than from its messages.
-#[cfg(feature = "mcap")]
-fn mcap(bytes: &[u8], path: &Path, scenario: Option<&Path>) -> Result<Log, CliError> {
-    use crate::scenario::Scenario;
-
-    let contents = crate::slam::mcap::read(bytes);
-    let robot = match (scenario, &contents.scenario) {
-        (Some(scenario), _) => Some(Scenario::read(scenario)?),
-        (None, Some(text)) => Some(Scenario::parse(path, text.clone())?),
-        (None, None) => None,
-    };
-    if let Some((scenario, source)) = robot
-        && contents.has_bytes()
-    {
-        let mut log = wire::read(&contents.recorded, &senses(&scenario, &source)?)
-            .map_err(|error| CliError::content(path, error))?;
-        log.findings.extend(contents.findings);
-        return Ok(log);
-    }
-    contents
-        .log()
-        .map_err(|error| CliError::content(path, error))
-}
-
-/// What a gzipped file holds; of a damaged one, what is before the damage.
-fn unpacked(bytes: &[u8], path: &Path) -> Result<Vec<u8>, String> {
-    let mut out = Vec::new();
-    let mut decoder = flate2::read::MultiGzDecoder::new(bytes).take(BYTES_MAX + 1);
-    if let Err(error) = decoder.read_to_end(&mut out) {
-        if out.is_empty() {
-            return Err(format!("cannot be unpacked: {error}"));
-        }
-        eprintln!(
-            "{}: {error}; {} bytes before that follow",
-            path.display(),
-            out.len()
-        );
-    }
-    if out.len() as u64 > BYTES_MAX {
-        return Err(format!("is more than {BYTES_MAX} bytes unpacked"));
-    }
-    Ok(out)
 }
 
 fn print_findings(log: &Log, path: &Path) {

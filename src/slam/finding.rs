@@ -10,6 +10,8 @@ pub enum Kind {
     Unreadable,
     /// The file ends in the middle of a message.
     Cut,
+    /// A chunk, a page or a file of a recording that is damaged or missing.
+    Part,
     /// A scan without a single return.
     Blind,
     /// A scan older than the one before it.
@@ -24,6 +26,7 @@ impl Kind {
         match self {
             Self::Unreadable => "unreadable messages",
             Self::Cut => "cut-off messages",
+            Self::Part => "parts of the recording that are damaged or missing",
             Self::Blind => "scans without a return",
             Self::Backwards => "scans older than the one before",
             Self::Absurd => "messages with absurd numbers",

@@ -9,6 +9,7 @@ use emulators::world::Pose;
 use serde::Serialize;
 
 use super::Log;
+use super::map::pcd;
 use super::survey::{Jump, Survey};
 use crate::picture::Picture;
 use crate::show::folder::{Folder, FolderError};
@@ -16,7 +17,7 @@ use crate::show::folder::{Folder, FolderError};
 /// `timing.json`.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Timing<'a> {
-    /// `core` or `seed`.
+    /// `graph`, `core` or `seed`; `map` if the way was found on a map that there was.
     pub mode: &'a str,
     /// Edge of a cell.
     pub cell_mm: f64,
@@ -68,23 +69,43 @@ pub(crate) fn timing<'a>(mode: &'a str, log: &Log, survey: &'a Survey) -> Timing
     }
 }
 
-/// Writes `map.png`, `map.pgm`, `map.yaml`, `trajectory.tum` and `timing.json` into `dir`, which
-/// is made if need be; of a mapper that closes loops also `scans.csv`, `graph.g2o`, `walls.pcd`.
-pub(crate) fn write(dir: &Path, survey: &Survey, timing: &Timing<'_>) -> Result<(), FolderError> {
+/// What is new in a survey.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum News {
+    /// Map and way.
+    Map,
+    /// The way on a map that there was.
+    Way,
+}
+
+/// Writes `map.png`, `trajectory.tum` and `timing.json` into `dir`, which is made if need be; of a
+/// new map also `map.pgm` and `map.yaml`; of a mapper that closes loops also `scans.csv`, and of
+/// its map `graph.g2o` and `walls.pcd`.
+pub(crate) fn write(
+    dir: &Path,
+    survey: &Survey,
+    timing: &Timing<'_>,
+    news: News,
+) -> Result<(), FolderError> {
     let folder = Folder::at(dir)?;
     let map = &survey.map;
     folder.put("trajectory.tum", tum(survey))?;
-    let yaml = crate::show::render::ros_yaml_at(map.corner, map.cell_m, "map.pgm");
-    folder.put("map.yaml", yaml)?;
-    if !survey.sureness.is_empty() {
+    let has_sureness = !survey.sureness.is_empty();
+    if has_sureness {
         folder.put("scans.csv", sureness(survey))?;
+    }
+    if has_sureness && news == News::Map {
         folder.put("graph.g2o", g2o(&survey.graph))?;
-        folder.put("walls.pcd", pcd(&survey.walls))?;
+        folder.put("walls.pcd", pcd::text(&survey.walls))?;
     }
     let mut json = serde_json::to_string_pretty(timing).expect("plain data");
     json.push('\n');
     folder.put("timing.json", json)?;
-    folder.put("map.pgm", ros_image(map).pgm())?;
+    if news == News::Map {
+        let yaml = crate::show::render::ros_yaml_at(map.corner, map.cell_m, "map.pgm");
+        folder.put("map.yaml", yaml)?;
+        folder.put("map.pgm", ros_image(map).pgm())?;
+    }
     folder.picture("map.png", &picture(survey))
 }
 
@@ -161,19 +182,6 @@ fn g2o(graph: &Graph) -> String {
     out
 }
 
-/// Points of the walls for PCL and its kin: PCD 0.7 in text, metres.
-fn pcd(walls: &[[f32; 2]]) -> String {
-    let count = walls.len();
-    let mut out = format!(
-        "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {count}\n\
-         HEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {count}\nDATA ascii\n"
-    );
-    for [x, y] in walls {
-        writeln!(out, "{x:.3} {y:.3} 0").expect(ENDLESS);
-    }
-    out
-}
-
 /// How sure each pose is, scan by scan.
 fn sureness(survey: &Survey) -> String {
     let head = "at_s,x_m,y_m,heading_rad,quality,sigma_x_m,sigma_y_m,sigma_heading_rad,doubtful\n";
@@ -216,12 +224,5 @@ mod tests {
             lines[2],
             "EDGE_SE2 0 1 1.000000 0.500000 0.250000000 4.000 1.000 2.000 5.000 3.000 6.000"
         );
-    }
-
-    #[test]
-    fn a_cloud_names_its_number_of_points_and_ends_in_them() {
-        let text = pcd(&[[1.0, 2.0], [-0.5, 0.25]]);
-        assert!(text.contains("WIDTH 2\n") && text.contains("POINTS 2\nDATA ascii\n"));
-        assert!(text.ends_with("1.000 2.000 0\n-0.500 0.250 0\n"), "{text}");
     }
 }

@@ -6,6 +6,9 @@
 
 pub mod diff;
 mod distance;
+pub mod pcd;
 mod ros;
+mod walls;
 
 pub use ros::{CellState, MapError, RosMap};
+pub use walls::walls;

@@ -33,7 +33,7 @@ pub use cloud::Cloud;
 pub use graph::{Edge, Graph, Kind};
 pub use matrix::Matrix;
 pub use sheet::{Sheet, UNKNOWN};
-pub use track::{Mapper, Outcome, Settings};
+pub use track::{Localiser, Mapper, Outcome, Settings, WallPoint};
 
 /// One scan, and the way to it.
 #[derive(Clone, Copy, Debug)]

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use crate::slam::mapping::{Graph, Kind, Sheet};
+use crate::slam::mapping::{Graph, Kind, Sheet, WallPoint};
 use emulators::world::Pose as Place;
 use firmware_core::grid::{Grid, UNKNOWN};
 use firmware_core::pose::{Pose, normalised};
@@ -118,10 +118,10 @@ pub struct Survey {
     pub jumps: Vec<Jump>,
     /// How sure each scan's pose is; of the mapper that closes loops.
     pub sureness: Vec<Sureness>,
-    /// Keyframes and edges of the mapper that closes loops, and points of its walls, metres.
+    /// Keyframes and edges of the mapper that closes loops.
     pub graph: Graph,
-    /// Points of the walls, metres; of the mapper that closes loops.
-    pub walls: Vec<[f32; 2]>,
+    /// Points of the walls; of the mapper that closes loops.
+    pub walls: Vec<WallPoint>,
     /// Time that each scan took.
     pub took: Vec<Duration>,
     /// Processor time of all, where the system tells.

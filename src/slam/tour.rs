@@ -1,6 +1,6 @@
-//! Runs a log through the mapper that closes loops.
+//! Runs a log through the mapper that closes loops, or finds its way on a map that there is.
 
-use crate::slam::mapping::{Mapper, Outcome, Settings, Shot};
+use crate::slam::mapping::{Localiser, Mapper, Outcome, Settings, Sheet, Shot, UNKNOWN, WallPoint};
 use emulators::world::Pose as Place;
 use firmware_core::pose::{Point, Pose};
 
@@ -37,8 +37,51 @@ pub fn tour(log: &Log, wish: &Wish, clock: &dyn Clock, progress: &mut dyn FnMut(
         start: log.start,
         noise: wish.noise,
     });
-    let mut survey = Survey::empty(log.shots.len());
     let before = thread_cpu_time();
+    let mut survey = each_scan(log, clock, progress, &mut |shot| mapper.take(shot));
+    mapper.finish();
+    survey.map = mapper.sheet(wish.cell_m);
+    survey.cpu = before.and_then(|before| thread_cpu_time()?.checked_sub(before));
+    let times = log.shots.iter().map(|shot| shot.at_s);
+    survey.way = times.zip(mapper.way()).collect();
+    survey.ambiguous = mapper.ambiguous();
+    survey.dropped_loops = mapper.dropped_loops();
+    survey.walls = mapper.walls();
+    survey.graph = mapper.graph().clone();
+    survey
+}
+
+/// Finds each scan of `log` on a map that is known, which stays as it is.
+pub fn locate(
+    log: &Log,
+    walls: &[WallPoint],
+    wish: &Wish,
+    clock: &dyn Clock,
+    progress: &mut dyn FnMut(usize),
+) -> Survey {
+    let settings = Settings {
+        start: log.start,
+        noise: wish.noise,
+        ..Settings::default()
+    };
+    let mut localiser = Localiser::new(settings, walls);
+    let before = thread_cpu_time();
+    let mut survey = each_scan(log, clock, progress, &mut |shot| localiser.take(shot));
+    survey.cpu = before.and_then(|before| thread_cpu_time()?.checked_sub(before));
+    let times = log.shots.iter().map(|shot| shot.at_s);
+    survey.way = times.zip(localiser.way().iter().copied()).collect();
+    survey.map = drawn(walls, wish.cell_m);
+    survey
+}
+
+/// What becomes of each scan.
+fn each_scan(
+    log: &Log,
+    clock: &dyn Clock,
+    progress: &mut dyn FnMut(usize),
+    take: &mut dyn FnMut(&Shot<'_>) -> Outcome,
+) -> Survey {
+    let mut survey = Survey::empty(log.shots.len());
     let mut here = log.start;
     for (done, shot) in log.shots.iter().enumerate() {
         if done % 64 == 0 {
@@ -46,7 +89,7 @@ pub fn tour(log: &Log, wish: &Wish, clock: &dyn Clock, progress: &mut dyn FnMut(
         }
         let began = clock.now();
         let ends: Vec<[f32; 2]> = shot.points.iter().map(metres).collect();
-        let outcome = mapper.take(&Shot {
+        let outcome = take(&Shot {
             moved: shot.moved,
             is_measured: shot.is_measured,
             ends: &ends,
@@ -63,18 +106,43 @@ pub fn tour(log: &Log, wish: &Wish, clock: &dyn Clock, progress: &mut dyn FnMut(
         survey.sureness.push(sureness(&outcome));
         here = outcome.pose;
     }
-    mapper.finish();
-    survey.map = mapper.sheet(wish.cell_m);
-    survey.cpu = before.and_then(|before| thread_cpu_time()?.checked_sub(before));
-    let times = log.shots.iter().map(|shot| shot.at_s);
-    survey.way = times.zip(mapper.way()).collect();
     let sure = survey.sureness.iter();
     survey.doubtful = sure.filter(|sure| sure.is_doubtful).count();
-    survey.ambiguous = mapper.ambiguous();
-    survey.dropped_loops = mapper.dropped_loops();
-    survey.walls = mapper.walls();
-    survey.graph = mapper.graph().clone();
     survey
+}
+
+/// Most cells of a picture of walls.
+const CELLS_MAX: f64 = 64e6;
+
+/// The walls as cells, of this edge or larger ones if those would be too many; whatever is not a
+/// wall is unknown.
+fn drawn(walls: &[WallPoint], cell_m: f64) -> Sheet {
+    let places = || walls.iter().map(|wall| wall.at.map(f64::from));
+    let least = places().fold([f64::MAX; 2], |a, b| [a[0].min(b[0]), a[1].min(b[1])]);
+    let most = places().fold([f64::MIN; 2], |a, b| [a[0].max(b[0]), a[1].max(b[1])]);
+    let mut cell_m = cell_m;
+    while (most[0] - least[0] + 2.0) * (most[1] - least[1] + 2.0) / (cell_m * cell_m) > CELLS_MAX {
+        cell_m *= 2.0;
+    }
+    let corner = least.map(|metres| (libm::floor(metres / cell_m) - 10.0) * cell_m);
+    let cell = |metres: f64, axis: usize| {
+        #[expect(clippy::cast_possible_truncation, reason = "a few thousand")]
+        #[expect(clippy::cast_sign_loss, reason = "inside")]
+        let cell = ((metres - corner[axis]) / cell_m) as usize;
+        cell
+    };
+    let (width, height) = (cell(most[0], 0) + 11, cell(most[1], 1) + 11);
+    let mut cells = vec![UNKNOWN; width * height];
+    for [x, y] in places() {
+        cells[cell(y, 1) * width + cell(x, 0)] = u8::MAX;
+    }
+    Sheet {
+        corner,
+        cell_m,
+        width,
+        height,
+        cells,
+    }
 }
 
 fn sureness(outcome: &Outcome) -> Sureness {

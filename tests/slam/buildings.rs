@@ -1,9 +1,10 @@
 //! The whole mapper in a building that was never built.
 
 use emulators::world::Pose;
-use hilrig::slam::mapping::building::Building;
+use hilrig::slam::map::walls;
+use hilrig::slam::mapping::building::{Building, Pass};
 use hilrig::slam::mapping::motion::distance;
-use hilrig::slam::mapping::{Kind, Mapper, Settings, Shot};
+use hilrig::slam::mapping::{Kind, Localiser, Mapper, Settings, Shot, WallPoint};
 
 /// The mapper after all scans of a building, and where each was taken in truth.
 fn mapped(seed: u64, closes_loops: bool) -> (Mapper, Vec<Pose>) {
@@ -51,3 +52,57 @@ fn a_way_around_a_building_ends_where_it_began() {
 
 /// A building whose way leads around a block more than once.
 const SEED: u64 = 16;
+
+/// The map of one way through a building, and the way back on it with other noise: where a scan is
+/// laid and where the map has its place differ by centimetres, on the cloud of points and on cells
+/// of 50 mm.
+#[test]
+fn a_way_is_found_on_the_map_of_another() {
+    let session = crate::command::Session::new("known");
+    for seed in [6, 17] {
+        let (mapper, _) = mapped(seed, true);
+        let back = Building::passed(seed, 0.0, Pass::Back);
+        let median = |walls: &[WallPoint]| {
+            let mut localiser = Localiser::new(
+                Settings {
+                    start: back.sights[0].truth,
+                    ..Settings::default()
+                },
+                walls,
+            );
+            for sight in &back.sights {
+                localiser.take(&Shot {
+                    moved: sight.moved,
+                    is_measured: true,
+                    ends: &sight.ends,
+                });
+            }
+            let way = back.sights.iter().zip(localiser.way());
+            let mut off: Vec<f64> = way.map(|(a, b)| distance(a.truth, *b)).collect();
+            off.sort_by(f64::total_cmp);
+            (off[off.len() / 2], off[off.len() - 1])
+        };
+        let sheet = mapper.sheet(0.05);
+        let gray = sheet.cells.iter().map(|value| match value {
+            190.. => 0,
+            ..115 => 254,
+            _ => 205,
+        });
+        // Pictures begin with their top row.
+        let rows: Vec<u8> = gray.collect();
+        let rows: Vec<u8> = rows.chunks(sheet.width).rev().flatten().copied().collect();
+        let head = format!("P5\n{} {}\n255\n", sheet.width, sheet.height);
+        session.write("map.pgm", &[head.as_bytes(), &rows].concat());
+        let [x, y] = sheet.corner;
+        let yaml = format!(
+            "image: map.pgm\nresolution: 0.05\norigin: [{x}, {y}, 0]\nnegate: 0\n\
+             occupied_thresh: 0.65\nfree_thresh: 0.196\n"
+        );
+        session.write("map.yaml", yaml.as_bytes());
+        let cells = walls(&session.path("map.yaml")).expect("a map");
+        let (on_points, on_cells) = (median(&mapper.walls()), median(&cells));
+        println!("{seed}: on points {on_points:?}, on cells {on_cells:?}");
+        assert!(on_points.0 < 0.05 && on_points.1 < 0.25, "{on_points:?}");
+        assert!(on_cells.0 < 0.08 && on_cells.1 < 0.4, "{on_cells:?}");
+    }
+}

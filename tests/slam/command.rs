@@ -20,6 +20,10 @@ impl Session {
         std::fs::write(self.0.join(name), bytes).expect("the target folder can be written");
     }
 
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.0.join(name)
+    }
+
     #[cfg(feature = "mcap")]
     pub(crate) fn bytes(&self, name: &str) -> Vec<u8> {
         std::fs::read(self.0.join(name)).expect("a command wrote it")
@@ -108,6 +112,79 @@ fn what_cannot_be_used_is_told_and_the_rest_mapped() {
     let said = text(&output.stderr);
     assert!(said.contains("skipped 1 cut-off messages"), "{said}");
     assert!(text(&output.stdout).contains(", 1 skipped,"));
+}
+
+/// On the map of its first pass the robot is found again, begun a metre off in the map as it was
+/// told; the map's folder stays as it was.
+#[test]
+fn a_log_is_found_on_a_map_that_there_is() {
+    let session = Session::new("on-map");
+    let (log, truth) = room::log();
+    session.write("room.log", log.as_bytes());
+    session.slam(&["room.log", "--start", "1,-2,90", "--out", "map"]);
+    let first = session.read("map/trajectory.tum");
+    assert!(
+        first
+            .lines()
+            .nth(1)
+            .is_some_and(|line| line.contains(" 1.000000 -2.000000 0 "))
+    );
+
+    for map in ["map", "map/map.yaml", "map/walls.pcd"] {
+        let output = session.slam(&["room.log", "--map", map, "--start", "1.2,-2.1,85"]);
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        let said = text(&output.stdout);
+        assert!(
+            said.starts_with("160 scans, 0 skipped, 0 doubtful"),
+            "{said}"
+        );
+        let way = session.read("hilrig-out/on-map-room/trajectory.tum");
+        let last = way.lines().last().expect("a line a scan");
+        let last: Vec<f64> = last
+            .split(' ')
+            .filter_map(|field| field.parse().ok())
+            .collect();
+        // The way began at (1, -2), looking to +y.
+        let off = libm::hypot(last[1] - (1.0 - truth.y), last[2] - (truth.x - 2.0));
+        assert!(off < 0.06, "{map}: {off} m off");
+    }
+    for file in ["scans.csv", "timing.json", "map.png"] {
+        assert!(
+            session.has(&format!("hilrig-out/on-map-room/{file}")),
+            "{file}"
+        );
+    }
+    assert!(!session.has("hilrig-out/on-map-room/map.yaml"));
+    assert_eq!(session.read("map/trajectory.tum"), first);
+}
+
+#[test]
+fn a_map_that_is_none_is_refused() {
+    let session = Session::new("no-map");
+    session.write("room.log", room::log().0.as_bytes());
+    session.write("empty.pcd", b"FIELDS x y z\nDATA ascii\n");
+    session.write("binary.pcd", b"FIELDS x y z\nDATA binary\n\0\0\0\0");
+    for (arguments, words) in [
+        (&["--map", "nowhere"][..], "nowhere"),
+        (
+            &["--map", "empty.pcd"],
+            "empty.pcd: has no walls, expected a map",
+        ),
+        (&["--map", "binary.pcd"], "expected DATA ascii"),
+        (
+            &["--map", "empty.pcd", "--mode", "seed"],
+            "--map goes with --mode graph",
+        ),
+        (
+            &["--start", "1,2"],
+            "expected metres and degrees as X,Y,DEG",
+        ),
+    ] {
+        let output = session.slam(&[&["room.log"], arguments].concat());
+        let told = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{told}");
+        assert!(told.contains(words), "{told}");
+    }
 }
 
 #[test]

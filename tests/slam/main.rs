@@ -1,5 +1,6 @@
 //! The mapper over logs: what is read, what is left out, and how right the way is.
 
+mod bags;
 mod buildings;
 mod command;
 mod damage;
@@ -12,6 +13,7 @@ mod links;
 mod messages;
 mod relations;
 mod room;
+mod ros;
 
 #[expect(dead_code, reason = "shared with the tests that read captures")]
 #[path = "../support/captures.rs"]

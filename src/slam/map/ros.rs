@@ -113,6 +113,13 @@ impl RosMap {
         (x < self.width && y < self.height).then(|| self.cells[y * self.width + x])
     }
 
+    /// Middle of a cell, metres.
+    #[expect(clippy::cast_possible_truncation, reason = "metres of a building")]
+    pub(super) fn middle(&self, x: usize, y: usize) -> [f32; 2] {
+        let [x0, y0] = self.origin;
+        [(x, x0), (y, y0)].map(|(cell, from)| (from + (cell as f64 + 0.5) * self.cell_m) as f32)
+    }
+
     /// The cell under a place in metres; unknown outside the map.
     pub fn at(&self, [x, y]: [f64; 2]) -> CellState {
         let index = |metres: f64, origin: f64| ((metres - origin) / self.cell_m).floor();

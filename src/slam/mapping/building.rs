@@ -45,6 +45,17 @@ pub struct Building {
     pub way_m: f64,
 }
 
+/// Which way through a building.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pass {
+    /// The first.
+    First,
+    /// The same way with other noise, so many times later.
+    Again(u32),
+    /// The way back, with other noise.
+    Back,
+}
+
 /// The robot, its lidar and its wheels.
 struct Robot {
     beams: usize,
@@ -130,12 +141,25 @@ impl Building {
 
     /// The same building, and a way of at least so many metres.
     pub fn with_way(seed: u64, least_m: f64) -> Self {
+        Self::passed(seed, least_m, Pass::First)
+    }
+
+    /// The same building, and another pass through it.
+    pub fn passed(seed: u64, least_m: f64, pass: Pass) -> Self {
         let mut rng = Rng::stream(seed, "building.plan");
-        let plan = Plan::drawn(&mut rng, least_m);
+        let mut plan = Plan::drawn(&mut rng, least_m);
         let robot = Robot::drawn(&mut Rng::stream(seed, "building.robot"));
         let rays = Rays::new(&plan.walls);
-        let mut wheels = Rng::stream(seed, "building.wheels");
-        let mut lidar = Rng::stream(seed, "building.lidar");
+        let noise = match pass {
+            Pass::First => String::new(),
+            Pass::Again(number) => format!(".again.{number}"),
+            Pass::Back => ".back".to_owned(),
+        };
+        if pass == Pass::Back {
+            plan.route.reverse();
+        }
+        let mut wheels = Rng::stream(seed, &format!("building.wheels{noise}"));
+        let mut lidar = Rng::stream(seed, &format!("building.lidar{noise}"));
         let mut sights: Vec<Sight> = Vec::new();
         let mut way_m = 0.0;
         for truth in walked(&plan.route, robot.step_m) {

@@ -1,6 +1,7 @@
 //! From scan to scan: each is laid onto the walls seen lately.
 
 mod closing;
+mod localise;
 mod summits;
 
 use emulators::world::{Pose, wrap_angle};
@@ -15,6 +16,7 @@ use crate::slam::mapping::motion::{between, distance, moved};
 use crate::slam::mapping::sheet::Sheet;
 use crate::slam::mapping::surfels::{Surfels, some_of};
 use closing::Closing;
+pub use localise::{Localiser, WallPoint};
 use summits::{best_fit, window};
 
 /// What the mapper is told once.
@@ -49,6 +51,14 @@ pub struct Outcome {
     pub is_doubtful: bool,
     /// Variance of the pose against the walls seen lately: square metres and radians.
     pub covariance: Matrix,
+}
+
+/// Where a scan was laid, and what the wheels had said.
+#[derive(Clone, Copy, Debug)]
+struct Placed {
+    fit: Fit,
+    prior: Prior,
+    is_doubtful: bool,
 }
 
 /// Map, pose and everything needed to keep both.
@@ -152,6 +162,25 @@ impl Mapper {
             return self.outcome(1.0, diagonal([1e-6; 3]));
         }
         let wide = self.predicted(shot);
+        let placed = self.place(&cloud, wide, libm::hypot(shot.moved.x, shot.moved.y));
+        let fit = placed.fit;
+        for (unsure, by) in self.unsure.iter_mut().zip(placed.prior.deviation) {
+            *unsure += by * by;
+        }
+        let since = between(self.graph.poses[self.at], self.pose);
+        let is_far = libm::hypot(since.x, since.y) > KEY_M || since.theta.abs() > KEY_RAD;
+        if !is_far || cloud.spots().is_empty() {
+            self.scans.push((self.at, since));
+        } else if let Some(old) = self.known_from(&fit) {
+            self.lean_on(old, &fit);
+        } else {
+            self.keep(cloud, Some(fit).filter(|_| !placed.is_doubtful));
+        }
+        self.told(&placed)
+    }
+
+    /// Finds out where a scan was taken, and goes there.
+    fn place(&mut self, cloud: &Cloud, wide: Prior, way_m: f64) -> Placed {
         let mut prior = wide;
         let mut fit = self.locate(cloud.spots(), &prior);
         let firm = self.firm(&prior);
@@ -163,7 +192,7 @@ impl Mapper {
         let is_doubtful = fit.explained < DOUBTFUL;
         let pose = if is_doubtful { prior.pose } else { fit.pose };
         if !is_doubtful && fit.explained > POOR {
-            self.learn(&wide, pose, libm::hypot(shot.moved.x, shot.moved.y));
+            self.learn(&wide, pose, way_m);
         }
         self.below = if fit.explained < self.least() {
             self.below + 1
@@ -173,22 +202,18 @@ impl Mapper {
         self.usual += USUAL_PART * (fit.explained - self.usual);
         self.path_m += distance(self.pose, pose);
         self.pose = pose;
-        for (unsure, by) in self.unsure.iter_mut().zip(prior.deviation) {
-            *unsure += by * by;
+        Placed {
+            fit,
+            prior,
+            is_doubtful,
         }
-        let since = between(self.graph.poses[self.at], pose);
-        let is_far = libm::hypot(since.x, since.y) > KEY_M || since.theta.abs() > KEY_RAD;
-        if !is_far || cloud.spots().is_empty() {
-            self.scans.push((self.at, since));
-        } else if let Some(old) = self.known_from(&fit) {
-            self.lean_on(old, &fit);
-        } else {
-            self.keep(cloud, Some(fit).filter(|_| !is_doubtful));
-        }
-        let known = sum(&fit.information, &prior.information());
+    }
+
+    fn told(&self, placed: &Placed) -> Outcome {
+        let known = sum(&placed.fit.information, &placed.prior.information());
         let covariance = inverse(&known).unwrap_or(diagonal([1.0; 3]));
-        let mut outcome = self.outcome(fit.explained, covariance);
-        outcome.is_doubtful = is_doubtful;
+        let mut outcome = self.outcome(placed.fit.explained, covariance);
+        outcome.is_doubtful = placed.is_doubtful;
         outcome
     }
 
@@ -419,17 +444,6 @@ impl Mapper {
     /// The map, with cells of this edge, metres, or larger ones if those would be too many.
     pub fn sheet(&self, cell_m: f64) -> Sheet {
         Sheet::of(&self.keyframes, &self.graph.poses, cell_m)
-    }
-
-    /// Points of the walls, metres.
-    pub fn walls(&self) -> Vec<[f32; 2]> {
-        let all = self.keyframes.iter().zip(&self.graph.poses);
-        all.flat_map(|(keyframe, pose)| {
-            let frame = Frame::new(*pose);
-            let spots = keyframe.cloud.spots().iter();
-            spots.map(move |spot| frame.place(spot.at))
-        })
-        .collect()
     }
 
     /// A last look at everything.

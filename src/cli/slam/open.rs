@@ -1,0 +1,174 @@
+//! Finds out what a log is, and reads it.
+
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
+
+use super::ModeArg;
+use crate::capture::replay::Recorded;
+use crate::cli::{CliError, read, replay};
+use crate::robots;
+use crate::scenario::{Scenario, Source};
+use crate::slam::bag::unpack::{self, BYTES_MAX};
+use crate::slam::bag::{Contents, db3, folder};
+use crate::slam::finding::Kind;
+use crate::slam::{Log, carmen, wire};
+
+/// With this every pcapng file begins.
+const PCAPNG: &[u8] = &[0x0A, 0x0D, 0x0D, 0x0A];
+/// With this every MCAP file begins.
+const MCAP: &[u8] = b"\x89MCAP";
+
+/// Reads the log, whatever it is; and the mapper that is usual for its kind.
+pub(super) fn open(path: &Path, scenario: Option<&Path>) -> Result<(Log, ModeArg), CliError> {
+    if path.is_dir() {
+        let inside = path.join("capture.pcapng");
+        if inside.exists() {
+            return Ok((capture(&inside, scenario)?, ModeArg::Core));
+        }
+        let files = folder::files(path).map_err(|what| CliError::content(path, what))?;
+        return match &files[..] {
+            [one] => open(one, scenario),
+            several => Ok((bag(path, several, scenario)?, ModeArg::Graph)),
+        };
+    }
+    let bytes = read(path)?;
+    if bytes.starts_with(PCAPNG) {
+        return Ok((capture(path, scenario)?, ModeArg::Core));
+    }
+    let bytes = unpacked(&bytes, path).map_err(|what| CliError::content(path, what))?;
+    let mut contents = Contents::default();
+    if add(&mut contents, &bytes, path).map_err(|what| CliError::content(path, what))? {
+        return Ok((log_of(contents, path, scenario)?, ModeArg::Graph));
+    }
+    if let Some((_, error)) = FOREIGN.iter().find(|(magic, _)| bytes.starts_with(magic)) {
+        return Err(CliError::content(path, error));
+    }
+    let log = carmen::read(&bytes).map_err(|error| CliError::content(path, error))?;
+    Ok((log, ModeArg::Graph))
+}
+
+/// How files begin that hold logs and are not read, and what to do.
+const FOREIGN: [(&[u8], &str); 3] = [
+    (
+        b"#ROSBAG V",
+        "is a bag of ROS 1, expected one of ROS 2: convert it with `mcap convert IN.bag OUT.mcap`",
+    ),
+    (
+        b"BZh",
+        "is packed by bzip2, expected plain text, gzip, zstd or lz4: unpack it with bunzip2",
+    ),
+    (
+        b"\xFD7zXZ\0",
+        "is packed by xz, expected plain text, gzip, zstd or lz4: unpack it with unxz",
+    ),
+];
+
+/// The files of one recording; what of them cannot be read is left out and counted.
+fn bag(dir: &Path, files: &[PathBuf], scenario: Option<&Path>) -> Result<Log, CliError> {
+    let mut contents = Contents::default();
+    for file in files {
+        let read = std::fs::read(file).map_err(|error| format!("cannot be read: {error}"));
+        let added = read.and_then(|bytes| {
+            let bytes = unpacked(&bytes, file)?;
+            let is_known = add(&mut contents, &bytes, file)?;
+            let known = is_known.then_some(());
+            known.ok_or_else(|| "is no recording, expected MCAP or SQLite".to_owned())
+        });
+        if let Err(what) = added {
+            let place = format_args!("{}", file.display());
+            contents
+                .findings
+                .add(Kind::Part, place, format_args!("{what}"));
+        }
+    }
+    log_of(contents, dir, scenario)
+}
+
+/// Adds what a recording's file holds, if it is one.
+fn add(contents: &mut Contents, bytes: &[u8], path: &Path) -> Result<bool, String> {
+    if bytes.starts_with(MCAP) {
+        return mcap(contents, bytes).map(|()| true);
+    }
+    if !bytes.starts_with(db3::MAGIC) {
+        return Ok(false);
+    }
+    db3::read_into(contents, bytes).map_err(|error| error.to_string())?;
+    let mut beside = path.as_os_str().to_owned();
+    beside.push("-wal");
+    if std::fs::metadata(&beside).is_ok_and(|beside| beside.len() > 0) {
+        eprintln!(
+            "{}: what stands in {} is not read: fold it in with `sqlite3 {} 'PRAGMA \
+             wal_checkpoint(TRUNCATE)'`",
+            path.display(),
+            Path::new(&beside).display(),
+            path.display()
+        );
+    }
+    Ok(true)
+}
+
+#[cfg(not(feature = "mcap"))]
+fn mcap(_contents: &mut Contents, _bytes: &[u8]) -> Result<(), String> {
+    Err("is an MCAP file, which this build of hilrig does not read (feature mcap)".to_owned())
+}
+
+#[cfg(feature = "mcap")]
+fn mcap(contents: &mut Contents, bytes: &[u8]) -> Result<(), String> {
+    crate::slam::bag::mcap::read_into(contents, bytes);
+    Ok(())
+}
+
+/// Ours hold the bytes of the links, from which more is known than from its messages.
+fn log_of(mut contents: Contents, path: &Path, scenario: Option<&Path>) -> Result<Log, CliError> {
+    contents.sort();
+    let robot = match (scenario, &contents.scenario) {
+        (Some(scenario), _) => Some(Scenario::read(scenario)?),
+        (None, Some(text)) => Some(Scenario::parse(path, text.clone())?),
+        (None, None) => None,
+    };
+    if let Some((scenario, source)) = robot
+        && contents.has_bytes()
+    {
+        let mut log = wire::read(&contents.recorded, &senses(&scenario, &source)?)
+            .map_err(|error| CliError::content(path, error))?;
+        log.findings.extend(contents.findings);
+        return Ok(log);
+    }
+    contents
+        .log()
+        .map_err(|error| CliError::content(path, error))
+}
+
+fn capture(path: &Path, scenario: Option<&Path>) -> Result<Log, CliError> {
+    let capture = replay::read(path)?;
+    let (scenario, source) = replay::robot(&capture, path, scenario)?;
+    let recorded = Recorded::of(&capture, None);
+    wire::read(&recorded, &senses(&scenario, &source)?)
+        .map_err(|error| CliError::content(path, error))
+}
+
+/// What a mapper needs to know of the scenario's robot.
+fn senses(scenario: &Scenario, source: &Source) -> Result<robots::Senses, CliError> {
+    let senses = robots::of(scenario, source)?.senses(scenario, source)?;
+    senses.ok_or_else(|| {
+        let message = "is not known to the mapper, expected a robot whose lidar and wheels are";
+        let error = source.invalid(source.find("robot"), "robot", message);
+        error.into()
+    })
+}
+
+/// What a packed file holds, or the file itself; of a damaged one, what is before the damage.
+fn unpacked<'a>(bytes: &'a [u8], path: &Path) -> Result<Cow<'a, [u8]>, String> {
+    let Some(out) = unpack::any(bytes, BYTES_MAX) else {
+        return Ok(Cow::Borrowed(bytes));
+    };
+    let bytes = out.bytes;
+    if let Some(error) = out.error {
+        if bytes.is_empty() {
+            return Err(format!("cannot be unpacked: {error}"));
+        }
+        let (path, count) = (path.display(), bytes.len());
+        eprintln!("{path}: {error}; {count} bytes before that follow");
+    }
+    Ok(Cow::Owned(bytes))
+}
