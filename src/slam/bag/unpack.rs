@@ -144,7 +144,9 @@ mod tests {
     }
 
     fn lz4_of(bytes: &[u8]) -> Vec<u8> {
-        let mut encoder = lz4_flex::frame::FrameEncoder::new(Vec::new());
+        use lz4_flex::frame::{BlockSize, FrameEncoder, FrameInfo};
+        let blocks = FrameInfo::new().block_size(BlockSize::Max64KB);
+        let mut encoder = FrameEncoder::with_frame_info(blocks, Vec::new());
         encoder.write_all(bytes).expect("memory");
         encoder.finish().expect("memory")
     }

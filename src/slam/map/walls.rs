@@ -84,13 +84,19 @@ mod tests {
     /// A wall one cell thick between two rooms, and one at the map's edge.
     #[test]
     fn a_wall_is_seen_from_each_free_side() {
-        let rows = ["#....", "#....", "#.###", "#....", "#...."];
+        let rows = [
+            "#........",
+            "#........",
+            "#.#######",
+            "#........",
+            "#........",
+        ];
         let cell = |letter: char| match letter {
             '#' => CellState::Wall,
             _ => CellState::Free,
         };
         let cells = rows.iter().flat_map(|row| row.chars().map(cell));
-        let map = RosMap::new(5, 0.5, [1.0, 2.0], cells.collect());
+        let map = RosMap::new(9, 0.5, [1.0, 2.0], cells.collect());
         let walls = seen(&map);
         let of = |at: [f32; 2]| -> Vec<[i32; 2]> {
             let here = walls.iter().filter(|wall| wall.at == at);
@@ -99,6 +105,6 @@ mod tests {
                 .collect()
         };
         assert_eq!(of([1.25, 3.25]), [[10, 0]]);
-        assert_eq!(of([3.25, 3.25]), [[0, 10], [0, -10]]);
+        assert_eq!(of([3.75, 3.25]), [[0, 10], [0, -10]]);
     }
 }
