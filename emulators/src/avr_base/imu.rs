@@ -104,4 +104,16 @@ mod tests {
         let drift = gyro.sum_deg - rest;
         assert!((drift - 100.0 * gyro.offset_deg_s).abs() < 0.3, "{drift}");
     }
+
+    /// A radian is 57.296 degrees, half as much again 85.944; ten seconds of 2 degrees are 20 more.
+    #[test]
+    fn a_scale_multiplies_the_turn_and_an_offset_the_time() {
+        let mut gyro = Gyro::new(1);
+        (gyro.scale, gyro.offset_deg_s) = (1.5, 2.0);
+        gyro.sum(Instant::from_secs(5), 0.25);
+        let sum = gyro.sum(Instant::from_secs(15), 1.25);
+        assert!((sum - 105.944).abs() < 1.0, "{sum}");
+        gyro.restart();
+        assert_eq!(gyro.sum(Instant::from_secs(20), 3.0), 0.0);
+    }
 }

@@ -110,6 +110,16 @@ fn a_request_while_another_is_handled_is_discarded() {
     assert_eq!(bench.bytes.len(), 27 + 27 + 10);
 }
 
+/// The five seconds of a request begin with its first byte: another one does not prolong them.
+#[test]
+fn five_seconds_run_from_the_first_byte() {
+    let mut bench = plain();
+    bench.send(&[0xA5]).run_ms(4_900).send(&[0xF0]).run_ms(50);
+    assert!(bench.rules().is_empty());
+    bench.run_ms(100);
+    assert_eq!(bench.rules(), ["request-cut"]);
+}
+
 /// All bytes of a request come within 5 s, or it is discarded.
 #[test]
 fn half_a_request_is_forgotten_after_five_seconds() {

@@ -310,3 +310,18 @@ impl Chassis for Differential {
         Some(&self.config)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_differential_drive_tells_its_figures() {
+        let config = BodyConfig {
+            axle_m: 0.123,
+            ..BodyConfig::default()
+        };
+        let drive = Differential::new(config.clone(), 1).unwrap();
+        assert_eq!(drive.body(), Some(&config));
+    }
+}

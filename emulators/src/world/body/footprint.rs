@@ -275,4 +275,13 @@ mod tests {
         assert_eq!(polygon(&lost), Err(E::Reach { corner: 1 }));
         assert!(matches!(Footprint::circle(0.0), Err(E::Radius { .. })));
     }
+
+    /// 3 times 7 less 4 times 2; from b to a the other way round; nothing on the line.
+    #[test]
+    fn a_point_lies_left_or_right_of_a_way() {
+        let [a, b] = [Point::new(1.0, 2.0), Point::new(4.0, 6.0)];
+        let c = Point::new(3.0, 9.0);
+        assert_eq!([side_of(a, b, c), side_of(b, a, c)], [13.0, -13.0]);
+        assert_eq!(side_of(a, b, Point::new(7.0, 10.0)), 0.0);
+    }
 }

@@ -193,3 +193,13 @@ fn a_ray_along_the_wall_meets_it_up_to_a_nanometre() {
         [None; 2]
     );
 }
+
+/// Half a turn is told as pi, from either side; a turn and a half is half a turn.
+#[test]
+fn an_angle_is_wrapped_into_one_turn() {
+    assert_eq!([PI, -PI, 0.5, -0.5].map(wrap_angle), [PI, PI, 0.5, -0.5]);
+    let near = |angle: f64, expected: f64| (wrap_angle(angle) - expected).abs() < 1e-12;
+    assert!(near(3.5, 3.5 - TAU) && near(-3.5, TAU - 3.5));
+    assert!(near(TAU, 0.0) && near(7.0, 7.0 - TAU) && near(-13.0, 2.0 * TAU - 13.0));
+    assert!(near(3.0 * PI, PI) && near(-3.0 * PI, PI));
+}

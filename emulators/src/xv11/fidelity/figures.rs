@@ -177,3 +177,14 @@ fn count(count: u64) -> f64 {
     let count = count as f64;
     count
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_is_above_zero_is_a_figure() {
+        assert_eq!([-1.0, 0.0, 0.1].map(positive), [None, None, Some(0.1)]);
+        assert_eq!([part(0, 0), part(1, 4)], [None, Some(25.0)]);
+    }
+}

@@ -133,3 +133,12 @@ fn nothing_gives_no_figures() {
             .all(|row| row.value.is_none_or(|value| value == 0.0))
     );
 }
+
+/// Five bytes of noise before two turns of 1446 bytes.
+#[test]
+fn what_belongs_to_no_turn_is_outside() {
+    let turn = turn::Frame::new(0xD194, &[RawReading([0xE8, 3, 200, 0]); 360]);
+    let bytes = [&[1, 2, 3, 4, 5][..], turn.as_bytes(), turn.as_bytes()].concat();
+    let statistics = Statistics::of(&bytes);
+    assert_eq!((statistics.turns, statistics.outside), (2, 5));
+}
