@@ -7,7 +7,8 @@ use crate::slam::mapping::WallPoint;
 
 /// Reads the walls of a folder that `hilrig slam` left, of a PCD file, or of a ROS map's yaml file.
 /// Of a folder the cloud is taken: its points are where beams ended, to a millimetre, and know the
-/// side from which they were seen; cells of a picture are 50 mm wide.
+/// side from which they were seen. On cells of 50 mm four public logs are found 18 to 29 mm off in
+/// the median instead of 4 to 11, and one of them is lost.
 ///
 /// # Errors
 /// If the file cannot be read, or has no walls.

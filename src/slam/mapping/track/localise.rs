@@ -45,8 +45,8 @@ pub struct Localiser {
 
 /// Standard deviations of the beginning, as somebody named it: metres, radians.
 const START: [f64; 2] = [0.5, 0.15];
-/// The wheels count less than where a map is made: that is bent where they held it, and a robot that
-/// hears them too much is pulled off it (Freiburg's log on its own map is lost with 1 and 2).
+/// The wheels count less than where a map is made: that is a little bent, and a robot that hears
+/// them too much is pulled off it. Freiburg's log is lost on its own map with 1 and 2.
 const SLACK: f64 = 4.0;
 /// Most of a pose that the wheels alone carried on.
 const LOST: [f64; 2] = [1.0, 0.35];
