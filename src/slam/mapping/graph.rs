@@ -9,7 +9,7 @@ use emulators::world::{Pose, wrap_angle};
 use crate::slam::mapping::matrix::{
     Matrix, applied, diagonal, product, scaled, transposed, weighed,
 };
-use crate::slam::mapping::motion::{between, distance};
+use crate::slam::mapping::motion::between;
 use crate::slam::mapping::sparse::{Plan, System};
 
 /// How an edge is known.
@@ -286,6 +286,8 @@ fn weight(edge: &Edge, off: [f64; 3]) -> f64 {
 mod tests {
     use super::*;
     use core::f64::consts::FRAC_PI_2;
+
+    use crate::slam::mapping::motion::distance;
 
     fn edge(from: usize, to: usize, way: Pose, kind: Kind) -> Edge {
         Edge {
