@@ -362,9 +362,9 @@ mod tests {
         assert!(graph.poses[10].x > 9.0, "{:?}", graph.poses[10]);
     }
 
-    /// Ten poses a metre apart, and a word that the last two are 0.8 m apart: of three that may move
-    /// the last bears it, and those before stay where they are, to the bit; with all of them it
-    /// says the same.
+    /// Ten poses a metre apart, and a word that the last two are 0.8 m apart: of three that may
+    /// move the last bears it, and those before stay where they are, to the bit; with all of them
+    /// it says the same.
     #[test]
     fn what_is_near_moves_and_the_rest_stays() {
         let mut graph = Graph::default();

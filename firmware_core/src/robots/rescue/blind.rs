@@ -166,7 +166,7 @@ mod tests {
     const AT_REST: [i8; 2] = [0, 0];
     const FRONT: usize = 4;
 
-    /// At stake: a robot whose base was reset stands in a ring of walls that it looks through never.
+    /// At stake: a robot whose base was reset stands in a ring of walls that nobody sees.
     #[test]
     fn what_was_not_measured_is_no_wall() {
         let mut blind = Blind::new();
