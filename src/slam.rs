@@ -11,6 +11,7 @@ pub mod bag;
 pub mod carmen;
 pub mod finding;
 pub(crate) mod folder;
+pub mod look;
 pub mod map;
 pub mod mapping;
 mod messages;

@@ -1,4 +1,5 @@
 mod open;
+mod page;
 
 use core::time::Duration;
 use std::path::{Path, PathBuf};
@@ -14,12 +15,14 @@ use super::{CliError, Verdict, out};
 use crate::realtime::clock::{Clock as _, WallClock};
 use crate::slam::Log;
 use crate::slam::folder::{self, News};
+use crate::slam::look::{Jump, Look};
 use crate::slam::map::walls;
 use crate::slam::mapping::WallPoint;
-use crate::slam::survey::{CELL_MM, Jump, Survey, settings, survey};
+use crate::slam::survey::{CELL_MM, Survey, settings, survey};
 use crate::slam::tour::{Wish, locate, tour};
 use crate::slam::tuning::Tuning;
 use open::open;
+use page::{Page, PageArgs};
 
 /// Run the mapper over a log of scans and odometry: map, trajectory and timing.
 ///
@@ -36,7 +39,8 @@ use open::open;
     hilrig slam today.mcap --map hilrig-out/slam-intel --start 2.5,-1,90\n  \
     hilrig slam hilrig-out/rescue-flat-1 --cell-mm 10     # the capture of a run\n  \
     hilrig slam field.pcapng --scenario scenarios/rescue-flat.toml\n  \
-    hilrig slam rosbag2_2026_11_23     # the folder, or one .mcap or .db3 file\n\n\
+    hilrig slam rosbag2_2026_11_23     # the folder, or one .mcap or .db3 file\n  \
+    hilrig slam intel.log --ui=8080    # watched on a page while it is mapped\n\n\
     Leaves map.png, map.pgm + map.yaml (ROS), trajectory.tum and timing.json in the folder; mode\n\
     graph also scans.csv (how sure each pose is), graph.g2o and walls.pcd. With --map the map is\n\
     not changed: trajectory.tum, scans.csv, timing.json, and map.png with walls and way.")]
@@ -84,6 +88,8 @@ pub(super) struct SlamArgs {
     /// Seed of the seed mode's random numbers: one run of it is one draw
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
+    #[command(flatten)]
+    page: PageArgs,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
@@ -163,7 +169,8 @@ pub(super) fn run(args: SlamArgs) -> Result<Verdict, CliError> {
         every: usize::from(args.every),
     };
     tuning.apply(&mut log);
-    let result = mapped(&log, mode, &args, known.as_deref());
+    let mut page = args.page.start(&args.log, log.shots.len())?;
+    let result = mapped(&log, mode, &args, known.as_deref(), &mut page);
     let stem = args.log.file_name().unwrap_or_default().to_string_lossy();
     let stem = stem.split('.').next().unwrap_or_default().to_owned();
     let (news, name) = match &known {
@@ -194,15 +201,24 @@ pub(super) fn run(args: SlamArgs) -> Result<Verdict, CliError> {
         scan_median_us: timing.scan_median_us,
         scan_longest_us: timing.scan_longest_us,
     });
+    page.stay(&result);
     Ok(Verdict::Pass)
 }
 
 /// Runs the mapper that was asked for, and says how far it is if that takes long.
-fn mapped(log: &Log, mode: ModeArg, args: &SlamArgs, known: Option<&[WallPoint]>) -> Survey {
+fn mapped(
+    log: &Log,
+    mode: ModeArg,
+    args: &SlamArgs,
+    known: Option<&[WallPoint]>,
+    page: &mut Page,
+) -> Survey {
     let clock = WallClock::start();
     let mut told_at = clock.now();
     let of = log.shots.len();
-    let mut tell = |done: usize| {
+    let mut tell = |look: &Look<'_>| {
+        page.look(look);
+        let done = look.done;
         let now = clock.now();
         if now - told_at >= PATIENCE && progress::is_watched() {
             let left = progress::left(now - Instant::ZERO, done as f64 / of as f64);

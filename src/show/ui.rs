@@ -21,6 +21,7 @@ mod figures;
 mod guard;
 mod hub;
 mod map_layers;
+mod mapper_desk;
 mod pace;
 mod remote;
 mod server;
@@ -33,6 +34,7 @@ mod wire_log;
 
 pub(crate) use desk::Desk;
 pub(crate) use hub::Hub;
+pub(crate) use mapper_desk::{Known, MapperDesk};
 pub(crate) use pace::SPEED_MAX;
 pub(crate) use remote::Remote;
 pub(crate) use server::Server;

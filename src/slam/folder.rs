@@ -9,8 +9,9 @@ use emulators::world::Pose;
 use serde::Serialize;
 
 use super::Log;
+use super::look::Jump;
 use super::map::pcd;
-use super::survey::{Jump, Survey};
+use super::survey::Survey;
 use crate::picture::Picture;
 use crate::show::folder::{Folder, FolderError};
 

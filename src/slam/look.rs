@@ -1,10 +1,11 @@
 //! A log while it is mapped, for whoever looks on.
 
 use emulators::world::Pose;
+use firmware_core::pose::{Pose as RobotPose, normalised};
+use serde::Serialize;
 
 use super::Shot;
 use super::mapping::Sheet;
-use super::survey::{Jump, Sureness};
 
 /// What is known after a scan.
 #[derive(Clone, Copy)]
@@ -39,5 +40,62 @@ pub trait SoFar {
     /// Places seen again: where the robot was both times.
     fn loops(&self) -> Vec<[Pose; 2]> {
         Vec::new()
+    }
+}
+
+/// A scan that the mapper put far from where the wheels had: half a metre, or a quarter of a right
+/// angle. Either the wheels slipped, or the mapper is wrong from there on.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Jump {
+    /// Time of the scan, seconds.
+    pub at_s: f64,
+    /// How far, metres.
+    pub far_m: f64,
+    /// How far turned, degrees.
+    pub turned_deg: f64,
+}
+
+/// Less than this is no jump.
+const JUMP_MM: f32 = 500.0;
+const JUMP_RAD: f32 = core::f32::consts::FRAC_PI_8;
+
+impl Jump {
+    /// From where the wheels put the scan of `at_s` to where the mapper did.
+    pub(super) fn between(at_s: f64, wheels: RobotPose, mapper: RobotPose) -> Option<Self> {
+        let far_mm = wheels.position().distance_mm(mapper.position());
+        let turned_rad = normalised(mapper.heading - wheels.heading);
+        (far_mm >= JUMP_MM || turned_rad.abs() >= JUMP_RAD).then(|| Self {
+            at_s,
+            far_m: f64::from(far_mm) / 1000.0,
+            turned_deg: f64::from(turned_rad).to_degrees(),
+        })
+    }
+}
+
+/// How sure the pose of a scan is.
+#[derive(Clone, Copy, Debug)]
+pub struct Sureness {
+    /// Part of the scan that lies on walls known before, 0 to 1.
+    pub quality: f64,
+    /// Standard deviations against those walls: metres along x and y, radians.
+    pub deviation: [f64; 3],
+    /// Whether the wheels were believed instead.
+    pub is_doubtful: bool,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn half_a_metre_or_an_eighth_of_half_a_turn_is_a_jump() {
+        let wheels = RobotPose::new(1000.0, 1000.0, 3.0);
+        let to = |x, heading| Jump::between(7.0, wheels, RobotPose::new(x, 1000.0, heading));
+        assert!(to(1499.0, 3.0).is_none() && to(1000.0, 3.39).is_none());
+        let far = to(1500.0, 3.0).expect("a jump");
+        assert!((far.at_s - 7.0).abs() < 1e-9 && (far.far_m - 0.5).abs() < 1e-6);
+        // 0.4 rad, across half a turn: 22.9 degrees.
+        let turned = to(1000.0, -2.883_185).expect("a jump");
+        assert!((turned.turned_deg - 22.918).abs() < 0.01, "{turned:?}");
     }
 }

@@ -5,12 +5,12 @@ use core::time::Duration;
 use crate::slam::mapping::{Graph, Kind, Sheet, WallPoint};
 use emulators::world::Pose as Place;
 use firmware_core::grid::{Grid, UNKNOWN};
-use firmware_core::pose::{Pose, normalised};
+use firmware_core::pose::Pose;
 use firmware_core::scan::Scan;
 use firmware_core::slam::{Certainty, Mapper, Mode, Pushes, Settings};
 use protocols::Instant;
-use serde::Serialize;
 
+use super::look::{Jump, Look, SoFar, Sureness};
 use super::motion::change;
 use super::{Log, Shot};
 use crate::realtime::clock::{Clock, thread_cpu_time};
@@ -57,47 +57,8 @@ pub fn settings(mode: Mode, cell_mm: f32) -> Settings {
     }
 }
 
-/// A scan that the mapper put far from where the wheels had: half a metre, or a quarter of a right
-/// angle. Either the wheels slipped, or the mapper is wrong from there on.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct Jump {
-    /// Time of the scan, seconds.
-    pub at_s: f64,
-    /// How far, metres.
-    pub far_m: f64,
-    /// How far turned, degrees.
-    pub turned_deg: f64,
-}
-
 /// A scan of which less lies on walls known before is a poor one.
 const POOR: f64 = 0.5;
-/// Less than this is no jump.
-const JUMP_MM: f32 = 500.0;
-const JUMP_RAD: f32 = core::f32::consts::FRAC_PI_8;
-
-impl Jump {
-    /// From where the wheels put the scan of `at_s` to where the mapper did.
-    pub(super) fn between(at_s: f64, wheels: Pose, mapper: Pose) -> Option<Self> {
-        let far_mm = wheels.position().distance_mm(mapper.position());
-        let turned_rad = normalised(mapper.heading - wheels.heading);
-        (far_mm >= JUMP_MM || turned_rad.abs() >= JUMP_RAD).then(|| Self {
-            at_s,
-            far_m: f64::from(far_mm) / 1000.0,
-            turned_deg: f64::from(turned_rad).to_degrees(),
-        })
-    }
-}
-
-/// How sure the pose of a scan is.
-#[derive(Clone, Copy, Debug)]
-pub struct Sureness {
-    /// Part of the scan that lies on walls known before, 0 to 1.
-    pub quality: f64,
-    /// Standard deviations against those walls: metres along x and y, radians.
-    pub deviation: [f64; 3],
-    /// Whether the wheels were believed instead.
-    pub is_doubtful: bool,
-}
 
 /// What came of a log.
 #[derive(Debug)]
@@ -128,16 +89,16 @@ pub struct Survey {
     pub cpu: Option<Duration>,
 }
 
-/// Maps `log`. `progress` is told the number of scans done, now and then.
+/// Maps `log`; `look` is shown what is known after each scan.
 pub fn survey(
     log: &Log,
     settings: Settings,
     clock: &(dyn Clock + Sync),
-    progress: &mut (dyn FnMut(usize) + Send),
+    look: &mut (dyn FnMut(&Look<'_>) + Send),
 ) -> Survey {
     std::thread::scope(|scope| {
         let thread = std::thread::Builder::new().stack_size(STACK);
-        let work = move || run(log, settings, clock, progress);
+        let work = move || run(log, settings, clock, look);
         let worker = thread
             .spawn_scoped(scope, work)
             .expect("a host has room for a thread");
@@ -151,7 +112,7 @@ fn run(
     log: &Log,
     settings: Settings,
     clock: &dyn Clock,
-    progress: &mut dyn FnMut(usize),
+    look: &mut dyn FnMut(&Look<'_>),
 ) -> Survey {
     #[expect(clippy::cast_possible_truncation, reason = "an angle")]
     let heading = log.start.theta as f32;
@@ -162,20 +123,52 @@ fn run(
     let mut mapper: Box<LogMapper> = Box::new(Mapper::new(settings));
     let middle = [log.start.x, log.start.y];
     let mut survey = Survey::empty(log.shots.len());
-    let before = thread_cpu_time();
+    let mut cpu = Some(Duration::ZERO);
     for (done, shot) in log.shots.iter().enumerate() {
-        if done % 64 == 0 {
-            progress(done);
-        }
-        let began = clock.now();
+        let (began, before, jumps) = (clock.now(), thread_cpu_time(), survey.jumps.len());
         let certainty = survey.take(&mut mapper, shot, done == 0, middle);
         survey.took.push(clock.now() - began);
+        cpu = cpu.and_then(|cpu| Some(cpu + cpu_since(before)?));
+        look(&Look {
+            done: done + 1,
+            shot,
+            pose: survey.way[done].1,
+            sureness: None,
+            jump: survey.jumps.get(jumps).copied(),
+            so_far: &OnGrid {
+                way: &survey.way,
+                grid: mapper.grid(),
+                middle,
+            },
+        });
         survey.doubtful += usize::from(certainty == Certainty::Doubtful);
         survey.ambiguous += usize::from(certainty == Certainty::Ambiguous);
     }
-    survey.cpu = before.and_then(|before| thread_cpu_time()?.checked_sub(before));
+    survey.cpu = cpu;
     survey.map = sheet(mapper.grid(), middle);
     survey
+}
+
+/// Processor time of this thread since `before`, where the system tells.
+pub(super) fn cpu_since(before: Option<Duration>) -> Option<Duration> {
+    before.and_then(|before| thread_cpu_time()?.checked_sub(before))
+}
+
+/// What the robot's own mapper has made of the scans so far.
+struct OnGrid<'a> {
+    way: &'a [(f64, Place)],
+    grid: &'a LogGrid,
+    middle: [f64; 2],
+}
+
+impl SoFar for OnGrid<'_> {
+    fn way(&self) -> Vec<Place> {
+        self.way.iter().map(|(_, place)| *place).collect()
+    }
+
+    fn map(&self, _cell_m: f64) -> Sheet {
+        sheet(self.grid, self.middle)
+    }
 }
 
 impl Survey {
@@ -243,6 +236,11 @@ impl Survey {
         edges.filter(|edge| edge.kind == Kind::Loop).count()
     }
 
+    /// Places seen again: where the robot was both times.
+    pub fn loops(&self) -> Vec<[Place; 2]> {
+        self.graph.loops()
+    }
+
     /// Scans of which less than half lies on walls known before.
     pub fn poor(&self) -> usize {
         let scans = self.sureness.iter();
@@ -298,21 +296,4 @@ fn drawn(grid: &LogGrid) -> Option<[usize; 4]> {
         ];
     }
     (bounds[0] <= bounds[1]).then_some(bounds)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn half_a_metre_or_an_eighth_of_half_a_turn_is_a_jump() {
-        let wheels = Pose::new(1000.0, 1000.0, 3.0);
-        let to = |x, heading| Jump::between(7.0, wheels, Pose::new(x, 1000.0, heading));
-        assert!(to(1499.0, 3.0).is_none() && to(1000.0, 3.39).is_none());
-        let far = to(1500.0, 3.0).expect("a jump");
-        assert!((far.at_s - 7.0).abs() < 1e-9 && (far.far_m - 0.5).abs() < 1e-6);
-        // 0.4 rad, across half a turn: 22.9 degrees.
-        let turned = to(1000.0, -2.883_185).expect("a jump");
-        assert!((turned.turned_deg - 22.918).abs() < 0.01, "{turned:?}");
-    }
 }

@@ -1,12 +1,15 @@
 //! Runs a log through the mapper that closes loops, or finds its way on a map that there is.
 
+use core::time::Duration;
+
 use crate::slam::mapping::{Localiser, Mapper, Outcome, Settings, Sheet, Shot, UNKNOWN, WallPoint};
 use emulators::world::Pose as Place;
 use firmware_core::pose::{Point, Pose};
 
 use super::Log;
+use super::look::{Jump, Look, SoFar, Sureness};
 use super::motion::moved;
-use super::survey::{Jump, Sureness, Survey};
+use super::survey::{Survey, cpu_since};
 use crate::realtime::clock::{Clock, thread_cpu_time};
 
 /// What is told to the mapper.
@@ -30,18 +33,19 @@ impl Default for Wish {
     }
 }
 
-/// Maps `log`. `progress` is told the number of scans done, now and then.
-pub fn tour(log: &Log, wish: &Wish, clock: &dyn Clock, progress: &mut dyn FnMut(usize)) -> Survey {
+/// Maps `log`; `look` is shown what is known after each scan.
+pub fn tour(log: &Log, wish: &Wish, clock: &dyn Clock, look: &mut dyn FnMut(&Look<'_>)) -> Survey {
     let mut mapper = Mapper::new(Settings {
         closes_loops: wish.closes_loops,
         start: log.start,
         noise: wish.noise,
     });
+    let mut survey = each_scan(log, clock, look, &mut mapper);
     let before = thread_cpu_time();
-    let mut survey = each_scan(log, clock, progress, &mut |shot| mapper.take(shot));
     mapper.finish();
     survey.map = mapper.sheet(wish.cell_m);
-    survey.cpu = before.and_then(|before| thread_cpu_time()?.checked_sub(before));
+    let last = cpu_since(before);
+    survey.cpu = survey.cpu.and_then(|cpu| Some(cpu + last?));
     let times = log.shots.iter().map(|shot| shot.at_s);
     survey.way = times.zip(mapper.way()).collect();
     survey.ambiguous = mapper.ambiguous();
@@ -57,44 +61,94 @@ pub fn locate(
     walls: &[WallPoint],
     wish: &Wish,
     clock: &dyn Clock,
-    progress: &mut dyn FnMut(usize),
+    look: &mut dyn FnMut(&Look<'_>),
 ) -> Survey {
     let settings = Settings {
         start: log.start,
         noise: wish.noise,
         ..Settings::default()
     };
-    let mut localiser = Localiser::new(settings, walls);
-    let before = thread_cpu_time();
-    let mut survey = each_scan(log, clock, progress, &mut |shot| localiser.take(shot));
-    survey.cpu = before.and_then(|before| thread_cpu_time()?.checked_sub(before));
+    let mut found = OnMap {
+        localiser: Localiser::new(settings, walls),
+        walls,
+    };
+    let mut survey = each_scan(log, clock, look, &mut found);
     let times = log.shots.iter().map(|shot| shot.at_s);
-    survey.way = times.zip(localiser.way().iter().copied()).collect();
+    survey.way = times.zip(found.way()).collect();
     survey.map = drawn(walls, wish.cell_m);
     survey
+}
+
+/// Somebody who says where scans were taken.
+trait Finder: SoFar {
+    fn find(&mut self, shot: &Shot<'_>) -> Outcome;
+}
+
+impl Finder for Mapper {
+    fn find(&mut self, shot: &Shot<'_>) -> Outcome {
+        self.take(shot)
+    }
+}
+
+impl SoFar for Mapper {
+    fn way(&self) -> Vec<Place> {
+        self.way()
+    }
+
+    fn map(&self, cell_m: f64) -> Sheet {
+        self.sheet(cell_m)
+    }
+
+    fn keyframes(&self) -> usize {
+        self.graph().poses.len()
+    }
+
+    fn loops(&self) -> Vec<[Place; 2]> {
+        self.graph().loops()
+    }
+}
+
+/// Somebody on a map that there is.
+struct OnMap<'a> {
+    localiser: Localiser,
+    walls: &'a [WallPoint],
+}
+
+impl Finder for OnMap<'_> {
+    fn find(&mut self, shot: &Shot<'_>) -> Outcome {
+        self.localiser.take(shot)
+    }
+}
+
+impl SoFar for OnMap<'_> {
+    fn way(&self) -> Vec<Place> {
+        self.localiser.way().to_vec()
+    }
+
+    fn map(&self, cell_m: f64) -> Sheet {
+        drawn(self.walls, cell_m)
+    }
 }
 
 /// What becomes of each scan.
 fn each_scan(
     log: &Log,
     clock: &dyn Clock,
-    progress: &mut dyn FnMut(usize),
-    take: &mut dyn FnMut(&Shot<'_>) -> Outcome,
+    look: &mut dyn FnMut(&Look<'_>),
+    finder: &mut dyn Finder,
 ) -> Survey {
     let mut survey = Survey::empty(log.shots.len());
-    let mut here = log.start;
+    let (mut here, mut cpu) = (log.start, Some(Duration::ZERO));
     for (done, shot) in log.shots.iter().enumerate() {
-        if done % 64 == 0 {
-            progress(done);
-        }
-        let began = clock.now();
+        let (began, before) = (clock.now(), thread_cpu_time());
         let ends: Vec<[f32; 2]> = shot.points.iter().map(metres).collect();
-        let outcome = take(&Shot {
+        let outcome = finder.find(&Shot {
             moved: shot.moved,
             is_measured: shot.is_measured,
             ends: &ends,
         });
         survey.took.push(clock.now() - began);
+        cpu = cpu.and_then(|cpu| Some(cpu + cpu_since(before)?));
         // The way begins with the first scan, whatever the wheels did before.
         let wheels = if done == 0 {
             here
@@ -102,10 +156,20 @@ fn each_scan(
             moved(here, shot.moved)
         };
         let jump = Jump::between(shot.at_s, millimetres(wheels), millimetres(outcome.pose));
-        survey.jumps.extend(jump.filter(|_| shot.is_measured));
+        let jump = jump.filter(|_| shot.is_measured);
+        survey.jumps.extend(jump);
         survey.sureness.push(sureness(&outcome));
         here = outcome.pose;
+        look(&Look {
+            done: done + 1,
+            shot,
+            pose: here,
+            sureness: survey.sureness.last().copied(),
+            jump,
+            so_far: &*finder,
+        });
     }
+    survey.cpu = cpu;
     let sure = survey.sureness.iter();
     survey.doubtful = sure.filter(|sure| sure.is_doubtful).count();
     survey

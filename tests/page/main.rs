@@ -8,6 +8,7 @@ mod clock;
 mod display;
 mod hostile;
 mod live;
+mod log;
 mod overlays;
 mod past;
 mod remote;

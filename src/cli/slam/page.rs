@@ -6,6 +6,7 @@ use clap::Args;
 
 use crate::cli::CliError;
 use crate::slam::look::Look;
+use crate::slam::survey::Survey;
 #[cfg(feature = "ui")]
 use {
     crate::cli::stop::Stop,
@@ -50,6 +51,7 @@ impl PageArgs {
             clock,
             scans,
             tally: Tally::default(),
+            last: None,
         }))))
     }
 
@@ -69,7 +71,7 @@ impl Page {
     pub(super) fn look(&mut self, _look: &Look<'_>) {}
 
     /// There is no page.
-    pub(super) fn stay(&mut self) {}
+    pub(super) fn stay(&mut self, _survey: &Survey) {}
 }
 
 #[cfg(feature = "ui")]
@@ -80,6 +82,7 @@ struct Open {
     clock: WallClock,
     scans: usize,
     tally: Tally,
+    last: Option<Known>,
 }
 
 /// What was counted.
@@ -102,11 +105,12 @@ impl Page {
         }
     }
 
-    /// The log is over: the page stays until somebody ends it.
-    pub(super) fn stay(&mut self) {
+    /// The log is over: the page shows what came of it until somebody ends it.
+    pub(super) fn stay(&mut self, survey: &Survey) {
         let Some(open) = &mut self.0 else {
             return;
         };
+        open.show_last(survey);
         if open.stop.signal().is_none() {
             println!("the page stays until Ctrl-C");
         }
@@ -136,6 +140,7 @@ impl Open {
         if is_watched || look.done == self.scans {
             let known = self.known(look);
             self.desk.show(&known, began, &self.clock);
+            self.last = Some(known);
         }
     }
 
@@ -152,6 +157,23 @@ impl Open {
             let words = "too little of the scan lies on walls: the wheels are believed";
             self.desk.tell("doubtful", words.to_owned());
         }
+    }
+
+    /// All scans have been heard: the poses may have moved a last time.
+    fn show_last(&mut self, survey: &Survey) {
+        let Some(mut known) = self.last.take() else {
+            return;
+        };
+        let way: Vec<Pose> = survey.way.iter().map(|(_, pose)| *pose).collect();
+        known.overlays = overlays(&way, &survey.loops());
+        let map = &survey.map;
+        if map.width.max(map.height) <= CELLS_MAX {
+            known.size = [map.width, map.height];
+            known.cell_m = map.cell_m;
+            known.corner_m = map.corner;
+            known.cells.clone_from(&map.cells);
+        }
+        self.desk.show(&known, self.clock.now(), &self.clock);
     }
 
     fn known(&mut self, look: &Look<'_>) -> Known {
@@ -209,7 +231,11 @@ impl Open {
             Panel {
                 name: "newest scan".to_owned(),
                 rows: vec![
-                    row("on known walls", format!("{:.0}", sure.quality * 100.0), "%"),
+                    row(
+                        "on known walls",
+                        format!("{:.0}", sure.quality * 100.0),
+                        "%",
+                    ),
                     row("deviation along x", mm(x), "mm"),
                     row("deviation along y", mm(y), "mm"),
                     row("deviation of heading", degrees, "deg"),
@@ -220,6 +246,9 @@ impl Open {
     }
 }
 
+/// Most columns and rows of a map that a page draws once.
+#[cfg(feature = "ui")]
+const CELLS_MAX: usize = 6000;
 /// Cells of a map that a page can draw many times a second, along its longer edge.
 #[cfg(feature = "ui")]
 const CELLS_ACROSS: f64 = 800.0;

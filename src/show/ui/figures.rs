@@ -98,8 +98,13 @@ pub(super) fn all(run: &Run) -> Vec<Figure> {
     }
     let instruments = run.instruments();
     all.extend(instruments.axes(&run.rig).iter().flat_map(of_axis));
-    all.extend(instruments.panels(&run.rig).iter().flat_map(of_panel));
+    all.extend(of_panels(&instruments.panels(&run.rig)));
     all
+}
+
+/// What panels say in numbers.
+pub(super) fn of_panels(panels: &[Panel]) -> Vec<Figure> {
+    panels.iter().flat_map(of_panel).collect()
 }
 
 fn of_axis(axis: &Axis) -> impl Iterator<Item = Figure> + use<> {

@@ -167,6 +167,7 @@ impl MapperDesk {
     pub(crate) fn end(&mut self) {
         self.is_over = true;
         self.pace.pause();
+        self.hub.show(self.snapshot());
     }
 
     /// One turn of a page that stays when all is done.

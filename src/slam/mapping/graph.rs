@@ -68,6 +68,14 @@ impl Graph {
         self.edges.push(edge);
     }
 
+    /// Poses that a loop says stand near each other.
+    pub fn loops(&self) -> Vec<[Pose; 2]> {
+        let loops = self.edges.iter().filter(|edge| edge.kind == Kind::Loop);
+        loops
+            .map(|edge| [edge.from, edge.to].map(|pose| self.poses[pose]))
+            .collect()
+    }
+
     /// Moves all poses to where they agree best, at most `steps` times.
     pub fn optimise(&mut self, steps: u32) {
         let all: Vec<usize> = (0..self.poses.len()).collect();

@@ -97,7 +97,7 @@ document.addEventListener("keydown", (event) => {
   // A button that has the focus is pressed by space itself.
   if (event.key === " " && event.target.matches("button, summary, input, [role=tab]")) return;
   const tab = TABS[Number(event.key) - 1];
-  if (tab && !$(`tab-${tab}`).matches(".pc .rig-only")) {
+  if (tab && $(`tab-${tab}`).offsetParent !== null) {
     event.preventDefault();
     showTab(tab);
   } else if (Object.hasOwn(shortcuts, event.key)) {

@@ -82,11 +82,11 @@ function begin(stage) {
   document.title = `${stage.name} - hilrig`;
   $("name").textContent = stage.seed === null ? stage.name : `${stage.name} seed ${stage.seed}`;
   $("about").textContent = stage.description;
-  document.body.classList.toggle("pc", stage.kind === "pc");
+  for (const kind of ["pc", "log"]) document.body.classList.toggle(kind, stage.kind === kind);
   document.body.classList.toggle("no-pc", !stage.pc);
   document.body.classList.toggle("no-pace", !stage.pace);
   if (stage.seed !== null) $("seed").value = stage.seed;
-  if (stage.kind === "pc") $("map").value = "pc";
+  if (stage.kind !== "rig") $("map").value = stage.kind === "pc" ? "pc" : "mapper";
   for (const part of [beginStage, beginRobot, beginFaults, beginFrames, beginLine]) part(stage);
   goLive();
   showLink();
