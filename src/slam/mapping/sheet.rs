@@ -227,6 +227,7 @@ mod tests {
         let keyframe = Keyframe {
             cloud,
             path_m: 0.0,
+            quality: 1.0,
             scan: 0,
         };
         let sheet = Sheet::of(&[keyframe], &[Pose::default()], 0.05);

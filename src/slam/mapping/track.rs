@@ -158,7 +158,7 @@ impl Mapper {
     pub fn take(&mut self, shot: &Shot<'_>) -> Outcome {
         let cloud = Cloud::new(shot.ends);
         if self.keyframes.is_empty() {
-            self.keep(cloud, None);
+            self.keep(cloud, 1.0, None);
             return self.outcome(1.0, diagonal([1e-6; 3]));
         }
         let wide = self.predicted(shot);
@@ -174,7 +174,11 @@ impl Mapper {
         } else if let Some(old) = self.known_from(&fit) {
             self.lean_on(old, &fit);
         } else {
-            self.keep(cloud, Some(fit).filter(|_| !placed.is_doubtful));
+            self.keep(
+                cloud,
+                fit.explained,
+                Some(fit).filter(|_| !placed.is_doubtful),
+            );
         }
         self.told(&placed)
     }
@@ -189,7 +193,8 @@ impl Mapper {
             fit = align(&self.walls, &spots, fit.pose, &firm);
             prior = firm;
         }
-        let is_doubtful = fit.explained < DOUBTFUL;
+        let has_slipped = wide.off(fit.pose) > SLIPPED;
+        let is_doubtful = fit.explained < if has_slipped { POOR } else { DOUBTFUL };
         let pose = if is_doubtful { prior.pose } else { fit.pose };
         if !is_doubtful && fit.explained > POOR {
             self.learn(&wide, pose, way_m);
@@ -348,11 +353,12 @@ impl Mapper {
     }
 
     /// Keeps a scan, taken where the robot is now; `fit` is what the walls said.
-    fn keep(&mut self, cloud: Cloud, fit: Option<Fit>) {
+    fn keep(&mut self, cloud: Cloud, quality: f64, fit: Option<Fit>) {
         let number = self.graph.add_pose(self.pose);
         self.keyframes.push(Keyframe {
             cloud,
             path_m: self.path_m,
+            quality,
             scan: self.scans.len(),
         });
         self.scans.push((number, Pose::default()));
@@ -610,6 +616,39 @@ mod tests {
             "{outcome:?}"
         );
         assert!(distance(outcome.pose, moved(at, moved_by)) < 0.05);
+    }
+
+    /// Where the mapper is, from where the robot is, if the wheels missed a turn of 0.5 rad and so
+    /// many of three beams see the hall, the others something that nobody saw before.
+    fn seen_in_part(of_three: usize) -> (f64, Outcome) {
+        let (mut mapper, at) = at_home();
+        let to = moved(at, Pose::new(0.1, 0.0, 0.5));
+        let mut ends = seen(to);
+        for (beam, end) in ends.iter_mut().enumerate() {
+            if beam % 3 >= of_three {
+                let part = 0.3 + 0.05 * (beam % 5) as f32;
+                *end = end.map(|metres| metres * part);
+            }
+        }
+        let outcome = mapper.take(&Shot {
+            moved: Pose::new(0.1, 0.0, 0.0),
+            is_measured: true,
+            ends: &ends,
+        });
+        (wrap_angle(outcome.pose.theta - to.theta).abs(), outcome)
+    }
+
+    /// At stake: one scan that fits little, and that far from where the wheels have it, is laid
+    /// askew, and what sees the place again is tied to it.
+    #[test]
+    fn who_contradicts_the_wheels_must_lie_on_walls() {
+        let (off, outcome) = seen_in_part(2);
+        assert!(off < 0.02 && !outcome.is_doubtful, "{outcome:?}");
+        let (off, outcome) = seen_in_part(1);
+        assert!(
+            outcome.is_doubtful && (off - 0.5).abs() < 0.05,
+            "{outcome:?}"
+        );
     }
 
     /// Wheels that say a degree too little each metre: after 20 m half of it is known.

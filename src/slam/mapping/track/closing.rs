@@ -4,15 +4,15 @@
 
 use emulators::world::{Pose, wrap_angle};
 
-use super::summits::{best_fit, window};
-use super::{Mapper, blurred, seen_from};
+use super::summits::{best_and_others, window};
+use super::{DROP, Mapper, POOR, blurred, seen_from};
 use crate::slam::mapping::align::{Fit, Prior, align};
 use crate::slam::mapping::branch::{Bounds, Wide, search, step_for};
 use crate::slam::mapping::cloud::{Cloud, Frame, Spot};
 use crate::slam::mapping::free::Free;
 use crate::slam::mapping::graph::{Edge, Kind};
 use crate::slam::mapping::keyframe::Keyframe;
-use crate::slam::mapping::matrix::Matrix;
+use crate::slam::mapping::matrix::{Matrix, weighed};
 use crate::slam::mapping::motion::{between, distance, moved};
 use crate::slam::mapping::surfels::{Surfels, some_of};
 
@@ -63,6 +63,8 @@ const EXPLAINED: f64 = 0.6;
 const EXPLAINED_FAR: f64 = 0.6;
 const DENIED_MOST: f64 = 0.1;
 const RIVAL: f64 = 0.85;
+/// Squared deviations from which on two places are not the same.
+const APART: f64 = 25.0;
 /// Two guesses agree to this, metres and radians.
 const AGREE_M: f64 = 0.35;
 const AGREE_RAD: f64 = 0.05;
@@ -78,6 +80,14 @@ const STEPS: u32 = 6;
 /// A loop that is still off by more squared deviations when all others have been heard is false:
 /// then it counts a tenth or less, and is dropped.
 const HOPELESS: f64 = 64.0;
+
+/// Whether another place is as good as the best, and is none that this one leaves open: along a
+/// corridor all places are alike, and nothing is claimed of them.
+fn is_rival(other: &Fit, best: &Fit) -> bool {
+    let turn = wrap_angle(other.pose.theta - best.pose.theta);
+    let off = [other.pose.x - best.pose.x, other.pose.y - best.pose.y, turn];
+    other.score > RIVAL * best.score && weighed(&blurred(&best.information), off) > APART
+}
 
 fn grown(by: [f64; 3], way_m: f64) -> f64 {
     (by[0] + by[1] * way_m).min(by[2])
@@ -112,7 +122,10 @@ impl Mapper {
         let here = self.graph.poses[number];
         let path_m = self.keyframes[number].path_m;
         let far = |key: usize| distance(self.graph.poses[key], here);
-        let old = (0..number).filter(|key| path_m - self.keyframes[*key].path_m > OLD_M);
+        let old = (0..number).filter(|key| {
+            let keyframe = &self.keyframes[*key];
+            path_m - keyframe.path_m > OLD_M && keyframe.quality >= POOR
+        });
         let old: Vec<usize> = old.filter(|key| far(*key) < REACH[2] + 2.0).collect();
         let ways = self.graph.ways_to(number, &old, WAY_MAX_M);
         let mut near: Vec<(f64, usize, f64)> = old
@@ -166,8 +179,13 @@ impl Mapper {
             deviation: [grown(REACH, way_m) / 3.0, grown(TURN, way_m) / 3.0],
         };
         let step = step_for(&spots);
-        let fit = best_fit(&walls, &spots, &window(&prior, step, 3.0), &prior);
-        if fit.explained < EXPLAINED {
+        let window = window(&prior, step, 3.0);
+        let (fit, others) = best_and_others(&walls, &spots, &window, &prior);
+        if fit.explained < EXPLAINED.max(self.usual - DROP) {
+            return false;
+        }
+        if others.iter().any(|other| is_rival(other, &fit)) {
+            self.closing.ambiguous += 1;
             return false;
         }
         let edge = self.edge(key, number, &fit);
@@ -423,6 +441,56 @@ mod tests {
         assert!(found.is_none() && ambiguous == 1, "{found:?}");
     }
 
+    /// A place known to 1 cm along x and 1 m along y: another 0.6 m off along x, as good, is a rival;
+    /// along y it is left open, and one that is much worse is none.
+    #[test]
+    fn a_rival_is_as_good_and_elsewhere() {
+        let fit = |x: f64, y: f64, score: f64| Fit {
+            pose: Pose::new(x, y, 0.0),
+            information: crate::slam::mapping::matrix::diagonal([1e4, 1.0, 1e4]),
+            explained: score,
+            score,
+        };
+        let best = fit(0.0, 0.0, 0.9);
+        assert!(is_rival(&fit(0.6, 0.0, 0.85), &best));
+        assert!(!is_rival(&fit(0.0, 0.6, 0.85), &best));
+        assert!(!is_rival(&fit(0.6, 0.0, 0.7), &best));
+        assert!(!is_rival(&fit(0.04, 0.0, 0.9), &best));
+    }
+
+    /// The nearest old keyframe stands for a place, but for one that hardly lay on walls: who knows
+    /// where that stands.
+    #[test]
+    fn a_poor_keyframe_stands_for_no_place() {
+        let nearest = |quality: f64| {
+            let mut mapper = Mapper::new(Settings::default());
+            for (number, (x, path_m)) in [(0.0, 0.0), (0.5, 0.5), (0.2, 20.0)]
+                .into_iter()
+                .enumerate()
+            {
+                mapper.graph.add_pose(Pose::new(x, 0.0, 0.0));
+                mapper.keyframes.push(Keyframe {
+                    cloud: room(),
+                    path_m,
+                    quality: if number == 0 { quality } else { 1.0 },
+                    scan: number,
+                });
+                if number > 0 {
+                    let poses = &mapper.graph.poses;
+                    mapper.graph.add_edge(Edge {
+                        from: number - 1,
+                        to: number,
+                        way: between(poses[number - 1], poses[number]),
+                        information: crate::slam::mapping::matrix::diagonal([100.0; 3]),
+                        kind: Kind::Way,
+                    });
+                }
+            }
+            mapper.places(2).first().map(|(key, _)| *key)
+        };
+        assert_eq!([nearest(1.0), nearest(0.4)], [Some(0), Some(1)]);
+    }
+
     /// Two keyframes 1 m apart that are both seen 5 m to the north agree; one that is seen 1 m
     /// farther does not; and a single one closes nothing.
     #[test]
@@ -435,6 +503,7 @@ mod tests {
             mapper.keyframes.push(Keyframe {
                 cloud: room(),
                 path_m: f64::from(number),
+                quality: 1.0,
                 scan: 0,
             });
         }

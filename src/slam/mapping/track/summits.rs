@@ -31,8 +31,19 @@ pub(super) fn window(prior: &Prior, step: f64, sigmas: f64) -> Window {
 
 /// The best of the window's summits, laid onto the walls.
 pub(super) fn best_fit(walls: &Surfels, spots: &[Spot], window: &Window, prior: &Prior) -> Fit {
+    best_and_others(walls, spots, window, prior).0
+}
+
+/// The best of the window's summits, laid onto the walls, and the others.
+pub(super) fn best_and_others(
+    walls: &Surfels,
+    spots: &[Spot],
+    window: &Window,
+    prior: &Prior,
+) -> (Fit, Vec<Fit>) {
     let rating = |fit: &Fit| fit.score - COST * prior.off(fit.pose).min(25.0);
     let mut best = align(walls, spots, prior.pose, prior);
+    let mut others = Vec::new();
     let mut tried: Vec<Candidate> = Vec::new();
     for one in search(walls, spots, window, prior) {
         let is_summit = |other: &Candidate| {
@@ -50,9 +61,11 @@ pub(super) fn best_fit(walls: &Surfels, spots: &[Spot], window: &Window, prior: 
         }
         let fit = align(walls, spots, one.pose, prior);
         if rating(&fit) > rating(&best) {
-            best = fit;
+            others.push(core::mem::replace(&mut best, fit));
+        } else {
+            others.push(fit);
         }
         tried.push(one);
     }
-    best
+    (best, others)
 }
