@@ -22,6 +22,7 @@ use relations::{Track, judge};
 mod captures;
 #[path = "../tests/slam/lab.rs"]
 mod lab;
+#[expect(dead_code, reason = "shared with the tests, which look at more")]
 #[path = "../tests/slam/relations.rs"]
 mod relations;
 
@@ -37,7 +38,7 @@ fn main() {
     let tell = |name: &str, surveys: &[Survey]| {
         let mut metres: Vec<f64> = surveys
             .iter()
-            .map(|one| judge(&Track::new(one.way.clone()), &wheels, &relations, SHIFT_S).1)
+            .map(|one| judge(&Track::new(one.way.clone()), &wheels, &relations, SHIFT_S).mean_m)
             .collect();
         metres.sort_by(f64::total_cmp);
         let cpu_s = surveys.iter().filter_map(|one| one.cpu);

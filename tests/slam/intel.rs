@@ -45,7 +45,9 @@ fn whole(map: &Sheet) -> Vec<u8> {
     cells
 }
 
-/// With loops closed: at most 0.075 m, and nothing doubtful; the same on every host and build.
+/// With loops closed: at most 0.075 m in the mean and 0.045 m in the median, and nothing doubtful;
+/// the same on every host and build. The mean is that of the wheels between the scans, which lie
+/// 0.55 m apart: poses fitted to the relations themselves come to 0.041 m.
 #[test]
 fn loops_are_closed_in_the_intel_lab() {
     let Some((text, relations)) = data() else {
@@ -54,9 +56,14 @@ fn loops_are_closed_in_the_intel_lab() {
     let log = carmen::read(&text).expect("a good log");
     let survey = tour(&log, &Wish::default(), &still(), &mut |_| {});
     let scans = Track::new(survey.way.clone());
-    let (_, metres, _) = judge(&scans, &wheels(&text), &relations, SHIFT_S);
-    println!("Intel, loops closed: {metres:.4} m, cpu {:?}", survey.cpu);
-    assert!(metres <= 0.075 && survey.loop_edges() > 100, "{metres} m");
+    let errors = judge(&scans, &wheels(&text), &relations, SHIFT_S);
+    let (mean_m, median_m) = (errors.mean_m, errors.median_m);
+    println!(
+        "Intel, loops closed: mean {mean_m:.4} m, median {median_m:.4} m, cpu {:?}",
+        survey.cpu
+    );
+    assert!(mean_m <= 0.075 && median_m <= 0.045, "{mean_m} {median_m}");
+    assert!(survey.loop_edges() > 100);
     assert_eq!((survey.doubtful, survey.outside), (0, 0));
     let mut bytes = way(&survey);
     bytes.extend_from_slice(&survey.map.cells);
@@ -64,7 +71,7 @@ fn loops_are_closed_in_the_intel_lab() {
 }
 
 /// Of poses and map with loops closed; changes with the mapper, never with the host or the build.
-const LOOPS_SAME_EVERYWHERE: &str = "d6ec70e75849ca21";
+const LOOPS_SAME_EVERYWHERE: &str = "ab3caf520392948e";
 
 /// At most 0.075 m on average over 2,984 relations, with the settings that every log has; another
 /// tinySLAM has 0.077 m in the median of nine seeds, the particle filter that corrected this log
@@ -78,15 +85,12 @@ fn the_intel_lab_is_mapped_to_75_mm_the_same_each_time() {
     assert_eq!((log.shots.len(), log.findings.counts().count()), (910, 0));
     let (first, second) = (mapped(&log), mapped(&log));
     let scans = Track::new(first.way.clone());
-    let (count, metres, degrees) = judge(&scans, &wheels(&text), &relations, SHIFT_S);
+    let errors = judge(&scans, &wheels(&text), &relations, SHIFT_S);
     println!(
-        "Intel: {count} relations, {metres:.4} m, {degrees:.2} deg, cpu {:?}",
-        first.cpu
+        "Intel: {} relations, {:.4} m, {:.2} deg, cpu {:?}",
+        errors.count, errors.mean_m, errors.mean_deg, first.cpu
     );
-    assert!(
-        count > 2_900 && metres <= 0.075,
-        "{count} relations: {metres} m {degrees} deg"
-    );
+    assert!(errors.count > 2_900 && errors.mean_m <= 0.075);
     assert_eq!(print(&first), print(&second));
     assert_eq!(print(&first), SAME_EVERYWHERE);
 }
@@ -110,11 +114,7 @@ fn the_evaluation_gives_the_published_figure_for_the_corrected_poses() {
             let number = |back: usize| fields[fields.len() - back].parse().expect("a number");
             (number(3), Pose::new(number(9), number(8), number(7)))
         });
-    let (_, metres, _) = judge(
-        &Track::new(scans.collect()),
-        &wheels(&text),
-        &relations,
-        SHIFT_S,
-    );
-    assert!((metres - 0.065).abs() < 0.0005, "{metres}");
+    let scans = Track::new(scans.collect());
+    let errors = judge(&scans, &wheels(&text), &relations, SHIFT_S);
+    assert!((errors.mean_m - 0.065).abs() < 0.0005, "{}", errors.mean_m);
 }

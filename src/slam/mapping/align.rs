@@ -5,7 +5,7 @@ use emulators::world::{Pose, wrap_angle};
 
 use crate::slam::mapping::cloud::{Frame, Spot};
 use crate::slam::mapping::matrix::{Matrix, applied, diagonal, inverse, sum, weighed};
-use crate::slam::mapping::surfels::{Near, Surfels};
+use crate::slam::mapping::surfels::{Near, Surfels, is_unknown};
 
 /// Where a scan should be, by the odometry, and how sure that is.
 #[derive(Clone, Copy, Debug)]
@@ -67,7 +67,10 @@ pub(crate) fn align(walls: &Surfels, spots: &[Spot], start: Pose, prior: &Prior)
         let Some(inverse) = inverse(&sum(&seen, &held)) else {
             break;
         };
-        let by = applied(&inverse, [0, 1, 2].map(|axis| slope[axis] + back[axis]));
+        let by = applied(
+            &inverse,
+            [slope[0] + back[0], slope[1] + back[1], slope[2] + back[2]],
+        );
         pose = Pose::new(
             pose.x - by[0].clamp(-0.2, 0.2),
             pose.y - by[1].clamp(-0.2, 0.2),
@@ -87,24 +90,8 @@ fn pull(walls: &Surfels, spots: &[Spot], pose: Pose, wide: f64) -> (Matrix, [f64
     let mut sums = Sums::default();
     for spot in spots {
         let at = frame.place(spot.at);
-        let Some(near) = walls.nearest(at, frame.turned(spot.normal)) else {
-            continue;
-        };
-        let lever = apart(at, frame.at);
-        let off = apart(at, near.at);
-        let heard = |off: f64| {
-            let soft = 1.0 + (off / wide) * (off / wide);
-            1.0 / (SPOT_M * SPOT_M * soft * soft)
-        };
-        if near.normal == [0.0; 2] {
-            let weight = UNSURE * heard((off[0] * off[0] + off[1] * off[1]).sqrt());
-            sums.add([1.0, 0.0, -lever[1]], off[0], weight);
-            sums.add([0.0, 1.0, lever[0]], off[1], weight);
-        } else {
-            let (nx, ny) = (f64::from(near.normal[0]), f64::from(near.normal[1]));
-            let across = nx * off[0] + ny * off[1];
-            let turn = ny * lever[0] - nx * lever[1];
-            sums.add([nx, ny, turn], across, heard(across));
+        if let Some(near) = walls.nearest(at, frame.turned(spot.normal)) {
+            sums.hear(&frame, at, &near, wide);
         }
     }
     sums.whole()
@@ -129,6 +116,27 @@ struct Sums {
 }
 
 impl Sums {
+    /// What a wall says of a spot at `at`.
+    #[inline]
+    fn hear(&mut self, frame: &Frame, at: [f32; 2], near: &Near, wide: f64) {
+        let lever = apart(at, frame.at);
+        let off = apart(at, near.at);
+        let heard = |off: f64| {
+            let soft = 1.0 + (off / wide) * (off / wide);
+            1.0 / (SPOT_M * SPOT_M * soft * soft)
+        };
+        if is_unknown(near.normal) {
+            let weight = UNSURE * heard((off[0] * off[0] + off[1] * off[1]).sqrt());
+            self.add([1.0, 0.0, -lever[1]], off[0], weight);
+            self.add([0.0, 1.0, lever[0]], off[1], weight);
+        } else {
+            let (nx, ny) = (f64::from(near.normal[0]), f64::from(near.normal[1]));
+            let across = nx * off[0] + ny * off[1];
+            let turn = ny * lever[0] - nx * lever[1];
+            self.add([nx, ny, turn], across, heard(across));
+        }
+    }
+
     #[inline]
     fn add(&mut self, [x, y, t]: [f64; 3], off: f64, weight: f64) {
         let (wx, wy, wt) = (weight * x, weight * y, weight * t);
@@ -155,7 +163,7 @@ impl Sums {
 
 fn off_wall(at: [f32; 2], near: &Near) -> f64 {
     let [dx, dy] = apart(at, near.at);
-    if near.normal == [0.0; 2] {
+    if is_unknown(near.normal) {
         return (dx * dx + dy * dy).sqrt();
     }
     let (nx, ny) = (f64::from(near.normal[0]), f64::from(near.normal[1]));
@@ -165,19 +173,20 @@ fn off_wall(at: [f32; 2], near: &Near) -> f64 {
 /// How `pose` fits, without moving it.
 pub(crate) fn judged(walls: &Surfels, spots: &[Spot], pose: Pose) -> Fit {
     let frame = Frame::new(pose);
-    let (mut explained, mut score) = (0.0, 0.0);
+    let (mut explained, mut score, mut sums) = (0.0, 0.0, Sums::default());
     for spot in spots {
         let at = frame.place(spot.at);
         let Some(near) = walls.nearest(at, frame.turned(spot.normal)) else {
             continue;
         };
+        sums.hear(&frame, at, &near, NARROW_M);
         let off = off_wall(at, &near);
         explained += if off <= ON_WALL_M { 1.0 } else { 0.0 };
         let soft = 1.0 + (off / NARROW_M) * (off / NARROW_M);
         score += 1.0 / (soft * soft);
     }
     let count = spots.len().max(1) as f64;
-    let (information, _) = pull(walls, spots, pose, NARROW_M);
+    let (information, _) = sums.whole();
     Fit {
         pose,
         information,

@@ -105,6 +105,7 @@ impl Frame {
     }
 }
 
+#[inline]
 pub(crate) fn gap(a: [f32; 2], b: [f32; 2]) -> f32 {
     let (dx, dy) = (a[0] - b[0], a[1] - b[1]);
     (dx * dx + dy * dy).sqrt()
@@ -131,10 +132,16 @@ fn normal(ends: &[[f32; 2]], joined: &[bool], index: usize) -> [f32; 2] {
         return [0.0; 2];
     }
     let count = near.len() as f32;
-    let mean = [0, 1].map(|axis| near.iter().map(|p| p[axis] - at[axis]).sum::<f32>() / count);
+    let (mut sum_x, mut sum_y) = (0.0, 0.0);
+    for point in near {
+        sum_x += point[0] - at[0];
+        sum_y += point[1] - at[1];
+    }
+    let (mean_x, mean_y) = (sum_x / count, sum_y / count);
     let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
     for point in near {
-        let [x, y] = [0, 1].map(|axis| point[axis] - at[axis] - mean[axis]);
+        let x = point[0] - at[0] - mean_x;
+        let y = point[1] - at[1] - mean_y;
         xx += x * x;
         xy += x * y;
         yy += y * y;

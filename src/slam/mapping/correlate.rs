@@ -7,9 +7,7 @@ use crate::slam::mapping::align::Prior;
 use crate::slam::mapping::cloud::{Frame, Spot};
 use crate::slam::mapping::surfels::{CELL_M, Surfels, cell};
 
-/// Poses of a row.
-const LANES: usize = 32;
-/// Cells that it spans.
+/// Cells that a row of poses spans at most.
 const SPAN: i32 = 32;
 /// Cells to each side at most.
 pub(crate) const REACH_MAX: i32 = 15;
@@ -85,18 +83,24 @@ fn best_at(
     let turn = wrap_angle(theta - prior.pose.theta);
     let turn_off = turn * turn * per_rad;
     let mut best: Option<Candidate> = None;
+    // A narrow window needs no wide row.
+    let row_sums = match 2 * reach {
+        ..8 => sums::<8>,
+        8..16 => sums::<16>,
+        _ => sums::<32>,
+    };
+    let mut totals = [0; 32];
     for row in 0..=2 * reach {
-        let sums = sums(
-            walls.likely(),
-            &starts,
-            (row * side).cast_unsigned() as usize,
-        );
-        for (column, total) in (0..=2 * reach).zip(sums) {
+        let offset = (row * side).cast_unsigned() as usize;
+        row_sums(walls.likely(), &starts, offset, &mut totals);
+        for column in 0..=2 * reach {
+            let total = totals[column.cast_unsigned() as usize];
             let score = f64::from(total) * scale;
             if best.as_ref().is_some_and(|best| score <= best.score) {
                 continue;
             }
-            let way = [column, row].map(|cells| f64::from((cells - reach) as f32 * CELL_M));
+            let metres = |cells: i32| f64::from((cells - reach) as f32 * CELL_M);
+            let way = [metres(column), metres(row)];
             let off = (way[0] * way[0] + way[1] * way[1]) * per_m + turn_off;
             let pose = Pose::new(
                 prior.pose.x + way[0],
@@ -112,9 +116,13 @@ fn best_at(
     best
 }
 
-/// Sums of a row of poses.
-#[inline]
-fn sums(likely: &[u8], starts: &[usize], offset: usize) -> [u16; LANES] {
+/// Sums of a row of so many poses.
+fn sums<const LANES: usize>(
+    likely: &[u8],
+    starts: &[usize],
+    offset: usize,
+    totals: &mut [u16; 32],
+) {
     let mut sums = [0; LANES];
     for start in starts {
         let from = start + offset;
@@ -124,11 +132,12 @@ fn sums(likely: &[u8], starts: &[usize], offset: usize) -> [u16; LANES] {
         else {
             continue;
         };
-        for (sum, cell) in sums.iter_mut().zip(cells) {
-            *sum += u16::from(*cell);
+        // A zip is a call here.
+        for lane in 0..LANES {
+            sums[lane] += u16::from(cells[lane]);
         }
     }
-    sums
+    totals[..LANES].copy_from_slice(&sums);
 }
 
 #[cfg(test)]

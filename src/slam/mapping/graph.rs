@@ -2,7 +2,7 @@
 //! (Grisetti et al. 2010), loops with a robust kernel (Agarwal et al. 2013).
 
 use core::cmp::Reverse;
-use std::collections::BinaryHeap;
+use std::collections::{BTreeSet, BinaryHeap};
 
 use emulators::world::{Pose, wrap_angle};
 
@@ -82,11 +82,12 @@ impl Graph {
         self.optimise_part(&all, steps);
     }
 
-    /// The same of the `most` poses nearest to one by way; all others stay.
-    pub fn optimise_near(&mut self, pose: usize, most: usize, steps: u32) {
-        let mut near = self.nearest(pose, most);
+    /// The same of the `most` poses nearest to one by way; all others stay. Which ones.
+    pub fn optimise_near(&mut self, pose: usize, most: usize, steps: u32) -> Vec<usize> {
+        let mut near: Vec<usize> = Walk::of(self, pose, f64::INFINITY).take(most).collect();
         near.sort_unstable();
         self.optimise_part(&near, steps);
+        near
     }
 
     fn optimise_part(&mut self, poses: &[usize], steps: u32) {
@@ -162,74 +163,85 @@ impl Graph {
 
     /// Takes out the loops that disagree with the poses by more squared deviations; their number.
     pub fn drop_loops(&mut self, strained: f64) -> usize {
-        let is_false = |edge: &Edge| edge.kind == Kind::Loop && self.strain(edge) > strained;
-        if !self.edges.iter().any(is_false) {
-            return 0;
-        }
-        let edges = core::mem::take(&mut self.edges);
-        let count = edges.len();
-        self.around.iter_mut().for_each(Vec::clear);
-        for edge in edges {
-            if edge.kind == Kind::Way || self.strain(&edge) <= strained {
-                self.add_edge(edge);
-            }
-        }
-        count - self.edges.len()
+        let all: Vec<usize> = (0..self.poses.len()).collect();
+        self.drop_loops_of(&all, strained)
     }
 
-    /// Way along edges from a pose to each, metres, as far as it is less than `most_m`.
-    pub fn ways_from(&self, pose: usize, most_m: f64) -> Vec<f64> {
-        self.walk(pose, most_m, |_| true)
-    }
-
-    /// The same to these poses alone, in their order.
-    pub fn ways_to(&self, pose: usize, to: &[usize], most_m: f64) -> Vec<f64> {
-        let mut left = to.len();
-        let mut is_sought = vec![false; self.poses.len()];
-        to.iter().for_each(|to| is_sought[*to] = true);
-        let ways = self.walk(pose, most_m, |at| {
-            left -= usize::from(is_sought[at]);
-            left > 0
-        });
-        to.iter().map(|to| ways[*to]).collect()
-    }
-
-    /// The poses nearest to one by way, itself the first, `most` at most.
-    fn nearest(&self, pose: usize, most: usize) -> Vec<usize> {
-        let mut near = Vec::with_capacity(most);
-        self.walk(pose, f64::INFINITY, |next| {
-            near.push(next);
-            near.len() < most
-        });
-        near
-    }
-
-    /// Goes along edges from a pose to others, the nearest first, until `goes_on` says no: the ways
-    /// found, metres, if less than `most_m`.
-    fn walk(&self, pose: usize, most_m: f64, mut goes_on: impl FnMut(usize) -> bool) -> Vec<f64> {
-        let mut ways = vec![f64::INFINITY; self.poses.len()];
-        let mut queue = BinaryHeap::new();
-        ways[pose] = 0.0;
-        queue.push(Reverse((0_u64, pose)));
-        while let Some(Reverse((bits, at))) = queue.pop() {
-            // Of numbers that are not negative the bits have the same order.
-            let way = f64::from_bits(bits);
-            if way > ways[at] {
-                continue;
-            }
-            if !goes_on(at) {
-                break;
-            }
-            for edge in self.around[at].iter().map(|edge| &self.edges[*edge]) {
-                let next = if edge.from == at { edge.to } else { edge.from };
-                let whole = way + length(edge);
-                if whole < ways[next] && whole < most_m {
-                    ways[next] = whole;
-                    queue.push(Reverse((whole.to_bits(), next)));
+    /// The same of the loops of these poses.
+    pub fn drop_loops_of(&mut self, poses: &[usize], strained: f64) -> usize {
+        let around = poses.iter().flat_map(|pose| &self.around[*pose]);
+        let is_false = |edge: &&usize| {
+            let edge = &self.edges[**edge];
+            edge.kind == Kind::Loop && self.strain(edge) > strained
+        };
+        let dropped: BTreeSet<usize> = around.filter(is_false).copied().collect();
+        if !dropped.is_empty() {
+            self.around.iter_mut().for_each(Vec::clear);
+            for (number, edge) in core::mem::take(&mut self.edges).into_iter().enumerate() {
+                if !dropped.contains(&number) {
+                    self.add_edge(edge);
                 }
             }
         }
-        ways
+        dropped.len()
+    }
+}
+
+/// Goes along edges from a pose to others, the nearest first, no farther than it is asked to.
+pub(crate) struct Walk<'a> {
+    graph: &'a Graph,
+    most_m: f64,
+    ways: Vec<f64>,
+    queue: BinaryHeap<Reverse<(u64, usize)>>,
+    /// Way to the pose that was reached last.
+    reached_m: f64,
+}
+
+impl<'a> Walk<'a> {
+    /// Stands at a pose; what is farther than `most_m` is never reached.
+    pub(crate) fn of(graph: &'a Graph, pose: usize, most_m: f64) -> Self {
+        let mut ways = vec![f64::INFINITY; graph.poses.len()];
+        ways[pose] = 0.0;
+        Self {
+            graph,
+            most_m,
+            ways,
+            queue: BinaryHeap::from([Reverse((0, pose))]),
+            reached_m: 0.0,
+        }
+    }
+
+    /// Way to a pose, metres.
+    pub(crate) fn way_to(&mut self, pose: usize) -> f64 {
+        while self.reached_m < self.ways[pose] && self.next().is_some() {}
+        self.ways[pose]
+    }
+}
+
+impl Iterator for Walk<'_> {
+    type Item = usize;
+
+    /// Goes on to the next pose.
+    fn next(&mut self) -> Option<usize> {
+        loop {
+            let Reverse((bits, at)) = self.queue.pop()?;
+            // Of numbers that are not negative the bits have the same order.
+            let way = f64::from_bits(bits);
+            if way > self.ways[at] {
+                continue;
+            }
+            self.reached_m = way;
+            for edge in &self.graph.around[at] {
+                let edge = &self.graph.edges[*edge];
+                let next = if edge.from == at { edge.to } else { edge.from };
+                let whole = way + length(edge);
+                if whole < self.ways[next] && whole < self.most_m {
+                    self.ways[next] = whole;
+                    self.queue.push(Reverse((whole.to_bits(), next)));
+                }
+            }
+            return Some(at);
+        }
     }
 }
 
@@ -411,7 +423,12 @@ mod tests {
         graph.add_edge(edge(0, 1, Pose::new(10.1, 0.0, 0.0), Kind::Loop));
         assert_eq!(graph.drop_loops(64.0), 1);
         assert_eq!((graph.edges.len(), graph.drop_loops(64.0)), (3, 0));
-        assert_eq!(graph.ways_from(0, 50.0), [0.0, 1.0, 21.0]);
+        assert_eq!(ways(&graph, &[0, 1, 2], 50.0), [0.0, 1.0, 21.0]);
+    }
+
+    fn ways(graph: &Graph, poses: &[usize], most_m: f64) -> Vec<f64> {
+        let mut walk = Walk::of(graph, 0, most_m);
+        poses.iter().map(|pose| walk.way_to(*pose)).collect()
     }
 
     /// A metre of way is a metre; a loop is a short one; and beyond the limit nothing is told.
@@ -424,11 +441,11 @@ mod tests {
         for from in 0..3 {
             graph.add_edge(edge(from, from + 1, Pose::new(20.0, 0.0, 0.0), Kind::Way));
         }
-        assert_eq!(graph.ways_from(0, 50.0), [0.0, 20.0, 40.0, f64::INFINITY]);
+        let all = [0, 1, 2, 3];
+        assert_eq!(ways(&graph, &all, 50.0), [0.0, 20.0, 40.0, f64::INFINITY]);
         graph.add_edge(edge(0, 3, Pose::default(), Kind::Loop));
-        assert_eq!(graph.ways_from(0, 50.0), [0.0, 20.0, 21.0, 1.0]);
-        assert_eq!(graph.ways_to(0, &[2, 3], 50.0), [21.0, 1.0]);
-        assert_eq!(graph.ways_to(0, &[1, 2], 20.5), [20.0, f64::INFINITY]);
-        assert!(graph.ways_to(0, &[], 50.0).is_empty());
+        assert_eq!(ways(&graph, &all, 50.0), [0.0, 20.0, 21.0, 1.0]);
+        assert_eq!(ways(&graph, &[2, 3, 1], 50.0), [21.0, 1.0, 20.0]);
+        assert_eq!(ways(&graph, &[2, 0, 1], 20.5), [f64::INFINITY, 0.0, 20.0]);
     }
 }

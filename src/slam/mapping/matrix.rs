@@ -11,16 +11,16 @@ pub(crate) const fn diagonal(of: [f64; 3]) -> Matrix {
     [[of[0], 0.0, 0.0], [0.0, of[1], 0.0], [0.0, 0.0, of[2]]]
 }
 
+#[inline]
 pub(crate) fn product(a: &Matrix, b: &Matrix) -> Matrix {
-    let mut out = ZERO;
-    for (row, a) in out.iter_mut().zip(a) {
-        for (column, to) in row.iter_mut().enumerate() {
-            *to = a[0] * b[0][column] + a[1] * b[1][column] + a[2] * b[2][column];
-        }
-    }
-    out
+    let row = |a: [f64; 3]| {
+        let to = |column: usize| a[0] * b[0][column] + a[1] * b[1][column] + a[2] * b[2][column];
+        [to(0), to(1), to(2)]
+    };
+    [row(a[0]), row(a[1]), row(a[2])]
 }
 
+#[inline]
 pub(crate) fn transposed(a: &Matrix) -> Matrix {
     [
         [a[0][0], a[1][0], a[2][0]],
@@ -29,52 +29,54 @@ pub(crate) fn transposed(a: &Matrix) -> Matrix {
     ]
 }
 
+#[inline]
 pub(crate) fn sum(a: &Matrix, b: &Matrix) -> Matrix {
-    let mut out = *a;
-    for (to, by) in out.iter_mut().flatten().zip(b.iter().flatten()) {
-        *to += by;
-    }
-    out
+    let row = |row: usize| {
+        let (a, b) = (a[row], b[row]);
+        [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+    };
+    [row(0), row(1), row(2)]
 }
 
+#[inline]
 pub(crate) fn scaled(a: &Matrix, by: f64) -> Matrix {
-    let mut out = *a;
-    out.iter_mut().flatten().for_each(|value| *value *= by);
-    out
+    let row = |a: [f64; 3]| [a[0] * by, a[1] * by, a[2] * by];
+    [row(a[0]), row(a[1]), row(a[2])]
 }
 
+#[inline]
 pub(crate) fn applied(a: &Matrix, to: [f64; 3]) -> [f64; 3] {
-    let mut out = [0.0; 3];
-    for (out, row) in out.iter_mut().zip(a) {
-        *out = row[0] * to[0] + row[1] * to[1] + row[2] * to[2];
-    }
-    out
+    let row = |a: [f64; 3]| a[0] * to[0] + a[1] * to[1] + a[2] * to[2];
+    [row(a[0]), row(a[1]), row(a[2])]
 }
 
 /// `to` weighed by `a`: its squared length.
+#[inline]
 pub(crate) fn weighed(a: &Matrix, to: [f64; 3]) -> f64 {
     let by = applied(a, to);
     by[0] * to[0] + by[1] * to[1] + by[2] * to[2]
 }
 
 /// The inverse; `None` of a matrix that has none.
+#[inline]
 pub(crate) fn inverse(a: &Matrix) -> Option<Matrix> {
     let minor = |row: usize, column: usize| {
         let (r, s) = ((row + 1) % 3, (row + 2) % 3);
         let (c, d) = ((column + 1) % 3, (column + 2) % 3);
         a[r][c] * a[s][d] - a[r][d] * a[s][c]
     };
-    let determinant: f64 = (0..3).map(|column| a[0][column] * minor(0, column)).sum();
+    let determinant = a[0][0] * minor(0, 0) + a[0][1] * minor(0, 1) + a[0][2] * minor(0, 2);
     let is_regular = determinant.is_finite() && determinant.abs() > 1e-30;
     let part = 1.0 / determinant;
     is_regular.then(|| {
-        let mut out = ZERO;
-        for (row, to) in out.iter_mut().enumerate() {
-            for (column, to) in to.iter_mut().enumerate() {
-                *to = minor(column, row) * part;
-            }
-        }
-        out
+        let row = |row: usize| {
+            [
+                minor(0, row) * part,
+                minor(1, row) * part,
+                minor(2, row) * part,
+            ]
+        };
+        [row(0), row(1), row(2)]
     })
 }
 

@@ -20,6 +20,8 @@ struct Surfel {
     /// What the sums come to: it is asked for far oftener than it changes.
     mean: [f32; 2],
     unit: Option<[f32; 2]>,
+    /// The sums have changed since.
+    is_fresh: bool,
 }
 
 /// A square of cells.
@@ -31,6 +33,8 @@ pub(crate) struct Surfels {
     /// One more than the number of a cell's surfel; 0 where is none.
     index: Vec<u16>,
     items: Vec<Surfel>,
+    /// Numbers of those whose sums have changed since they were settled.
+    fresh: Vec<u16>,
     likely: Vec<u8>,
 }
 
@@ -60,6 +64,7 @@ impl Surfels {
             side: 2 * cell(reach_m) + 1,
             index: Vec::new(),
             items: Vec::new(),
+            fresh: Vec::new(),
             likely: Vec::new(),
         };
         let cells = usize::try_from(surfels.side * surfels.side).unwrap_or(0);
@@ -102,6 +107,20 @@ impl Surfels {
 
     /// Draws a scan seen from `pose`.
     pub(crate) fn draw(&mut self, pose: Pose, cloud: &Cloud) {
+        self.draw_all([(pose, cloud)]);
+    }
+
+    /// Draws scans seen from these poses.
+    pub(crate) fn draw_all<'a>(&mut self, scans: impl IntoIterator<Item = (Pose, &'a Cloud)>) {
+        for (pose, cloud) in scans {
+            self.add(pose, cloud);
+        }
+        for number in core::mem::take(&mut self.fresh) {
+            self.items[usize::from(number)].settle();
+        }
+    }
+
+    fn add(&mut self, pose: Pose, cloud: &Cloud) {
         let frame = Frame::new(pose);
         let mut last: Option<([f32; 2], [f32; 2])> = None;
         for spot in cloud.spots() {
@@ -148,11 +167,15 @@ impl Surfels {
             self.stamp(x, y);
         }
         let [x, y] = self.inner(at);
-        let item = &mut self.items[usize::from(self.index[flat]) - 1];
+        let number = self.index[flat] - 1;
+        let item = &mut self.items[usize::from(number)];
+        if !item.is_fresh {
+            item.is_fresh = true;
+            self.fresh.push(number);
+        }
         item.count += 1.0;
         item.at = [item.at[0] + x, item.at[1] + y];
         item.normal = [item.normal[0] + normal[0], item.normal[1] + normal[1]];
-        item.settle();
     }
 
     fn stamp(&mut self, x: i32, y: i32) {
@@ -225,7 +248,7 @@ impl Surfels {
             }
         }
         let (_, near) = best?;
-        let near = if near.normal == [0.0; 2] {
+        let near = if is_unknown(near.normal) {
             near
         } else {
             blend.near()
@@ -255,7 +278,7 @@ const COUNT_MAX: f32 = 10.0;
 impl Blend {
     #[inline]
     fn add(&mut self, count: f32, far: f32, near: &Near) {
-        if near.normal == [0.0; 2] {
+        if is_unknown(near.normal) {
             return;
         }
         let part = 1.0 / (far + BLEND);
@@ -278,10 +301,16 @@ impl Blend {
     }
 }
 
+/// Whether nobody knows the direction of what has this normal.
+#[inline]
+pub(crate) fn is_unknown(normal: [f32; 2]) -> bool {
+    normal[0] == 0.0 && normal[1] == 0.0
+}
+
 /// Whether the way between two points runs along a wall with this normal.
 pub(crate) fn lies_along(a: [f32; 2], b: [f32; 2], normal: [f32; 2]) -> bool {
     let across = (b[0] - a[0]) * normal[0] + (b[1] - a[1]) * normal[1];
-    normal != [0.0; 2] && across.abs() < ACROSS_MOST * gap(a, b)
+    !is_unknown(normal) && across.abs() < ACROSS_MOST * gap(a, b)
 }
 
 /// Sine of the greatest angle between a wall and what is drawn as its part.
@@ -296,6 +325,7 @@ const UNSURE: f32 = 1.5;
 
 impl Surfel {
     fn settle(&mut self) {
+        self.is_fresh = false;
         let part = 1.0 / self.count;
         self.mean = [self.at[0] * part, self.at[1] * part];
         let [x, y] = self.normal;
@@ -308,8 +338,7 @@ impl Surfel {
         let at = self.mean;
         let [dx, dy] = [here[0] - at[0], here[1] - at[1]];
         let squared = dx * dx + dy * dy;
-        let is_known = normal[0] != 0.0 || normal[1] != 0.0;
-        let Some([nx, ny]) = self.unit.filter(|_| is_known) else {
+        let Some([nx, ny]) = self.unit.filter(|_| !is_unknown(normal)) else {
             let near = Near {
                 at,
                 normal: [0.0; 2],

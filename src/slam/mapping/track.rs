@@ -9,7 +9,7 @@ use emulators::world::{Pose, wrap_angle};
 use crate::slam::mapping::Shot;
 use crate::slam::mapping::align::{Fit, Prior, align};
 use crate::slam::mapping::cloud::{Cloud, Frame, Spot};
-use crate::slam::mapping::graph::{Edge, Graph, Kind};
+use crate::slam::mapping::graph::{Edge, Graph, Kind, Walk};
 use crate::slam::mapping::keyframe::Keyframe;
 use crate::slam::mapping::matrix::{Matrix, diagonal, inverse, sum, turned};
 use crate::slam::mapping::motion::{between, distance, moved};
@@ -319,25 +319,29 @@ impl Mapper {
         if fit.explained < KNOWN || !self.settings.closes_loops {
             return None;
         }
-        let near = |key: &usize| {
-            let pose = self.graph.poses[*key];
-            let is_old = self.path_m - self.keyframes[*key].path_m > KNOWN_AFTER_M;
-            let turn = wrap_angle(self.pose.theta - pose.theta);
-            is_old && distance(pose, self.pose) < KEY_M && turn.abs() < KEY_RAD
+        let far = |key: usize| {
+            let pose = self.graph.poses[key];
+            let [x, y] = [pose.x - self.pose.x, pose.y - self.pose.y];
+            // Most of a building is far away.
+            if x.abs() > KEY_M || y.abs() > KEY_M {
+                return None;
+            }
+            let far = libm::hypot(x, y);
+            let turn = wrap_angle(self.pose.theta - pose.theta).abs();
+            let is_old = self.path_m - self.keyframes[key].path_m > KNOWN_AFTER_M;
+            (is_old && far < KEY_M && turn < KEY_RAD).then_some((far, key))
         };
-        let mut near: Vec<usize> = (0..self.keyframes.len()).filter(near).collect();
+        let mut near: Vec<(f64, usize)> = (0..self.keyframes.len()).filter_map(far).collect();
         if near.len() < KNOWN_BY {
             return None;
         }
+        near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         // What only seems to stand here may stand elsewhere.
-        let ways = self.graph.ways_from(self.at, LATELY_M);
-        near.retain(|key| ways[*key] < LATELY_M);
-        let far = |key: &usize| distance(self.graph.poses[*key], self.pose);
-        let nearest = near
-            .iter()
-            .copied()
-            .min_by(|a, b| far(a).total_cmp(&far(b)));
-        nearest.filter(|_| near.len() >= KNOWN_BY)
+        let mut walk = Walk::of(&self.graph, self.at, LATELY_M);
+        let near = near.into_iter().map(|(_, key)| key);
+        let mut here = near.filter(|key| walk.way_to(*key) < LATELY_M);
+        let nearest = here.next()?;
+        here.nth(KNOWN_BY - 2).map(|_| nearest)
     }
 
     /// The robot is where an old keyframe stands: it goes on from there.
@@ -404,17 +408,15 @@ impl Mapper {
 
     /// Draws the walls anew: those that belong to where the robot is, whatever way it came.
     fn redraw(&mut self) {
-        let ways = self.graph.ways_from(self.at, LATELY_M);
-        let mut near: Vec<usize> = (0..ways.len())
-            .filter(|key| ways[*key] < LATELY_M)
-            .collect();
-        near.sort_by(|a, b| ways[*a].total_cmp(&ways[*b]).then(b.cmp(a)));
-        near.truncate(DRAWN_MAX / 2);
+        let walk = Walk::of(&self.graph, self.at, LATELY_M);
+        let near: Vec<usize> = walk.take(DRAWN_MAX / 2).collect();
         self.walls.clear(Frame::new(self.pose).at);
-        self.drawn.clear();
-        for key in near {
-            self.draw(key);
-        }
+        let scans = near.iter().map(|key| {
+            let cloud = &self.keyframes[*key].cloud;
+            (self.graph.poses[*key], cloud)
+        });
+        self.walls.draw_all(scans);
+        self.drawn = near;
     }
 
     /// Where each scan was taken, as far as is known by now.

@@ -10,7 +10,7 @@ use crate::slam::mapping::align::{Fit, Prior, align};
 use crate::slam::mapping::branch::{Bounds, Wide, search, step_for};
 use crate::slam::mapping::cloud::{Cloud, Frame, Spot};
 use crate::slam::mapping::free::Free;
-use crate::slam::mapping::graph::{Edge, Kind};
+use crate::slam::mapping::graph::{Edge, Kind, Walk};
 use crate::slam::mapping::keyframe::Keyframe;
 use crate::slam::mapping::matrix::{Matrix, weighed};
 use crate::slam::mapping::motion::{between, distance, moved};
@@ -110,8 +110,9 @@ impl Mapper {
             }
         }
         if is_strained || self.closing.fresh >= FRESH_MAX {
-            self.graph.optimise_near(number, NEAR, STEPS);
-            self.agreed();
+            let moved = self.graph.optimise_near(number, NEAR, STEPS);
+            let dropped = self.graph.drop_loops_of(&moved, HOPELESS);
+            self.agreed(dropped);
             return true;
         }
         false
@@ -121,27 +122,33 @@ impl Mapper {
     fn places(&self, number: usize) -> Vec<(usize, f64)> {
         let here = self.graph.poses[number];
         let path_m = self.keyframes[number].path_m;
-        let far = |key: usize| distance(self.graph.poses[key], here);
-        let old = (0..number).filter(|key| {
-            let keyframe = &self.keyframes[*key];
-            path_m - keyframe.path_m > OLD_M && keyframe.quality >= POOR
-        });
-        let old: Vec<usize> = old.filter(|key| far(*key) < REACH[2] + 2.0).collect();
-        let ways = self.graph.ways_to(number, &old, WAY_MAX_M);
-        let mut near: Vec<(f64, usize, f64)> = old
-            .into_iter()
-            .zip(ways)
-            .map(|(key, way_m)| (far(key), key, way_m))
-            .filter(|(far, _, way_m)| *far < grown(REACH, *way_m) + 2.0)
-            .collect();
+        let most_m = REACH[2] + 2.0;
+        let mut near: Vec<(f64, usize)> = Vec::new();
+        for (key, (keyframe, pose)) in self.keyframes.iter().zip(&self.graph.poses).enumerate() {
+            let is_old = path_m - keyframe.path_m > OLD_M && keyframe.quality >= POOR;
+            // Most of a building is far away.
+            let is_near = (pose.x - here.x).abs() < most_m && (pose.y - here.y).abs() < most_m;
+            if is_old && is_near {
+                near.push((distance(*pose, here), key));
+            }
+        }
+        near.retain(|(far, _)| *far < most_m);
         near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let mut walk = Walk::of(&self.graph, number, WAY_MAX_M);
         let mut places: Vec<(usize, f64)> = Vec::new();
-        for (_, key, way_m) in near {
+        for (far, key) in near {
             let path_m = self.keyframes[key].path_m;
             let is_new = |(other, _): &(usize, f64)| {
                 (self.keyframes[*other].path_m - path_m).abs() > 1.5 * PLACE_M
             };
-            if places.len() < PLACES && places.iter().all(is_new) {
+            if places.len() == PLACES {
+                break;
+            }
+            if !places.iter().all(is_new) {
+                continue;
+            }
+            let way_m = walk.way_to(key);
+            if far < grown(REACH, way_m) + 2.0 {
                 places.push((key, way_m));
             }
         }
@@ -163,9 +170,7 @@ impl Mapper {
 
     fn walls_of(&self, keys: core::ops::Range<usize>, middle: Pose, reach_m: f32) -> Surfels {
         let mut walls = Surfels::around(Frame::new(middle).at, reach_m);
-        for key in keys {
-            walls.draw(self.graph.poses[key], &self.keyframes[key].cloud);
-        }
+        walls.draw_all(keys.map(|key| (self.graph.poses[key], &self.keyframes[key].cloud)));
         walls
     }
 
@@ -355,7 +360,8 @@ impl Mapper {
         }
         self.closing.guesses.clear();
         self.graph.optimise(STEPS);
-        self.agreed();
+        let dropped = self.graph.drop_loops(HOPELESS);
+        self.agreed(dropped);
         true
     }
 
@@ -378,11 +384,11 @@ impl Mapper {
         }
     }
 
-    /// The poses have been made to agree: without the loops that do not, and the robot is where
+    /// The poses have been made to agree, but for some loops that were dropped: the robot is where
     /// they say.
-    fn agreed(&mut self) {
+    fn agreed(&mut self, dropped: usize) {
         self.closing.fresh = 0;
-        self.closing.dropped += self.graph.drop_loops(HOPELESS);
+        self.closing.dropped += dropped;
         self.pose = *self.graph.poses.last().expect("a keyframe was just kept");
     }
 }
@@ -441,8 +447,8 @@ mod tests {
         assert!(found.is_none() && ambiguous == 1, "{found:?}");
     }
 
-    /// A place known to 1 cm along x and 1 m along y: another 0.6 m off along x, as good, is a rival;
-    /// along y it is left open, and one that is much worse is none.
+    /// A place known to 1 cm along x and 1 m along y: another 0.6 m off along x, as good, is a
+    /// rival; along y it is left open, and one that is much worse is none.
     #[test]
     fn a_rival_is_as_good_and_elsewhere() {
         let fit = |x: f64, y: f64, score: f64| Fit {

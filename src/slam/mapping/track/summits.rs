@@ -59,13 +59,13 @@ pub(super) fn best_and_others(
         if !tried.iter().all(is_summit) {
             continue;
         }
+        tried.push(one);
         let fit = align(walls, spots, one.pose, prior);
         if rating(&fit) > rating(&best) {
             others.push(core::mem::replace(&mut best, fit));
         } else {
             others.push(fit);
         }
-        tried.push(one);
     }
     (best, others)
 }
