@@ -90,6 +90,11 @@ impl Activity {
         spell.contains(now).then_some(spell)
     }
 
+    /// Whether the fault is never at work from `now` on.
+    pub(super) fn is_over(&self, now: Instant) -> bool {
+        self.trigger.is_none() && self.window.until <= now
+    }
+
     /// Whether the fault is at work at `now`.
     pub fn is_active(&self, now: Instant) -> bool {
         self.spell_at(now).is_some()

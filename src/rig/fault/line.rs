@@ -18,12 +18,31 @@ struct Entry {
     id: FaultId,
     activity: Activity,
     effect: Effect,
+    /// Bytes for which dice were thrown, of all that were counted.
+    drawn: u64,
+}
+
+/// Which entries are to be looked at, of very many. Made anew whenever one changes.
+#[derive(Clone, Debug, Default)]
+struct Order {
+    is_known: bool,
+    /// Those that strike at random, have begun or wait for an event, and are not over.
+    striking: Vec<usize>,
+    /// Those that strike and begin later, the next one last.
+    later: Vec<usize>,
+    /// Those that do something else.
+    others: Vec<usize>,
+    /// Those that wait for an event.
+    waiting: Vec<usize>,
 }
 
 /// All that goes wrong on one direction of a link.
 #[derive(Clone, Debug, Default)]
 pub struct LineFaults {
     entries: Vec<Entry>,
+    order: Order,
+    /// Bytes counted since there are faults.
+    counted: u64,
     planned: BTreeMap<u64, Vec<Damage>>,
     struck: VecDeque<Strike>,
     wire: Wire,
@@ -70,11 +89,14 @@ impl LineFaults {
             id,
             activity,
             effect,
+            drawn: self.counted,
         });
+        self.order.is_known = false;
     }
 
     /// Adds damage at random: `chance` per byte, drawn from `rng` for every byte of the run,
-    /// inside the window or not, so that changing one fault never shifts another.
+    /// inside the window or not, so that changing one fault never shifts another. What comes before
+    /// the window is drawn when that begins, and what comes after it never.
     pub fn add_rate(
         &mut self,
         id: FaultId,
@@ -110,11 +132,13 @@ impl LineFaults {
     pub fn end(&mut self, id: FaultId, at: Instant) {
         let entries = self.entries.iter_mut().filter(|entry| entry.id == id);
         entries.for_each(|entry| entry.activity.end(at));
+        self.order.is_known = false;
     }
 
     /// Leaves out a fault that has not begun.
     pub(crate) fn leave_out(&mut self, id: FaultId) {
         self.entries.retain(|entry| entry.id != id);
+        self.order.is_known = false;
     }
 
     /// Gives the faults other numbers.
@@ -168,7 +192,9 @@ impl LineFaults {
 
     /// The coding that a sender with `line` really has at `now`.
     pub(crate) fn sender_line(&self, line: LineConfig, now: Instant) -> LineConfig {
-        self.active(now)
+        let active = self.others();
+        active
+            .filter(|entry| entry.activity.is_active(now))
             .fold(line, |line, entry| match &entry.effect {
                 Effect::WrongBaud(rate) => rate.of(line, now - entry.activity.window.from),
                 _ => line,
@@ -177,7 +203,7 @@ impl LineFaults {
 
     /// What withholds bytes that arrive at `at`, if anything does.
     pub(crate) fn gate(&self, at: Instant) -> Option<Gate> {
-        let gates = self.entries.iter().filter_map(|entry| {
+        let gates = self.others().filter_map(|entry| {
             let fifo = match entry.effect {
                 Effect::Stall => None,
                 Effect::Overrun { fifo } => Some(fifo),
@@ -195,9 +221,50 @@ impl LineFaults {
         gates.max_by_key(|gate| gate.opens)
     }
 
-    fn active(&self, now: Instant) -> impl Iterator<Item = &Entry> {
-        let entries = self.entries.iter();
-        entries.filter(move |entry| entry.activity.is_active(now))
+    /// What does not strike at random; all, as long as that is not known.
+    fn others(&self) -> impl Iterator<Item = &Entry> {
+        let is_known = self.order.is_known;
+        let all = if is_known { 0 } else { self.entries.len() };
+        let others = if is_known { self.order.others.len() } else { 0 };
+        let others = self.order.others[..others].iter();
+        let others = others.map(|&index| &self.entries[index]);
+        self.entries[..all].iter().chain(others)
+    }
+
+    /// Looks which entries matter from `now` on; it never goes back.
+    fn look(&mut self, now: Instant) {
+        let (entries, order) = (&self.entries, &mut self.order);
+        if !order.is_known {
+            *order = Order {
+                is_known: true,
+                ..Order::default()
+            };
+            for (index, entry) in entries.iter().enumerate() {
+                let activity = &entry.activity;
+                if activity.trigger.is_some() {
+                    order.waiting.push(index);
+                }
+                if !matches!(entry.effect, Effect::Strikes { .. }) {
+                    order.others.push(index);
+                } else if activity.trigger.is_some() || activity.window.from <= now {
+                    order.striking.push(index);
+                } else {
+                    order.later.push(index);
+                }
+            }
+            let begin = |index: &usize| entries[*index].activity.window.from;
+            order
+                .later
+                .sort_by_key(|index| core::cmp::Reverse(begin(index)));
+        }
+        let has_begun = |index: &&usize| entries[**index].activity.window.from <= now;
+        while let Some(&index) = order.later.last().filter(has_begun) {
+            order.later.pop();
+            let place = order.striking.partition_point(|other| *other < index);
+            order.striking.insert(place, index);
+        }
+        let is_over = |index: &usize| entries[*index].activity.is_over(now);
+        order.striking.retain(|index| !is_over(index));
     }
 
     /// What the far end gets of `sent`, whose first byte is the `first`-th on this line. They are
@@ -212,9 +279,11 @@ impl LineFaults {
         passed: &mut Passed,
     ) {
         self.notice(first, sent.len() as u64, start, line);
+        self.look(start);
         let mut hosts = Vec::new();
         let mut is_cut = false;
-        for entry in &mut self.entries {
+        for &index in &self.order.others {
+            let entry = &mut self.entries[index];
             if !entry.activity.is_active(start) {
                 continue;
             }
@@ -258,6 +327,9 @@ impl LineFaults {
 
     /// Starts what waited for one of the bytes up to `bytes`, or for this frame.
     fn fire(&mut self, bytes: u64, frame: u64, start: Instant) {
+        if self.order.is_known && self.order.waiting.is_empty() {
+            return;
+        }
         for entry in &mut self.entries {
             let has_come = match entry.activity.trigger {
                 None => false,
@@ -266,6 +338,7 @@ impl LineFaults {
             };
             if has_come {
                 entry.activity.fire(start);
+                self.order.is_known = false;
             }
         }
     }
@@ -273,7 +346,9 @@ impl LineFaults {
     /// What happens to the byte `number`, sent at `now`.
     fn damages(&mut self, number: u64, now: Instant, budget: &mut Budget) -> Vec<Damage> {
         let mut damages = self.planned.remove(&number).unwrap_or_default();
-        for entry in &mut self.entries {
+        self.look(now);
+        for &index in &self.order.striking {
+            let entry = &mut self.entries[index];
             let Effect::Strikes {
                 kind,
                 chance,
@@ -283,6 +358,10 @@ impl LineFaults {
             else {
                 continue;
             };
+            for _ in 0..2 * (self.counted - entry.drawn) {
+                rng.next_u64();
+            }
+            entry.drawn = self.counted + 1;
             // Two draws per byte whatever comes of them, see `add_rate`.
             let hit = rng.chance(*chance);
             let detail = rng.next_u64().to_le_bytes()[0];
@@ -291,6 +370,7 @@ impl LineFaults {
                 damages.push(kind.with_detail(detail));
             }
         }
+        self.counted += 1;
         if self.struck.len() < STRIKES_MAX {
             self.struck.extend(damages.iter().map(|&damage| Strike {
                 byte: number,

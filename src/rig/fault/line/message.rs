@@ -37,7 +37,9 @@ impl LineFaults {
             effects: Vec::new(),
         };
         let mut is_cut = false;
-        for entry in &mut self.entries {
+        self.look(start);
+        for &index in &self.order.others {
+            let entry = &mut self.entries[index];
             if !entry.activity.is_active(start) {
                 continue;
             }

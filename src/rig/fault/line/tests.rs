@@ -104,6 +104,39 @@ fn recorded_strikes_repeat_what_the_rate_did() {
     assert_eq!(through(&mut recorded, &bytes), first);
 }
 
+/// Dice are thrown for every byte, two a byte, also for those before the window and for faults that
+/// others overtake: which bytes are lost is said by the streams alone.
+#[test]
+fn dice_are_thrown_for_bytes_outside_the_window_too() {
+    let windows = [(0, 900), (500, 700), (650, 2_000), (100, 400), (950, 960)];
+    let stream = |fault: usize| Rng::stream(5, &format!("test.{fault}"));
+    let mut faults = LineFaults::default();
+    for (fault, (from, until)) in windows.into_iter().enumerate() {
+        let window = Window {
+            from: Instant::from_micros(10 * from),
+            until: Instant::from_micros(10 * until),
+        };
+        let id = FaultId(fault);
+        faults.add_rate(id, DamageKind::Drop, window, 0.05, stream(fault));
+    }
+    let bytes: Vec<u8> = (0..1_000_u32).map(|byte| byte.to_le_bytes()[0]).collect();
+    let arrived = through(&mut faults, &bytes);
+
+    let mut dice: Vec<Rng> = (0..windows.len()).map(stream).collect();
+    let mut expected = Vec::new();
+    for (number, byte) in (0..).zip(&bytes) {
+        let mut is_lost = false;
+        for (dice, (from, until)) in dice.iter_mut().zip(windows) {
+            let is_hit = dice.chance(0.05);
+            dice.next_u64();
+            is_lost |= is_hit && (from..until).contains(&number);
+        }
+        expected.extend((!is_lost).then_some(*byte));
+    }
+    assert_eq!(arrived, expected);
+    assert!((900..995).contains(&arrived.len()), "{}", arrived.len());
+}
+
 #[test]
 fn a_rate_of_zero_touches_nothing() {
     let mut faults = LineFaults::default();
