@@ -18,6 +18,7 @@ use super::stop::Stop;
 use super::{CliError, Verdict};
 use crate::realtime::clock::{Clock, WallClock};
 use crate::realtime::exec::Foreign;
+use crate::robots;
 use crate::run::Outcome;
 use crate::scenario::{Scenario, Source, Span};
 use crate::search::campaign::{
@@ -127,7 +128,10 @@ pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
     // Before the first run, so that nobody waits a night for the error.
     let shard = shard_of(&args)?;
     let earlier = earlier(args.against.as_deref())?;
-    let read = read_all(&args.scenarios)?;
+    let mut read = read_all(&args.scenarios)?;
+    if args.program.exec.is_none() {
+        leave_out_bare(&mut read)?;
+    }
     let texts = read
         .iter()
         .map(|(name, (_, source))| (name.clone(), source.text.clone()));
@@ -241,6 +245,27 @@ fn read_all(paths: &[PathBuf]) -> Result<BTreeMap<String, (Scenario, Source)>, C
         }
     }
     Ok(read)
+}
+
+/// Leaves out robots whose program is somebody else's, where others bring their own: without
+/// `--exec` nobody drives them, and each run would fail for that.
+fn leave_out_bare(read: &mut BTreeMap<String, (Scenario, Source)>) -> Result<(), CliError> {
+    let mut bare = Vec::new();
+    for (name, (scenario, source)) in &*read {
+        if robots::of(scenario, source)?
+            .program(scenario, source)?
+            .is_none()
+        {
+            bare.push(name.clone());
+        }
+    }
+    if bare.len() < read.len() {
+        for name in bare {
+            read.remove(&name);
+            eprintln!("{name} is left out: its robot has no program; --exec CMD starts one");
+        }
+    }
+    Ok(())
 }
 
 /// A run that ended: what it came to, and its case if it failed.

@@ -132,3 +132,30 @@ fn the_templates_for_clusters_run() {
         assert_eq!(runs.lines().count(), 2, "{}", text(&output.stderr));
     }
 }
+
+/// At stake: a folder's campaign whose every report begins with a robot that nobody drove.
+#[test]
+fn a_robot_without_a_program_is_left_out_beside_others() {
+    let session = Session::new("campaign-bare");
+    short(&session);
+    let bare = shipped("custom-robot").replace("\"20s\"", "\"1s\"");
+    session.write("bare.toml", &bare);
+    let run = |arguments: &str| {
+        let arguments: Vec<&str> = arguments.split(' ').collect();
+        let output = session.hilrig(&[&["campaign", "--seeds", "0..2"], &arguments[..]].concat());
+        text(&output.stderr).to_owned()
+    };
+    let told = run("bare.toml short.toml --out both");
+    assert!(
+        told.contains("custom-robot is left out") && told.contains("--exec"),
+        "{told}"
+    );
+    let runs = session.read("both/runs.jsonl");
+    assert!(
+        runs.lines().count() == 2 && !runs.contains("custom-robot"),
+        "{runs}"
+    );
+    // Alone it is what was asked for.
+    run("bare.toml --out alone");
+    assert_eq!(session.read("alone/runs.jsonl").lines().count(), 2);
+}
