@@ -85,7 +85,7 @@ pub struct Survey {
     pub walls: Vec<WallPoint>,
     /// Time that each scan took.
     pub took: Vec<Duration>,
-    /// Processor time of all, where the system tells.
+    /// Processor time of all, where the system tells; with that of whoever looked on.
     pub cpu: Option<Duration>,
 }
 
@@ -123,12 +123,11 @@ fn run(
     let mut mapper: Box<LogMapper> = Box::new(Mapper::new(settings));
     let middle = [log.start.x, log.start.y];
     let mut survey = Survey::empty(log.shots.len());
-    let mut cpu = Some(Duration::ZERO);
+    let before = thread_cpu_time();
     for (done, shot) in log.shots.iter().enumerate() {
-        let (began, before, jumps) = (clock.now(), thread_cpu_time(), survey.jumps.len());
+        let (began, jumps) = (clock.now(), survey.jumps.len());
         let certainty = survey.take(&mut mapper, shot, done == 0, middle);
         survey.took.push(clock.now() - began);
-        cpu = cpu.and_then(|cpu| Some(cpu + cpu_since(before)?));
         look(&Look {
             done: done + 1,
             shot,
@@ -144,14 +143,9 @@ fn run(
         survey.doubtful += usize::from(certainty == Certainty::Doubtful);
         survey.ambiguous += usize::from(certainty == Certainty::Ambiguous);
     }
-    survey.cpu = cpu;
+    survey.cpu = before.and_then(|before| thread_cpu_time()?.checked_sub(before));
     survey.map = sheet(mapper.grid(), middle);
     survey
-}
-
-/// Processor time of this thread since `before`, where the system tells.
-pub(super) fn cpu_since(before: Option<Duration>) -> Option<Duration> {
-    before.and_then(|before| thread_cpu_time()?.checked_sub(before))
 }
 
 /// What the robot's own mapper has made of the scans so far.

@@ -1,7 +1,5 @@
 //! Runs a log through the mapper that closes loops, or finds its way on a map that there is.
 
-use core::time::Duration;
-
 use crate::slam::mapping::{Localiser, Mapper, Outcome, Settings, Sheet, Shot, UNKNOWN, WallPoint};
 use emulators::world::Pose as Place;
 use firmware_core::pose::{Point, Pose};
@@ -9,7 +7,7 @@ use firmware_core::pose::{Point, Pose};
 use super::Log;
 use super::look::{Jump, Look, SoFar, Sureness};
 use super::motion::moved;
-use super::survey::{Survey, cpu_since};
+use super::survey::Survey;
 use crate::realtime::clock::{Clock, thread_cpu_time};
 
 /// What is told to the mapper.
@@ -40,12 +38,11 @@ pub fn tour(log: &Log, wish: &Wish, clock: &dyn Clock, look: &mut dyn FnMut(&Loo
         start: log.start,
         noise: wish.noise,
     });
-    let mut survey = each_scan(log, clock, look, &mut mapper);
     let before = thread_cpu_time();
+    let mut survey = each_scan(log, clock, look, &mut mapper);
     mapper.finish();
     survey.map = mapper.sheet(wish.cell_m);
-    let last = cpu_since(before);
-    survey.cpu = survey.cpu.and_then(|cpu| Some(cpu + last?));
+    survey.cpu = before.and_then(|before| thread_cpu_time()?.checked_sub(before));
     let times = log.shots.iter().map(|shot| shot.at_s);
     survey.way = times.zip(mapper.way()).collect();
     survey.ambiguous = mapper.ambiguous();
@@ -72,7 +69,9 @@ pub fn locate(
         localiser: Localiser::new(settings, walls),
         walls,
     };
+    let before = thread_cpu_time();
     let mut survey = each_scan(log, clock, look, &mut found);
+    survey.cpu = before.and_then(|before| thread_cpu_time()?.checked_sub(before));
     let times = log.shots.iter().map(|shot| shot.at_s);
     survey.way = times.zip(found.way()).collect();
     survey.map = drawn(walls, wish.cell_m);
@@ -138,9 +137,9 @@ fn each_scan(
     finder: &mut dyn Finder,
 ) -> Survey {
     let mut survey = Survey::empty(log.shots.len());
-    let (mut here, mut cpu) = (log.start, Some(Duration::ZERO));
+    let mut here = log.start;
     for (done, shot) in log.shots.iter().enumerate() {
-        let (began, before) = (clock.now(), thread_cpu_time());
+        let began = clock.now();
         let ends: Vec<[f32; 2]> = shot.points.iter().map(metres).collect();
         let outcome = finder.find(&Shot {
             moved: shot.moved,
@@ -148,7 +147,6 @@ fn each_scan(
             ends: &ends,
         });
         survey.took.push(clock.now() - began);
-        cpu = cpu.and_then(|cpu| Some(cpu + cpu_since(before)?));
         // The way begins with the first scan, whatever the wheels did before.
         let wheels = if done == 0 {
             here
@@ -169,7 +167,6 @@ fn each_scan(
             so_far: &*finder,
         });
     }
-    survey.cpu = cpu;
     let sure = survey.sureness.iter();
     survey.doubtful = sure.filter(|sure| sure.is_doubtful).count();
     survey
