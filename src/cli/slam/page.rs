@@ -165,6 +165,7 @@ impl Open {
             return;
         };
         let way: Vec<Pose> = survey.way.iter().map(|(_, pose)| *pose).collect();
+        known.pose = way.last().copied().unwrap_or(known.pose);
         known.overlays = overlays(&way, &survey.loops());
         let map = &survey.map;
         if map.width.max(map.height) <= CELLS_MAX {

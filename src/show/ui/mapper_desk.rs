@@ -65,6 +65,8 @@ pub(crate) struct MapperDesk {
     at: Instant,
     /// Up to here a page has let it go on by steps.
     step: Instant,
+    /// A step goes to the next scan at least, however long that is away.
+    is_stepped: bool,
     layer: MapLayer,
     slow: Numbered,
     scan: Numbered,
@@ -85,6 +87,7 @@ impl MapperDesk {
             pace: PagePace::new(SPEED_MAX, wall, Instant::ZERO),
             at: Instant::ZERO,
             step: Instant::ZERO,
+            is_stepped: false,
             layer: MapLayer::new("mapper"),
             slow: Numbered::new("{}"),
             scan: Numbered::new("{}"),
@@ -105,7 +108,8 @@ impl MapperDesk {
             self.obey(wall);
             let is_paused = self.pace.is_paused();
             let due = self.pace.target(wall, self.at).max(self.step);
-            if at <= due || is_done() || !is_paused && wall - began >= WAIT_MAX {
+            let is_due = at <= due || core::mem::take(&mut self.is_stepped);
+            if is_due || is_done() || !is_paused && wall - began >= WAIT_MAX {
                 break;
             }
             clock.sleep_until(wall + TURN);
@@ -121,9 +125,10 @@ impl MapperDesk {
         }
     }
 
-    /// Whether pages should see what is known at the wall clock's `wall`.
+    /// Whether pages should see what is known at the wall clock's `wall`: each scan of a mapper that
+    /// goes by steps.
     pub(crate) fn is_due(&self, wall: Instant) -> bool {
-        wall >= self.draws_at
+        self.pace.is_paused() || wall >= self.draws_at
     }
 
     /// Something happened at the newest scan.
@@ -187,6 +192,7 @@ impl MapperDesk {
                 Command::Play if !self.is_over => self.pace.play(wall, self.at),
                 Command::Step { ms } if !self.is_over => {
                     self.step = self.pace.step(ms, self.step.max(self.at));
+                    self.is_stepped = true;
                 }
                 Command::Speed { x } => self.pace.set_speed(x, wall, self.at),
                 Command::Play | Command::Step { .. } => {
@@ -266,5 +272,54 @@ impl MapperDesk {
             checks: Numbered::new("{}"),
             layers: vec![self.layer.last()],
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tokio::sync::mpsc;
+
+    use super::*;
+    use crate::realtime::clock::SimClock;
+
+    /// A scan each 3 s and steps of 10 ms: each step shows the next scan, and without one a page
+    /// that is paused stays where it is.
+    #[test]
+    fn a_step_goes_to_the_next_scan() {
+        let (hub, clock) = (Hub::new(), SimClock::default());
+        let mut desk = MapperDesk::new(Arc::clone(&hub), "log", clock.now());
+        let (reply, _answers) = mpsc::channel(4);
+        hub.ask(Command::Pause, &reply);
+        let until = |seconds: u64| {
+            let end = clock.now() + Duration::from_secs(seconds);
+            let clock = &clock;
+            move || clock.now() >= end
+        };
+        for scan in 1..4 {
+            hub.ask(Command::Step { ms: 10 }, &reply);
+            let began = clock.now();
+            desk.wait(Instant::from_secs(3 * scan), &clock, &until(60));
+            assert_eq!(
+                (clock.now(), desk.at),
+                (began, Instant::from_secs(3 * scan))
+            );
+            assert!(desk.is_due(clock.now()));
+        }
+        let began = clock.now();
+        desk.wait(Instant::from_secs(12), &clock, &until(60));
+        assert_eq!(clock.now() - began, Duration::from_secs(60));
+    }
+
+    /// At a hundred times the log's pace 3 s take 30 ms; a gap of an hour is waited for a second.
+    #[test]
+    fn a_gap_is_not_waited_for() {
+        let clock = SimClock::default();
+        let mut desk = MapperDesk::new(Hub::new(), "log", clock.now());
+        desk.wait(Instant::from_secs(3), &clock, &|| false);
+        assert_eq!(clock.now(), Instant::from_millis(30));
+        desk.wait(Instant::from_secs(3_603), &clock, &|| false);
+        assert_eq!(clock.now(), Instant::from_millis(1_030));
+        desk.wait(Instant::from_secs(3_606), &clock, &|| false);
+        assert_eq!(clock.now(), Instant::from_millis(1_060));
     }
 }
