@@ -125,8 +125,8 @@ impl MapperDesk {
         }
     }
 
-    /// Whether pages should see what is known at the wall clock's `wall`: each scan of a mapper that
-    /// goes by steps.
+    /// Whether pages should see what is known at the wall clock's `wall`: each scan of a mapper
+    /// that goes by steps.
     pub(crate) fn is_due(&self, wall: Instant) -> bool {
         self.pace.is_paused() || wall >= self.draws_at
     }
