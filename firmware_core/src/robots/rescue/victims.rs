@@ -136,7 +136,10 @@ impl Victims {
     /// somebody who was not known.
     pub(super) fn take(&mut self, readings: [i16; 2], pose: Pose, around: &Surroundings) -> bool {
         let mut is_new = false;
-        for (index, reading) in readings.into_iter().enumerate() {
+        // A base that has just started has not measured yet and tells 0: that is no cold hall, in
+        // which all others would be warm.
+        let measured = readings.into_iter().enumerate();
+        for (index, reading) in measured.filter(|(_, reading)| *reading != 0) {
             let excess = self.excess(index, reading);
             self.is_warm[index] = excess >= CALM;
             if excess < WARM {
@@ -258,6 +261,19 @@ mod tests {
         };
         let expected = Point::new(500.0, 270.0);
         assert!(victim.place.distance_mm(expected) < 20.0, "{victim:?}");
+    }
+
+    /// A base that restarts again and again tells 0 until it has measured: 22 degrees are nobody
+    /// afterwards, and somebody is somebody.
+    #[test]
+    fn what_was_not_measured_yet_is_not_cold() {
+        let mut victims = Victims::new();
+        for n in 0..100_u8 {
+            let left = if n % 4 == 0 { 220 } else { 0 };
+            assert!(!victims.take([left, 0], Pose::default(), &wall()));
+        }
+        assert_eq!(victims.are_explained(Pose::default()), [true; 2]);
+        assert_eq!(pass(&mut victims), 1);
     }
 
     /// A hall that warms up by ten degrees in a thousand readings is nobody.
