@@ -194,6 +194,10 @@ const PROGRESS_MM: f32 = 10.0;
 const FREE_WAY_MM: f32 = 450.0;
 /// A plan is made anew each second.
 const PLAN_SCANS: u8 = 5;
+/// Plans without a way after which there is none, and rounds in which all were found blocked:
+/// something that moves may have stood in one.
+const WAYLESS_PLANS: u8 = 4;
+const BLOCKED_ROUNDS: u8 = 2;
 /// Scans without moving after which the robot makes itself thin: longer than any turn; for how many
 /// scans it does; and how thin and slow it gets.
 const SQUEEZE_AFTER: u8 = 22;
@@ -212,6 +216,10 @@ pub struct Navigator {
     planner: Planner,
     /// Scans until the plan is made anew.
     plan_ages: u8,
+    /// Plans in a row that found no way.
+    wayless: u8,
+    /// How often every way to the goal had been found blocked.
+    rounds: u8,
     goal: Option<Point>,
     nearest_mm: f32,
     stalled: u8,
@@ -231,6 +239,8 @@ impl Navigator {
             escape: Escape::new(),
             planner: Planner::new(),
             plan_ages: 0,
+            wayless: 0,
+            rounds: 0,
             goal: None,
             nearest_mm: f32::INFINITY,
             stalled: 0,
@@ -300,6 +310,12 @@ impl Navigator {
         Step::Drive(around.guarded(&body, wanted))
     }
 
+    /// Whether plan after plan found no way to the goal, however narrow, or each way there was
+    /// found blocked more than once.
+    pub const fn has_no_way(&self) -> bool {
+        self.wayless >= WAYLESS_PLANS || self.rounds >= BLOCKED_ROUNDS
+    }
+
     /// Forgets what it was doing.
     pub const fn reset(&mut self) {
         self.goal = None;
@@ -329,6 +345,7 @@ impl Navigator {
         if self.goal != Some(goal) {
             self.goal = Some(goal);
             self.plan_ages = 0;
+            (self.wayless, self.rounds) = (0, 0);
             self.nearest_mm = f32::INFINITY;
             self.side = 0.0;
         }
@@ -355,13 +372,21 @@ impl Navigator {
         let free = around.free_mm(body, bearing_of(pose, goal));
         if free >= distance {
             self.plan_ages = 0;
+            self.wayless = 0;
             return goal;
         }
         if self.plan_ages == 0 {
             self.plan_ages = PLAN_SCANS;
             let full = &self.settings.body;
             let thin_mm = full.radius_mm + full.clearance_mm.min(SQUEEZE_CLEARANCE_MM);
-            self.planner.plan(map, (full, thin_mm), pose, goal, around);
+            let bodies = (full, thin_mm);
+            if self.planner.plan(map, bodies, pose, goal, around) {
+                self.rounds = self.rounds.saturating_add(1);
+            }
+            self.wayless = match self.planner.way_from(pose.position()) {
+                Some(_) => 0,
+                None => self.wayless.saturating_add(1),
+            };
         }
         self.planner.way_from(pose.position()).unwrap_or(goal)
     }

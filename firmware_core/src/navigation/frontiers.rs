@@ -40,6 +40,8 @@ const STALE_CELLS: i8 = 4;
 const WITHIN_CELLS: i8 = 5;
 /// What a cell of the way costs, in unknown cells.
 const WAY_WEIGHT: i32 = 3;
+/// For each so many cells of the way, one more unknown cell must be there.
+const CRUMB_CELLS: u16 = 4;
 /// Cells at which heat is felt well enough: 0.42 m.
 const FEEL_CELLS: i16 = 14;
 /// What is doubted counts from so near: 0.42 m, farther than the robot keeps off a corner.
@@ -224,6 +226,8 @@ impl Frontiers {
                 return;
             }
             let outlook = scene.look(&rays, cell, &mut steps);
+            // A door shows many from near by; a few are not worth a long way.
+            let least = least.max(Outlook::SMALL + way / CRUMB_CELLS);
             let Some(gain) = outlook.gain(least).filter(|_| !self.stale.has(cell)) else {
                 return;
             };

@@ -62,7 +62,8 @@ impl Planner {
     }
 
     /// Plans all ways to `goal`, from what the map holds and what is seen right now; for `body`,
-    /// or, if none leads there, for one that keeps only `thin_mm`.
+    /// or, if none leads there, for one that keeps only `thin_mm`. Returns whether every way that
+    /// the map shows was found blocked: they are then tried again.
     pub(super) fn plan(
         &mut self,
         map: &Grid,
@@ -70,14 +71,14 @@ impl Planner {
         pose: Pose,
         goal: Point,
         around: &Surroundings,
-    ) {
+    ) -> bool {
         self.raster = Raster::of(map);
         let obstacles = self.raster.obstacles(map, pose, around);
         let ends = [pose.position(), goal];
         let reach = self.raster.reach(body.keep_mm() - 25.0);
         let Some(goal) = self.raster.cell_of(goal) else {
             self.field = [[UNREACHED * 0x11; SIDE.div_ceil(2)]; SIDE];
-            return;
+            return false;
         };
         if self.kept == Some(goal) {
             // What was free by a cell when the way was chosen may be drawn a cell nearer now.
@@ -85,7 +86,7 @@ impl Planner {
             match self.stretch_on_way(pose.position(), &tight) {
                 Some(None) => {
                     self.near = self.raster.blocked(&obstacles, reach, ends);
-                    return;
+                    return false;
                 }
                 Some(Some(cell)) => self.refuse(cell),
                 None => {}
@@ -94,15 +95,17 @@ impl Planner {
             self.refusals = 0;
         }
         self.kept = Some(goal);
+        let mut every_way_was_blocked = false;
         if self.refusals > 0 {
             let mut refused = obstacles.clone();
             for &place in &self.refused[..self.refusals.min(REFUSED_MAX)] {
                 refused.set(place);
             }
             if self.reaches(&refused, reach, ends, goal) {
-                return;
+                return false;
             }
             self.refusals = 0;
+            every_way_was_blocked = true;
         }
         if !self.reaches(&obstacles, reach, ends, goal) {
             // A narrow way is the last resort, and taken for no longer than there is no other.
@@ -110,6 +113,7 @@ impl Planner {
             let reach = self.raster.reach(thin_mm - 25.0);
             self.reaches(&obstacles, reach, ends, goal);
         }
+        every_way_was_blocked
     }
 
     /// The way from `from` turned out to be none: another one is taken, if there is one.

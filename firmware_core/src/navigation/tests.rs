@@ -247,3 +247,80 @@ fn a_goal_that_comes_no_nearer_is_reached_after_three_seconds() {
     // until 80 mm are left, which takes longer than 40 scans.
     assert_eq!(scans(150.0, 1.0), None);
 }
+
+/// A map of nothing but a box of walls around `goal`, 0.6 m wide.
+fn walled_in(goal: Point) -> std::boxed::Box<Grid> {
+    let mut map = std::boxed::Box::new(Grid::new(10.0));
+    let [x, y] = [goal.x_mm, goal.y_mm].map(|mm| libm::roundf(mm / 10.0) as usize);
+    for n in 0..=60 {
+        for side in [0, 1, 59, 60] {
+            map.set(x - 30 + n, y - 30 + side, 255);
+            map.set(x - 30 + side, y - 30 + n, 255);
+        }
+    }
+    map
+}
+
+/// Plans are made each second: four of them, and there is no way. Another goal may have one, and
+/// something that is gone again has blocked none.
+#[test]
+fn a_goal_without_a_way_is_told_after_four_plans() {
+    let (pose, goal) = (Pose::new(500.0, 500.0, 0.0), Point::new(2000.0, 500.0));
+    let closed = walled_in(goal);
+    let open = std::boxed::Box::new(Grid::new(10.0));
+    let around = wall(800.0);
+    let mut navigator = Navigator::new(Settings::new(BODY));
+    let mut told = |map: &Grid, position: Point| {
+        let goal = Goal {
+            position,
+            is_last: false,
+        };
+        navigator.approach(map, pose, goal, &around);
+        navigator.has_no_way()
+    };
+    let first = (1..40).find(|_| told(&closed, goal));
+    assert_eq!(first, Some(3 * 5 + 1));
+    assert!(!told(&closed, Point::new(2000.0, 2000.0)), "another goal");
+    assert!((1..12).all(|_| !told(&closed, goal)));
+    assert!((1..6).all(|_| !told(&open, goal)), "a way opens");
+    assert!((1..12).all(|_| !told(&closed, goal)));
+}
+
+/// Two doors, and each time that the robot looks something stands in the one that its way leads
+/// through: after both were found blocked twice, neither is a way.
+#[test]
+fn ways_that_are_blocked_in_turn_are_none() {
+    let mut map = std::boxed::Box::new(Grid::new(10.0));
+    for y in (0..100).chain(161..230).chain(291..300) {
+        (150..153).for_each(|x| map.set(x, y, 255));
+    }
+    let (pose, goal) = (Pose::new(1000.0, 1650.0, 0.0), Point::new(2000.0, 1650.0));
+    // Points 10 mm apart, seen from the robot: on the wall between the doors, and across one.
+    let along = |from: i8, to: i8| (from..=to).map(|n| Point::new(510.0, f32::from(n) * 10.0));
+    let between = || along(-4, 64);
+    let in_door = [
+        Surroundings::of(between().chain(along(-65, -5))),
+        Surroundings::of(between().chain(along(65, 125))),
+    ];
+    let mut navigator = Navigator::new(Settings::new(BODY));
+    let mut rounds = Vec::new();
+    for second in 0..30 {
+        let is_low = navigator
+            .planner
+            .way_from(pose.position())
+            .is_none_or(|aim| aim.y_mm < pose.y_mm);
+        for _ in 0..PLAN_SCANS {
+            let goal = Goal {
+                position: goal,
+                is_last: false,
+            };
+            navigator.approach(&map, pose, goal, &in_door[usize::from(!is_low)]);
+        }
+        rounds.push(navigator.rounds);
+        if navigator.has_no_way() {
+            assert!((4..=8).contains(&second), "{rounds:?}");
+            return;
+        }
+    }
+    panic!("it goes to and fro: {rounds:?}");
+}

@@ -24,6 +24,8 @@ const JUDGE_SCANS: u8 = 5;
 /// what is left is noise of the map, not floor.
 const VAIN_VIEWS: u8 = 6;
 const NEWS_CELLS: u32 = 25;
+/// Fewer known cells than the floor that the robot stands on, 0.08 m2, are no map.
+const FOOTPRINT_CELLS: u32 = 90;
 /// A view that showed fewer cells showed nothing.
 const NOTHING_CELLS: u32 = 3;
 /// Scans for which the robot looks at what it came for.
@@ -236,6 +238,11 @@ impl Explore {
         {
             self.frontiers.showed_nothing(map, place);
         }
+        if known < FOOTPRINT_CELLS {
+            // Where nothing is known, nothing can be chosen: the lidar has yet to see something.
+            (self.vain, self.is_second) = (0, false);
+            return HALT;
+        }
         let Some(least) = self.least() else {
             self.progress = Progress::GoesHome;
             return HALT;
@@ -270,9 +277,7 @@ impl Explore {
             map, pose, around, ..
         } = sight;
         if scans > PATIENCE_SCANS.saturating_add(view.way_cells.saturating_mul(PATIENCE_PER_CELL)) {
-            self.frontiers.give_up(map, view.place);
-            self.at = None;
-            return HALT;
+            return self.cannot_reach(map, view.place);
         }
         let is_due = age >= JUDGE_SCANS.into();
         if is_due && !self.frontiers.outlook(map, view.place).is_worth_a_way() {
@@ -282,7 +287,11 @@ impl Explore {
             position: view.place,
             is_last: false,
         };
-        let (next, set_point) = match navigator.approach(map, pose, goal, around) {
+        let step = navigator.approach(map, pose, goal, around);
+        if navigator.has_no_way() {
+            return self.cannot_reach(map, view.place);
+        }
+        let (next, set_point) = match step {
             Step::Drive(set_point) => {
                 let age = if is_due { 0 } else { age.saturating_add(1) };
                 let at = At::Way {
@@ -299,6 +308,15 @@ impl Explore {
         };
         self.at = Some(next);
         set_point
+    }
+
+    /// What is to be seen from `place` is given up, and places beside it are not tried either: from
+    /// afar the map shows a way there again and again.
+    fn cannot_reach(&mut self, map: &Grid, place: Point) -> [i8; 2] {
+        self.frontiers.give_up(map, place);
+        self.frontiers.showed_nothing(map, place);
+        self.at = None;
+        HALT
     }
 
     fn look(&mut self, sight: Sight<'_>, place: Point, scans: u8) -> [i8; 2] {
@@ -344,5 +362,44 @@ impl Explore {
             turned,
         });
         sight.around.guarded(body, [-TURN, TURN])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use super::*;
+    use crate::navigation::Settings;
+
+    /// As long as the lidar has shown nothing, nothing can be sought; that is no reason to believe
+    /// that all is known. A known room without a way out is.
+    #[test]
+    fn a_search_without_a_map_waits() {
+        let body = Body {
+            radius_mm: 160.0,
+            clearance_mm: 45.0,
+            tick_mm_s: 11.345,
+            axle_mm: 260.0,
+        };
+        let mut navigator = Navigator::new(Settings::new(body));
+        let mut explore = Explore::new(Sought::Floor);
+        let mut map = std::boxed::Box::new(Grid::new(10.0));
+        let mut step = |map: &Grid| {
+            let sight = Sight {
+                map,
+                pose: Pose::new(900.0, 900.0, 0.0),
+                around: &Surroundings::EMPTY,
+                is_felt: [true; 2],
+            };
+            assert_eq!(explore.step(&mut navigator, sight), HALT);
+            explore.progress()
+        };
+        assert!((0..100).all(|_| step(&map) == Progress::Seeks));
+        for (x, y) in (27..=152).flat_map(|x| (27..=152).map(move |y| (x, y))) {
+            let is_inside = (30..150).contains(&x) && (30..150).contains(&y);
+            map.set(x, y, if is_inside { 0 } else { 255 });
+        }
+        assert!((0..10).any(|_| step(&map) != Progress::Seeks));
     }
 }
