@@ -159,6 +159,45 @@ impl Capture {
         Ok(capture)
     }
 
+    /// All that can be read of the recording that a file is of: with what it put aside before this
+    /// file and wrote after it, as the numbers of its records tell. Returns how many files those
+    /// are, too.
+    pub fn read_recording(path: &Path) -> io::Result<(Self, usize)> {
+        let (mut whole, mut files) = (Self::read(path)?, 1);
+        let (paths, place) = files::around(path);
+        for path in paths[..place].iter().rev() {
+            let Some(mut before) = Self::read(path).ok().filter(|one| one.leads_to(&whole)) else {
+                break;
+            };
+            before.go_on(whole);
+            (whole, files) = (before, files + 1);
+        }
+        for path in &paths[place + 1..] {
+            let Some(after) = Self::read(path).ok().filter(|one| whole.leads_to(one)) else {
+                break;
+            };
+            whole.go_on(after);
+            files += 1;
+        }
+        Ok((whole, files))
+    }
+
+    /// Whether `next` is what the same recording wrote next.
+    fn leads_to(&self, next: &Self) -> bool {
+        let last = self.records.last().and_then(|record| record.sequence);
+        let first = next.records.first().and_then(|record| record.sequence);
+        let follows = last
+            .zip(first)
+            .is_some_and(|(last, first)| last + 1 == first);
+        follows && self.sections == next.sections && self.links == next.links
+    }
+
+    fn go_on(&mut self, next: Self) {
+        self.records.extend(next.records);
+        self.skipped += next.skipped;
+        (self.broken, self.cut) = (next.broken, next.cut);
+    }
+
     fn feed(&mut self, reader: &mut Reader, bytes: &[u8]) {
         reader.push(bytes);
         while let Some(item) = reader.next_item() {

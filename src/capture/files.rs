@@ -114,6 +114,41 @@ fn aside(path: &Path, number: u64) -> PathBuf {
 
 const EXTENSION: &str = "pcapng";
 
+/// The files around `path` that the same recording may have written, in the order of time, and the
+/// place of `path` among them: those put aside, the newest last. A gap in their numbers ends them.
+pub(super) fn around(path: &Path) -> (Vec<PathBuf>, usize) {
+    let alone = || (vec![path.to_owned()], 0);
+    let Some(stem) = path.file_stem().map(Path::new) else {
+        return alone();
+    };
+    let number: Option<u64> = stem
+        .extension()
+        .and_then(|number| number.to_str()?.parse().ok());
+    let newest = match number {
+        Some(_) => path.with_file_name(stem).with_extension(EXTENSION),
+        None => path.to_owned(),
+    };
+    // No other name, as 01, is one that a recording gave.
+    if number.is_some_and(|number| aside(&newest, number) != path) {
+        return alone();
+    }
+    let is_there = |number: &u64| aside(&newest, *number).is_file();
+    let last = match number {
+        Some(number) => (number..).take_while(is_there).last().unwrap_or(number),
+        None => last_number(path).unwrap_or(0),
+    };
+    let first = (1..=last).rev().take_while(is_there).last();
+    let first = first.unwrap_or(last + 1);
+    let mut files: Vec<PathBuf> = (first..=last)
+        .map(|number| aside(&newest, number))
+        .collect();
+    if number.is_none() || newest.is_file() {
+        files.push(newest);
+    }
+    let place = files.iter().position(|file| file == path);
+    place.map_or_else(alone, |place| (files, place))
+}
+
 fn or_gone(done: io::Result<()>) -> io::Result<()> {
     match done {
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),

@@ -104,15 +104,23 @@ pub(super) fn run(args: ReplayArgs) -> Result<Verdict, CliError> {
     }
     if args.to.is_empty() && args.dir.is_none() {
         let (scenario, source) = robot(&capture, &args.file, args.scenario.as_deref())?;
+        drop(capture);
         return into_program(&args, &recorded, &scenario, &source);
     }
     into_ports(&args, &recorded)
 }
 
-/// Reads a capture; says when it is not whole.
+/// Reads a capture, with the files that its recording put aside; says when it is not whole.
 pub(super) fn read(path: &Path) -> Result<Capture, CliError> {
     let shown = path.display();
-    let capture = Capture::read(path).map_err(|error| CliError::read(path, error))?;
+    let read = Capture::read_recording(path);
+    let (capture, files) = read.map_err(|error| CliError::read(path, error))?;
+    if files > 1 {
+        eprintln!("{shown} is one of {files} files of a recording; they are read as one");
+    }
+    if let Some(lost @ 1..) = capture.records.first().and_then(|first| first.sequence) {
+        eprintln!("{shown}: the first {lost} records of this recording are not there");
+    }
     if let Some(error) = capture.broken {
         if capture.records.is_empty() {
             let error = format!("{error}: expected a pcapng capture");

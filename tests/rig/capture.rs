@@ -195,6 +195,51 @@ fn a_long_recording_puts_files_aside_and_keeps_the_newest() {
     assert!(numbers.is_sorted_by(|a, b| a + 1 == *b));
 }
 
+/// V5: an hour of the rescue robot takes two files. Whichever is named, the recording is read whole;
+/// what another recording left beside it is not taken for a part of it.
+#[test]
+fn a_recording_of_several_files_is_read_as_one() {
+    let dir = folder("capture-parts");
+    let (one, several) = (dir.join("one.pcapng"), dir.join("several.pcapng"));
+    record(faulty_run(), &one, Limits::default());
+    let limits = |files| Limits {
+        file_bytes: 20_000,
+        files,
+        ..Limits::default()
+    };
+    record(faulty_run(), &several, limits(100));
+    let whole = Capture::read(&one).expect("readable");
+    let count = fs::read_dir(&dir).expect("exists").count() - 1;
+    assert!(count > 3, "{count} files");
+    for name in ["several.pcapng", "several.1.pcapng", "several.3.pcapng"] {
+        let (read, files) = Capture::read_recording(&dir.join(name)).expect("readable");
+        assert_eq!(
+            (read.records == whole.records, files),
+            (true, count),
+            "{name}"
+        );
+        assert_eq!(
+            (&read.links, &read.sections),
+            (&whole.links, &whole.sections)
+        );
+    }
+    let (_, files) = Capture::read_recording(&one).expect("readable");
+    assert_eq!(files, 1);
+
+    // One that is gone ends it: what was written before cannot be told to belong to it.
+    fs::remove_file(dir.join("several.2.pcapng")).expect("there");
+    let read = |name: &str| Capture::read_recording(&dir.join(name)).expect("readable");
+    assert_eq!(read("several.pcapng").1, count - 2);
+    assert_eq!(read("several.1.pcapng").1, 1);
+
+    // An earlier recording's files, of which the newest has the name of one that is missing.
+    fs::copy(dir.join("several.1.pcapng"), dir.join("several.2.pcapng")).expect("writable");
+    assert_eq!(read("several.pcapng").1, count - 2);
+    let about_others = "seed = 2\n";
+    fs::write(dir.join("several.2.pcapng"), about_others).expect("writable");
+    assert_eq!(read("several.3.pcapng").1, count - 2);
+}
+
 /// A file that cannot be put aside stands for any trouble of a disk: whoever watches a live run
 /// must hear of it while it goes on, not hours later at its end.
 #[test]
