@@ -118,9 +118,6 @@ pub(super) fn read(path: &Path) -> Result<Capture, CliError> {
     if files > 1 {
         eprintln!("{shown} is one of {files} files of a recording; they are read as one");
     }
-    if let Some(lost @ 1..) = capture.records.first().and_then(|first| first.sequence) {
-        eprintln!("{shown}: the first {lost} records of this recording are not there");
-    }
     if let Some(error) = capture.broken {
         if capture.records.is_empty() {
             let error = format!("{error}: expected a pcapng capture");
