@@ -32,6 +32,7 @@ pub use link_kind::{LinkKind, PortRate};
 pub use node::{AnyDevice, Program};
 use node::{Body, Node, Outside};
 pub use paced::Paced;
+use round::Due;
 
 /// A connection between two nodes, or a node and the outside.
 #[derive(Clone, Debug)]
@@ -108,6 +109,10 @@ pub struct Rig {
     disturbed: Vec<Disturbance>,
     /// Into which nodes put what they send.
     room: [u8; line::MESSAGE_MAX],
+    /// Two of each link.
+    due: Vec<Due>,
+    /// To which nodes something happened in this round that may have given them something to send.
+    touched: Vec<bool>,
 }
 
 impl Rig {
@@ -129,6 +134,8 @@ impl Rig {
             budget: Budget::default(),
             disturbed: Vec::new(),
             room: [0; line::MESSAGE_MAX],
+            due: Vec::new(),
+            touched: Vec::new(),
         }
     }
 
@@ -165,9 +172,9 @@ impl Rig {
             name,
             body,
             stirred: true,
-            epoch: 0,
             poll_at: None,
         });
+        self.touched.push(false);
         self.nodes.len() - 1
     }
 
@@ -238,6 +245,8 @@ impl Rig {
             budget: self.budget.clone(),
             disturbed: self.disturbed.clone(),
             room: self.room,
+            due: Vec::new(),
+            touched: self.touched.clone(),
         }
     }
 
@@ -368,6 +377,7 @@ impl Rig {
 
     /// Runs until `deadline`; events at the deadline itself still happen.
     pub fn run_until(&mut self, deadline: Instant) {
+        self.foresee();
         while let Some(at) = self.settle().filter(|&at| at <= deadline) {
             self.now = at.max(self.now);
         }
@@ -393,26 +403,6 @@ impl Rig {
             self.run_until((self.now + step).min(deadline));
         }
         true
-    }
-
-    /// When something will next happen by itself.
-    pub fn next_event(&self) -> Option<Instant> {
-        // Plain loops: this is asked between any two events, of everything there is.
-        let mut next = line::NEVER;
-        for node in &self.nodes {
-            if node.stirred {
-                return Some(self.now);
-            }
-            if let Some(at) = node.poll_at {
-                next = next.min(at);
-            }
-        }
-        for link in &self.links {
-            for line in &link.lines {
-                next = next.min(line.next_at(self.now));
-            }
-        }
-        (next < line::NEVER).then_some(next)
     }
 
     /// Gives bytes to an outside end, as if its owner had written them now: one message, at most

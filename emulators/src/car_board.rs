@@ -344,6 +344,10 @@ impl Device for CarBoard {
         take(&mut self.frames, buf)
     }
 
+    fn may_send(&self, _port: Port) -> bool {
+        !self.frames.is_empty()
+    }
+
     fn poll_at(&self) -> Option<Instant> {
         let log = self.log.poll_at();
         earliest([self.changed_at, self.silent_at, self.frame_at, log])

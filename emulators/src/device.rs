@@ -30,6 +30,14 @@ pub trait Device {
     /// line calls this when it has room, so what it does not take stays in the device's queue.
     fn transmit(&mut self, port: Port, buf: &mut [u8]) -> usize;
 
+    /// Whether the device may have something to send on `port`, or a [`line_change`] to tell: where
+    /// it has nothing, a line need not ask. `true` is always right.
+    ///
+    /// [`line_change`]: Self::line_change
+    fn may_send(&self, _port: Port) -> bool {
+        true
+    }
+
     /// A change of the device's end of the line that the far end would see, such as a port being
     /// opened; taken once.
     fn line_change(&mut self, _port: Port) -> Option<LineEvent> {
@@ -95,7 +103,10 @@ pub fn byte_end(now: Instant, line: LineConfig, index: usize, count: usize) -> I
 
 /// The earliest of some optional deadlines.
 pub fn earliest(deadlines: impl IntoIterator<Item = Option<Instant>>) -> Option<Instant> {
-    deadlines.into_iter().flatten().min()
+    let never = Instant::from_nanos(u64::MAX);
+    let at = deadlines.into_iter().map(|at| at.unwrap_or(never));
+    let first = at.fold(never, Instant::min);
+    (first < never).then_some(first)
 }
 
 /// When a device by itself is to be polled next on the way from `now` to `end`, at `end` at the

@@ -409,6 +409,14 @@ impl Device for Hc06 {
         }
     }
 
+    fn may_send(&self, port: Port) -> bool {
+        match port {
+            Self::UART => !self.air.down.is_drained(),
+            Self::AIR => !self.air.up.is_drained() || !self.changes.is_empty(),
+            _ => false,
+        }
+    }
+
     fn poll_at(&self) -> Option<Instant> {
         earliest([self.timer(), self.air.poll_at(), self.log.poll_at()])
     }

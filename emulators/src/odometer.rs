@@ -272,6 +272,10 @@ impl Device for Odometer {
         take(&mut self.lines, buf)
     }
 
+    fn may_send(&self, _port: Port) -> bool {
+        !self.lines.is_empty()
+    }
+
     fn poll_at(&self) -> Option<Instant> {
         let own = match self.state {
             State::Starts(at) | State::Runs(at) => Some(at),

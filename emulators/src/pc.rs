@@ -366,6 +366,10 @@ impl Device for Pc {
         self.changes.pop_front()
     }
 
+    fn may_send(&self, port: Port) -> bool {
+        port == Self::AIR && !(self.out.is_empty() && self.changes.is_empty())
+    }
+
     fn poll_at(&self) -> Option<Instant> {
         earliest([
             self.quiet_at,

@@ -306,6 +306,10 @@ impl Device for Rplidar {
         }
     }
 
+    fn may_send(&self, port: Port) -> bool {
+        port == Self::UART && self.output.has_bytes()
+    }
+
     fn poll_at(&self) -> Option<Instant> {
         earliest([self.next_at(), self.log.poll_at()])
     }

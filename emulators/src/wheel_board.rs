@@ -277,6 +277,10 @@ impl Device for WheelBoard {
         take(&mut self.queue, buf)
     }
 
+    fn may_send(&self, _: Port) -> bool {
+        !self.queue.is_empty()
+    }
+
     fn poll_at(&self) -> Option<Instant> {
         earliest([Some(self.next_at), self.log.poll_at()])
     }

@@ -297,6 +297,10 @@ impl Device for Xv11 {
         }
     }
 
+    fn may_send(&self, port: Port) -> bool {
+        port == Self::UART && self.uart.has_output()
+    }
+
     fn poll_at(&self) -> Option<Instant> {
         earliest([self.next_at(), self.log.poll_at()])
     }

@@ -88,6 +88,18 @@ impl Tile {
         (part.columns(), part.rows())
     }
 
+    /// The pixels of `columns` in row `y`; none if any of them is outside the tile.
+    pub fn pixels_mut(&mut self, y: i32, columns: core::ops::Range<i32>) -> &mut [u16] {
+        let inside = |at: i32, from: u16| usize::try_from(at - i32::from(from)).ok();
+        let place = |x: i32| {
+            let (x, y) = (inside(x, self.left)?, inside(y, self.top)?);
+            (x <= self.width.into() && y < BAND.into()).then(|| y * usize::from(self.width) + x)
+        };
+        let pixels = place(columns.start).zip(place(columns.end));
+        let pixels = pixels.and_then(|(from, to)| self.pixels.get_mut(from..to));
+        pixels.unwrap_or_default()
+    }
+
     /// Draws one pixel; outside the tile nothing happens.
     pub fn put(&mut self, x: i32, y: i32, colour: Rgb565) {
         let (x, y) = (x - i32::from(self.left), y - i32::from(self.top));
@@ -267,6 +279,11 @@ impl Display {
             }
         }
         tap
+    }
+
+    /// Whether bytes wait for the line.
+    pub const fn has_output(&self) -> bool {
+        !self.tx.is_empty()
     }
 
     /// Moves bytes for the line into `buf`; returns how many.

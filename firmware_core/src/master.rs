@@ -28,6 +28,14 @@ pub trait Master {
     /// Moves up to `buf.len()` bytes to be sent on `port` into `buf`; returns how many.
     fn transmit(&mut self, port: Port, buf: &mut [u8]) -> usize;
 
+    /// Whether the program may have something to send on `port`, or a [`line_change`] to tell:
+    /// where it has nothing, a line need not ask. `true` is always right.
+    ///
+    /// [`line_change`]: Self::line_change
+    fn may_send(&self, _port: Port) -> bool {
+        true
+    }
+
     /// When the program next wants to be polled by itself; `None`: only after input.
     fn poll_at(&self) -> Option<Instant>;
 

@@ -36,6 +36,9 @@ pub enum Direction {
 }
 
 impl Direction {
+    /// Both, in the order in which a rig looks at them.
+    pub(super) const BOTH: [Self; 2] = [Self::ToMaster, Self::ToDevice];
+
     /// Name as in scenarios and reports.
     pub const fn name(self) -> &'static str {
         match self {
@@ -90,8 +93,9 @@ pub struct Line {
     /// Whether the sender is unplugged and a recording plays in its place: what the sender puts on
     /// the wire is lost, what [`play`](Self::play) adds arrives.
     pub is_played: bool,
-    /// The sender's epoch in which it had nothing to send: not asked again before the next.
-    pub(crate) silent_since: Option<u64>,
+    /// Whether the sender had nothing to send when it was last asked: it is asked again when
+    /// something has happened to it.
+    pub(crate) is_silent: bool,
     traffic: Traffic,
     free_at: Instant,
     /// When [`deliver`](Self::deliver) next has something to do.
@@ -128,7 +132,7 @@ impl Line {
             latency: Duration::ZERO,
             piece: 1,
             is_played: false,
-            silent_since: None,
+            is_silent: false,
             traffic: Traffic::default(),
             free_at: Instant::ZERO,
             due: NEVER,
@@ -184,7 +188,7 @@ impl Line {
     /// The same as a bare time, [`NEVER`] if there is none.
     #[inline]
     pub(super) fn next_at(&self, now: Instant) -> Instant {
-        let asks_again = self.silent_since.is_none() && self.free_at > now;
+        let asks_again = !self.is_silent && self.free_at > now;
         if asks_again {
             self.free_at.min(self.due)
         } else {
@@ -192,31 +196,27 @@ impl Line {
         }
     }
 
-    /// Whether something has arrived by `now`.
-    #[inline]
-    pub(crate) fn is_due(&self, now: Instant) -> bool {
-        self.due <= now
-    }
-
     /// Looks again when something is due, after what goes wrong has changed.
+    #[inline]
     pub fn note_due(&mut self) {
-        let front = self
-            .chunks
-            .front()
-            .map(|chunk| self.release(chunk.arrives).0);
-        self.due = front
-            .into_iter()
-            .chain(self.resampler.idle_at())
-            .min()
-            .unwrap_or(NEVER);
+        let front = self.chunks.front();
+        let front = front.map_or(NEVER, |chunk| self.release(chunk.arrives).0);
+        let idle = self.resampler.idle_at().unwrap_or(NEVER);
+        self.due = front.min(idle);
     }
 
     /// When the receiver gets what arrives at `at`, and how many bytes it has room for until then.
+    #[inline]
     fn release(&self, at: Instant) -> (Instant, Option<usize>) {
-        let (mut release, mut room) = (at, None);
         if self.faults.is_clean() {
-            return (release, room);
+            return (at, None);
         }
+        self.release_late(at)
+    }
+
+    /// The same where something goes wrong.
+    fn release_late(&self, at: Instant) -> (Instant, Option<usize>) {
+        let (mut release, mut room) = (at, None);
         for _ in 0..GATES_MAX {
             let Some(gate) = self.faults.gate(release) else {
                 break;

@@ -168,8 +168,6 @@ pub(super) struct Node {
     pub(super) body: Body,
     /// Something came in since the last poll.
     pub(super) stirred: bool,
-    /// Counts everything that may have given the node something to send.
-    pub(super) epoch: u64,
     /// What was asked of the node last, so that it is not asked again each time.
     pub(super) poll_at: Option<Instant>,
 }
@@ -186,7 +184,6 @@ impl Node {
     /// Something happened to the node: it is polled next, and asked for bytes to send.
     pub(super) fn stir(&mut self) {
         self.stirred = true;
-        self.epoch += 1;
     }
 
     pub(super) fn receive(&mut self, port: Port, now: Instant, bytes: &[u8]) {
@@ -205,6 +202,20 @@ impl Node {
             Body::Program { program, .. } => program.line_event(port, now, event),
             Body::Outside(outside) => outside.events_from_rig.push_back(event),
         }
+    }
+
+    /// Whether a line need ask at all.
+    pub(super) fn may_send(&self, port: Port) -> bool {
+        match &self.body {
+            Body::Device(device) => device.may_send(port),
+            Body::Program { program, .. } => program.may_send(port),
+            Body::Outside(_) => true,
+        }
+    }
+
+    /// Whether it has nothing for a line; what it has is lost.
+    pub(super) fn is_silent(&mut self, port: Port) -> bool {
+        self.line_change(port).is_none() && self.transmit(port, &mut [0]) == 0
     }
 
     pub(super) fn line_change(&mut self, port: Port) -> Option<LineEvent> {
@@ -265,7 +276,6 @@ impl Node {
             Body::Outside(_) => {}
         }
         self.stirred = false;
-        self.epoch += 1;
     }
 }
 

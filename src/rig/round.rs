@@ -3,14 +3,59 @@
 
 use protocols::{Instant, LineEvent};
 
-use super::line::{Direction, MESSAGE_MAX, PIECE_MAX};
+use super::line::{Direction, End, MESSAGE_MAX, NEVER, PIECE_MAX};
 use super::node::Body;
 use super::trace::{Side, Tap as _};
 use super::{LinkKind, Rig};
 
+/// What is due on a line. Apart from the lines, because all of it is looked at between any two
+/// events.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Due {
+    /// When it has something to deliver, or can take more from a sender that had more.
+    at: Instant,
+    /// The sender.
+    from: End,
+    /// Whether the sender is asked in this round, even if nothing has happened to it.
+    asks: bool,
+}
+
 const ROUNDS_MAX: usize = 1000;
 
 impl Rig {
+    /// When something will next happen by itself.
+    pub fn next_event(&self) -> Option<Instant> {
+        let lines = self.links.iter().flat_map(|link| &link.lines);
+        let lines = lines.map(|line| line.next_at(self.now));
+        let next = lines.fold(self.next_poll(), Instant::min);
+        (next < NEVER).then_some(next)
+    }
+
+    /// When a node next wants to be polled. A plain loop: this is asked between any two events.
+    fn next_poll(&self) -> Instant {
+        let mut next = NEVER;
+        for node in &self.nodes {
+            if node.stirred {
+                return self.now;
+            }
+            if let Some(at) = node.poll_at {
+                next = next.min(at);
+            }
+        }
+        next
+    }
+
+    /// Looks at all lines anew, whatever was done to them meanwhile.
+    pub(super) fn foresee(&mut self) {
+        let lines = self.links.iter().flat_map(|link| &link.lines);
+        self.due.clear();
+        self.due.extend(lines.map(|line| Due {
+            at: line.next_at(self.now),
+            from: line.from,
+            asks: !line.is_silent,
+        }));
+    }
+
     /// Does all that is due now, until nothing changes any more; when something will next happen by
     /// itself.
     pub(super) fn settle(&mut self) -> Option<Instant> {
@@ -21,46 +66,53 @@ impl Rig {
             self.deliver();
             self.poll();
             self.take();
-            let next = self.next_event();
-            if next.is_none_or(|at| at > self.now) {
-                return next;
+            let mut next = self.next_poll();
+            for due in &self.due {
+                next = next.min(due.at);
+            }
+            if next > self.now {
+                return (next < NEVER).then_some(next);
             }
         }
         Some(self.now)
     }
 
     fn deliver(&mut self) {
-        for (index, link) in self.links.iter_mut().enumerate() {
-            for direction in [Direction::ToMaster, Direction::ToDevice] {
-                let line = &mut link.lines[direction as usize];
-                if !line.is_due(self.now) {
-                    continue;
-                }
-                while let Some(delivery) = line.deliver(self.now) {
+        let (now, mut number) = (self.now, 0);
+        while let Some(ahead) = self.due[number..].iter().position(|due| due.at <= now) {
+            number += ahead;
+            self.due[number].asks = true;
+            self.deliver_on(number / 2, Direction::BOTH[number % 2]);
+            number += 1;
+        }
+    }
+
+    /// Delivers all that has arrived on one line.
+    fn deliver_on(&mut self, index: usize, direction: Direction) {
+        let line = &mut self.links[index].lines[direction as usize];
+        let node = &mut self.nodes[line.to.node];
+        while let Some(delivery) = line.deliver(self.now) {
+            for tap in &mut self.taps {
+                tap.arrived(index, direction, &delivery);
+            }
+            if let Some(event) = delivery.event {
+                node.line_event(line.to.port, delivery.at, event);
+                if event != LineEvent::FramingError {
                     for tap in &mut self.taps {
-                        tap.arrived(index, direction, &delivery);
+                        tap.line_event(index, direction, delivery.at, event);
                     }
-                    let node = &mut self.nodes[line.to.node];
-                    if let Some(event) = delivery.event {
-                        node.line_event(line.to.port, delivery.at, event);
-                        if event != LineEvent::FramingError {
-                            for tap in &mut self.taps {
-                                tap.line_event(index, direction, delivery.at, event);
-                            }
-                        }
-                    }
-                    if !delivery.bytes.is_empty() {
-                        let bytes = &delivery.bytes;
-                        self.trace
-                            .record(index, direction, Side::Received, delivery.at, bytes);
-                        for tap in &mut self.taps {
-                            tap.record(index, direction, Side::Received, delivery.at, bytes);
-                        }
-                        node.receive(line.to.port, delivery.at, bytes);
-                    }
-                    line.recycle(delivery.bytes);
                 }
             }
+            if !delivery.bytes.is_empty() {
+                let bytes = &delivery.bytes;
+                self.trace
+                    .record(index, direction, Side::Received, delivery.at, bytes);
+                for tap in &mut self.taps {
+                    tap.record(index, direction, Side::Received, delivery.at, bytes);
+                }
+                node.receive(line.to.port, delivery.at, bytes);
+            }
+            line.recycle(delivery.bytes);
         }
     }
 
@@ -71,6 +123,7 @@ impl Rig {
                 continue;
             }
             node.poll(self.now, &mut self.world, self.cpu);
+            self.touched[index] = true;
             if let Body::Device(device) = &mut node.body {
                 let events = device.take_events();
                 if !events.is_empty() {
@@ -81,60 +134,83 @@ impl Rig {
         }
     }
 
+    /// Asks senders that may have something for what they send.
     fn take(&mut self) {
-        for (index, link) in self.links.iter_mut().enumerate() {
-            let kind = link.kind;
-            for direction in [Direction::ToMaster, Direction::ToDevice] {
-                let line = &mut link.lines[direction as usize];
-                let epoch = self.nodes[line.from.node].epoch;
-                if line.silent_since == Some(epoch) {
-                    continue;
-                }
-                if let Some(event) = self.nodes[line.from.node].line_change(line.from.port)
-                    && !line.is_played
-                {
-                    self.nodes[line.to.node].line_event(line.to.port, self.now, event);
-                    for tap in &mut self.taps {
-                        tap.line_event(index, direction, self.now, event);
-                    }
-                }
-                if !line.has_room(self.now) {
-                    continue;
-                }
-                let (port, to) = (line.from.port, line.to);
-                let sender = self.nodes[line.from.node].line_config(port);
-                let room = match kind.carries_messages() {
-                    true => MESSAGE_MAX,
-                    false => line.piece.min(PIECE_MAX),
-                };
-                let len = self.nodes[line.from.node].transmit(port, &mut self.room[..room]);
-                if len == 0 {
-                    line.silent_since = Some(epoch);
-                    continue;
-                }
-                line.silent_since = None;
-                let sent = &self.room[..len];
-                let budget = &mut self.budget;
-                let ends = if kind.carries_messages() {
-                    line.take_message(kind, self.now, sender, budget, sent)
-                } else {
-                    // A level has no rate that its receiver could read at.
-                    let receiver = match kind {
-                        LinkKind::Pin => sender,
-                        _ => self.nodes[to.node].line_config(to.port),
-                    };
-                    line.take(self.now, sender, receiver, budget, sent)
-                };
-                if let Some((at, bytes)) = line.take_echo() {
-                    link.lines[1 - direction as usize].receive(at, bytes);
-                }
-                let from = link.lines[direction as usize].from.node;
-                self.nodes[from].after_transmit(self.now);
-                self.trace.record(index, direction, Side::Sent, ends, sent);
-                for tap in &mut self.taps {
-                    tap.record(index, direction, Side::Sent, ends, sent);
-                }
+        let mut number = 0;
+        loop {
+            let touched = &self.touched[..];
+            let asks = |due: &Due| due.asks || touched[due.from.node];
+            let Some(ahead) = self.due[number..].iter().position(asks) else {
+                break;
+            };
+            number += ahead;
+            let due = &mut self.due[number];
+            let was_due = core::mem::take(&mut due.asks);
+            let may_send = self.nodes[due.from.node].may_send(due.from.port);
+            let (link, direction) = (number / 2, Direction::BOTH[number % 2]);
+            if may_send {
+                self.ask(link, direction);
+            } else {
+                let End { node, port } = due.from;
+                debug_assert!(self.nodes[node].is_silent(port), "it said it was");
             }
+            if may_send || was_due {
+                let [one, other] = &self.links[link].lines;
+                self.due[2 * link].at = one.next_at(self.now);
+                self.due[2 * link + 1].at = other.next_at(self.now);
+            }
+            number += 1;
+        }
+        self.touched.fill(false);
+    }
+
+    /// Asks the sender of one line.
+    fn ask(&mut self, index: usize, direction: Direction) {
+        let link = &mut self.links[index];
+        let (kind, line) = (link.kind, &mut link.lines[direction as usize]);
+        let (from, to) = (line.from, line.to);
+        if let Some(event) = self.nodes[from.node].line_change(from.port)
+            && !line.is_played
+        {
+            self.nodes[to.node].line_event(to.port, self.now, event);
+            self.touched[to.node] = true;
+            for tap in &mut self.taps {
+                tap.line_event(index, direction, self.now, event);
+            }
+        }
+        if !line.has_room(self.now) {
+            return;
+        }
+        let sender = &mut self.nodes[from.node];
+        let sender_line = sender.line_config(from.port);
+        let room = match kind.carries_messages() {
+            true => MESSAGE_MAX,
+            false => line.piece.min(PIECE_MAX),
+        };
+        let len = sender.transmit(from.port, &mut self.room[..room]);
+        line.is_silent = len == 0;
+        if line.is_silent {
+            return;
+        }
+        let sent = &self.room[..len];
+        let budget = &mut self.budget;
+        let ends = if kind.carries_messages() {
+            line.take_message(kind, self.now, sender_line, budget, sent)
+        } else {
+            // A level has no rate that its receiver could read at.
+            let receiver = match kind {
+                LinkKind::Pin => sender_line,
+                _ => self.nodes[to.node].line_config(to.port),
+            };
+            line.take(self.now, sender_line, receiver, budget, sent)
+        };
+        if let Some((at, bytes)) = line.take_echo() {
+            link.lines[1 - direction as usize].receive(at, bytes);
+        }
+        self.nodes[from.node].after_transmit(self.now);
+        self.trace.record(index, direction, Side::Sent, ends, sent);
+        for tap in &mut self.taps {
+            tap.record(index, direction, Side::Sent, ends, sent);
         }
     }
 }

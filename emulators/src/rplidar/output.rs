@@ -83,6 +83,11 @@ impl Output {
         &self.last
     }
 
+    /// Whether bytes wait for the line.
+    pub(super) fn has_bytes(&self) -> bool {
+        !self.queue.is_empty()
+    }
+
     pub(super) fn transmit(&mut self, buf: &mut [u8]) -> usize {
         take(&mut self.queue, buf)
     }

@@ -104,6 +104,11 @@ impl Uart {
         self.out.clear();
     }
 
+    /// Whether bytes wait for the line.
+    pub(super) fn has_output(&self) -> bool {
+        !self.out.is_empty()
+    }
+
     pub(super) fn transmit(&mut self, buf: &mut [u8]) -> usize {
         let taken = self.out.len().min(buf.len());
         let (front, back) = self.out.as_slices();

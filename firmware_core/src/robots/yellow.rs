@@ -340,6 +340,16 @@ impl Master for Yellow {
         }
     }
 
+    fn may_send(&self, port: Port) -> bool {
+        match port {
+            Self::LIDAR => self.lidar.has_output(),
+            Self::LIDAR_MOTOR => self.lidar.has_duty(),
+            Self::BOARD => !self.outputs.is_empty(),
+            Self::TELEMETRY => true,
+            _ => false,
+        }
+    }
+
     fn poll_at(&self) -> Option<Instant> {
         let own = self.step_at.min(self.radio.next_at());
         Some(own.min(self.lidar.next_at()))

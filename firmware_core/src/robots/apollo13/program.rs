@@ -477,6 +477,10 @@ impl Master for Apollo13 {
         is_opened.then_some(LineEvent::Opened)
     }
 
+    fn may_send(&self, port: Port) -> bool {
+        port == Self::ODOMETER || port == Self::CAR && !self.out.is_empty()
+    }
+
     fn poll_at(&self) -> Option<Instant> {
         Some(
             self.sent

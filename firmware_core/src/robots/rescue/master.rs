@@ -110,6 +110,15 @@ impl Master for Rescue {
         }
     }
 
+    fn may_send(&self, port: Port) -> bool {
+        match port {
+            Self::LIDAR => false,
+            Self::DISPLAY => self.screen.has_output(),
+            Self::MOTOR => self.motor_duty.is_some(),
+            _ => true,
+        }
+    }
+
     fn poll_at(&self) -> Option<Instant> {
         if self.has_ended() {
             return None;

@@ -152,6 +152,11 @@ impl Screen {
         &self.display
     }
 
+    /// Whether bytes wait for the line.
+    pub(super) const fn has_output(&self) -> bool {
+        self.display.has_output()
+    }
+
     pub(super) fn transmit(&mut self, buf: &mut [u8]) -> usize {
         self.display.transmit(buf)
     }

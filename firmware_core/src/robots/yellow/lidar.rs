@@ -205,8 +205,18 @@ impl Lidar {
         }
     }
 
+    /// Whether the motor is to be told something.
+    pub(super) const fn has_duty(&self) -> bool {
+        self.duty.is_some()
+    }
+
     pub(super) const fn take_duty(&mut self) -> Option<u8> {
         self.duty.take()
+    }
+
+    /// Whether a request waits for the line.
+    pub(super) const fn has_output(&self) -> bool {
+        !self.requests.is_empty()
     }
 
     pub(super) fn transmit(&mut self, buf: &mut [u8]) -> usize {
