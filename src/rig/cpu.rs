@@ -34,6 +34,9 @@ impl CpuModel {
 
     /// Time that `work` takes.
     pub fn cost(self, work: Work) -> Duration {
+        if work == Work::NONE {
+            return Duration::ZERO;
+        }
         self.per_scan * work.scans + self.per_try * work.tries + self.per_point * work.points
     }
 }

@@ -1,5 +1,7 @@
 //! What the motor board is told to do, read from the bytes themselves.
 
+use std::sync::LazyLock;
+
 use emulators::wheel_board::{Config, WheelBoard};
 use protocols::peripherals::{OUTPUTS_LEN, Outputs, OutputsFormat};
 use protocols::{Candidate, Format as _};
@@ -13,9 +15,12 @@ const PROBE: Outputs = Outputs {
     enable: true,
 };
 
+/// The board with the robot's own motors.
+static OWN: LazyLock<Config> = LazyLock::new(Config::default);
+
 /// Set-points follow from the frames alone where the board has the robot's own motors.
 pub(super) fn dialect(board: &WheelBoard) -> Option<Dialect> {
-    let [own, found] = [&Config::default(), board.config()].map(|it| it.set_points(PROBE));
+    let [own, found] = [&OWN, board.config()].map(|it| it.set_points(PROBE));
     let is_own = own.map(f64::to_bits) == found.map(f64::to_bits);
     is_own.then_some(Dialect {
         link: "board",
@@ -29,7 +34,7 @@ fn command(bytes: &[u8]) -> Option<Command> {
     let format = OutputsFormat;
     let is_whole = format.judge(bytes) == Candidate::Complete(OUTPUTS_LEN);
     let outputs = (is_whole && bytes.len() == OUTPUTS_LEN).then(|| format.frame(bytes))?;
-    let set_points = Config::default().set_points(outputs);
+    let set_points = OWN.set_points(outputs);
     Some(set_points.map(Some).to_vec())
 }
 

@@ -31,7 +31,7 @@ struct Heard {
     link: usize,
     dialect: Dialect,
     /// The last bytes that reached the base.
-    bytes: VecDeque<u8>,
+    bytes: Vec<u8>,
     commands: VecDeque<(Instant, Command)>,
     accepted: u64,
 }
@@ -46,11 +46,11 @@ impl SetPointsAsAccepted {
         let heard = Rc::new(RefCell::new(Heard {
             link,
             dialect,
-            bytes: VecDeque::new(),
+            bytes: Vec::new(),
             commands: VecDeque::new(),
             accepted: 0,
         }));
-        rig.add_tap(Box::new(Ear(Rc::clone(&heard))));
+        rig.add_tap(Box::new(Ear::of(&heard)));
         Some(Self {
             heard,
             broken: None,
@@ -60,18 +60,19 @@ impl SetPointsAsAccepted {
 
 impl Heard {
     fn take(&mut self, at: Instant, bytes: &[u8]) {
-        for &byte in bytes {
-            self.bytes.push_back(byte);
-            if self.bytes.len() > self.dialect.frame_max {
-                self.bytes.pop_front();
-            }
+        let known = self.bytes.len();
+        self.bytes.extend_from_slice(bytes);
+        for end in known + 1..=self.bytes.len() {
+            let begin = end.saturating_sub(self.dialect.frame_max);
             // A frame may end with any byte, whatever a decoder waits for.
-            let command = (self.dialect.command)(self.bytes.make_contiguous());
+            let command = (self.dialect.command)(&self.bytes[begin..end]);
             if let Some(command) = command {
                 self.accepted += 1;
                 self.commands.push_back((at, command));
             }
         }
+        let behind = self.bytes.len().saturating_sub(self.dialect.frame_max);
+        self.bytes.drain(..behind);
         let is_old = |&(told, _): &(Instant, Command)| at - told > REMEMBERED;
         while self.commands.len() > COMMANDS_MIN && self.commands.front().is_some_and(is_old) {
             self.commands.pop_front();
@@ -86,14 +87,26 @@ impl Heard {
     }
 }
 
-struct Ear(Rc<RefCell<Heard>>);
+struct Ear {
+    link: usize,
+    heard: Rc<RefCell<Heard>>,
+}
+
+impl Ear {
+    fn of(heard: &Rc<RefCell<Heard>>) -> Self {
+        Self {
+            link: heard.borrow().link,
+            heard: Rc::clone(heard),
+        }
+    }
+}
 
 impl Tap for Ear {
     fn record(&mut self, _: usize, _: Direction, _: Side, _: Instant, _: &[u8]) {}
 
     fn arrived(&mut self, link: usize, direction: Direction, delivery: &Delivery) {
-        let mut heard = self.0.borrow_mut();
-        if link == heard.link && direction == Direction::ToDevice {
+        if direction == Direction::ToDevice && link == self.link {
+            let mut heard = self.heard.borrow_mut();
             heard.take(delivery.at, &delivery.bytes);
         }
     }
@@ -123,7 +136,7 @@ impl Checker for SetPointsAsAccepted {
 
     fn fork(&self, rig: &mut Rig) -> Option<Box<dyn Checker>> {
         let heard = Rc::new(RefCell::new(self.heard.borrow().clone()));
-        rig.add_tap(Box::new(Ear(Rc::clone(&heard))));
+        rig.add_tap(Box::new(Ear::of(&heard)));
         let broken = self.broken.clone();
         Some(Box::new(Self { heard, broken }))
     }
