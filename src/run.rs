@@ -459,7 +459,9 @@ impl Run {
 
     fn scores(&self) -> (Option<PoseError>, Option<WallOverlap>) {
         let way = self.truth.iter().step_by(WAY_EVERY as usize);
-        let way: Vec<Pose> = way.map(|&(_, pose)| pose).collect();
+        let mut way: Vec<Pose> = way.map(|&(_, pose)| pose).collect();
+        // Where it rested, nothing else was to be seen.
+        way.dedup();
         let map = self.instruments.map(&self.rig);
         let wall_overlap = map.map(|map| {
             let within_mm = self.scenario.expect.wall_within_mm;

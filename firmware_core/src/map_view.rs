@@ -59,12 +59,14 @@ impl<'a> MapView<'a> {
     }
 
     /// The cells of equal y, in order of x; `None` above the map.
+    #[inline]
     pub fn row(&self, iy: usize) -> Option<&'a [u8]> {
         let from = iy.checked_mul(self.width)?;
         self.cells.get(from..from.checked_add(self.width)?)
     }
 
     /// A cell's value; `None` outside.
+    #[inline]
     pub fn get(&self, ix: usize, iy: usize) -> Option<u8> {
         self.row(iy)?.get(ix).copied()
     }

@@ -105,7 +105,7 @@ struct Waiting {
     delay: u64,
     /// Its bytes begin here in the arena, and its runs behind them.
     start: usize,
-    lens: [u32; 2],
+    lens: [usize; 2],
     line: u32,
     kind: Kind,
     extra: Option<Box<Extra>>,
@@ -248,7 +248,7 @@ impl Joiner {
             at,
             delay,
             start,
-            lens: parts.map(|part| u32::try_from(part.len()).expect("chunks are short")),
+            lens: [parts[0].len(), parts[1].len()],
             line: u32::try_from(line).expect("few links"),
             kind,
             extra,
@@ -267,7 +267,7 @@ impl Joiner {
         let until = open.map(|open| open.at).min().unwrap_or(NEVER);
         let ready = self.waiting.partition_point(|record| record.at <= until);
         for record in self.waiting.drain(..ready) {
-            let [len, runs] = record.lens.map(|len| len as usize);
+            let [len, runs] = record.lens;
             let (bytes, behind) = self.arena[record.start..].split_at(len);
             let extra = record.extra.as_deref();
             let sent = extra.and_then(|extra| extra.sent.as_ref());

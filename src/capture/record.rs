@@ -425,11 +425,12 @@ impl Packet<'_> {
             len,
             len,
         ];
-        for (slot, number) in head.chunks_exact_mut(4).zip(numbers) {
-            slot.copy_from_slice(&number.to_le_bytes());
+        let (words, _) = head.as_chunks_mut();
+        for (word, number) in words.iter_mut().zip(numbers) {
+            *word = number.to_le_bytes();
         }
-        head[28..32].copy_from_slice(&half(nanos / 1_000_000_000).to_be_bytes());
-        head[32..36].copy_from_slice(&half(nanos / 1_000 % 1_000_000).to_be_bytes());
+        words[7] = half(nanos / 1_000_000_000).to_be_bytes();
+        words[8] = half(nanos / 1_000 % 1_000_000).to_be_bytes();
         head[36] = self.kind.number(self.direction);
         head[37] = self.kind.control_lines();
         head

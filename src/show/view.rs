@@ -14,20 +14,21 @@ pub const LANES: &str = include_str!("view/lanes.js");
 /// Bytes as text, RFC 4648 section 4, for `bytes` of the script: a third shorter than digits.
 pub(crate) fn base64(bytes: &[u8]) -> String {
     const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for group in bytes.chunks(3) {
-        let byte = |index: usize| u32::from(group.get(index).copied().unwrap_or(0));
-        let bits = byte(0) << 16 | byte(1) << 8 | byte(2);
-        for index in 0..4 {
-            let letter = LETTERS[(bits >> (18 - 6 * index) & 63) as usize];
-            out.push(if index <= group.len() {
-                letter.into()
-            } else {
-                '='
-            });
-        }
+    let mut out = Vec::with_capacity(bytes.len().div_ceil(3) * 4);
+    let letters = |[a, b, c]: [u8; 3]| {
+        let bits = u32::from_be_bytes([0, a, b, c]);
+        [18, 12, 6, 0].map(|shift| LETTERS[(bits >> shift & 63) as usize])
+    };
+    let (groups, rest) = bytes.as_chunks();
+    for &group in groups {
+        out.extend_from_slice(&letters(group));
     }
-    out
+    if let [a, ..] = *rest {
+        let b = rest.get(1).copied();
+        let [first, second, third, _] = letters([a, b.unwrap_or(0), 0]);
+        out.extend_from_slice(&[first, second, b.map_or(b'=', |_| third), b'=']);
+    }
+    String::from_utf8(out).expect("letters")
 }
 
 /// A picture as runs of count, red, green and blue, top row first: `drawPicture` of the script.
