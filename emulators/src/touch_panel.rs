@@ -120,18 +120,18 @@ impl TouchPanel {
             Some(Command::On) => self.switch(now, true),
             Some(Command::Off) => self.switch(now, false),
             Some(Command::Write(window, bytes)) => {
-                let pixels = bytes.chunks_exact(2);
-                let pixels = pixels.map(|pixel| u16::from_be_bytes([pixel[0], pixel[1]]));
-                self.fill(now, window, pixels, bytes.len() / 2);
+                let (pixels, _) = bytes.as_chunks();
+                let pixels = pixels.iter().map(|&pixel| u16::from_be_bytes(pixel));
+                self.fill(now, window, &pixels.collect::<Vec<_>>());
             }
             Some(Command::Runs(window, bytes)) => {
-                let runs = bytes.chunks_exact(3);
-                let count = runs.clone().map(|run| usize::from(run[0])).sum();
-                let pixels = runs.flat_map(|run| {
-                    let pixel = u16::from_be_bytes([run[1], run[2]]);
-                    core::iter::repeat_n(pixel, run[0].into())
-                });
-                self.fill(now, window, pixels, count);
+                let (runs, _) = bytes.as_chunks();
+                let mut pixels = Vec::with_capacity(WIDTH);
+                for &[count, high, low] in runs {
+                    let pixel = u16::from_be_bytes([high, low]);
+                    pixels.resize(pixels.len() + usize::from(count), pixel);
+                }
+                self.fill(now, window, &pixels);
             }
             None => {
                 let detail = || format!("{op:02X} with {} bytes", frame.payload().len());
@@ -148,27 +148,23 @@ impl TouchPanel {
         self.is_on = on;
     }
 
-    fn fill(
-        &mut self,
-        now: Instant,
-        window: Window,
-        pixels: impl Iterator<Item = u16>,
-        count: usize,
-    ) {
+    fn fill(&mut self, now: Instant, window: Window, pixels: &[u16]) {
         let ([x0, x1], [y0, y1]) = (window.columns, window.rows);
         if window.area() == 0 || usize::from(x1) >= WIDTH || usize::from(y1) >= HEIGHT {
             let detail = || format!("{x0},{y0} to {x1},{y1}, the display has {WIDTH} x {HEIGHT}");
             self.violation(now, "window-outside", detail);
             return;
         }
+        let count = pixels.len();
         if u32::try_from(count) != Ok(window.area()) {
             let detail = || format!("{count} pixels for a window of {}", window.area());
             self.violation(now, "pixel-count", detail);
             return;
         }
-        let places = (y0..=y1).flat_map(|y| (x0..=x1).map(move |x| (x, y)));
-        for ((x, y), pixel) in places.zip(pixels) {
-            self.pixels[usize::from(y) * WIDTH + usize::from(x)] = pixel;
+        let columns = usize::from(x0)..=usize::from(x1);
+        let rows = self.pixels.chunks_exact_mut(WIDTH).skip(y0.into());
+        for (row, part) in rows.zip(pixels.chunks_exact(columns.clone().count())) {
+            row[columns.clone()].copy_from_slice(part);
         }
     }
 
@@ -244,6 +240,10 @@ impl Device for TouchPanel {
 
     fn transmit(&mut self, _port: Port, buf: &mut [u8]) -> usize {
         take(&mut self.reports, buf)
+    }
+
+    fn may_send(&self, _port: Port) -> bool {
+        !self.reports.is_empty()
     }
 
     fn poll_at(&self) -> Option<Instant> {

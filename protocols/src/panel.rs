@@ -225,15 +225,18 @@ pub fn encode_pixels(window: Window, pixels: &[u16], frame: &mut [u8]) -> Option
         .min(PAYLOAD_MAX - WINDOW_LEN)
         .min(body.len());
     let mut len = 0;
-    for run in pixels.chunk_by(|a, b| a == b) {
-        let [high, low] = run[0].to_be_bytes();
-        for part in run.chunks(255) {
-            let count = u8::try_from(part.len()).expect("at most 255");
-            if let Some(slot) = body[..most].get_mut(len..len + 3) {
-                slot.copy_from_slice(&[count, high, low]);
-            }
-            len += 3;
+    let mut rest = pixels;
+    while let Some(&pixel) = rest.first() {
+        let longest = &rest[..rest.len().min(255)];
+        let run = longest.iter().position(|&next| next != pixel);
+        let (run, behind) = rest.split_at(run.unwrap_or(longest.len()));
+        let count = u8::try_from(run.len()).expect("at most 255");
+        let [high, low] = pixel.to_be_bytes();
+        if let Some(slot) = body[..most].get_mut(len..len + 3) {
+            slot.copy_from_slice(&[count, high, low]);
         }
+        len += 3;
+        rest = behind;
     }
     if len <= most {
         return seal(frame, RUNS, WINDOW_LEN + len);

@@ -134,6 +134,18 @@ fn text(tile: &mut Tile, at: Point, words: &str, font: &MonoFont<'_>, colour: Rg
     }
 }
 
+/// From black to white.
+const SHADES: [u16; 8] = {
+    let mut shades = [0; 8];
+    let mut shade: u16 = 0;
+    while shade < 8 {
+        let bright = shade << 2 | shade >> 1;
+        shades[shade as usize] = bright << 11 | (bright << 1 | bright >> 4) << 5 | bright;
+        shade += 1;
+    }
+    shades
+};
+
 /// Cells in inverted gray: what is free is white.
 fn map(tile: &mut Tile, view: &View<'_>) {
     let (columns, rows) = tile.part_of(&MAP);
@@ -142,12 +154,12 @@ fn map(tile: &mut Tile, view: &View<'_>) {
         let Some(cells) = view.map.row(cell_of(up)) else {
             continue;
         };
-        for x in columns.clone() {
+        let pixels = tile.pixels_mut(y, columns.clone());
+        for (pixel, x) in pixels.iter_mut().zip(columns.clone()) {
             let cell = cells.get(cell_of(x - MAP.top_left.x)).copied();
             // Eight shades: a cell that wavers a little is not sent again and again.
             let shade = (255 - cell.unwrap_or(crate::grid::UNKNOWN)) >> 5;
-            let bright = shade << 2 | shade >> 1;
-            tile.put(x, y, Rgb565::new(bright, bright << 1 | bright >> 4, bright));
+            *pixel = SHADES[usize::from(shade)];
         }
     }
 }
