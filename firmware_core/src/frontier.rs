@@ -61,8 +61,9 @@ pub fn open_edges(map: &CellMap, start: Cell, given_up: &BTreeSet<Cell>) -> BTre
 /// the robot can go nowhere, or there are no edges.
 pub fn next_view(map: &CellMap, start: Cell, edges: &BTreeSet<Cell>) -> Option<View> {
     let reach = reach(map, &map.eroded(), start);
+    let rays = rays();
     let scored = reach.iter().filter_map(|(place, way)| {
-        let (unknown, seen) = look(map, *place, edges);
+        let (unknown, seen) = look(map, *place, edges, &rays);
         let score = unknown as f32 - WAY_WEIGHT * *way as f32;
         (unknown > 0).then_some((score, *place, seen))
     });
@@ -84,7 +85,8 @@ pub fn random_view(map: &CellMap, open: &CellMap, dice: &mut Dice) -> Option<Cel
     let free = open.iter().filter(|(_, value)| *value == FREE);
     let free: Vec<Cell> = free.map(|(cell, _)| cell).collect();
     let drawn = (0..free.len().div_ceil(20)).map(|_| free[dice.index(free.len())]);
-    let scored = drawn.map(|place| (all_unknown(map, place), place));
+    let rays = rays();
+    let scored = drawn.map(|place| (all_unknown(map, place, &rays), place));
     let best = scored.max_by_key(|(unknown, _)| *unknown);
     best.filter(|(unknown, _)| *unknown > 0)
         .map(|(_, place)| place)
@@ -109,20 +111,33 @@ pub fn reach(map: &CellMap, open: &CellMap, start: Cell) -> BTreeMap<Cell, u32> 
     reach
 }
 
-/// The cells of a ray, the first one beside `place`.
-fn ray(place: Cell, ray: u16) -> impl Iterator<Item = Cell> {
-    let (sin, cos) = sin_cos((f32::from(ray) * 10.0 + 1.0).to_radians());
-    #[expect(clippy::cast_possible_truncation, reason = "at most 50")]
-    let along = |far: u16, part: f32| libm::roundf(f32::from(far) * part) as i32;
-    (1..=REACH).map(move |far| Cell::new(place.x + along(far, cos), place.y + along(far, sin)))
+/// The cells of a ray, seen from where it begins; the first one is beside that.
+type Ray = Vec<Cell>;
+
+/// The rays of a view, which are the same from everywhere.
+fn rays() -> Vec<Ray> {
+    let ray = |ray: u16| {
+        let (sin, cos) = sin_cos((f32::from(ray) * 10.0 + 1.0).to_radians());
+        #[expect(clippy::cast_possible_truncation, reason = "at most 50")]
+        let along = |far: u16, part: f32| libm::roundf(f32::from(far) * part) as i32;
+        let cell = |far: u16| Cell::new(along(far, cos), along(far, sin));
+        (1..=REACH).map(cell).collect()
+    };
+    (0..RAYS).map(ray).collect()
 }
 
-/// How many unknown cells are seen behind `edges` from `place`, and behind which.
-fn look(map: &CellMap, place: Cell, edges: &BTreeSet<Cell>) -> (u32, BTreeSet<Cell>) {
+/// The cells of a ray that begins at `place`.
+fn seen_from(place: Cell, ray: &Ray) -> impl Iterator<Item = Cell> {
+    ray.iter()
+        .map(move |cell| Cell::new(place.x + cell.x, place.y + cell.y))
+}
+
+/// How many unknown cells are seen behind `edges` from `place` along `rays`, and behind which.
+fn look(map: &CellMap, place: Cell, edges: &BTreeSet<Cell>, rays: &[Ray]) -> (u32, BTreeSet<Cell>) {
     let (mut sum, mut seen) = (0, BTreeSet::new());
-    for index in 0..RAYS {
+    for ray in rays {
         let (mut unknown, mut last) = (0, place);
-        for cell in ray(place, index) {
+        for cell in seen_from(place, ray) {
             match map.get(cell) {
                 FREE if unknown == 0 => last = cell,
                 UNKNOWN if unknown > 0 || edges.contains(&last) => unknown += 1,
@@ -141,14 +156,14 @@ fn look(map: &CellMap, place: Cell, edges: &BTreeSet<Cell>) -> (u32, BTreeSet<Ce
     (sum, seen)
 }
 
-fn all_unknown(map: &CellMap, place: Cell) -> usize {
+fn all_unknown(map: &CellMap, place: Cell, rays: &[Ray]) -> usize {
     let (width, height) = map.size();
     let low = map.low();
     let is_inside = |cell: &Cell| {
         (0..width).contains(&(cell.x - low.x)) && (0..height).contains(&(cell.y - low.y))
     };
-    let unknown = (0..RAYS).map(|index| {
-        ray(place, index)
+    let unknown = rays.iter().map(|ray| {
+        seen_from(place, ray)
             .take_while(|cell| is_inside(cell) && map.get(*cell) != OBSTACLE)
             .filter(|cell| map.get(*cell) == UNKNOWN)
             .count()
@@ -237,15 +252,18 @@ mod tests {
     fn a_view_counts_what_is_unknown_behind_the_door() {
         let (mut map, door) = (room(3), edges(&room(3)));
         let seen = [4, 5, 6].map(|y| Cell::new(10, y));
-        assert_eq!(look(&map, MIDDLE, &door), (45, BTreeSet::from(seen)));
+        assert_eq!(
+            look(&map, MIDDLE, &door, &rays()),
+            (45, BTreeSet::from(seen))
+        );
         let only = BTreeSet::from([seen[0]]);
-        assert_eq!(look(&map, MIDDLE, &only), (15, only.clone()));
+        assert_eq!(look(&map, MIDDLE, &only, &rays()), (15, only.clone()));
         map.set(Cell::new(13, 5), FREE).expect("fits");
-        assert_eq!(look(&map, MIDDLE, &door).0, 2 + 15 + 15);
+        assert_eq!(look(&map, MIDDLE, &door, &rays()).0, 2 + 15 + 15);
         // The course's rays: in the map only, whose margin is one cell there; the walls hide all
         // else.
-        assert_eq!(all_unknown(&room(3), MIDDLE), 3);
-        assert_eq!(all_unknown(&room(0), MIDDLE), 0);
+        assert_eq!(all_unknown(&room(3), MIDDLE, &rays()), 3);
+        assert_eq!(all_unknown(&room(0), MIDDLE, &rays()), 0);
     }
 
     /// Steps along edges: of 7 x 7 cells the corners are 3 + 3 away.
