@@ -159,4 +159,38 @@ mod tests {
             clone_world::<World>();
         };
     }
+
+    /// A device that has nothing but a line.
+    struct Mute;
+
+    impl Device for Mute {
+        fn receive(&mut self, _port: Port, _now: Instant, _bytes: &[u8]) {}
+
+        fn poll(&mut self, _now: Instant, _world: &mut World) {}
+
+        fn transmit(&mut self, _port: Port, _buf: &mut [u8]) -> usize {
+            0
+        }
+
+        fn poll_at(&self) -> Option<Instant> {
+            None
+        }
+
+        fn line_config(&self, _port: Port) -> LineConfig {
+            LineConfig::new_8n1(9600)
+        }
+
+        fn take_events(&mut self) -> Vec<Event> {
+            Vec::new()
+        }
+    }
+
+    /// What a device does not speak of it does not have.
+    #[test]
+    fn a_device_has_no_registers_faults_or_changes_of_its_own_accord() {
+        let mut mute = Mute;
+        assert_eq!(mute.peek(0), None);
+        assert_eq!(mute.known_faults(), [""; 0]);
+        assert_eq!(mute.line_change(Port(0)), None);
+    }
 }

@@ -111,4 +111,21 @@ mod tests {
         encoders.factor = -1.0;
         assert_eq!(count(&mut encoders, 170), 100);
     }
+
+    /// Only a base that tells of its stop button has one that can be held.
+    #[test]
+    fn a_base_without_a_stop_button_knows_no_fault_of_it() {
+        let faults = |announce| {
+            let config = crate::avr_base::AvrBaseConfig {
+                announce,
+                ..Default::default()
+            };
+            AvrBase::new(config, 1).faults()
+        };
+        let usual = ["off", "restart", "stuck", "wrong", "battery-low"];
+        assert_eq!(faults(Announce::Nothing), usual);
+        let with_button = faults(Announce::StopButton);
+        assert_eq!(with_button[..5], usual);
+        assert_eq!(with_button[5..], ["stop-button"]);
+    }
 }

@@ -265,3 +265,15 @@ fn a_modem_line_follows_a_value() {
     let message = "there is no variable \"none\"".to_owned();
     assert_eq!(unknown.err(), Some(TextError::Key("raises", message)));
 }
+
+/// Other events than a break, and breaks elsewhere, are none of its business.
+#[test]
+fn only_a_break_on_its_own_line_is_heard() {
+    let mut slave = on_board(ResetOn::Break);
+    let at = Instant::from_millis(10);
+    slave.line_event(Text::UART, at, LineEvent::Opened);
+    slave.line_event(Text::UART, at, LineEvent::FramingError);
+    slave.line_event(RESET_PIN, at, LineEvent::Break);
+    assert_eq!(after(&mut slave, 20, "WHERE?\r\n"), "X 1000\r\n");
+    assert_eq!(rules(&mut slave), [""; 0]);
+}

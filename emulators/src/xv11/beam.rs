@@ -587,4 +587,64 @@ mod tests {
         assert!(is_rough(f64::INFINITY, 1000.0, 1000.0));
         assert!(is_rough(f64::INFINITY, f64::INFINITY, 1000.0));
     }
+
+    /// What the beam at 90 degrees, straight ahead, reads in a thousand turns before `walls`.
+    fn ahead_of(walls: Vec<crate::world::Shape>) -> Vec<Reading> {
+        use crate::world::{BodyConfig, Obstacle, Pose};
+        let scene = Scene::new(walls, Vec::<Obstacle>::new()).expect("sound");
+        let body = BodyConfig {
+            radius_m: 0.1,
+            ..BodyConfig::default()
+        };
+        let world = World::new(scene, body, Pose::default(), 1).expect("free");
+        let mut eye = Eye::new(Mount::default(), Optics::default(), 1, "lidar");
+        let mut turn = |_| {
+            let slots = (0..360).map(|slot| {
+                let at = Instant::ZERO;
+                eye.measure(&world, at, slot, f64::from(slot))
+            });
+            let turn: Vec<Reading> = slots.map(Reading::from).collect();
+            turn[90]
+        };
+        turn(0);
+        (0..1000).map(turn).collect()
+    }
+
+    fn wall(from: [f64; 2], to: [f64; 2]) -> crate::world::Shape {
+        let [from, to] = [from, to].map(|[x, y]| Point::new(x, y));
+        crate::world::Shape::Wall { from, to }
+    }
+
+    fn doubled(readings: &[Reading]) -> usize {
+        let is = |reading: &&Reading| matches!(reading, Reading::Invalid { code: 0x02, .. });
+        readings.iter().filter(is).count()
+    }
+
+    /// T4: of a dot on an edge, here 0.2 degrees (3.5 mm at 1 m) from the end of a board before a
+    /// wall, a quarter is double, whichever side the board ends on; 1 degree from it none is.
+    #[test]
+    fn a_dot_on_the_edge_of_a_board_is_double_in_a_quarter_of_the_turns() {
+        let far = wall([3.0, -3.0], [3.0, 3.0]);
+        let board = |from: f64, to: f64| vec![far.clone(), wall([1.0, from], [1.0, to])];
+        for edge in [board(-0.0035, 0.5), board(-0.5, 0.0035)] {
+            let share = doubled(&ahead_of(edge));
+            assert!((200..300).contains(&share), "{share} of 1000");
+        }
+        assert_eq!(doubled(&ahead_of(board(-0.0175, 0.5))), 0);
+        assert_eq!(doubled(&ahead_of(board(-0.5, 0.0175))), 0);
+    }
+
+    /// A wall at ten degrees to the beam: its neighbours are 90 mm nearer and 110 mm farther away,
+    /// and yet there is no edge.
+    #[test]
+    fn a_slanting_wall_has_no_edges() {
+        let (sin, cos) = libm::sincos(10.0_f64.to_radians());
+        let slanting = wall([1.0 - 0.4 * cos, -0.4 * sin], [1.0 + 2.0 * cos, 2.0 * sin]);
+        let readings = ahead_of(vec![slanting]);
+        assert_eq!(doubled(&readings), 0);
+        let ranges = readings
+            .iter()
+            .filter(|reading| matches!(reading, Reading::Range { .. }));
+        assert!(ranges.count() > 980);
+    }
 }

@@ -153,6 +153,17 @@ fn point_03_the_memory_behind_the_map_is_that_of_the_2015_build() {
     assert_eq!(bench.read(59, 2), [59, 0x82]);
 }
 
+/// AB + 37 + 82 + ED + 02 = 0253 of the reply before, low byte first, and AB + FF + 00 = 01AA of the
+/// error frame that a wrong checksum gets.
+#[test]
+fn point_03_the_checksum_of_the_reply_before_lies_behind_the_map() {
+    let mut bench = fielded();
+    bench.ask(&hex("AB 37 02 00 E4"));
+    assert_eq!(bench.read(63, 2), [0x53, 0x02]);
+    assert_eq!(bench.ask(&hex("AB 37 02 00 E5")), hex("AB FF 00 01 AA"));
+    assert_eq!(bench.read(63, 2), [0xAA, 0x01]);
+}
+
 /// 12.4 V and then 10.5 V, in steps of the converter.
 #[test]
 fn point_03_the_battery_behind_the_map_is_live() {

@@ -203,3 +203,122 @@ fn an_angle_is_wrapped_into_one_turn() {
     assert!(near(TAU, 0.0) && near(7.0, 7.0 - TAU) && near(-13.0, 2.0 * TAU - 13.0));
     assert!(near(3.0 * PI, PI) && near(-3.0 * PI, PI));
 }
+
+#[test]
+fn a_place_is_finite_if_each_of_its_figures_is() {
+    let bad = [f64::NAN, f64::INFINITY];
+    assert!(Point::new(1.0, -2.0).is_finite());
+    assert!(Pose::new(1.0, -2.0, 9.0).is_finite());
+    for bad in bad {
+        assert!(!Point::new(bad, 0.0).is_finite());
+        assert!(!Point::new(0.0, bad).is_finite());
+        assert!(!Pose::new(bad, 0.0, 0.0).is_finite());
+        assert!(!Pose::new(0.0, bad, 0.0).is_finite());
+        assert!(!Pose::new(0.0, 0.0, bad).is_finite());
+    }
+}
+
+fn bounds(min: [f64; 2], max: [f64; 2]) -> Bounds {
+    let [min, max] = [min, max].map(|[x, y]| Point::new(x, y));
+    Bounds { min, max }
+}
+
+#[test]
+fn rectangles_grow_and_join_to_each_side() {
+    let around = Bounds::around(Point::new(3.0, -1.0), 2.0);
+    assert_eq!(around, bounds([1.0, -3.0], [5.0, 1.0]));
+    assert_eq!(around.grown(0.5), bounds([0.5, -3.5], [5.5, 1.5]));
+    let other = bounds([2.0, -9.0], [4.0, 7.0]);
+    let union = bounds([1.0, -9.0], [5.0, 7.0]);
+    assert_eq!([around.union(other), other.union(around)], [union; 2]);
+}
+
+#[test]
+fn a_rectangle_holds_what_reaches_beyond_none_of_its_edges() {
+    let whole = bounds([0.0, 10.0], [4.0, 13.0]);
+    assert!(whole.contains(whole));
+    assert!(whole.contains(bounds([1.0, 11.0], [2.0, 12.0])));
+    assert!(!whole.contains(bounds([-0.5, 11.0], [2.0, 12.0])));
+    assert!(!whole.contains(bounds([1.0, 9.5], [2.0, 12.0])));
+    assert!(!whole.contains(bounds([1.0, 11.0], [4.5, 12.0])));
+    assert!(!whole.contains(bounds([1.0, 11.0], [2.0, 13.5])));
+}
+
+/// From (1, 2) along the diagonal (1, 1): the origin lies 3 / root 2 behind and 1 / root 2 aside.
+#[test]
+fn a_ray_passes_what_it_comes_near_and_does_not_leave_behind() {
+    let passes = |x, y, angle, reach| Ray::new(Point::new(x, y), angle).passes_origin(reach);
+    assert_eq!(
+        [2.12, 2.13].map(|r| passes(1.0, 2.0, FRAC_PI_4, r)),
+        [false, true]
+    );
+    assert_eq!(
+        [0.70, 0.71].map(|r| passes(-1.0, -2.0, FRAC_PI_4, r)),
+        [false, true]
+    );
+    assert_eq!([0.9, 1.1].map(|r| passes(-5.0, 1.0, 0.0, r)), [false, true]);
+    assert_eq!(
+        [0.9, 1.1].map(|r| passes(-5.0, -1.0, 0.0, r)),
+        [false, true]
+    );
+    assert!(!passes(5.0, 0.0, 0.0, 1.0));
+    let moved = Ray::new(Point::new(4.0, 1.0), 0.0).seen_from(Point::new(3.0, 7.0));
+    assert_eq!(moved.from, Point::new(1.0, -6.0));
+    assert_eq!(moved.dir, Point::new(1.0, 0.0));
+}
+
+/// From (1, 2) to (4, 6): 3, 4 and 5.
+#[test]
+fn a_wall_has_two_ends_a_middle_and_a_way_along() {
+    let [from, to] = [Point::new(1.0, 2.0), Point::new(4.0, 6.0)];
+    let wall = Segment::new(from, to).expect("it is long enough");
+    assert_eq!(wall.length(), 5.0);
+    assert_eq!(wall.along(), Point::new(0.6, 0.8));
+    assert_eq!(wall.middle(), Point::new(2.5, 4.0));
+    assert_eq!(wall.ends(), [from, to]);
+    assert_eq!(
+        Primitive::Segment(wall).bounds(),
+        bounds([1.0, 2.0], [4.0, 6.0])
+    );
+    let back = Segment::new(to, from).expect("it is as long");
+    assert_eq!(
+        Primitive::Segment(back).bounds(),
+        bounds([1.0, 2.0], [4.0, 6.0])
+    );
+    assert_eq!(pillar().bounds(), bounds([2.0, -1.0], [4.0, 1.0]));
+    let near = |metres: f64| Segment::new(from, Point::new(1.0, 2.0 + metres)).is_some();
+    assert_eq!([0.9e-6, 1.1e-6].map(near), [false, true]);
+}
+
+/// The wall from (1, -1) to (1, 1) and squares of half a metre to each side; the circle of radius 1
+/// around (3, 0) and squares whose corners are 0.707 m away.
+#[test]
+fn a_surface_enters_the_squares_it_passes_through() {
+    let enters = |one: Primitive, x, y| one.enters(Point::new(x, y), 0.5);
+    assert!(enters(wall(), 1.4, 0.0) && enters(wall(), 0.6, 0.0));
+    assert!(!enters(wall(), 1.6, 0.0) && !enters(wall(), 0.4, 0.0));
+    assert!(enters(wall(), 1.0, 1.4) && enters(wall(), 1.0, -1.4));
+    assert!(!enters(wall(), 1.0, 1.6) && !enters(wall(), 1.0, -1.6));
+    let diagonal = Segment::new(Point::new(0.0, 0.0), Point::new(4.0, 4.0));
+    let diagonal = Primitive::Segment(diagonal.expect("long enough"));
+    assert!(enters(diagonal, 2.4, 1.6) && enters(diagonal, 1.6, 2.4));
+    assert!(!enters(diagonal, 2.6, 1.4) && !enters(diagonal, 1.4, 2.6));
+    assert!(!enters(pillar(), 3.0, 0.0), "it is hollow");
+    assert!(enters(pillar(), 3.4, 0.0) && enters(pillar(), 4.7, 0.0));
+    assert!(!enters(pillar(), 3.25, 0.0) && !enters(pillar(), 4.75, 0.0));
+}
+
+/// A metre ahead and half a metre left of (2, 3).
+#[test]
+fn what_lies_ahead_and_left_turns_with_the_robot() {
+    let offset = |theta| Pose::new(2.0, 3.0, theta).offset(1.0, 0.5);
+    for (theta, x, y) in [
+        (0.0, 3.0, 3.5),
+        (FRAC_PI_2, 1.5, 4.0),
+        (PI, 1.0, 2.5),
+        (-FRAC_PI_2, 2.5, 2.0),
+    ] {
+        let found = offset(theta);
+        assert!(found.distance(Point::new(x, y)) < 1e-12, "{found:?}");
+    }
+}

@@ -120,6 +120,10 @@ mod tests {
 
     #[test]
     fn what_is_no_plate_is_refused() {
+        assert_eq!(
+            HeatPlateError.to_string(),
+            "a heat plate has finite ends apart from each other, and -50 to 150 degrees"
+        );
         let here = Point::new(0.0, 0.0);
         assert_eq!(HeatPlate::new(here, here, 37.0), Err(HeatPlateError));
         let there = Point::new(0.1, 0.0);

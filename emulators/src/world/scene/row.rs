@@ -225,6 +225,21 @@ mod tests {
         }
     }
 
+    /// At exactly the distance up to which everything counts as behind the camera.
+    #[test]
+    fn a_wall_as_near_as_can_be_is_seen() {
+        let wall = Segment::new(Point::new(NEAR_M, -1.0), Point::new(NEAR_M, 1.0));
+        let row = Row {
+            camera: Pose::default(),
+            focal_px: 100.0,
+        };
+        let mut columns = [0.0; 3];
+        let mut canvas = Canvas::new(row, &mut columns);
+        canvas.draw_wall(&wall.expect("long enough"), [0.0; 2]);
+        let nearest = |inverse: &f64| (inverse * NEAR_M - 1.0).abs() < 1e-6;
+        assert!(columns.iter().all(nearest), "{columns:?}");
+    }
+
     /// A wall 2 m ahead from 0.5 m to the left to 0.5 m to the right, focal length 100 pixels: the
     /// columns 25 beside the middle of 101 see its ends, further ones nothing.
     #[test]

@@ -117,6 +117,20 @@ fn an_obstacle_hides_the_wall_only_while_it_is_there() {
 }
 
 #[test]
+fn a_scene_keeps_what_it_was_given() {
+    let walls = [wall(3.0, -9.0, 3.0, 9.0), circle(1.0, 1.0, 0.5)];
+    let scene = Scene::new(walls.clone(), vec![walker(circle(0.0, 0.0, 0.5))]).unwrap();
+    let shapes: Vec<Shape> = scene
+        .fixtures()
+        .iter()
+        .map(|one| one.shape.clone())
+        .collect();
+    assert_eq!(shapes, walls);
+    assert_eq!(scene.obstacles().len(), 1);
+    assert_eq!(scene.obstacles()[0].fixture.shape, circle(0.0, 0.0, 0.5));
+}
+
+#[test]
 fn a_wall_in_front_of_an_obstacle_hides_it() {
     let scene = Scene::new(
         [wall(1.0, -9.0, 1.0, 9.0)],

@@ -72,3 +72,56 @@ impl Repeats {
         .collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `pairs` differences at one angle, between two distances in turn.
+    fn between(one: u16, other: u16, pairs: usize) -> Vec<Bin> {
+        let mut repeats = Repeats::default();
+        let in_turn = [one, other].into_iter().cycle();
+        in_turn.take(pairs + 1).for_each(|mm| repeats.range(7, mm));
+        repeats.bins()
+    }
+
+    /// Differences of 2 mm: the variance of one distance is half of 4. Fewer than 300 are none.
+    #[test]
+    fn a_class_tells_the_deviation_of_one_distance() {
+        assert_eq!(between(950, 952, 299), []);
+        let sigma_mm = f64::sqrt(2.0);
+        let bin = |from_mm, pairs| Bin {
+            from_mm,
+            pairs,
+            sigma_mm,
+        };
+        assert_eq!(between(950, 952, 300), [bin(900, 300)]);
+        assert_eq!(between(997, 999, 400), [bin(900, 400)]);
+        assert_eq!(between(1000, 1002, 300), [bin(1000, 300)]);
+        assert_eq!(between(1997, 1999, 300), [bin(1000, 300)]);
+        assert_eq!(between(2000, 2002, 300), [bin(2000, 300)]);
+        assert_eq!(between(998, 1000, 600), [bin(900, 300), bin(1000, 300)]);
+    }
+
+    /// At 1 m 1.5 + 12 = 13.5 mm is the limit, at 2 m 1.5 + 48 = 49.5 mm.
+    #[test]
+    fn what_differs_by_more_has_moved() {
+        let pairs = |one, other| between(one, other, 300).first().map(|bin| bin.pairs);
+        assert_eq!(pairs(1000, 1013), Some(300));
+        assert_eq!(pairs(1000, 1014), None);
+        assert_eq!(pairs(2000, 2049), Some(300));
+        assert_eq!(pairs(2000, 2052), None);
+    }
+
+    /// Angles are compared with themselves, and only from one turn to the very next.
+    #[test]
+    fn a_gap_or_another_angle_is_no_pair() {
+        let mut repeats = Repeats::default();
+        for mm in [950, 952].into_iter().cycle().take(2000) {
+            repeats.range(7, mm);
+            repeats.gap(7);
+        }
+        (0..360).for_each(|degree| repeats.range(degree, 950));
+        assert_eq!(repeats.bins(), []);
+    }
+}
