@@ -80,9 +80,18 @@ pub fn all_at_once(package: &str, out: &Path, mutants: &[Mutant]) -> Result<Buil
     };
     let target = out.join("target");
     fs::create_dir_all(&target).map_err(|error| format!("{}: {error}", target.display()))?;
-    let mut files: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+    let mut files: BTreeMap<&str, (String, Vec<usize>)> = BTreeMap::new();
     for (at, mutant) in mutants.iter().enumerate() {
-        files.entry(&mutant.file).or_default().push(at);
+        if !files.contains_key(mutant.file.as_str()) {
+            // As it was copied: who goes on working meanwhile changes nothing here.
+            let file = &mutant.file;
+            let text = fs::read_to_string(tree.join(file));
+            let text = text.map_err(|error| format!("{file}: {error}"))?;
+            files.insert(file, (text, Vec::new()));
+        }
+        if let Some((_, numbers)) = files.get_mut(mutant.file.as_str()) {
+            numbers.push(at);
+        }
     }
     let mut copy = Copy {
         package,
@@ -145,14 +154,13 @@ impl<'a> Copy<'a> {
     /// Writes all files that have mutants, without those that do not compile.
     fn write(
         &self,
-        files: &BTreeMap<&'a str, Vec<usize>>,
+        files: &BTreeMap<&'a str, (String, Vec<usize>)>,
     ) -> Result<BTreeMap<&'a str, Switched>, String> {
         let mut written = BTreeMap::new();
-        for (&file, numbers) in files {
-            let text = fs::read_to_string(file).map_err(|error| format!("{file}: {error}"))?;
+        for (&file, (text, numbers)) in files {
             let viable = numbers.iter().filter(|at| !self.unviable.contains(at));
             let viable: Vec<_> = viable.map(|&at| (at, &self.mutants[at])).collect();
-            let switched = switch::switched(&text, &viable, &self.still_const)
+            let switched = switch::switched(text, &viable, &self.still_const)
                 .map_err(|error| format!("{file}: {error}"))?;
             fs::write(self.tree.join(file), &switched.text)
                 .map_err(|error| format!("{file}: {error}"))?;
