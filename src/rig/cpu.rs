@@ -59,4 +59,23 @@ mod tests {
         assert!((few - 0.150).abs() < 1e-4, "{few}");
         assert!((many / few - 8.47).abs() < 0.01, "{}", many / few);
     }
+
+    /// Two scans, three tries and five points, each price by itself.
+    #[test]
+    fn work_costs_the_sum_of_its_parts() {
+        let nanos = Duration::from_nanos;
+        let model = CpuModel {
+            per_scan: nanos(1_000_000),
+            per_try: nanos(1_000),
+            per_point: nanos(1),
+        };
+        let (scans, tries, points) = (2, 3, 5);
+        let work = Work {
+            scans,
+            tries,
+            points,
+        };
+        assert_eq!(model.cost(work), nanos(2_003_005));
+        assert_eq!(CpuModel::IDEAL.cost(work), Duration::ZERO);
+    }
 }

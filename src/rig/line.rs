@@ -484,3 +484,6 @@ impl Line {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -269,4 +269,99 @@ mod tests {
         errors += resampler.idle(&mut all);
         assert_eq!((all, errors), whole);
     }
+
+    /// `sent` at its own rate, back to back, then silence.
+    fn through(sent: &[u8], sender: LineConfig, receiver: LineConfig) -> (Vec<u8>, u32) {
+        let mut resampler = Resampler::default();
+        let mut bytes = sent.to_vec();
+        let mut errors = resampler.feed(&mut bytes, Instant::ZERO, sender, receiver);
+        errors += resampler.idle(&mut bytes);
+        (bytes, errors)
+    }
+
+    fn coding(data_bits: u8, parity: Parity, stop_bits: u8) -> LineConfig {
+        LineConfig {
+            data_bits,
+            parity,
+            stop_bits,
+            ..LineConfig::new_8n1(9600)
+        }
+    }
+
+    /// By hand, at one rate. Seven data bits and even parity are eight data bits to a receiver
+    /// without parity: of 0x41 and 0x42, two ones each, the parity is 0; of 0x43, three, it is 1.
+    /// Odd parity is the other way round. The receiver with parity takes the eighth bit for it and
+    /// has none of it in its byte.
+    #[test]
+    fn a_parity_bit_is_the_eighth_to_who_knows_none() {
+        let plain = LineConfig::new_8n1(9600);
+        let (even, odd) = (coding(7, Parity::Even, 1), coding(7, Parity::Odd, 1));
+        let sent = [0x41, 0x42, 0x43];
+        assert_eq!(through(&sent, even, plain), (vec![0x41, 0x42, 0xC3], 0));
+        assert_eq!(through(&sent, odd, plain), (vec![0xC1, 0xC2, 0x43], 0));
+        assert_eq!(through(&[0xC1, 0x43], plain, even), (vec![0x41, 0x43], 0));
+    }
+
+    /// What a line of five bits does not carry does not count for its parity either: of 0xE1 that
+    /// is 00001, one one.
+    #[test]
+    fn a_short_character_carries_its_low_bits() {
+        let short = coding(5, Parity::Even, 2);
+        let seven = coding(7, Parity::None, 1);
+        // Five data bits 10000 from the lowest, parity 1, two stop bits: to the other 10000 1 1.
+        assert_eq!(through(&[0xE1], short, seven), (vec![0b110_0001], 0));
+        assert_eq!(through(&[0xE1, 0xFF], short, short), (vec![0x01, 0x1F], 0));
+    }
+
+    /// A second stop bit is a bit of idle line: who looks for one only reads the same; who looks
+    /// for two where there is one finds the next start bit in its place, and in an FF no other edge.
+    #[test]
+    fn a_missing_second_stop_bit_is_a_framing_error() {
+        let (one, two) = (coding(8, Parity::None, 1), coding(8, Parity::None, 2));
+        assert_eq!(through(&[0x55, 0xAA], two, one), (vec![0x55, 0xAA], 0));
+        assert_eq!(through(&[0xFF, 0xFF], one, two), (vec![], 1));
+    }
+
+    /// Bits of 100 us. What comes 2.4 ms later, 24 bits, is read by itself; a receiver that is
+    /// still within a character when more comes back to back reads on in it.
+    #[test]
+    fn a_gap_is_idle_line_and_none_is_none() {
+        let [sender, receiver] = [10_000, 5_000].map(LineConfig::new_8n1);
+        let at = Instant::from_micros;
+        let read = |starts: [u64; 2]| {
+            let mut resampler = Resampler::default();
+            let mut all = Vec::new();
+            for (start, byte) in starts.into_iter().zip([0x48, 0x69]) {
+                let mut bytes = vec![byte];
+                resampler.feed(&mut bytes, at(start), sender, receiver);
+                all.append(&mut bytes);
+            }
+            assert_eq!(resampler.idle_at(), Some(at(starts[1] + 1000 + 4000)));
+            resampler.idle(&mut all);
+            assert_eq!(resampler.idle_at(), None);
+            all
+        };
+        // By hand, see above: together 9C. Alone 48 is L LLLHLLHL H: data (3, 5, .. 17) L H H H..:
+        // bit 3 is L, 5 L, 7 H, 9 and later H, and 69 is L HLLHLHHL H: a false start, then from 2
+        // on start 3 L, data 5 L, 7 H, 9 H and later H.
+        assert_eq!(read([0, 1000]), [0x9C]);
+        assert_eq!(read([0, 3400]), [0b1111_1100, 0b1111_1110]);
+    }
+
+    /// To a receiver with bits of 104 us the 87 us of a fast 41 are a start bit, as its middle at
+    /// 52 us lies in bit 5, low, with nothing but idle line behind. Other rates end that at once.
+    #[test]
+    fn a_change_of_rates_ends_what_was_being_read() {
+        let [slow, fast] = [9_600, 115_200].map(LineConfig::new_8n1);
+        let mut resampler = Resampler::default();
+        let mut first = vec![0x41];
+        resampler.feed(&mut first, Instant::ZERO, fast, slow);
+        assert!(first.is_empty());
+        let mut second = vec![0x41, 0x42];
+        let start = Instant::from_millis(50);
+        let errors = resampler.feed(&mut second, start, slow, slow);
+        assert_eq!((&*second, errors), (&[0xFF, 0x41][..], 0));
+        resampler.idle(&mut second);
+        assert_eq!(second, [0xFF, 0x41, 0x42]);
+    }
 }

@@ -100,3 +100,33 @@ impl Trace {
 pub fn fingerprint(bytes: &[u8]) -> String {
     format!("{:016x}", CRC.checksum(bytes))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The check value of CRC-64/XZ in the catalogue of parametrised CRC algorithms.
+    #[test]
+    fn the_fingerprint_is_that_of_the_catalogue() {
+        assert_eq!(fingerprint(b"123456789"), "995dc9bbdf1939fa");
+    }
+
+    /// Number of the link, direction, side, length, time in nanoseconds with the lowest byte first,
+    /// and the bytes: all of it, however much there is.
+    #[test]
+    fn a_trace_is_the_fingerprint_of_all_records_in_a_row() {
+        let mut trace = Trace::default();
+        assert_eq!(trace.hash(), fingerprint(&[]));
+        let at = Instant::from_nanos(0x0102_0304);
+        trace.record(2, Direction::ToDevice, Side::Received, at, &[7, 8, 9]);
+        let mut all = vec![2, 1, 1, 3, 4, 3, 2, 1, 0, 0, 0, 0, 7, 8, 9];
+        assert_eq!(trace.hash(), fingerprint(&all));
+        for _ in 0..1000 {
+            trace.record(300, Direction::ToMaster, Side::Sent, at, &[5; 300]);
+            all.extend([255, 0, 0, 255, 4, 3, 2, 1, 0, 0, 0, 0]);
+            all.extend([5; 300]);
+        }
+        assert_eq!(trace.hash(), fingerprint(&all));
+        assert_eq!(format!("{trace:?}"), format!("Trace({})", trace.hash()));
+    }
+}

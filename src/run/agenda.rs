@@ -79,3 +79,102 @@ impl Agenda {
         self.0.retain(|item| item.is_on || item.due().is_some());
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use core::time::Duration;
+
+    use emulators::world::{BodyConfig, Pose, Scene, Shape, World};
+
+    use super::*;
+    use crate::rig::fault::{Spells, Window};
+    use crate::rig::line::Direction;
+
+    fn rig() -> Rig {
+        let scene = Scene::new(Vec::<Shape>::new(), Vec::new()).expect("empty");
+        let world = World::new(scene, BodyConfig::default(), Pose::default(), 1);
+        Rig::new(world.expect("free"))
+    }
+
+    /// Of links that there are not: nothing happens to the rig.
+    fn nothing() -> Vec<Disturbance> {
+        vec![Disturbance::Cross {
+            links: ["one".to_owned(), "other".to_owned()],
+            direction: Direction::ToMaster,
+        }]
+    }
+
+    /// From 10 to 20 s, each 3 s for 1 s, twice.
+    fn twice() -> Activity {
+        let window = Window {
+            from: Instant::from_secs(10),
+            until: Instant::from_secs(20),
+        };
+        let spells = Spells {
+            every: Duration::from_secs(3),
+            lasting: Duration::from_secs(1),
+            count: Some(2),
+            dice: None,
+        };
+        Activity {
+            spells: Some(spells),
+            ..Activity::from(window)
+        }
+    }
+
+    fn due_after(agenda: &mut Agenda, rig: &mut Rig, secs: u64) -> Option<u64> {
+        rig.run_until(Instant::from_secs(secs));
+        agenda.perform(rig);
+        agenda.due().map(|at| at.as_millis() / 1000)
+    }
+
+    #[test]
+    fn each_spell_begins_and_ends_and_then_nothing_is_due() {
+        let (mut agenda, mut rig) = (Agenda::default(), rig());
+        agenda.add(FaultId(0), twice(), nothing());
+        agenda.add(FaultId(1), twice(), Vec::new());
+        assert_eq!(agenda.0.len(), 1, "who does nothing is left out");
+        let due = [0, 9, 10, 11, 12, 13].map(|secs| due_after(&mut agenda, &mut rig, secs));
+        assert_eq!(due, [10, 10, 11, 13, 13, 14].map(Some));
+        assert_eq!(due_after(&mut agenda, &mut rig, 14), None);
+        assert!(agenda.0.is_empty());
+    }
+
+    /// Time that went on without looking does each begin and end all the same.
+    #[test]
+    fn what_was_due_meanwhile_is_made_up_for() {
+        let (mut agenda, mut rig) = (Agenda::default(), rig());
+        agenda.add(FaultId(0), twice(), nothing());
+        assert_eq!(due_after(&mut agenda, &mut rig, 13), Some(14));
+        assert_eq!((agenda.0[0].spell, agenda.0[0].is_on), (1, true));
+    }
+
+    /// Ended at 10.5 s: what is on ends then, what was to begin later never does.
+    #[test]
+    fn what_is_ended_early_ends_then_and_never_comes_again() {
+        let (mut agenda, mut rig) = (Agenda::default(), rig());
+        for id in [0, 1] {
+            agenda.add(FaultId(id), twice(), nothing());
+        }
+        agenda.end(FaultId(1), Instant::from_secs(5));
+        assert_eq!(agenda.0.len(), 1);
+        due_after(&mut agenda, &mut rig, 10);
+        agenda.end(FaultId(1), Instant::from_secs(2));
+        assert_eq!(agenda.due(), Some(Instant::from_secs(11)));
+        agenda.end(FaultId(0), Instant::from_millis(10_500));
+        assert_eq!(agenda.due(), Some(Instant::from_millis(10_500)));
+        assert_eq!(due_after(&mut agenda, &mut rig, 11), None);
+    }
+
+    #[test]
+    fn faults_are_left_out_and_numbered_anew() {
+        let mut agenda = Agenda::default();
+        for id in [0, 1, 2] {
+            agenda.add(FaultId(id), twice(), nothing());
+        }
+        agenda.leave_out(FaultId(1));
+        agenda.renumber(|id| FaultId(id.0 + 5));
+        let ids: Vec<_> = agenda.0.iter().map(|item| item.id.0).collect();
+        assert_eq!(ids, [5, 7]);
+    }
+}

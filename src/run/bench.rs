@@ -65,6 +65,8 @@ pub struct Bench(Rc<RefCell<Inner>>);
 struct Inner {
     /// `None` once it was judged.
     run: Option<Run>,
+    /// When it was judged.
+    ended: Instant,
     ends: Vec<OpenEnd>,
 }
 
@@ -82,7 +84,9 @@ impl Bench {
             instruments,
         } = wired;
         let run = Some(Run::with_rig(scenario, rig, instruments));
-        Ok(Self(Rc::new(RefCell::new(Inner { run, ends }))))
+        let ended = Instant::ZERO;
+        let inner = Inner { run, ended, ends };
+        Ok(Self(Rc::new(RefCell::new(inner))))
     }
 
     /// Opens the end of the link `name`, e.g. `lidar`.
@@ -121,10 +125,8 @@ impl Bench {
     /// Virtual time; the end of the run after it was judged.
     pub fn now(&self) -> Instant {
         let inner = self.0.borrow();
-        inner
-            .run
-            .as_ref()
-            .map_or(Instant::ZERO, |run| run.rig.now())
+        let run = inner.run.as_ref();
+        run.map_or(inner.ended, |run| run.rig.now())
     }
 
     /// Lets `span` of virtual time pass, no further than to the end of the scenario.
@@ -149,8 +151,11 @@ impl Bench {
     /// # Panics
     /// If it was judged already.
     pub fn judge(&self) -> Outcome {
-        let run = self.0.borrow_mut().run.take();
-        run.expect("judged once").judge()
+        let mut inner = self.0.borrow_mut();
+        let run = inner.run.take().expect("judged once");
+        inner.ended = run.rig.now();
+        drop(inner);
+        run.judge()
     }
 }
 

@@ -80,4 +80,21 @@ mod tests {
         assert_eq!(contacts.since(1502).count(), 1);
         assert_eq!((contacts.take().len(), contacts.take().len()), (1000, 0));
     }
+
+    /// What is no faster than 0.05 m/s does no harm.
+    #[test]
+    fn the_first_touch_that_may_do_harm_stays_the_first() {
+        let mut contacts = Contacts::default();
+        let touch = |millis, speed_m_s| Contact {
+            at: Instant::from_millis(millis),
+            speed_m_s,
+            place: Point::new(0.0, 0.0),
+        };
+        contacts.extend(vec![touch(1, 0.0), touch(2, 0.05)]);
+        assert_eq!(contacts.first_in_earnest(), None);
+        contacts.extend(vec![touch(3, 0.04), touch(4, 0.06), touch(5, 1.0)]);
+        contacts.extend(vec![touch(6, 2.0)]);
+        assert_eq!(contacts.first_in_earnest(), Some(Instant::from_millis(4)));
+        assert_eq!(contacts.count(), 6);
+    }
 }

@@ -166,4 +166,70 @@ mod tests {
         let half = share(100).expect("there is floor");
         assert!((half - 0.5).abs() < 0.03, "{half}");
     }
+
+    /// Four columns and three rows from (-1 m, 0.5 m) on.
+    fn floor() -> Floor {
+        Floor {
+            origin: Point::new(-1.0, 0.5),
+            width: 4,
+            height: 3,
+        }
+    }
+
+    /// Cell 6 is in column 2 of row 1: its middle is 2.5 x 20 mm and 1.5 x 20 mm from the corner.
+    #[test]
+    fn a_cell_holds_its_middle() {
+        let middle = floor().middle(6);
+        assert!((middle.x + 0.95).abs() < 1e-9, "{middle:?}");
+        assert!((middle.y - 0.53).abs() < 1e-9, "{middle:?}");
+        assert!((0..12).all(|cell| floor().cell(floor().middle(cell)) == Some(cell)));
+        let outside = [(-1.01, 0.53), (-0.91, 0.53), (-0.95, 0.49), (-0.95, 0.57)];
+        let cell = |(x, y)| floor().cell(Point::new(x, y));
+        assert_eq!(outside.map(cell), [None; 4]);
+    }
+
+    #[test]
+    fn a_cell_has_neighbours_on_the_floor_alone() {
+        let around = |cell| floor().around(cell).collect::<Vec<_>>();
+        assert_eq!(around(0), [1, 4]);
+        assert_eq!(around(3), [2, 7]);
+        assert_eq!(around(5), [4, 6, 1, 9]);
+        assert_eq!(around(8), [9, 4]);
+        assert_eq!(around(11), [10, 7]);
+    }
+
+    /// 3 x 2 cells of 50 mm: 150 mm and 100 mm, of 20 mm each.
+    #[test]
+    fn the_floor_is_as_large_as_the_map() {
+        let floor = Floor::of(MapView::new(3, 50.0, [-1000.0, 500.0], &[0; 6]));
+        assert_eq!((floor.width, floor.height), (7, 5));
+        assert_eq!((floor.origin.x, floor.origin.y), (-1.0, 0.5));
+    }
+
+    /// A map of 25 mm from (-0.25 m, 0.25 m) on, known as far as a place of the world: the same
+    /// halves, along x and along y.
+    #[test]
+    fn the_map_may_begin_anywhere() {
+        let share = |is_known: fn(f64, f64) -> bool| {
+            let middle = |cell: usize| cell as f64 * 0.025 + 0.0125;
+            let value = |cell: usize| {
+                let (x, y) = (middle(cell % 80) - 0.25, middle(cell / 80) + 0.25);
+                if is_known(x, y) { 255 } else { UNKNOWN }
+            };
+            let cells: Vec<u8> = (0..80 * 60).map(value).collect();
+            let map = MapView::new(80, 25.0, [-250.0, 250.0], &cells);
+            explored(map, &world(), START).expect("there is floor")
+        };
+        for half in [share(|x, _| x < 1.0), share(|_, y| y > 1.0)] {
+            assert!((half - 0.5).abs() < 0.03, "{half}");
+        }
+        let quarter = share(|x, y| x > 1.0 && y < 1.0);
+        assert!((quarter - 0.25).abs() < 0.03, "{quarter}");
+    }
+
+    #[test]
+    fn who_stands_beside_the_map_gets_nowhere_on_it() {
+        let map = MapView::new(10, 10.0, [5000.0; 2], &[0; 100]);
+        assert_eq!(explored(map, &world(), START), None);
+    }
 }

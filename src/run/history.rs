@@ -194,7 +194,12 @@ fn lanes_of(link: &Link) -> impl Iterator<Item = Lane> + use<> {
 
 #[cfg(test)]
 mod tests {
+    use emulators::world::{BodyConfig, Pose, Scene, Shape, World};
+    use protocols::{LineConfig, Port};
+
     use super::*;
+    use crate::rig::fault::{Damage, Strike};
+    use crate::rig::line::End;
 
     /// What stays the same is taken once, what was never there not at all.
     #[test]
@@ -216,5 +221,75 @@ mod tests {
         }
         let kept: Vec<u64> = thinned.samples.iter().map(|&(_, second)| second).collect();
         assert_eq!(kept, [0, 2, 4, 7, 9]);
+    }
+
+    /// What is asked for in between is not even made; a sample that cannot be had is asked for
+    /// again.
+    #[test]
+    fn a_sample_is_made_when_it_is_due_and_not_before() {
+        let mut thinned = Thinned::new(Duration::from_secs(1), 5);
+        let mut asked = Vec::new();
+        for millis in [0, 400, 999, 1000, 1400, 2000, 3100, 4000, 4100] {
+            thinned.offer(Instant::from_millis(millis), || {
+                asked.push(millis);
+                (millis != 1000).then_some(())
+            });
+        }
+        assert_eq!(asked, [0, 1000, 1400, 3100, 4100]);
+        let mut changes = Thinned::new(Duration::from_secs(1), 5);
+        let mut asked = Vec::new();
+        for millis in [0, 500, 1000, 1500, 2000] {
+            changes.offer_change(Instant::from_millis(millis), || {
+                asked.push(millis);
+                millis
+            });
+        }
+        assert_eq!(asked, [0, 1000, 2000]);
+        assert_eq!(changes.samples.len(), 2);
+    }
+
+    /// 500 bins at most, of 100 ms at least.
+    #[test]
+    fn a_bin_is_a_five_hundredth_of_the_run_and_no_shorter_than_100_ms() {
+        let bin = |secs| History::new(Duration::from_secs(secs)).bin.as_millis();
+        assert_eq!([5, 50, 100].map(bin), [100, 100, 200]);
+    }
+
+    /// 50 bytes of 10 bits at 10000 baud are 50 ms, half of a bin. One of them is struck. Another
+    /// bin has none, and in a third the receiver reads at twice the rate: of 0x00 it sees no stop
+    /// bit.
+    #[test]
+    fn a_lane_tells_of_each_bin_by_itself() {
+        let scene = Scene::new(Vec::<Shape>::new(), Vec::new()).expect("empty");
+        let body = BodyConfig::default().ideal();
+        let world = World::new(scene, body, Pose::default(), 1);
+        let mut rig = Rig::new(world.expect("free"));
+        let ends = ["left", "right"].map(|name| End {
+            node: rig.add_outside(name, LineConfig::new_8n1(10_000)),
+            port: Port(0),
+        });
+        let [left, right] = ends.map(|end| end.node);
+        rig.connect("link", ends[0], ends[1], 1);
+        let damage = Damage::Flip { bit: 0 };
+        let faults = &mut rig.line_mut(0, Direction::ToMaster).faults;
+        faults.add_strike(Strike { byte: 7, damage });
+        let mut history = History::new(Duration::from_secs(1));
+        let mut bin = |rig: &mut Rig, until: u64, bytes: &[u8]| {
+            rig.inject(left, bytes);
+            rig.run_until(Instant::from_millis(until));
+            history.count(rig);
+        };
+        bin(&mut rig, 100, &[0x55; 50]);
+        bin(&mut rig, 200, &[]);
+        rig.set_line_config(right, LineConfig::new_8n1(20_000));
+        bin(&mut rig, 300, &[0; 10]);
+        let names: Vec<_> = history.lanes.iter().map(|lane| &lane.name).collect();
+        assert_eq!(names, ["link to-master", "link to-device"]);
+        let lane = &history.lanes[0];
+        assert_eq!(lane.load, [0.5, 0.0, 0.1]);
+        assert_eq!(lane.faults, [1, 0, 0]);
+        assert_eq!(lane.errors[..2], [0, 0]);
+        assert!(lane.errors[2] > 0);
+        assert_eq!(history.lanes[1].load, [0.0; 3]);
     }
 }

@@ -114,4 +114,59 @@ mod tests {
         assert_eq!(found, [false, false, false, false, true]);
         assert!(pattern().is_in(Instant::ZERO, &[0, 1, 2, 3]));
     }
+
+    /// Five bytes, however they come; then it stays found.
+    #[test]
+    fn so_many_bytes_are_counted() {
+        let mut wanted = Wanted::Count(5);
+        let found = [2, 0, 2, 1, 0].map(|len| wanted.is_in(Instant::ZERO, &vec![7; len]));
+        assert_eq!(found, [false, false, false, true, true]);
+        assert!(Wanted::Count(5).is_in(Instant::ZERO, &[7; 6]));
+    }
+
+    /// Of a pattern of three bytes two are kept, which may begin it.
+    #[test]
+    fn no_more_is_kept_than_may_begin_the_pattern() {
+        let mut wanted = Wanted::Pattern {
+            pattern: vec![1, 1, 2],
+            tail: Vec::new(),
+        };
+        for (bytes, kept) in [
+            (&[1_u8][..], &[1_u8][..]),
+            (&[9, 8, 7], &[8, 7]),
+            (&[1, 1], &[1, 1]),
+        ] {
+            assert!(!wanted.is_in(Instant::ZERO, bytes));
+            let Wanted::Pattern { tail, .. } = &wanted else {
+                unreachable!("it is one");
+            };
+            assert_eq!(tail, kept);
+        }
+        assert!(wanted.is_in(Instant::ZERO, &[2]));
+    }
+
+    /// Only what is received on the own line counts, and only as long as somebody waits.
+    #[test]
+    fn a_watch_hears_its_own_line_alone() {
+        let mut watches = LineWatches::default();
+        let watch = watches.add(LineWatch {
+            link: 1,
+            direction: Direction::ToMaster,
+            wanted: Wanted::Count(1),
+            is_found: false,
+        });
+        let (to_master, to_device) = (Direction::ToMaster, Direction::ToDevice);
+        watches.record(1, to_master, Side::Sent, Instant::ZERO, &[1]);
+        watches.record(1, to_device, Side::Received, Instant::ZERO, &[1]);
+        watches.record(0, to_master, Side::Received, Instant::ZERO, &[1]);
+        assert!(!watch.borrow().is_found);
+        watches.record(1, to_master, Side::Received, Instant::ZERO, &[1]);
+        assert!(watch.borrow().is_found);
+        watches.record(1, to_master, Side::Received, Instant::ZERO, &[]);
+        assert!(watch.borrow().is_found);
+        assert_eq!(watches.0.borrow().len(), 1);
+        drop(watch);
+        watches.record(1, to_master, Side::Received, Instant::ZERO, &[1]);
+        assert!(watches.0.borrow().is_empty());
+    }
 }

@@ -118,3 +118,99 @@ impl Progress {
         Some(self.waypoints.last()?.distance(self.last?) * 1000.0)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::Span;
+
+    /// Two waypoints: 1 m and 3 m ahead.
+    fn progress(any_order: bool, expect: &Expect) -> Progress {
+        let mission = Mission {
+            waypoints_m: vec![[1.0, 0.0], [3.0, 0.0]],
+            any_order,
+            ..Mission::default()
+        };
+        Progress::new(&mission, expect)
+    }
+
+    fn at(progress: &mut Progress, secs: u64, x: f64, is_moving: bool) {
+        progress.observe(Instant::from_secs(secs), Pose::new(x, 0.0, 0.0), is_moving);
+    }
+
+    /// 200 mm are near enough if nobody says otherwise. The nearest approach goes on until the next
+    /// waypoint is reached.
+    #[test]
+    fn waypoints_are_visited_in_their_order() {
+        let mut progress = progress(false, &Expect::default());
+        at(&mut progress, 1, 3.0, true);
+        at(&mut progress, 2, 1.25, true);
+        assert_eq!(progress.visits(), []);
+        at(&mut progress, 3, 1.1875, true);
+        at(&mut progress, 4, 0.9375, true);
+        at(&mut progress, 5, 1.5, true);
+        let visit = progress.visits()[0];
+        assert_eq!((visit.at, visit.nearest_mm), (Instant::from_secs(3), 62.5));
+        assert_eq!(visit.waypoint, Point::new(1.0, 0.0));
+        assert_eq!((progress.visits().len(), progress.waypoints()), (1, 2));
+        assert_eq!(progress.distance_from_last_mm(), Some(1500.0));
+        let place = Point::new(1.5, 2.0);
+        assert_eq!(progress.distance_from_mm(place), Some(2000.0));
+        at(&mut progress, 6, 3.0, true);
+        let times: Vec<_> = progress.visits().iter().map(|visit| visit.at).collect();
+        assert_eq!(times, [3, 6].map(Instant::from_secs));
+    }
+
+    #[test]
+    fn in_any_order_the_nearest_one_counts() {
+        let expect = Expect {
+            visit_within_mm: Some(500.0),
+            ..Expect::default()
+        };
+        let mut progress = progress(true, &expect);
+        at(&mut progress, 1, 3.5, true);
+        at(&mut progress, 2, 0.25, true);
+        at(&mut progress, 3, 0.5, true);
+        let visits = progress.visits().iter();
+        let visits: Vec<_> = visits
+            .map(|visit| (visit.at.as_millis(), visit.waypoint.x))
+            .collect();
+        assert_eq!(visits, [(1000, 3.0), (3000, 1.0)]);
+    }
+
+    /// Over is what has visited all and has rested for two seconds since it last moved.
+    #[test]
+    fn a_mission_is_over_after_two_seconds_at_rest_behind_its_last_waypoint() {
+        let mut progress = progress(false, &Expect::default());
+        let over = |progress: &Progress, secs| progress.is_over(Instant::from_secs(secs));
+        assert_eq!(progress.rested(Instant::from_secs(9)), Duration::ZERO);
+        at(&mut progress, 1, 1.0, false);
+        at(&mut progress, 2, 1.0, false);
+        assert_eq!(
+            progress.rested(Instant::from_secs(4)),
+            Duration::from_secs(3)
+        );
+        assert!(progress.has_settled(Instant::from_secs(4)));
+        assert!(!over(&progress, 4));
+        at(&mut progress, 5, 3.0, true);
+        assert!(!over(&progress, 9));
+        at(&mut progress, 6, 3.0, false);
+        assert_eq!([7, 8].map(|secs| over(&progress, secs)), [false, true]);
+        let mut nowhere = Progress::new(&Mission::default(), &Expect::default());
+        assert_eq!(nowhere.distance_from_last_mm(), None);
+        at(&mut nowhere, 1, 0.0, false);
+        assert!(nowhere.has_settled(Instant::from_secs(9)) && !over(&nowhere, 9));
+    }
+
+    #[test]
+    fn a_scenario_says_how_long_a_rest_is() {
+        let expect = Expect {
+            settle: Some(Span(Duration::from_secs(5))),
+            ..Expect::default()
+        };
+        let mut progress = progress(false, &expect);
+        at(&mut progress, 1, 0.0, false);
+        let settled = [5, 6].map(|secs| progress.has_settled(Instant::from_secs(secs)));
+        assert_eq!(settled, [false, true]);
+    }
+}

@@ -293,4 +293,139 @@ mod tests {
     fn no_estimate_has_no_error() {
         assert_eq!(pose_error(&[]), None);
     }
+
+    /// What a map says at 3, 2 and 1 cells before the middle, there, and behind it.
+    fn is_a_wall(profile: [u8; 7]) -> [bool; 2] {
+        let along = |cell: fn(usize) -> [usize; 2], axis: usize| {
+            let cells: Vec<u8> = (0..49).map(|at| profile[cell(at)[axis]]).collect();
+            is_wall(MapView::new(7, 10.0, [0.0; 2], &cells), 3, 3)
+        };
+        let cell = |at| [at % 7, at / 7];
+        [along(cell, 0), along(cell, 1)]
+    }
+
+    /// The neighbours may be as dark, three cells off it has to be lighter; what is two cells off
+    /// counts for nothing. Three quarters of the way from 127 to 255 is some 190 of 255.
+    #[test]
+    fn a_wall_is_a_dark_ridge_along_either_axis() {
+        assert_eq!(is_a_wall([199, 255, 200, 200, 200, 255, 199]), [true; 2]);
+        assert_eq!(is_a_wall([199, 255, 201, 200, 200, 255, 199]), [false; 2]);
+        assert_eq!(is_a_wall([199, 255, 200, 200, 201, 255, 199]), [false; 2]);
+        assert_eq!(is_a_wall([200, 255, 200, 200, 200, 255, 199]), [false; 2]);
+        assert_eq!(is_a_wall([199, 255, 200, 200, 200, 255, 200]), [false; 2]);
+        assert_eq!(is_a_wall([0, 0, 0, 190, 0, 0, 0]), [true; 2]);
+        assert_eq!(is_a_wall([0, 0, 0, 189, 0, 0, 0]), [false; 2]);
+    }
+
+    /// Beyond the map nothing is known, so a wall may run along its edge.
+    #[test]
+    fn a_wall_may_be_the_first_row_of_a_map() {
+        let rows = [200, 200, 199, 199];
+        let cells: Vec<u8> = (0..32).map(|at| rows[at / 8]).collect();
+        let map = MapView::new(8, 10.0, [0.0; 2], &cells);
+        assert_eq!([0, 1, 2].map(|y| is_wall(map, 3, y)), [true, true, false]);
+    }
+
+    /// Four columns and three rows of 125 mm from (-1 m, 0.5 m) on: to -0.5 m and 0.875 m.
+    fn few_cells() -> Cells {
+        Cells::like(MapView::new(4, 125.0, [-1000.0, 500.0], &[0; 12]))
+    }
+
+    #[test]
+    fn a_place_marks_the_cell_that_holds_it_if_there_is_one() {
+        let marked = |x, y| {
+            let mut cells = few_cells();
+            cells.mark(Point::new(x, y));
+            let all = cells.iter().collect::<Vec<_>>();
+            all.first().copied()
+        };
+        assert_eq!(marked(-1.0, 0.5), Some((0, 0)));
+        assert_eq!(marked(-0.8125, 0.8125), Some((1, 2)));
+        assert_eq!(marked(-0.5625, 0.6875), Some((3, 1)));
+        let outside = [(-1.0625, 0.5), (-0.5, 0.5), (-1.0, 0.4375), (-1.0, 0.875)];
+        assert_eq!(outside.map(|(x, y)| marked(x, y)), [None; 4]);
+    }
+
+    /// Of the marked cell in column 3 and row 0 those within one cell are four, within two nine.
+    #[test]
+    fn near_are_the_cells_within_so_many_along_both_axes() {
+        let mut cells = few_cells();
+        cells.mark(Point::new(-0.5625, 0.5625));
+        let near = |reach| {
+            let all = (0..3).flat_map(|y| (0..4).map(move |x| (x, y)));
+            let near = all.filter(|&(x, y)| cells.is_near(x, y, reach));
+            near.collect::<Vec<_>>()
+        };
+        assert_eq!(near(0), [(3, 0)]);
+        assert_eq!(near(1), [(2, 0), (3, 0), (2, 1), (3, 1)]);
+        let two = near(2);
+        assert_eq!(two.len(), 9);
+        assert!(two.iter().all(|&(x, _)| x >= 1), "{two:?}");
+    }
+
+    fn points(shape: &Shape, step: f64) -> Vec<[f64; 2]> {
+        let mut points = Vec::new();
+        outline(shape, step, |place| points.push([place.x, place.y]));
+        points
+    }
+
+    /// 0.75 m in steps of at most 0.5 m are two of 0.375 m; a triangle ends where it began.
+    #[test]
+    fn an_outline_visits_both_ends_and_no_more_steps_than_it_needs() {
+        let [from, to] = [Point::new(1.0, 2.0), Point::new(1.75, 2.0)];
+        let wall = Shape::Wall { from, to };
+        assert_eq!(points(&wall, 0.5), [[1.0, 2.0], [1.375, 2.0], [1.75, 2.0]]);
+        let dot = Shape::Wall { from, to: from };
+        assert_eq!(points(&dot, 0.5), [[1.0, 2.0]; 2]);
+        let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 2.0]];
+        let triangle = Shape::Polygon {
+            corners: corners.map(|[x, y]| Point::new(x, y)).to_vec(),
+        };
+        let [a, b, c] = corners;
+        assert_eq!(points(&triangle, 9.0), [a, b, b, c, c, a]);
+    }
+
+    /// Each piece of the circle begins where the one before ended, and all lie on it.
+    #[test]
+    fn the_outline_of_a_circle_is_closed() {
+        let center = Point::new(1.0, 2.0);
+        let circle = Shape::Circle {
+            center,
+            radius_m: 0.5,
+        };
+        let around = points(&circle, 9.0);
+        assert_eq!(around.len(), 2 * 72);
+        let is_on = |&[x, y]: &[f64; 2]| (libm::hypot(x - 1.0, y - 2.0) - 0.5).abs() < 1e-9;
+        assert!(around.iter().all(is_on));
+        assert!(around[1..143].chunks(2).all(|pair| pair[0] == pair[1]));
+        for (degree, place) in [(0, [1.5, 2.0]), (90, [1.0, 2.5]), (270, [1.0, 1.5])] {
+            let [x, y] = around[2 * degree / 5];
+            let off = libm::hypot(x - place[0], y - place[1]);
+            assert!(off < 1e-9, "at {degree} degrees {x}, {y}");
+        }
+    }
+
+    /// A wall along x at 0.555 m. The map shows it, and as long a one where there is none: all is
+    /// found, half is right. Then it shows the left half of it alone: what it shows is right, and
+    /// as the lidar stands in the middle, half of what that sees is found.
+    #[test]
+    fn what_is_found_and_what_is_right_are_two_shares() {
+        let [from, to] = [Point::new(0.0, 0.555), Point::new(1.0, 0.555)];
+        let scene = Scene::new([Shape::Wall { from, to }], Vec::new()).expect("one wall");
+        let start = TruePose::new(0.5, 0.2, 0.0);
+        let world = World::new(scene, BodyConfig::default(), start, 1).expect("room for it");
+        let of = |rows: &[usize], columns: usize| {
+            let mut cells = vec![127; 100 * 100];
+            rows.iter()
+                .for_each(|row| cells[row * 100..][..columns].fill(255));
+            let map = MapView::new(100, 10.0, [0.0; 2], &cells);
+            wall_overlap(map, &world, &[start], None)
+        };
+        let both = of(&[55, 80], 100);
+        assert_eq!((both.found, both.right, both.least()), (1.0, 0.5, 0.5));
+        let half = of(&[55], 50);
+        assert_eq!(half.right, 1.0);
+        assert!((0.5..0.52).contains(&half.found), "{half:?}");
+        assert_eq!(of(&[], 0), WallOverlap::default());
+    }
 }

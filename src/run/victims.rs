@@ -41,3 +41,57 @@ pub(super) fn check(found: &Found, world: &World, most: f64) -> Check {
         detail,
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use emulators::world::scene::HeatPlate;
+    use emulators::world::{BodyConfig, Obstacle, Pose, Scene, Shape};
+
+    use super::*;
+    use crate::robots::checker::Status;
+
+    /// Plates around (1, 0) and (3, 0).
+    fn world() -> World {
+        let plate = |x: f64| {
+            let [from, to] = [Point::new(x, -0.5), Point::new(x, 0.5)];
+            HeatPlate::new(from, to, 37.0).expect("sound")
+        };
+        let scene = Scene::new(Vec::<Shape>::new(), Vec::<Obstacle>::new()).expect("empty");
+        let scene = scene.with_heat_plates(vec![plate(1.0), plate(3.0)]);
+        World::new(scene, BodyConfig::default(), Pose::default(), 1).expect("free")
+    }
+
+    fn judged(places: &[[f64; 2]], kits: Option<usize>) -> (bool, String) {
+        let places = places.to_vec();
+        let check = check(&Found { places, kits }, &world(), 250.0);
+        (check.status == Status::Pass, check.detail)
+    }
+
+    /// Marks 125 mm and 250 mm beside the middles of their plates, 250 mm being allowed.
+    #[test]
+    fn each_victim_has_a_mark_and_a_kit() {
+        let marks = [[3.0, 0.25], [1.125, 0.0]];
+        let said = "2 of 2 victims within 250 mm, the worst 250 mm; 0 marks without one; 2 kits \
+                    dropped";
+        assert_eq!(judged(&marks, Some(2)), (true, said.to_owned()));
+        assert!(judged(&marks, None).0);
+        assert!(judged(&marks, None).1.ends_with("unknown kits dropped"));
+        assert!(!judged(&marks, Some(1)).0 && !judged(&marks, Some(3)).0);
+    }
+
+    #[test]
+    fn a_victim_without_a_mark_a_mark_without_one_and_two_marks_are_wrong() {
+        let (passes, said) = judged(&[[1.0, 0.0]], Some(2));
+        assert!(!passes && said.starts_with("1 of 2 victims"), "{said}");
+        assert!(
+            said.contains("the worst 2000 mm; 0 marks without"),
+            "{said}"
+        );
+        let (passes, said) = judged(&[[1.0, 0.0], [3.0, 0.0], [3.0, 1.0]], None);
+        assert!(!passes && said.contains("; 1 marks without one"), "{said}");
+        let (passes, said) = judged(&[[1.0, 0.0], [3.0, 0.0], [3.0, 0.0]], None);
+        assert!(!passes && said.contains("; 0 marks without one"), "{said}");
+        let (passes, said) = judged(&[], None);
+        assert!(!passes && said.starts_with("0 of 2 victims"), "{said}");
+    }
+}

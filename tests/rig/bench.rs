@@ -57,6 +57,11 @@ fn a_port_is_hung_up_at_the_end_of_the_scenario() {
     assert_eq!(refused, Err(ErrorKind::BrokenPipe));
     bench.judge();
     assert!(bench.port("sonar").is_err());
+    assert_eq!(
+        bench.now().as_millis(),
+        60_000,
+        "the end, as long as one asks"
+    );
 }
 
 #[test]

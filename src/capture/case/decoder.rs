@@ -197,3 +197,139 @@ fn line(bytes: &[u8], Stretch { bytes: range, what }: Stretch) -> String {
     };
     format!("@{place} {said}\n")
 }
+
+#[cfg(test)]
+mod tests {
+    use protocols::avr::{ChecksumOrder, Frame};
+
+    use super::*;
+    use crate::capture::divergence::Track;
+    use crate::run::check::Status;
+
+    /// Two register reads towards the base with a byte between them that belongs to neither.
+    fn recorded(second: u8) -> Recorded {
+        let read = |register| Frame::read(register, 10, ChecksumOrder::LowFirst);
+        let (one, other) = (read(36), read(second));
+        let bytes = [one.as_bytes(), &[0x01], other.as_bytes()].concat();
+        let mut sent = Track::default();
+        sent.push(Instant::from_millis(1), &bytes);
+        let base = Passage {
+            link: "base".to_owned(),
+            baud: 1_000_000,
+            arrivals: Vec::new(),
+            heard: Vec::new(),
+            sent,
+        };
+        Recorded {
+            links: vec![base],
+            end: Instant::from_secs(1),
+            zero: Instant::ZERO,
+        }
+    }
+
+    fn decoded() -> Decoded {
+        let case = Case::of_decoders("x", &recorded(60)).expect("it has a form");
+        let case = case.expect("there are frames");
+        assert!(case.scenario.is_none() && !case.is_foreign);
+        let [one] = &case.expect.decoder[..] else {
+            panic!("{:?}", case.expect)
+        };
+        one.clone()
+    }
+
+    fn verdicts(of: &Decoded, recorded: &Recorded) -> Vec<(Status, String)> {
+        let checks = of.judge(recorded).into_iter();
+        checks.map(|check| (check.status, check.detail)).collect()
+    }
+
+    #[test]
+    fn the_same_bytes_are_the_same_frames_and_the_same_cause() {
+        let decoded = decoded();
+        assert_eq!((&*decoded.link, &*decoded.direction), ("base", "to-device"));
+        assert!(decoded.diagnosis.is_empty());
+        let places: Vec<_> = decoded.found.lines().map(|line| &line[..2]).collect();
+        assert_eq!(places, ["@0", "@5", "@6"]);
+        let same = [
+            (Status::Pass, "the same 2 frames".to_owned()),
+            (Status::Pass, "no systematic damage".to_owned()),
+        ];
+        assert_eq!(verdicts(&decoded, &recorded(60)), same);
+        let names: Vec<_> = decoded
+            .judge(&recorded(60))
+            .into_iter()
+            .map(|one| one.name)
+            .collect();
+        assert_eq!(
+            names,
+            ["decodes-base-to-device", "diagnosis-base-to-device"]
+        );
+    }
+
+    #[test]
+    fn another_frame_or_cause_is_told_with_both() {
+        let verdict = verdicts(&decoded(), &recorded(61)).remove(0);
+        assert_eq!(verdict.0, Status::Fail);
+        let said = &verdict.1;
+        assert!(
+            said.starts_with("line 3: expected @6 read 10 from 60"),
+            "{said}"
+        );
+        assert!(said.contains(", found @6 read 10 from 61"), "{said}");
+        let other = Decoded {
+            diagnosis: vec!["one".to_owned(), "two".to_owned()],
+            ..decoded()
+        };
+        let cause = (
+            Status::Fail,
+            "expected one; two, found no systematic damage".to_owned(),
+        );
+        assert_eq!(verdicts(&other, &recorded(60)).remove(1), cause);
+    }
+
+    #[test]
+    fn what_is_not_there_fails_with_what_there_is() {
+        let of = |change: fn(&mut Decoded)| {
+            let mut other = decoded();
+            change(&mut other);
+            let all = verdicts(&other, &recorded(60));
+            assert_eq!((all.len(), all[0].0), (1, Status::Fail));
+            all[0].1.clone()
+        };
+        assert_eq!(of(|one| one.link.push('x')), "no link basex in the case");
+        let direction = "direction: expected to-master or to-device";
+        assert_eq!(of(|one| one.direction.clear()), direction);
+        let protocol = of(|one| "nothing".clone_into(&mut one.protocol));
+        assert!(
+            protocol.starts_with("protocol nothing: expected one of "),
+            "{protocol}"
+        );
+    }
+
+    #[test]
+    fn texts_differ_in_their_first_line_that_does() {
+        assert_eq!(first_difference("a\nb\n", "a\nb\n"), None);
+        let said = |expected, found| first_difference(expected, found).expect("they differ");
+        assert_eq!(said("a\nb\n", "a\nc\n"), "line 2: expected b, found c");
+        assert_eq!(
+            said("a\n", "a\nc\n"),
+            "line 2: expected nothing more, found c"
+        );
+        assert_eq!(said("a\nb", ""), "line 1: expected a, found nothing more");
+    }
+
+    /// Bytes both ways: one who asked and one who answered.
+    #[test]
+    fn a_dump_is_one_way_unless_both_ends_speak() {
+        let mut both = recorded(60);
+        assert!(both.is_one_way());
+        both.links[0]
+            .arrivals
+            .push(crate::capture::replay::Arrival {
+                at: Instant::ZERO,
+                bytes: vec![1],
+            });
+        assert!(!both.is_one_way());
+        both.links[0].sent = Track::default();
+        assert!(both.is_one_way());
+    }
+}

@@ -382,3 +382,129 @@ impl Lane {
         (at, bytes)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn record(millis: u64, bytes: &[u8], comment: &str) -> Record {
+        Record {
+            link: 0,
+            sequence: None,
+            at: Instant::from_millis(millis),
+            direction: Direction::ToMaster,
+            kind: Kind::Data,
+            bytes: bytes.to_vec().into(),
+            sent: None,
+            pieces: Vec::new(),
+            comment: comment.to_owned(),
+        }
+    }
+
+    /// What is said of these bytes when nothing follows, each with its place.
+    fn said(bytes: &[u8]) -> Vec<(u64, String)> {
+        let mut transcript = Transcript::new(None);
+        let link = Interface::new("x", 1_000_000);
+        transcript.record(&record(5, bytes, ""), &link);
+        let all = transcript.finish();
+        all.map(|one| (one.place, one.said.to_string())).collect()
+    }
+
+    fn line(place: u64, words: &str) -> (u64, String) {
+        (place, words.to_owned())
+    }
+
+    /// Four printable bytes in a row are text among others, three are not; alone they are.
+    #[test]
+    fn text_among_bad_bytes_is_told_by_itself() {
+        assert_eq!(
+            said(b"\x01\x02help\x03"),
+            [
+                line(0, "BAD 2 bytes \"\\x01\\x02\""),
+                line(2, "text \"help\""),
+                line(6, "BAD 1 bytes \"\\x03\""),
+            ]
+        );
+        assert_eq!(
+            said(b"\x01sos\x02"),
+            [line(0, "BAD 5 bytes \"\\x01sos\\x02\"")]
+        );
+        assert_eq!(said(b"sos"), [line(0, "text \"sos\"")]);
+        assert_eq!(
+            said(b"help\x01"),
+            [line(0, "text \"help\""), line(4, "BAD 1 bytes \"\\x01\""),]
+        );
+        assert_eq!(
+            said(b"\x01ab\t~ \r\n"),
+            [
+                line(0, "BAD 1 bytes \"\\x01\""),
+                line(1, "text \"ab\\t~ \\r\\n\""),
+            ]
+        );
+    }
+
+    /// Of many bad bytes 32 are shown.
+    #[test]
+    fn bad_bytes_are_shown_up_to_so_many() {
+        let shown = |len: usize| Said::Bad(vec![b'x'; len], Vec::new()).to_string();
+        let xs = "x".repeat(32);
+        assert_eq!(shown(32), format!("BAD 32 bytes \"{xs}\""));
+        assert_eq!(shown(33), format!("BAD 33 bytes \"{xs}..\""));
+    }
+
+    /// Events stand before the bytes of their record, in the order of time, on one line.
+    #[test]
+    fn what_is_told_later_of_an_earlier_time_stands_before() {
+        let mut transcript = Transcript::new(None);
+        let link = Interface::new("x", 1_000_000);
+        transcript.record(&record(5, b"help", ""), &link);
+        transcript.record(&record(6, b"", "fault:\none"), &link);
+        let kind = Kind::Other(7);
+        let other = Record {
+            kind,
+            ..record(7, b"", "two")
+        };
+        transcript.record(&other, &link);
+        let all: Vec<_> = transcript.finish().collect();
+        let all: Vec<_> = all
+            .iter()
+            .map(|one| (one.at.as_millis(), one.said.to_string()))
+            .collect();
+        assert_eq!(
+            all,
+            [
+                line(5, "text \"help\""),
+                line(6, "EVENT fault: one"),
+                line(7, "EVENT number 7 two"),
+            ]
+        );
+        let sums: Vec<_> = transcript.sums().collect();
+        let sum = Sum {
+            link: 0,
+            direction: Direction::ToMaster,
+            codec: None,
+            bytes: 4,
+            framed: 0,
+        };
+        assert_eq!(sums, [sum]);
+    }
+
+    /// A line is told when others can have nothing earlier any more: 100 ms later, and not before
+    /// what came earlier on a lane that is still looked at.
+    #[test]
+    fn a_line_waits_for_earlier_ones() {
+        let mut transcript = Transcript::new(None);
+        let link = Interface::new("x", 1_000_000);
+        transcript.record(&record(10, b"", "one"), &link);
+        let ready = |transcript: &mut Transcript, millis| {
+            transcript.ready(Instant::from_millis(millis)).count()
+        };
+        assert_eq!(ready(&mut transcript, 110), 0);
+        assert_eq!(ready(&mut transcript, 111), 1);
+        transcript.record(&record(200, b"abc", ""), &link);
+        transcript.record(&record(200, b"", "two"), &link);
+        transcript.record(&record(201, b"", "three"), &link);
+        assert_eq!(ready(&mut transcript, 400), 1);
+        assert_eq!(transcript.all().count(), 1);
+    }
+}

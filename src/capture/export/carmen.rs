@@ -87,3 +87,64 @@ fn front(scan: &Scan, place: &str) -> String {
     line += &format!(" {place} {place} ");
     line
 }
+
+#[cfg(test)]
+mod tests {
+    use protocols::Instant;
+
+    use super::*;
+
+    /// Reading k is k centimetres; the first looks `start_deg` degrees from ahead.
+    fn scan(start_deg: f64) -> Scan {
+        Scan {
+            link: "lidar".to_owned(),
+            at: Instant::from_secs(1),
+            start: start_deg.to_radians(),
+            ranges: (0..READINGS).map(|k| Some(k as f64 / 100.0)).collect(),
+            strengths: vec![0.0; READINGS],
+        }
+    }
+
+    fn words(line: &str) -> Vec<&str> {
+        line.split(' ').collect()
+    }
+
+    /// From the right, -90 degrees, to the left, +90: 90 behind a first reading at the back, 270
+    /// behind one ahead. Behind the readings stands the pose, twice.
+    #[test]
+    fn the_front_goes_from_right_to_left() {
+        let front_of = |start_deg| front(&scan(start_deg), "1 2 3");
+        let line = front_of(-180.0);
+        let of = words(&line);
+        assert_eq!(of[..4], ["FLASER", "181", "0.900", "0.910"]);
+        assert_eq!(of[182..], ["2.700", "1", "2", "3", "1", "2", "3", ""]);
+        let line = front_of(0.0);
+        let of = words(&line);
+        assert_eq!(of[2..4], ["2.700", "2.710"]);
+        assert_eq!((of[91], of[92], of[182]), ("3.590", "0.000", "0.900"));
+    }
+
+    /// Start -pi, 359 steps of a degree, the farthest, and all readings from the first one on; 8 m
+    /// where nothing was measured.
+    #[test]
+    fn the_whole_turn_says_its_angles() {
+        let mut turn = scan(-180.0);
+        turn.ranges[1] = None;
+        let line = robot_laser(&turn, "1 2 3");
+        let of = words(&line);
+        let head = [
+            "ROBOTLASER1",
+            "0",
+            "-3.14159265",
+            "6.26573201",
+            "0.0174532925",
+        ];
+        assert_eq!(of[..5], head);
+        assert_eq!(
+            of[5..12],
+            ["8.0", "0.01", "0", "360", "0.000", "8.000", "0.020"]
+        );
+        assert_eq!(of[368..370], ["3.590", "0"]);
+        assert_eq!(of[370..376], ["1", "2", "3", "1", "2", "3"]);
+    }
+}

@@ -179,10 +179,11 @@ impl Out {
             })
             .collect();
         let at = absolute(zero, end);
+        let [x, y] = map.origin_mm().map(|mm| f64::from(mm) / 1000.0);
         let text = json!({
             "timestamp": stamp(at),
             "frame_id": "map",
-            "pose": pose(0.0, 0.0, 0.0),
+            "pose": pose(x, y, 0.0),
             "column_count": map.width(),
             "cell_size": { "x": cell, "y": cell },
             "row_stride": map.width(),
@@ -232,6 +233,110 @@ fn base64(bytes: &[u8]) -> String {
 
 #[cfg(test)]
 mod tests {
+    use emulators::world::Pose;
+    use firmware_core::map_view::MapView;
+
+    use super::*;
+
+    /// All messages of a file: topic, time, text.
+    fn messages(out: Out) -> Vec<(String, u64, Value)> {
+        let mut writer = out.writer;
+        writer.finish().expect("it is in memory");
+        let bytes = writer.into_inner().into_inner();
+        let all = mcap::MessageStream::new(&bytes).expect("a file");
+        all.map(|message| {
+            let message = message.expect("whole");
+            let text = serde_json::from_slice(&message.data).expect("JSON");
+            (message.channel.topic.clone(), message.log_time, text)
+        })
+        .collect()
+    }
+
+    fn empty() -> Out {
+        let options = WriteOptions::new().compression(None).library(TOOL);
+        let writer = options.create(Cursor::new(Vec::new())).expect("in memory");
+        Out {
+            writer,
+            messages: 0,
+        }
+    }
+
+    /// A capture that began at 5 s. Half a turn is (0, 0, 1, 0) as a quaternion. Of a map of 50 mm
+    /// from (-1 m, 0.5 m) on 255, 0 and 127 are a wall, free and unknown: 100, 0 and -1, 64 00 FF.
+    #[test]
+    fn the_way_and_the_map_are_told_in_metres_and_absolute_times() {
+        let cells = [255, 0, 127];
+        let map = MapView::new(3, 50.0, [-1000.0, 500.0], &cells);
+        let theta = core::f64::consts::PI;
+        let belief = Belief {
+            way: vec![(
+                Instant::from_millis(1500),
+                Pose {
+                    x: 1.0,
+                    y: -2.0,
+                    theta,
+                },
+            )],
+            map: Some(KeptMap::from(map)),
+        };
+        let mut out = empty();
+        let zero = Instant::from_secs(5);
+        out.belief(&belief, zero, Instant::from_secs(2))
+            .expect("in memory");
+        let all = messages(out);
+        let [(pose_topic, pose_at, pose), (map_topic, map_at, map)] = &all[..] else {
+            panic!("{all:?}")
+        };
+        assert_eq!((&**pose_topic, *pose_at), ("/pose", 6_500_000_000));
+        assert_eq!(pose["timestamp"], json!({ "sec": 6, "nsec": 500_000_000 }));
+        let place = json!({ "x": 1.0, "y": -2.0, "z": 0.0 });
+        assert_eq!(pose["pose"]["position"], place);
+        assert_eq!(pose["pose"]["orientation"]["z"], 1.0);
+        let w = pose["pose"]["orientation"]["w"].as_f64().expect("a number");
+        assert!(w.abs() < 1e-12, "{w}");
+        assert_eq!((&**map_topic, *map_at), ("/map", 7_000_000_000));
+        let corner = json!({ "x": -1.0, "y": 0.5, "z": 0.0 });
+        assert_eq!(map["pose"]["position"], corner);
+        assert_eq!(
+            (&map["column_count"], &map["row_stride"]),
+            (&json!(3), &json!(3))
+        );
+        assert_eq!(map["cell_stride"], 1);
+        let edge = map["cell_size"]["x"].as_f64().expect("a number");
+        assert!((edge - 0.05).abs() < 1e-9, "{edge}");
+        assert_eq!(map["data"], "ZAD/");
+    }
+
+    /// 360 readings end 359 degrees behind the first; what measured nothing is 0.
+    #[test]
+    fn a_turn_says_its_angles_and_has_no_infinity() {
+        let scan = Scan {
+            link: "lidar".to_owned(),
+            at: Instant::from_secs(1),
+            start: 0.0,
+            ranges: [Some(1.5), None].into_iter().cycle().take(360).collect(),
+            strengths: vec![7.0; 360],
+        };
+        let mut out = empty();
+        out.scans(&[], Instant::ZERO).expect("in memory");
+        assert_eq!(out.messages, 0);
+        out.scans(&[scan], Instant::from_secs(5))
+            .expect("in memory");
+        assert_eq!(out.messages, 1);
+        let all = messages(out);
+        let (topic, at, scan) = &all[0];
+        assert_eq!((&**topic, *at), ("/scan", 6_000_000_000));
+        assert_eq!(scan["start_angle"], 0.0);
+        let end = scan["end_angle"].as_f64().expect("a number");
+        assert!((end - 359_f64.to_radians()).abs() < 1e-12, "{end}");
+        assert_eq!(
+            (&scan["ranges"][0], &scan["ranges"][1]),
+            (&json!(1.5), &json!(0.0))
+        );
+        assert_eq!(scan["ranges"].as_array().map(Vec::len), Some(360));
+        assert_eq!(scan["intensities"][359], 7.0);
+    }
+
     /// RFC 4648, section 10.
     #[test]
     fn base64_is_that_of_the_standard() {
@@ -239,6 +344,6 @@ mod tests {
         let encoded = [
             "", "Zg==", "Zm8=", "Zm9v", "Zm9vYg==", "Zm9vYmE=", "Zm9vYmFy",
         ];
-        assert_eq!(vectors.map(|text| super::base64(text.as_bytes())), encoded);
+        assert_eq!(vectors.map(|text| base64(text.as_bytes())), encoded);
     }
 }

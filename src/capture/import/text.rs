@@ -132,4 +132,78 @@ mod tests {
             .collect();
         assert_eq!(places, [(1, 0, &b"a"[..]), (2, 3, b""), (3, 4, b"bc")]);
     }
+
+    /// `date -u -d ... +%s`: the ends of months and years, leap years of all kinds.
+    #[test]
+    fn each_day_follows_the_one_before() {
+        let seconds = |date| moment(date, "00:00:00", '-');
+        assert_eq!(seconds("1970-12-31"), Some(31_449_600));
+        assert_eq!(seconds("1971-01-01"), Some(31_536_000));
+        assert_eq!(seconds("2000-02-28"), Some(951_696_000));
+        assert_eq!(seconds("2000-03-01"), Some(951_868_800));
+        assert_eq!(seconds("2100-02-28"), Some(4_107_456_000));
+        assert_eq!(seconds("2100-03-01"), Some(4_107_542_400));
+        assert_eq!(seconds("2400-12-31"), Some(13_601_001_600));
+        assert_eq!(seconds("2500-12-31"), Some(16_756_675_200));
+    }
+
+    #[test]
+    fn what_is_in_no_calendar_or_on_no_clock_is_none() {
+        let is = |date, time| moment(date, time, '/').is_some();
+        for date in ["1970/01/01", "2500/12/31", "2026/01/31"] {
+            assert!(is(date, "23:59:60") && is(date, "00:00:00"), "{date}");
+        }
+        let dates = [
+            "1969/12/31",
+            "2501/01/01",
+            "2026/00/01",
+            "2026/01/00",
+            "2026/01/32",
+        ];
+        let more = ["2026-01-01", "2026/01", "2026/01/01/01", "2026/+1/01", "//"];
+        for date in dates.into_iter().chain(more) {
+            assert!(!is(date, "00:00:00"), "{date}");
+        }
+        for time in [
+            "00:60:00", "00:00:61", "24:00:00", "00:00", "0:0:0:0", "-1:00:00", "",
+        ] {
+            assert!(!is("2026/01/01", time), "{time}");
+        }
+        assert_eq!(moment("1970/01/02", "01:02:03", '/'), Some(86_400 + 3_723));
+    }
+
+    #[test]
+    fn a_number_has_digits_only() {
+        assert_eq!(
+            ["0", "007", "18446744073709551615"].map(number),
+            [Some(0), Some(7), Some(u64::MAX)]
+        );
+        assert_eq!(
+            ["", "+1", "-1", "1 ", "0x1", "18446744073709551616"].map(number),
+            [None; 6]
+        );
+    }
+
+    /// Nine digits count; a tenth is cut, not rounded. 1e9 s and more are no time with an exponent.
+    #[test]
+    fn seconds_are_told_to_the_nanosecond_and_within_reason() {
+        assert_eq!(decimal_nanos("1.5"), Some(1_500_000_000));
+        assert_eq!(decimal_nanos("0.1234567899"), Some(123_456_789));
+        assert_eq!(decimal_nanos("18446744073.709551615"), Some(u64::MAX));
+        assert_eq!(decimal_nanos("18446744073.709551616"), None);
+        assert_eq!(decimal_nanos("99999999999"), None);
+        assert_eq!(decimal_nanos("1.2.3"), None);
+        assert_eq!(decimal_nanos("1.5E+1"), Some(15_000_000_000));
+        assert_eq!(decimal_nanos("1e9"), None);
+        assert_eq!(decimal_nanos("-1e-3"), None);
+        assert_eq!(decimal_nanos("nan"), None);
+    }
+
+    #[test]
+    fn what_is_wrong_names_its_line_and_place() {
+        let line = lines(b"a\nbc\n").nth(1).expect("two lines");
+        let wrong = line.wrong("no");
+        assert_eq!((wrong.line, wrong.offset, &*wrong.message), (2, 2, "no"));
+        assert_eq!((utf8(b"ab"), utf8(b"\xFF")), ("ab", ""));
+    }
 }

@@ -17,6 +17,10 @@ pub const ACTIVE: &str = "ACTIVE_MUTANT";
 /// The environment variable that names the file where the tests note which mutants they reach.
 pub const REACHED: &str = "REACHED_MUTANTS";
 
+/// The environment variable that says which of a package's tests are asked, as `cargo test` takes
+/// it; none: all.
+const TESTS: &str = "TESTS";
+
 /// Appended to the package's `lib.rs`. The attribute stands at its top.
 const SWITCH: &str = "
 /// Which mutant holds, by its number from 1; 0: none. If asked for, it is noted which thread came
@@ -238,7 +242,10 @@ impl<'a> Copy<'a> {
     }
 
     fn tests(&self) -> Result<Vec<PathBuf>, String> {
-        let messages = self.cargo(&["test", "--no-run"])?;
+        let asked = std::env::var(TESTS).unwrap_or_default();
+        let mut arguments = vec!["test", "--no-run"];
+        arguments.extend(asked.split_ascii_whitespace());
+        let messages = self.cargo(&arguments)?;
         // A test binary that is missing would let every mutant through that only it sees.
         let broken = messages
             .iter()

@@ -1,6 +1,7 @@
 use protocols::LineConfig;
 
 use super::*;
+use crate::rig::fault::{HostDamage, Rate};
 
 const LINE: LineConfig = LineConfig::new_8n1(1_000_000);
 
@@ -196,5 +197,251 @@ fn a_trigger_waits_for_its_byte_or_frame() {
     assert_eq!(
         arrives(Trigger::Frame(2)),
         (vec![0, 1, 2, 3], Instant::from_micros(80))
+    );
+}
+
+/// All of `bytes` in one go at 0 us: what came of it.
+fn at_once(faults: &mut LineFaults, bytes: &[u8]) -> Passed {
+    let mut passed = Passed::default();
+    let budget = &mut Budget::default();
+    faults.pass(0, bytes, Instant::ZERO, LINE, budget, &mut passed);
+    passed
+}
+
+fn window(from_us: u64, until_us: u64) -> Activity {
+    Activity::from(Window {
+        from: Instant::from_micros(from_us),
+        until: Instant::from_micros(until_us),
+    })
+}
+
+/// Two faults of a kind add up, or the stricter one holds; what is not at work says nothing.
+#[test]
+fn what_is_at_work_adds_up_and_is_named() {
+    let by = |micros| Effect::Latency {
+        by: Duration::from_micros(micros),
+    };
+    let (early, late) = (window(0, 10), window(10, 20));
+    let mut faults = LineFaults::default();
+    for effect in [by(3), by(4), Effect::ShortRead { len: 5 }, Effect::Echo] {
+        faults.add(FaultId(0), early.clone(), effect);
+    }
+    faults.add(FaultId(1), early.clone(), Effect::ShortRead { len: 3 });
+    faults.add(FaultId(2), late.clone(), by(90));
+    faults.add(FaultId(3), late, Effect::Cut);
+    let passed = at_once(&mut faults, &[1]);
+    assert_eq!(passed.late, Duration::from_micros(7));
+    assert_eq!((passed.piece, passed.echo), (Some(3), true));
+    assert_eq!(passed.bytes, [1]);
+    let names = ["latency", "latency", "short read", "echo", "short read"];
+    assert_eq!(passed.effects, names);
+    assert_eq!(at_once(&mut LineFaults::default(), &[1]).piece, None);
+}
+
+/// Drawn by the fault's own stream: each time from nothing to `by`, both included.
+#[test]
+fn jitter_is_what_its_dice_say() {
+    let by = Duration::from_nanos(2);
+    let stream = || Rng::stream(3, "jitter");
+    let mut faults = LineFaults::default();
+    let rng = Box::new(stream());
+    faults.add(
+        FaultId(0),
+        Window::ALWAYS.into(),
+        Effect::Jitter { by, rng },
+    );
+    let mut dice = stream();
+    let mut seen = [false; 3];
+    for _ in 0..50 {
+        let late = at_once(&mut faults, &[0]).late.as_nanos();
+        assert_eq!(late, u128::from(dice.below(3)));
+        seen[usize::try_from(late).expect("small")] = true;
+    }
+    assert_eq!(seen, [true; 3]);
+}
+
+/// 2 to the power 3 copies of one; of ten doublings 64 are left.
+#[test]
+fn a_byte_is_doubled_so_often_and_no_more() {
+    let copies = |doublings| {
+        let mut faults = LineFaults::default();
+        for _ in 0..doublings {
+            let damage = Damage::Duplicate;
+            faults.add_strike(Strike { byte: 0, damage });
+        }
+        at_once(&mut faults, &[7]).bytes.len()
+    };
+    assert_eq!([0, 1, 3, 6, 7, 10].map(copies), [1, 2, 8, 64, 64, 64]);
+}
+
+/// Inserted bytes count for what is behind them: the pause comes between 9 and 2.
+#[test]
+fn a_pause_is_before_the_byte_it_names_among_those_that_arrive() {
+    let by = Duration::from_millis(1);
+    let mut faults = struck(Damage::Insert { value: 9 });
+    let damage = Damage::Idle { by };
+    faults.add_strike(Strike { byte: 1, damage });
+    let passed = at_once(&mut faults, &[1, 2, 3]);
+    assert_eq!(
+        (passed.bytes, passed.pauses),
+        (vec![1, 9, 2, 3], vec![(2, by)])
+    );
+    assert_eq!(passed.parity_errors, 0);
+    let damage = Damage::ParityError;
+    let mut faults = struck(damage);
+    faults.add_strike(Strike { byte: 2, damage });
+    assert_eq!(at_once(&mut faults, &[1, 2, 3]).parity_errors, 2);
+}
+
+/// A byte is not told twice: one that never came has no parity.
+#[test]
+fn a_parity_error_needs_a_byte() {
+    let mut faults = LineFaults::default();
+    faults.add(
+        FaultId(0),
+        window(0, 10),
+        Effect::Host(HostDamage::StripNul),
+    );
+    let damage = Damage::ParityError;
+    faults.add_strike(Strike { byte: 0, damage });
+    assert_eq!(at_once(&mut faults, &[0, 1]).parity_errors, 0);
+}
+
+/// What goes on keeps a line from being clean: a burst, a truncation, a byte held back.
+#[test]
+fn a_line_is_clean_when_nothing_goes_on() {
+    assert!(LineFaults::default().is_clean());
+    for damage in [
+        Damage::Burst { len: 3, mask: 1 },
+        Damage::Truncate { len: 3 },
+        Damage::Swap,
+    ] {
+        let mut faults = struck(damage);
+        assert!(!faults.is_clean());
+        through(&mut faults, &[1, 2]);
+        assert!(!faults.is_clean(), "{damage}");
+        faults.pass(
+            2,
+            &[3, 4, 5],
+            Instant::from_micros(20),
+            LINE,
+            &mut Budget::default(),
+            &mut Passed::default(),
+        );
+        assert!(faults.is_clean(), "{damage}");
+    }
+}
+
+/// Of two strikes on a byte one is taken back; what has come cannot be.
+#[test]
+fn a_strike_is_taken_back_while_it_is_to_come() {
+    let strike = |byte, damage| Strike { byte, damage };
+    let (flip, drop) = (strike(4, Damage::Flip { bit: 1 }), strike(4, Damage::Drop));
+    let first = strike(0, Damage::Drop);
+    let mut faults = LineFaults::default();
+    for strike in [flip, drop, first] {
+        faults.add_strike(strike);
+    }
+    assert_eq!(faults.to_come().collect::<Vec<_>>(), [first, flip, drop]);
+    assert!(faults.remove_strike(flip));
+    assert!(!faults.remove_strike(flip));
+    assert!(!faults.remove_strike(strike(9, Damage::Drop)));
+    assert_eq!(through(&mut faults, &[1, 2, 3]), [2, 3]);
+    assert!(!faults.remove_strike(first));
+    assert_eq!(faults.to_come().collect::<Vec<_>>(), [drop]);
+    assert_eq!(faults.struck().collect::<Vec<_>>(), [&first]);
+    assert_eq!(faults.struck_len(), 1);
+}
+
+#[test]
+fn a_fault_is_ended_left_out_or_numbered_anew() {
+    let mut faults = LineFaults::default();
+    faults.add_cut(FaultId(0), Window::ALWAYS);
+    faults.add_cut(FaultId(1), Window::ALWAYS);
+    faults.end(FaultId(1), Instant::from_micros(10));
+    faults.renumber(|id| FaultId(id.0 + 7));
+    assert!(faults.activity(FaultId(0)).is_none());
+    let until = |id| {
+        faults
+            .activity(FaultId(id))
+            .map(|activity| activity.window.until)
+    };
+    assert_eq!(until(7), Some(Window::ALWAYS.until));
+    assert_eq!(until(8), Some(Instant::from_micros(10)));
+    faults.leave_out(FaultId(7));
+    assert!(faults.activity(FaultId(7)).is_none());
+    assert_eq!(through(&mut faults, &[1, 2]), [2]);
+}
+
+/// Nobody counted before there were faults: what comes first then begins a frame, and is number 0.
+#[test]
+fn frames_are_counted_from_the_first_that_is_seen() {
+    let mut faults = LineFaults::default();
+    let mut activity = window(0, 25);
+    activity.trigger = Some(Trigger::Frame(1));
+    faults.add(FaultId(0), activity, Effect::Cut);
+    let mut passed = Passed::default();
+    for (number, at_us) in [(5, 500), (6, 510), (7, 540), (8, 550), (9, 560), (10, 570)] {
+        let start = Instant::from_micros(at_us);
+        let byte = [u8::try_from(number).expect("small")];
+        faults.pass(
+            number,
+            &byte,
+            start,
+            LINE,
+            &mut Budget::default(),
+            &mut passed,
+        );
+    }
+    assert_eq!(passed.bytes, [5, 6, 10]);
+}
+
+/// At half its rate the sender's line coding is another one, while the fault is at work.
+#[test]
+fn a_sender_has_its_own_rate_while_it_is_wrong() {
+    let mut faults = LineFaults::default();
+    let rate = |ppm_per_s| Rate {
+        baud: Some(500_000),
+        ppm: 0.0,
+        ppm_per_s,
+    };
+    faults.add(
+        FaultId(0),
+        window(10, 1_000_000),
+        Effect::WrongBaud(rate(0.0)),
+    );
+    let baud = |faults: &LineFaults, us| faults.sender_line(LINE, Instant::from_micros(us)).baud;
+    assert_eq!(
+        [9, 10, 999_999, 1_000_000].map(|us| baud(&faults, us)),
+        [1_000_000, 500_000, 500_000, 1_000_000]
+    );
+    let mut faults = LineFaults::default();
+    faults.add(
+        FaultId(0),
+        window(1_000_000, 9_000_000),
+        Effect::WrongBaud(rate(1000.0)),
+    );
+    // Two seconds of its own: 500000 x 1.002.
+    assert_eq!(baud(&faults, 3_000_000), 501_000);
+}
+
+/// Of several gates the one that opens last holds.
+#[test]
+fn a_gate_stays_closed_as_long_as_any() {
+    let mut faults = LineFaults::default();
+    faults.add(FaultId(0), window(10, 50), Effect::Stall);
+    faults.add(FaultId(1), window(20, 40), Effect::Overrun { fifo: 3 });
+    faults.add(FaultId(2), window(20, 60), Effect::Overrun { fifo: 2 });
+    let gate = |us| {
+        let gate = faults.gate(Instant::from_micros(us))?;
+        Some((gate.opens.as_micros(), gate.fifo))
+    };
+    assert_eq!(
+        [5, 10, 15, 20].map(gate),
+        [None, None, Some((50, None)), Some((50, None))]
+    );
+    assert_eq!(
+        [25, 55, 60].map(gate),
+        [Some((60, Some(2))), Some((60, Some(2))), None]
     );
 }

@@ -1,0 +1,406 @@
+//! A line by itself, without a rig: 1 Mbaud, so that a byte takes 10 us.
+
+use super::*;
+use crate::rig::fault::{Activity, Damage, Effect, FaultId, Rate, Strike, Window};
+
+const LINE: LineConfig = LineConfig::new_8n1(1_000_000);
+
+fn line() -> Line {
+    let end = |node| End {
+        node,
+        port: Port(0),
+    };
+    Line::new(end(0), end(1))
+}
+
+fn take(line: &mut Line, at_us: u64, bytes: &[u8]) -> u64 {
+    let (start, budget) = (Instant::from_micros(at_us), &mut Budget::default());
+    let ends = line.take(start, LINE, LINE, budget, bytes);
+    assert!(line.conserves_bytes());
+    ends.as_micros()
+}
+
+/// All that arrives within a millisecond of looking each microsecond.
+fn deliveries(line: &mut Line) -> Vec<Delivery> {
+    let mut all = Vec::new();
+    for micros in 0..1000 {
+        while let Some(delivery) = line.deliver(Instant::from_micros(micros)) {
+            assert!(line.conserves_bytes());
+            all.push(delivery);
+        }
+    }
+    all
+}
+
+/// The same as time in us and bytes.
+fn arrivals(line: &mut Line) -> Vec<(u64, Vec<u8>)> {
+    let all = deliveries(line).into_iter();
+    all.map(|one| (one.at.as_micros(), one.bytes)).collect()
+}
+
+fn during(line: &mut Line, from_us: u64, until_us: u64, effect: Effect) {
+    let window = Window {
+        from: Instant::from_micros(from_us),
+        until: Instant::from_micros(until_us),
+    };
+    let id = FaultId(0);
+    line.faults.add(id, Activity::from(window), effect);
+}
+
+fn strike(line: &mut Line, byte: u64, damage: Damage) {
+    line.faults.add_strike(Strike { byte, damage });
+}
+
+const fn micros(us: u64) -> Duration {
+    Duration::from_micros(us)
+}
+
+/// Three bytes on an ideal line: 30 us later they are there, and the next may begin.
+#[test]
+fn bytes_take_their_time() {
+    let mut line = line();
+    let at = Instant::from_micros;
+    assert_eq!((line.poll_at(at(0)), line.has_room(at(0))), (None, true));
+    assert_eq!(take(&mut line, 0, &[1, 2, 3]), 30);
+    assert_eq!((line.free_at(), line.in_flight()), (at(30), 3));
+    assert_eq!([29, 30].map(|us| line.has_room(at(us))), [false, true]);
+    assert_eq!([29, 30].map(|us| line.is_due(at(us))), [false, true]);
+    assert!(line.deliver(at(29)).is_none());
+    let delivery = line.deliver(at(30)).expect("it is time");
+    assert_eq!((delivery.at, &*delivery.bytes), (at(30), &[1, 2, 3][..]));
+    assert!(delivery.event.is_none() && delivery.original.is_none());
+    assert_eq!((line.in_flight(), line.poll_at(at(30))), (0, None));
+    let traffic = Traffic {
+        sent: 3,
+        delivered: 3,
+        ..Traffic::default()
+    };
+    assert_eq!(line.traffic(), traffic);
+}
+
+/// The line is free before the bytes arrive: a sender that had more is asked then, one that had
+/// nothing is not.
+#[test]
+fn a_line_waits_for_its_sender_as_well_as_for_its_bytes() {
+    let mut line = line();
+    line.latency = micros(5);
+    take(&mut line, 0, &[7]);
+    let at = Instant::from_micros;
+    assert_eq!(line.poll_at(at(0)), Some(at(10)));
+    assert_eq!(line.poll_at(at(10)), Some(at(15)));
+    line.silent_since = Some(0);
+    assert_eq!(line.poll_at(at(0)), Some(at(15)));
+    let delivery = deliveries(&mut line).remove(0);
+    assert_eq!(delivery.at, at(15));
+    let original = delivery.original.expect("it was late");
+    assert_eq!(original.at, at(10));
+    assert!(original.is_only_late(&[7]));
+    assert!(!original.is_only_late(&[8]));
+}
+
+/// Bytes out of nowhere, or into it: 10 - 3 + 2 - 1 = 4 + 1 + 3.
+#[test]
+fn bytes_are_conserved_if_the_sums_are_equal() {
+    let mut line = line();
+    line.traffic = Traffic {
+        sent: 10,
+        lost: 3,
+        added: 2,
+        delivered: 4,
+        framing_errors: 1,
+        resampled: -1,
+    };
+    line.in_flight = 3;
+    assert!(line.conserves_bytes());
+    let breaks: [fn(&mut Line); 7] = [
+        |line| line.traffic.sent += 1,
+        |line| line.traffic.lost += 1,
+        |line| line.traffic.added += 1,
+        |line| line.traffic.delivered += 1,
+        |line| line.traffic.framing_errors += 1,
+        |line| line.traffic.resampled += 1,
+        |line| line.in_flight += 1,
+    ];
+    for break_it in breaks {
+        let mut broken = line.clone();
+        break_it(&mut broken);
+        assert!(!broken.conserves_bytes(), "{:?}", broken.traffic);
+    }
+}
+
+/// From 20 to 50 us nothing is handed over: what arrives just then still is, the rest at 50 us.
+/// Another stall that begins before that one ends goes on to 70 us.
+#[test]
+fn a_stall_holds_back_what_arrives_within_it() {
+    let stalled = |stalls: &[[u64; 2]]| {
+        let mut line = line();
+        for &[from, until] in stalls {
+            during(&mut line, from, until, Effect::Stall);
+        }
+        (0..5).for_each(|byte| {
+            take(&mut line, 10 * u64::from(byte), &[byte]);
+        });
+        let times = arrivals(&mut line).into_iter().map(|(at, _)| at);
+        times.collect::<Vec<_>>()
+    };
+    assert_eq!(stalled(&[]), [10, 20, 30, 40, 50]);
+    assert_eq!(stalled(&[[20, 50]]), [10, 20, 50, 50, 50]);
+    assert_eq!(stalled(&[[20, 50], [40, 70]]), [10, 20, 70, 70, 70]);
+}
+
+/// Three bytes arrive while the receiver has room for two: the third is lost, and it is told so.
+/// Later there is room again.
+#[test]
+fn a_receiver_that_does_not_look_loses_what_it_has_no_room_for() {
+    let mut line = line();
+    during(&mut line, 15, 50, Effect::Overrun { fifo: 2 });
+    during(&mut line, 60, 90, Effect::Overrun { fifo: 1 });
+    (0..8).for_each(|byte| {
+        take(&mut line, 10 * u64::from(byte), &[byte]);
+    });
+    let all = deliveries(&mut line).into_iter();
+    let all: Vec<_> = all
+        .map(|one| (one.at.as_micros(), one.bytes, one.event))
+        .collect();
+    let lost = Some(LineEvent::Overrun);
+    let expected = [
+        (10, vec![0], None),
+        (50, vec![1], None),
+        (50, vec![2], None),
+        (50, vec![], lost),
+        (50, vec![4], None),
+        (60, vec![5], None),
+        (90, vec![6], None),
+        (90, vec![], lost),
+    ];
+    assert_eq!(all, expected);
+    let traffic = line.traffic();
+    assert_eq!((traffic.lost, traffic.delivered), (2, 6));
+}
+
+/// Of a piece as much is kept as there is room for.
+#[test]
+fn a_piece_may_be_lost_in_part() {
+    let mut line = line();
+    during(&mut line, 5, 100, Effect::Overrun { fifo: 3 });
+    take(&mut line, 0, &[1, 2]);
+    take(&mut line, 20, &[3, 4, 5]);
+    assert_eq!(arrivals(&mut line), [(100, vec![1, 2]), (100, vec![3])]);
+    assert_eq!(line.traffic().lost, 2);
+}
+
+/// Five bytes in pieces of two, and one of a byte: each with its own time, 5 us late.
+#[test]
+fn a_short_read_gives_pieces_at_their_own_times() {
+    let mut line = line();
+    line.latency = micros(5);
+    during(&mut line, 0, 1000, Effect::ShortRead { len: 2 });
+    assert_eq!(take(&mut line, 0, &[1, 2, 3, 4, 5]), 50);
+    let expected = [(25, vec![1, 2]), (45, vec![3, 4]), (55, vec![5])];
+    assert_eq!(arrivals(&mut line), expected);
+    take(&mut line, 100, &[6, 7]);
+    assert_eq!(arrivals(&mut line), [(125, vec![6, 7])]);
+}
+
+/// A sender that pauses for 100 us before its third byte, and then for 30 us before its fourth:
+/// what comes behind is later by that, and so is the next byte that it can take.
+#[test]
+fn a_pause_shifts_all_that_follows() {
+    let mut line = line();
+    strike(&mut line, 2, Damage::Idle { by: micros(100) });
+    strike(&mut line, 3, Damage::Idle { by: micros(30) });
+    assert_eq!(take(&mut line, 0, &[1, 2, 3, 4]), 40);
+    assert_eq!(line.free_at(), Instant::from_micros(170));
+    let expected = [(20, vec![1, 2]), (130, vec![3]), (170, vec![4])];
+    assert_eq!(arrivals(&mut line), expected);
+    let mut line = self::line();
+    strike(&mut line, 0, Damage::Idle { by: micros(100) });
+    take(&mut line, 0, &[1, 2]);
+    assert_eq!(arrivals(&mut line), [(120, vec![1, 2])]);
+}
+
+/// Bytes never overtake each other: what is late holds up what is not.
+#[test]
+fn what_is_late_is_not_overtaken() {
+    let mut line = line();
+    let by = micros(100);
+    during(&mut line, 0, 5, Effect::Latency { by });
+    take(&mut line, 0, &[1]);
+    take(&mut line, 10, &[2]);
+    take(&mut line, 150, &[3]);
+    let expected = [(110, vec![1]), (110, vec![2]), (160, vec![3])];
+    assert_eq!(arrivals(&mut line), expected);
+}
+
+/// What a fault did to some bytes is kept with them, and with no others.
+#[test]
+fn what_was_sent_is_kept_where_something_else_arrives() {
+    let mut line = line();
+    strike(&mut line, 1, Damage::Duplicate);
+    strike(&mut line, 4, Damage::Drop);
+    during(&mut line, 50, 60, Effect::ShortRead { len: 9 });
+    for (at, byte) in [(0, 1), (10, 2), (20, 3), (30, 4), (40, 5), (50, 6)] {
+        take(&mut line, at, &[byte]);
+    }
+    let all = deliveries(&mut line);
+    let kept = all.iter().map(|one| one.original.as_ref());
+    let kept: Vec<_> = kept
+        .map(|kept| kept.map(|kept| (&*kept.bytes, kept.strikes.len(), kept.effects.len())))
+        .collect();
+    let expected = [
+        None,
+        Some((&[2][..], 1, 0)),
+        None,
+        None,
+        Some((&[5][..], 1, 0)),
+        Some((&[6][..], 0, 1)),
+    ];
+    assert_eq!(kept, expected);
+    let traffic = line.traffic();
+    assert_eq!((traffic.added, traffic.lost), (1, 1));
+    assert_eq!((traffic.sent, traffic.delivered), (6, 6));
+}
+
+/// A byte that waits for the next one is on its way.
+#[test]
+fn a_byte_that_is_held_back_is_in_flight() {
+    let mut line = line();
+    strike(&mut line, 0, Damage::Swap);
+    take(&mut line, 0, &[1]);
+    assert_eq!(line.in_flight(), 1);
+    take(&mut line, 10, &[2]);
+    assert_eq!(arrivals(&mut line), [(10, vec![]), (20, vec![2, 1])]);
+    assert_eq!((line.traffic().added, line.traffic().lost), (0, 0));
+}
+
+#[test]
+fn a_parity_error_is_told_and_its_byte_is_lost() {
+    let mut line = line();
+    strike(&mut line, 0, Damage::ParityError);
+    take(&mut line, 0, &[1]);
+    take(&mut line, 10, &[2]);
+    let all = deliveries(&mut line);
+    let events: Vec<_> = all.iter().map(|one| one.event).collect();
+    assert_eq!(events, [Some(LineEvent::ParityError), None]);
+    assert_eq!((line.traffic().lost, line.traffic().delivered), (1, 1));
+}
+
+/// An echo is what arrives, when the last bit has left; the other line adds it to its own.
+#[test]
+fn an_echo_is_for_the_other_line() {
+    let mut line = line();
+    during(&mut line, 0, 5, Effect::Echo);
+    strike(&mut line, 0, Damage::Flip { bit: 0 });
+    take(&mut line, 0, &[8, 9]);
+    let (at, bytes) = line.take_echo().expect("it hears itself");
+    assert_eq!((at.as_micros(), &*bytes), (20, &[9, 9][..]));
+    assert!(line.take_echo().is_none());
+    take(&mut line, 20, &[8]);
+    assert!(line.take_echo().is_none());
+    let mut back = self::line();
+    back.receive(at, bytes);
+    assert_eq!((back.traffic().added, back.in_flight()), (2, 2));
+    assert_eq!(arrivals(&mut back), [(20, vec![9, 9])]);
+}
+
+/// A recording plays in the place of the sender: what that sends takes its time and is lost.
+#[test]
+fn a_recording_arrives_in_the_place_of_what_is_sent() {
+    let mut line = line();
+    line.is_played = true;
+    assert_eq!(take(&mut line, 0, &[1, 2]), 20);
+    assert_eq!(line.free_at().as_micros(), 20);
+    line.play(Instant::from_micros(50), &[3, 4, 5], 2);
+    assert_eq!(line.in_flight(), 5);
+    let all = deliveries(&mut line);
+    assert_eq!(all.len(), 1);
+    assert_eq!(
+        (all[0].at.as_micros(), &*all[0].bytes),
+        (50, &[3, 4, 5][..])
+    );
+    assert_eq!(all[0].event, Some(LineEvent::FramingError));
+    assert_eq!(all[0].framing_errors, 2);
+    let traffic = Traffic {
+        sent: 2,
+        lost: 2,
+        added: 5,
+        delivered: 3,
+        framing_errors: 2,
+        resampled: 0,
+    };
+    assert_eq!(line.traffic(), traffic);
+}
+
+/// By hand, see the resampler: 48 69 read at half the rate are one byte, 9C. It is whole only when
+/// the line has been idle for two characters of the slower rate: 40 us of 20 us each behind 20 us.
+#[test]
+fn a_receiver_at_half_the_rate_reads_half_as_many() {
+    let mut line = line();
+    let slow = LineConfig::new_8n1(500_000);
+    let budget = &mut Budget::default();
+    line.take(Instant::ZERO, LINE, slow, budget, &[0x48, 0x69]);
+    assert!(line.conserves_bytes());
+    assert_eq!(line.traffic().resampled, -2);
+    let at = Instant::from_micros;
+    line.silent_since = Some(0);
+    assert_eq!(line.poll_at(at(0)), Some(at(20)));
+    let all = deliveries(&mut line);
+    let original = all[0].original.as_ref().expect("it is read differently");
+    assert_eq!(original.bauds, Some([1_000_000, 500_000]));
+    assert_eq!(original.bytes, [0x48, 0x69]);
+    let arrived: Vec<_> = all
+        .iter()
+        .map(|one| (one.at.as_micros(), &*one.bytes))
+        .collect();
+    assert_eq!(arrived, [(20, &[][..]), (60, &[0x9C])]);
+    assert_eq!(line.traffic().resampled, -1);
+}
+
+/// A sender that is 100 % too fast takes half the time, and its receiver reads at the agreed rate.
+#[test]
+fn a_sender_at_a_wrong_rate_takes_its_own_time() {
+    let mut line = line();
+    let rate = Rate {
+        baud: Some(2_000_000),
+        ppm: 0.0,
+        ppm_per_s: 0.0,
+    };
+    during(&mut line, 0, 1000, Effect::WrongBaud(rate));
+    assert_eq!(take(&mut line, 0, &[0x48, 0x69]), 10);
+    let bytes: Vec<u8> = arrivals(&mut line)
+        .into_iter()
+        .flat_map(|(_, b)| b)
+        .collect();
+    assert_eq!(bytes, [0x9C]);
+}
+
+/// Nobody takes what is on its way: the sender is not asked any more, and an echo is lost.
+#[test]
+fn a_line_holds_so_many_pieces_and_no_more() {
+    let mut line = line();
+    let at = Instant::from_micros;
+    for piece in 0..CHUNKS_MAX as u64 {
+        assert!(line.has_room(at(10 * piece)));
+        line.take_clean(at(10 * piece), LINE, &[1]);
+    }
+    let full = at(10 * CHUNKS_MAX as u64);
+    assert!(!line.has_room(full));
+    line.receive(full, vec![1]);
+    assert_eq!(line.traffic().added, 0);
+    let delivery = line.deliver(full).expect("much is due");
+    line.recycle(delivery.bytes);
+    assert!(line.has_room(full));
+    line.receive(full, vec![1]);
+    assert_eq!(line.traffic().added, 1);
+}
+
+/// Buffers are kept for later, a few of them.
+#[test]
+fn a_few_buffers_are_used_again() {
+    let mut line = line();
+    (0..6).for_each(|_| line.recycle(vec![1, 2, 3]));
+    assert_eq!(line.spare.len(), 4);
+    take(&mut line, 0, &[9]);
+    assert_eq!(line.spare.len(), 3);
+    assert_eq!(arrivals(&mut line), [(10, vec![9])]);
+}
