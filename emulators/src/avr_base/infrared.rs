@@ -454,4 +454,18 @@ mod tests {
         assert_eq!([told(0.995, 3.0), told(0.001, -1.0)], [1_000, 0]);
         assert_eq!(documented_mm(None, 5.0), 1_000);
     }
+
+    /// Between the end of the falling branch and contact the reading rises in a straight line: at
+    /// contact it is 600 of a short one and 620 of a long one, half way half of that more.
+    #[test]
+    fn a_reading_rises_on_to_contact() {
+        for (sensors, near_mm, contact) in [(&SHORT[..], 20.0, 600), (&LONG[..], 100.0, 620)] {
+            for curve in sensors.iter().map(|sensor| sensor.curve) {
+                let end = curve.raw(near_mm);
+                assert_eq!([0.0, -5.0].map(|mm| curve.raw(mm)), [contact; 2]);
+                assert_eq!(curve.raw(near_mm / 2.0), end.midpoint(contact));
+                assert_eq!(curve.raw(near_mm / 4.0), end + (contact - end) * 3 / 4);
+            }
+        }
+    }
 }

@@ -51,3 +51,32 @@ impl Request {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn request(bytes: &[u8], valid: bool) -> Request {
+        Request {
+            at: Instant::ZERO,
+            bytes: bytes.to_vec(),
+            valid,
+        }
+    }
+
+    /// Start, register, count and two bytes of checksum are 5; a reply to a read has its data.
+    #[test]
+    fn a_request_says_how_long_its_reply_is() {
+        let read = request(&[0xAB, 36, 10, 0, 0], true);
+        assert_eq!(
+            (read.kind(), read.register(), read.count()),
+            (RequestKind::Read, 36, 10)
+        );
+        assert_eq!((read.reply_len(), read.data()), (15, &[][..]));
+        let write = request(&[0xAB, 45, 0x82, 7, 8, 0, 0], true);
+        assert_eq!((write.kind(), write.count()), (RequestKind::Write, 2));
+        assert_eq!((write.reply_len(), write.data()), (5, &[7, 8][..]));
+        let refused = request(&[0xAB, 36, 10, 0, 0], false);
+        assert_eq!(refused.reply_len(), 5);
+    }
+}

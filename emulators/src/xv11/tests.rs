@@ -896,3 +896,21 @@ fn a_head_that_stops_is_given_up_after_20_ms() {
         "{after:?}"
     );
 }
+
+/// By its name and over the trait, as a scenario asks for it: without light there is no distance,
+/// and when the fault ends there is; an unknown name does nothing.
+#[test]
+fn a_fault_is_set_and_ended_by_its_name() {
+    let mut bench = plain();
+    let ranges = |bench: &mut Bench, name: &str, begins: bool, until: u64| {
+        let now = bench.now;
+        Device::set_fault(&mut bench.lidar, now, name, None, begins);
+        bench.skip_to(millis(until - 1_000)).run_to(millis(until));
+        let readings = bench.readings().into_iter();
+        let is_range = |(_, reading): &(usize, Reading)| matches!(reading, Reading::Range { .. });
+        readings.filter(is_range).count()
+    };
+    assert!(ranges(&mut bench, "nothing", true, 12_000) > 1_000);
+    assert_eq!(ranges(&mut bench, "dark", true, 15_000), 0);
+    assert!(ranges(&mut bench, "dark", false, 18_000) > 1_000);
+}

@@ -114,6 +114,25 @@ fn garbage_damages_every_packet() {
     shows(Fault::Garbage, |bench| sound_share(bench) < 90);
 }
 
+/// Of each packet one byte is another one, and no more than that.
+#[test]
+fn garbage_changes_one_byte_of_each_packet() {
+    let [mut broken, mut sound] = pair(Fault::Garbage, None, &fw129());
+    let [broken, sound] = [&mut broken, &mut sound].map(|bench| {
+        bench.ask(Command::Info);
+        bench.scan().bytes.clone()
+    });
+    let len = broken.len().min(sound.len());
+    assert!(len > 5_000);
+    let packets = broken[..len]
+        .chunks_exact(5)
+        .zip(sound[..len].chunks_exact(5));
+    for (one, other) in packets {
+        let changed = one.iter().zip(other).filter(|(a, b)| a != b).count();
+        assert_eq!(changed, 1, "{one:02X?} {other:02X?}");
+    }
+}
+
 #[test]
 fn wrong_distances_are_a_tenth_too_long() {
     shows(Fault::Wrong, |bench| {

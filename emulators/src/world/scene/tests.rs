@@ -130,6 +130,35 @@ fn a_scene_keeps_what_it_was_given() {
     assert_eq!(scene.obstacles()[0].fixture.shape, circle(0.0, 0.0, 0.5));
 }
 
+/// Two walls are 0 and 1; of a triangle that moves 2, 3 and 4, of a pillar behind it 5.
+#[test]
+fn surfaces_that_move_are_numbered_behind_those_that_stay() {
+    let walls = [wall(3.0, -9.0, 3.0, 9.0), wall(-3.0, -9.0, -3.0, 9.0)];
+    let triangle = polygon(&[(0.0, 0.0), (0.5, 0.0), (0.0, 0.5)]);
+    let moving = vec![walker(triangle), walker(circle(0.0, 0.0, 0.5))];
+    let scene = Scene::new(walls, moving).unwrap();
+    let mut numbers = Vec::new();
+    scene.each_moving_shape(|number, _, _| numbers.push(number));
+    assert_eq!(numbers, [2, 3, 4, 5]);
+}
+
+/// However far beyond the walls one asks, on any side, what is there is found.
+#[test]
+fn what_is_near_is_found_from_beyond_the_scene_too() {
+    let room = polygon(&[(0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (0.0, 3.0)]);
+    let scene = Scene::new([room], vec![]).unwrap();
+    let far = |x, y| {
+        let near = scene.nearest_fixed(Point::new(x, y), 20.0);
+        near.map(|near| near.distance)
+    };
+    assert_eq!(far(2.0, 1.0), Some(1.0));
+    let beyond = [(-7.0, 1.0), (11.0, 1.0), (2.0, -7.0), (2.0, 10.0)];
+    assert_eq!(beyond.map(|(x, y)| far(x, y)), [Some(7.0); 4]);
+    let corners = [(-3.0, -4.0), (7.0, -4.0), (-3.0, 7.0), (7.0, 7.0)];
+    assert_eq!(corners.map(|(x, y)| far(x, y)), [Some(5.0); 4]);
+    assert!(scene.nearest_fixed(Point::new(2.0, 10.0), 6.0).is_none());
+}
+
 #[test]
 fn a_wall_in_front_of_an_obstacle_hides_it() {
     let scene = Scene::new(
