@@ -446,3 +446,153 @@ impl LinkBytes {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Pieces at these milliseconds.
+    fn track(millis: impl IntoIterator<Item = u64>) -> Track {
+        let mut track = Track::default();
+        for at in millis {
+            track.push(Instant::from_millis(at), &[1]);
+        }
+        track
+    }
+
+    /// Ten pieces or more, never a second and more without one.
+    #[test]
+    fn who_talks_all_the_time_talks_ten_times_and_never_pauses_for_longer_than_a_second() {
+        assert!(talks(&track((0..10).map(|piece| piece * 1000))));
+        assert!(!talks(&track((0..9).map(|piece| piece * 1000))));
+        assert!(!talks(&track((0..10).map(|piece| piece * 1001))));
+        assert!(!talks(&track((0..10).chain([2000]))));
+    }
+
+    #[test]
+    fn who_said_nothing_in_the_last_second_is_silent() {
+        let end = Instant::from_millis(5000);
+        assert!(!is_silent(&track([1, 4000]), end));
+        assert!(is_silent(&track([1, 3999]), end));
+        assert!(is_silent(&Track::default(), end));
+    }
+
+    /// The first key is what counts, whatever stands before it for people.
+    #[test]
+    fn a_case_begins_with_its_version() {
+        for text in [
+            "case = 1",
+            "\n# a case\n  case=1\nname = \"x\"",
+            "case\t= 2",
+        ] {
+            assert!(Case::is_meant(text), "{text}");
+        }
+        for text in [
+            "",
+            "# case = 1",
+            "name = \"x\"\ncase = 1",
+            "cases = 1",
+            "case",
+        ] {
+            assert!(!Case::is_meant(text), "{text}");
+        }
+    }
+
+    fn parsed(text: &str) -> Result<Case, String> {
+        let case = Case::parse(Path::new("x.toml"), text.to_owned());
+        case.map(|(case, _)| case).map_err(|error| {
+            let CaseError::File(ScenarioError::Parse { source, .. }) = error else {
+                panic!("{error}")
+            };
+            source.to_string()
+        })
+    }
+
+    const LEAST: &str = "case = 1\nname = \"x\"\nend_ns = 7\n[expect]\n";
+
+    #[test]
+    fn other_versions_are_refused_by_name() {
+        let case = parsed(LEAST).expect("all that it needs");
+        assert_eq!((case.end_ns, case.is_foreign), (7, false));
+        assert!(case.link.is_empty() && case.scenario.is_none());
+        let said = parsed(&LEAST.replace("case = 1", "case = 2")).expect_err("another");
+        assert!(said.contains("case is 2, expected 1"), "{said}");
+        assert!(!case.to_toml().contains("foreign"));
+        let foreign = Case {
+            is_foreign: true,
+            ..case
+        };
+        assert!(foreign.to_toml().contains("foreign = true"));
+        assert_eq!(parsed(&foreign.to_toml()), Ok(foreign));
+    }
+
+    /// No program is needed where decoders alone are asked; a case longer than a week is one week.
+    #[test]
+    fn what_needs_a_program_says_so() {
+        let plain = Expectation::default();
+        assert!(!plain.needs_program());
+        let one = || vec!["x".to_owned()];
+        let needs: [fn(&mut Expectation, Vec<String>); 4] = [
+            |expect, _| expect.same_outputs = true,
+            |expect, one| expect.talks = one,
+            |expect, one| expect.never = one,
+            |expect, one| expect.checks = one,
+        ];
+        for need in needs {
+            let mut expect = plain.clone();
+            need(&mut expect, one());
+            assert!(expect.needs_program(), "{expect:?}");
+        }
+        let mut case = parsed(LEAST).expect("sound");
+        case.end_ns = u64::MAX;
+        let recorded = case.recorded(Path::new("x.toml")).expect("no bytes");
+        assert_eq!(recorded.end, Instant::from_secs(7 * 86_400));
+    }
+
+    /// Links have rates that a line can have.
+    #[test]
+    fn a_link_with_an_absurd_rate_is_refused() {
+        let passage = |baud| {
+            let link = LinkBytes {
+                name: "base".to_owned(),
+                baud,
+                to_program: "2000 AB".to_owned(),
+                from_program: "3000 CD".to_owned(),
+            };
+            link.passage()
+        };
+        for baud in [50, 100_000_000] {
+            let passage = passage(baud).expect("a rate");
+            assert_eq!((passage.baud, passage.arrivals.len()), (baud, 1));
+            assert_eq!(passage.sent.bytes(), [0xCD]);
+        }
+        for baud in [0, 49, 100_000_001] {
+            let said = format!("baud is {baud}, expected 50 to 100000000");
+            assert_eq!(passage(baud).err(), Some(said));
+        }
+    }
+
+    /// A verdict needs something that passed, and nothing that failed.
+    #[test]
+    fn a_case_that_proves_nothing_fails() {
+        let judgement = |statuses: &[Status]| Judgement {
+            name: "x".to_owned(),
+            note: Some("note".to_owned()),
+            checks: statuses
+                .iter()
+                .map(|&status| Check {
+                    status,
+                    ..Check::new("one", true, "said")
+                })
+                .collect(),
+            ran: Duration::ZERO,
+        };
+        let passed = |statuses: &[Status]| judgement(statuses).passed();
+        assert!(!passed(&[]) && !passed(&[Status::NotObserved]));
+        assert!(passed(&[Status::Pass]) && passed(&[Status::Pass, Status::NotObserved]));
+        assert!(!passed(&[Status::Pass, Status::Fail]));
+        let said = judgement(&[Status::Pass]).to_string();
+        assert!(said.starts_with("PASS x\n  note\n  ok   one "), "{said}");
+        assert!(judgement(&[]).to_string().starts_with("FAIL x\n"));
+    }
+}

@@ -232,4 +232,49 @@ mod tests {
         );
         assert_eq!(of(&long, &long), None);
     }
+
+    /// Two bytes at 1 ms, nothing at 2 ms, one at 3 ms.
+    #[test]
+    fn a_track_knows_its_pieces_and_their_times() {
+        let track = track(&[(1, b"ab"), (2, b""), (3, b"c")]);
+        let millis = Instant::from_millis;
+        assert_eq!(track.bytes(), b"abc");
+        let pieces: Vec<_> = track.pieces().collect();
+        assert_eq!(pieces, [(millis(1), &b"ab"[..]), (millis(3), b"c")]);
+        let times = [0, 1, 2, 3].map(|byte| track.time_of(byte));
+        assert_eq!(
+            times,
+            [Some(millis(1)), Some(millis(1)), Some(millis(3)), None]
+        );
+        assert_eq!(
+            (track.end(), Track::default().end()),
+            (Some(millis(3)), None)
+        );
+    }
+
+    /// The largest is told, whichever way; of bytes that only one has, none.
+    #[test]
+    fn a_shift_is_earlier_or_later() {
+        let here = track(&[(10, b"a"), (20, b"b"), (90, b"c")]);
+        let shift = |there: &[(u64, &[u8])]| here.largest_shift(&track(there)).as_millis();
+        assert_eq!(shift(&[(12, b"a"), (21, b"b")]), 2);
+        assert_eq!(shift(&[(10, b"a"), (13, b"b")]), 7);
+        assert_eq!(shift(&[(25, b"ab")]), 15);
+        assert_eq!(shift(&[]), 0);
+    }
+
+    /// Eight bytes on both sides, the one in question in brackets.
+    #[test]
+    fn bytes_of_no_protocol_are_shown_around_the_place() {
+        let bytes: Vec<u8> = (0..=20).collect();
+        let around = "02 03 04 05 06 07 08 09 [0A] 0B 0C 0D 0E 0F 10 11 12";
+        assert_eq!(hex(&bytes, 10), around);
+        assert_eq!(hex(&bytes, 0), "[00] 01 02 03 04 05 06 07 08");
+        assert_eq!(hex(&bytes, 20), "0C 0D 0E 0F 10 11 12 13 [14]");
+        assert_eq!(words(None, &bytes, 21), "nothing more");
+        assert_eq!(
+            words(None, &bytes, 20),
+            format!("no known protocol: {}", hex(&bytes, 20))
+        );
+    }
 }

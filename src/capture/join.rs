@@ -305,3 +305,187 @@ pub(crate) const fn event_words(event: LineEvent) -> &'static str {
         LineEvent::Overrun => "overrun",
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use emulators::world::{BodyConfig, Pose, Scene, Shape, World};
+    use protocols::Port;
+
+    use super::*;
+    use crate::capture::{Capture, Interface, Record, Section};
+    use crate::rig::line::End;
+
+    const ALONE: Extra = Extra {
+        sent: None,
+        comment: String::new(),
+    };
+
+    /// Two links at 1 Mbaud, 10 us a byte; the run began at 5 s.
+    fn joiner() -> Joiner {
+        let scene = Scene::new(Vec::<Shape>::new(), Vec::new()).expect("empty");
+        let world = World::new(scene, BodyConfig::default(), Pose::default(), 1);
+        let mut rig = Rig::new(world.expect("free"));
+        for link in ["one", "two"] {
+            let ends = [0, 1].map(|_| End {
+                node: rig.add_outside(link, LineConfig::new_8n1(1_000_000)),
+                port: Port(0),
+            });
+            rig.connect(link, ends[0], ends[1], 1);
+        }
+        Joiner::new(&rig, Instant::from_secs(5))
+    }
+
+    /// What is read of what `join` writes.
+    fn read(join: impl FnOnce(&mut Joiner, &mut Vec<u8>)) -> Vec<Record> {
+        let mut file = Vec::new();
+        Section::default().write(&mut file);
+        for name in ["one", "two"] {
+            Interface::new(name, 1_000_000).write(&mut file);
+        }
+        let mut joiner = joiner();
+        join(&mut joiner, &mut file);
+        joiner.finish(&mut file);
+        let capture = Capture::of(&file);
+        assert_eq!((capture.broken, capture.cut, capture.skipped), (None, 0, 0));
+        let numbers: Vec<_> = capture.records.iter().map(|one| one.sequence).collect();
+        let expected: Vec<_> = (0..numbers.len() as u64).map(Some).collect();
+        assert_eq!(numbers, expected);
+        capture.records
+    }
+
+    /// Link, microseconds since the run began, bytes, pieces.
+    fn told(records: &[Record]) -> Vec<(usize, u64, Vec<u8>, Vec<u8>)> {
+        let micros = |one: &Record| one.at.as_micros() - 5_000_000;
+        let told = |one: &Record| {
+            (
+                one.link,
+                micros(one),
+                one.bytes.to_vec(),
+                one.pieces.clone(),
+            )
+        };
+        records.iter().map(told).collect()
+    }
+
+    const fn at(micros: u64) -> Instant {
+        Instant::from_micros(micros)
+    }
+
+    /// 10 us a byte: at 20 and 40 us the next ones are complete; at 51 us one is too late by one.
+    #[test]
+    fn what_follows_back_to_back_is_one_record() {
+        let records = read(|joiner, out| {
+            joiner.bytes(3, at(10), &[1], 0, out);
+            joiner.bytes(3, at(20), &[2], 0, out);
+            joiner.bytes(3, at(40), &[3, 4], 0, out);
+            joiner.bytes(3, at(51), &[5], 0, out);
+        });
+        let first = (1, 40, vec![1, 2, 3, 4], vec![1, 1, 2]);
+        assert_eq!(told(&records), [first, (1, 51, vec![5], vec![])]);
+        assert!(
+            records
+                .iter()
+                .all(|one| one.direction == Direction::ToDevice)
+        );
+        assert!(records.iter().all(|one| one.sent.is_none()));
+    }
+
+    /// What is late was sent earlier; the same lateness joins, another one does not.
+    #[test]
+    fn what_is_late_says_when_it_was_sent() {
+        let records = read(|joiner, out| {
+            joiner.bytes(0, at(30), &[1], 7_000, out);
+            joiner.bytes(0, at(40), &[2], 7_000, out);
+            joiner.bytes(0, at(50), &[3], 8_000, out);
+        });
+        let expected = [(0, 40, vec![1, 2], vec![1, 1]), (0, 50, vec![3], vec![])];
+        assert_eq!(told(&records), expected);
+        let sent = records.iter().map(|one| one.sent.as_ref().expect("late"));
+        let sent: Vec<_> = sent
+            .map(|sent| (sent.at.as_micros() - 5_000_000, sent.bytes.to_vec()))
+            .collect();
+        assert_eq!(sent, [(33, vec![1, 2]), (42, vec![3])]);
+    }
+
+    /// A record is finished after its first byte: what happened meanwhile elsewhere stands before.
+    #[test]
+    fn records_are_in_the_order_of_time() {
+        let records = read(|joiner, out| {
+            joiner.bytes(0, at(10), &[1], 0, out);
+            let opened = Kind::Line(LineEvent::Opened);
+            joiner.single(2, at(15), opened, &[], ALONE, out);
+            joiner.bytes(0, at(20), &[2], 0, out);
+            let said = Extra {
+                sent: Some((at(16), vec![9])),
+                comment: "fault".to_owned(),
+            };
+            joiner.single(2, at(18), Kind::Data, &[8], said, out);
+        });
+        let expected = [
+            (1, 15, vec![], vec![]),
+            (1, 18, vec![8], vec![]),
+            (0, 20, vec![1, 2], vec![1, 1]),
+        ];
+        assert_eq!(told(&records), expected);
+        let sent = records[1].sent.as_ref().expect("others were sent");
+        assert_eq!(
+            (sent.at, &sent.bytes[..]),
+            (Instant::from_micros(5_000_016), &[9][..])
+        );
+        assert_eq!((&*records[1].comment, &*records[2].comment), ("fault", ""));
+    }
+
+    /// An event ends the record of its own line: what follows begins another.
+    #[test]
+    fn what_stands_alone_is_joined_with_nothing() {
+        let records = read(|joiner, out| {
+            joiner.bytes(0, at(10), &[1], 0, out);
+            joiner.single(0, at(10), Kind::Line(LineEvent::Break), &[], ALONE, out);
+            joiner.bytes(0, at(20), &[2], 0, out);
+        });
+        let bytes: Vec<_> = records.iter().map(|one| one.bytes.to_vec()).collect();
+        assert_eq!(bytes, [vec![1], vec![], vec![2]]);
+    }
+
+    /// 512 bytes at most, pieces of 64 at most.
+    #[test]
+    fn a_record_does_not_grow_for_ever() {
+        let records = read(|joiner, out| {
+            for byte in 1..=600 {
+                joiner.bytes(0, at(10 * byte), &[7], 0, out);
+            }
+        });
+        let lens: Vec<_> = records.iter().map(|one| one.bytes.len()).collect();
+        assert_eq!(lens, [512, 88]);
+        assert_eq!(records[0].pieces, [1; 512]);
+        let records = read(|joiner, out| {
+            joiner.bytes(0, at(640), &[1; 64], 0, out);
+            joiner.bytes(0, at(1280), &[2; 64], 0, out);
+            joiner.bytes(0, at(1930), &[3; 65], 0, out);
+            joiner.bytes(0, at(1940), &[4], 0, out);
+        });
+        let lens: Vec<_> = records.iter().map(|one| one.bytes.len()).collect();
+        assert_eq!(lens, [128, 65, 1]);
+    }
+
+    /// Nothing follows an open record after the time of its longest piece, 640 us: then others need
+    /// not wait for it any more.
+    #[test]
+    fn a_record_ends_by_silence() {
+        let (mut joiner, mut out) = (joiner(), Vec::new());
+        joiner.bytes(0, at(10), &[1], 0, &mut out);
+        joiner.reached(at(650));
+        assert!(!joiner.lines[0].bytes.is_empty());
+        joiner.reached(at(651));
+        assert!(joiner.lines[0].bytes.is_empty());
+        assert_eq!((joiner.waiting.len(), joiner.stale_at), (1, NEVER));
+        joiner.bytes(0, at(1000), &[1], 0, &mut out);
+        joiner.bytes(1, at(1300), &[1], 0, &mut out);
+        assert_eq!(joiner.stale_at, 1_640_000);
+        joiner.bytes(2, at(1700), &[1], 0, &mut out);
+        assert_eq!((joiner.waiting.len(), joiner.stale_at), (2, 1_940_000));
+        assert!(out.is_empty(), "a batch is written at once");
+        joiner.emit(&mut out);
+        assert!(joiner.waiting.is_empty() && joiner.arena.is_empty());
+    }
+}

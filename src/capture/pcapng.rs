@@ -264,3 +264,116 @@ pub(crate) fn write_option(out: &mut Vec<u8>, code: u16, value: &[u8]) {
 pub(crate) fn write_options_end(out: &mut Vec<u8>) {
     out.extend_from_slice(&[0; 4]);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_read_in_both_orders_and_not_beyond_the_end() {
+        let bytes = [1, 2, 3, 4, 5, 6, 7, 8, 9];
+        let (little, big) = (Order::Little, Order::Big);
+        assert_eq!(little.u16([1, 2]), 0x0201);
+        assert_eq!(big.u16([1, 2]), 0x0102);
+        assert_eq!(little.u64([1, 2, 3, 4, 5, 6, 7, 8]), 0x0807_0605_0403_0201);
+        assert_eq!(big.u64([1, 2, 3, 4, 5, 6, 7, 8]), 0x0102_0304_0506_0708);
+        assert_eq!(little.u32_at(&bytes, 5), Some(0x0908_0706));
+        assert_eq!(big.u32_at(&bytes, 5), Some(0x0607_0809));
+        assert_eq!(big.u16_at(&bytes, 7), Some(0x0809));
+        assert_eq!([6, usize::MAX].map(|at| big.u32_at(&bytes, at)), [None; 2]);
+        assert_eq!([8, usize::MAX].map(|at| big.u16_at(&bytes, at)), [None; 2]);
+    }
+
+    /// Filled up to four bytes each; what does not fit, or stands behind the mark, is none.
+    #[test]
+    fn options_end_at_the_mark_or_where_one_is_cut() {
+        let mut bytes = Vec::new();
+        write_option(&mut bytes, 7, b"abcde");
+        assert_eq!(bytes, [7, 0, 5, 0, b'a', b'b', b'c', b'd', b'e', 0, 0, 0]);
+        write_option(&mut bytes, 8, b"");
+        write_options_end(&mut bytes);
+        write_option(&mut bytes, 9, b"x");
+        let read = |bytes| options(Order::Little, bytes).collect::<Vec<_>>();
+        let both: [(u16, &[u8]); 2] = [(7, b"abcde"), (8, b"")];
+        assert_eq!(read(&bytes), both);
+        assert_eq!(read(&bytes[..9]), both[..1]);
+        assert_eq!(read(&bytes[..8]), []);
+        let mut long = Vec::new();
+        write_option(&mut long, 1, &[7; 70_000]);
+        assert_eq!(long.len(), 4 + 65_536);
+        assert_eq!(read(&long), [(1, &[7; 65_535][..])]);
+        assert_eq!([0, 1, 4, 5].map(padded), [0, 4, 4, 8]);
+    }
+
+    /// A section header and one block of eight bytes of body.
+    fn file() -> Vec<u8> {
+        let mut out = Vec::new();
+        write_block(&mut out, SECTION, write_section_head);
+        write_block(&mut out, 99, |out| out.extend_from_slice(&[5; 6]));
+        assert_eq!(
+            out[28..],
+            [
+                99, 0, 0, 0, 20, 0, 0, 0, 5, 5, 5, 5, 5, 5, 0, 0, 20, 0, 0, 0
+            ]
+        );
+        out
+    }
+
+    fn blocks(bytes: &[u8]) -> (Vec<(u64, u32, usize)>, Option<BlockError>, usize) {
+        let mut blocks = Blocks::default();
+        blocks.push(bytes);
+        let mut whole = Vec::new();
+        while let Some(block) = blocks.next_block() {
+            match block {
+                Ok(block) => whole.push((block.offset, block.kind, block.body.len())),
+                Err(error) => {
+                    let pending = blocks.pending();
+                    blocks.push(&file());
+                    assert_eq!((blocks.pending(), blocks.next_block()), (pending, None));
+                    return (whole, Some(error), pending);
+                }
+            }
+        }
+        (whole, None, blocks.pending())
+    }
+
+    #[test]
+    fn blocks_are_cut_where_they_end() {
+        let file = file();
+        let both = vec![(0, SECTION, 16), (28, 99, 8)];
+        assert_eq!(blocks(&file), (both.clone(), None, 0));
+        assert_eq!(blocks(&file[..47]), (both[..1].to_vec(), None, 19));
+        assert_eq!(blocks(&file[..27]), (vec![], None, 27));
+        assert_eq!(
+            blocks(&file[28..]).1.map(|error| error.why),
+            Some(BlockFault::NotPcapng)
+        );
+    }
+
+    #[test]
+    fn what_is_wrong_with_a_block_is_told_with_its_place() {
+        let said = |at: usize, value: u8| {
+            let mut file = file();
+            file[at] = value;
+            blocks(&file).1.map(|error| error.to_string())
+        };
+        let impossible = |offset, length| {
+            Some(format!(
+                "at byte {offset}: block length {length} is impossible"
+            ))
+        };
+        assert_eq!(said(32, 8), impossible(28, 8));
+        assert_eq!(said(32, 22), impossible(28, 22));
+        assert_eq!(said(35, 2), impossible(28, 0x0200_0014));
+        assert_eq!(said(4, 24), impossible(0, 24));
+        let ends = "at byte 28: block ends with length 24, expected 20".to_owned();
+        assert_eq!(said(44, 24), Some(ends));
+        let magic = "at byte 0: byte-order magic is 0x1a2b3c4e".to_owned();
+        assert_eq!(said(8, 0x4E), Some(magic));
+        // Sixteen megabytes are believed, and waited for.
+        assert_eq!(
+            (said(35, 1), said(32, 24)),
+            (impossible(28, 0x0100_0014), None)
+        );
+    }
+}

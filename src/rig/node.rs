@@ -57,9 +57,7 @@ pub(super) struct Outside {
     pub(super) line: LineConfig,
     pub(super) to_rig: BytesMut,
     pub(super) from_rig: BytesMut,
-    events_from_rig: VecDeque<LineEvent>,
     pub(super) change: Option<LineEvent>,
-    overrun: u64,
     /// What arrived last.
     pub(super) last: Option<u8>,
     /// What is to be sent stays here.
@@ -79,9 +77,7 @@ impl Outside {
             line,
             to_rig: BytesMut::new(),
             from_rig: BytesMut::new(),
-            events_from_rig: VecDeque::new(),
             change: None,
-            overrun: 0,
             last: None,
             is_held: false,
             forced: [None; 4],
@@ -98,7 +94,6 @@ impl Outside {
     pub(super) fn put(&mut self, bytes: &[u8]) {
         if let Some([to_rig, _]) = &mut self.messages {
             if bytes.is_empty() || bytes.len() > MESSAGE_MAX {
-                self.overrun += bytes.len() as u64;
                 return;
             }
             to_rig.push_back(bytes.len());
@@ -122,7 +117,6 @@ impl Outside {
                 from_rig.push_back(bytes.len());
             }
         }
-        self.overrun += bytes.len().saturating_sub(room) as u64;
         let taken = bytes.len().min(room);
         self.from_rig.extend_from_slice(&bytes[..taken]);
     }
@@ -200,7 +194,7 @@ impl Node {
         match &mut self.body {
             Body::Device(device) => device.line_event(port, now, event),
             Body::Program { program, .. } => program.line_event(port, now, event),
-            Body::Outside(outside) => outside.events_from_rig.push_back(event),
+            Body::Outside(_) => {}
         }
     }
 

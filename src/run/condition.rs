@@ -208,3 +208,28 @@ impl Run {
         Some(known as f64 / cells.len().max(1) as f64)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use protocols::Instant;
+
+    use super::*;
+    use crate::scenario::Scenario;
+
+    /// Cells that were seen, of all: some after eight seconds in a room, and not those behind it.
+    #[test]
+    fn a_share_of_the_map_is_known() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/empty-room.toml");
+        let (scenario, source) = Scenario::read(&path).expect("sound");
+        let mut run = Run::new(scenario, &source, None).expect("can be wired");
+        run.go_on_until(Instant::from_secs(8));
+        let share = run.known_share().expect("it has a map");
+        let map = run.instruments.map(&run.rig).expect("the same");
+        let known = map.rows().flatten().filter(|cell| **cell != UNKNOWN);
+        let (known, all) = (known.count(), map.width() * map.height());
+        assert!(known > 100 && known < all, "{known} of {all}");
+        assert!((share * all as f64 - known as f64).abs() < 1e-6, "{share}");
+    }
+}

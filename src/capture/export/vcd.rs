@@ -96,8 +96,13 @@ fn draw(wire: usize, arrivals: &[Arrival], line: LineConfig, edges: &mut Vec<Edg
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use protocols::Instant;
+
+    use super::super::Laser;
+    use super::*;
+    use crate::capture::Capture;
+    use crate::capture::divergence::Track;
+    use crate::capture::replay::{Passage, Recorded};
 
     /// 0x41 at 1,000,000 baud, complete at 20 us: begins at 10 us. Levels from the start bit on:
     /// 0, 1 0 0 0 0 0 1 0, 1; edges where they change, 1 us a bit.
@@ -125,5 +130,60 @@ mod tests {
             (id(0), id(93), id(94)),
             ("!".into(), "~".into(), "!!".into())
         );
+    }
+
+    /// 0xFF at 1 Mbaud towards the program, complete at 20 us, and the same away from it 5 us later:
+    /// a start bit is 1 us low. The file ends a millisecond behind the capture.
+    #[test]
+    fn each_direction_of_a_link_is_a_wire() {
+        let arrival = |micros| Arrival {
+            at: Instant::from_micros(micros),
+            bytes: vec![0xFF],
+        };
+        let passage = Passage {
+            link: "a b".to_owned(),
+            baud: 1_000_000,
+            arrivals: vec![arrival(20)],
+            heard: vec![arrival(25)],
+            sent: Track::default(),
+        };
+        let recorded = Recorded {
+            links: vec![passage],
+            end: Instant::from_micros(100),
+            zero: Instant::ZERO,
+        };
+        let export = Export {
+            capture: &Capture::of(&[]),
+            recorded: &recorded,
+            belief: None,
+            laser: Laser::default(),
+        };
+        let (file, said) = write(&export);
+        assert_eq!(said, "2 bytes on 2 wires");
+        let expected = [
+            "$version hilrig $end",
+            "$timescale 1 ns $end",
+            "$scope module robot $end",
+            "$var wire 1 ! a_b.to-master $end",
+            "$var wire 1 \" a_b.to-device $end",
+            "$upscope $end",
+            "$enddefinitions $end",
+            "#0",
+            "$dumpvars",
+            "1!",
+            "1\"",
+            "$end",
+            "#10000",
+            "0!",
+            "#11000",
+            "1!",
+            "#15000",
+            "0\"",
+            "#16000",
+            "1\"",
+            "#1100000",
+            "",
+        ];
+        assert_eq!(String::from_utf8_lossy(&file), expected.join("\n"));
     }
 }

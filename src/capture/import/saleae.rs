@@ -147,6 +147,7 @@ fn time(text: &str) -> Option<(u64, bool)> {
 
 fn value(line: Line<'_>, text: &str) -> Result<u8, ImportError> {
     let digits = text.strip_prefix("0x").or_else(|| text.strip_prefix("0X"));
+    let digits = digits.filter(|digits| !digits.is_empty());
     let byte = digits.and_then(|digits| hex::byte(format!("{digits:0>2}").as_bytes()));
     byte.ok_or_else(|| {
         let found = text.escape_default();
@@ -154,4 +155,77 @@ fn value(line: Line<'_>, text: &str) -> Result<u8, ImportError> {
             "found value \"{found}\", expected hex as 0xFA: export in hexadecimal"
         ))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// RFC 4180: a quoted cell may hold commas, and quotes twice.
+    #[test]
+    fn a_row_is_cut_at_its_commas() {
+        assert_eq!(cells("a, b ,,c"), ["a", "b", "", "c"]);
+        assert_eq!(
+            cells("\"a,b\",\"say \"\"no\"\"\",c"),
+            ["a,b", "say \"no\"", "c"]
+        );
+        assert_eq!(cells("\"\",\"\"\"\""), ["", "\""]);
+        assert_eq!(cells(""), [""]);
+    }
+
+    /// Both forms have their columns anywhere, in capitals or not; without a time or a value it is
+    /// none of them.
+    #[test]
+    fn a_head_names_its_columns_in_any_order() {
+        assert!(is_head(b"Time [s],Value,Parity Error,Framing Error"));
+        assert!(is_head(b"value,TIME [S]"));
+        assert!(is_head(
+            b"\"name\",\"type\",\"start_time\",\"duration\",\"data\""
+        ));
+        for none in [
+            &b"Time [s],Values"[..],
+            b"Value",
+            b"type,start_time,duration",
+            b"",
+            b"\xFF",
+        ] {
+            assert!(!is_head(none));
+        }
+        let columns = Columns::of(&cells("data,error,type,duration,start_time")).expect("one");
+        let places = (columns.value, columns.kind, columns.duration, columns.time);
+        assert_eq!(places, (0, Some(2), Some(3), 4));
+        assert_eq!(columns.errors, [(1, FRAMING)]);
+        let head = "Framing Error,Value,Parity Error,Time [s]";
+        let columns = Columns::of(&cells(head)).expect("the other");
+        assert_eq!(
+            (columns.value, columns.kind, columns.duration),
+            (1, None, None)
+        );
+        assert_eq!(columns.errors, [(2, PARITY), (0, FRAMING)]);
+    }
+
+    /// Seconds from the start, or a date in universal time, with or without a fraction.
+    #[test]
+    fn a_time_is_seconds_or_a_date() {
+        assert_eq!(time("0.5"), Some((500_000_000, false)));
+        let date = Some((1_500_000_000, true));
+        assert_eq!(time("1970-01-01T00:00:01.5Z"), date);
+        assert_eq!(time("1970-01-01T00:00:01.5+00:00"), date);
+        assert_eq!(time("1970-01-01T00:00:01"), Some((1_000_000_000, true)));
+        assert_eq!(
+            ["1970-01-01T", "x", "1970-01-01T00:00:01.5+01:00"].map(time),
+            [None; 3]
+        );
+    }
+
+    #[test]
+    fn a_value_is_hex_with_its_mark() {
+        let line = lines(b"row").next().expect("one");
+        let of = |text| value(line, text).ok();
+        assert_eq!(
+            ["0xFA", "0Xfa", "0x7"].map(of),
+            [Some(0xFA), Some(0xFA), Some(7)]
+        );
+        assert_eq!(["FA", "0x", "0x100", "250", ""].map(of), [None; 5]);
+    }
 }
