@@ -314,7 +314,7 @@ mod tests {
     }
 
     /// A second stop bit is a bit of idle line: who looks for one only reads the same; who looks
-    /// for two where there is one finds the next start bit in its place, and in an FF no other edge.
+    /// for two where there is one finds the next start bit in its place; an FF has no other edge.
     #[test]
     fn a_missing_second_stop_bit_is_a_framing_error() {
         let (one, two) = (coding(8, Parity::None, 1), coding(8, Parity::None, 2));

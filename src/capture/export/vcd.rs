@@ -132,7 +132,7 @@ mod tests {
         );
     }
 
-    /// 0xFF at 1 Mbaud towards the program, complete at 20 us, and the same away from it 5 us later:
+    /// 0xFF at 1 Mbaud towards the program, complete at 20 us, and the same away from it at 25 us:
     /// a start bit is 1 us low. The file ends a millisecond behind the capture.
     #[test]
     fn each_direction_of_a_link_is_a_wire() {

@@ -153,7 +153,7 @@ fn point_03_the_memory_behind_the_map_is_that_of_the_2015_build() {
     assert_eq!(bench.read(59, 2), [59, 0x82]);
 }
 
-/// AB + 37 + 82 + ED + 02 = 0253 of the reply before, low byte first, and AB + FF + 00 = 01AA of the
+/// AB + 37 + 82 + ED + 02 = 0253 of the reply before, low byte first; AB + FF + 00 = 01AA of the
 /// error frame that a wrong checksum gets.
 #[test]
 fn point_03_the_checksum_of_the_reply_before_lies_behind_the_map() {
