@@ -182,6 +182,9 @@ impl Rplidar {
     pub fn clear_fault(&mut self, now: Instant, fault: Fault) {
         let was_off = self.faults.has(Fault::Off);
         self.faults.clear(fault);
+        if fault == Fault::Burst {
+            self.output.end_burst();
+        }
         self.faults_changed(now);
         if was_off && !self.faults.has(Fault::Off) {
             self.phase = Phase::Idle;

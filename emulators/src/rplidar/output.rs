@@ -78,6 +78,11 @@ impl Output {
         }
     }
 
+    /// What is left of a burst arrives.
+    pub(super) const fn end_burst(&mut self) {
+        self.burst = 0;
+    }
+
     /// The last packet of a stream.
     pub(super) fn last(&self) -> &[u8] {
         &self.last

@@ -195,6 +195,20 @@ fn a_loose_cable_loses_bytes() {
 }
 
 /// Field bug 24: 64 bytes are gone, once.
+/// However long it was to be, a burst is over when its fault is.
+#[test]
+fn a_burst_ends_with_its_fault() {
+    let mut bench = plain();
+    bench.scan();
+    bench
+        .lidar
+        .set_fault(bench.now, Fault::Burst, Some(f64::MAX));
+    bench.run_ms(100).bytes.clear();
+    assert_eq!(bench.run_ms(100).bytes.len(), 0);
+    bench.lidar.clear_fault(bench.now, Fault::Burst);
+    assert!(bench.run_ms(100).bytes.len() > 500, "5 bytes, 200 a turn");
+}
+
 #[test]
 fn a_burst_is_lost_once() {
     let run = |breaks| {
