@@ -140,3 +140,72 @@ fn condition(step: &Step) -> String {
     let text = step.when.as_ref().map(serde_json::to_string);
     text.and_then(Result::ok).unwrap_or_default()
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::run::check::Status;
+    use crate::scenario::Scenario;
+
+    /// Steps 2, 4 and 5 wait; step 4 for what comes after step 3's time.
+    fn steps() -> (Steps, Mission) {
+        let text = "schema = 1\nname = \"steps\"\nrobot = \"rescue\"\nduration = \"5s\"\n\
+                    [[mission.step]]\nat = \"1s\"\ndo = { mode = \"stop\" }\n\
+                    [[mission.step]]\nwhen = { visited = 1 }\ndo = { mode = \"stop\" }\n\
+                    [[mission.step]]\nat = \"3s\"\ndo = { mode = \"stop\" }\n\
+                    [[mission.step]]\nwhen = { visited = 2 }\ndo = \"disconnect\"\n\
+                    [[mission.step]]\nwhen = { visited = 3 }\ndo = \"disconnect\"\n\
+                    [world]\nstart = { x_m = 1.0, y_m = 1.0, heading_deg = 0 }\n";
+        let parsed = Scenario::parse(Path::new("<test>"), text.to_owned());
+        let mut mission = parsed.expect("sound").0.mission;
+        (Steps::take_from(&mut mission), mission)
+    }
+
+    fn told(steps: &Steps, is_over: bool) -> Vec<(String, Status, String)> {
+        let checks = steps.checks(is_over).into_iter();
+        checks
+            .map(|check| (check.name, check.status, check.detail))
+            .collect()
+    }
+
+    #[test]
+    fn steps_without_a_time_wait_in_their_order() {
+        let (steps, mission) = steps();
+        assert_eq!((mission.step.len(), steps.left().count()), (2, 3));
+        let places = steps.waiting.iter().map(|one| (one.number, one.not_before));
+        let (one, three) = (Instant::from_secs(1), Instant::from_secs(3));
+        assert_eq!(
+            places.collect::<Vec<_>>(),
+            [(2, one), (4, three), (5, three)]
+        );
+        assert!(steps.is_waiting());
+    }
+
+    /// Only the next one can have failed; the others' turn has not come.
+    #[test]
+    fn what_was_waited_for_is_judged_at_the_end() {
+        let (mut steps, _) = steps();
+        let later = |number: u8| {
+            let detail = "its turn has not come".to_owned();
+            (
+                format!("mission-step-{number}"),
+                Status::NotObserved,
+                detail,
+            )
+        };
+        let first = |status, detail: &str| ("mission-step-2".to_owned(), status, detail.to_owned());
+        let going = first(Status::NotObserved, "is still waited for");
+        assert_eq!(told(&steps, false), [going, later(4), later(5)]);
+        let missed = "{\"visited\":1} did not come true until the end";
+        let missed = first(Status::Fail, missed);
+        assert_eq!(told(&steps, true), [missed, later(4), later(5)]);
+        steps.fail(2, "too late".to_owned());
+        assert!(!steps.is_waiting());
+        let failed = first(Status::Fail, "too late");
+        for is_over in [false, true] {
+            assert_eq!(told(&steps, is_over), [failed.clone(), later(4), later(5)]);
+        }
+    }
+}

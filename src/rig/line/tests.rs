@@ -64,7 +64,6 @@ fn bytes_take_their_time() {
     assert_eq!(take(&mut line, 0, &[1, 2, 3]), 30);
     assert_eq!((line.free_at(), line.in_flight()), (at(30), 3));
     assert_eq!([29, 30].map(|us| line.has_room(at(us))), [false, true]);
-    assert_eq!([29, 30].map(|us| line.is_due(at(us))), [false, true]);
     assert!(line.deliver(at(29)).is_none());
     let delivery = line.deliver(at(30)).expect("it is time");
     assert_eq!((delivery.at, &*delivery.bytes), (at(30), &[1, 2, 3][..]));
@@ -88,7 +87,7 @@ fn a_line_waits_for_its_sender_as_well_as_for_its_bytes() {
     let at = Instant::from_micros;
     assert_eq!(line.poll_at(at(0)), Some(at(10)));
     assert_eq!(line.poll_at(at(10)), Some(at(15)));
-    line.silent_since = Some(0);
+    line.is_silent = true;
     assert_eq!(line.poll_at(at(0)), Some(at(15)));
     let delivery = deliveries(&mut line).remove(0);
     assert_eq!(delivery.at, at(15));
@@ -342,7 +341,7 @@ fn a_receiver_at_half_the_rate_reads_half_as_many() {
     assert!(line.conserves_bytes());
     assert_eq!(line.traffic().resampled, -2);
     let at = Instant::from_micros;
-    line.silent_since = Some(0);
+    line.is_silent = true;
     assert_eq!(line.poll_at(at(0)), Some(at(20)));
     let all = deliveries(&mut line);
     let original = all[0].original.as_ref().expect("it is read differently");
