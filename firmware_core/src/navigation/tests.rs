@@ -248,10 +248,9 @@ fn a_goal_that_comes_no_nearer_is_reached_after_three_seconds() {
     assert_eq!(scans(150.0, 1.0), None);
 }
 
-/// A map of nothing but a box of walls around `goal`, 0.6 m wide.
-fn walled_in(goal: Point) -> std::boxed::Box<Grid> {
+/// A map of nothing but a box of walls, 0.6 m wide, around this cell.
+fn walled_in([x, y]: [usize; 2]) -> std::boxed::Box<Grid> {
     let mut map = std::boxed::Box::new(Grid::new(10.0));
-    let [x, y] = [goal.x_mm, goal.y_mm].map(|mm| libm::roundf(mm / 10.0) as usize);
     for n in 0..=60 {
         for side in [0, 1, 59, 60] {
             map.set(x - 30 + n, y - 30 + side, 255);
@@ -266,7 +265,7 @@ fn walled_in(goal: Point) -> std::boxed::Box<Grid> {
 #[test]
 fn a_goal_without_a_way_is_told_after_four_plans() {
     let (pose, goal) = (Pose::new(500.0, 500.0, 0.0), Point::new(2000.0, 500.0));
-    let closed = walled_in(goal);
+    let closed = walled_in([200, 50]);
     let open = std::boxed::Box::new(Grid::new(10.0));
     let around = wall(800.0);
     let mut navigator = Navigator::new(Settings::new(BODY));
