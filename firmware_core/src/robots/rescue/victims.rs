@@ -18,6 +18,9 @@ const WARM: i16 = 45;
 const FULL: f32 = 150.0;
 /// What is kept of the surroundings' temperature at each reading, in 64ths.
 const KEEP_64: i32 = 62;
+/// So much colder than they were thought, tenths of a degree, the surroundings may be at once:
+/// where they were first felt somebody may have stood.
+const COLDER_MAX: i32 = 150;
 /// From a sensor to the middle of the robot, millimetres.
 const MOUNT_MM: f32 = 100.0;
 /// Half of a sensor's field of view, radians, and its tangent.
@@ -168,8 +171,10 @@ impl Victims {
         let excess = i32::from(reading) - *ambient / 64;
         // What is warm is no surroundings, nor is the rim of it, beside which a robot may stand for
         // long; what is colder than they were thought is.
+        // One reading that is far off says little of them.
         if excess < i32::from(CALM) {
-            *ambient = (*ambient * KEEP_64 + reading_64 * (64 - KEEP_64)) / 64;
+            let seen = reading_64.max(*ambient - 64 * COLDER_MAX);
+            *ambient = (*ambient * KEEP_64 + seen * (64 - KEEP_64)) / 64;
         }
         i16::try_from(excess).unwrap_or(0)
     }
@@ -273,6 +278,18 @@ mod tests {
             assert!(!victims.take([left, 0], Pose::default(), &wall()));
         }
         assert_eq!(victims.are_explained(Pose::default()), [true; 2]);
+        assert_eq!(pass(&mut victims), 1);
+    }
+
+    /// A byte too many on the wire can make -2000 degrees of a reading: the hall is thought half a
+    /// degree colder for it, 150 / 32 tenths, and nobody is somebody.
+    #[test]
+    fn a_reading_far_off_is_no_cold_hall() {
+        let mut victims = Victims::new();
+        for left in [220, 220, -20_000, 220, 220, -20_000, 220, 220] {
+            assert!(!victims.take([left, 220], Pose::default(), &wall()));
+            assert_eq!(victims.are_explained(Pose::default()), [true; 2]);
+        }
         assert_eq!(pass(&mut victims), 1);
     }
 
