@@ -40,7 +40,8 @@ const STALE_CELLS: i8 = 4;
 const WITHIN_CELLS: i8 = 5;
 /// What a cell of the way costs, in unknown cells.
 const WAY_WEIGHT: i32 = 3;
-/// For each so many cells of the way, one more unknown cell must be there.
+/// For each so many cells of the way, one more unknown cell must be there, until there are as many
+/// as any door shows.
 const CRUMB_CELLS: u16 = 4;
 /// Cells at which heat is felt well enough: 0.42 m.
 const FEEL_CELLS: i16 = 14;
@@ -100,6 +101,11 @@ impl Outlook {
     pub const LARGE: u16 = 30;
     /// More than there can be: only heat counts.
     pub const NEVER: u16 = u16::MAX;
+
+    /// Unknown cells that are worth a way of so many cells.
+    fn worth_a_way_of(way: u16) -> u16 {
+        (Self::SMALL + way / CRUMB_CELLS).min(Self::LARGE)
+    }
 
     /// Whether it is worth a way.
     pub const fn is_worth_a_way(self) -> bool {
@@ -226,8 +232,7 @@ impl Frontiers {
                 return;
             }
             let outlook = scene.look(&rays, cell, &mut steps);
-            // A door shows many from near by; a few are not worth a long way.
-            let least = least.max(Outlook::SMALL + way / CRUMB_CELLS);
+            let least = least.max(Outlook::worth_a_way_of(way));
             let Some(gain) = outlook.gain(least).filter(|_| !self.stale.has(cell)) else {
                 return;
             };

@@ -207,3 +207,10 @@ fn a_few_cells_are_not_worth_a_long_way() {
     assert!(looks(2_300.0).is_some());
     assert_eq!(looks(300.0), None);
 }
+
+/// On a floor of 28 m a door is worth a way of 20 m, 667 cells, as it is one of 3 m.
+#[test]
+fn a_door_is_worth_any_way() {
+    let worth = [0, 3, 80, 96, 667, u16::MAX].map(Outlook::worth_a_way_of);
+    assert_eq!(worth, [6, 6, 26, 30, 30, 30]);
+}
