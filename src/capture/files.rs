@@ -134,14 +134,15 @@ pub(super) fn around(path: &Path) -> (Vec<PathBuf>, usize) {
     }
     let is_there = |number: &u64| aside(&newest, *number).is_file();
     let last = match number {
-        Some(number) => (number..).take_while(is_there).last().unwrap_or(number),
+        Some(number) => (number..=u64::MAX)
+            .take_while(is_there)
+            .last()
+            .unwrap_or(number),
         None => last_number(path).unwrap_or(0),
     };
     let first = (1..=last).rev().take_while(is_there).last();
-    let first = first.unwrap_or(last + 1);
-    let mut files: Vec<PathBuf> = (first..=last)
-        .map(|number| aside(&newest, number))
-        .collect();
+    let numbers = first.into_iter().flat_map(|first| first..=last);
+    let mut files: Vec<PathBuf> = numbers.map(|number| aside(&newest, number)).collect();
     if number.is_none() || newest.is_file() {
         files.push(newest);
     }

@@ -10,7 +10,7 @@ fn record(sequence: u64, kind: Kind, bytes: &[u8]) -> Record {
     Record {
         link: 1,
         sequence: Some(sequence),
-        at: Instant::from_nanos(5_000_000_123 + sequence),
+        at: Instant::from_nanos(5_000_000_123 + sequence % 1000),
         direction: Direction::ToMaster,
         kind,
         bytes: bytes.to_vec().into(),
@@ -66,6 +66,19 @@ fn what_was_written_is_read() {
     let links: Vec<_> = capture.links.iter().map(|l| (&*l.name, l.baud)).collect();
     assert_eq!(links, [("lidar", 115_200), ("base", 1_000_000)]);
     assert_eq!((capture.broken, capture.cut, capture.skipped), (None, 0, 0));
+}
+
+/// Records are numbered through; what a damaged file says of its last one may be any number.
+#[test]
+fn files_of_a_recording_follow_by_number() {
+    let of = |sequence| Capture {
+        records: vec![record(sequence, Kind::Data, &[1])],
+        ..Capture::default()
+    };
+    assert!(of(4).leads_to(&of(5)));
+    assert!(!of(4).leads_to(&of(6)) && !of(4).leads_to(&of(4)));
+    assert!(!of(u64::MAX).leads_to(&of(0)));
+    assert!(!of(4).leads_to(&Capture::default()) && !Capture::default().leads_to(&of(0)));
 }
 
 /// An option of pcapng holds less than 64 KiB.

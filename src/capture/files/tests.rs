@@ -88,3 +88,24 @@ fn a_file_that_is_no_capture_is_left_alone() {
     assert_eq!(names(&folder), ["live.pcapng"]);
     fs::remove_dir_all(folder).expect("ours");
 }
+
+/// A name may hold any number, also the last one there is, and a folder may have such a name.
+#[test]
+fn the_files_around_one_are_told_whatever_their_names() {
+    let folder = folder("around");
+    let last = folder.join(format!("live.{}.pcapng", u64::MAX));
+    let newest = folder.join("live.pcapng");
+    fs::create_dir(&last).expect("writable");
+    assert_eq!(around(&newest), (vec![newest.clone()], 0));
+    fs::remove_dir(&last).expect("ours");
+    fs::write(&last, "").expect("writable");
+    assert_eq!(around(&last), (vec![last.clone()], 0));
+    fs::write(&newest, "").expect("writable");
+    assert_eq!(around(&last), (vec![last.clone(), newest.clone()], 0));
+    assert_eq!(around(&newest), (vec![last, newest], 1));
+    for name in ["live.01.pcapng", "live.1.bin", "live.-1.pcapng"] {
+        let path = folder.join(name);
+        assert_eq!(around(&path), (vec![path.clone()], 0), "{name}");
+    }
+    fs::remove_dir_all(folder).expect("ours");
+}
