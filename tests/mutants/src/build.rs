@@ -212,6 +212,11 @@ impl<'a> Copy<'a> {
             if guilty.is_empty() {
                 guilty.extend(self.returned_before(error, files));
             }
+            if error["code"]["code"] == "E0004"
+                && let Some(taken) = self.taken_behind(error, files)
+            {
+                guilty = vec![taken];
+            }
             if guilty.is_empty() && !error["spans"].as_array().is_none_or(Vec::is_empty) {
                 unexplained.push(error["rendered"].as_str().unwrap_or("").to_owned());
             }
@@ -238,6 +243,21 @@ impl<'a> Copy<'a> {
             .filter(|(arm, mutant)| arm.end <= at && self.mutants[*mutant].genre == Genre::FnValue);
         returned
             .max_by_key(|(arm, _)| arm.end)
+            .map(|(_, mutant)| *mutant)
+    }
+
+    /// The arm that is taken away next behind the place of an error: without it the `match` that
+    /// begins there no longer names all that there is.
+    fn taken_behind(&self, error: &Value, files: &BTreeMap<&str, Switched>) -> Option<usize> {
+        let spans = error["spans"].as_array()?;
+        let span = spans.iter().find(|span| span["is_primary"] == true)?;
+        let at = usize::try_from(span["byte_end"].as_u64()?).ok()?;
+        let arms = files.get(span["file_name"].as_str()?)?.arms.iter();
+        let taken = arms.filter(|(arm, mutant)| {
+            arm.start >= at && self.mutants[*mutant].genre == Genre::MatchArm
+        });
+        taken
+            .min_by_key(|(arm, _)| arm.start)
             .map(|(_, mutant)| *mutant)
     }
 
