@@ -526,4 +526,176 @@ mod tests {
         );
         assert_eq!(display.counters().bad_reports, 1);
     }
+
+    fn area(x: i32, y: i32, width: u32, height: u32) -> Rectangle {
+        Rectangle::new(Point::new(x, y), Size::new(width, height))
+    }
+
+    /// Columns begin at 0, 106 and 212, bands each 8 rows, the last is 33. What lies beyond the
+    /// rim counts for the band at the rim, what is empty for none.
+    #[test]
+    fn what_changed_is_marked_by_columns_and_bands() {
+        let marked = |changed: Rectangle| {
+            let mut display = Display::new();
+            display.dirty = [0; 3];
+            display.mark(&changed);
+            display.dirty
+        };
+        assert_eq!(marked(area(105, 7, 1, 1)), [1, 0, 0]);
+        assert_eq!(marked(area(106, 8, 1, 1)), [0, 2, 0]);
+        assert_eq!(marked(area(105, 15, 2, 2)), [0b110, 0b110, 0]);
+        assert_eq!(marked(area(211, 40, 2, 1)), [0, 32, 32]);
+        assert_eq!(marked(area(212, 40, 268, 9)), [0, 0, 96]);
+        assert_eq!(marked(area(0, -20, 10, 21)), [1, 0, 0]);
+        assert_eq!(marked(area(300, 270, 10, 30)), [0, 0, 1 << 33]);
+        assert_eq!(marked(area(-10, 0, 10, 8)), [0; 3]);
+        assert_eq!(marked(area(479, 0, 50, 272)), [0, 0, (1 << 34) - 1]);
+        assert_eq!(marked(area(480, 0, 50, 272)), [0; 3]);
+        assert_eq!(marked(area(5, 5, 0, 9)), [0; 3]);
+    }
+
+    /// The widest column's third band: columns 212 to 479, rows 16 to 23.
+    #[test]
+    fn a_tile_holds_what_lies_in_it() {
+        let mut tile = Tile::new(2, 2);
+        assert!(tile.touches(&area(0, 0, 213, 17)) && !tile.touches(&area(0, 0, 213, 16)));
+        assert!(!tile.touches(&area(0, 0, 212, 300)) && tile.touches(&area(479, 23, 9, 9)));
+        assert!(!tile.touches(&area(400, 24, 9, 9)) && !tile.touches(&area(480, 20, 9, 9)));
+        assert_eq!(tile.part_of(&area(200, 20, 20, 20)), (212..220, 20..24));
+        tile.put(212, 16, Rgb565::RED);
+        tile.put(479, 23, Rgb565::GREEN);
+        let inside = tile.pixels;
+        for (x, y) in [(211, 16), (480, 16), (300, 15), (300, 24), (0, 0)] {
+            tile.put(x, y, Rgb565::BLUE);
+        }
+        assert!(tile.pixels == inside);
+        assert_eq!(tile.pixels[0], Rgb565::RED.into_storage());
+        assert_eq!(tile.pixels[7 * 268 + 267], Rgb565::GREEN.into_storage());
+        assert_eq!(tile.row(7)[267], Rgb565::GREEN.into_storage());
+        let Ok(()) = tile.fill_solid(&area(210, 18, 4, 2), Rgb565::WHITE);
+        let white = Rgb565::WHITE.into_storage();
+        assert_eq!([tile.row(2)[1], tile.row(3)[0]], [white; 2]);
+        assert_eq!(
+            tile.pixels.iter().filter(|pixel| **pixel == white).count(),
+            4
+        );
+    }
+
+    /// Pixels of a row by their columns on the display; none if any of them is another tile's.
+    #[test]
+    fn pixels_of_a_tile_are_found_by_their_place() {
+        let mut tile = Tile::new(1, 1);
+        tile.pixels_mut(9, 110..113).fill(7);
+        assert_eq!(tile.pixels[106 + 3..106 + 8], [0, 7, 7, 7, 0]);
+        let mut len = |y, columns| tile.pixels_mut(y, columns).len();
+        assert_eq!(
+            [len(8, 106..212), len(15, 211..212), len(15, 106..106)],
+            [106, 1, 0]
+        );
+        assert_eq!([len(8, 106..213), len(8, 105..212)], [0; 2]);
+        assert_eq!([len(7, 106..212), len(16, 106..212)], [0; 2]);
+    }
+
+    /// From the third band of the second column on: the rest of that column, the next two, and the
+    /// begin of its own last.
+    #[test]
+    fn tiles_take_turns() {
+        let mut display = Display::new();
+        display.next = 34 + 2;
+        display.dirty = [1 << 5, 0b11, 1 << 33];
+        let mut turns = Vec::new();
+        while let Some((column, band)) = display.next_tile() {
+            display.dirty[column] &= !(1 << band);
+            display.next += 1;
+            turns.push((column, band));
+        }
+        assert_eq!(turns, [(2, 33), (0, 5), (1, 0), (1, 1)]);
+        display.dirty[1] = 1 << 2;
+        display.next = 102 + 36;
+        assert_eq!((display.next_tile(), display.next), (Some((1, 2)), 36));
+    }
+
+    /// FNV-1a (Fowler, Noll and Vo) of a zero is 0x050C5D1F, folded 0x5813; each 8 rows are a band.
+    #[test]
+    fn a_row_is_remembered_by_sixteen_bits() {
+        assert_eq!(sum_of(&[0]), 0x5813);
+        assert_eq!(sum_of(&[]), 0x811C ^ 0x9DC5);
+        assert_ne!(sum_of(&[1, 2]), sum_of(&[2, 1]));
+        assert_eq!([rows_of(0), rows_of(33)], [0..=7, 264..=271]);
+    }
+
+    /// 4096 readings across: 4095 is the last pixel, 8 of 480 the first yet, 9 the second.
+    #[test]
+    fn a_reading_lies_in_a_pixel() {
+        let across = [0, 8, 9, 2047, 2048, 4095].map(|reading| scaled(reading, WIDTH));
+        assert_eq!(across, [0, 0, 1, 239, 240, 479]);
+        assert_eq!(scaled(4095, HEIGHT), 271);
+    }
+
+    /// Up to a tenth of a second without word from the pen it is down; half a report is waited for
+    /// for less than 10 ms. Taps, and rows that were sent, are counted.
+    #[test]
+    fn a_pen_and_a_report_are_given_up_when_nothing_comes() {
+        let down = report(Contact::Down, [0, 0]);
+        let second_tap = |millis: u64| {
+            let mut display = Display::new();
+            display.receive(Instant::from_millis(50), &down);
+            display.receive(Instant::from_millis(50 + millis), &down);
+            display.counters().taps
+        };
+        assert_eq!([second_tap(99), second_tap(100)], [1, 2]);
+        let halves = |millis: u64| {
+            let mut display = Display::new();
+            display.receive(Instant::from_millis(50), &down[..4]);
+            display.receive(Instant::from_millis(50 + millis), &down[4..]);
+            display.counters().taps
+        };
+        assert_eq!([halves(9), halves(10)], [1, 0]);
+    }
+
+    /// A tile is sent anew at once and each third of a second: the display is switched on again,
+    /// the tile's rows are forgotten, and the tile after the last of all is the first.
+    #[test]
+    fn tiles_are_sent_anew_in_turn() {
+        let mut display = Display::new();
+        (display.dirty, display.sums) = ([0; 3], [[5; ROWS]; 3]);
+        display.heal = 34 + 33;
+        display.send_anew(Instant::from_millis(7));
+        assert_eq!(display.heal_at, Instant::from_millis(340));
+        assert_eq!((display.dirty, display.heal), ([0, 1 << 33, 0], 68));
+        let forgotten = |sums: &[u16]| sums.iter().filter(|sum| **sum == 0).count();
+        assert_eq!(display.sums.map(|sums| forgotten(&sums)), [0, 8, 0]);
+        assert_eq!(display.sums[1][263..265], [5, 0]);
+        let mut buf = [0; 64];
+        let len = display.transmit(&mut buf);
+        assert_eq!(buf[..len], panel::encode_switch(panel::ON));
+        display.heal = 101;
+        display.send_anew(Instant::from_millis(400));
+        assert_eq!((display.heal, display.dirty[2]), (0, 1 << 33));
+    }
+
+    /// A tile of 8 rows of 268 pixels as noise takes 543 bytes a row: two fit at a time, and the
+    /// rows that did not go are sent with the next ones.
+    #[test]
+    fn a_tile_that_does_not_fit_goes_on_where_it_stopped() {
+        let (mut display, mut far) = (Display::new(), far());
+        display.dirty = [0, 0, 1];
+        display.heal_at = Instant::from_millis(1_000);
+        let mut noise = 1_u16;
+        let mut tile = Tile::new(2, 0);
+        for pixel in &mut tile.pixels {
+            noise = noise.wrapping_mul(25_173).wrapping_add(13_849);
+            *pixel = noise;
+        }
+        let mut rows = Vec::new();
+        while display.has_work(Instant::ZERO) {
+            display.paint(Instant::ZERO, |drawn| drawn.pixels = tile.pixels);
+            assert!(display.has_output());
+            rows.push(display.counters().rows);
+            far.take(&mut display);
+        }
+        assert_eq!(rows, [2, 4, 6, 8]);
+        assert_eq!(far.pixels[480 * 7 + 212..][..268], *tile.row(7));
+        assert_eq!((display.dirty, display.has_output()), ([0; 3], false));
+    }
 }

@@ -92,4 +92,42 @@ mod tests {
         assert!((squares / 1e4 - 4.0_f64).abs() < 0.23, "{squares}");
         assert!((beyond / 1e4 - 0.3173_f64).abs() < 0.019, "{beyond}");
     }
+
+    /// As the paper's Python in eight lines computes them: PCG XSH-RR 64/32 (O'Neill 2014) of
+    /// PCG's own stream, seed 42.
+    #[test]
+    fn numbers_are_those_of_the_paper() {
+        let mut random = Pcg32::new(42);
+        let drawn = [(); 6].map(|()| random.next_u32());
+        let expected = [
+            0xC2F5_7BD6,
+            0x6B07_C4A9,
+            0x72B7_B29B,
+            0x4421_5383,
+            0xF5AF_5EAD,
+            0x68BE_B632,
+        ];
+        assert_eq!(drawn, expected);
+    }
+
+    /// 0xC2F5 and 0x6B07 of 0x1_0000 are 0.7616 and 0.4181: of a thousand 761 and 418. Without a
+    /// limit half of what was drawn.
+    #[test]
+    fn a_number_below_a_limit_is_its_part_of_all() {
+        let mut random = Pcg32::new(42);
+        assert_eq!([random.below(1_000), random.below(1_000)], [761, 418]);
+        assert_eq!(random.below(0), 0x72B7_B29B / 2);
+    }
+
+    /// The parts of one that these six are; Box and Muller take two of them for each number.
+    #[cfg(feature = "host")]
+    #[test]
+    fn unit_and_normal_numbers_are_made_of_draws() {
+        let mut random = Pcg32::new(42);
+        let units = [(); 2].map(|()| random.unit());
+        assert!((units[0] - 0.761_558).abs() < 1e-6 && (units[1] - 0.418_087).abs() < 1e-6);
+        let mut random = Pcg32::new(42);
+        // sqrt(-2 ln(1 - 0.761558)) = 1.693299; cos(2 pi 0.418087) = -0.870454; times three.
+        assert!((random.normal(3.0) + 4.421_815).abs() < 1e-4);
+    }
 }

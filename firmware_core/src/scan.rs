@@ -646,4 +646,120 @@ mod tests {
         let scan = Scan::from_points(&points, Instant::ZERO, Instant::ZERO);
         assert_eq!((scan.points().len(), scan.beams()[359]), (BEAMS, 359));
     }
+
+    /// Each half second without packets costs the turn that was begun, none the whole ones.
+    #[test]
+    fn turns_that_were_given_up_are_counted() {
+        let mut assembler = TurnAssembler::new(MOUNTING);
+        assert_eq!(assembler.abandoned(), 0);
+        feed(&mut assembler, 0, 1000, &[]);
+        assert_eq!((assembler.abandoned(), assembler.turn().packets), (0, 90));
+        for count in 1..4 {
+            let at = arrival(10 * u64::from(count), 5);
+            assembler.push(at, &packet(5, range(1000)));
+            assert_eq!(assembler.abandoned(), count - 1);
+        }
+        assert_eq!(assembler.speed_rpm(), 300.0);
+    }
+
+    /// A turn may take half a second less a nanosecond.
+    #[test]
+    fn a_pause_of_half_a_second_ends_a_turn() {
+        let ends_after = |pause: Duration| {
+            let mut assembler = TurnAssembler::new(MOUNTING);
+            assembler.push(Instant::from_millis(1), &packet(3, range(1000)));
+            let at = Instant::from_millis(1) + pause;
+            assembler.push(at, &packet(4, range(1000)));
+            (assembler.abandoned(), assembler.building.packets)
+        };
+        let half = Duration::from_millis(500);
+        assert_eq!(ends_after(half - Duration::from_nanos(1)), (0, 2));
+        assert_eq!(ends_after(half), (1, 1));
+    }
+
+    /// 3,840,000,000,000 nanoseconds by 64 times the speed: 300 rpm are 200 ms, 240 rpm 250 ms, and
+    /// 120 rpm just half a second. Slower than that, or no speed at all, is taken for 300.
+    #[test]
+    fn a_turn_lasts_as_long_as_the_reported_speed_says() {
+        let ms = |word: u16| reported_period(SpeedWord(word)).as_micros();
+        assert_eq!(
+            [300, 240, 120].map(|rpm| ms(rpm * 64)),
+            [200_000, 250_000, 500_000]
+        );
+        assert_eq!([ms(119 * 64), ms(1), ms(0)], [200_000; 3]);
+        assert_eq!(ms(400 * 64), 150_000);
+    }
+
+    /// Packets 10 and 60 arrive 50 / 90 of a turn of 210 ms apart: that is 5 % longer than what is
+    /// reported, and believed. The last packet comes 29 / 90 of it later, the beams a delay before;
+    /// 44 packets are too few, and 225 ms too far off: 200 ms.
+    #[test]
+    fn a_turn_is_timed_by_its_packets_if_they_agree_with_its_speed() {
+        let span = |turn_us: u64, first: u8, last: u8| {
+            let mut assembler = TurnAssembler::new(Mounting {
+                delay: Duration::from_millis(2),
+                ..MOUNTING
+            });
+            assembler.speed = SpeedWord(300 * 64);
+            let at = |index: u8| {
+                Instant::from_nanos(1_000_000_000 + turn_us * 1_000 * u64::from(index) / 90)
+            };
+            let arrival = |index| Arrival {
+                at: at(index),
+                index,
+            };
+            let (start, end) = assembler.span(arrival(first), arrival(last));
+            [start, end].map(|at| (at - Instant::ZERO).as_micros())
+        };
+        // Packet 89 comes at 1 s + 89 / 90 of a turn.
+        assert_eq!(span(210_000, 10, 60), [995_666, 1_205_666]);
+        assert_eq!(span(210_000, 10, 55), [995_666, 1_205_666]);
+        // 1 s + 54 / 90 of 210 ms + 35 / 90 of 200 ms, less 2 ms and 200 ms.
+        assert_eq!(span(210_000, 10, 54), [1_001_777, 1_201_777]);
+        assert_eq!(span(225_000, 10, 60), [1_012_444, 1_212_444]);
+        assert_eq!(span(181_000, 0, 89), [995_988, 1_176_988]);
+        assert_eq!(span(179_000, 0, 89), [975_011, 1_175_011]);
+    }
+
+    /// 45 beams are a part; 67 beams are one part and 22 of 45.
+    #[test]
+    fn beams_lie_in_eight_parts_of_a_turn() {
+        let is = |beam, knot, share: f32| {
+            let found = knot_of(beam);
+            found.0 == knot && (found.1 - share).abs() < 1e-6
+        };
+        assert!(is(0, 0, 0.0) && is(44, 0, 44.0 / 45.0) && is(45, 1, 0.0));
+        assert!(is(67, 1, 22.0 / 45.0) && is(359, 7, 44.0 / 45.0) && is(400, 7, 44.0 / 45.0));
+        assert_eq!(lerp(10.0, 30.0, 0.25), 15.0);
+    }
+
+    /// A lidar 100 mm before the axle of a robot that turns by 90 degrees to the left in a turn:
+    /// when it was begun the robot, as seen now, looked to the right, and the lidar was there.
+    #[test]
+    fn a_turning_robot_s_lidar_swings_around_its_axle() {
+        let mut odometry = Odometry::new(DRIVE);
+        odometry.update(Instant::ZERO, [0, 0]);
+        // 90 degrees of 130 mm to either side are 204.2 mm, 450 ticks of 0.45379 mm.
+        odometry.update(Instant::from_millis(500), [-450, 450]);
+        let mut turn = Turn {
+            end: Instant::from_millis(500),
+            ..Turn::EMPTY
+        };
+        turn.distances_mm[0] = 1000;
+        turn.distances_mm[180] = 1000;
+        let ahead = Mounting {
+            position: Point::new(100.0, 0.0),
+            first_bearing: 0.0,
+            ..MOUNTING
+        };
+        let scan = Scan::deskewed(&turn, &ahead, &odometry);
+        let near = |found: Point, x, y| found.distance_mm(Point::new(x, y)) < 3.0;
+        assert!(near(scan.origin(0), 0.0, -100.0), "{:?}", scan.origin(0));
+        assert!(near(scan.points()[0], 0.0, -1100.0), "{:?}", scan.points());
+        // Half way through it looked 45 degrees to the right; beam 180 looks back.
+        let half = libm::sqrtf(0.5);
+        assert!(near(scan.origin(180), 100.0 * half, -100.0 * half));
+        assert!(near(scan.points()[1], -900.0 * half, 900.0 * half));
+        assert_eq!(scan.beams(), [0, 180]);
+    }
 }

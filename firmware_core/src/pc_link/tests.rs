@@ -126,3 +126,125 @@ fn a_list_goes_out_before_the_next_row() {
         Some([-20, 5])
     );
 }
+
+/// Each 50 ms from when it was due; who is late by more begins anew.
+#[test]
+fn a_late_period_is_not_made_up_for() {
+    let period = Duration::from_millis(50);
+    let next = |due, now| next_period(at(due), period, at(now));
+    assert_eq!(
+        [next(0, 0), next(0, 49), next(100, 120)],
+        [50, 50, 150].map(at)
+    );
+    assert_eq!([next(0, 50), next(0, 51)], [100, 101].map(at));
+}
+
+/// 12,000 bytes a second: 12 are a millisecond. No pace at all is one byte a second.
+#[test]
+fn bytes_pass_at_their_pace() {
+    assert_eq!(passing(12, 12_000), Duration::from_millis(1));
+    assert_eq!(passing(30_000, 12_000), Duration::from_millis(2_500));
+    assert_eq!(passing(3, 0), Duration::from_secs(3));
+}
+
+/// What does not fit into 16 bits, or is below 0, is told as near as can be.
+#[test]
+fn millimetres_are_told_whole() {
+    let told = [-5.0, 0.49, 20.5, 6_000.4, 70_000.0].map(whole);
+    assert_eq!(told, [0, 0, 21, 6_000, u16::MAX]);
+    let robot = Robot::new();
+    let side = u16::try_from(crate::grid::SIDE).expect("small");
+    let properties = properties(&robot.view());
+    assert_eq!(properties.size_mm, [side * 20; 2]);
+    assert_eq!((properties.resolution_mm, properties.psi_deg), (20, 90));
+    assert_eq!(properties.position_mm, [1_000, 1_000]);
+}
+
+/// What goes beyond what the radio has room for waits for as long as that takes; what comes
+/// behind waits too, and half of that room is freed at a time.
+#[test]
+fn what_the_radio_has_no_room_for_waits() {
+    let mut link = link(Some(1_000));
+    let most = u64::try_from(AT_ONCE).expect("small");
+    link.hold(at(5), AT_ONCE, 1_000);
+    assert_eq!(link.held, 0);
+    link.hold(at(5), AT_ONCE + 700, 1_000);
+    assert_eq!((link.held, link.release_at), (700, at(5 + most)));
+    link.hold(at(6), 20, 1_000);
+    assert_eq!((link.held, link.release_at), (720, at(5 + most)));
+    link.pose_at = at(60_000);
+    (link.state_at, link.row_at) = (link.pose_at, link.pose_at);
+    assert_eq!(link.next_at(), at(5 + most));
+    link.tx.push(&[7; 1_000]);
+    assert_eq!(sent(&mut link).len(), 280);
+    link.release(at(4 + most));
+    assert_eq!(link.held, 720);
+    link.release(at(5 + most));
+    let half = AT_ONCE / 2;
+    let part = u64::try_from(half.min(720)).expect("small");
+    assert_eq!(
+        (link.held, link.release_at),
+        (720 - half.min(720), at(5 + most + part))
+    );
+    assert_eq!(sent(&mut link).len(), half.min(720));
+    link.release(at(60_000));
+    assert_eq!((link.held, sent(&mut link).len()), (0, 720 - half.min(720)));
+}
+
+/// State five times a second, how the robot is each second and only if that is asked for; the
+/// pose each 50 ms.
+#[test]
+fn each_frame_has_its_period() {
+    let count = |diagnosis| {
+        let robot = Robot::new();
+        let mut link = PcLink::new(Settings {
+            diagnosis,
+            ..Settings::default()
+        });
+        let mut bytes = Vec::new();
+        for millis in 0..2_000 {
+            link.tick(at(millis), &robot.view());
+            bytes.extend(sent(&mut link));
+        }
+        let mut decoder = pcui::Decoder::default();
+        let frames: Vec<_> = decoder.push(&bytes).flatten().collect();
+        let of = |id: &[u8; 3]| frames.iter().filter(|frame| frame.id() == *id).count();
+        let [poses, states] = [of(b"MPD"), of(b"STA")];
+        let rows = of(b"MAR");
+        assert_eq!(u32::try_from(rows), Ok(link.counters().rows));
+        assert_eq!(u32::try_from(frames.len()), Ok(link.counters().sent));
+        (poses, states, frames.len() - poses - states - rows)
+    };
+    assert_eq!(count(Diagnose::Nothing), (40, 10, 0));
+    assert_eq!(count(Diagnose::EachSecond), (40, 10, 4));
+}
+
+/// A row too many is the first again; while too much waits none is added.
+#[test]
+fn rows_go_round_and_stop_while_the_queue_is_long() {
+    let (mut link, robot) = (link(None), Robot::new());
+    let mut frame = [0; FRAME_MAX];
+    let side = u16::try_from(crate::grid::SIDE).expect("small");
+    link.row = side - 1;
+    link.tick_row(at(3), &robot.view(), &mut frame);
+    assert_eq!(
+        (link.row, link.row_at, link.counters.rows),
+        (side, at(3), 1)
+    );
+    link.tick_row(at(3), &robot.view(), &mut frame);
+    assert_eq!((link.row, link.counters.rows), (0, 1));
+    sent(&mut link);
+    link.tx.push(&[0; ROWS_BELOW + 1]);
+    link.tick_row(at(7), &robot.view(), &mut frame);
+    assert_eq!((link.row, link.row_at), (0, at(12)));
+    // 24 bytes of a row on top of what is not too much yet.
+    sent(&mut link);
+    link.tx.push(&[0; ROWS_BELOW]);
+    link.tick_row(at(20), &robot.view(), &mut frame);
+    assert_eq!((link.row, link.row_at), (1, at(25)));
+    let mut few = [0; 23];
+    link.transmit(&mut few);
+    assert_eq!(link.row_at, at(25));
+    link.transmit(&mut few[..1]);
+    assert_eq!(link.row_at, at(0));
+}

@@ -175,4 +175,75 @@ mod tests {
         assert!(at(18).agreement() > 0.99 && at(18).tells_something());
         assert!(at(10).agreement() < 0.01 && at(30).agreement() < 0.01);
     }
+
+    fn evidence(hits: u32, misses: u32, of: u32) -> Evidence {
+        Evidence { hits, misses, of }
+    }
+
+    /// One of four points tells enough, one of five does not.
+    #[test]
+    fn a_quarter_of_the_points_tells_whether_a_scan_agrees() {
+        let agreement = |hits, misses, of| evidence(hits, misses, of).agreement();
+        assert_eq!(agreement(0, 1, 4), 0.0);
+        assert_eq!(agreement(0, 1, 5), 1.0);
+        assert_eq!(agreement(3, 1, 16), 0.75);
+    }
+
+    /// Of 80 points, an eighth are 10: 20 less 5 is 15, and 10 more than 8 less 3, or 9 less 4.
+    #[test]
+    fn a_place_is_better_by_an_eighth_of_all_points() {
+        let here = evidence(20, 5, 80);
+        assert!(here.exceeds(&evidence(8, 3, 80)) && here.exceeds(&evidence(9, 4, 80)));
+        assert!(!here.exceeds(&evidence(8, 2, 80)) && !here.exceeds(&evidence(9, 3, 80)));
+        assert!(evidence(2, 1, 8).exceeds(&evidence(0, 0, 8)));
+        assert!(!evidence(1, 1, 8).exceeds(&evidence(0, 0, 8)));
+    }
+
+    /// Three of eight tell something, four of eight are most.
+    #[test]
+    fn points_that_hit_or_miss_tell_something() {
+        assert!(evidence(2, 1, 8).tells_something() && !evidence(1, 1, 8).tells_something());
+        assert!(evidence(0, 6, 16).tells_something() && !evidence(5, 0, 16).tells_something());
+        assert!(evidence(3, 1, 8).is_broad() && !evidence(2, 1, 8).is_broad());
+        assert!(evidence(8, 0, 16).is_broad() && !evidence(0, 7, 16).is_broad());
+    }
+
+    /// 127 was never seen; darker by up to 20 is wall or its rim, brighter is free.
+    #[test]
+    fn a_cell_is_wall_from_a_little_below_unknown_on() {
+        let seen = [0, 106, 107, 126, 128, 200].map(|value| {
+            let mut grid = Grid::<9, 1>::new(10.0);
+            grid.set(4, 0, value);
+            let found = Evidence::of(&grid, &[[64, 0]], Pose::new(5.0, 5.0, 0.0));
+            [found.hits, found.misses, found.of]
+        });
+        let [hit, miss] = [[1, 0, 1], [0, 1, 1]];
+        assert_eq!(seen, [miss, miss, hit, hit, hit, hit]);
+    }
+
+    /// What is two cells away on both sides, along either axis or across, is what a gap is; what
+    /// is only on one side, or wall there and free here, is not.
+    #[test]
+    fn a_gap_is_two_cells_from_its_sides() {
+        let gap = |sides: [((i32, i32), u8); 2]| {
+            let value_at = |cell| {
+                sides
+                    .iter()
+                    .find(|(at, _)| *at == cell)
+                    .map_or(127, |it| it.1)
+            };
+            in_gap(value_at, (10, 20))
+        };
+        for (dx, dy) in [(2, 0), (0, 2), (2, 2), (2, -2)] {
+            let sides = [(10 + dx, 20 + dy), (10 - dx, 20 - dy)];
+            let of = |one, other| gap([(sides[0], one), (sides[1], other)]);
+            assert_eq!([of(0, 0), of(0, 90), of(106, 5)], [0, 90, 106]);
+            assert_eq!([of(255, 255), of(128, 200)], [255, 200]);
+            assert_eq!(
+                [of(0, 127), of(255, 127), of(0, 255), of(107, 0)],
+                [UNKNOWN; 4]
+            );
+        }
+        assert_eq!(gap([((11, 20), 0), ((9, 20), 0)]), UNKNOWN);
+    }
 }

@@ -484,4 +484,137 @@ mod tests {
         seen[130] = SURE - 1;
         assert!(sure(&seen).eq([3, 4, 63, 64, 199]));
     }
+
+    /// The cells of a row of the plan that were seen so often more than seen through.
+    fn row(floor: &Floor, row: usize, times: i8) -> Vec<usize> {
+        let cells = floor.seen[row * 60..][..60].iter().enumerate();
+        cells
+            .filter(|(_, seen)| **seen == times)
+            .map(|(at, _)| at)
+            .collect()
+    }
+
+    /// From 0.025 m on in steps of a cell, 5 cm, up to one cell and a half before what is there:
+    /// 0.925 m, so 0.9 m is the last, cell 18. What is farther away than 3 m clears up to 2.925 m:
+    /// 2.9 m is cell 58. Where nothing is, the camera is blind up to 0.55 m, cell 11.
+    #[test]
+    fn a_beam_clears_what_lies_before_its_end() {
+        let cleared = |range_m| {
+            let mut floor = empty();
+            floor.see(SCANNER, &[beam(range_m)]);
+            assert_eq!([row(&floor, 9, -1), row(&floor, 11, -1)], [[], []]);
+            row(&floor, 10, -1)
+        };
+        assert!(cleared(1.0).into_iter().eq(0..=18));
+        assert!(cleared(2.6).into_iter().eq(0..=50));
+        assert!(cleared(50.0).into_iter().eq(0..=58));
+        assert!(cleared(f64::INFINITY).into_iter().eq(11..=58));
+    }
+
+    /// Eight tenths of a cell at 3 m are 0.01333 rad: a beam 0.013 rad beside the last one that
+    /// cleared does not, one of 0.0134 rad to the other side does. From 0.53 m up, 2.9 m away, they
+    /// are in the next rows.
+    #[test]
+    fn beams_that_clear_lie_apart_where_they_end() {
+        let mut floor = empty();
+        let scanner = CarPose {
+            y_m: 0.53,
+            ..SCANNER
+        };
+        let beams = [0.0, 0.013, -0.0134].map(|bearing_rad| Beam {
+            bearing_rad,
+            range_m: 4.0,
+        });
+        floor.see(scanner, &beams);
+        assert_eq!(row(&floor, 11, -1), []);
+        assert!(row(&floor, 9, -1).contains(&58));
+        // What met nothing at all at no distance keeps no other from clearing.
+        let mut floor = empty();
+        let beams = [0.0, 2.0].map(beam);
+        floor.see(SCANNER, &beams);
+        assert!(row(&floor, 10, -1).contains(&30));
+    }
+
+    /// 2.5 m away, in cell 50, something is entered, a step farther not. Who was seen often is
+    /// believed for five scans that see through him, what was always open after three.
+    #[test]
+    fn what_was_seen_often_is_believed_longer() {
+        let mut floor = empty();
+        let scans = |floor: &mut Floor, range_m, times: usize| {
+            (0..times)
+                .filter(|_| floor.see(SCANNER, &[beam(range_m)]))
+                .count()
+        };
+        assert_eq!(scans(&mut floor, 2.5, 1), 0);
+        assert_eq!(row(&floor, 10, 1), [50]);
+        scans(&mut floor, 2.55, 3);
+        assert_eq!(row(&floor, 10, 1), [50]);
+        let mut floor = empty();
+        assert_eq!(scans(&mut floor, 1.0, 10), 1);
+        assert_eq!(row(&floor, 10, COUNT_MAX), [20]);
+        assert_eq!(
+            (scans(&mut floor, 2.9, 4), scans(&mut floor, 2.9, 1)),
+            (0, 1)
+        );
+        scans(&mut floor, 2.9, 10);
+        assert_eq!(
+            (scans(&mut floor, 1.0, 2), scans(&mut floor, 1.0, 1)),
+            (0, 1)
+        );
+        let view = floor.view().expect("a map");
+        assert_eq!(view.get(20, 10), Some(crate::grid::OBSTACLE));
+        scans(&mut floor, 2.9, 1);
+        let view = floor.view().expect("a map");
+        assert_eq!(view.get(20, 10), Some(crate::grid::FREE));
+    }
+
+    /// 0.25 m away a cone of 0.38 rad to either side is 9.3 cm wide: from 0.432 m, row 8, in steps
+    /// of 0.1 rad up to 0.604 m, row 12; all at 0.257 m to 0.275 m, column 5.
+    #[test]
+    fn a_near_echo_is_in_the_way_across_its_cone() {
+        let heard = |range_m| {
+            let mut floor = empty();
+            floor.hear(Instant::ZERO, SCANNER, range_m);
+            let at: Vec<usize> = floor.heard.keys().copied().collect();
+            at
+        };
+        let across: Vec<usize> = (8..=12).map(|row| row * 60 + 5).collect();
+        assert_eq!([heard(0.25), heard(0.27)], [across.clone(), across]);
+        assert_eq!([heard(0.275), heard(f64::INFINITY)], [[], []]);
+        // Two metres away three rays of a tenth of a radian clear 0.192 m to either side.
+        let mut floor = empty();
+        floor.hear(Instant::ZERO, SCANNER, 2.0);
+        assert!([7, 10, 13].map(|at| row(&floor, at, -1).contains(&35)) == [true; 3]);
+        assert!(row(&floor, 5, -1).is_empty() && row(&floor, 15, -1).is_empty());
+        let mut floor = empty();
+        floor.hear(Instant::ZERO, SCANNER, 0.25);
+        let places: Vec<[f64; 2]> = floor.in_the_way().collect();
+        assert!((places[0][0] - 0.275).abs() < 1e-9 && (places[0][1] - 0.425).abs() < 1e-9);
+        assert_eq!(places.len(), 5);
+    }
+
+    /// A plan whose corner is at (-1, -0.5): of the places of markers those on it count, and are
+    /// given up with the next ones.
+    #[test]
+    fn markers_stand_where_they_were_seen_last() {
+        let mut plan = empty().plan().clone();
+        plan.origin_m = [-1.0, -0.5];
+        let mut floor = Floor::new(plan, INFLATION);
+        let places = [
+            [-0.98, -0.48],
+            [1.98, 0.48],
+            [2.01, 0.0],
+            [0.0, 0.51],
+            [-1.01, 0.0],
+        ];
+        floor.stand(places.into_iter());
+        assert!(floor.posts.iter().copied().eq([0, 19 * 60 + 59]));
+        assert!(floor.costs(Instant::ZERO).unwrap().is_obstacle([59, 19]));
+        let found: Vec<[f64; 2]> = floor.in_the_way().collect();
+        assert!((found[1][0] - 1.975).abs() < 1e-9 && (found[1][1] - 0.475).abs() < 1e-9);
+        floor.stand([[0.01, 0.01]].into_iter());
+        assert!(floor.posts.iter().copied().eq([10 * 60 + 20]));
+        assert!(!floor.costs(Instant::ZERO).unwrap().is_obstacle([59, 19]));
+        assert!(floor.costs(Instant::ZERO).unwrap().is_obstacle([20, 10]));
+    }
 }

@@ -72,6 +72,8 @@ impl RawLines {
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+
     use super::*;
 
     fn raw(distance: f64, rate_dps: f64) -> Raw {
@@ -109,5 +111,47 @@ mod tests {
         let before = lines.read(&raw(1.001, 0.0));
         let after = lines.read(&raw(0.0, 0.0));
         assert!(after.time_s < before.time_s && after.distance_m == 0.0);
+    }
+
+    /// Lines of 10.03 ms: what turns in the fiftieth, after half a second, is learned with 10.03
+    /// of 500 parts; of 1 degree a second above the first line's there remain 0.97994. A count of
+    /// the encoder begins the half second anew.
+    #[test]
+    fn an_offset_is_learned_after_half_a_second_at_rest() {
+        let mut lines = RawLines::default();
+        let mut rate_dps = |distance, rate| {
+            let reading = lines.read(&raw(distance, rate));
+            reading.rate_rad_s.to_degrees()
+        };
+        assert_eq!(rate_dps(0.0, 1.0), 0.0);
+        let rates: std::vec::Vec<f64> = (2..=50).map(|_| rate_dps(0.0, 2.0)).collect();
+        assert!(rates[..48].iter().all(|rate| (rate - 1.0).abs() < 1e-9));
+        assert!((rates[48] - 0.979_94).abs() < 1e-9, "{}", rates[48]);
+        let moved = rate_dps(0.01, 2.0);
+        assert!((moved - 0.979_94).abs() < 1e-9, "{moved}");
+        let rests: std::vec::Vec<f64> = (1..=50).map(|_| rate_dps(0.01, 2.0)).collect();
+        assert!(
+            rests[..49]
+                .iter()
+                .all(|rate| (rate - 0.979_94).abs() < 1e-9)
+        );
+        assert!((rests[49] - 0.979_94 * 0.979_94).abs() < 1e-9);
+    }
+
+    /// Three lines: 3 cm, 30.09 ms, and turned by 2 degrees a second for two of them. A way that
+    /// falls back to nothing from 5 cm is a way; from more it is a board that was reset.
+    #[test]
+    fn ways_times_and_turns_add_up_until_a_reset() {
+        let mut lines = RawLines::default();
+        lines.read(&raw(0.02, 0.0));
+        lines.read(&raw(0.03, 2.0));
+        let told = lines.read(&raw(0.05, 2.0));
+        assert!((told.distance_m - 0.03).abs() < 1e-12 && (told.time_s - 0.030_09).abs() < 1e-12);
+        assert!((told.yaw_rad.to_degrees() - 0.040_12).abs() < 1e-12);
+        let back = lines.read(&raw(0.0, 0.0));
+        assert!((back.time_s - 0.040_12).abs() < 1e-12);
+        lines.read(&raw(-0.051, 0.0));
+        let reset = lines.read(&raw(0.0, 0.0));
+        assert!((reset.time_s - 0.010_03).abs() < 1e-12 && reset.distance_m == 0.0);
     }
 }

@@ -211,3 +211,132 @@ impl Lidar {
         self.turn_at = at;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use protocols::xv11::{Frame, RawReading, SpeedWord};
+
+    use super::*;
+
+    fn lidar() -> Lidar {
+        Lidar::new(LineConfig::new_8n1(xv11::BAUD), &Config::default())
+    }
+
+    fn at(millis: u64) -> Instant {
+        Instant::from_millis(millis)
+    }
+
+    /// Packets of a turn of 200 ms that begins at `start`, but those.
+    fn turn(lidar: &mut Lidar, start: u64, lost: core::ops::Range<u8>) {
+        for index in (0..90_u8).filter(|index| !lost.contains(index)) {
+            let packet = Frame::new(index, SpeedWord(300 * 64), [RawReading([0; 4]); 4]);
+            let end = at(start) + Duration::from_micros(2_222) * (u32::from(index) + 1);
+            lidar.receive(end, packet.as_bytes());
+        }
+    }
+
+    /// Two turns; of the second, which nobody has asked for yet, ten packets in a row are lost.
+    #[test]
+    fn turns_and_packets_are_counted() {
+        let mut lidar = lidar();
+        assert!(!lidar.sees() && !lidar.has_turn());
+        turn(&mut lidar, 0, 0..0);
+        assert!(lidar.sees() && lidar.has_turn() && lidar.is_steady());
+        turn(&mut lidar, 200, 40..50);
+        let counters = &lidar.counters;
+        assert_eq!((counters.packets, counters.lost_packets), (170, 10));
+        assert_eq!((counters.turns, counters.skipped_turns), (2, 1));
+        assert!(lidar.is_steady());
+        assert_eq!(lidar.take_turn().packets, 80);
+        assert!(!lidar.has_turn());
+        turn(&mut lidar, 400, 40..51);
+        assert!(!lidar.is_steady() && lidar.has_turn());
+        assert_eq!(
+            (lidar.counters.skipped_turns, lidar.counters.bad_packets),
+            (1, 0)
+        );
+    }
+
+    /// 300 ms after the last packet, or 700 ms after the last whole turn; not before.
+    #[test]
+    fn a_lidar_is_silent_without_packets_or_turns() {
+        let mut lidar = lidar();
+        turn(&mut lidar, 0, 0..0);
+        let last = lidar.packet_at;
+        assert_eq!(lidar.next_at(), last + Duration::from_millis(300));
+        lidar.tick(last + Duration::from_millis(299));
+        assert!(lidar.sees() && lidar.counters.silences == 0);
+        lidar.tick(last + Duration::from_millis(300));
+        assert!(!lidar.sees() && !lidar.has_turn() && lidar.counters.silences == 1);
+        // Nobody looks for what is gone; the motor is spun up again after a second.
+        assert_eq!(lidar.next_at(), last + Duration::from_secs(1));
+        lidar.tick(last + Duration::from_millis(400));
+        assert_eq!(lidar.counters.silences, 1);
+        let mut lidar = self::lidar();
+        turn(&mut lidar, 0, 0..0);
+        let turned = lidar.turn_at;
+        lidar.packet_at = turned + Duration::from_millis(690);
+        assert_eq!(lidar.next_at(), turned + Duration::from_millis(700));
+        lidar.tick(turned + Duration::from_millis(699));
+        assert!(lidar.sees());
+        lidar.tick(turned + Duration::from_millis(700));
+        assert!(!lidar.sees());
+    }
+
+    /// Behind a silence the third turn is the first to be trusted.
+    #[test]
+    fn a_lidar_that_comes_back_is_steady_after_two_turns() {
+        let mut lidar = lidar();
+        turn(&mut lidar, 0, 0..0);
+        lidar.tick(at(2_000));
+        let steady = [3_000, 3_200, 3_400].map(|start| {
+            turn(&mut lidar, start, 0..0);
+            (lidar.sees(), lidar.is_steady())
+        });
+        assert_eq!(steady, [(true, false), (true, false), (true, true)]);
+    }
+
+    /// A byte of 86.8 us is still to come behind the packet; half a packet is given up after 20 ms.
+    #[test]
+    fn a_packet_ends_with_its_last_byte() {
+        let packet = Frame::new(3, SpeedWord(300 * 64), [RawReading([0; 4]); 4]);
+        let mut lidar = lidar();
+        let behind = [packet.as_bytes(), &[0; 2][..]].concat();
+        lidar.receive(at(50), &behind);
+        let line = LineConfig::new_8n1(xv11::BAUD);
+        assert_eq!(lidar.packet_at, line.byte_end(at(50), 2));
+        let halves = |millis: u64| {
+            let mut lidar = self::lidar();
+            lidar.receive(at(50), &packet.as_bytes()[..11]);
+            lidar.receive(at(50 + millis), &packet.as_bytes()[11..]);
+            lidar.counters.packets
+        };
+        assert_eq!([halves(19), halves(20)], [1, 0]);
+        let mut wrong = *packet.as_bytes();
+        wrong[5] ^= 1;
+        lidar.line_broke();
+        lidar.receive(at(500), &wrong);
+        lidar.receive(at(501), packet.as_bytes());
+        lidar.line_broke();
+        assert!(lidar.counters.bad_packets > 0 && lidar.counters.packets == 2);
+    }
+
+    /// XV-08: the fielded program waits for its lidar, and goes on as if nothing had been.
+    #[test]
+    fn the_fielded_program_waits_for_its_lidar() {
+        let mut lidar = lidar();
+        lidar.waits = true;
+        lidar.tick(at(1_000));
+        assert!(!lidar.is_blocked());
+        turn(&mut lidar, 1_000, 0..0);
+        lidar.tick(at(1_300));
+        assert!(!lidar.is_blocked());
+        lidar.tick(at(1_600));
+        assert!(lidar.is_blocked() && lidar.sees() && lidar.counters.silences == 0);
+        turn(&mut lidar, 1_700, 0..0);
+        lidar.tick(at(1_910));
+        assert!(!lidar.is_blocked());
+    }
+}

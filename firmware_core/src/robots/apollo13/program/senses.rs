@@ -407,3 +407,6 @@ fn number(value: &OscType) -> Option<f32> {
         _ => None,
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,177 @@
+extern crate std;
+
+use rosc::{OscBundle, OscTime};
+use std::borrow::ToOwned as _;
+use std::vec;
+
+use super::super::Config;
+use super::*;
+
+fn car() -> Apollo13 {
+    Apollo13::new(Config::default())
+}
+
+fn message(address: &str, values: &[f32]) -> OscMessage {
+    OscMessage {
+        addr: address.to_owned(),
+        args: values.iter().map(|value| OscType::Float(*value)).collect(),
+    }
+}
+
+#[test]
+fn numbers_of_a_phone_may_have_any_type() {
+    let numbers = [
+        OscType::Float(1.5),
+        OscType::Double(2.5),
+        OscType::Int(-3),
+        OscType::Bool(true),
+        OscType::Bool(false),
+    ];
+    let found = numbers.map(|value| number(&value));
+    assert_eq!(found, [1.5, 2.5, -3.0, 1.0, 0.0].map(Some));
+    assert_eq!(number(&OscType::Nil), None);
+}
+
+/// Three numbers are a goal or a pose, nothing ends the way to a goal.
+#[test]
+fn a_goal_and_a_pose_are_three_numbers() {
+    let mut car = car();
+    assert!(car.take_message(&message("/goal", &[1.0, 2.0, 0.5])));
+    let goal = car.pilot().goal().expect("a goal");
+    assert_eq!([goal.x_m, goal.y_m, goal.heading_rad], [1.0, 2.0, 0.5]);
+    assert!(!car.take_message(&message("/goal", &[1.0, 2.0])));
+    assert!(!car.take_message(&message("/goal", &[1.0, f32::NAN, 0.5])));
+    assert!(car.pilot().goal().is_some());
+    assert!(car.take_message(&message("/goal", &[])) && car.pilot().goal().is_none());
+    assert!(car.take_message(&message("/pose", &[-1.0, 3.0, 7.0])));
+    let pose = car.pose();
+    assert!((pose.x_m + 1.0).abs() < 1e-9 && (pose.y_m - 3.0).abs() < 1e-9);
+    // 7 less a turn.
+    assert!((pose.heading_rad - 0.716_814_7).abs() < 1e-6);
+    assert!(!car.take_message(&message("/pose", &[1.0])));
+    assert!(!car.take_message(&message("/1/speed", &[f32::INFINITY])));
+    assert!(!car.take_message(&message("/1/horn", &[1.0])));
+    assert!(car.take_message(&message("/ping", &[])));
+    let mut text = message("/1/speed", &[]);
+    text.args = vec![OscType::Nil];
+    assert!(!car.take_message(&text));
+}
+
+/// A message within so many bundles is taken up to eight, and each packet is counted once.
+#[test]
+fn bundles_are_opened_eight_deep() {
+    let within = |bundles: u8| {
+        let ping = OscPacket::Message(message("/ping", &[]));
+        let packet = (0..bundles).fold(ping, |inner, _| {
+            OscPacket::Bundle(OscBundle {
+                timetag: OscTime {
+                    seconds: 0,
+                    fractional: 1,
+                },
+                content: vec![inner],
+            })
+        });
+        let mut car = car();
+        car.take_packet(packet, 0);
+        [car.counters.packets, car.counters.bad_packets]
+    };
+    assert_eq!([0, 1, 8].map(within), [[1, 0]; 3]);
+    assert_eq!([9, 12].map(within), [[0, 1]; 2]);
+    let mut car = car();
+    car.take_packet(OscPacket::Message(message("/horn", &[1.0])), 0);
+    car.hear_phone(b"no packet");
+    assert_eq!([car.counters.packets, car.counters.bad_packets], [0, 2]);
+}
+
+/// 0 is nothing new, up to 3 m is a range, farther is none; at 0.6 m something may be on the
+/// floor.
+#[test]
+fn ultrasound_counts_up_to_three_metres() {
+    let mut car = car();
+    let mut hear = |front_cm, right_cm, left_cm| {
+        car.take_readings(car_board::Readings {
+            front_cm,
+            right_cm,
+            left_cm,
+            battery_mv: 7_000,
+            ..car_board::Readings::default()
+        });
+        (car.ultrasound_m(), car.is_open_ahead())
+    };
+    assert_eq!(hear(60, 300, 301), ([Some(0.6), Some(3.0), None], false));
+    assert_eq!(hear(0, 0, 25), ([Some(0.6), Some(3.0), Some(0.25)], false));
+    assert_eq!(hear(61, 301, 0), ([Some(0.61), None, Some(0.25)], true));
+    assert_eq!(hear(301, 0, 0), ([None, None, Some(0.25)], true));
+    assert_eq!((car.battery_mv(), car.counters.frames), (7_000, 4));
+}
+
+/// Half a metre to the left and 2 m ahead of the camera, whose axes point right, down and ahead.
+#[test]
+fn a_marker_stands_where_the_camera_sees_it() {
+    let mut car = car();
+    car.take_marker(Marker {
+        id: 7,
+        place_mm: [-500, 90, 2_000],
+        normal: [0, -10_000],
+    });
+    let markers: Vec<_> = car.gates().markers().collect();
+    let [(7, [x_m, y_m])] = markers[..] else {
+        panic!("{markers:?}");
+    };
+    assert!((x_m - 2.0 - CAMERA_AHEAD_M).abs() < 1e-9 && (y_m - 0.5).abs() < 1e-9);
+}
+
+/// The wall on the right, 5 cm too near: away from it. A reading of the other side, and 0, say
+/// nothing of it.
+#[test]
+fn the_wall_s_own_sensor_steers() {
+    let mut car = Apollo13::new(Config {
+        wall: Some((Side::Right, 0.4)),
+        ..Config::default()
+    });
+    let mut hear = |right_cm, left_cm| {
+        car.take_readings(car_board::Readings {
+            right_cm,
+            left_cm,
+            ..car_board::Readings::default()
+        });
+        (car.wall_heard.is_some(), car.wall_angle_rad)
+    };
+    assert_eq!(hear(0, 35), (false, 0.0));
+    let (is_heard, angle_rad) = hear(35, 0);
+    assert!(is_heard && angle_rad > 0.0, "{angle_rad}");
+    assert_eq!(hear(0, 35), (true, angle_rad));
+}
+
+/// An empty line is what a terminal driver makes of a carriage return, and no bad one.
+#[test]
+fn messages_without_meaning_are_counted() {
+    let mut car = car();
+    car.see(&[1, 2, 3]);
+    assert_eq!((car.counters.bad_messages, car.counters.scans), (1, 0));
+    car.hear_odometer(b"\n\nnothing\n");
+    assert_eq!((car.counters.bad_lines, car.counters.lines), (1, 0));
+    car.judge_fit();
+    assert_eq!(car.misfits, 0);
+}
+
+/// A frame is given out by the quiet behind it, once.
+#[test]
+fn a_frame_counts_when_the_board_is_quiet() {
+    let mut car = car();
+    let readings = car_board::Readings {
+        front_cm: 100,
+        battery_mv: 7_400,
+        ..car_board::Readings::default()
+    };
+    car.now = Instant::from_millis(100);
+    car.hear_board(readings.encode().as_bytes());
+    car.let_board_idle();
+    let before = car.counters.frames;
+    car.now += car_board::IDLE_GAP;
+    car.let_board_idle();
+    car.let_board_idle();
+    assert_eq!((car.counters.frames, car.counters.bad_frames), (1, 0));
+    assert!(before <= 1 && car.board_heard.is_none());
+    assert_eq!(car.ultrasound_m()[0], Some(1.0));
+}
