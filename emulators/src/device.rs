@@ -192,5 +192,7 @@ mod tests {
         assert_eq!(mute.peek(0), None);
         assert_eq!(mute.known_faults(), [""; 0]);
         assert_eq!(mute.line_change(Port(0)), None);
+        // Who does not know whether there is anything is asked each time.
+        assert!(mute.may_send(Port(0)));
     }
 }

@@ -173,4 +173,51 @@ mod tests {
         assert_eq!(events[EVENTS_MAX].rule, "events-dropped");
         assert!(log.take().is_empty());
     }
+
+    /// Rules that were broken at 0 and at half a second, both twice: at 1.2 s the first count is
+    /// due, and the second in 0.3 s.
+    #[test]
+    fn a_count_is_told_when_it_is_due() {
+        let mut log = EventLog::default();
+        for (millis, rule) in [(0, "one"), (500, "two"), (600, "one"), (700, "two")] {
+            log.repeated(
+                Instant::from_millis(millis),
+                EventKind::Note,
+                rule,
+                String::new,
+            );
+        }
+        assert_eq!(log.take().len(), 2);
+        log.poll(Instant::from_millis(999));
+        assert_eq!(log.take(), []);
+        log.poll(Instant::from_millis(1_200));
+        let told: Vec<_> = log
+            .take()
+            .into_iter()
+            .map(|it| (it.rule, it.detail))
+            .collect();
+        assert_eq!(told, [("one", "1 more times until 0.600000 s".to_owned())]);
+        assert_eq!(log.poll_at(), Some(Instant::from_millis(1_500)));
+        log.poll(Instant::from_millis(1_500));
+        assert_eq!(log.take().len(), 1);
+        // Two seconds after it was told last.
+        assert_eq!(log.poll_at(), Some(Instant::from_millis(3_200)));
+    }
+
+    /// A rule that is broken all the time is told after 1, 2, 4, 8, 16, 32, 64 and 64 seconds.
+    #[test]
+    fn pauses_between_counts_double_up_to_a_minute() {
+        let mut log = EventLog::default();
+        let mut told = Vec::new();
+        for half in 0..520 {
+            let now = Instant::from_millis(500 * half);
+            log.poll(now);
+            log.repeated(now, EventKind::Violation, "too-fast", String::new);
+            told.extend(log.take().into_iter().map(|event| event.at));
+        }
+        assert_eq!(
+            told,
+            [0, 1, 3, 7, 15, 31, 63, 127, 191, 255].map(Instant::from_secs)
+        );
+    }
 }

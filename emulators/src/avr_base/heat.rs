@@ -96,3 +96,106 @@ impl AvrBase {
         self.memory.set(KITS, 0);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use protocols::Instant;
+
+    use super::super::AvrBaseConfig;
+    use super::*;
+    use crate::world::{BodyConfig, HeatPlate, Point, Scene, Shape};
+
+    /// A robot at (1, 2) that looks along y, and a plate of 37 degrees, as far as can be seen, so
+    /// far beside it: to the left, as the robot looks, is where x is less.
+    fn world(plate_x: f64, half_m: f64) -> World {
+        let ends = [2.0 - half_m, 2.0 + half_m].map(|y| Point::new(plate_x, y));
+        let plate = HeatPlate::new(ends[0], ends[1], 37.0).expect("sound");
+        let scene = Scene::new(Vec::<Shape>::new(), vec![]).expect("empty");
+        let scene = scene.with_heat_plates(vec![plate]);
+        let pose = Pose::new(1.0, 2.0, FRAC_PI_2);
+        World::new(scene, BodyConfig::default().ideal(), pose, 1).expect("free")
+    }
+
+    /// Both readings, less the noise, which is 0.3 degrees times the numbers of the stream.
+    fn readings(world: &World) -> [f64; 2] {
+        let mut thermometers = Thermometers::new(5);
+        let mut noise = Rng::stream(5, "base.heat");
+        [1.0, -1.0].map(|side| {
+            let tenths = f64::from(thermometers.reading(world, side));
+            tenths / 10.0 - 0.3 * noise.gauss()
+        })
+    }
+
+    /// Nine rays over 35 degrees: a plate that fills them is 37, what is not there 22.
+    #[test]
+    fn a_thermometer_feels_what_is_on_its_side() {
+        let is = |found: [f64; 2], expected: [f64; 2]| {
+            let off = [0, 1].map(|side| (found[side] - expected[side]).abs());
+            assert!(
+                off.iter().all(|off| *off <= 0.051),
+                "{found:?} {expected:?}"
+            );
+        };
+        is(readings(&world(0.5, 3.0)), [37.0, 22.0]);
+        is(readings(&world(1.5, 3.0)), [22.0, 37.0]);
+        is(readings(&world(-3.0, 9.0)), [22.0, 22.0]);
+        // 0.4 m from the sensor 0.06 m to either side: 0.149 of 0.305 radians are one ray of four
+        // to either side, 0.076, and not the second one, 0.153: 3 of 9 rays.
+        is(readings(&world(0.5, 0.06)), [27.0, 22.0]);
+        // 0.065 m are 0.161 radians: 5 of 9.
+        is(
+            readings(&world(0.5, 0.065)),
+            [22.0 + 15.0 * 5.0 / 9.0, 22.0],
+        );
+    }
+
+    fn base(heat: Heat, imu: Imu) -> AvrBase {
+        let config = AvrBaseConfig {
+            heat,
+            imu,
+            ..AvrBaseConfig::default()
+        };
+        AvrBase::new(config, 5)
+    }
+
+    /// Register 53 is the kits', and 54 to 57 are the gyroscope's.
+    #[test]
+    fn the_map_is_as_long_as_what_is_fitted() {
+        let more = |heat, imu| base(heat, imu).map_len() - COUNT;
+        assert_eq!(more(Heat::None, Imu::None), 0);
+        assert_eq!(more(Heat::Fitted, Imu::None), 1);
+        assert_eq!(
+            [
+                more(Heat::None, Imu::Fitted),
+                more(Heat::Fitted, Imu::Fitted)
+            ],
+            [5, 5]
+        );
+    }
+
+    /// Three kits where the robot stands, and the register is empty; both thermometers are read
+    /// low byte first.
+    #[test]
+    fn kits_drop_where_the_robot_is() {
+        let world = world(0.5, 3.0);
+        let mut bare = base(Heat::None, Imu::None);
+        bare.memory.set(KITS, 3);
+        bare.feel(&world);
+        assert_eq!((bare.kits().len(), bare.memory.get(KITS)), (0, 3));
+        let mut base = base(Heat::Fitted, Imu::None);
+        base.memory.set(KITS, 3);
+        base.feel(&world);
+        assert_eq!(
+            (base.kits(), base.memory.get(KITS)),
+            (&[world.pose(); 3][..], 0)
+        );
+        let word = |register| {
+            let bytes = base.memory.read(register, 2);
+            i16::from_le_bytes([bytes[0], bytes[1]])
+        };
+        assert!((360..=380).contains(&word(HEAT_LEFT)) && (210..=230).contains(&word(HEAT_RIGHT)));
+        base.feel(&world);
+        assert_eq!(base.kits().len(), 3);
+        assert_eq!(world.now(), Instant::ZERO);
+    }
+}

@@ -361,3 +361,77 @@ fn cut_off(at: Instant, frame: &[u8], journal: &mut Journal) {
         format!("the line went quiet after {} bytes of a frame", frame.len())
     });
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn buffered() -> Buffered {
+        Buffered::new(ChecksumOrder::HighFirst, Duration::from_millis(2))
+    }
+
+    fn at(micros: u64) -> Instant {
+        Instant::from_nanos(micros * 1_000)
+    }
+
+    /// What bytes lead to that come 10 us after each other, and after a pause behind them: whether
+    /// each is sound.
+    fn heard(bytes: &[u8]) -> (Vec<bool>, Vec<bool>) {
+        let (mut receiver, mut journal) = (buffered(), Journal::default());
+        let (mut now, mut heard) = (100, Vec::new());
+        for byte in bytes {
+            receiver.byte(at(now), *byte, &mut journal, &mut heard);
+            now += 10;
+        }
+        let before = heard.len();
+        if let Some(deadline) = receiver.deadline() {
+            assert_eq!(deadline, at(now - 10) + Duration::from_millis(2));
+            receiver.give_up(deadline, &mut journal, &mut heard);
+        }
+        let is_sound = |heard: &Heard| matches!(heard, Heard::Request(request) if request.valid);
+        let sound: Vec<bool> = heard.iter().map(is_sound).collect();
+        (sound[..before].to_vec(), sound[before..].to_vec())
+    }
+
+    /// AB + 24 + 0A = D9. A write of four bytes of which the last is missing: the pause lets the
+    /// frame within it be found, if that is sound; one that is not is answered by nobody. What was
+    /// refused before the pause stays refused.
+    #[test]
+    fn a_pause_sets_free_what_an_unfinished_frame_hid() {
+        let (sound, wrong) = (
+            [0xAB, 0x24, 0x0A, 0x00, 0xD9],
+            [0xAB, 0x24, 0x0A, 0x00, 0xDA],
+        );
+        assert_eq!(heard(&sound), (vec![true], vec![]));
+        assert_eq!(heard(&wrong), (vec![false], vec![]));
+        let open = [0xAB, 0x10, 0x84];
+        assert_eq!(
+            heard(&[&open[..], &sound[..]].concat()),
+            (vec![], vec![true])
+        );
+        assert_eq!(heard(&[&open[..], &wrong[..]].concat()), (vec![], vec![]));
+        let both = [&wrong[..], &open[..], &sound[..]].concat();
+        assert_eq!(heard(&both), (vec![false], vec![true]));
+        let both = [&wrong[..], &open[..], &wrong[..]].concat();
+        assert_eq!(heard(&both), (vec![false], vec![]));
+    }
+
+    /// A byte 1 ms after the one before is in time, one a microsecond later is told; the first of a
+    /// frame may come when it likes.
+    #[test]
+    fn silence_inside_a_frame_is_told_from_a_millisecond_on() {
+        let told = |first: u64, second: u64| {
+            let (mut receiver, mut journal) = (buffered(), Journal::default());
+            let mut heard = Vec::new();
+            receiver.byte(at(first), 0xAB, &mut journal, &mut heard);
+            receiver.byte(at(first + second), 0x24, &mut journal, &mut heard);
+            journal
+                .take()
+                .into_iter()
+                .map(|event| event.rule)
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(told(5_000, 1_000), [""; 0]);
+        assert_eq!(told(5_000, 1_001), [rules::GAP_IN_FRAME]);
+    }
+}

@@ -173,3 +173,62 @@ const fn millimetres(metres: f64) -> i32 {
 const fn ten_thousandths(part: f64) -> i16 {
     (part * 1e4).round() as i16
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Camera;
+
+    /// A camera 0.3 m above the floor at the origin, which sees a marker there.
+    fn seen(at_m: [f64; 3], facing_rad: f64) -> Option<[f64; 3]> {
+        let config = CameraConfig {
+            height_m: 0.3,
+            ..CameraConfig::default()
+        };
+        let marker = PlacedMarker {
+            id: 1,
+            at_m,
+            facing_rad,
+        };
+        Camera::new(config, 1, "camera").seen(marker, Pose::default())
+    }
+
+    /// Half of 62.6 degrees to either side are 0.608 m a metre, half of 480 rows of 525 pixels
+    /// 0.457 m up and down; 0.4 m and 4 m ahead a marker is as near and as far as can be.
+    #[test]
+    fn a_marker_is_seen_within_the_picture() {
+        let is_seen = |x, y, z| seen([x, y, z], PI).is_some();
+        assert!(is_seen(0.4, 0.0, 0.3) && is_seen(4.0, 0.0, 0.3));
+        assert!(!is_seen(0.39, 0.0, 0.3) && !is_seen(4.01, 0.0, 0.3) && !is_seen(-1.0, 0.0, 0.3));
+        for metres in [1.0, 2.0] {
+            let (aside, above) = (0.608 * metres, 0.457 * metres);
+            assert!(is_seen(metres, aside - 0.001, 0.3) && is_seen(metres, 0.001 - aside, 0.3));
+            assert!(!is_seen(metres, aside + 0.001, 0.3) && !is_seen(metres, -aside - 0.001, 0.3));
+            assert!(is_seen(metres, 0.0, 0.3 + above) && is_seen(metres, 0.0, 0.3 - above));
+            let (high, low) = (0.302 + above, 0.298 - above);
+            assert!(!is_seen(metres, 0.0, high) && !is_seen(metres, 0.0, low));
+        }
+        assert_eq!(seen([2.0, 0.5, 0.25], PI), Some([-0.5, 0.3 - 0.25, 2.0]));
+    }
+
+    /// Seen from ahead, a marker faces back; 70 degrees either way it is still read.
+    #[test]
+    fn a_marker_is_read_up_to_70_degrees_aside() {
+        let is_read = |degrees: f64| seen([1.0, 0.0, 0.3], degrees.to_radians()).is_some();
+        assert!([110.1, 180.0, 249.9, -110.1].into_iter().all(is_read));
+        assert!(![109.9, 250.1, 0.0, -109.9].into_iter().any(is_read));
+        // From 45 degrees aside it is read up to 115 degrees.
+        let is_read = |degrees: f64| seen([1.0, 0.5, 0.3], degrees.to_radians()).is_some();
+        assert!(is_read(136.7) && is_read(276.5) && !is_read(136.5) && !is_read(276.7));
+    }
+
+    #[test]
+    fn figures_of_messages_are_whole() {
+        assert_eq!([word(1.5), word(70_000.0), word(-3.0)], [2, u16::MAX, 0]);
+        assert_eq!([millimetres(0.0126), millimetres(-1.0)], [13, -1_000]);
+        assert_eq!(
+            [ten_thousandths(0.5), ten_thousandths(-1.0)],
+            [5_000, -10_000]
+        );
+    }
+}

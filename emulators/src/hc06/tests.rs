@@ -3,6 +3,7 @@
 mod reference;
 
 use super::*;
+use crate::rng::Rng;
 use crate::world::{BodyConfig, Pose, Scene, Shape};
 
 const BAUD: u32 = 460_800;
@@ -847,4 +848,39 @@ fn a_lost_carrier_needs_no_poll() {
         .set_fault(bench.now, "out-of-reach", None, false);
     let next = bench.radio.poll_at().expect("bytes to move");
     assert!(next - bench.now < SECOND / 10, "{next}");
+}
+
+/// The same rate once more changes nothing, and is not told; another one is.
+#[test]
+fn only_other_settings_are_told() {
+    let mut bench = Bench::new(at(9600));
+    bench.command(b"AT+BAUD4");
+    let told = |bench: &mut Bench| {
+        let events = core::mem::take(&mut bench.events);
+        let told = events
+            .into_iter()
+            .filter(|event| event.rule == "settings-changed");
+        told.map(|event| event.detail).collect::<Vec<_>>()
+    };
+    assert_eq!(told(&mut bench), [""; 0]);
+    bench.command(b"AT+NAMErobot");
+    assert_eq!(told(&mut bench), ["by \"AT+NAMErobot\""]);
+    bench.command(b"AT+NAMErobot");
+    assert_eq!(told(&mut bench), [""; 0]);
+}
+
+/// What came out and was not taken counts as thrown away, and no longer as delivered.
+#[test]
+fn what_nobody_took_was_not_delivered() {
+    let mut lane = lane::Lane::new(&at(BAUD), 100, Rng::stream(1, "lane"));
+    lane.put_ready(b"twelve bytes");
+    let mut buf = [0; 4];
+    assert_eq!(lane.take(&mut buf), 4);
+    lane.drop_ready();
+    let traffic = lane.traffic();
+    assert_eq!((traffic.delivered, traffic.dropped), (4, 8));
+    assert!(lane.is_drained());
+    lane.push(b"abc", Instant::ZERO, Duration::from_micros(50));
+    lane.drop_under_way();
+    assert_eq!((lane.traffic().dropped, lane.traffic().accepted), (11, 3));
 }

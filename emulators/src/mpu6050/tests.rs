@@ -219,3 +219,23 @@ fn what_has_walked_adds_to_the_bias() {
     let rates = [0x43, 0x45, 0x47].map(|register| word(&mut chip, register, &world));
     assert_eq!(rates, [393, 131, -131]);
 }
+
+/// 0.02 degrees a second times the root of the time times numbers of the chip's own stream, axis
+/// by axis: 1 s, then 4 s.
+#[test]
+fn the_bias_walks_by_the_root_of_the_time() {
+    let config = Mpu6050Config {
+        bias_walk_dps: 0.02,
+        ..ideal()
+    };
+    let mut chip = Mpu6050::new(config, 3, "walk");
+    let mut drawn = Rng::stream(3, "walk");
+    let first = [(); 3].map(|()| drawn.gauss());
+    let second = [(); 3].map(|()| drawn.gauss());
+    chip.walk(Instant::from_secs(1), 0.0);
+    chip.walk(Instant::from_secs(5), 0.0);
+    for axis in 0..3 {
+        let expected = 0.02 * first[axis] + 0.04 * second[axis];
+        assert!((chip.walked[axis] - expected).abs() < 1e-12);
+    }
+}

@@ -190,3 +190,33 @@ fn millis(now: Instant, began: Instant) -> u32 {
     let millis = (now - began).as_millis() & u128::from(u32::MAX);
     u32::try_from(millis).unwrap_or_default()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::world::{Ackermann, AckermannConfig, Fixture, Pose, Scene};
+
+    /// 100, -400 and 40 counts of 0.060975 degrees a second; 1, -0.5 and 0.25 of 9.80665 m/s²; a
+    /// field of 20 uT along x and 10 along y, seen by a car that is turned by 30 degrees: 17.32 + 5
+    /// and 8.66 - 10.
+    #[test]
+    fn the_later_sketch_prints_what_its_sensors_tell() {
+        let scene = Scene::new(Vec::<Fixture>::new(), vec![]).expect("empty");
+        let car = Ackermann::new(AckermannConfig::default().ideal(), 1).expect("sound");
+        let pose = Pose::new(0.0, 0.0, 30_f64.to_radians());
+        let world = World::with_chassis(scene, Box::new(car), pose).expect("free");
+        let words = [16_384, -8_192, 4_096, 7, 100, -400, 40];
+        let line = raw_line(1.5, &words, 10.0, &world);
+        let expected = "#1.50*6.10*-24.39*2.44*9.81*-4.90*2.45*22.32*-1.34*-44.00*\r\n";
+        assert_eq!(String::from_utf8(line).as_deref(), Ok(expected));
+    }
+
+    /// 2^32 ms are 49.7 days.
+    #[test]
+    fn milliseconds_wrap_after_49_days() {
+        let began = Instant::from_millis(100);
+        let told = [100, 350, 4_294_967_395, 4_294_967_396, 4_294_967_400]
+            .map(|at| millis(Instant::from_millis(at), began));
+        assert_eq!(told, [0, 250, u32::MAX, 0, 4]);
+    }
+}

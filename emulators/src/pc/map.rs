@@ -241,4 +241,15 @@ mod tests {
         assert_eq!(map.complete_at(), Some(second));
         assert_eq!(map.row_seen, [Some(second), Some(first)]);
     }
+
+    /// Cells of another size are another map even if there are as many, and so is another number
+    /// of cells.
+    #[test]
+    fn a_map_is_the_same_by_its_cells_and_their_size() {
+        let map = small();
+        assert!(map.matches(&properties(10, [40, 20])) && map.matches(&properties(10, [49, 29])));
+        assert!(!map.matches(&properties(20, [80, 40])));
+        assert!(!map.matches(&properties(10, [20, 40])) && !map.matches(&properties(10, [50, 20])));
+        assert!(!map.matches(&properties(0, [40, 20])));
+    }
 }

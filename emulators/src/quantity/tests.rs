@@ -203,3 +203,51 @@ fn sinks_that_cannot_be_are_refused() {
     assert!(fault(ValueSource::Stored, "left", f64::NAN).contains("scale is NaN"));
     assert!(fault(ValueSource::Stored, "left", 0.0).contains("other than 0"));
 }
+
+/// A wall 2 m ahead of a robot at (1, 0.5): 45 degrees to the left it is 2.828 m away, where the
+/// wall has ended at y = 2; half of that angle, 0.3927, 2.165 m.
+#[test]
+fn ranges_and_headings_are_those_of_the_world() {
+    let half = core::f64::consts::FRAC_PI_8;
+    let range = |angle| ValueSource::RangeMm {
+        angle,
+        max_mm: 5_000,
+    };
+    let sources = [range(half), range(2.0 * half), ValueSource::HeadingMrad];
+    let known = ["a", "b", "c"].iter().zip(sources);
+    let known = known.map(|(name, source)| variable(name, source)).collect();
+    let variables = Variables::new(known).expect("sound");
+    let scene = world().scene().clone();
+    let read = |theta| {
+        let pose = Pose::new(1.0, 0.5, theta);
+        let world = World::new(scene.clone(), BodyConfig::default(), pose, 1).expect("free");
+        [0, 1, 2].map(|index| variables.read(index, Instant::ZERO, &world))
+    };
+    assert_eq!(read(0.0), [2_165, 5_000, 0]);
+    assert_eq!(read(-half), [2_000, 2_165, -393]);
+}
+
+/// Ramps from -4 to 96 in 40 ms, counted from the last restart; a counter begins where it was told.
+#[test]
+fn ramps_and_counters_begin_anew_at_a_restart() {
+    let ms = Duration::from_millis;
+    let ramp = ValueSource::Ramp {
+        from: -4,
+        to: 96,
+        period: ms(40),
+    };
+    let mut counter = variable("counter", ValueSource::Counter { period: ms(7) });
+    counter.initial = 50;
+    let known = vec![variable("ramp", ramp), counter];
+    let mut variables = Variables::new(known).expect("sound");
+    let world = world();
+    let read = |variables: &Variables, millis| {
+        [0, 1].map(|index| variables.read(index, Instant::from_millis(millis), &world))
+    };
+    assert_eq!(read(&variables, 0), [-4, 50]);
+    assert_eq!(read(&variables, 39), [93, 55]);
+    assert_eq!(read(&variables, 50), [21, 57]);
+    variables.restart(Instant::from_millis(45));
+    assert_eq!(read(&variables, 50), [8, 50]);
+    assert_eq!(read(&variables, 52), [13, 51]);
+}

@@ -261,3 +261,30 @@ fn a_break_starts_the_board_anew() {
     let forgotten = frame(Frame::write(1, &[0], order));
     assert_eq!(asked(&mut slave, 410, &read), forgotten);
 }
+
+/// Only a break on the bus itself: it is heard as a NUL, which begins no frame.
+#[test]
+fn a_break_on_the_bus_is_heard_as_a_nul() {
+    let told = |port, event| {
+        let mut slave = slave();
+        slave.line_event(port, Instant::from_millis(3), event);
+        rules(&mut slave)
+    };
+    assert_eq!(
+        told(Registers::BUS, LineEvent::Break),
+        ["break", "stray-bytes"]
+    );
+    assert_eq!(told(Registers::BUS, LineEvent::FramingError), [""; 0]);
+    assert_eq!(told(RESET_PIN, LineEvent::Break), [""; 0]);
+    assert_eq!(told(RESET_PIN, LineEvent::Opened), [""; 0]);
+}
+
+#[test]
+fn the_bus_has_the_line_s_settings() {
+    let slave = slave();
+    assert_eq!(
+        slave.line_config(Registers::BUS),
+        LineConfig::new_8n1(115_200)
+    );
+    assert_eq!(slave.line_config(RESET_PIN), PIN_LINE);
+}

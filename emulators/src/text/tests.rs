@@ -277,3 +277,11 @@ fn only_a_break_on_its_own_line_is_heard() {
     assert_eq!(after(&mut slave, 20, "WHERE?\r\n"), "X 1000\r\n");
     assert_eq!(rules(&mut slave), [""; 0]);
 }
+
+/// The line's own settings are those of the UART; pins have a level's.
+#[test]
+fn the_uart_has_the_line_s_settings() {
+    let slave = Text::new(config()).expect("sound");
+    assert_eq!(slave.line_config(Text::UART), LineConfig::new_8n1(9600));
+    assert_eq!(slave.line_config(HostLine::Cts.port()), PIN_LINE);
+}

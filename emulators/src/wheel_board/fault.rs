@@ -91,3 +91,75 @@ impl Faults {
         sensor < 64 && self.blind >> sensor & 1 == 1
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn with(faults: &[(&str, Option<f64>, bool)]) -> Faults {
+        let mut all = Faults::default();
+        for (fault, figure, begins) in faults {
+            all.set(fault, *figure, *begins);
+        }
+        all
+    }
+
+    /// Sensors go blind and see again one by one or together; 64 is no sensor.
+    #[test]
+    fn sensors_are_blind_by_their_number() {
+        let blind = |faults: &[(&str, Option<f64>, bool)]| {
+            let faults = with(faults);
+            [0, 1, 2, 63].map(|sensor| faults.is_blind(sensor))
+        };
+        let [on, off] = [true, false];
+        assert_eq!(blind(&[("blind", Some(1.0), on)]), [off, on, off, off]);
+        let two = [("blind", Some(1.0), on), ("blind", Some(2.0), on)];
+        assert_eq!(blind(&two), [off, on, on, off]);
+        let one = [two[0], two[1], ("blind", Some(1.0), off)];
+        assert_eq!(blind(&one), [off, off, on, off]);
+        assert_eq!(
+            blind(&[two[0], ("blind", Some(0.0), off)]),
+            [off, on, off, off]
+        );
+        assert_eq!(blind(&[("blind", None, on)]), [on; 4]);
+        assert_eq!(
+            blind(&[("blind", None, on), ("blind", None, off)]),
+            [off; 4]
+        );
+        assert_eq!(blind(&[("blind", Some(63.0), on)]), [off, off, off, on]);
+        assert_eq!(
+            blind(&[("blind", Some(64.0), on), ("blind", Some(-1.0), on)]),
+            [off; 4]
+        );
+        assert!(!with(&[("blind", None, on)]).is_blind(64));
+    }
+
+    #[test]
+    fn figures_of_faults_have_their_usual_values_and_bounds() {
+        let wrong = |figure| with(&[("wrong", figure, true)]).count_factor;
+        assert_eq!(
+            [wrong(None), wrong(Some(2.0)), wrong(Some(f64::NAN))],
+            [1.1, 2.0, 1.1]
+        );
+        assert_eq!([wrong(Some(1e9)), wrong(Some(-1e9))], [100.0, -100.0]);
+        let slow = |figure| with(&[("slow", figure, true)]).speed;
+        assert_eq!([slow(None), slow(Some(0.2))], [0.5, 0.2]);
+        let over = [
+            ("wrong", None, true),
+            ("slow", None, true),
+            ("garbage", None, true),
+        ];
+        let over = over
+            .into_iter()
+            .chain(over.map(|(fault, _, _)| (fault, None, false)));
+        assert_eq!(with(&over.collect::<Vec<_>>()), Faults::default());
+        assert!(with(&[("garbage", None, true)]).garbage);
+        let stuck = |figure| with(&[("stuck", figure, true)]).stuck;
+        assert_eq!(stuck(None), [true; 2]);
+        assert_eq!(
+            [stuck(Some(0.0)), stuck(Some(1.0))],
+            [[true, false], [false, true]]
+        );
+        assert_eq!(stuck(Some(2.0)), [false; 2]);
+    }
+}

@@ -121,3 +121,68 @@ pub(super) fn volts(distance_m: Option<f64>) -> f64 {
         Some(d) => OFFSET_V + SLOPE_V_M / d,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The data sheet's two points, nothing in sight, and a wall nearer than the peak: 3.2306 V at
+    /// 7 cm, half of it at half of that.
+    #[test]
+    fn voltages_are_those_of_the_curve() {
+        let found = [
+            None,
+            Some(0.8),
+            Some(0.1),
+            Some(0.07),
+            Some(0.035),
+            Some(-1.0),
+        ]
+        .map(volts);
+        let expected = [0.128_571, 0.4, 2.3, 3.230_612, 1.615_306, 0.0];
+        for (found, expected) in found.into_iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-6, "{found} {expected}");
+        }
+        assert_eq!(duration(38.3), Duration::from_micros(38_300));
+    }
+
+    /// Of seven channels six have a sensor; none has measured yet.
+    #[test]
+    fn an_open_channel_is_at_ground() {
+        let mut sensors = Infrared::new("board", 7, &Config::default());
+        sensors.sensors[2].volts = 1.25;
+        assert_eq!(
+            [2, 3, 6, 99].map(|channel| sensors.volts_of(channel)),
+            [1.25, 0.0, 0.0, 0.0]
+        );
+        assert!(sensors.volts().eq([0.0, 0.0, 1.25, 0.0, 0.0, 0.0]));
+    }
+
+    /// Measurements last 38.3 ms within 9.6, and begin at any time of one; who comes after a second
+    /// has one, not twenty-six.
+    #[test]
+    fn measurements_are_as_long_as_the_data_sheet_says() {
+        let mut sensors = Infrared::new("board", 7, &Config::default());
+        let phases = sensors
+            .sensors
+            .iter()
+            .map(|sensor| sensor.done_at.as_nanos());
+        let phases: Vec<u64> = phases.collect();
+        assert!(phases.iter().all(|phase| *phase < 38_300_000));
+        assert!(phases.windows(2).all(|pair| pair[0] != pair[1]));
+        for _ in 0..200 {
+            let period = sensors.sensors[0].period();
+            let range = Duration::from_micros(28_700)..=Duration::from_micros(47_900);
+            assert!(range.contains(&period), "{period:?}");
+        }
+        let scene = crate::world::Scene::new::<crate::world::Shape>([], vec![]).expect("empty");
+        let body = crate::world::BodyConfig::default();
+        let world = World::new(scene, body, crate::world::Pose::default(), 1).expect("free");
+        let late = Instant::from_secs(1);
+        sensors.measure(late, &world, &Faults::default());
+        assert!(sensors.sensors.iter().all(|sensor| sensor.done_at == late));
+        assert_eq!(sensors.next_at, late);
+        sensors.measure(late, &world, &Faults::default());
+        assert!(sensors.next_at > late + Duration::from_millis(28));
+    }
+}

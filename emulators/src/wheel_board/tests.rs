@@ -411,3 +411,30 @@ fn a_chassis_without_two_motors_does_not_fit() {
         Err("the chassis has no motor \"left\"".to_owned())
     );
 }
+
+/// What the counters hold is what the next sample tells.
+#[test]
+fn counters_are_shown_as_they_are_told() {
+    let mut bench = bench(motors_alike(), &[]);
+    bench.set(forward(7_500, 6_000));
+    bench.run(400);
+    let counters = bench.board.counters();
+    assert_eq!(counters, bench.last().counters);
+    assert!(counters[0] > 0 && counters[1] > 0 && counters[0] != counters[1]);
+}
+
+/// There is something to send from each millisecond's sample until it is taken.
+#[test]
+fn a_sample_is_offered_until_it_is_taken() {
+    let mut bench = bench(motors_alike(), &[]);
+    assert!(!bench.board.may_send(WheelBoard::BUS));
+    bench.board.poll(Instant::from_millis(1), &mut bench.world);
+    assert!(bench.board.may_send(WheelBoard::BUS));
+    let mut bytes = [0; 64];
+    bench.board.transmit(WheelBoard::BUS, &mut bytes);
+    assert!(!bench.board.may_send(WheelBoard::BUS));
+    assert_eq!(
+        bench.board.line_config(WheelBoard::BUS),
+        LineConfig::new_8n1(BAUD)
+    );
+}

@@ -216,3 +216,19 @@ fn the_documented_base_tells_of_its_stop_button_if_asked_to() {
     assert_eq!(bench.take(), [0_u8; 0]);
     assert_eq!(bench.read(0, 1), [2]);
 }
+
+/// The button's hold ends at its time.
+#[test]
+fn a_button_that_was_released_holds_until_its_time() {
+    let mut bench = Bench::new(config(Profile::default()));
+    let now = bench.base.now;
+    let mut is_stopped = |button| {
+        bench.base.button = button;
+        bench.base.is_stopped()
+    };
+    assert!(is_stopped(ButtonState::Pressed) && is_stopped(ButtonState::Toggled));
+    assert!(is_stopped(ButtonState::Lingering(
+        now + Duration::from_nanos(1)
+    )));
+    assert!(!is_stopped(ButtonState::Lingering(now)) && !is_stopped(ButtonState::Released));
+}

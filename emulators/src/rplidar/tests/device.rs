@@ -246,3 +246,26 @@ proptest! {
         prop_assert_eq!(bench.ask(Command::Info).len(), 27);
     }
 }
+
+/// A break is dropped, noise is judged, on the host's line only; without supply nobody notices.
+#[test]
+fn breaks_and_noise_are_told_while_there_is_supply() {
+    let told = |port, event, is_off| {
+        let mut bench = plain();
+        if is_off {
+            Device::set_fault(&mut bench.lidar, Instant::ZERO, "off", None, true);
+        }
+        bench.lidar.take_events();
+        bench.lidar.line_event(port, Instant::from_millis(1), event);
+        let events = bench.lidar.take_events().into_iter();
+        events.map(|event| event.rule).collect::<Vec<_>>()
+    };
+    assert_eq!(told(Rplidar::UART, LineEvent::Break, false), ["break"]);
+    assert_eq!(
+        told(Rplidar::UART, LineEvent::FramingError, false),
+        ["framing-error"]
+    );
+    assert_eq!(told(Rplidar::UART, LineEvent::Opened, false), [""; 0]);
+    assert_eq!(told(Rplidar::MOTOR, LineEvent::Break, false), [""; 0]);
+    assert_eq!(told(Rplidar::UART, LineEvent::Break, true), [""; 0]);
+}
