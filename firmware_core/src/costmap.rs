@@ -248,6 +248,7 @@ mod tests {
         obstacles[10 * 21 + 10] = true;
         let map = Costmap::new(21, 0.05, [-1.0, 2.0], obstacles, CAR);
         assert_eq!((map.width(), map.height()), (21, 21));
+        assert_eq!((map.cell_m(), map.origin_m()), (0.05, [-1.0, 2.0]));
         let along: [u8; 10] = [10, 11, 12, 13, 14, 15, 16, 17, 18, 19].map(|x| map.cost([x, 10]));
         assert_eq!(along, [20, 19, 19, 19, 13, 8, 5, 3, 2, 0]);
         assert_eq!(map.cost([10, 6]), 13);

@@ -547,4 +547,126 @@ mod tests {
         expected.sort_unstable();
         assert_eq!(found, expected);
     }
+
+    /// Ten free cells in a row, and these scores by place and heading.
+    fn row(scores: &[(usize, usize, u8)]) -> Matches {
+        let mut matches = Matches {
+            low: Cell::new(-2, 7),
+            width: 10,
+            height: 1,
+            places: (0..10).map(Some).collect(),
+            free: (0..10).map(|x| Cell::new(x - 2, 7)).collect(),
+            scores: alloc::vec![0; 10 * HEADINGS],
+        };
+        for (place, heading, score) in scores {
+            matches.scores[place * HEADINGS + heading] = *score;
+        }
+        matches
+    }
+
+    fn degrees(pose: Pose) -> f32 {
+        pose.heading.to_degrees()
+    }
+
+    /// Cells of 100 mm from (-200, 700) on: the fifth has its middle at (250, 750). Scores of a
+    /// degree to either side count alike, by their fourth power.
+    #[test]
+    fn the_best_score_is_the_place() {
+        let matches = row(&[(4, 90, 204), (4, 88, 102), (4, 92, 102), (9, 300, 153)]);
+        assert!((matches.fit(4, 90) - 0.409_6).abs() < 1e-6 && matches.score(4, 88) == 102);
+        assert!((matches.fit(4, 88) - 0.025_6).abs() < 1e-6 && matches.fit(4, 89) == 0.0);
+        let estimate = matches.estimate(Votes::Best).expect("places");
+        assert_eq!((estimate.pose.x_mm, estimate.pose.y_mm), (250.0, 750.0));
+        assert!((degrees(estimate.pose) - 90.0).abs() < 1e-3);
+        assert!((estimate.score - 0.8).abs() < 1e-6 && (estimate.ratio - 0.75).abs() < 1e-6);
+        assert_eq!((estimate.second.x_mm, estimate.second_cells), (750.0, 5.0));
+        assert!((degrees(estimate.second) + 60.0).abs() < 1e-3 && !estimate.is_ambiguous());
+        // 0.0256 of 0.4352 parts two degrees on.
+        let askew = row(&[(4, 90, 204), (4, 92, 102)]).estimate(Votes::Best);
+        let heading = degrees(askew.expect("places").pose);
+        assert!(
+            (heading - 90.0 - 2.0 * 0.025_6 / 0.435_2).abs() < 1e-3,
+            "{heading}"
+        );
+    }
+
+    /// 200 at the fifth cell and 150 beside it: 200 and three quarters of 150 are more than 240
+    /// alone. Weighed so their headings are 90.36 degrees. Multiplied, the heading is that of the
+    /// best score, wherever that was.
+    #[test]
+    fn d2_votes_are_added_or_multiplied() {
+        let matches = row(&[(4, 90, 200), (5, 91, 150), (9, 200, 240)]);
+        let added = matches.estimate(Votes::Added).expect("places");
+        assert_eq!(added.pose.x_mm, 250.0);
+        assert!(
+            (degrees(added.pose) - 90.36).abs() < 1e-2,
+            "{}",
+            degrees(added.pose)
+        );
+        assert!((added.score - 200.0 / 255.0).abs() < 1e-6 && (added.ratio - 1.2).abs() < 1e-6);
+        assert_eq!(matches.vote((5, 150), 4), 112.5);
+        let multiplied = matches.estimate(Votes::Multiplied).expect("places");
+        assert_eq!(multiplied.pose.x_mm, 250.0);
+        assert!((degrees(multiplied.pose) + 160.0).abs() < 1e-3);
+        // A lone vote of 0.8235 is more than 0.4392 and three quarters of 0.4314 added, and less
+        // than both multiplied: 1.4392 * 1.3235 is 1.905.
+        let matches = row(&[(4, 90, 112), (5, 91, 110), (9, 200, 210)]);
+        for votes in [Votes::Added, Votes::Multiplied] {
+            let x_mm = matches.estimate(votes).expect("places").pose.x_mm;
+            assert_eq!(x_mm, if votes == Votes::Added { 750.0 } else { 250.0 });
+        }
+    }
+
+    /// Three cells or 30 degrees away it is the same place; four or 31 are another one.
+    #[test]
+    fn another_place_is_more_than_three_cells_or_30_degrees_away() {
+        let second = |scores: &[(usize, usize, u8)]| row(scores).second(0, 90);
+        assert_eq!(second(&[(3, 90, 200)]), (0, 0, 90));
+        assert_eq!(second(&[(3, 90, 200), (4, 90, 150)]), (150, 4, 90));
+        assert_eq!(second(&[(1, 120, 200), (1, 60, 190)]), (0, 0, 90));
+        assert_eq!(second(&[(1, 121, 180), (4, 90, 150)]), (180, 1, 121));
+        assert_eq!(second(&[(0, 59, 20)]), (20, 0, 59));
+    }
+
+    /// A cell ahead, and none to the side: what was seen a cell behind counts, within two degrees
+    /// and a cell. What fits now with no more than 100 of 255 is not looked at.
+    #[test]
+    fn what_fits_both_times_is_the_product() {
+        let ahead = PoseChange {
+            forward_mm: 104.0,
+            ..PoseChange::NONE
+        };
+        let both = |before: (usize, usize, u8), now: u8| {
+            row(&[before]).then(ahead, &row(&[(5, 0, now)])).score(5, 0)
+        };
+        assert_eq!(both((4, 0, 127), 204), 101);
+        assert_eq!([both((4, 0, 255), 101), both((4, 0, 255), 100)], [101, 0]);
+        assert_eq!([both((3, 2, 255), 204), both((5, 358, 255), 204)], [204; 2]);
+        assert_eq!([both((2, 0, 255), 204), both((6, 0, 255), 204)], [0; 2]);
+        assert_eq!([both((4, 3, 255), 204), both((4, 1, 255), 204)], [0; 2]);
+        // Turned by 90 degrees to the left, a cell to the left before is one ahead now.
+        let turned = PoseChange {
+            forward_mm: 0.0,
+            left_mm: -100.0,
+            turn: core::f32::consts::FRAC_PI_2,
+        };
+        let now = row(&[(7, 180, 204)]);
+        assert_eq!(row(&[(5, 90, 255)]).then(turned, &now).score(7, 180), 204);
+        assert_eq!(row(&[(8, 90, 255)]).then(turned, &now).score(7, 180), 0);
+    }
+
+    #[test]
+    fn cells_off_the_map_have_no_place() {
+        let matches = row(&[]);
+        let place = |x, y| matches.place(Cell::new(x, y));
+        assert_eq!(
+            [place(-2, 7), place(7, 7), place(0, 7)],
+            [Some(0), Some(9), Some(2)]
+        );
+        assert_eq!(
+            [place(-3, 7), place(8, 7), place(0, 6), place(0, 8)],
+            [None; 4]
+        );
+        assert_eq!(matches.best_near(Cell::new(9, 9), 0), 0);
+    }
 }

@@ -368,3 +368,147 @@ fn octile(cells: &[[i32; 2]]) -> f64 {
     }
     length
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::costmap::Inflation;
+
+    fn cells(map: &[(i32, i32)]) -> Vec<[i32; 2]> {
+        map.iter().map(|&(x, y)| [x, y]).collect()
+    }
+
+    /// 2 m long and 1 m wide, at (10, 5), as it lies and turned by a quarter: squares of 0.4 m
+    /// whose middles are 1.2 m and 0.7 m away only touch.
+    #[test]
+    fn an_outline_overlaps_what_is_nearer_than_half_of_both() {
+        let outline = Outline::rectangle(1.0, 1.0, 0.5);
+        let overlaps = |heading: f64, dx: f64, dy: f64| {
+            outline.overlaps([10.0, 5.0, heading], [10.0 + dx, 5.0 + dy], 0.4)
+        };
+        let quarter = core::f64::consts::FRAC_PI_2;
+        for side in [-1.0, 1.0] {
+            assert!(overlaps(0.0, 1.19 * side, 0.0) && overlaps(0.0, 0.3, 0.69 * side));
+            assert!(!overlaps(0.0, 1.21 * side, 0.0) && !overlaps(0.0, 0.3, 0.71 * side));
+            assert!(overlaps(quarter, 0.69 * side, 0.3) && overlaps(quarter, 0.3, 1.19 * side));
+            assert!(!overlaps(quarter, 0.71 * side, 0.3) && !overlaps(quarter, 0.3, 1.21 * side));
+            assert!(!overlaps(0.0, 1.2 * side, 0.0) && !overlaps(0.0, 0.0, 0.7 * side));
+        }
+        // Turned by an eighth its corner is 1.5 / sqrt(2) = 1.0607 away along both axes, and its
+        // long side 0.5 m: a square that is 0.2 * sqrt(2) wide along it reaches to 0.7828.
+        let eighth = core::f64::consts::FRAC_PI_4;
+        let across = 0.782 / core::f64::consts::SQRT_2;
+        assert!(overlaps(eighth, across, -across) && !overlaps(eighth, 0.555, -0.555));
+        assert!(overlaps(eighth, 0.35, 1.25) && !overlaps(eighth, 0.35, 1.27));
+        // What lies ahead and behind, to the left and right, is not the same.
+        let outline = Outline::rectangle(2.0, 0.5, 0.25);
+        let overlaps = |dx, dy| outline.overlaps([0.0; 3], [dx, dy], 0.2);
+        assert!(overlaps(2.09, 0.0) && !overlaps(2.11, 0.0) && overlaps(-0.59, 0.34));
+        assert!(!overlaps(-0.61, 0.0) && !overlaps(0.0, 0.36) && !overlaps(0.0, -0.36));
+    }
+
+    /// A rectangle of 0.3 m by 0.1 m around the middle of a cell of 0.1 m covers five by three of
+    /// them, of which the ones at the rim are cut half; at rest it reaches 0.158 m, two cells.
+    #[test]
+    fn an_outline_covers_and_cuts_cells() {
+        let outline = Outline::rectangle(0.16, 0.16, 0.06);
+        let covered: Vec<[i32; 2]> = outline.cells([0.0; 3], 0.1, |_| false).collect();
+        let expected = (-1..=1).flat_map(|y| (-2..=2).map(move |x| [x, y]));
+        assert!(covered.iter().copied().eq(expected));
+        let new: Vec<[i32; 2]> = outline
+            .cells([0.1, 0.0, 0.0], 0.1, |at| at[0] < 3)
+            .collect();
+        assert_eq!(new, cells(&[(3, -1), (3, 0), (3, 1)]));
+        assert_eq!((outline.reach(0.1), outline.reach(0.2)), (2, 1));
+        assert_eq!(Outline::rectangle(0.3, 0.1, 0.4).reach(0.1), 5);
+    }
+
+    /// Two cells ahead: what the body sweeps besides what it covered.
+    #[test]
+    fn a_body_sweeps_the_cells_before_it() {
+        let outline = Outline::rectangle(0.16, 0.16, 0.06);
+        let covered: Vec<[i32; 2]> = outline.cells([0.0; 3], 0.1, |_| false).collect();
+        let way = [[0.0; 3], [0.1, 0.0, 0.0], [0.2, 0.0, 0.0]];
+        let mut swept = Swept::new(&way, 0.1, 2, &covered);
+        assert_eq!(swept.low, [-3, -3]);
+        way.iter().for_each(|pose| swept.add(&outline, *pose, 0.1));
+        let expected = cells(&[(3, -1), (3, 0), (3, 1), (4, -1), (4, 0), (4, 1)]);
+        assert_eq!(swept.into_cells(), expected);
+    }
+
+    /// 0.1 m in parts of at most 0.04 m are three; a turn on the spot is one.
+    #[test]
+    fn poses_on_the_way_are_near_each_other() {
+        let way = on_the_way(
+            &[[0.0, 0.0, 0.2], [0.06, 0.08, 0.5], [0.06, 0.08, 0.1]],
+            0.04,
+        );
+        let expected = [
+            [0.0, 0.0, 0.2],
+            [0.02, 0.08 / 3.0, 0.3],
+            [0.04, 0.16 / 3.0, 0.4],
+            [0.06, 0.08, 0.5],
+            [0.06, 0.08, 0.1],
+        ];
+        assert_eq!(way.len(), 5);
+        for (found, expected) in way.iter().zip(expected) {
+            assert!((0..3).all(|axis| (found[axis] - expected[axis]).abs() < 1e-12));
+        }
+        // Across half a turn the shorter way round.
+        let way = on_the_way(&[[0.0, 0.0, 3.1], [0.0, 0.08, -3.1]], 0.04);
+        assert!((way[1][2] - core::f64::consts::PI).abs() < 1e-9, "{way:?}");
+    }
+
+    /// One ahead, one aslant, a knight's move: 1 + 1.4142 + 2.4142.
+    #[test]
+    fn ways_through_cells_go_ahead_and_aslant() {
+        let length = octile(&cells(&[(1, 0), (2, 1), (3, -1)]));
+        assert!(
+            (length - 2.0 - 2.0 * core::f64::consts::SQRT_2).abs() < 1e-12,
+            "{length}"
+        );
+        assert_eq!(octile(&[]), 0.0);
+    }
+
+    /// Costs 1 + the dearest cell; in the outline a cell may be as dear as it likes but for an
+    /// obstacle, and is looked at only where something is near at all.
+    #[test]
+    fn an_action_costs_the_dearest_cell_that_it_passes() {
+        let inflation = Inflation {
+            inscribed_m: 0.16,
+            radius_m: 0.40,
+        };
+        let mut obstacles = alloc::vec![false; 40 * 21];
+        obstacles[10 * 40 + 10] = true;
+        let map = Costmap::new(40, 0.05, [0.0; 2], obstacles, inflation);
+        let cost = |middle: &[(i32, i32)], swept: &[(i32, i32)], from| {
+            let action = Action {
+                primitive: 0,
+                end: [0, 0],
+                end_angle: 0,
+                base_cost: 100,
+                middle: cells(middle),
+                swept: cells(swept),
+            };
+            action.cost(&map, from)
+        };
+        // Costs around the obstacle in cell 10: 19 up to three cells away, then less and less.
+        let of = |x| u32::from(map.cost([x, 10]));
+        assert!(of(13) == 19 && of(14) < 19 && of(16) < of(14) && of(30) == 0);
+        assert_eq!(cost(&[(1, 0)], &[(9, 9)], [30, 10]), Some(100));
+        assert_eq!(cost(&[(-14, 0)], &[], [30, 10]), Some(100 * (1 + of(16))));
+        assert_eq!(
+            cost(&[(1, 0), (4, 0)], &[], [14, 10]),
+            Some(100 * (1 + of(14)))
+        );
+        assert_eq!(cost(&[(1, 0), (-1, 0)], &[], [14, 10]), None);
+        // The outline: dearer, but not an obstacle, and no dearer than 18.
+        assert_eq!(
+            cost(&[(1, 0)], &[(-2, 0)], [16, 10]),
+            Some(100 * (1 + of(14)))
+        );
+        assert_eq!(cost(&[(1, 0)], &[(-3, 0)], [16, 10]), Some(100 * 19));
+        assert_eq!(cost(&[(1, 0)], &[(-6, 0)], [16, 10]), None);
+        assert_eq!(cost(&[(1, 0)], &[(-20, 0)], [30, 10]), Some(100));
+    }
+}

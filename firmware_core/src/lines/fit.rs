@@ -173,4 +173,17 @@ mod tests {
         assert_eq!((meets(59.9), meets(40.1)), (None, None));
         assert!(meets(60.1).is_some() && meets(39.9).is_some());
     }
+
+    /// Deviations from the mean (150, 22.5): squares 50,000 - 1,475 and products 8,500: half of the
+    /// angle of (48,525, 17,000) is 0.168, and so on, worked out with a calculator.
+    #[test]
+    fn a_line_leans_to_where_its_points_do() {
+        let points = [(0.0, 0.0), (100.0, 20.0), (200.0, 10.0), (300.0, 60.0)];
+        let points = points.map(|(x, y)| at(x + 1_000.0, y - 500.0));
+        let fit = Fit::of(points.into_iter(), &Settings::default());
+        assert!((fit.direction[0] - 0.985_511).abs() < 1e-5, "{fit:?}");
+        assert!((fit.direction[1] - 0.169_613).abs() < 1e-5);
+        assert!(fit.start.distance_mm(at(1_000.554, -503.221)) < 0.01);
+        assert!(fit.end.distance_mm(at(1_301.953, -451.348)) < 0.01);
+    }
 }

@@ -168,4 +168,29 @@ mod tests {
         });
         assert!(is_quiet);
     }
+
+    /// A turn by 180 degrees has to be worth a millimetre, one by 90 degrees a half. More than a
+    /// metre is not better.
+    #[test]
+    fn of_equally_free_ways_the_nearest_is_taken() {
+        let ahead_or = |more: f32, side: f32| {
+            let is_there = move |bearing: f32| (bearing - side).abs() < 0.01;
+            let (bearing, free) = most(|bearing| {
+                if is_there(bearing) {
+                    500.0 + more
+                } else {
+                    500.0
+                }
+            });
+            assert!(free == 500.0 || (free - 500.0 - more).abs() < 1e-3);
+            bearing
+        };
+        let quarter = PI / 2.0;
+        assert_eq!([ahead_or(0.4, quarter), ahead_or(0.4, -quarter)], [0.0; 2]);
+        assert!((ahead_or(0.6, quarter) - quarter).abs() < 0.01);
+        assert!((ahead_or(0.6, -quarter) + quarter).abs() < 0.01);
+        assert!(ahead_or(0.9, -PI) == 0.0 && ahead_or(1.1, -PI) < -3.1);
+        let far = most(|bearing| if bearing > 1.0 { 9_000.0 } else { 1_000.0 });
+        assert_eq!(far, (0.0, 1_000.0));
+    }
 }

@@ -130,3 +130,90 @@ impl Front {
         Some(cell)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use std::boxed::Box;
+
+    use super::*;
+
+    /// Cells of 30 mm on a map of 10 mm: up to 215 a cell counts as free.
+    #[test]
+    fn a_dark_cell_of_nine_is_an_obstacle() {
+        let mut map = Box::new(Grid::new(10.0));
+        map.set(8, 5, 215);
+        map.set(11, 5, 214);
+        let raster = Raster::of(&map);
+        let seen = Surroundings::of([Point::new(100.0, 0.0)].into_iter());
+        let pose = Pose::new(305.0, 315.0, core::f32::consts::FRAC_PI_2);
+        let obstacles = raster.obstacles(&map, pose, &seen);
+        let has = |x, y| obstacles.has(Cell { x, y });
+        assert!(has(2, 1) && !has(3, 1) && !has(2, 0) && !has(1, 1));
+        // 100 mm along y.
+        assert!(has(10, 13) && !has(10, 10) && !has(13, 10));
+    }
+
+    #[test]
+    fn a_place_has_a_cell_on_the_map_only() {
+        let raster = Raster { cell_mm: 30.0 };
+        let cell = |x_mm, y_mm| raster.cell_of(Point::new(x_mm, y_mm));
+        assert_eq!(cell(29.9, 30.0), Some(Cell { x: 0, y: 1 }));
+        let edge = f32::from(EDGE) * 30.0;
+        assert_eq!(cell(edge - 1.0, 0.0), Some(Cell { x: EDGE - 1, y: 0 }));
+        assert_eq!(
+            [
+                cell(-0.1, 5.0),
+                cell(5.0, -0.1),
+                cell(edge, 0.0),
+                cell(0.0, edge)
+            ],
+            [None; 4]
+        );
+        assert_eq!(raster.middle(Cell { x: 2, y: 1 }), Point::new(75.0, 45.0));
+        assert_eq!(
+            [raster.reach(120.0), raster.reach(179.0), raster.reach(9e9)],
+            [4, 5, 20]
+        );
+    }
+
+    /// The rim of an obstacle is opened 120 mm around both ends, the obstacle itself is not.
+    #[test]
+    fn what_is_near_is_open_around_the_ends() {
+        let raster = Raster { cell_mm: 30.0 };
+        let mut obstacles = Cells::NONE;
+        obstacles.set(Cell { x: 20, y: 20 });
+        let far = Point::new(2_000.0, 2_000.0);
+        let blocked = |end| raster.blocked(&obstacles, 3, [end, far]);
+        let near = blocked(Point::new(615.0, 465.0));
+        let is_blocked = |cells: &Cells, y| cells.has(Cell { x: 20, y });
+        assert!([17, 18, 19].into_iter().all(|y| !is_blocked(&near, y)));
+        assert!([20, 21, 22, 23].into_iter().all(|y| is_blocked(&near, y)));
+        let elsewhere = blocked(far);
+        assert!((17..=23).all(|y| is_blocked(&elsewhere, y)));
+        assert!(!is_blocked(&elsewhere, 16) && !is_blocked(&elsewhere, 24));
+    }
+
+    /// First in, first out, round and round; what does not fit is lost.
+    #[test]
+    fn a_front_is_a_queue() {
+        let mut front = Front::new();
+        let mut next = 0;
+        for round in 0..3_u16 {
+            for n in 0..500 {
+                front.push(Cell {
+                    x: round * 500 + n,
+                    y: 0,
+                });
+            }
+            assert_eq!(front.len(), 500.min(FRONT_MAX));
+            while let Some(cell) = front.pop() {
+                assert_eq!(cell.x, next);
+                next += 1;
+            }
+        }
+        (0..FRONT_MAX + 3).for_each(|_| front.push(Cell { x: 7, y: 7 }));
+        assert_eq!(front.len(), FRONT_MAX);
+    }
+}

@@ -390,3 +390,6 @@ impl Rescue {
         self.drive.command(now, set_point, now + DECISION_HOLDS);
     }
 }
+
+#[cfg(test)]
+mod tests;

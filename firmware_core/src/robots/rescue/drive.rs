@@ -422,3 +422,218 @@ impl Drive {
 }
 
 const FAR: Instant = Instant::from_nanos(u64::MAX);
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use std::vec;
+    use std::vec::Vec;
+
+    use protocols::Decode as _;
+    use protocols::avr::{self, Frame};
+
+    use super::*;
+
+    fn at(millis: u64) -> Instant {
+        Instant::from_millis(millis)
+    }
+
+    fn fitted() -> Config {
+        Config {
+            sought: Sought::FloorAndHeat,
+            infrared: Infrared::Read,
+            ..Config::default()
+        }
+    }
+
+    /// What a base answers whose registers all hold their own number.
+    fn answer(frame: &Frame) -> Option<Frame> {
+        let order = Config::default().checksum_order;
+        let registers: Vec<u8> = (frame.register()..)
+            .take(usize::from(frame.count()))
+            .collect();
+        Some(match frame.is_write() {
+            true => Frame::read(frame.register(), 0, order),
+            false => Frame::write(frame.register(), &registers, order),
+        })
+    }
+
+    /// Requests from `from` up to `to` ms, each answered at once: when, which register, whether it
+    /// was written.
+    fn run(
+        drive: &mut Drive,
+        [from, to]: [u64; 2],
+        answer: impl Fn(&Frame) -> Option<Frame>,
+    ) -> Vec<(u64, u8, bool)> {
+        let mut decoder = avr::Decoder::new(Config::default().checksum_order);
+        let mut asked = Vec::new();
+        for millis in from..to {
+            drive.tick(at(millis));
+            let mut buf = [0; 64];
+            while let len @ 1.. = drive.transmit(&mut buf) {
+                let frames: Vec<Frame> = decoder.push(&buf[..len]).flatten().collect();
+                for frame in frames {
+                    asked.push((millis, frame.register(), frame.is_write()));
+                    if let Some(answer) = answer(&frame) {
+                        drive.receive(at(millis), answer.as_bytes());
+                    }
+                }
+            }
+        }
+        asked
+    }
+
+    fn times(asked: &[(u64, u8, bool)], register: u8) -> Vec<u64> {
+        let of = asked.iter().filter(|it| it.1 == register);
+        of.map(|it| it.0).collect()
+    }
+
+    /// Wheels each 40 ms, set-points each 150, the battery each second; heat and infrared sensors
+    /// each 100 ms if they are fitted. The first of all at once, but for a set-point that nobody
+    /// has given yet.
+    #[test]
+    fn each_register_is_asked_for_in_its_period() {
+        let mut drive = Drive::new(&fitted());
+        let asked = run(&mut drive, [0, 1_200], answer);
+        let every = |period: u64| (0..1_200).step_by(usize::try_from(period).unwrap());
+        let is_every = |register, period| times(&asked, register).into_iter().eq(every(period));
+        assert!(is_every(registers::ENCODER_LEFT, 40) && is_every(registers::BATTERY_MV, 1_000));
+        assert!(is_every(registers::HEAT_LEFT, 100));
+        assert!(is_every(registers::DIST_BACK_RIGHT, 100));
+        assert!(is_every(registers::DIST_FRONT_LEFT, 100));
+        let written = times(&asked, registers::SPEED_LEFT_TO);
+        assert!(written.into_iter().eq(every(150).skip(1)));
+        assert!(times(&asked, registers::YAW).is_empty());
+        let asked = run(&mut Drive::new(&Config::default()), [0, 1_000], answer);
+        let bare = [
+            registers::HEAT_LEFT,
+            registers::DIST_BACK_RIGHT,
+            registers::DIST_FRONT_LEFT,
+        ];
+        assert!(
+            bare.into_iter()
+                .all(|register| times(&asked, register).is_empty())
+        );
+    }
+
+    /// A set-point is written at once, and once more when it runs out.
+    #[test]
+    fn a_set_point_holds_until_its_time() {
+        let mut drive = Drive::new(&Config::default());
+        run(&mut drive, [0, 10], answer);
+        drive.command(at(10), [7, -3], at(60));
+        assert!(!drive.is_confirmed() && drive.next_at() <= at(60));
+        let asked = run(&mut drive, [10, 60], answer);
+        assert_eq!(times(&asked, registers::SPEED_LEFT_TO), [10]);
+        assert_eq!(
+            (drive.set_point(), drive.is_confirmed(), drive.expired),
+            ([7, -3], true, 0)
+        );
+        drive.command(at(60), [7, -3], at(61));
+        assert!(drive.is_confirmed());
+        let asked = run(&mut drive, [60, 80], answer);
+        assert_eq!(times(&asked, registers::SPEED_LEFT_TO), [61]);
+        assert_eq!((drive.set_point(), drive.expired), (HALT, 1));
+    }
+
+    /// Registers 13 and 17, low byte first; 1, 3, 5, 7, 9, 11 and 21, 23, 29, 31; 33 to 35.
+    #[test]
+    fn what_was_read_is_told_once() {
+        let mut drive = Drive::new(&fitted());
+        assert_eq!((drive.take_heat(), drive.take_battery()), (None, None));
+        run(&mut drive, [0, 30], answer);
+        let word = |register: i16| register + 256 * (register + 1);
+        assert_eq!(drive.take_heat(), Some([13, 17].map(word)));
+        let infrared = [1, 3, 5, 7, 9, 11, 21, 23, 29, 31].map(word);
+        assert_eq!(drive.take_infrared(), Some(infrared));
+        let battery = drive.take_battery().expect("it was read");
+        assert_eq!((battery.millivolts, battery.percent), (33 + 256 * 34, 35));
+        assert_eq!((drive.take_heat(), drive.take_infrared()), (None, None));
+        assert_eq!(
+            (drive.take_battery(), drive.battery()),
+            (None, Some(battery))
+        );
+        // Registers 44 and 45: 11.345 mm/s a tick.
+        assert_eq!((drive.speed(), drive.speed_mm_s()), ([44, 45], [499, 511]));
+    }
+
+    /// Only the second half makes a whole.
+    #[test]
+    fn half_of_the_infrared_sensors_is_no_reading() {
+        let mut drive = Drive::new(&fitted());
+        drive.infrared_read(0, &[5; READ_MAX]);
+        assert_eq!(drive.take_infrared(), None);
+        drive.infrared_read(1, &[6; READ_MAX]);
+        let mut expected = [0x0505; blind::SENSORS];
+        expected[6..].fill(0x0606);
+        assert_eq!(drive.take_infrared(), Some(expected));
+        drive.infrared_read(1, &[6; READ_MAX]);
+        drive.infrared_read(0, &[5; READ_MAX]);
+        assert_eq!(drive.take_infrared(), None);
+    }
+
+    /// Two kits are two writes; a base that does not say that one is dropped is asked again.
+    #[test]
+    fn a_kit_is_dropped_when_the_base_says_so() {
+        let mut drive = Drive::new(&fitted());
+        run(&mut drive, [0, 10], answer);
+        drive.drop_kit();
+        drive.drop_kit();
+        let deaf = |frame: &Frame| (frame.register() != registers::KITS).then(|| answer(frame))?;
+        let asked = run(&mut drive, [10, 250], deaf);
+        assert!(times(&asked, registers::KITS).len() >= 2 && drive.kits == 2);
+        let asked = run(&mut drive, [250, 700], answer);
+        assert!(!times(&asked, registers::KITS).is_empty() && drive.kits == 0);
+        let asked = run(&mut drive, [700, 1_000], answer);
+        assert!(times(&asked, registers::KITS).is_empty());
+    }
+
+    /// Bit 1 of a status that came unasked.
+    #[test]
+    fn the_stop_button_is_told_by_the_status() {
+        let mut drive = Drive::new(&Config::default());
+        let mut told = |status: u8| {
+            let order = Config::default().checksum_order;
+            let frame = Frame::write(registers::SYSTEM_STATUS, &[status], order);
+            drive.receive(at(5), frame.as_bytes());
+            (drive.take_stop(), drive.take_stop())
+        };
+        let found = [0, 1, 2, 3, 0xFD].map(&mut told);
+        let expected = [false, false, true, true, false].map(|stops| (Some(stops), None));
+        assert_eq!(found, expected);
+    }
+
+    /// A base that says nothing is told to stand still, and asked ten times a second; with its
+    /// first answer all goes on.
+    #[test]
+    fn a_silent_base_is_asked_whether_it_is_back() {
+        let mut drive = Drive::new(&Config::default());
+        run(&mut drive, [0, 10], answer);
+        drive.command(at(10), [7, 7], at(9_000));
+        run(&mut drive, [10, 1_000], |_| None);
+        assert!(drive.is_silent() && drive.set_point() == HALT && !drive.is_confirmed());
+        assert_eq!((drive.silences, drive.speed()), (1, HALT));
+        let asked = run(&mut drive, [1_000, 2_000], |_| None);
+        let written = times(&asked, registers::SPEED_LEFT_TO);
+        assert!(written.len() >= 10 && times(&asked, registers::BATTERY_MV).is_empty());
+        drive.command(at(2_000), [9, 9], at(9_000));
+        assert!(drive.next_at() <= at(2_100));
+        run(&mut drive, [2_000, 2_300], answer);
+        assert!(!drive.is_silent() && drive.silences == 1 && !drive.was_silent);
+        drive.command(at(2_300), [9, 9], at(9_000));
+        let asked = run(&mut drive, [2_300, 2_302], answer);
+        assert_eq!(times(&asked, registers::SPEED_LEFT_TO), [2_300]);
+    }
+
+    /// NV-04: nothing at all is said.
+    #[test]
+    fn a_mute_drive_asks_nothing() {
+        let mut drive = Drive::new(&fitted());
+        drive.is_mute = true;
+        drive.command(at(0), [7, 7], at(900));
+        drive.read_wheels(at(0));
+        assert_eq!(run(&mut drive, [0, 500], answer), vec![]);
+        assert_eq!(drive.next_at(), FAR);
+    }
+}

@@ -170,3 +170,111 @@ impl Aim {
 fn turn(rad_s: f32) -> Velocity {
     Velocity::new(0.0, rad_s.clamp(-TURN_MAX_RAD_S, TURN_MAX_RAD_S))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn goal(heading: Option<f32>) -> Goal {
+        Goal {
+            position: Point::new(1_000.0, 0.0),
+            heading,
+        }
+    }
+
+    fn moving(heading: Option<f32>, defects: Defects) -> Autoposition {
+        let mut moves = Autoposition::new(defects);
+        moves.set_goal(goal(heading));
+        moves
+    }
+
+    fn is(found: Option<Velocity>, linear: f32, angular: f32) -> bool {
+        found.is_some_and(|found| {
+            (found.linear_m_s - linear).abs() < 1e-4 && (found.angular_rad_s - angular).abs() < 1e-4
+        })
+    }
+
+    /// Ten times the angle, at most 4 rad/s; from 0.02 rad on it drives, twice the distance and at
+    /// most half a metre a second, and steers eight times the angle. Half a radian aside it turns.
+    #[test]
+    fn it_turns_towards_the_goal_and_drives_there() {
+        let mut moves = moving(None, Defects::NONE);
+        assert!(is(moves.step(Pose::new(0.0, 0.0, 0.3), true), 0.0, -3.0));
+        assert!(is(moves.step(Pose::new(0.0, 0.0, -0.5), true), 0.0, 4.0));
+        assert!(is(moves.step(Pose::new(0.0, 0.0, 0.021), true), 0.0, -0.21));
+        assert!(is(
+            moves.step(Pose::new(0.0, 0.0, 0.019), true),
+            0.5,
+            -0.152
+        ));
+        assert!(is(moves.step(Pose::new(900.0, 0.0, -0.1), true), 0.2, 0.8));
+        assert!(is(
+            moves.step(Pose::new(900.0, 0.0, 0.49), false),
+            0.2,
+            -3.92
+        ));
+        assert!(is(
+            moves.step(Pose::new(900.0, 0.0, 0.51), false),
+            0.0,
+            -4.0
+        ));
+        assert!(is(
+            moves.step(Pose::new(900.0, 0.0, 0.03), false),
+            0.0,
+            -0.3
+        ));
+        assert_eq!(moves.step(Pose::new(981.0, 0.0, 0.0), true), None);
+    }
+
+    /// At the goal it turns to its heading, no slower than half a radian a second, until a
+    /// hundredth; then it stands, and is there within 0.015 rad once it is at rest.
+    #[test]
+    fn it_settles_as_it_was_told_to_look() {
+        let mut moves = moving(Some(1.0), Defects::NONE);
+        let here = |heading| Pose::new(1_010.0, 0.0, heading);
+        assert!(is(moves.step(here(0.7), false), 0.0, 3.0));
+        assert!(is(moves.step(here(0.98), false), 0.0, 0.5));
+        assert!(is(moves.step(here(1.011), false), 0.0, -0.5));
+        assert!(is(moves.step(here(0.991), false), 0.0, 0.0));
+        assert!(is(moves.step(here(1.2), false), 0.0, 0.0));
+        assert!(is(moves.step(here(1.016), true), 0.0, -0.5));
+        assert!(is(moves.step(here(1.009), false), 0.0, 0.0));
+        assert_eq!(moves.step(here(1.014), true), None);
+    }
+
+    /// From -3 to 3 rad it is 0.283 rad the short way, and 6 the other.
+    #[test]
+    fn the_last_turn_may_go_the_long_way() {
+        let turned = |turns_the_long_way| {
+            let defects = Defects {
+                turns_the_long_way,
+                ..Defects::NONE
+            };
+            moving(Some(3.0), defects).step(Pose::new(1_000.0, 0.0, -3.0), false)
+        };
+        assert!(is(turned(false), 0.0, -2.831_85) && is(turned(true), 0.0, 4.0));
+    }
+
+    /// Another goal is turned to, unless the step is kept: then the robot steers for it.
+    #[test]
+    fn another_goal_begins_with_a_turn() {
+        let next = |keeps_the_step, begins: bool| {
+            let defects = Defects {
+                keeps_the_step,
+                ..Defects::NONE
+            };
+            let mut moves = moving(None, defects);
+            moves.step(Pose::new(0.0, 0.0, 0.0), true);
+            moves.set_goal(Goal {
+                position: Point::new(0.0, 1_000.0),
+                heading: None,
+            });
+            if begins {
+                moves.begin();
+            }
+            moves.step(Pose::new(0.0, 0.0, 1.2), true)
+        };
+        assert!(is(next(false, false), 0.0, 3.707_96) && is(next(true, true), 0.0, 3.707_96));
+        assert!(is(next(true, false), 0.5, 2.966_37));
+    }
+}

@@ -337,3 +337,135 @@ impl Groups {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(millis: u64) -> Instant {
+        Instant::from_millis(millis)
+    }
+
+    fn group(degrees: u16, starts_turn: bool) -> Group {
+        Group {
+            starts_turn,
+            quality: 15,
+            angle_q6: degrees * 64,
+            distance_mm: Some(1_000.0),
+        }
+    }
+
+    /// The motor is told its duty once; a second later a scan is asked for.
+    #[test]
+    fn a_scan_is_asked_for_when_the_motor_turns() {
+        let mut lidar = Lidar::new(Defects::NONE);
+        assert!(!lidar.has_duty() && !lidar.has_output());
+        lidar.tick(at(5));
+        assert!(lidar.has_duty() && lidar.next_at() == at(1_005));
+        assert_eq!(
+            (lidar.take_duty(), lidar.has_duty()),
+            (Some(MOTOR_DUTY), false)
+        );
+        lidar.tick(at(1_004));
+        assert!(!lidar.has_output());
+        lidar.tick(at(1_005));
+        let mut buf = [0; 16];
+        let len = lidar.transmit(&mut buf);
+        assert_eq!(buf[..len], *Command::Scan.request().as_bytes());
+        // Three seconds until the first node, one second behind each.
+        assert_eq!(lidar.next_at(), at(4_005));
+        lidar.count(at(1_500));
+        assert_eq!((lidar.next_at(), lidar.counters.nodes), (at(2_500), 1));
+    }
+
+    /// Silence is asked about; no answer within 100 ms is a reset, which takes a second.
+    #[test]
+    fn a_silent_lidar_is_asked_and_started_again() {
+        let mut lidar = Lidar::new(Defects::NONE);
+        lidar.tick(at(5));
+        lidar.tick(at(1_005));
+        let mut buf = [0; 16];
+        lidar.transmit(&mut buf);
+        lidar.tick(at(4_004));
+        assert_eq!(lidar.counters.silences, 0);
+        lidar.tick(at(4_005));
+        assert_eq!((lidar.counters.silences, lidar.next_at()), (1, at(4_105)));
+        let len = lidar.transmit(&mut buf);
+        assert_eq!(buf[..len], *Command::Health.request().as_bytes());
+        lidar.tick(at(4_104));
+        assert_eq!(lidar.counters.restarts, 0);
+        lidar.tick(at(4_105));
+        assert_eq!((lidar.counters.restarts, lidar.next_at()), (1, at(5_105)));
+        let len = lidar.transmit(&mut buf);
+        assert_eq!(buf[..len], *Command::Reset.request().as_bytes());
+    }
+
+    /// A turn begins where the node says so, or where three quarters are followed by a quarter; no
+    /// sooner than 80 ms after the one before, and one of more than 1.5 s is none.
+    #[test]
+    fn a_turn_begins_behind_three_quarters() {
+        let turns = |nodes: &[(u64, u16, bool)]| {
+            let mut lidar = Lidar::new(Defects::NONE);
+            for (millis, degrees, starts_turn) in nodes {
+                lidar.believe(at(*millis), group(*degrees, *starts_turn));
+            }
+            lidar.counters.turns
+        };
+        assert_eq!(turns(&[(100, 271, false), (101, 89, false)]), 1);
+        assert_eq!(turns(&[(100, 270, false), (101, 89, false)]), 0);
+        assert_eq!(turns(&[(100, 271, false), (101, 90, false)]), 0);
+        assert_eq!(turns(&[(100, 89, false), (101, 271, false)]), 0);
+        assert_eq!(turns(&[(100, 5, true), (179, 5, true)]), 1);
+        assert_eq!(turns(&[(100, 5, true), (180, 5, true)]), 2);
+        assert_eq!(turns(&[(79, 5, true)]), 0);
+    }
+
+    /// Seven bytes, then fives, whatever they are: 0x3E is quality 15 and no start; 0x2D01 halved
+    /// are 90 degrees of 64 parts, 0x0FA2 quarters are 1000.5 mm; 0 is none.
+    #[test]
+    fn the_fielded_parser_takes_five_bytes_for_a_node() {
+        let mut groups = Groups::NEW;
+        for byte in [0xA5, 0x5A, 5, 0, 0, 0x40, 0x81] {
+            assert!(groups.take(byte).is_none());
+        }
+        let mut node = |bytes: [u8; 5]| {
+            let taken = bytes.map(|byte| groups.take(byte));
+            assert!(taken[..4].iter().all(Option::is_none));
+            let group = taken[4].expect("five bytes");
+            let mm = group.distance_mm;
+            (
+                group.starts_turn,
+                group.quality,
+                group.angle_q6,
+                mm,
+                groups.bad,
+            )
+        };
+        let ahead = (false, 15, 90 * 64, Some(1_000.5), 0);
+        assert_eq!(node([0x3E, 0x01, 0x2D, 0xA2, 0x0F]), ahead);
+        assert_eq!(node([0x3D, 0x01, 0x2D, 0, 0]), (true, 15, 90 * 64, None, 0));
+        assert_eq!(
+            node([0x3F, 0x00, 0x2D, 4, 0]),
+            (true, 15, 90 * 64, Some(1.0), 1)
+        );
+    }
+
+    /// Two turns of 1.5 s without one that ended make what was seen old.
+    #[test]
+    fn what_was_seen_long_ago_is_forgotten() {
+        let mut lidar = Lidar::new(Defects::NONE);
+        lidar.phase = Phase::Scanning;
+        for turn in 0..3_u16 {
+            for degree in 0..360 {
+                let millis = u64::from(turn) * 200 + u64::from(degree) / 2;
+                lidar.believe(at(100 + millis), group(degree, degree == 0));
+            }
+        }
+        lidar.node_at = at(9_000);
+        assert!(!lidar.scans.points().is_empty());
+        lidar.tick(at(500 + 3_000));
+        assert!(!lidar.scans.points().is_empty());
+        lidar.tick(at(500 + 3_001));
+        assert!(lidar.scans.points().is_empty());
+    }
+}
