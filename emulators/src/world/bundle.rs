@@ -225,3 +225,75 @@ impl Beam {
 pub(super) fn single(value: f64) -> f32 {
     value as f32
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::geometry::{Circle, Segment};
+    use super::*;
+
+    const NOWHERE: Point = Point::new(-10.0, -20.0);
+
+    /// Which of four lanes a ray from `from` at `angle` may meet within `limit`: a wall across its
+    /// way at 1 m, half a metre to either side; one along it, 0.2 m to the left from 1 m to 3 m; a
+    /// circle of 0.3 m around (2, 0); and an empty lane.
+    fn screened(from: (f64, f64), angle: f64, limit: f32) -> [bool; LANES] {
+        let at = Point::new;
+        let wall = |from, to| Primitive::Segment(Segment::new(from, to).expect("long"));
+        let mut bundle = Bundle::empty();
+        let circle = Circle {
+            center: at(2.0, 0.0),
+            radius: 0.3,
+        };
+        let three = [
+            wall(at(1.0, -0.5), at(1.0, 0.5)),
+            wall(at(1.0, 0.2), at(3.0, 0.2)),
+            Primitive::Circle(circle),
+        ];
+        for (index, primitive) in (7..).zip(&three) {
+            assert!(bundle.add(index, primitive, NOWHERE, 1e-4));
+        }
+        assert!(bundle.indices().eq([7, 8, 9]) && bundle.index(1) == 8);
+        let ray = Ray::new(at(from.0, from.1), angle);
+        bundle.screen(&Beam::new(ray, 0.0, NOWHERE), limit)
+    }
+
+    /// A millimetre beside, before and behind each thing: what cannot be met costs no exact test.
+    #[test]
+    fn a_screen_refuses_what_is_out_of_reach() {
+        let ahead = |y: f64, limit| screened((0.0, y), 0.0, limit);
+        assert_eq!(ahead(0.0, 9.0), [true, false, true, false]);
+        assert_eq!([ahead(0.499, 9.0)[0], ahead(0.501, 9.0)[0]], [true, false]);
+        assert_eq!(
+            [ahead(-0.499, 9.0)[0], ahead(-0.501, 9.0)[0]],
+            [true, false]
+        );
+        assert_eq!([ahead(0.0, 0.999)[0], ahead(0.0, 1.001)[0]], [false, true]);
+        assert_eq!([ahead(0.299, 9.0)[2], ahead(0.301, 9.0)[2]], [true, false]);
+        assert_eq!(
+            [ahead(-0.299, 9.0)[2], ahead(-0.301, 9.0)[2]],
+            [true, false]
+        );
+        assert_eq!([ahead(0.0, 1.699)[2], ahead(0.0, 1.701)[2]], [false, true]);
+        let back = screened((0.0, 0.0), core::f64::consts::PI, 9.0);
+        assert_eq!(back, [false; LANES]);
+        // From within the circle its far side is met.
+        assert!(screened((2.0, 0.0), 1.0, 9.0)[2] && !screened((2.302, 0.0), 0.0, 9.0)[2]);
+        let up = |x: f64, limit| screened((x, 0.0), core::f64::consts::FRAC_PI_2, limit)[1];
+        assert_eq!(
+            [0.999, 1.001, 2.999, 3.001].map(|x| up(x, 9.0)),
+            [false, true, true, false]
+        );
+        assert_eq!([up(2.5, 0.199), up(2.5, 0.201)], [false, true]);
+    }
+
+    /// Two more than 1e-5 and 4 millionths of half a kilometre; four fit, a fifth does not.
+    #[test]
+    fn four_fit_into_a_bundle() {
+        assert!((tolerance(500.0) - 2.01e-3).abs() < 1e-12);
+        let wall = Segment::new(Point::new(0.0, 0.0), Point::new(1.0, 0.0)).expect("long");
+        let mut bundle = Bundle::empty();
+        let added = [0, 1, 2, 3, 4]
+            .map(|index| bundle.add(index, &Primitive::Segment(wall), NOWHERE, 1e-4));
+        assert_eq!(added, [true, true, true, true, false]);
+    }
+}

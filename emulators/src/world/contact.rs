@@ -157,3 +157,91 @@ impl Bumper {
             .collect();
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::scene::Shape;
+    use super::*;
+
+    /// Nobody looks while the free distance that was measured lasts: 0.9 m are left beside a body
+    /// of 0.1 m at the side of a wall 1 m away, and 1 m at most where nothing is.
+    #[test]
+    fn free_distance_is_used_up_before_anybody_looks_again() {
+        let wall = Shape::Wall {
+            from: Point::new(1.0, -5.0),
+            to: Point::new(1.0, 5.0),
+        };
+        let scene = Scene::new([wall], vec![]).expect("a wall");
+        let body = Footprint::circle(0.1).expect("round");
+        let mut bumper = Bumper::new(&scene, body);
+        let wanted = Motion {
+            speed: -2.0,
+            ..Motion::default()
+        };
+        let mut free = [0.0; 3];
+        for free in &mut free {
+            assert_eq!(bumper.constrain(&scene, Instant::ZERO, wanted), wanted);
+            *free = bumper.free;
+        }
+        // 2 mm a step.
+        for (found, expected) in free.into_iter().zip([0.898, 0.896, 0.894]) {
+            assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+        }
+        bumper.forget();
+        assert_eq!(bumper.free, 0.0);
+        let still = Motion::default();
+        assert_eq!(bumper.constrain(&scene, Instant::ZERO, still), still);
+        assert_eq!(bumper.free, 0.0);
+    }
+
+    fn near(index: usize, distance: f64) -> Near {
+        Near {
+            index,
+            at: Point::new(distance, 0.0),
+            distance,
+        }
+    }
+
+    /// Of two surfaces met in one step the one that came faster makes the contact, a millimetre in
+    /// one of a millisecond is 1 m/s; who leans on one goes on touching it until it is left.
+    #[test]
+    fn a_step_makes_one_contact_at_most() {
+        let scene = Scene::new::<Shape>([], vec![]).expect("empty");
+        let mut bumper = Bumper::new(&scene, Footprint::circle(0.1).expect("round"));
+        bumper.record(
+            Instant::from_millis(5),
+            vec![(near(3, 0.2), 1e-3), (near(1, 0.1), 2e-3)],
+        );
+        assert_eq!(
+            (bumper.count(), bumper.touching.as_slice()),
+            (1, &[1, 3][..])
+        );
+        let contacts = bumper.take_contacts();
+        assert_eq!(
+            (contacts.len(), contacts[0].at),
+            (1, Instant::from_millis(5))
+        );
+        assert!((contacts[0].speed_m_s - 2.0).abs() < 1e-12 && contacts[0].place.x == 0.1);
+        // On both still; then on one, beside another that is only near; then on none.
+        bumper.record(
+            Instant::from_millis(6),
+            vec![(near(1, 0.1), 1e-3), (near(3, 0.2), 0.0)],
+        );
+        assert_eq!(
+            (bumper.count(), bumper.touching.as_slice()),
+            (1, &[1, 3][..])
+        );
+        bumper.record(
+            Instant::from_millis(7),
+            vec![(near(3, 0.1), 0.0), (near(5, 0.2), 0.0)],
+        );
+        assert_eq!((bumper.count(), bumper.touching.as_slice()), (1, &[3][..]));
+        bumper.record(Instant::from_millis(8), vec![]);
+        assert!(!bumper.is_touching() && bumper.take_contacts().is_empty());
+        bumper.record(
+            Instant::from_millis(9),
+            vec![(near(3, 0.1), 1e-3), (near(3, 0.1), 5e-3)],
+        );
+        assert_eq!((bumper.count(), bumper.is_touching()), (2, true));
+    }
+}

@@ -108,4 +108,19 @@ mod tests {
         assert!(is(drawn(0.0), 2.5, 0.25) && is(drawn(quarter), 0.5, 2.25));
         assert!(is(drawn(-quarter), 0.5, -1.75));
     }
+
+    /// 0.6 m/s with a lag of 0.3 s: from 55 to 305 ms the speed grows by 0.6 (0.83249 - 0.36180),
+    /// a quarter of a second is the longest time that counts, and a millisecond the shortest.
+    #[test]
+    fn a_mean_is_of_a_millisecond_to_a_quarter_of_a_second() {
+        let mut world = car();
+        world.actuate("drive", Command::Speed(0.6)).unwrap();
+        world.advance(Instant::from_millis(305));
+        let over = |micros| world.acceleration(Duration::from_micros(micros)).x;
+        assert!((over(250_000) - 1.129_66).abs() < 0.01, "{}", over(250_000));
+        assert_eq!([over(251_000), over(9_000_000)], [over(250_000); 2]);
+        assert!(over(249_000) != over(250_000));
+        assert_eq!([over(0), over(500), over(1_999)], [over(1_000); 3]);
+        assert!(over(2_000) != over(1_000));
+    }
 }

@@ -647,4 +647,107 @@ mod tests {
             .filter(|reading| matches!(reading, Reading::Range { .. }));
         assert!(ranges.count() > 980);
     }
+
+    fn eye(direction: Direction) -> Eye {
+        let optics = Optics {
+            direction,
+            ..Optics::default()
+        };
+        Eye::new(Mount::default(), optics, 1, "lidar")
+    }
+
+    /// 38 mm between laser and camera: an object at 300 mm hides 38 * 700 / 300,000 rad, 5.08
+    /// degrees, of a wall at 1 m, so it is looked for six degrees ahead and no farther. At 93 % of
+    /// the distance it is no object, a little nearer it hides the next degree only.
+    #[test]
+    fn a_shadow_is_looked_for_as_far_as_it_can_fall() {
+        let may = |seen_mm: f64, ahead: usize| {
+            let mut eye = eye(Direction::CounterClockwise);
+            eye.remember((100 + ahead) % 360, seen_mm);
+            eye.may_be_shadowed(100, 1_000.0)
+        };
+        let ahead = [0, 1, 2, 5, 6, 7, 8].map(|ahead| may(300.0, ahead));
+        assert_eq!(ahead, [false, true, true, true, true, false, false]);
+        assert_eq!(
+            [may(931.0, 1), may(929.0, 1), may(929.0, 2)],
+            [false, true, false]
+        );
+        // Behind the last degree is the first.
+        let mut eye = eye(Direction::CounterClockwise);
+        eye.remember(0, 300.0);
+        assert!(eye.may_be_shadowed(359, 1_000.0) && !eye.may_be_shadowed(352, 1_000.0));
+    }
+
+    /// A dot 1 m ahead, seen from 38 mm to the left of the beam, or to its right if the head turns
+    /// the other way: a post of 5 mm half way between is 19 mm beside the beam.
+    #[test]
+    fn what_stands_between_dot_and_camera_hides_the_dot() {
+        let is_hidden = |direction, post: [f64; 2]| {
+            let circle = crate::world::Shape::Circle {
+                center: Point::new(post[0], post[1]),
+                radius_m: 0.005,
+            };
+            let shapes = vec![wall([1.0, -1.0], [1.0, 1.0]), circle];
+            let scene = Scene::new(shapes, vec![]).expect("sound");
+            let mut eye = eye(direction);
+            eye.keep_view(&scene);
+            let beam = Beam {
+                at: Instant::ZERO,
+                from: Point::default(),
+                angle: 0.0,
+            };
+            eye.is_shadowed(beam, WALL)
+        };
+        let (left, right) = (Direction::CounterClockwise, Direction::Clockwise);
+        assert!(is_hidden(left, [0.5, 0.019]) && !is_hidden(left, [0.5, -0.019]));
+        assert!(is_hidden(right, [0.5, -0.019]) && !is_hidden(right, [0.5, 0.019]));
+        assert!(!is_hidden(left, [0.5, 0.026]) && !is_hidden(left, [0.5, 0.012]));
+        assert!(is_hidden(left, [0.25, 0.0285]) && !is_hidden(left, [1.05, 0.0]));
+    }
+
+    /// A sensor that tells 1.1 times what it measures: all else is as without.
+    #[test]
+    fn only_distances_are_told_wrong() {
+        use crate::world::{BodyConfig, Pose};
+        let scene = Scene::new(vec![wall([1.0, -1.0], [1.0, 1.0])], vec![]).expect("sound");
+        let body = BodyConfig {
+            radius_m: 0.1,
+            ..BodyConfig::default()
+        };
+        let world = World::new(scene, body, Pose::default(), 1).expect("free");
+        let [mut right, mut wrong] = [(); 2].map(|()| eye(Direction::CounterClockwise));
+        wrong.range_factor = 1.1;
+        let mut ranges = 0;
+        for slot in 0..360 {
+            let [right, wrong] = [&mut right, &mut wrong].map(|eye| {
+                let raw = eye.measure(&world, Instant::ZERO, slot, f64::from(slot));
+                Reading::from(raw)
+            });
+            match right {
+                Reading::Range {
+                    distance_mm,
+                    strength,
+                    weak,
+                } => {
+                    let told = libm::round(f64::from(distance_mm) * 1.1);
+                    ranges += 1;
+                    let Reading::Range {
+                        distance_mm: found, ..
+                    } = wrong
+                    else {
+                        panic!("{wrong:?}");
+                    };
+                    assert!((f64::from(found) - told).abs() < 0.5);
+                    let same = Reading::Range {
+                        distance_mm: found,
+                        strength,
+                        weak,
+                    };
+                    assert_eq!(wrong, same);
+                }
+                Reading::Invalid { .. } => assert_eq!(wrong, right),
+            }
+        }
+        assert!(ranges > 80, "{ranges}");
+    }
 }

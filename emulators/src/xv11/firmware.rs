@@ -299,3 +299,67 @@ impl Xv11 {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::xv11::Config;
+
+    const NOW: Instant = Instant::from_secs(100);
+
+    /// What a sensor does that waited for its head in vain, and saw a tooth so long ago.
+    fn given_up(tooth: Option<Duration>) -> (State, Option<Instant>) {
+        let mut lidar = Xv11::new("lidar", 1, Config::default());
+        lidar.firmware.phase = Phase::Spin {
+            print_at: None,
+            dots: 0,
+            give_up_at: NOW,
+        };
+        lidar.firmware.last_edge = tooth.map(|ago| Instant::ZERO + (NOW - Instant::ZERO - ago));
+        lidar.spin(NOW);
+        (lidar.firmware.state(), lidar.firmware.next_at(&lidar.uart))
+    }
+
+    /// Only a head that turns is given up; one that stands is waited for.
+    #[test]
+    fn a_head_that_turns_unevenly_is_given_up() {
+        let nanosecond = Duration::from_nanos(1);
+        assert_eq!(given_up(Some(SPIN_TIME - nanosecond)).0, State::Boot);
+        assert_eq!(given_up(Some(Duration::from_millis(20))).0, State::Boot);
+        let waits = (State::Spin, Some(NOW + SPIN_TIME));
+        assert_eq!([given_up(Some(SPIN_TIME)), given_up(None)], [waits; 2]);
+    }
+
+    /// A text, then dots, one each time; after the last of them nothing more.
+    #[test]
+    fn a_head_that_is_waited_for_makes_dots() {
+        let mut lidar = Xv11::new("lidar", 1, Config::default());
+        lidar.boot(NOW);
+        let mut times = Vec::new();
+        while let Phase::Spin {
+            print_at: Some(at), ..
+        } = lidar.firmware.phase
+        {
+            times.push(at);
+            lidar.spin(at);
+        }
+        let text_at = NOW + PROMPT_TIME;
+        assert_eq!(times.len(), usize::from(DOTS) + 1);
+        let expected = (0..).map(|dot| text_at + DOT_TIME * dot);
+        assert!(times.iter().copied().eq(expected.take(times.len())));
+    }
+
+    /// Of 90 packets the one after the last is the first; ticks are as far apart as a packet takes.
+    #[test]
+    fn packets_of_a_free_run_follow_each_other() {
+        let run = FreeRun {
+            code: 0x52,
+            from: NOW,
+            base: 84,
+            tick: 1,
+        };
+        assert_eq!([0, 5, 6, 96].map(|tick| run.index(tick)), [84, 89, 0, 0]);
+        assert_eq!(run.at(0), NOW);
+        assert_eq!(run.at(3) - NOW, FREE_RUN_TICK * 3);
+    }
+}

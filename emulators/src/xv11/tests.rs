@@ -914,3 +914,51 @@ fn a_fault_is_set_and_ended_by_its_name() {
     assert_eq!(ranges(&mut bench, "dark", true, 15_000), 0);
     assert!(ranges(&mut bench, "dark", false, 18_000) > 1_000);
 }
+
+/// What was measured waits at the UART, and only there, until it is taken.
+#[test]
+fn bytes_are_offered_at_the_uart_until_they_are_taken() {
+    let mut bench = plain();
+    bench.run_to(millis(3_000));
+    while !bench.lidar.may_send(Xv11::UART) {
+        bench.now = bench.lidar.poll_at().expect("it measures");
+        bench.lidar.poll(bench.now, &mut bench.world);
+    }
+    assert!(!bench.lidar.may_send(Xv11::MOTOR));
+    let mut buf = [0; 4096];
+    assert_eq!(bench.lidar.transmit(Xv11::MOTOR, &mut buf), 0);
+    assert!(bench.lidar.transmit(Xv11::UART, &mut buf) > 0);
+    assert!(!bench.lidar.may_send(Xv11::UART));
+}
+
+/// A duty of 0 switches a regulated motor off and any other on again; one of a bench's supply
+/// does not hear of it. Without power there is none, whatever the duty.
+#[test]
+fn a_duty_of_0_switches_a_regulated_motor_off() {
+    let powers = |supply, faults: &[Fault], duties: &[u8]| {
+        let config = Config {
+            supply,
+            ..Config::default()
+        };
+        let mut lidar = Xv11::new("lidar", 7, config);
+        for fault in faults {
+            lidar.set_fault(Instant::ZERO, *fault);
+        }
+        let power = |duty: &u8| {
+            lidar.receive(Xv11::MOTOR, millis(1), &[*duty]);
+            !lidar.rotor.unpowered
+        };
+        duties.iter().map(power).collect::<Vec<_>>()
+    };
+    let regulated = Config::default().supply;
+    assert!(matches!(regulated, MotorSupply::Regulated { .. }));
+    assert_eq!(
+        powers(regulated, &[], &[0, 0, 1, 255, 0]),
+        [false, false, true, true, false]
+    );
+    assert_eq!(
+        powers(MotorSupply::Fixed { volts: 3.3 }, &[], &[0, 255]),
+        [true, true]
+    );
+    assert_eq!(powers(regulated, &[Fault::Off], &[0, 255]), [false, false]);
+}

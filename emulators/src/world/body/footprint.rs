@@ -284,4 +284,55 @@ mod tests {
         assert_eq!([side_of(a, b, c), side_of(b, a, c)], [13.0, -13.0]);
         assert_eq!(side_of(a, b, Point::new(7.0, 10.0)), 0.0);
     }
+
+    fn side(from: (f64, f64), to: (f64, f64)) -> [Point; 2] {
+        [from, to].map(|(x, y)| Point::new(x, y))
+    }
+
+    /// Across each other, end to end, one on the other; beside, behind and before each other, and
+    /// one that would meet the other if it were longer. Whichever is named first.
+    #[test]
+    fn sides_meet_where_they_have_a_point_in_common() {
+        let meets = |one, other| {
+            let found = [meet(one, other), meet(other, one)];
+            assert_eq!(found[0], found[1]);
+            found[0]
+        };
+        let long = side((0.0, 0.0), (4.0, 4.0));
+        assert!(
+            meets(long, side((0.0, 4.0), (4.0, 0.0))) && meets(long, side((4.0, 4.0), (9.0, 0.0)))
+        );
+        assert!(
+            meets(long, side((2.0, 2.0), (3.0, 0.0))) && meets(long, side((1.0, 1.0), (6.0, 6.0)))
+        );
+        assert!(
+            !meets(long, side((3.0, 1.0), (2.5, 1.5)))
+                && !meets(long, side((1.0, 3.0), (1.5, 2.5)))
+        );
+        assert!(
+            !meets(long, side((1.0, 0.0), (5.0, 4.0)))
+                && !meets(long, side((5.0, 5.0), (6.0, 6.0)))
+        );
+        let level = side((0.0, 1.0), (2.0, 1.0));
+        assert!(
+            !meets(level, side((3.0, 1.0), (4.0, 1.0)))
+                && meets(level, side((2.0, 1.0), (4.0, 1.0)))
+        );
+        let steep = side((1.0, 0.0), (1.0, 2.0));
+        assert!(!meets(steep, side((1.0, -3.0), (1.0, -1.0))) && meets(steep, level));
+        assert!(!meets(steep, side((1.5, 0.5), (2.5, 1.5))));
+    }
+
+    /// Back on itself, not on and not around a corner.
+    #[test]
+    fn a_side_folds_back_onto_the_one_before() {
+        let out = side((0.0, 0.0), (2.0, 1.0));
+        assert!(
+            folds(out, side((2.0, 1.0), (0.0, 0.0))) && folds(out, side((2.0, 1.0), (-2.0, -1.0)))
+        );
+        assert!(
+            !folds(out, side((2.0, 1.0), (4.0, 2.0))) && !folds(out, side((2.0, 1.0), (1.0, 3.0)))
+        );
+        assert!(!folds(out, side((2.0, 1.0), (0.0, 0.1))));
+    }
 }

@@ -179,6 +179,8 @@ mod tests {
         // Where it already overlaps nothing is left.
         assert!(is(left(0.6, 0.45, 0.35), 0.0, Some(0.25)));
         assert!(is(left(0.45, 0.45, 0.45), 1.0, Some(0.0)));
+        // No nearer in the end than in the beginning: what went away took nothing.
+        assert!(is(left(0.45, 0.47, 0.45), 1.0, Some(0.0)));
     }
 
     #[test]

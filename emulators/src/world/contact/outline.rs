@@ -434,4 +434,42 @@ mod tests {
         // In touch the whole way counts: sqrt(4 + 0.81).
         assert!(is(approach(0.0, [0.0, 0.0], 0.0), 4.81_f64.sqrt()));
     }
+
+    /// A body of 0.2 m before a wall so far away: whether that wall, which was `stay_m` away
+    /// before, and its middle `middle_m`, keeps it from standing there.
+    fn is_blocked(away_m: f64, stay_m: f64, middle_m: f64) -> bool {
+        use crate::world::geometry::Segment;
+        let footprint = Footprint::rectangle(0.1, 0.1, 0.2).expect("a square");
+        let wall = Segment::new(Point::new(0.1, -1.0), Point::new(0.1, 1.0)).expect("long");
+        let mut step = Step::new(&footprint, Pose::default());
+        step.solids.push(Solid {
+            primitive: Primitive::Segment(wall),
+            places: [Point::default(); 2],
+            stay: Gap {
+                gap: stay_m,
+                ..solid().stay
+            },
+            middle_m,
+            ..solid()
+        });
+        !step.blockers(Pose::new(-away_m, 0.0, 0.0)).is_empty()
+    }
+
+    /// A micrometre off nothing blocks; nearer than that, what has come nearer, if by more than
+    /// rounding or where half of that micrometre is used up. In the wall, what brings the middle
+    /// nearer.
+    #[test]
+    fn a_surface_blocks_what_comes_nearer() {
+        let um = 1e-6;
+        assert!(!is_blocked(1.1 * um, 1.0, 1.0) && is_blocked(0.9 * um, 1.0, 1.0));
+        assert!(is_blocked(0.8 * um, 0.9 * um, 1.0) && !is_blocked(0.8 * um, 0.7 * um, 1.0));
+        let rounding = 0.4e-12;
+        assert!(!is_blocked(0.8 * um, 0.8 * um + rounding, 1.0));
+        assert!(is_blocked(0.8 * um, 0.8 * um + 5.0 * rounding, 1.0));
+        assert!(is_blocked(0.4 * um, 0.4 * um + rounding, 1.0));
+        assert!(!is_blocked(0.4 * um, 0.4 * um - rounding, 1.0));
+        // The middle is 0.09 m from the wall: nearer than it was, or not.
+        assert!(is_blocked(-0.01, -0.02, 0.091) && !is_blocked(-0.01, -0.02, 0.089));
+        assert!(!is_blocked(-0.01, -0.001, 0.089) && is_blocked(-0.01, -0.001, 0.091));
+    }
 }

@@ -146,4 +146,38 @@ mod tests {
             plates
         );
     }
+
+    /// A plate from (3, 1) to (3, 5), seen from (1, 2): 2 m straight ahead, 2.5 m along (4, 3) / 5
+    /// and 2.236 m along (2, -1); beyond its ends and behind nothing.
+    #[test]
+    fn a_plate_is_met_where_it_is() {
+        let plate = HeatPlate::new(Point::new(3.0, 1.0), Point::new(3.0, 5.0), 37.0);
+        let met = |dx: f64, dy: f64| {
+            let length = libm::hypot(dx, dy);
+            let direction = [dx / length, dy / length];
+            plate
+                .expect("sound")
+                .met_at(Point::new(1.0, 2.0), direction)
+        };
+        let is = |found: Option<f64>, expected: f64| {
+            found.is_some_and(|found| (found - expected).abs() < 1e-12)
+        };
+        assert!(is(met(1.0, 0.0), 2.0) && is(met(4.0, 3.0), 2.5));
+        assert!(is(met(1.99, -0.99), libm::hypot(1.0, 99.0 / 199.0) * 2.0));
+        assert_eq!(
+            [
+                met(2.0, -1.01),
+                met(2.0, 3.01),
+                met(-1.0, 0.0),
+                met(-2.0, 1.0)
+            ],
+            [None; 4]
+        );
+        assert!(is(met(2.0, 2.99), libm::hypot(2.0, 2.99)));
+        let across = HeatPlate::new(Point::new(0.0, 6.0), Point::new(4.0, 6.0), 37.0);
+        let far = across
+            .expect("sound")
+            .met_at(Point::new(1.0, 2.0), [0.6, 0.8]);
+        assert!(is(far, 5.0) && across.expect("sound").middle() == Point::new(2.0, 6.0));
+    }
 }

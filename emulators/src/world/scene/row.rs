@@ -265,4 +265,26 @@ mod tests {
         scene.draw_row(Instant::ZERO, back, &mut columns);
         assert!(columns.iter().all(|inverse| *inverse == 0.0));
     }
+
+    /// A camera on the rim of a circle of 2 m sees its far side, 4 m ahead; from within it sees it
+    /// nearer, from outside its near side.
+    #[test]
+    fn a_circle_is_seen_from_its_rim_and_from_within() {
+        let seen = |ahead: f64| {
+            let circle = Shape::Circle {
+                center: Point::new(ahead, 0.0),
+                radius_m: 2.0,
+            };
+            let scene = Scene::new([circle], Vec::new()).unwrap();
+            let row = Row {
+                camera: Pose::default(),
+                focal_px: 100.0,
+            };
+            let mut columns = [0.0; 101];
+            scene.draw_row(Instant::ZERO, row, &mut columns);
+            1.0 / columns[50]
+        };
+        assert_eq!([2.0, 1.0, 3.0, 0.0].map(seen), [4.0, 3.0, 1.0, 2.0]);
+        assert_eq!(seen(-3.0), f64::INFINITY);
+    }
 }

@@ -142,3 +142,25 @@ fn what_belongs_to_no_turn_is_outside() {
     let statistics = Statistics::of(&bytes);
     assert_eq!((statistics.turns, statistics.outside), (2, 5));
 }
+
+/// A boot text after seven bytes of a packet behind a whole one; after whole packets only; after
+/// something that is none. The last text counts, up to its prompt.
+#[test]
+fn a_boot_text_cuts_the_packet_before_it() {
+    let text = b"Hi\n\rPiccolo Laser\r\n#";
+    let told = |parts: &[&[u8]]| boot(&parts.concat());
+    let whole = Some("Hi\n\rPiccolo Laser\r\n#".to_owned());
+    assert_eq!(told(&[&PLAIN, &PLAIN[..7], text]), (Some(7), whole.clone()));
+    assert_eq!(told(&[&PLAIN[..21], text]), (Some(21), whole.clone()));
+    assert_eq!(told(&[&PLAIN[..1], text, &PLAIN]), (Some(1), whole.clone()));
+    assert_eq!(told(&[&PLAIN, text]), (None, whole.clone()));
+    assert_eq!(
+        told(&[&[0x55; 22], &PLAIN[..7], text]),
+        (None, whole.clone())
+    );
+    assert_eq!(told(&[text, &PLAIN, &SKIPPED[..9], text]), (Some(9), whole));
+    let open = Some("Hi\n\rPiccolo 2".to_owned());
+    assert_eq!(told(&[&PLAIN[..3], b"Hi\n\rPiccolo 2"]), (Some(3), open));
+    assert_eq!(told(&[b"\n\rPiccolo"]), (None, None));
+    assert_eq!(told(&[&PLAIN]), (None, None));
+}

@@ -311,3 +311,80 @@ impl Tooth {
 fn rpm(tooth_s: f64) -> f64 {
     60.0 / f64::from(TEETH) / tooth_s
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::world::{BodyConfig, Pose, Scene, Shape};
+    use crate::xv11::{Config, MotorSupply};
+
+    /// A sensor that has been turning for five seconds, and a tooth of it.
+    fn turning(tooth: u8, took_s: f64) -> (Xv11, Tooth) {
+        let scene = Scene::new::<Shape>([], vec![]).expect("empty");
+        let body = BodyConfig::default();
+        let mut world = World::new(scene, body, Pose::default(), 1).expect("free");
+        let config = Config {
+            supply: MotorSupply::Fixed { volts: 3.3 },
+            ..Config::default()
+        };
+        let mut lidar = Xv11::new("lidar", 1, config);
+        let mut now = Instant::ZERO;
+        while now < Instant::from_secs(5) {
+            now = crate::device::Device::poll_at(&lidar).expect("it turns");
+            crate::device::Device::poll(&mut lidar, now, &mut world);
+        }
+        let seen = Tooth {
+            at: now,
+            tooth,
+            edge_deg: lidar.rotor.angle_deg(),
+            took_s,
+        };
+        (lidar, seen)
+    }
+
+    fn resumed(lidar: &Xv11) -> Pace {
+        match lidar.firmware.phase {
+            Phase::Slow {
+                resume: Some(resume),
+                ..
+            } => resume.pace,
+            _ => panic!("it waits for nothing"),
+        }
+    }
+
+    /// 24 slots a tooth; measuring goes on in the fifth of the tooth after the next, also across
+    /// the end of the turn. Half of 1/75 s is 600 rpm.
+    #[test]
+    fn a_doubled_tooth_leaves_the_turn_one_tooth_ahead() {
+        let first = [0, 7, 13, 14].map(|tooth| {
+            let (mut lidar, seen) = turning(tooth, 1.0 / 75.0);
+            lidar.double(seen);
+            assert_eq!(
+                (lidar.firmware.word, resumed(&lidar).count),
+                (600 * 64, DOUBLING_SLOTS)
+            );
+            let from = first_slot(tooth);
+            (resumed(&lidar).first, from)
+        });
+        for (first, from) in first {
+            assert_eq!(first, (from + 29) % 360);
+        }
+    }
+
+    /// Five of the 24 slots are over when its second edge comes, 19 are left; 1/75 s is 300 rpm.
+    #[test]
+    fn a_late_tooth_costs_five_slots() {
+        let (mut lidar, seen) = turning(3, 1.0 / 75.0);
+        lidar.slow_down(seen);
+        let pace = resumed(&lidar);
+        assert_eq!((pace.first, pace.count), (first_slot(3) + 5, 19));
+        assert_eq!(lidar.firmware.word, 300 * 64);
+        assert!((pace.angle_deg - seen.edge_deg - SECOND_EDGE_DEG).abs() < 1e-12);
+    }
+
+    /// Fifteen teeth a turn.
+    #[test]
+    fn a_tooth_tells_the_speed() {
+        assert!((rpm(1.0 / 75.0) - 300.0).abs() < 1e-9 && (rpm(0.02) - 200.0).abs() < 1e-9);
+    }
+}
