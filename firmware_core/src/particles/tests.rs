@@ -434,3 +434,37 @@ fn a_search_throws_a_part_of_the_guesses() {
     assert!((0.6..1.5).contains(&wide), "{wide}");
     assert!(thrown.iter().all(|one| near(one.y_m, 1.0)));
 }
+
+/// On a map whose corner is at (-2, 3), in cells of 10 cm: the obstacle of cell (15, 20) lies at
+/// (-0.45, 5.05). A robot at (-0.45, 4.05) that looks along y sees it 1 m ahead.
+#[test]
+fn a_map_may_begin_anywhere() {
+    let obstacles: Vec<bool> = (0..40 * 40).map(|at| at == 20 * 40 + 15).collect();
+    let field = LikelihoodField::new(40, 0.1, [-2.0, 3.0], &obstacles, 2.0);
+    let zero = CarPose::default();
+    let mut localiser = Localiser::new(field, Settings::default(), zero, zero, [0.0; 3], 1);
+    let right = pose(-0.45, 4.05, PI / 2.0);
+    let wrong = [
+        pose(-0.45, 4.55, PI / 2.0),
+        pose(0.05, 4.05, PI / 2.0),
+        pose(-0.45, 4.05, 0.0),
+    ];
+    let ahead = |cells| [[cells, 0.0]; 10];
+    assert_eq!(localiser.fit_at(right, &ahead(10.0)), 1.0);
+    assert!(
+        wrong
+            .iter()
+            .all(|pose| localiser.fit_at(*pose, &ahead(10.0)) == 0.0)
+    );
+    assert_eq!(localiser.fit_at(wrong[2], &[[0.0, 10.0]; 10]), 1.0);
+    assert_eq!(localiser.fit_at(right, &ahead(10.0)[..9]), 1.0);
+    assert_eq!(localiser.fit_at(right, &ahead(20.0)[..9]), 1.0);
+    let guess = |pose| Particle { pose, weight: 0.5 };
+    localiser.particles = [guess(right), guess(wrong[0])].into();
+    let beam = Beam {
+        bearing_rad: 0.0,
+        range_m: 1.0,
+    };
+    localiser.weigh(&[beam; 10]);
+    assert!(localiser.particles()[0].weight > 0.7 && localiser.fit() == 1.0);
+}

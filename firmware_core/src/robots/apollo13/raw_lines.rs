@@ -154,4 +154,18 @@ mod tests {
         let reset = lines.read(&raw(0.0, 0.0));
         assert!((reset.time_s - 0.010_03).abs() < 1e-12 && reset.distance_m == 0.0);
     }
+
+    /// Wheels that spin at 0.5 m/s while the accelerometer feels nothing slip, and that is counted.
+    #[test]
+    fn slips_are_counted() {
+        let mut lines = RawLines::default();
+        (0..100).for_each(|_| _ = lines.read(&raw(1.0, 0.0)));
+        assert_eq!(lines.slips(), 0);
+        let mut distance = 1.0;
+        for _ in 0..60 {
+            distance += 0.005;
+            lines.read(&raw(distance, 0.0));
+        }
+        assert_eq!(lines.slips(), 1);
+    }
 }

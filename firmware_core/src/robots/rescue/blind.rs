@@ -251,4 +251,56 @@ mod tests {
         assert_eq!(kept.len(), PLACES_MAX);
         assert!(kept.iter().all(|place| place.x_mm > 50.0));
     }
+
+    /// A sensor at (150, 0) that looks ahead, from (1, 2) m: it looks through places that lie more
+    /// than 150 mm before what it reads and less than 40 mm beside, and forgets them the third time.
+    #[test]
+    fn a_place_is_forgotten_when_it_was_looked_through_three_times() {
+        let looked = |place: [f32; 2], heading: f32, times: usize| {
+            let mut blind = Blind::new();
+            let pose = Pose::new(1_000.0, 2_000.0, heading);
+            blind.keep(Point::new(place[0], place[1]));
+            for _ in 0..times {
+                blind.look_through([150.0, 0.0, 0.0], 600.0, pose);
+            }
+            blind.count
+        };
+        assert_eq!(
+            [1, 2, 3].map(|times| looked([1_300.0, 2_000.0], 0.0, times)),
+            [1, 1, 0]
+        );
+        let count = |x, y| looked([x, y], 0.0, 3);
+        assert_eq!([count(1_599.0, 2_000.0), count(1_601.0, 2_000.0)], [0, 1]);
+        assert_eq!([count(1_151.0, 2_000.0), count(1_149.0, 2_000.0)], [0, 1]);
+        assert_eq!([count(1_300.0, 2_039.0), count(1_300.0, 1_961.0)], [0; 2]);
+        assert_eq!([count(1_300.0, 2_041.0), count(1_300.0, 1_959.0)], [1; 2]);
+        let left = FRAC_PI_2;
+        assert_eq!(
+            [
+                looked([1_000.0, 2_300.0], left, 3),
+                looked([1_300.0, 2_000.0], left, 3)
+            ],
+            [0, 1]
+        );
+    }
+
+    /// Within 60 mm it is the same place; with no room left the oldest goes.
+    #[test]
+    fn places_are_kept_apart_and_the_oldest_goes() {
+        let mut blind = Blind::new();
+        blind.keep(Point::new(0.0, 0.0));
+        blind.keep(Point::new(59.0, 0.0));
+        assert_eq!(blind.count, 1);
+        blind.keep(Point::new(61.0, 0.0));
+        assert_eq!(blind.count, 2);
+        for n in 2..82_u8 {
+            blind.keep(Point::new(f32::from(n) * 100.0, 0.0));
+        }
+        assert_eq!((blind.count, blind.oldest), (PLACES_MAX, 2));
+        assert_eq!(blind.places[0].at.x_mm, 8_000.0);
+        assert_eq!(
+            [blind.places[1].at.x_mm, blind.places[2].at.x_mm],
+            [8_100.0, 200.0]
+        );
+    }
 }

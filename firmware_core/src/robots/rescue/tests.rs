@@ -230,3 +230,40 @@ fn an_order_by_hand_ends_after_a_second() {
         (Mode::Exploration, 1)
     );
 }
+
+/// PU-16: a byte in its first millisecond ends the fielded program; nothing is heard, said or done
+/// any more.
+#[test]
+fn a_program_that_has_ended_does_nothing() {
+    let config = Config::default().with_defect("PU-16").expect("it is known");
+    let mut robot = Box::new(Rescue::new(config));
+    robot.poll(at(0));
+    let mut buf = [0; 64];
+    assert!(robot.transmit(Rescue::MOTOR, &mut buf) == 1 && robot.poll_at().is_some());
+    robot.receive(Rescue::RADIO, Instant::ZERO, b"P");
+    assert!(Inspect::is_dead(&*robot) && robot.poll_at().is_none());
+    let ports = [Rescue::BASE, Rescue::RADIO, Rescue::DISPLAY, Rescue::MOTOR];
+    assert_eq!(ports.map(|port| robot.transmit(port, &mut buf)), [0; 4]);
+    robot.poll(at(5_000));
+    assert_eq!(robot.transmit(Rescue::BASE, &mut buf), 0);
+    let mut sound = self::robot();
+    sound.receive(Rescue::RADIO, Instant::ZERO, b"P");
+    assert!(!Inspect::is_dead(&*sound) && sound.poll_at().is_some());
+}
+
+/// What is told of what the robot does, by name.
+#[test]
+fn its_mode_has_a_name() {
+    let mut robot = robot();
+    let mut name = |mode| {
+        robot.mode = mode;
+        Inspect::mode(&*robot)
+    };
+    assert_eq!([name(Mode::Stop), name(Mode::Manual)], ["stop", "manual"]);
+    let blind = [Mode::Exploration, Mode::Waypoint, Mode::Explore].map(&mut name);
+    assert_eq!(blind, ["lidar silent"; 3]);
+    assert_eq!(robot.mode(), Mode::Stop);
+    robot.mode = Mode::Manual;
+    assert_eq!(robot.mode(), Mode::Manual);
+    assert!(robot.search_progress().is_none() && Inspect::is_done(&*robot).is_none());
+}

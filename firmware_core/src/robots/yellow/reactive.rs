@@ -308,4 +308,35 @@ mod tests {
         ));
         assert!(is(told([1.2, 0.1, 1.2]), [-0.4, 0.0]));
     }
+
+    /// Whoever begins anew drives, whatever went on before.
+    #[test]
+    fn a_law_that_begins_anew_drives() {
+        let mut law = law();
+        let back = law.step(at(0), [0.1, 0.1, 0.1]);
+        assert!(back.linear_m_s < 0.0);
+        law.begin();
+        assert_eq!(law.step(at(1), [0.9; 3]), Velocity::new(0.3, 0.0));
+    }
+
+    /// 0.3 and 8 times 4 m/s by the room ahead, 1.2 of 2.4 m, and by that to both sides, 0.5: 8.3;
+    /// and a little to the left with 40 / 2.4 rad/s a metre.
+    #[test]
+    fn the_fielded_formula_runs_to_its_ends() {
+        let mut law = Reactive::new(Defects {
+            fielded_formula: true,
+        });
+        let is = |found: Velocity, linear: f32, angular: f32| {
+            (found.linear_m_s - linear).abs() < 1e-4 && (found.angular_rad_s - angular).abs() < 1e-3
+        };
+        assert!(is(law.step(at(0), [2.4, 2.4, 2.4]), 4.0, 0.0));
+        assert!(is(law.step(at(0), [0.1, 2.0, 2.0]), -0.4, 0.0));
+        assert!(is(law.step(at(0), [1.2, 1.2, 1.2]), 8.3, 0.0));
+        assert!(is(law.step(at(0), [1.2, 0.9, 1.5]), 8.3, 0.1 + 10.0));
+        assert!(is(
+            law.step(at(0), [0.6, 1.5, 0.9]),
+            0.3 + 32.0 * 0.25 * 0.5,
+            0.1 - 10.0
+        ));
+    }
 }

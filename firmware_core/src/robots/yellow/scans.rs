@@ -236,6 +236,8 @@ fn to_u16(distance_mm: f32) -> u16 {
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+
     use super::*;
 
     fn middle(items: &[u16]) -> u16 {
@@ -314,5 +316,85 @@ mod tests {
         }
         let told = [359, 358, 357, 356].map(|degrees| scans.reading(degrees).0);
         assert_eq!(told, [NOTHING_MM, 151, 4_999, NOTHING_MM]);
+    }
+
+    /// Whole degrees are cut off; the one program writes 360 less them, which leaves its array
+    /// ahead, the other takes them round.
+    #[test]
+    fn fielded_angles_are_whole_degrees() {
+        let bins = |defects| {
+            let scans = Scans::new(defects);
+            [0, 63, 64, 90 * 64 + 32, 359 * 64, 360 * 64, 361 * 64].map(|q6| scans.bin(q6))
+        };
+        let whole_degrees = Defects {
+            whole_degrees: true,
+            ..Defects::NONE
+        };
+        let copies = Defects {
+            copies: true,
+            ..Defects::NONE
+        };
+        let found = [None, None, Some(718), Some(540), Some(2), Some(0), None];
+        assert_eq!(bins(whole_degrees), found);
+        let found = [0, 0, 718, 540, 2, 0, 718].map(Some);
+        assert_eq!(bins(copies), found);
+        let mut scans = Scans::new(whole_degrees);
+        scans.sample(0, Some(1_000.0), 47);
+        scans.sample(64, Some(1_000.0), 47);
+        assert_eq!((scans.stray, scans.turns[0][718]), (1, 1_000));
+    }
+
+    /// A copy is what came last, good or not; weak readings and far ones are none.
+    #[test]
+    fn a_copied_set_holds_what_came_last() {
+        let copies = Defects {
+            copies: true,
+            ..Defects::NONE
+        };
+        let mut scans = Scans::new(copies);
+        let mut told = |distance_mm, quality| {
+            scans.sample(10 * 64, distance_mm, quality);
+            scans.turn_ends();
+            scans.reading(350)
+        };
+        assert_eq!(told(Some(20.0), 10), (20, 10));
+        assert_eq!(told(Some(900.0), 9), (NOTHING_MM, 9));
+        assert_eq!(told(Some(4_999.0), 47), (4_999, 47));
+        assert_eq!(told(Some(5_000.0), 47).0, NOTHING_MM);
+        assert_eq!(
+            (told(Some(700.0), 47), told(None, 47)),
+            ((700, 47), (NOTHING_MM, 47))
+        );
+        assert_eq!(scans.sets, 6);
+    }
+
+    /// Points lie at half degrees counter-clockwise; forgotten, there are none, but for the program
+    /// that never forgets.
+    #[test]
+    fn a_set_is_drawn_counter_clockwise() {
+        let seen = |never_ages| {
+            let mut scans = Scans::new(Defects {
+                never_ages,
+                ..Defects::NONE
+            });
+            for _ in 0..3 {
+                scans.sample(90 * 64, Some(1_000.0), 47);
+                scans.sample(270 * 64 + 32, Some(2_000.0), 47);
+                scans.turn_ends();
+            }
+            let points = scans.points().to_vec();
+            scans.forget();
+            (points, scans.points().len())
+        };
+        let (points, after) = seen(false);
+        // The half degrees beside each take its samples as well.
+        assert_eq!((points.len(), after, seen(true).1), (6, 0, 6));
+        // 270.5 degrees clockwise are 89.5 the other way round.
+        let (sin, cos) = sin_cos(89.5_f32.to_radians());
+        assert!(points[1].distance_mm(Point::new(2_000.0 * cos, 2_000.0 * sin)) < 0.1);
+        assert!(
+            points[4].distance_mm(Point::new(0.0, -1_000.0)) < 0.1,
+            "{points:?}"
+        );
     }
 }

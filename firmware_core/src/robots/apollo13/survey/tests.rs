@@ -408,3 +408,67 @@ fn twelve_cells_make_an_edge() {
     };
     assert_eq!([0, 2, 3].map(found), [false, false, true]);
 }
+
+/// A beam of 1 m along y from a cell's middle frees the cells up to a cell and a half before its
+/// end, 0.925 m; beside it, 0.0125 rad or more, another one does. What is farther than 3 m is not
+/// entered, and frees up to 4 m.
+#[test]
+fn a_beam_frees_cells_along_its_own_bearing() {
+    let camera = CarPose {
+        x_m: 0.025,
+        y_m: 0.025,
+        heading_rad: core::f64::consts::FRAC_PI_2,
+    };
+    let looked = |beams: &[(f64, f64)]| {
+        let mut survey = Survey::new(camera);
+        let beams: Vec<Beam> = beams
+            .iter()
+            .map(|&(bearing_rad, range_m)| Beam {
+                bearing_rad,
+                range_m,
+            })
+            .collect();
+        survey.scans = 1;
+        survey.look(camera, &beams);
+        survey
+    };
+    let seen =
+        |survey: &Survey, x_m: f64, y_m: f64| survey.index([x_m, y_m]).map(|at| survey.seen[at]);
+    let one = looked(&[(0.0, 1.0)]);
+    let along = |y_m| seen(&one, 0.025, y_m);
+    assert_eq!([0.03, 0.5, 0.92].map(along), [Some(-1); 3]);
+    assert_eq!([0.98, 1.02, 1.08].map(along), [Some(0), Some(1), Some(0)]);
+    assert_eq!(
+        [seen(&one, 0.5, 0.025), seen(&one, -0.5, 0.025)],
+        [Some(0); 2]
+    );
+    let aside = looked(&[(core::f64::consts::FRAC_PI_2, 0.5)]);
+    assert_eq!(
+        [seen(&aside, -0.475, 0.025), seen(&aside, -0.2, 0.025)],
+        [Some(1), Some(-1)]
+    );
+    let far = looked(&[(0.0, 3.1)]);
+    assert_eq!(
+        [seen(&far, 0.025, 3.125), seen(&far, 0.025, 3.0)],
+        [Some(0), Some(-1)]
+    );
+    let nothing = looked(&[(0.0, f64::INFINITY)]);
+    assert_eq!(
+        [seen(&nothing, 0.025, 3.98), seen(&nothing, 0.025, 4.08)],
+        [Some(-1), Some(0)]
+    );
+    // 3.9 m away 0.0124 rad are 48 mm, 0.013 rad 51 mm.
+    let both = |beside: f64| seen(&looked(&[(0.0, 9.0), (-beside, 9.0)]), 0.06, 3.9);
+    assert_eq!([both(0.012_4), both(0.013)], [Some(0), Some(-1)]);
+}
+
+/// 0.9 m beside where it came by, but for the last five places.
+#[test]
+fn what_lies_beside_the_track_was_passed() {
+    let mut survey = Survey::new(at(0.0));
+    survey.track = (0..8).map(|n| at(f64::from(n) * 3.0)).collect();
+    let is_beside = |x_m, y_m| survey.is_beside([x_m, y_m]);
+    assert!(is_beside(6.0, 0.89) && is_beside(6.0, -0.89) && is_beside(6.5, 0.7));
+    assert!(!is_beside(6.0, 0.91) && !is_beside(6.7, 0.7) && !is_beside(9.0, 0.0));
+    assert!(is_beside(0.0, 0.0) && !is_beside(1.5, 0.0));
+}

@@ -676,4 +676,54 @@ mod tests {
         assert_eq!(tracker.laid(told, motion, &across), told);
         assert!(!tracker.is_fitting());
     }
+
+    /// The same wall seen from (1, 2) by a camera that looks along y: 2.1 m ahead is y = 4.1, and
+    /// half a metre to its left x = 0.5.
+    #[test]
+    fn a_wall_is_drawn_from_where_the_camera_is() {
+        let mut tracker = Tracker::new(CarPose::default());
+        tracker.pose = CarPose {
+            x_m: 1.0,
+            y_m: 2.0,
+            heading_rad: core::f64::consts::FRAC_PI_2,
+        };
+        let wall: Vec<Sighting> = (0..50)
+            .map(|n| Sighting {
+                at: [2.1, f64::from(n) * 0.02 + 0.01],
+                sigma: 2.0 * SIGMA_M,
+                along: None,
+            })
+            .collect();
+        tracker.draw(&wall);
+        let (line, off_m, sigma) = tracker.line_near([0.5, 4.16]).expect("a wall");
+        assert!((line.middle[0] - 0.5).abs() < 1e-9 && (line.middle[1] - 4.1).abs() < 1e-9);
+        assert!((off_m * line.normal[1] - 0.06).abs() < 1e-9);
+        // Ten points, each of a quarter of the weight: 4 mm by the root of 1 + 20 / 2.5.
+        assert!((sigma - 0.012).abs() < 1e-9, "{sigma}");
+        assert!(tracker.line_near([1.6, 4.1]).is_none() && tracker.line_near([0.5, 3.6]).is_none());
+        // From the middle of its last piece, 0.1, it goes on for a quarter of a metre.
+        assert!(
+            tracker.line_near([-0.14, 4.1]).is_some() && tracker.line_near([-0.16, 4.1]).is_none()
+        );
+    }
+
+    /// Of two lines as new the nearer one, where a step along counts a fifth.
+    #[test]
+    fn of_two_lines_the_nearer_is_taken() {
+        let mut tracker = before_a_wall();
+        let other: Vec<Sighting> = (-50..50)
+            .map(|n| Sighting {
+                at: [2.25, f64::from(n) * 0.02 + 0.01],
+                sigma: SIGMA_M,
+                along: None,
+            })
+            .collect();
+        tracker.draw(&other);
+        let x_m = |x| tracker.line_near([x, 0.1]).map(|it| it.0.middle[0]);
+        assert!(x_m(2.17).is_some_and(|x| (x - 2.1).abs() < 1e-9));
+        assert!(x_m(2.18).is_some_and(|x| (x - 2.25).abs() < 1e-9));
+        let y_m = |y| tracker.line_near([2.1, y]).map(|it| it.0.middle[1]);
+        assert!(y_m(0.19).is_some_and(|y| (y - 0.1).abs() < 1e-9));
+        assert!(y_m(0.21).is_some_and(|y| (y - 0.3).abs() < 1e-9));
+    }
 }

@@ -245,4 +245,35 @@ mod tests {
         assert_eq!(told[5..], [OBSTACLE, FREE]);
         assert_eq!(Evidence::default().after(FREE), FREE);
     }
+
+    /// A map that is forgotten leaves nothing: no cells, no evidence, no walls, no way.
+    #[test]
+    fn a_place_that_is_forgotten_is_unknown() {
+        let mut atlas = Atlas::new(&PcConfig::default());
+        let cells = [FREE, OBSTACLE, UNKNOWN, FREE];
+        let map = MapView::new(2, CELL_MM, [0.0; 2], &cells);
+        atlas.load(&map).expect("small");
+        assert_eq!(atlas.evidence.len(), 3);
+        let value = |atlas: &Atlas, x, y| {
+            let mut cells = atlas.global.iter();
+            cells
+                .find(|(cell, _)| *cell == Cell::new(x, y))
+                .map(|it| it.1)
+        };
+        assert_eq!(
+            [value(&atlas, 0, 0), value(&atlas, 1, 0)],
+            [Some(FREE), Some(OBSTACLE)]
+        );
+        assert_eq!(
+            [value(&atlas, 0, 1), value(&atlas, 1, 1)],
+            [Some(UNKNOWN), Some(FREE)]
+        );
+        atlas.way = alloc::vec![Point::new(1.0, 2.0)];
+        atlas.vertices = atlas.way.clone();
+        atlas.edges = alloc::vec![(0, 0)];
+        atlas.clear();
+        assert!(atlas.evidence.is_empty() && atlas.way.is_empty() && atlas.local.is_none());
+        assert!(atlas.vertices.is_empty() && atlas.edges.is_empty() && !atlas.corrects());
+        assert!(atlas.global.iter().all(|(_, value)| value == UNKNOWN));
+    }
 }

@@ -401,3 +401,205 @@ impl Tell {
         Ok(false)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(millis: u64) -> Instant {
+        Instant::from_millis(millis)
+    }
+
+    fn link(sending: Sending) -> Link {
+        Link::new(&PcConfig {
+            sending,
+            ..PcConfig::default()
+        })
+    }
+
+    fn rest() -> Telecommand {
+        Telecommand {
+            state: Some(State::Off),
+            ..Telecommand::default()
+        }
+    }
+
+    /// A message of the robot from (1.5, -0.25) m.
+    fn telemetry(number: u64, heading: f32) -> Heard {
+        let mut message = Telemetry::default();
+        let odometry = telemetry::message::Odometry {
+            pose: telemetry::message::Pose {
+                x: 1.5,
+                y: -0.25,
+                alpha: heading,
+            },
+            ..Default::default()
+        };
+        message.odometry = Some(odometry);
+        Heard {
+            at: at(1_000),
+            number,
+            message: Box::new(message),
+        }
+    }
+
+    #[test]
+    fn what_was_heard_is_counted_from_one() {
+        let mut link = link(Sending::default());
+        assert_eq!((link.number(), link.heard().is_none()), (0, true));
+        link.heard = Some(telemetry(5, 0.5));
+        assert_eq!(link.number(), 5);
+        assert!(link.heard_since(4).is_some() && link.heard_since(5).is_none());
+        link.sight = Some(Sight {
+            number: 5,
+            pose: Pose::default(),
+            lines: Vec::new(),
+        });
+        assert!(link.sight_since(4).is_some() && link.sight_since(5).is_none());
+        let pose = link.heard().and_then(Heard::pose).expect("it says so");
+        assert_eq!((pose.x_mm, pose.y_mm, pose.heading), (1_500.0, -250.0, 0.5));
+        assert_eq!(telemetry(1, f32::NAN).pose(), None);
+        let told = wire_pose(pose);
+        assert_eq!((told.x, told.y, told.alpha), (1.5, -0.25, 0.5));
+    }
+
+    /// Nine tenths of a second behind its last message the robot is silent, once.
+    #[test]
+    fn a_robot_is_silent_after_900_ms() {
+        let mut link = link(Sending::default());
+        link.poll(at(5_000));
+        assert_eq!((link.is_silent(), link.poll_at()), (false, None));
+        link.heard = Some(telemetry(1, 0.0));
+        assert_eq!(link.poll_at(), Some(at(1_900)));
+        link.poll(at(1_899));
+        assert!(!link.is_silent());
+        link.poll(at(1_900));
+        link.poll(at(2_500));
+        assert_eq!(
+            (link.is_silent(), link.counts.silences, link.poll_at()),
+            (true, 1, None)
+        );
+    }
+
+    /// 5 mm or 5 mrad are worth a message.
+    #[test]
+    fn small_corrections_are_not_told() {
+        let sight = Sight {
+            number: 1,
+            pose: Pose::new(100.0, 200.0, 3.14),
+            lines: Vec::new(),
+        };
+        let is_off = |x, y, heading| sight.is_off(Pose::new(x, y, heading));
+        assert!(!is_off(104.9, 200.0, 3.14) && is_off(105.1, 200.0, 3.14));
+        assert!(!is_off(103.0, 203.0, 3.14) && is_off(104.0, 196.0, 3.14));
+        assert!(!is_off(100.0, 200.0, -3.14) && is_off(100.0, 200.0, -3.137));
+        assert!(is_off(100.0, 200.0, 3.134) && !is_off(100.0, 200.0, 3.136));
+    }
+
+    /// As many commands as there is room for on the wire; each one more is lost and counted.
+    #[test]
+    fn commands_that_do_not_fit_are_counted() {
+        let mut link = link(Sending::default());
+        link.write(&rest());
+        let len = link.out.len();
+        assert!(len > 0);
+        let fit = OUT_MAX / len;
+        (1..fit + 3).for_each(|_| link.write(&rest()));
+        assert_eq!((link.out.len(), link.counts.lost_in_queue), (fit * len, 3));
+        link.poll(at(1));
+        let mut buf = [0; OUT_MAX];
+        assert_eq!(
+            (link.transmit(&mut buf[..10]), link.released),
+            (10, fit * len - 10)
+        );
+        assert_eq!(
+            (link.transmit(&mut buf), link.released, link.out.len()),
+            (fit * len - 10, 0, 0)
+        );
+        // 64 may wait for a frame.
+        let mut link = self::link(Sending {
+            one_per_frame: true,
+            ..Sending::default()
+        });
+        (0..67).for_each(|_| link.send(at(1), Kind::Drive, rest()));
+        assert_eq!((link.queue.len(), link.counts.lost_in_queue), (64, 3));
+        assert_eq!(link.counts.commands, 67);
+        link.poll(at(2));
+        assert!(link.out.is_empty());
+    }
+
+    /// YP-03: a request empties the queue of what was waiting; a drive does not.
+    #[test]
+    fn a_request_may_clear_the_queue() {
+        let lost = |kind, requests_clear_queue| {
+            let mut link = link(Sending {
+                one_per_frame: true,
+                requests_clear_queue,
+                ..Sending::default()
+            });
+            (0..3).for_each(|_| link.send(at(1), Kind::Drive, rest()));
+            link.send(at(1), kind, rest());
+            (link.queue.len(), link.counts.lost_in_queue)
+        };
+        assert_eq!(lost(Kind::Request, true), (1, 3));
+        assert_eq!(
+            [lost(Kind::Drive, true), lost(Kind::Request, false)],
+            [(4, 0); 2]
+        );
+    }
+
+    /// YP-02: a byte a millisecond.
+    #[test]
+    fn bytes_may_go_one_a_millisecond() {
+        let mut link = link(Sending {
+            byte_per_ms: true,
+            ..Sending::default()
+        });
+        link.send(at(5), Kind::Drive, rest());
+        link.poll(at(5));
+        assert_eq!((link.released, link.poll_at()), (1, Some(at(6))));
+        link.poll(at(5));
+        assert_eq!(link.released, 1);
+        link.poll(at(6));
+        assert_eq!(link.released, 2);
+        let mut buf = [0; 64];
+        assert_eq!((link.transmit(&mut buf), link.released), (2, 0));
+    }
+
+    /// A request goes out at once, again each 700 ms without an answer, and fourteen times at most.
+    #[test]
+    fn a_request_is_sent_until_it_is_answered() {
+        let mut link = link(Sending::default());
+        let mut request = Request::new(7, rest());
+        assert!(!request.is_sent() && request.since() == 7);
+        let mut poll = |millis| (request.poll(at(millis), &mut link).is_ok(), request.sent);
+        assert_eq!(
+            [poll(0), poll(699), poll(700), poll(701)],
+            [1, 1, 2, 2].map(|n| (true, n))
+        );
+        (2..14).for_each(|n| _ = poll(n * 700));
+        assert_eq!([poll(9_799), poll(9_800)], [(true, 14), (false, 14)]);
+        assert!(request.is_sent());
+        assert_eq!((link.counts.requests, link.counts.resends), (1, 13));
+        assert_eq!(Request::of_state(7, rest()).wait, SWITCHED);
+    }
+
+    /// The robot says 19 mm and 19 mrad beside what it was told: it was told. Before it was asked
+    /// nothing counts.
+    #[test]
+    fn a_pose_was_told_when_the_robot_says_so() {
+        let told = |x_mm: f32, heading: f32| {
+            let mut link = link(Sending::default());
+            let mut tell = Tell::new(&link, Pose::new(x_mm, -250.0, heading));
+            link.heard = Some(telemetry(1, 0.5));
+            assert_eq!(tell.step(at(0), &mut link).ok(), Some(false));
+            tell.step(at(1), &mut link).ok()
+        };
+        assert_eq!([told(1_519.0, 0.5), told(1_481.0, 0.5)], [Some(true); 2]);
+        assert_eq!([told(1_521.0, 0.5), told(1_479.0, 0.5)], [Some(false); 2]);
+        assert_eq!(
+            [told(1_500.0, 0.519), told(1_500.0, 0.521)],
+            [Some(true), Some(false)]
+        );
+    }
+}
