@@ -369,4 +369,42 @@ mod tests {
         let answer = execute(&line, &settings, &profile).expect("known");
         assert_eq!(answer.reply, b"+NAME:nnnnnnnnnnnnnnnnnnnn\r\nOK\r\n");
     }
+
+    /// 64 bytes may be a command, the 65th says that they are none, and it says so once. Bytes in
+    /// one piece count like bytes one by one.
+    #[test]
+    fn a_text_is_too_long_with_its_65th_byte() {
+        let mut collector = Collector::new(&Profile::of(Family::Linvor18));
+        let at = Instant::from_millis(7);
+        let too_long = [(); 66].map(|()| {
+            assert_eq!(collector.push(b'A', at), None);
+            collector.just_overflowed()
+        });
+        let first = too_long.iter().position(|it| *it);
+        assert_eq!(
+            (first, too_long[65], collector.count()),
+            (Some(64), false, 66)
+        );
+        let mut whole = Collector::new(&Profile::of(Family::Linvor18));
+        assert_eq!(
+            whole.push_all(&[b'A'; 60], at, Instant::from_millis(9)),
+            Ok(())
+        );
+        assert_eq!(
+            whole.push_all(&[b'A'; 5], at, Instant::from_millis(12)),
+            Ok(())
+        );
+        assert!(whole.just_overflowed());
+        let silence = Profile::of(Family::Linvor18).silence;
+        assert_eq!(whole.deadline(), Some(Instant::from_millis(12) + silence));
+        let attempt = whole.silence();
+        assert_eq!((attempt.text.len(), attempt.count), (64, 65));
+        assert_eq!(
+            (attempt.took, attempt.end),
+            (Duration::from_millis(5), End::Silence)
+        );
+        assert_eq!((whole.count(), whole.deadline()), (0, None));
+        let mut lines = Collector::new(&Profile::of(Family::V30));
+        assert_eq!(lines.push_all(b"AT", at, at), Err(LineEndMatters));
+    }
 }

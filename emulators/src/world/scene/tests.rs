@@ -321,3 +321,17 @@ fn an_obstacle_keeps_within_the_bounds_with_all_of_it() {
     let outside = [(-1.95, 1.0), (3.95, 1.0), (1.0, -2.95), (1.0, 4.95)];
     assert_eq!(outside.map(|(x, y)| is_within(x, y)), [false; 4]);
 }
+
+/// Each triangle has three walls: of 200,000 at most 66,666 fit.
+#[test]
+fn a_scene_has_two_hundred_thousand_walls_at_most() {
+    let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)].map(|(x, y)| Point::new(x, y));
+    let triangle = Shape::Polygon {
+        corners: corners.to_vec(),
+    };
+    let error = Scene::new(vec![triangle; 66_667], vec![]).expect_err("too many");
+    assert!(
+        matches!(error.cause, Cause::TooMany { limit: 200_000 }),
+        "{error}"
+    );
+}
