@@ -195,3 +195,6 @@ const fn opposite(direction: Direction) -> Direction {
 }
 
 const LOCAL: &str = "the tool wrote local times; they are taken as UTC";
+
+#[cfg(test)]
+mod tests;

@@ -488,4 +488,51 @@ mod tests {
         joiner.emit(&mut out);
         assert!(joiner.waiting.is_empty() && joiner.arena.is_empty());
     }
+
+    /// Records are written a batch at a time, whether they stand alone or were joined.
+    #[test]
+    fn a_full_batch_is_written() {
+        let (mut joiner, mut out) = (joiner(), Vec::new());
+        for number in 1..BATCH as u64 {
+            joiner.single(2, at(number), Kind::Data, &[7], ALONE, &mut out);
+        }
+        assert!(out.is_empty() && joiner.waiting.len() == BATCH - 1);
+        joiner.single(2, at(BATCH as u64), Kind::Data, &[7], ALONE, &mut out);
+        assert!(!out.is_empty() && joiner.waiting.is_empty());
+        out.clear();
+        for number in 1..BATCH as u64 {
+            joiner.bytes(2, at(10_000 + number * 1_000), &[7; 65], 0, &mut out);
+        }
+        assert!(out.is_empty() && joiner.waiting.len() == BATCH - 1);
+        joiner.bytes(2, at(10_000 + BATCH as u64 * 1_000), &[7; 65], 0, &mut out);
+        assert!(!out.is_empty() && joiner.waiting.is_empty());
+    }
+
+    /// What an open record holds back has an end: by number, and by bytes.
+    #[test]
+    fn an_open_record_holds_back_so_many_others() {
+        let (mut joiner, mut out) = (joiner(), Vec::new());
+        joiner.bytes(0, at(10), &[1], 0, &mut out);
+        for number in 1..WAITING_MAX as u64 {
+            joiner.single(2, at(10 + number), Kind::Data, &[7], ALONE, &mut out);
+        }
+        assert!(out.is_empty() && joiner.waiting.len() == WAITING_MAX - 1);
+        joiner.single(2, at(99_999_999), Kind::Data, &[7], ALONE, &mut out);
+        assert!(!out.is_empty() && joiner.waiting.is_empty());
+        let (mut joiner, mut out) = (self::joiner(), Vec::new());
+        joiner.bytes(0, at(10), &[1], 0, &mut out);
+        joiner.single(
+            2,
+            at(20),
+            Kind::Data,
+            &vec![7; ARENA_MAX - 1],
+            ALONE,
+            &mut out,
+        );
+        joiner.emit(&mut out);
+        assert_eq!((out.len(), joiner.waiting.len()), (0, 1));
+        joiner.single(2, at(21), Kind::Data, &[7], ALONE, &mut out);
+        joiner.emit(&mut out);
+        assert!(!out.is_empty() && joiner.waiting.is_empty());
+    }
 }

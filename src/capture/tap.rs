@@ -275,3 +275,132 @@ impl<C: Clock> Recorder<C> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::capture::Capture;
+    use crate::realtime::clock::SimClock;
+    use crate::realtime::transport::Memory;
+
+    /// A recorder between two ports, the far ends of both, and its file.
+    struct Bench {
+        recorder: Recorder<SimClock>,
+        device: Memory,
+        program: Option<Memory>,
+        file: std::path::PathBuf,
+    }
+
+    fn bench(name: &str) -> Bench {
+        let name = format!("hilrig-tap-{name}-{}.pcapng", std::process::id());
+        let path = std::env::temp_dir().join(name);
+        let [(one, device), (other, program)] = ["one", "other"].map(Memory::pair);
+        let wire = Wire {
+            name: "base".to_owned(),
+            baud: 9_600,
+            ends: [Box::new(one), Box::new(other)],
+        };
+        let file = CaptureFile::create(&path).expect("writable");
+        let epoch = Instant::from_secs(1_000);
+        let recorder = Recorder::new(SimClock::default(), epoch, vec![wire], file);
+        Bench {
+            recorder: recorder.expect("writable"),
+            device,
+            program: Some(program),
+            file: path,
+        }
+    }
+
+    impl Bench {
+        fn passed(&self) -> [Passed; 2] {
+            let mut reports = self.recorder.reports();
+            let (name, passed) = reports.next().expect("one wire");
+            assert_eq!(name, "base");
+            passed
+        }
+
+        fn program_reads(&mut self) -> Vec<u8> {
+            let mut buf = vec![0; 9_000];
+            let program = self.program.as_mut().expect("open");
+            let len = program.read(&mut buf).expect("open");
+            buf[..len].to_vec()
+        }
+
+        fn turn(&mut self) {
+            self.recorder.turn().expect("both are there");
+        }
+
+        fn capture(&mut self) -> Capture {
+            self.recorder.finish().expect("writable");
+            let bytes = std::fs::read(&self.file).expect("written");
+            let _ = std::fs::remove_file(&self.file);
+            Capture::of(&bytes)
+        }
+    }
+
+    /// A port holds 4096 bytes: what its program does not read yet waits, in order, and is in the
+    /// file when it came.
+    #[test]
+    fn what_a_program_does_not_read_yet_waits_for_it() {
+        let mut bench = bench("waits");
+        let all: Vec<u8> = (0..6_000_u32).map(|n| n.to_le_bytes()[0]).collect();
+        assert_eq!(bench.device.write(&all[..3_000]), 3_000);
+        bench.turn();
+        assert_eq!(bench.device.write(&all[3_000..]), 3_000);
+        bench.turn();
+        let passed = bench.passed();
+        assert_eq!((passed[0].read, passed[0].lost), (6_000, 0));
+        assert_eq!(bench.recorder.waiting[0][0].len(), 6_000 - 4_096);
+        let mut got = bench.program_reads();
+        assert_eq!(got.len(), 4_096);
+        bench.turn();
+        got.extend(bench.program_reads());
+        assert!(got == all && bench.recorder.waiting[0][0].is_empty());
+        assert_eq!(bench.passed()[1], Passed::default());
+        let capture = bench.capture();
+        let data = capture.records.iter().filter(|one| one.kind == Kind::Data);
+        let written: Vec<u8> = data.flat_map(|one| one.bytes.to_vec()).collect();
+        assert!(written == all);
+        assert_eq!(
+            (capture.links[0].name.as_str(), capture.links[0].baud),
+            ("base", 9_600)
+        );
+    }
+
+    /// Nobody takes what comes for a closed port: it is lost, counted, and said in the file.
+    #[test]
+    fn what_comes_for_a_closed_port_is_lost() {
+        let mut bench = bench("lost");
+        bench.turn();
+        bench.program = None;
+        bench.device.write(b"twelve bytes");
+        bench.turn();
+        let passed = bench.passed();
+        assert_eq!((passed[0].read, passed[0].lost), (12, 12));
+        assert!(bench.recorder.waiting[0][0].is_empty());
+        let capture = bench.capture();
+        let said: Vec<(Kind, Direction, String)> = capture
+            .records
+            .iter()
+            .map(|one| (one.kind, one.direction, one.comment.clone()))
+            .collect();
+        let (in_, out) = (Direction::ToMaster, Direction::ToDevice);
+        let opened = |direction| {
+            let kind = Kind::Line(LineEvent::Opened);
+            (kind, direction, "port opened".to_owned())
+        };
+        let lost = "12 bytes lost: the far end is closed".to_owned();
+        assert_eq!(
+            said[..3],
+            [opened(in_), opened(out), (Kind::Data, in_, lost)]
+        );
+        assert!(
+            capture
+                .records
+                .iter()
+                .all(|one| one.at >= Instant::from_secs(1_000))
+        );
+        let closed = (Kind::Line(LineEvent::Closed), out, "port closed".to_owned());
+        assert_eq!(said[3..], [closed]);
+    }
+}

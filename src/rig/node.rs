@@ -277,3 +277,109 @@ impl Node {
 fn later_than(now: Instant, at: Instant) -> Instant {
     at.max(now + Duration::from_nanos(1))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn outside() -> Outside {
+        Outside::new(LineConfig::new_8n1(9600))
+    }
+
+    fn taken(end: &mut Outside, room: usize) -> Vec<u8> {
+        let mut buf = vec![0; room];
+        let len = end.transmit(&mut buf);
+        buf[..len].to_vec()
+    }
+
+    /// Bytes go as there is room for them, and stay while they are held.
+    #[test]
+    fn an_open_end_gives_what_was_put_into_it() {
+        let mut end = outside();
+        end.put(b"hello");
+        assert!(end.hold(true) && !end.hold(true));
+        assert_eq!(taken(&mut end, 9), b"");
+        assert!(end.hold(false) && !end.hold(false));
+        assert_eq!(
+            [taken(&mut end, 2), taken(&mut end, 9)],
+            [b"he".to_vec(), b"llo".to_vec()]
+        );
+        assert_eq!(taken(&mut end, 9), b"");
+    }
+
+    /// 4096 bytes wait for who reads; the rest is lost, but the last one is known.
+    #[test]
+    fn an_open_end_has_room_for_4096_bytes() {
+        let mut end = outside();
+        assert_eq!(end.last, None);
+        end.receive(&[1; 4_000]);
+        end.receive(&[2; 100]);
+        assert_eq!((end.from_rig.len(), end.last), (4_096, Some(2)));
+        assert_eq!(end.from_rig[3_999..4_001], [1, 2]);
+        end.receive(&[]);
+        end.receive(&[3]);
+        assert_eq!((end.from_rig.len(), end.last), (4_096, Some(3)));
+        assert!(end.take_messages().is_empty());
+    }
+
+    /// Messages keep their lengths; one that is empty or too long is none, one without room is lost
+    /// as a whole.
+    #[test]
+    fn messages_stay_whole() {
+        let mut end = outside();
+        end.carry_messages();
+        end.put(b"");
+        end.put(&vec![7; MESSAGE_MAX + 1]);
+        end.put(b"one");
+        end.put(b"two!");
+        end.put(&vec![7; MESSAGE_MAX]);
+        assert_eq!(taken(&mut end, MESSAGE_MAX), b"one");
+        end.hold(true);
+        assert_eq!(taken(&mut end, MESSAGE_MAX), b"");
+        end.hold(false);
+        assert_eq!(taken(&mut end, MESSAGE_MAX), b"two!");
+        assert_eq!(taken(&mut end, MESSAGE_MAX).len(), MESSAGE_MAX);
+        assert_eq!(taken(&mut end, MESSAGE_MAX), b"");
+        end.receive(&[1; 4_000]);
+        end.receive(&[2; 97]);
+        end.receive(&[3; 96]);
+        end.receive(&[4]);
+        let lens: Vec<usize> = end.take_messages().iter().map(Bytes::len).collect();
+        assert_eq!(lens, [4_000, 96]);
+        assert!(end.from_rig.is_empty() && end.take_messages().is_empty());
+        end.receive(&[5; 2]);
+        assert_eq!(end.take_messages(), [Bytes::from_static(&[5; 2])]);
+    }
+
+    /// Whoever asks for what has passed comes a nanosecond later.
+    #[test]
+    fn time_moves_between_two_polls() {
+        let at = Instant::from_nanos;
+        assert_eq!(
+            [5, 10, 11, 12].map(|nanos| later_than(at(10), at(nanos))),
+            [11, 11, 11, 12].map(at)
+        );
+        let mut node = Node {
+            name: "end".to_owned(),
+            body: Body::Outside(outside()),
+            stirred: false,
+            poll_at: Some(at(10)),
+        };
+        assert_eq!(
+            [9, 10, 11].map(|nanos| node.is_due(at(nanos))),
+            [false, true, true]
+        );
+        node.poll_at = None;
+        assert!(!node.is_due(at(99)));
+        node.receive(Port(0), at(1), b"x");
+        assert!(node.is_due(at(0)) && node.may_send(Port(0)) && node.is_silent(Port(0)));
+        if let Body::Outside(end) = &mut node.body {
+            end.put(b"y");
+        }
+        assert!(!node.is_silent(Port(0)));
+        if let Body::Outside(end) = &mut node.body {
+            end.change = Some(LineEvent::Opened);
+        }
+        assert!(!node.is_silent(Port(0)) && node.line_change(Port(0)).is_none());
+    }
+}

@@ -301,3 +301,6 @@ impl Checker for ProgramAlive {
         Some(Box::new(self.clone()))
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -122,6 +122,10 @@ mod tests {
         let of = words(&line);
         assert_eq!(of[2..4], ["2.700", "2.710"]);
         assert_eq!((of[91], of[92], of[182]), ("3.590", "0.000", "0.900"));
+        // A first reading to the left, +90, is 180 degrees behind the right.
+        let line = front_of(90.0);
+        let of = words(&line);
+        assert_eq!((of[2], of[92], of[182]), ("1.800", "2.700", "0.000"));
     }
 
     /// Start -pi, 359 steps of a degree, the farthest, and all readings from the first one on; 8 m

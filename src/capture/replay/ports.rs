@@ -307,3 +307,111 @@ impl<C: Clock> Playback<C> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::realtime::clock::SimClock;
+    use crate::realtime::transport::Memory;
+
+    fn track(pieces: &[(u64, &[u8])]) -> Track {
+        let mut track = Track::default();
+        for (millis, bytes) in pieces {
+            track.push(Instant::from_millis(*millis), bytes);
+        }
+        track
+    }
+
+    /// A link whose program said `sent`, played as the program.
+    fn socket(link: &str, sent: &[(u64, &[u8])]) -> (Socket, Memory) {
+        let (port, far) = Memory::pair(link);
+        let passage = Passage {
+            link: link.to_owned(),
+            sent: track(sent),
+            ..Passage::default()
+        };
+        (Socket::new(&passage, Side::Program, Box::new(port)), far)
+    }
+
+    fn read(far: &mut Memory) -> Vec<u8> {
+        let mut buf = vec![0; 9_000];
+        let len = far.read(&mut buf).expect("open");
+        buf[..len].to_vec()
+    }
+
+    /// A port that holds 4096 bytes takes no more until somebody reads; nothing is lost.
+    #[test]
+    fn what_a_port_does_not_take_waits() {
+        let (mut socket, mut far) = socket("base", &[]);
+        let all: Vec<u8> = (0..5_000_u32).map(|n| n.to_le_bytes()[0]).collect();
+        socket.pending = all.clone();
+        socket.say();
+        assert_eq!((socket.counts(), socket.pending.len()), ([4_096, 0], 904));
+        let mut got = read(&mut far);
+        socket.say();
+        assert_eq!((socket.counts(), socket.pending.len()), ([5_000, 0], 0));
+        got.extend(read(&mut far));
+        assert_eq!(got, all);
+    }
+
+    #[test]
+    fn what_the_far_end_says_is_heard_and_its_opening_noted() {
+        let (mut socket, mut far) = socket("base", &[]);
+        assert!(!socket.is_open && far.write(b"abc") == 3);
+        socket.listen(Instant::from_millis(4)).expect("open");
+        assert!(socket.is_open && socket.counts() == [0, 3]);
+        drop(far);
+        socket
+            .listen(Instant::from_millis(5))
+            .expect("closed is no error");
+        socket
+            .listen(Instant::from_millis(6))
+            .expect("closed is no error");
+        assert!(!socket.is_open && socket.played().got.bytes() == b"abc");
+    }
+
+    /// Pieces go by their times over all links.
+    #[test]
+    fn a_step_says_what_is_next() {
+        let (one, mut far) = socket("one", &[(10, b"a"), (30, b"c")]);
+        let (two, _far_two) = socket("two", &[(20, b"b")]);
+        let recorded = Recorded {
+            end: Instant::from_millis(40),
+            ..Recorded::default()
+        };
+        let pace = ReplayPace::Stepped;
+        let mut playback = Playback::new(SimClock::default(), &recorded, vec![one, two], pace);
+        let mut said = Vec::new();
+        while let Some((at, link, bytes)) = playback.step() {
+            assert_eq!(playback.now(), at);
+            said.push((at.as_millis(), link, bytes));
+        }
+        let expected = [(10, "one", b"a"), (20, "two", b"b"), (30, "one", b"c")];
+        let expected = expected.map(|(at, link, bytes)| (at, link.to_owned(), bytes.to_vec()));
+        assert_eq!(said, expected);
+        assert!(playback.is_over() && read(&mut far) == b"ac");
+    }
+
+    /// Twice as fast: what was said at 10 ms is due after 5.
+    #[test]
+    fn a_capture_is_played_at_its_pace_once_all_ports_are_open() {
+        let (one, mut far) = socket("one", &[(10, b"a"), (30, b"c")]);
+        let recorded = Recorded {
+            end: Instant::from_millis(40),
+            ..Recorded::default()
+        };
+        let pace = ReplayPace::Times(2.0);
+        let mut playback = Playback::new(SimClock::default(), &recorded, vec![one], pace);
+        assert_eq!(playback.waits_for().map(Socket::link), Some("one"));
+        let mut seen = Vec::new();
+        while !playback.is_over() && seen.len() < 99 {
+            playback.turn().expect("open");
+            seen.push((playback.now().as_millis(), read(&mut far)));
+        }
+        assert!(playback.waits_for().is_none() && playback.has_heard_all());
+        let said: Vec<_> = seen.iter().filter(|it| !it.1.is_empty()).collect();
+        assert_eq!((said[0].0, said[1].0, said.len()), (10, 30, 2), "{seen:?}");
+        assert!(playback.clock().now() >= Instant::from_millis(20));
+        assert!(playback.clock().now() < Instant::from_millis(40));
+    }
+}

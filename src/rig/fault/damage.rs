@@ -136,3 +136,37 @@ pub struct Strike {
     /// What happens to it.
     pub damage: Damage,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A lot of 0 to 255 is a bit, a byte or a mask, never one that does nothing.
+    #[test]
+    fn what_is_drawn_completes_a_damage() {
+        let with = |kind: DamageKind, detail| kind.with_detail(detail).to_string();
+        assert_eq!(
+            [with(DamageKind::Flip, 7), with(DamageKind::Flip, 13)],
+            ["flip bit 7", "flip bit 5"]
+        );
+        assert_eq!(with(DamageKind::Insert, 10), "insert 0x0a");
+        let burst = DamageKind::Burst { len: 3 };
+        assert_eq!(
+            [with(burst, 0), with(burst, 255)],
+            ["burst of 3 with 0x01", "burst of 3 with 0xff"]
+        );
+        let words = DamageKind::ALL.map(|kind| with(kind, 2));
+        let expected = [
+            "flip bit 2",
+            "drop",
+            "insert 0x02",
+            "duplicate",
+            "burst of 4 with 0x02",
+            "truncate at most 64",
+            "swap",
+            "parity error",
+            "idle 1ms",
+        ];
+        assert_eq!(words, expected);
+    }
+}

@@ -248,4 +248,34 @@ mod tests {
         let seen = sent(&mut rig, &[&[1; 72], &[2; 72]]);
         assert_eq!(seen, [(1600, 2), (5800, 1)]);
     }
+
+    /// 72 bytes take 800 us. Latency and jitter add up; the jitter is the next number of the
+    /// fault's own dice, up to 2 ms.
+    #[test]
+    fn latency_and_jitter_of_a_packet_add_up() {
+        let mut rig = joined(LinkKind::Datagram, 1_000_000);
+        let window = Window {
+            from: Instant::ZERO,
+            until: Instant::ZERO + Duration::from_millis(100),
+        };
+        let dice = emulators::rng::Rng::stream(3, "jitter");
+        let by = Duration::from_millis(2);
+        let faults = &mut line(&mut rig).faults;
+        let late = Duration::from_millis(5);
+        faults.add(
+            FaultId(0),
+            Activity::from(window),
+            Effect::Latency { by: late },
+        );
+        let rng = Box::new(dice.clone());
+        faults.add(
+            FaultId(1),
+            Activity::from(window),
+            Effect::Jitter { by, rng },
+        );
+        let seen = sent(&mut rig, &[&[1; 72]]);
+        let drawn = dice.clone().below(2_000_001);
+        assert!(drawn > 0 && seen.len() == 1);
+        assert_eq!(seen[0], (800 + 5_000 + drawn.div_ceil(1_000), 1));
+    }
 }

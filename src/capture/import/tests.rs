@@ -1,0 +1,197 @@
+//! Each tool's form, a few lines of it, against times worked out by hand: at 10,000 baud a byte takes
+//! a millisecond and its stop bit a tenth of one.
+
+use super::*;
+use protocols::LineEvent;
+
+const MS: u64 = 1_000_000;
+/// 2026-11-21 07:58:48, by `date -u`, in nanoseconds.
+const MOMENT: u64 = 1_795_247_928_000_000_000;
+
+fn options(baud: Option<u32>, sample_rate: Option<u64>) -> Options {
+    Options {
+        link: "port".to_owned(),
+        baud,
+        sample_rate,
+        direction: Direction::ToMaster,
+    }
+}
+
+/// When, which way, and what.
+fn told(
+    dump: &[u8],
+    format: Format,
+    options: &Options,
+) -> Result<Vec<(u64, Direction, Vec<u8>)>, String> {
+    let imported = read(dump, format, options).map_err(|error| error.to_string())?;
+    let record = |one: &Record| (one.at.as_nanos(), one.direction, one.bytes.to_vec());
+    Ok(imported.records().iter().map(record).collect())
+}
+
+/// Data bits that end with sample 6147 at a megahertz end 6.147 ms behind the start, and the byte
+/// with its stop bit. Without a rate there is none.
+#[test]
+fn a_byte_ends_behind_its_samples() {
+    let dump = b"5313-6147 uart-1: FA\n6300-7000 uart-1: 0a\n";
+    let at = |nanos, byte| (nanos, Direction::ToMaster, vec![byte]);
+    let own = options(Some(10_000), Some(1_000_000));
+    let expected = vec![at(6_147_000 + MS / 10, 0xFA), at(7_000_000 + MS / 10, 0x0A)];
+    assert_eq!(told(dump, Format::Sigrok, &own), Ok(expected));
+    let own = options(None, Some(24_000_000));
+    let expected = vec![at(256_125, 0xFA), at(291_666, 0x0A)];
+    assert_eq!(told(dump, Format::Sigrok, &own), Ok(expected));
+    for rate in [None, Some(0)] {
+        let error = told(dump, Format::Sigrok, &options(Some(9_600), rate)).expect_err("no rate");
+        assert!(
+            error.starts_with("line 1 (byte 0): sample numbers"),
+            "{error}"
+        );
+    }
+}
+
+/// Without samples bytes stand back to back; then the rate of the line is needed.
+#[test]
+fn bytes_without_samples_stand_back_to_back() {
+    let dump = b"uart-1: FA\n\nuart-1: 0A\n";
+    let own = options(Some(10_000), None);
+    let at = |nanos, byte| (nanos, Direction::ToMaster, vec![byte]);
+    assert_eq!(
+        told(dump, Format::Sigrok, &own),
+        Ok(vec![at(MS, 0xFA), at(2 * MS, 0x0A)])
+    );
+    assert!(told(dump, Format::Sigrok, &options(None, None)).is_err());
+}
+
+/// A frame error takes back the byte that ends where it begins, and no other one; a break is one.
+#[test]
+fn a_frame_error_is_said_of_the_byte_before() {
+    let kinds = |dump: &[u8]| {
+        let imported = read(
+            dump,
+            Format::Sigrok,
+            &options(Some(10_000), Some(1_000_000)),
+        );
+        let imported = imported.expect("sound");
+        let kinds = imported.records().iter().map(|one| one.kind);
+        kinds.collect::<Vec<_>>()
+    };
+    let framing = Kind::Line(LineEvent::FramingError);
+    let own = b"0-10 uart-1: 01\n10-20 uart-1: 02\n20-22 uart-1: Frame error\n";
+    assert_eq!(kinds(own), [Kind::Data, framing]);
+    let other = b"0-10 uart-1: 01\n21-22 uart-1: Frame error\n";
+    assert_eq!(kinds(other), [Kind::Data, framing]);
+    let broken = b"0-10 uart-1: Break condition\n10-12 uart-1: Frame error\n";
+    assert_eq!(kinds(broken), [Kind::Line(LineEvent::Break), framing]);
+    let error = told(
+        b"uart-1: start\n",
+        Format::Sigrok,
+        &options(Some(10_000), None),
+    );
+    assert!(error.expect_err("no byte").contains("found \"start\""));
+    let error = told(
+        b"0-1 spi-1: 01\n",
+        Format::Sigrok,
+        &options(Some(10_000), None),
+    );
+    assert!(
+        error
+            .expect_err("no uart")
+            .contains("expected \"FROM-TO uart-1: XX\"")
+    );
+}
+
+/// The fraction is in microseconds filled up to nine digits, unless one is too large for that.
+#[test]
+fn blocks_of_socat_tell_both_directions() {
+    let right = b"> 2026/11/21 07:58:48.000761120  length=3 from=0 to=2\n fa a0 0a   ...\n--\n";
+    let left = b"< 2026/11/21 07:58:49.000000002  length=1 from=0 to=0\n 41\n--\n";
+    let nanos = b"< 2026/11/21 07:58:49.001000000  length=1 from=0 to=0\n 42\n--\n";
+    let own = options(None, None);
+    let one = (
+        MOMENT + 761_120_000,
+        Direction::ToMaster,
+        vec![0xFA, 0xA0, 0x0A],
+    );
+    let other = (MOMENT + 1_000_002_000, Direction::ToDevice, vec![0x41]);
+    let both = [&right[..], b"socat: a word of its own\n", &left[..]].concat();
+    assert_eq!(told(&both, Format::Socat, &own), Ok(vec![one, other]));
+    let found = told(&[&left[..], &nanos[..]].concat(), Format::Socat, &own).expect("sound");
+    assert_eq!(
+        [found[0].0, found[1].0],
+        [MOMENT + 1_000_000_002, MOMENT + 1_001_000_000]
+    );
+    let reversed = Options {
+        direction: Direction::ToDevice,
+        ..own.clone()
+    };
+    let found = told(&both, Format::Socat, &reversed).expect("sound");
+    assert_eq!(
+        [found[0].1, found[1].1],
+        [Direction::ToDevice, Direction::ToMaster]
+    );
+    let error = |dump: &[u8]| told(dump, Format::Socat, &own).expect_err("unsound");
+    assert!(error(&right[..66]).ends_with("the last block ends after 3 of 3 bytes"));
+    assert!(error(b"> nonsense\n").contains("expected \"> YYYY/MM/DD"));
+    let long = b"> 2026/11/21 07:58:48.000761120  length=1 from=0 to=2\n fa a0\n--\n";
+    assert!(error(long).contains("expected 1 to 1 bytes"));
+}
+
+/// Behind the colon stands the port; counter and text are options.
+#[test]
+fn blocks_of_jpnevulator_name_their_port() {
+    let dump = b"2026-11-21 07:58:48.596918: A\n00000000\tFA A0 0A 41\t...A\nFB\n\
+                 2026-11-21 07:58:49.000001:\n01\n2026-11-21 07:58:50.000000: B\n";
+    let own = options(None, None);
+    let imported = read(dump, Format::Jpnevulator, &own).expect("sound");
+    let links: Vec<&str> = imported.links().iter().map(|link| &*link.name).collect();
+    assert_eq!(links, ["A", "port", "B"]);
+    let of = |at: usize| {
+        let record = &imported.records()[at];
+        (record.link, record.at.as_nanos(), record.bytes.to_vec())
+    };
+    assert_eq!(
+        of(0),
+        (0, MOMENT + 596_918_000, vec![0xFA, 0xA0, 0x0A, 0x41, 0xFB])
+    );
+    assert_eq!(of(1), (1, MOMENT + 1_000_001_000, vec![1]));
+    assert_eq!(imported.records().len(), 2);
+    assert!(told(b"FA\n", Format::Jpnevulator, &own).is_err());
+    let seventeen = b"2026-11-21 07:58:48.596918: A\n01 02 03 04 05 06 07 08 09 10 11 12 13 14 15 \
+                      16 17\n";
+    assert!(told(seventeen, Format::Jpnevulator, &own).is_err());
+}
+
+/// Sixteen bytes a record, of which the last one has just ended.
+#[test]
+fn bytes_alone_take_the_time_of_their_line() {
+    let own = options(Some(10_000), None);
+    let found = told(&[7; 20], Format::Raw, &own).expect("sound");
+    let lens: Vec<(u64, usize)> = found.iter().map(|it| (it.0, it.2.len())).collect();
+    assert_eq!(lens, [(16 * MS, 16), (20 * MS, 4)]);
+    assert!(told(&[7; 20], Format::Raw, &options(None, None)).is_err());
+    let error = told(b"[08:00:04.460] hello\n", Format::Raw, &own).expect_err("stamped");
+    assert!(error.contains("without -t"), "{error}");
+    assert!(told(b"[08:00:04.46] hello\n", Format::Raw, &own).is_ok());
+    let nothing = told(b"", Format::Raw, &own).expect_err("nothing");
+    assert!(
+        nothing.contains("expected bytes in the form of raw"),
+        "{nothing}"
+    );
+}
+
+#[test]
+fn a_form_shows_in_its_first_lines() {
+    let detected = |dump: &[u8]| Format::detect(dump).map(Format::name);
+    assert_eq!(detected(b"word\n5313-6147 uart-1: FA\n"), Some("sigrok"));
+    let block = b"> 2026/11/21 07:58:48.000761120  length=3 from=0 to=2\n";
+    assert_eq!(detected(block), Some("socat"));
+    assert_eq!(
+        detected(b"2026-11-21 07:58:48.596918: A\n"),
+        Some("jpnevulator")
+    );
+    assert_eq!(detected(b"nothing of the kind\n"), None);
+    let late = [&b"\n".repeat(50)[..], &block[..]].concat();
+    assert_eq!(detected(&late), None);
+    assert_eq!(detected(&late[1..]), Some("socat"));
+    assert_eq!(opposite(Direction::ToDevice), Direction::ToMaster);
+}
