@@ -170,8 +170,10 @@ fn a_touch_of_the_map_sets_a_waypoint_or_the_robot() {
 /// The stop button stops whatever the robot does, once; while it is held the PC may order on.
 #[test]
 fn the_stop_button_ends_what_the_robot_does() {
-    let mut config = Config::default();
-    config.initial_mode = Mode::Exploration;
+    let config = Config {
+        initial_mode: Mode::Exploration,
+        ..Config::default()
+    };
     let mut robot = Box::new(Rescue::new(config));
     let told = |robot: &mut Rescue, status: u8| {
         let frame = Frame::write(registers::SYSTEM_STATUS, &[status], config.checksum_order);

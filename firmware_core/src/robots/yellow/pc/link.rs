@@ -481,19 +481,20 @@ mod tests {
         );
     }
 
-    /// 5 mm or 5 mrad are worth a message.
+    /// 5 mm or 5 mrad are worth a message, also across half a turn.
     #[test]
     fn small_corrections_are_not_told() {
+        let half = core::f32::consts::PI - 0.001_6;
         let sight = Sight {
             number: 1,
-            pose: Pose::new(100.0, 200.0, 3.14),
+            pose: Pose::new(100.0, 200.0, half),
             lines: Vec::new(),
         };
         let is_off = |x, y, heading| sight.is_off(Pose::new(x, y, heading));
-        assert!(!is_off(104.9, 200.0, 3.14) && is_off(105.1, 200.0, 3.14));
-        assert!(!is_off(103.0, 203.0, 3.14) && is_off(104.0, 196.0, 3.14));
-        assert!(!is_off(100.0, 200.0, -3.14) && is_off(100.0, 200.0, -3.137));
-        assert!(is_off(100.0, 200.0, 3.134) && !is_off(100.0, 200.0, 3.136));
+        assert!(!is_off(104.9, 200.0, half) && is_off(105.1, 200.0, half));
+        assert!(!is_off(103.0, 203.0, half) && is_off(104.0, 196.0, half));
+        assert!(!is_off(100.0, 200.0, -half) && is_off(100.0, 200.0, 0.003 - half));
+        assert!(is_off(100.0, 200.0, half - 0.006) && !is_off(100.0, 200.0, half - 0.004));
     }
 
     /// As many commands as there is room for on the wire; each one more is lost and counted.
