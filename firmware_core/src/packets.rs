@@ -189,6 +189,8 @@ impl Hunter {
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+
     use super::*;
 
     fn packet(index: u8) -> [u8; FRAME_LEN] {
@@ -268,5 +270,46 @@ mod tests {
         let mut packets = Packets::with_defects(defects);
         assert_eq!(packets.step(&mut &[0, 1, START, 2][..]), None);
         assert_eq!(packets.pending(), 2);
+    }
+
+    /// 0xFA stands within the first packet: what was taken is not looked at again, whether it was
+    /// sound, or wrong and believed to keep its place.
+    #[test]
+    fn a_packet_that_was_taken_is_not_searched() {
+        let within = |mut bytes: [u8; FRAME_LEN]| {
+            bytes[6] = START;
+            let sum = xv11::checksum(&bytes).to_le_bytes();
+            bytes[20..].copy_from_slice(&sum);
+            bytes
+        };
+        let indices = |defects, bytes: &[u8]| {
+            let mut packets = Packets::with_defects(defects);
+            let mut input = bytes;
+            let mut found = [None; 4];
+            for slot in &mut found {
+                let outcome = packets.step(&mut input);
+                *slot = outcome.map(|outcome| outcome.map_or(99, |frame| frame.index()));
+            }
+            found
+        };
+        let three = [within(packet(1)), within(packet(2)), within(packet(3))].concat();
+        let any_index = Defects {
+            any_index: true,
+            ..Defects::NONE
+        };
+        assert_eq!(
+            indices(any_index, &three),
+            [Some(1), Some(2), Some(3), None]
+        );
+        let mut wrong = three.clone();
+        wrong[10] ^= 1;
+        let keeps_alignment = Defects {
+            keeps_alignment: true,
+            ..Defects::NONE
+        };
+        assert_eq!(
+            indices(keeps_alignment, &wrong),
+            [Some(99), Some(2), Some(3), None]
+        );
     }
 }

@@ -125,6 +125,14 @@ mod tests {
     fn unit_and_normal_numbers_are_made_of_draws() {
         let mut random = Pcg32::new(42);
         let units = [(); 2].map(|()| random.unit());
+        let all = 4_294_967_296.0;
+        assert_eq!(
+            units,
+            [
+                f64::from(0xC2F5_7BD6_u32) / all,
+                f64::from(0x6B07_C4A9) / all
+            ]
+        );
         assert!((units[0] - 0.761_558).abs() < 1e-6 && (units[1] - 0.418_087).abs() < 1e-6);
         let mut random = Pcg32::new(42);
         // sqrt(-2 ln(1 - 0.761558)) = 1.693299; cos(2 pi 0.418087) = -0.870454; times three.

@@ -1,5 +1,5 @@
-//! Each tool's form, a few lines of it, against times worked out by hand: at 10,000 baud a byte takes
-//! a millisecond and its stop bit a tenth of one.
+//! Each tool's form, a few lines of it, against times worked out by hand: at 10,000 baud a byte
+//! takes a millisecond and its stop bit a tenth of one.
 
 use super::*;
 use protocols::LineEvent;

@@ -253,7 +253,8 @@ mod tests {
     }
 
     /// A sensor at (150, 0) that looks ahead, from (1, 2) m: it looks through places that lie more
-    /// than 150 mm before what it reads and less than 40 mm beside, and forgets them the third time.
+    /// than 150 mm before what it reads and less than 40 mm beside, and forgets them the third
+    /// time.
     #[test]
     fn a_place_is_forgotten_when_it_was_looked_through_three_times() {
         let looked = |place: [f32; 2], heading: f32, times: usize| {

@@ -243,3 +243,139 @@ impl Machine {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(millis: u64) -> Instant {
+        Instant::from_millis(millis)
+    }
+
+    /// A machine that was told so at 0, and has come as far as it comes by 600 ms.
+    fn told(state: State, defects: Defects) -> Machine {
+        let mut machine = Machine::new(defects);
+        machine.heard(at(0));
+        machine.order(state);
+        [0, 499, 500, 501, 600]
+            .into_iter()
+            .for_each(|millis| _ = machine.step(at(millis)));
+        machine
+    }
+
+    /// Drivers take half a second, on and off; between two activities the robot stands.
+    #[test]
+    fn drivers_take_half_a_second() {
+        let mut machine = Machine::new(Defects::NONE);
+        machine.order(State::AutoReactive);
+        assert!(machine.step(at(10)) && machine.mode() == Mode::SwitchOn);
+        assert!(!machine.step(at(509)) && machine.drivers_are_on());
+        assert!(machine.step(at(510)) && machine.mode() == Mode::On);
+        assert!(machine.step(at(511)) && machine.mode() == Mode::AutoReactive);
+        assert!(!machine.step(at(9_000)));
+        machine.order(State::AutoPosition);
+        assert!(machine.step(at(9_001)) && machine.mode() == Mode::On);
+        assert!(machine.step(at(9_002)) && machine.mode() == Mode::AutoPosition);
+        machine.order(State::Off);
+        assert!(machine.step(at(9_010)) && machine.step(at(9_011)));
+        assert_eq!(
+            (machine.mode(), machine.step(at(9_510))),
+            (Mode::SwitchOff, false)
+        );
+        assert!(machine.step(at(9_511)) && !machine.drivers_are_on());
+    }
+
+    /// Two seconds without a word of the PC end a drive by hand, and no other one; the fielded
+    /// watchdog is never looked at.
+    #[test]
+    fn a_drive_by_hand_ends_after_two_seconds_of_silence() {
+        let after = |state, defects, millis| {
+            let mut machine = told(state, defects);
+            machine.heard(at(700));
+            machine.step(at(millis));
+            (machine.mode(), machine.time_outs)
+        };
+        let sound = Defects::NONE;
+        assert_eq!(after(State::Manual, sound, 2_699), (Mode::Manual, 0));
+        assert_eq!(after(State::Manual, sound, 2_700), (Mode::On, 1));
+        assert_eq!(
+            after(State::AutoReactive, sound, 9_000),
+            (Mode::AutoReactive, 0)
+        );
+        let fielded = Defects {
+            manual_never_ends: true,
+            ..sound
+        };
+        assert_eq!(after(State::Manual, fielded, 9_000), (Mode::Manual, 0));
+    }
+
+    /// A manoeuvre that is interrupted stands for 400 ms; another order goes on at once. What goes
+    /// by no pose is not interrupted.
+    #[test]
+    fn an_interrupted_manoeuvre_stands_before_it_ends() {
+        let mut machine = told(State::AutoPosition, Defects::NONE);
+        machine.interrupt(at(1_000));
+        machine.interrupt(at(1_200));
+        assert!(machine.is_interrupted() && machine.interruptions == 1);
+        assert!(!machine.step(at(1_399)) && machine.mode() == Mode::AutoPosition);
+        assert!(machine.step(at(1_400)) && machine.mode() == Mode::On);
+        assert!(!machine.is_interrupted());
+        let mut machine = told(State::AutoPosition, Defects::NONE);
+        machine.interrupt(at(1_000));
+        machine.order(State::AutoPosition);
+        assert!(!machine.is_interrupted() && !machine.step(at(2_000)));
+        let mut machine = told(State::AutoReactive, Defects::NONE);
+        machine.interrupt(at(1_000));
+        assert_eq!(
+            (machine.is_interrupted(), machine.interruptions),
+            (false, 0)
+        );
+    }
+
+    /// An end is counted once, and wants OFF; an order that came meanwhile is kept, but by the
+    /// fielded program.
+    #[test]
+    fn the_end_of_a_manoeuvre_erases_no_order() {
+        let after = |end_erases_order, order: Option<State>| {
+            let defects = Defects {
+                end_erases_order,
+                ..Defects::NONE
+            };
+            let mut machine = told(State::AutoPosition, defects);
+            machine.arrived();
+            machine.arrived();
+            if let Some(order) = order {
+                machine.order(order);
+            }
+            (700..720).for_each(|millis| _ = machine.step(at(millis)));
+            (machine.mode(), machine.arrivals)
+        };
+        assert_eq!(after(false, None), (Mode::SwitchOff, 1));
+        let again = Some(State::AutoPosition);
+        assert_eq!(
+            [after(false, again), after(true, again)],
+            [(Mode::AutoPosition, 1), (Mode::SwitchOff, 1)]
+        );
+    }
+
+    /// The button's going down counts: on when all is off, off whatever goes on.
+    #[test]
+    fn the_button_switches_on_and_off() {
+        let mut machine = Machine::new(Defects::NONE);
+        machine.button(true);
+        machine.button(true);
+        [0, 500, 501]
+            .into_iter()
+            .for_each(|millis| _ = machine.step(at(millis)));
+        assert_eq!(
+            (machine.mode(), machine.mode().told()),
+            (Mode::AutoReactive, State::AutoReactive)
+        );
+        machine.button(false);
+        assert!(!machine.step(at(600)));
+        machine.button(true);
+        assert!(machine.step(at(601)) && machine.mode() == Mode::On);
+        assert_eq!(machine.mode().told(), State::Off);
+        assert_eq!(machine.period(), Duration::from_millis(1));
+    }
+}

@@ -472,3 +472,14 @@ fn what_lies_beside_the_track_was_passed() {
     assert!(!is_beside(6.0, 0.91) && !is_beside(6.7, 0.7) && !is_beside(9.0, 0.0));
     assert!(is_beside(0.0, 0.0) && !is_beside(1.5, 0.0));
 }
+
+/// Where the camera came by is kept each 20 cm.
+#[test]
+fn the_track_is_kept_each_twenty_centimetres() {
+    let mut survey = Survey::new(at(0.0));
+    let kept = [0.0, 0.1, 0.19, 0.21, 0.3, 0.4, 0.42].map(|x_m| {
+        survey.draw(after(0), at(x_m), &[]);
+        survey.track.len()
+    });
+    assert_eq!(kept, [1, 1, 1, 2, 2, 2, 3]);
+}

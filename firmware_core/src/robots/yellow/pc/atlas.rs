@@ -268,6 +268,13 @@ mod tests {
             [value(&atlas, 0, 1), value(&atlas, 1, 1)],
             [Some(UNKNOWN), Some(FREE)]
         );
+        // Corners that are a little off lie in the same cells.
+        let map = MapView::new(2, CELL_MM, [99.9, -100.1], &cells);
+        atlas.load(&map).expect("small");
+        assert_eq!(
+            [value(&atlas, 1, -1), value(&atlas, 2, -1)],
+            [Some(FREE), Some(OBSTACLE)]
+        );
         atlas.way = alloc::vec![Point::new(1.0, 2.0)];
         atlas.vertices = atlas.way.clone();
         atlas.edges = alloc::vec![(0, 0)];
