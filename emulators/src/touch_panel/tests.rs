@@ -113,6 +113,17 @@ fn taps_do_not_run_into_each_other() {
     assert_eq!(ups, [Instant::from_millis(100), Instant::from_millis(300)]);
 }
 
+/// One switches the display on, one draws a pixel.
+#[test]
+fn a_frame_that_is_as_it_should_be_is_counted() {
+    let mut panel = TouchPanel::new(Vec::new());
+    assert_eq!(panel.frames(), [0, 0]);
+    panel.receive(TouchPanel::UART, Instant::ZERO, &encode_switch(ON));
+    let drawn = drawing(window([5, 5], [5, 5]), &[0xABCD]);
+    panel.receive(TouchPanel::UART, Instant::from_millis(20), &drawn);
+    assert_eq!(panel.frames(), [2, 0]);
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(1000))]
 

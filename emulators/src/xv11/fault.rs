@@ -173,4 +173,14 @@ mod tests {
         });
         assert_eq!(faults.dust_rpm_s(), 0.0);
     }
+
+    #[test]
+    fn a_wrong_calibration_has_its_own_factor_and_a_sound_one_has_none() {
+        let mut faults = Faults::default();
+        assert_eq!(faults.range_factor(), 1.0);
+        faults.set(Fault::Wrong { factor: 1.25 });
+        assert_eq!(faults.range_factor(), 1.25);
+        faults.clear(Fault::Wrong { factor: 0.0 });
+        assert_eq!(faults.range_factor(), 1.0);
+    }
 }

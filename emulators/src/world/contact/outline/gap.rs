@@ -282,4 +282,22 @@ mod tests {
             [false; 6]
         );
     }
+
+    /// A square with sides of 1 m around (0, 3); what is looked at stands at (2, 3).
+    #[test]
+    fn a_surface_is_where_its_place_puts_it() {
+        let square = [(0.5, 2.5), (0.5, 3.5), (-0.5, 3.5), (-0.5, 2.5)];
+        let corners = square.map(|(x, y)| Point::new(x, y));
+        let [middle, place] = [Point::new(0.0, 3.0), Point::new(2.0, 3.0)];
+        let wall = Segment::new(Point::new(0.0, -1.0), Point::new(0.0, 1.0));
+        let wall = Primitive::Segment(wall.expect("is 2 m long"));
+        let post = Primitive::Circle(Circle {
+            center: Point::new(0.0, 0.0),
+            radius: 0.5,
+        });
+        assert!((gap(&corners, middle, &wall, place).gap - 1.5).abs() < 1e-12);
+        assert!((gap(&corners, middle, &post, place).gap - 1.0).abs() < 1e-12);
+        assert!((distance(Point::new(0.0, 3.0), &wall, place) - 2.0).abs() < 1e-12);
+        assert!((distance(Point::new(0.0, 3.0), &post, place) - 1.5).abs() < 1e-12);
+    }
 }
