@@ -254,6 +254,32 @@ fn faults_are_seen_in_the_lines() {
     assert_eq!(counted("stuck", None).1, 0);
 }
 
+/// The first line comes 265 ms after a reset, as from the simulated chip.
+#[test]
+fn a_board_that_has_its_supply_again_starts_anew() {
+    let mut run = run(OdometerConfig::default());
+    run.until(secs(1));
+    run.board.set_fault(secs(1), "off", None, true);
+    assert!(run.until(secs(2)).is_empty());
+    run.board.set_fault(secs(2), "off", None, false);
+    let lines = run.until(secs(3));
+    let first = lines[0].0 - secs(2);
+    assert!((260..=270).contains(&first.as_millis()), "{first:?}");
+}
+
+/// Only a reset ends what hangs.
+#[test]
+fn a_stuck_board_says_nothing_until_it_is_restarted() {
+    let mut run = run(OdometerConfig::default());
+    run.until(secs(1));
+    run.board.set_fault(secs(1), "stuck", None, true);
+    run.until(secs(2));
+    run.board.set_fault(secs(2), "stuck", None, false);
+    assert!(run.until(secs(3)).is_empty());
+    run.board.set_fault(secs(3), "restart", None, true);
+    assert!(run.until(secs(4)).len() > 70);
+}
+
 /// The earth's 20 uT lie along x of the world: at rest, heading 0, they are ahead. Iron of 40 uT
 /// along y turns a compass by atan 2, 63 degrees; at 0.6 m/s the motor adds half of 15 uT ahead.
 #[test]

@@ -708,3 +708,17 @@ fn a_port_takes_what_it_holds_while_it_is_open() {
     pc.write(Instant::ZERO, b"x");
     assert_eq!(pc.out.len(), OUT_MAX);
 }
+
+/// Opening its port is news, and so is what it then writes; there is no more behind both.
+#[test]
+fn a_pc_has_something_to_send_once_it_opens_its_port() {
+    let mut pc = Pc::new(opened_at_once(Vec::new()));
+    assert!(!pc.may_send(Pc::AIR));
+    pc.tick(Instant::ZERO);
+    assert!(pc.may_send(Pc::AIR));
+    while pc.line_change(Pc::AIR).is_some() {}
+    while pc.transmit(Pc::AIR, &mut [0; 64]) > 0 {}
+    assert!(!pc.may_send(Pc::AIR));
+    pc.write(Instant::ZERO, b"x");
+    assert!(pc.may_send(Pc::AIR));
+}
