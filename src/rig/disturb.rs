@@ -3,7 +3,7 @@
 use protocols::{Instant, LineEvent};
 
 use super::{Body, Rig};
-use crate::rig::fault::FaultId;
+use crate::rig::fault::{FaultId, Window};
 use crate::rig::line::Direction;
 
 /// What happens to a rig when a fault begins and when it ends, besides what happens to bytes.
@@ -65,6 +65,14 @@ impl Rig {
     pub fn end_fault(&mut self, id: FaultId, at: Instant) {
         for line in self.links.iter_mut().flat_map(|link| &mut link.lines) {
             line.faults.end(id, at);
+            line.note_due();
+        }
+    }
+
+    /// Gives a fault that has one another window.
+    pub(crate) fn move_fault(&mut self, id: FaultId, window: Window) {
+        for line in self.links.iter_mut().flat_map(|link| &mut link.lines) {
+            line.faults.move_to(id, window);
             line.note_due();
         }
     }

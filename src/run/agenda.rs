@@ -2,7 +2,7 @@
 
 use protocols::Instant;
 
-use crate::rig::fault::{Activity, FaultId};
+use crate::rig::fault::{Activity, FaultId, Window};
 use crate::rig::{Disturbance, Rig};
 
 /// Disturbances with their times.
@@ -69,6 +69,14 @@ impl Agenda {
     /// Gives the faults other numbers.
     pub(super) fn renumber(&mut self, to: impl Fn(FaultId) -> FaultId) {
         self.0.iter_mut().for_each(|item| item.id = to(item.id));
+    }
+
+    /// Gives a fault another window.
+    pub(super) fn move_to(&mut self, id: FaultId, window: Window) {
+        for item in self.0.iter_mut().filter(|item| item.id == id) {
+            item.activity.window = window;
+        }
+        self.0.retain(|item| item.is_on || item.due().is_some());
     }
 
     /// Ends a fault at `at`.

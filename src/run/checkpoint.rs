@@ -9,14 +9,15 @@
 //!
 //! All nodes are plain state, so a copy goes on as the run itself does. A run of another scenario
 //! that has come to the same moment in the same state need not be run again up to there: that is
-//! known of one that only leaves out, or ends earlier, what had not come to bear by then.
+//! known of one that only leaves out, or begins later, what had not come to bear by then, or ends
+//! it earlier.
 
 use std::rc::Rc;
 
 use protocols::Instant;
 
 use super::Run;
-use crate::rig::fault::FaultId;
+use crate::rig::fault::{FaultId, Window};
 use crate::scenario::{FaultKind, FaultSpec, Scenario};
 
 /// A run as it was at one moment.
@@ -71,8 +72,8 @@ impl Run {
 struct Changes {
     /// The new number of each, if it is kept.
     numbers: Vec<Option<usize>>,
-    /// Those that end earlier, and when.
-    ended: Vec<(FaultId, Instant)>,
+    /// Those at work in another time, which is still to come where they differ.
+    moved: Vec<(FaultId, Window)>,
 }
 
 impl Checkpoint {
@@ -90,8 +91,8 @@ impl Checkpoint {
     }
 
     /// A run of `scenario` that has come to here, if it is known to have come to here as this one
-    /// did: nothing of it differs but its length, and faults that are left out or end earlier and
-    /// had not come so far. Its [`history`](super::Outcome::history) is sampled as that of the run
+    /// did: nothing of it differs but its length, and faults that are left out, begin at another
+    /// time or end earlier and had not come so far. Its [`history`](super::Outcome::history) is sampled as that of the run
     /// that it branches from.
     pub fn resume_as(&self, scenario: &Scenario) -> Option<Run> {
         let (now, asked) = (self.at(), &*self.0.asked);
@@ -118,7 +119,7 @@ impl Checkpoint {
             if fault.when.is_some() {
                 return None;
             }
-            let is_it = |other: &&FaultSpec| *other == fault || is_shorter(other, fault);
+            let is_it = |other: &&FaultSpec| *other == fault || is_moved(other, fault);
             let kept = wanted.next_if(is_it);
             let Some(kept) = kept else {
                 if !self.is_to_come(fault) {
@@ -128,11 +129,11 @@ impl Checkpoint {
                 continue;
             };
             if kept != fault {
-                let until = kept.window().until;
-                if until <= self.at() {
+                let window = kept.window();
+                if !self.can_move(fault, window) {
                     return None;
                 }
-                changes.ended.push((FaultId(index), until));
+                changes.moved.push((FaultId(index), window));
             }
             if index != number && has_numbered_dice(fault) {
                 return None;
@@ -141,6 +142,16 @@ impl Checkpoint {
             number += 1;
         }
         wanted.next().is_none().then_some(changes)
+    }
+
+    /// Whether it would have made no difference by now had the fault been at work in `window`.
+    fn can_move(&self, fault: &FaultSpec, window: Window) -> bool {
+        let (was, now) = (fault.window(), self.at());
+        let had_begun = was.from <= now;
+        match had_begun {
+            true => window.from == was.from && now < window.until && now < was.until,
+            false => now < window.from,
+        }
     }
 
     /// Whether a fault has not come to bear at all.
@@ -156,9 +167,9 @@ impl Checkpoint {
 
 impl Run {
     fn apply(&mut self, changes: &Changes, faults: &[FaultSpec]) -> Option<()> {
-        for &(id, until) in &changes.ended {
-            self.rig.end_fault(id, until);
-            self.agenda.end(id, until);
+        for &(id, window) in &changes.moved {
+            self.rig.move_fault(id, window);
+            self.agenda.move_to(id, window);
         }
         for (index, fault) in faults.iter().enumerate() {
             if changes.numbers[index].is_some() {
@@ -197,17 +208,15 @@ fn is_alike(a: &Scenario, b: &Scenario) -> bool {
     like == plain
 }
 
-/// Whether `other` is `fault` with an earlier end.
-fn is_shorter(other: &FaultSpec, fault: &FaultSpec) -> bool {
+/// Whether `other` is `fault` at another time.
+fn is_moved(other: &FaultSpec, fault: &FaultSpec) -> bool {
     let is_plain = fault.byte.is_none() && fault.at_byte.is_none() && fault.at_frame.is_none();
-    let as_long = FaultSpec {
+    let when_it_was = FaultSpec {
+        from: fault.from,
         until: fault.until,
         ..other.clone()
     };
-    is_plain
-        && fault.every.is_none()
-        && as_long == *fault
-        && other.window().until < fault.window().until
+    is_plain && fault.every.is_none() && when_it_was == *fault
 }
 
 /// Whether its dice are named by its number.

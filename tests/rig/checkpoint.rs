@@ -128,8 +128,8 @@ fn taking_a_checkpoint_changes_nothing() {
     assert_eq!(identity(&start(faulted()).finish()), whole);
 }
 
-/// The branch was asked for at 2.555 s: what had begun by then cannot be left out, nor can the
-/// world be another.
+/// The branch was asked for at 2.555 s: what had begun by then cannot be left out or begin
+/// later, nor can the world be another.
 #[test]
 fn what_has_come_to_bear_cannot_be_taken_back() {
     let (scenario, source) = faulted();
@@ -145,6 +145,17 @@ fn what_has_come_to_bear_cannot_be_taken_back() {
     let (yes, no) = (true, false);
     let known_by_then = [no, no, no, no, yes, no, yes, yes, no, yes, yes, yes];
     assert_eq!(known, known_by_then);
+    let later = |index: usize| {
+        let mut other = scenario.clone();
+        let fault = &mut other.fault[index];
+        fault.from = fault
+            .from
+            .map(|from| Span(from.0 + Duration::from_micros(1)));
+        point.resume_as(&other).is_some()
+    };
+    // The first has no time from which on it may be at work.
+    let begins_later: Vec<bool> = (1..12).map(later).collect();
+    assert_eq!(begins_later, known_by_then[1..]);
     let mut moved = scenario.clone();
     moved.mission.connect = Span::from_millis(700);
     assert!(point.resume_as(&moved).is_none());
@@ -179,12 +190,14 @@ proptest! {
         prop_assert_eq!(identity(&point.resume().finish()), identity(&start(made()).finish()));
     }
 
-    /// Of the twelve faults some are left out, one may end earlier, and the run may be shorter:
+    /// Of the twelve faults some are left out, one may begin later or end earlier, and the run may
+    /// be shorter:
     /// where a branch is possible it comes to what a run from the beginning comes to.
     #[test]
     fn a_branch_equals_a_run_of_its_own(
         kept in 0_u16..1 << 12,
         shorter in 0_usize..12,
+        is_late in any::<bool>(),
         lasts_ms in 4_000_u64..6_000,
         at_us in 0_u64..4_500_000,
         seed in 1_u64..1_000_000,
@@ -195,7 +208,8 @@ proptest! {
         smaller.duration = Span::from_millis(lasts_ms);
         let fault = &mut smaller.fault[shorter];
         if let (Some(from), Some(until)) = (fault.from, fault.until) {
-            fault.until = Some(Span((from.0 + until.0) / 2));
+            let middle = Some(Span((from.0 + until.0) / 2));
+            *(if is_late { &mut fault.from } else { &mut fault.until }) = middle;
         }
         // What has begun, or waits for a byte, has to stay.
         let at = Span(Duration::from_micros(at_us));

@@ -135,6 +135,13 @@ impl LineFaults {
         self.order.is_known = false;
     }
 
+    /// Gives a fault that has one another window.
+    pub(crate) fn move_to(&mut self, id: FaultId, window: Window) {
+        let entries = self.entries.iter_mut().filter(|entry| entry.id == id);
+        entries.for_each(|entry| entry.activity.window = window);
+        self.order.is_known = false;
+    }
+
     /// Leaves out a fault that has not begun.
     pub(crate) fn leave_out(&mut self, id: FaultId) {
         self.entries.retain(|entry| entry.id != id);

@@ -1,6 +1,7 @@
 //! Tries of one case that begin where they part from the best so far, not at the beginning.
 
 use std::collections::BTreeMap;
+use std::rc::Rc;
 
 use core::time::Duration;
 
@@ -17,13 +18,14 @@ const EVERY_MIN: Duration = Duration::from_millis(100);
 
 /// Runs the tries of a search in this process; each comes to what a run from the beginning does.
 ///
-/// The checkpoints are those of the last try that failed alike, which is the best so far or near
-/// it, and of the tries that it branched from: one way, with the latest at its end.
+/// The checkpoints are those of two ways, each with the tries that it branched from and the latest
+/// at its end: of the last try that failed alike, which is the best so far or near it, and of the
+/// last one without faults, which is asked whenever one with them has failed.
 #[derive(Debug)]
 pub struct Branches<'a> {
     source: &'a Source,
     cause: &'a str,
-    way: Vec<Checkpoint>,
+    ways: [Vec<Rc<Checkpoint>>; 2],
     /// What each scenario came to, by its fingerprint: that of a case without its faults is asked
     /// after every step.
     judged: BTreeMap<String, Judged>,
@@ -35,7 +37,7 @@ impl<'a> Branches<'a> {
         Self {
             source,
             cause,
-            way: Vec::new(),
+            ways: Default::default(),
             judged: BTreeMap::new(),
         }
     }
@@ -52,15 +54,20 @@ impl<'a> Branches<'a> {
     }
 
     fn try_out(&mut self, candidate: &Scenario) -> Judged {
-        let points = self.way.iter().enumerate().rev();
-        let branched = points.into_iter().find_map(|(index, point)| {
-            let run = point.resume_as(candidate)?;
-            Some((index + 1, run))
+        let branches = self.ways.iter().filter_map(|way| {
+            let points = way.iter().enumerate().rev();
+            let mut branches = points.filter_map(|(last, point)| {
+                let run = point.resume_as(candidate)?;
+                Some((&way[..=last], run))
+            });
+            branches.next()
         });
-        let (kept, run) = branched.map_or((0, None), |(kept, run)| (kept, Some(run)));
+        let branched = branches.max_by_key(|(_, run)| run.rig.now());
+        let (mut points, run) = branched.map_or((Vec::new(), None), |(points, run)| {
+            (points.to_vec(), Some(run))
+        });
         let every = (candidate.duration.0 / POINTS).max(EVERY_MIN);
         let mut next = run.as_ref().map_or(every, |run| time_of(run) + every);
-        let mut points = Vec::new();
         let begin = || match run {
             Some(run) => Ok(run),
             None => Run::new(candidate.clone(), self.source, None),
@@ -68,16 +75,17 @@ impl<'a> Branches<'a> {
         let judged = run_from(candidate, begin, |run| {
             if time_of(run) >= next {
                 next = time_of(run) + every;
-                points.extend(run.checkpoint());
+                points.extend(run.checkpoint().map(Rc::new));
             }
         });
         let Ok((record, _)) = judged else {
             return Judged::FailsOtherwise;
         };
         let found = Judged::of(record.cause.as_deref(), self.cause);
-        if found == Judged::FailsAlike {
-            self.way.truncate(kept);
-            self.way.append(&mut points);
+        if candidate.fault.is_empty() {
+            self.ways[1] = points;
+        } else if found == Judged::FailsAlike {
+            self.ways[0] = points;
         }
         found
     }

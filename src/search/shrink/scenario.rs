@@ -5,8 +5,8 @@ use super::{Effort, Judged, fewest};
 use crate::run::is_of_the_end;
 use crate::scenario::{Expect, Scenario, Span};
 
-/// The smallest scenario found that `judge` says fails alike: fewer faults first, because they are
-/// what the cause is read from, then a shorter run, fewer orders and waypoints, less in the world,
+/// The smallest scenario found that `judge` says fails alike: a shorter run and fewer faults first,
+/// because they are what the cause is read from, then fewer orders and waypoints, less in the world,
 /// and settings as they are by default.
 ///
 /// If `start` does not fail without its faults, or passes without one of the things in its world or
@@ -44,10 +44,11 @@ pub fn scenario(
     };
     loop {
         let before = best.clone();
-        fewer_faults(&mut best, effort, &mut fails);
         if !keeps_time {
             shorter(&mut best, effort, &mut fails);
         }
+        late_faults(&mut best, effort, &mut fails);
+        fewer_faults(&mut best, effort, &mut fails);
         fewer_parts(&mut best, effort, &mut fails);
         plainer(&mut best, effort, &mut fails);
         if best == before {
@@ -84,6 +85,20 @@ fn take(best: &mut Scenario, smaller: Scenario, effort: &mut Effort<'_>, fails: 
         *best = smaller;
     }
     is_taken
+}
+
+/// Leaves out whatever begins before the last quarter, or half, of the run: what came last is most
+/// often what did it, and every try from there on is a short one.
+fn late_faults(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
+    for from in [best.duration.0 * 3 / 4, best.duration.0 / 2] {
+        let mut smaller = best.clone();
+        smaller
+            .fault
+            .retain(|fault| fault.from.is_some_and(|begin| begin.0 >= from));
+        if !smaller.fault.is_empty() && take(best, smaller, effort, fails) {
+            return;
+        }
+    }
 }
 
 fn fewer_faults(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
