@@ -55,9 +55,9 @@ pub struct OdometerWatch {
 }
 
 impl OdometerWatch {
-    /// A line came; `is_first` after a start of the microcontroller.
+    /// A line came; `is_first` after a start of the microcontroller, as the first of all is.
     pub fn hear(&mut self, now: Instant, is_first: bool) {
-        self.heard = Some(now);
+        let is_first = self.heard.replace(now).is_none() || is_first;
         let was_rolling = |rolled| now - rolled < AT_REST + CALIBRATED_BEFORE;
         match self.state {
             // What came before its start is still on the way.
@@ -121,9 +121,14 @@ impl OdometerWatch {
         self.is_misled
     }
 
-    /// Whether the car must not drive where it has to know its place.
+    /// Whether the car must not drive where it has to know its place: not before the first line
+    /// either, while the offset is being taken.
     pub const fn wants_rest(&self) -> bool {
-        matches!(self.state, State::Resting(_) | State::Opened(_))
+        match self.state {
+            State::Fine => self.heard.is_none(),
+            State::Resting(_) | State::Opened(_) => true,
+            State::Gone(_) => false,
+        }
     }
 
     /// Whether the port is to be opened now; told once.
@@ -214,6 +219,22 @@ mod tests {
             opened.extend(watch.take_opening().then_some(ms));
         }
         assert_eq!(opened, [3_200]);
+    }
+
+    /// Told to drive 0.2 s after all was switched on, it waits for the first line at 0.27 s; one that
+    /// was driven by hand meanwhile is started once more, at rest.
+    #[test]
+    fn a_car_waits_for_its_first_line() {
+        let mut watch = OdometerWatch::default();
+        watch.poll(at(200));
+        assert!(watch.wants_rest());
+        let mut by_hand = watch.clone();
+        watch.hear(at(270), false);
+        assert!(!watch.wants_rest() && !watch.is_misled());
+        by_hand.roll(at(200));
+        by_hand.hear(at(270), false);
+        assert!(by_hand.wants_rest() && by_hand.is_misled());
+        assert_eq!(openings(&mut by_hand, 270, 1_480), [1_470]);
     }
 
     /// A motor's lag of 1.2 s, and 0.2 s for the offset: 1.4 s after it rolled the car was at rest.
