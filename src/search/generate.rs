@@ -96,6 +96,8 @@ const ADVERSITY_UNTIL_MS: u64 = 14_000;
 /// From then on the mission has this long at least, milliseconds, and a third of it before it is
 /// given once more.
 const RECOVERY_MS: u64 = 120_000;
+/// So near a place of a made-up mission counts as visited, millimetres, if its robot comes as near.
+const VISIT_WITHIN_MM: f64 = 200.0;
 
 /// The scenario that `dice` make of `base`.
 pub(crate) fn scenario(base: &Scenario, vary: Vary, dice: &mut Dice) -> Scenario {
@@ -119,7 +121,9 @@ pub(crate) fn scenario(base: &Scenario, vary: Vary, dice: &mut Dice) -> Scenario
         made.mission.step = mission::steps(&waypoints, &mut dice.mission);
         made.mission.waypoints_m = waypoints;
         made.duration = made.duration.max(recovery);
-        made.expect.visit_within_mm = Some(200.0);
+        // A robot that is content farther off than that is so wherever it is sent.
+        let own_mm = base.expect.visit_within_mm.unwrap_or(VISIT_WITHIN_MM);
+        made.expect.visit_within_mm = Some(own_mm.max(VISIT_WITHIN_MM));
         made.expect.settle = Some(Span::from_millis(dice.mission.between(2_000, 4_000)));
         made.expect.return_within_mm = None;
         made.expect.wall_overlap_min = None;
@@ -214,6 +218,19 @@ mod tests {
             "{own} of 60 are the scenario's own"
         );
         assert!(worlds.len() > 40, "{} worlds", worlds.len());
+    }
+
+    /// A car that is content 300 mm from its goal stopped at 203 of 200.
+    #[test]
+    fn a_made_up_mission_asks_for_no_more_than_the_scenarios_own() {
+        let asked = |own: Option<f64>| {
+            let mut base = base();
+            base.expect.visit_within_mm = own;
+            let made = scenario(&base, Vary::ALL, &mut Dice::of_seed(1, "base"));
+            made.expect.visit_within_mm
+        };
+        let asked = [None, Some(100.0), Some(300.0)].map(asked);
+        assert_eq!(asked, [Some(200.0), Some(200.0), Some(300.0)]);
     }
 
     /// Where somebody steers by hand, what comes a second late is done farther on.
