@@ -62,7 +62,7 @@ pub(crate) struct Motor {
     pub(crate) rpm: f64,
     /// Its encoder counts nothing.
     pub(crate) is_uncounted: bool,
-    counts: f64,
+    pub(crate) counts: f64,
 }
 
 impl Motor {

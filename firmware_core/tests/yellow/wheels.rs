@@ -133,6 +133,29 @@ fn a_counter_that_begins_anew_moves_nobody() {
     assert_eq!(bench.counter("encoder samples disbelieved"), 2);
 }
 
+/// Started anew after 20 counts or 90 of a turn on the spot, or of one wheel's: by 90 counts back
+/// and 90 ahead the heading would go back by 2 x 17.7 / 180 rad, 11 degrees.
+#[test]
+fn a_board_that_begins_anew_turns_nobody_back() {
+    for (linear, angular, counts) in [(0.0, 1.0, 20.0), (0.0, 1.0, 90.0), (0.09, 1.0, 90.0)] {
+        let mut bench = ready(Bench::new(square(100.0)));
+        bench.drive(linear, angular);
+        while bench.motors.iter().all(|motor| motor.counts.abs() < counts) {
+            bench.run_for(Duration::from_millis(1));
+        }
+        bench.counter_offset = [0, 1].map(|at| {
+            let whole = libm::floor(bench.motors[at].counts) as i64;
+            (whole as u16).wrapping_neg()
+        });
+        drive_for(&mut bench, linear, angular, SECOND);
+        let [_, turned] = bench.pose_error();
+        assert!(
+            turned.abs() < 0.012,
+            "{counts} counts, {linear} m/s: {turned} rad"
+        );
+    }
+}
+
 /// D2: motors are controlled each millisecond: while the robot speeds up, nearly each has a duty of
 /// its own.
 #[test]

@@ -6,8 +6,8 @@ use crate::run::is_of_the_end;
 use crate::scenario::{Expect, Scenario, Span};
 
 /// The smallest scenario found that `judge` says fails alike: a shorter run and fewer faults first,
-/// because they are what the cause is read from, then fewer orders and waypoints, less in the world,
-/// and settings as they are by default.
+/// because they are what the cause is read from, then fewer orders and waypoints, less in the
+/// world, and settings as they are by default.
 ///
 /// If `start` does not fail without its faults, or passes without one of the things in its world or
 /// one of its orders, then so does what it is shrunk to: a mission that nobody could complete in

@@ -221,8 +221,8 @@ mod tests {
         assert_eq!(opened, [3_200]);
     }
 
-    /// Told to drive 0.2 s after all was switched on, it waits for the first line at 0.27 s; one that
-    /// was driven by hand meanwhile is started once more, at rest.
+    /// Told to drive 0.2 s after all was switched on, it waits for the first line at 0.27 s; one
+    /// that was driven by hand meanwhile is started once more, at rest.
     #[test]
     fn a_car_waits_for_its_first_line() {
         let mut watch = OdometerWatch::default();

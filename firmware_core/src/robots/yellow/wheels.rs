@@ -42,6 +42,8 @@ const DUTY_GREATEST: f32 = 0.98;
 const DUTY_STOP: u16 = DUTY_MAX / 2;
 /// More counts in a sample are no motion but a counter that began anew: ten samples of full speed.
 const COUNTS_MAX: u16 = 100;
+/// Counts of a sample at full speed: 12 V turn a wheel at 480 rpm.
+const FULL_SPEED_COUNTS: u16 = 10;
 /// Above this the fielded program takes the old speed.
 const RPM_BELIEVED: f32 = 1_500.0;
 
@@ -96,11 +98,17 @@ impl Wheel {
         silence: 0.0,
     };
 
-    /// Takes the counter; false if it cannot be believed.
-    fn measure(&mut self, counter: u16, defects: &Defects) -> bool {
+    /// By how much the counter is from the last one.
+    fn change(&self, counter: u16) -> i16 {
+        let before = self.counter.unwrap_or(counter);
+        counter.wrapping_sub(before).cast_signed()
+    }
+
+    /// Takes the counter, which `began_anew` or not; false if it cannot be believed.
+    fn measure(&mut self, counter: u16, began_anew: bool, defects: &Defects) -> bool {
+        let change = self.change(counter);
         let before = self.counter.replace(counter).unwrap_or(counter);
-        let change = counter.wrapping_sub(before).cast_signed();
-        let is_sound = change.unsigned_abs() <= COUNTS_MAX;
+        let is_sound = change.unsigned_abs() <= COUNTS_MAX && !began_anew;
         if defects.replaces_jumps {
             let counts = f32::from(counter) - f32::from(before);
             if (counts * COUNT_RPM).abs() <= RPM_BELIEVED {
@@ -178,8 +186,9 @@ impl Wheels {
     /// One sample: where the robot is now, and the duties that bring it to `target`; without one
     /// the motors are off.
     pub(super) fn step(&mut self, counters: [u16; 2], target: Option<Velocity>) -> [u16; 2] {
+        let anew = self.began_anew(counters);
         for (wheel, counter) in self.wheels.iter_mut().zip(counters) {
-            if !wheel.measure(counter, &self.defects) {
+            if !wheel.measure(counter, anew, &self.defects) {
                 self.disbelieved = self.disbelieved.saturating_add(1);
             }
         }
@@ -196,6 +205,17 @@ impl Wheels {
             l.control(left, &self.defects),
             r.control(-right, &self.defects),
         ]
+    }
+
+    /// Whether the board that counts was started anew: both counters are about 0, and at least one
+    /// came there faster than it can.
+    fn began_anew(&self, counters: [u16; 2]) -> bool {
+        let is_fast = |counts: i16| counts.unsigned_abs() > FULL_SPEED_COUNTS;
+        let mut changes = self.wheels.iter().zip(counters);
+        counters
+            .iter()
+            .all(|counter| !is_fast(counter.cast_signed()))
+            && changes.any(|(wheel, counter)| is_fast(wheel.change(counter)))
     }
 
     /// The duties that leave the motors alone; speeds begin at rest again.
@@ -275,10 +295,10 @@ mod tests {
     fn counts_become_a_filtered_speed() {
         for start in [500_u16, u16::MAX - 4] {
             let mut wheel = Wheel::NEW;
-            assert!(wheel.measure(start, &Defects::NONE) && wheel.filter == [0.0; 2]);
-            wheel.measure(start.wrapping_add(10), &Defects::NONE);
+            assert!(wheel.measure(start, false, &Defects::NONE) && wheel.filter == [0.0; 2]);
+            wheel.measure(start.wrapping_add(10), false, &Defects::NONE);
             assert!(is(wheel.filter[0], 129.591) && is(wheel.filter[1], 33.588));
-            wheel.measure(start.wrapping_add(20), &Defects::NONE);
+            wheel.measure(start.wrapping_add(20), false, &Defects::NONE);
             assert!(is(wheel.filter[0], 225.594) && is(wheel.filter[1], 83.353));
         }
     }
@@ -289,9 +309,9 @@ mod tests {
     fn a_jump_is_no_motion() {
         let counts = |change: i16, defects| {
             let mut wheel = Wheel::NEW;
-            wheel.measure(1_000, &defects);
+            wheel.measure(1_000, false, &defects);
             wheel.counts = 7.0;
-            let sound = wheel.measure(1_000_u16.wrapping_add_signed(change), &defects);
+            let sound = wheel.measure(1_000_u16.wrapping_add_signed(change), false, &defects);
             (sound, wheel.counts)
         };
         let sound = Defects::NONE;
