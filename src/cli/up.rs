@@ -2,6 +2,7 @@ use std::fs;
 use std::path::PathBuf;
 
 use clap::Args;
+use emulators::Event;
 use protocols::Instant;
 
 use super::answer::UpEnded;
@@ -360,6 +361,8 @@ struct Log {
 
 /// Most lines a second: a client that breaks a rule with each byte must not bury the rest.
 const LINES_MAX: u32 = 20;
+/// Who comes and goes is said all the same: others wait for it.
+const ALWAYS: [&str; 2] = ["port-opened", "port-closed"];
 
 impl Log {
     fn follow(&mut self, run: &Run) {
@@ -375,8 +378,7 @@ impl Log {
         }
         let events = run.rig.events();
         for logged in events.get(self.events..).unwrap_or_default() {
-            self.lines += 1;
-            if self.lines <= LINES_MAX {
+            if self.says(&logged.event) {
                 eprintln!("  {logged}");
             }
         }
@@ -389,5 +391,37 @@ impl Log {
             );
         }
         self.visits = visits;
+    }
+
+    /// Whether there is still a line for this.
+    fn says(&mut self, event: &Event) -> bool {
+        let is_always = ALWAYS.contains(&event.rule);
+        self.lines += u32::from(!is_always);
+        is_always || self.lines <= LINES_MAX
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use emulators::EventKind;
+
+    use super::*;
+
+    /// Twenty lines of a robot that is killed in its first second, and that its ports are closed.
+    #[test]
+    fn who_comes_and_goes_is_said_however_much_there_is_to_say() {
+        let mut log = Log::default();
+        let mut says = |rule: &'static str| {
+            log.says(&Event {
+                at: Instant::ZERO,
+                kind: EventKind::Violation,
+                rule,
+                detail: String::new(),
+                bytes: Vec::new(),
+            })
+        };
+        assert!(says("port-opened"));
+        assert_eq!((0..25).filter(|_| says("stray-bytes")).count(), 20);
+        assert!(says("port-closed") && !says("stray-bytes"));
     }
 }
