@@ -12,7 +12,7 @@ use serialport::{ErrorKind, TTYPort};
 pub(crate) const LINE: LineConfig = LineConfig::new_8n1(115_200);
 
 /// How long a test waits for what must happen. Only a failing test waits that long.
-const PATIENCE: Duration = Duration::from_secs(5);
+const PATIENCE: Duration = Duration::from_secs(60);
 /// How long a test waits for what must not happen.
 const QUIET: Duration = Duration::from_millis(30);
 
