@@ -8,7 +8,9 @@ use std::os::fd::OwnedFd;
 use std::os::unix::fs::MetadataExt as _;
 
 use protocols::{Instant, LineEvent};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::ioctl_fionread;
+use rustix::termios::{InputModes, LocalModes, tcgetattr};
 
 use crate::realtime::Realtime;
 use crate::realtime::clock::{Clock as _, SimClock, WallClock};
@@ -22,8 +24,15 @@ use crate::run::Run;
 const LOOK_EVERY: Duration = Duration::from_millis(10);
 /// As many bytes as a terminal shows to be there.
 const SHOWN_MAX: u64 = 4095;
-/// Wall time within which the kernel has brought bytes from one end of a terminal to the other.
-const SETTLES: Duration = Duration::from_millis(200);
+/// Looks for bytes on their way from one end of a terminal to the other: at first one after the
+/// other, then at a pace in wall time. They are counted, so that one that was held up itself, with
+/// the whole machine perhaps, gives nothing up.
+const HASTY_LOOKS: u32 = 1_000;
+const LOOK_PACE: Duration = Duration::from_millis(1);
+/// After so many slow ones they are not on their way any more; where the terminal passes on all
+/// that it is given, and nobody but this supervisor reads it, that cannot be.
+const LOOKS: u32 = 200;
+const LOOKS_IF_RAW: u32 = 20_000;
 /// Bits of modem lines, as TIOCMGET has them.
 const DTR: u32 = 0x002;
 const RTS: u32 = 0x004;
@@ -321,18 +330,9 @@ impl Stage {
     pub(super) fn settle(&mut self, port: usize, fd: &OwnedFd) {
         let slot = &mut self.slots[port];
         let unread = slot.brought.saturating_sub(slot.taken);
-        let clock = WallClock::start();
-        loop {
-            let shown = ioctl_fionread(fd).unwrap_or(u64::MAX);
-            if shown >= unread.min(SHOWN_MAX) {
-                return;
-            }
-            if clock.now() - Instant::ZERO > SETTLES {
-                // Somebody else has taken them: what is shown is the truth.
-                slot.taken = slot.brought - shown.min(slot.brought);
-                return;
-            }
-            std::thread::yield_now();
+        if let Some(shown) = missed(fd, unread.min(SHOWN_MAX)) {
+            // Somebody else has taken them: what is shown is the truth.
+            slot.taken = slot.brought - shown.min(slot.brought);
         }
     }
 
@@ -377,5 +377,115 @@ impl Stage {
     pub(super) fn send_break(&mut self, port: usize) {
         self.realtime
             .change_line(port, LineEvent::Break, &mut self.run);
+    }
+}
+
+/// Waits until `fd` shows `expected` bytes; if some of them are not on their way, what it shows
+/// instead.
+fn missed(fd: &OwnedFd, expected: u64) -> Option<u64> {
+    let shows = || ioctl_fionread(fd).unwrap_or(u64::MAX);
+    if shows() >= expected {
+        return None;
+    }
+    let clock = WallClock::start();
+    let mut looks = 0;
+    loop {
+        // Before it says that there is nothing the kernel brings across whatever is on its way.
+        let is_nothing = !is_readable(fd);
+        let shown = shows();
+        if shown >= expected {
+            return None;
+        }
+        if is_nothing {
+            return Some(shown);
+        }
+        looks += 1;
+        if looks <= HASTY_LOOKS {
+            std::thread::yield_now();
+            continue;
+        }
+        let most = if is_raw(fd) { LOOKS_IF_RAW } else { LOOKS };
+        if looks - HASTY_LOOKS > most {
+            return Some(shown);
+        }
+        clock.sleep_until(clock.now() + LOOK_PACE);
+    }
+}
+
+fn is_readable(fd: &OwnedFd) -> bool {
+    let mut fds = [PollFd::new(fd, PollFlags::IN)];
+    let done = poll(&mut fds, Some(&Timespec::default()));
+    done.is_ok() && !fds[0].revents().is_empty()
+}
+
+/// Whether a terminal passes on all that it is given, and nothing else.
+fn is_raw(fd: &OwnedFd) -> bool {
+    let takes = InputModes::IGNCR | InputModes::IXON | InputModes::PARMRK;
+    let edits = LocalModes::ICANON | LocalModes::ISIG | LocalModes::IEXTEN;
+    tcgetattr(fd).is_ok_and(|modes| {
+        !modes.input_modes.intersects(takes) && !modes.local_modes.intersects(edits)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use rustix::pty::{OpenptFlags, ioctl_tiocgptpeer, openpt, unlockpt};
+    use rustix::termios::{OptionalActions, Termios, tcsetattr};
+
+    use super::*;
+
+    /// The rig's end of a terminal and its client's, set up by `modes`.
+    fn terminal(modes: impl FnOnce(&mut Termios)) -> [OwnedFd; 2] {
+        let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY;
+        let rig = openpt(flags).expect("Linux has some");
+        unlockpt(&rig).expect("it is new");
+        let client = ioctl_tiocgptpeer(&rig, flags).expect("it is new");
+        let mut termios = tcgetattr(&client).expect("a terminal");
+        termios.make_raw();
+        modes(&mut termios);
+        tcsetattr(&client, OptionalActions::Now, &termios).expect("a terminal");
+        [rig, client]
+    }
+
+    fn write(rig: &OwnedFd, bytes: &[u8]) {
+        assert_eq!(rustix::io::write(rig, bytes), Ok(bytes.len()));
+    }
+
+    /// Two runs of one program once parted by it: a machine that stood for a while.
+    #[test]
+    fn bytes_that_are_late_are_waited_for() {
+        let [rig, client] = terminal(|_| {});
+        write(&rig, b"ten bytes.");
+        let late = std::thread::spawn(move || {
+            let clock = WallClock::start();
+            clock.sleep_until(Instant::from_millis(500));
+            write(&rig, b"and twelve..");
+            rig
+        });
+        assert_eq!(missed(&client, 22), None);
+        drop(late.join());
+    }
+
+    #[test]
+    fn bytes_that_somebody_took_are_not_waited_for() {
+        let [rig, client] = terminal(|_| {});
+        write(&rig, b"taken");
+        let mut taken = [0; 5];
+        assert_eq!(rustix::io::read(&client, &mut taken), Ok(5));
+        assert_eq!(missed(&client, 5), Some(0));
+    }
+
+    #[test]
+    fn bytes_that_the_terminal_eats_are_not_waited_for() {
+        // \r is left out: of "a\rb" two bytes come.
+        let [rig, client] = terminal(|modes| modes.input_modes |= InputModes::IGNCR);
+        write(&rig, b"a\rb");
+        assert_eq!(missed(&client, 3), Some(2));
+        // Only whole lines can be read.
+        let [rig, client] = terminal(|modes| modes.local_modes |= LocalModes::ICANON);
+        write(&rig, b"no line");
+        assert_eq!(missed(&client, 7), Some(0));
+        write(&rig, b" yet\n");
+        assert_eq!(missed(&client, 12), None);
     }
 }

@@ -105,6 +105,8 @@ impl Drop for Watchdog {
 fn watch(shared: &Shared) {
     let clock = WallClock::start();
     let (mut steps, mut looks) = (0, 0);
+    // What it was seen to do in all of them.
+    let mut seen = None;
     // Those of a thread that computes: that it was stopped in between does not count.
     let mut computed = 0;
     while !shared.is_over.load(Ordering::Relaxed) {
@@ -119,9 +121,13 @@ fn watch(shared: &Shared) {
             (steps, looks) = (now, 0);
             continue;
         }
-        looks += 1;
         let process = shared.process.load(Ordering::Relaxed);
-        let (sleeps, limit) = match state(process, tid) {
+        let state = state(process, tid);
+        if core::mem::replace(&mut seen, state) != state {
+            looks = 0;
+        }
+        looks += 1;
+        let (sleeps, limit) = match state {
             Some('S') => (true, SLEEPS),
             // For a disk, which on a busy machine takes its time.
             Some('D') => (true, FETCHES),

@@ -118,7 +118,10 @@ impl Supervisor {
     /// Whoever watches over wall time has stopped the thread, or somebody wants it stopped.
     pub(super) fn kicked(&mut self, tid: i32) -> Flow {
         let number = self.threads.get(&tid).and_then(|thread| thread.call);
+        // One that was found asleep may have gone on before the stop reached it.
+        let is_in_call = Call::of(Pid::from_raw(tid)).is_ok_and(|call| call.number >= 0);
         match self.watchdog.take_kick() {
+            Some(Kick::Sleeps) if !is_in_call => Flow::Goes(None),
             Some(Kick::Sleeps) => {
                 let name = number.map_or_else(|| "a call".to_owned(), |it| call::name(it.number));
                 self.note(format!("waits in the kernel, last seen at {name}"));

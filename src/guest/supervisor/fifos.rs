@@ -95,12 +95,12 @@ impl Supervisor {
     /// A thread that waits for this side.
     fn partner(&self, side: FifoSide) -> Option<i32> {
         let waits = |opens: FifoSide| opens.file == side.file && opens.writes != side.writes;
-        let mut threads = self.threads.values();
-        let partner = threads.find(|thread| {
+        let partners = self.threads.values().filter(|thread| {
             let opens = thread.opens.filter(|_| thread.waits_for_files());
             opens.is_some_and(waits)
         });
-        partner.map(|thread| thread.tid.as_raw())
+        let oldest = partners.min_by_key(|thread| thread.index);
+        oldest.map(|thread| thread.tid.as_raw())
     }
 
     /// Whether some process of the program has the other side open.

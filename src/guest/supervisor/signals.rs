@@ -28,12 +28,14 @@ impl Supervisor {
             .threads
             .values()
             .filter(|thread| matches!(thread.state, State::Blocked(_)));
-        let blocked: Vec<(i32, i32)> = blocked
-            .map(|thread| (thread.process, thread.tid.as_raw()))
+        // By age: numbers begin anew when the system has used them up.
+        let mut blocked: Vec<(u32, i32, i32)> = blocked
+            .map(|thread| (thread.index, thread.process, thread.tid.as_raw()))
             .collect();
+        blocked.sort_unstable();
         // One thread of a process takes a signal that is for all of it.
         let mut served = None;
-        for (process, tid) in blocked {
+        for (_, process, tid) in blocked {
             let [own, common] = self.deliverable(process, tid);
             let is_taken = served == Some(process);
             let signals = if is_taken { own } else { own | common };
