@@ -19,13 +19,15 @@ const EVERY_MIN: Duration = Duration::from_millis(100);
 /// Runs the tries of a search in this process; each comes to what a run from the beginning does.
 ///
 /// The checkpoints are those of two ways, each with the tries that it branched from and the latest
-/// at its end: of the last try that failed alike, which is the best so far or near it, and of the
-/// last one without faults, which is asked whenever one with them has failed.
+/// at its end.
 #[derive(Debug)]
 pub struct Branches<'a> {
     source: &'a Source,
     cause: &'a str,
-    ways: [Vec<Rc<Checkpoint>>; 2],
+    /// Of the last try that failed alike, which is the best so far or near it.
+    failing: Vec<Rc<Checkpoint>>,
+    /// Of the last other one without faults, which is asked whenever one with them has failed.
+    faultless: Vec<Rc<Checkpoint>>,
     /// What each scenario came to, by its fingerprint: that of a case without its faults is asked
     /// after every step.
     judged: BTreeMap<String, Judged>,
@@ -37,7 +39,8 @@ impl<'a> Branches<'a> {
         Self {
             source,
             cause,
-            ways: Default::default(),
+            failing: Vec::new(),
+            faultless: Vec::new(),
             judged: BTreeMap::new(),
         }
     }
@@ -54,7 +57,8 @@ impl<'a> Branches<'a> {
     }
 
     fn try_out(&mut self, candidate: &Scenario) -> Judged {
-        let branches = self.ways.iter().filter_map(|way| {
+        let ways = [&self.failing, &self.faultless];
+        let branches = ways.into_iter().filter_map(|way| {
             let points = way.iter().enumerate().rev();
             let mut branches = points.filter_map(|(last, point)| {
                 let run = point.resume_as(candidate)?;
@@ -82,10 +86,10 @@ impl<'a> Branches<'a> {
             return Judged::FailsOtherwise;
         };
         let found = Judged::of(record.cause.as_deref(), self.cause);
-        if candidate.fault.is_empty() {
-            self.ways[1] = points;
-        } else if found == Judged::FailsAlike {
-            self.ways[0] = points;
+        if found == Judged::FailsAlike {
+            self.failing = points;
+        } else if candidate.fault.is_empty() {
+            self.faultless = points;
         }
         found
     }
