@@ -9,9 +9,9 @@ use hilrig::scenario::Scenario;
 use hilrig::show::folder as results;
 use serde_json::{Value, json};
 
-use super::again;
 use super::browser::Browser;
 use super::server::{Server, folder};
+use super::{again, plain};
 
 const PICTURE: &str = "document.getElementById('world').toDataURL()";
 /// Its switch and its name.
@@ -37,7 +37,8 @@ fn what_a_robot_sees_and_plans_is_shown() {
     let run = again(&server.case(), at_ns);
     assert_eq!(browser.value("hilrig.slow.trace"), run.rig.trace_hash());
     let overlays = run.instruments().overlays(&run.rig);
-    assert_eq!(browser.value("hilrig.overlays"), json!(overlays));
+    let told = plain(browser.value("hilrig.overlays"));
+    assert_eq!(told, plain(json!(overlays)));
     let shown = browser.value(&format!("{SWITCHES}.map((label) => label.dataset.name)"));
     let expected = ["infrared", "lidar lines", "roadmap", "way"];
     assert_eq!(names(&shown), expected);

@@ -11,9 +11,9 @@ use hilrig::show::view::millimetres;
 use protocols::Instant;
 use serde_json::{Value, json};
 
-use super::again;
 use super::browser::Browser;
 use super::server::Server;
+use super::{again, plain};
 
 /// Counts the bytes that come out of each direction of each link.
 struct Bytes(Rc<Cell<[u64; 32]>>);
@@ -25,19 +25,6 @@ impl Tap for Bytes {
             counts[2 * link + to as usize] += bytes.len() as u64;
             self.0.set(counts);
         }
-    }
-}
-
-/// A browser tells 1.0 as 1: all numbers alike.
-fn plain(value: Value) -> Value {
-    match value {
-        Value::Number(number) => json!(number.as_f64()),
-        Value::Array(all) => all.into_iter().map(plain).collect(),
-        Value::Object(all) => all
-            .into_iter()
-            .map(|(key, one)| (key, plain(one)))
-            .collect(),
-        other => other,
     }
 }
 
