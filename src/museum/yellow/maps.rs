@@ -219,14 +219,14 @@ fn yp_09b(variant: Variant) -> Observation {
     seen.judged(status != "done")
 }
 
+/// A room like an L, so that a robot that stopped halfway can find out where it is.
 fn yp_10(variant: Variant) -> Observation {
-    let map = Saved::of(40, 20, |column, row| {
-        let is_edge = column == 0 || column == 39 || row == 0 || row == 19;
-        if is_edge { OBSTACLE } else { FREE }
-    });
-    let mut desk = with_map(config(variant, "YP-10"), &map, [5, 10]);
+    let map = Saved::of(21, 21, ell);
+    let mut desk = with_map(config(variant, "YP-10"), &map, [3, 5]);
+    let corners = [[0, 0], [20, 0], [20, 10], [10, 10], [10, 20], [0, 20]];
+    desk.walls = closed(&corners.map(|corner| corner.map(middle)));
     desk.stops_halfway = 1;
-    desk.command(to([35, 10]));
+    desk.command(to([17, 5]));
     let status = desk.run_task(15_000);
     let goals = desk.commands.iter();
     let goals = goals.filter(|(_, command)| command.desired_pose.is_some());

@@ -182,7 +182,9 @@ impl Drive {
             tell(now, link, goal);
             return Ok(Progress::Driving);
         };
-        sent.drove |= number > sent.number && state == State::AutoPosition;
+        // Of what it says while it drives all may be lost.
+        let obeys = state == State::AutoPosition || sent.has_moved(pose);
+        sent.drove |= number > sent.number && obeys;
         if now < sent.next_poll || number == sent.number {
             return Ok(Progress::Driving);
         }
@@ -201,7 +203,9 @@ impl Drive {
             if self.following == Following::Rested && sent.resends == RESENDS_MAX {
                 return Err(Failure::NoAnswer);
             }
-            if self.following == Following::Rested && sent.drove && state == State::Off {
+            // Off, or on the way there: it takes half a second.
+            let has_ended = sent.drove && state != State::AutoPosition;
+            if self.following == Following::Rested && has_ended {
                 return Ok(Progress::Interrupted);
             }
             sent.resends += 1;
@@ -225,10 +229,15 @@ impl Sent {
         }
     }
 
+    /// Whether the robot is elsewhere than it was last known to move.
+    fn has_moved(&self, pose: Pose) -> bool {
+        let turned = normalised(pose.heading - self.from.heading).abs();
+        pose.position().distance_mm(self.from.position()) > MOVED_MM || turned > MOVED_RAD
+    }
+
     /// Whether the robot rests, or drives without getting on.
     fn is_off(&mut self, state: State, pose: Pose) -> bool {
-        let turned = normalised(pose.heading - self.from.heading).abs();
-        if pose.position().distance_mm(self.from.position()) > MOVED_MM || turned > MOVED_RAD {
+        if self.has_moved(pose) {
             self.from = pose;
             self.stuck = 0;
         }
@@ -355,6 +364,15 @@ mod tests {
         ];
         let again = states.map(|state| both.is_off(state, at(1_000.0, 0.0)));
         assert_eq!(again, [false, false, false, false, false, true]);
+    }
+
+    /// Told where it rests at 1 m: more than 10 mm or 0.05 rad is a motion.
+    #[test]
+    fn a_robot_that_is_elsewhere_has_moved() {
+        let has_moved = |x_mm: f32, turn_rad: f32| sent().has_moved(at(x_mm, turn_rad));
+        assert!(!has_moved(1_000.0, 0.0) && !has_moved(1_009.0, 0.049));
+        assert!(has_moved(1_011.0, 0.0) && has_moved(989.0, 0.0));
+        assert!(has_moved(1_000.0, 0.051) && has_moved(1_000.0, -0.051));
     }
 
     /// The fielded rule counts looks, whatever the robot does, and asks for 10 mm from the start.
