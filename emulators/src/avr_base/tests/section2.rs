@@ -135,6 +135,16 @@ fn point_02_a_write_over_53_redirects_its_remaining_bytes() {
     assert_eq!(bench.read(0x80, 3), [1, 2, 3]);
 }
 
+/// 43 + 3 is the left wheel's speed: driven without arming the time-out, as in AV-02.
+#[test]
+fn point_02_a_redirected_byte_drives_and_nothing_stops_it() {
+    let mut bench = fielded();
+    bench.write(49, &[43; 5]);
+    bench.run(Duration::from_secs(3));
+    assert_eq!(bench.read(46, 2), [43, 0]);
+    assert!(bench.world.is_moving());
+}
+
 #[test]
 fn point_03_the_memory_behind_the_map_is_that_of_the_2015_build() {
     let mut bench = fielded();
