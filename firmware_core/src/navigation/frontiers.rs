@@ -274,9 +274,18 @@ impl Frontiers {
         })
     }
 
-    /// What is to be seen from `place`, or beside it, was looked at in vain, or the robot does not
-    /// get there.
+    /// What is to be seen from `place`, or beside it, was looked at in vain.
     pub fn give_up(&mut self, map: &Grid, place: Point) {
+        self.give_up_seen(map, place, true);
+    }
+
+    /// The robot does not get to `place`: edges that are to be seen from there are looked at no
+    /// more. Walls may be felt from other places.
+    pub fn give_up_edges(&mut self, map: &Grid, place: Point) {
+        self.give_up_seen(map, place, false);
+    }
+
+    fn give_up_seen(&mut self, map: &Grid, place: Point, and_walls: bool) {
         let scene = self.scene(map);
         let Some(from) = Raster::of(map).cell_of(place) else {
             return;
@@ -291,7 +300,7 @@ impl Frontiers {
                     Some((edge, _)) => far.set(edge),
                     None => {}
                 }
-                if let Some(wall) = end.unfelt {
+                if let Some(wall) = end.unfelt.filter(|_| and_walls) {
                     near.set(wall);
                 }
             }

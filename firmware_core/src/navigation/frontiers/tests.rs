@@ -90,6 +90,22 @@ fn what_shows_nothing_is_given_up_in_the_end() {
     assert!(next(&mut frontiers, &map).is_some());
 }
 
+/// A view that is not got to shows no edge, but another one may feel its walls.
+#[test]
+fn walls_outlive_a_place_that_is_not_got_to() {
+    let (map, mut frontiers) = (room(60), Frontiers::new(Sought::FloorAndHeat));
+    let place = next(&mut frontiers, &map).expect("a door").place;
+    let outlook = |frontiers: &mut Frontiers| {
+        let outlook = frontiers.outlook(&map, place);
+        (outlook.unknown > 0, outlook.unfelt > 0)
+    };
+    assert_eq!(outlook(&mut frontiers), (true, true));
+    frontiers.give_up_edges(&map, place);
+    assert_eq!(outlook(&mut frontiers), (false, true));
+    frontiers.give_up(&map, place);
+    assert_eq!(outlook(&mut frontiers), (false, false));
+}
+
 /// Of two doors alike the nearer one comes first.
 #[test]
 fn a_short_way_is_better_than_a_long_one() {

@@ -33,6 +33,9 @@ const LOOK_SCANS: u8 = 4;
 /// Scans that a way may take: 20 s, and 13 cm/s.
 const PATIENCE_SCANS: u16 = 100;
 const PATIENCE_PER_CELL: u16 = 2;
+/// Two views that are no farther apart are there for the same walls, millimetres: both feel what is
+/// 0.42 m away.
+const SAME_WALLS_MM: f32 = 500.0;
 /// Speed of the wheels in a turn on the spot that shows the walls to the heat sensors: 45 degrees a
 /// second.
 const TURN: i8 = 9;
@@ -95,6 +98,8 @@ pub(super) struct Explore {
     vain: u8,
     /// The last view, and the cells known when it was chosen.
     last: Option<(Point, u32)>,
+    /// The last view that it did not get to.
+    unreached: Option<Point>,
 }
 
 impl Explore {
@@ -110,6 +115,7 @@ impl Explore {
             known: 0,
             vain: 0,
             last: None,
+            unreached: None,
         }
     }
 
@@ -311,9 +317,14 @@ impl Explore {
     }
 
     /// What is to be seen from `place` is given up, and places beside it are not tried either: from
-    /// afar the map shows a way there again and again.
+    /// afar the map shows a way there again and again. Its walls may be felt from another place, but
+    /// not if this one was another place already.
     fn cannot_reach(&mut self, map: &Grid, place: Point) -> [i8; 2] {
-        self.frontiers.give_up(map, place);
+        let before = self.unreached.replace(place);
+        match before.is_some_and(|before| before.distance_mm(place) < SAME_WALLS_MM) {
+            true => self.frontiers.give_up(map, place),
+            false => self.frontiers.give_up_edges(map, place),
+        }
         self.frontiers.showed_nothing(map, place);
         self.at = None;
         HALT
