@@ -35,7 +35,7 @@ use emulators::{Event, EventKind};
 use protocols::{Instant, LineConfig, LineEvent};
 
 use crate::realtime::clock::Clock;
-use crate::realtime::transport::{PortEvent, Transport, TransportError, wait};
+use crate::realtime::transport::{PortEvent, Transport, TransportError, ready, wait};
 use crate::rig::{Paced, PortRate, Rig};
 use crate::robots::OpenEnd;
 use crate::scenario::Scenario;
@@ -199,7 +199,45 @@ impl<C: Clock> Realtime<C> {
     /// # Errors
     /// If a port went away.
     pub(crate) fn carry(&mut self, paced: &mut impl Paced) -> Result<(), TransportError> {
-        for port in &mut self.ports {
+        let all = vec![true; self.ports.len()];
+        self.carry_from(&all, paced)
+    }
+
+    /// The same, but for rates that clients have changed: those are seen with their next bytes. One
+    /// look at all ports tells at which something has happened.
+    ///
+    /// # Errors
+    /// As [`carry`](Self::carry).
+    pub(crate) fn carry_stirred(&mut self, paced: &mut impl Paced) -> Result<(), TransportError> {
+        let stirred = self.stirred();
+        self.carry_from(&stirred, paced)
+    }
+
+    /// At which ports something may have happened.
+    fn stirred(&self) -> Vec<bool> {
+        let (mut indices, mut files) = (Vec::new(), Vec::new());
+        let mut stirred = Vec::with_capacity(self.ports.len());
+        for (index, port) in self.ports.iter().enumerate() {
+            let stirs = port.transport.stirs();
+            stirred.push(stirs.is_none() || !port.spread.is_empty());
+            for file in stirs.into_iter().flatten() {
+                indices.push(index);
+                files.push(file);
+            }
+        }
+        let ready = ready(&files).unwrap_or_else(|| vec![true; files.len()]);
+        for (index, is_ready) in indices.into_iter().zip(ready) {
+            stirred[index] |= is_ready;
+        }
+        stirred
+    }
+
+    fn carry_from(
+        &mut self,
+        wanted: &[bool],
+        paced: &mut impl Paced,
+    ) -> Result<(), TransportError> {
+        for (port, _) in self.ports.iter_mut().zip(wanted).filter(|(_, is)| **is) {
             port.carry_in(paced)?;
         }
         for port in &mut self.ports {
@@ -298,13 +336,7 @@ impl<C: Clock> Realtime<C> {
         }
         let target = present.min(paced.rig().now() + SLICE);
         paced.run_until(target);
-        for port in &mut self.ports {
-            port.carry_in(paced)?;
-        }
-        for port in &mut self.ports {
-            port.carry_out(paced.rig());
-            port.hold_back(paced.rig());
-        }
+        self.carry(paced)?;
         let earliest = if target < present { BREATH } else { GRAIN };
         self.wait(paced.rig(), earliest);
         Ok(())

@@ -57,9 +57,9 @@ impl Memory {
 
     /// Two numbers beside each other, as in a `timespec`.
     pub(super) fn pair(self, address: u64) -> Result<[i64; 2], Errno> {
-        let first = self.u64(address)?.cast_signed();
-        let second = self.u64(address + 8)?.cast_signed();
-        Ok([first, second])
+        let mut pair = [[0; 8]; 2];
+        self.read(address, pair.as_flattened_mut())?;
+        Ok(pair.map(i64::from_ne_bytes))
     }
 
     pub(super) fn write_pair(self, address: u64, pair: [i64; 2]) -> Result<(), Errno> {

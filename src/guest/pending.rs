@@ -1,7 +1,13 @@
 //! Signals that wait for a stopped thread, as the system lists them.
 
+use std::fs::File;
+use std::io::Read as _;
+
 /// Signals that do nothing unless somebody handles them: SIGCHLD, SIGCONT, SIGURG, SIGWINCH.
 const MILD: u64 = 1 << 16 | 1 << 17 | 1 << 22 | 1 << 27;
+
+/// More than the system has to say of a thread.
+const STATUS_MAX: usize = 8192;
 
 /// The signals that wait for a thread, as bits.
 pub(super) struct Pending {
@@ -15,8 +21,7 @@ pub(super) struct Pending {
 
 impl Pending {
     pub(super) fn of(process: i32, tid: i32) -> Self {
-        let path = format!("/proc/{process}/task/{tid}/status");
-        let status = std::fs::read_to_string(path).unwrap_or_default();
+        let status = status(process, tid).unwrap_or_default();
         let mask = |name: &str| {
             let line = status.lines().find_map(|line| line.strip_prefix(name));
             line.and_then(|text| u64::from_str_radix(text.trim(), 16).ok())
@@ -40,4 +45,13 @@ impl Pending {
     pub(super) const fn interrupts(&self) -> bool {
         (self.own | self.common) & !self.quiet(self.blocked) != 0
     }
+}
+
+/// What the system says of a thread, in one call: this is asked for often.
+fn status(process: i32, tid: i32) -> Option<String> {
+    let path = format!("/proc/{process}/task/{tid}/status");
+    let mut file = File::open(path).ok()?;
+    let mut bytes = vec![0; STATUS_MAX];
+    let len = file.read(&mut bytes).ok()?;
+    Some(String::from_utf8_lossy(&bytes[..len]).into_owned())
 }

@@ -87,6 +87,8 @@ pub(super) struct Stage {
     pub(super) is_frozen: bool,
     slots: Vec<Slot>,
     has_delivered: bool,
+    /// The program may have done something to a port besides sending.
+    is_touched: bool,
     next_look: Instant,
     /// The rig's time when the ports were looked at last.
     observed_at: Instant,
@@ -135,6 +137,7 @@ impl Stage {
             begun: None,
             is_frozen: false,
             has_delivered: false,
+            is_touched: false,
             next_look: Instant::ZERO,
             observed_at: Instant::ZERO,
             mouth,
@@ -218,9 +221,25 @@ impl Stage {
         self.carry()
     }
 
+    /// The program is about to do something to a port besides sending.
+    pub(super) const fn touch(&mut self) {
+        self.is_touched = true;
+    }
+
+    /// Carries across what there is at both sides of the ports if one of them was touched.
+    pub(super) fn carry_touched(&mut self) -> Result<(), TransportError> {
+        match self.is_touched {
+            true => self.carry(),
+            false => Ok(()),
+        }
+    }
+
     /// Carries across what there is at both sides of the ports, now.
     pub(super) fn carry(&mut self) -> Result<(), TransportError> {
-        self.realtime.carry(&mut self.run)?;
+        match core::mem::take(&mut self.is_touched) || self.now >= self.next_look {
+            true => self.realtime.carry(&mut self.run)?,
+            false => self.realtime.carry_stirred(&mut self.run)?,
+        }
         let mut has_delivered = false;
         let mut turned = Vec::new();
         let now = self.now;

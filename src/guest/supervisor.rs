@@ -98,8 +98,6 @@ pub(super) struct Supervisor {
     is_launched: bool,
     /// Something happened that files may have to do with.
     is_changed: bool,
-    /// The program may have done something to a port.
-    is_touched: bool,
     /// A signal may be on its way to a thread that waits.
     is_signalled: bool,
     /// The program has made files from which it reads signals.
@@ -149,7 +147,6 @@ impl Supervisor {
             blocks: 0,
             is_launched: false,
             is_changed: false,
-            is_touched: false,
             is_signalled: false,
             has_signal_files: false,
             meetings: Vec::new(),
@@ -409,9 +406,7 @@ impl Supervisor {
         let Ok(call) = Call::of(Pid::from_raw(tid)) else {
             return Flow::Goes(None);
         };
-        if core::mem::take(&mut self.is_touched)
-            && let Err(error) = self.stage.carry()
-        {
+        if let Err(error) = self.stage.carry_touched() {
             self.trouble = Some(error.into());
         }
         if let Err(error) = self.stage.pass(self.settings.supervision.call_cost) {

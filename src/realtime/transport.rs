@@ -81,6 +81,12 @@ pub trait Transport {
     /// Appends what becomes readable when a [`read`](Self::read) may bring something new. May be
     /// empty for a while, so whoever waits also looks again after a few milliseconds.
     fn readiness<'a>(&'a self, fds: &mut Vec<BorrowedFd<'a>>);
+
+    /// The files of which one is ready, or hung up, if a [`read`](Self::read) would bring anything
+    /// new but a changed rate; `None` where only that call tells.
+    fn stirs(&self) -> Option<Vec<BorrowedFd<'_>>> {
+        None
+    }
 }
 
 /// Something besides bytes happened at the far end.
@@ -108,15 +114,24 @@ pub struct Counters {
 /// # Errors
 /// Those of poll(2); an interrupted wait is none.
 pub fn wait(fds: &[BorrowedFd<'_>], timeout: Duration) -> io::Result<()> {
-    let mut fds: Vec<PollFd<'_>> = fds
-        .iter()
-        .map(|&fd| PollFd::from_borrowed_fd(fd, PollFlags::IN))
-        .collect();
     let timeout = Timespec::try_from(timeout).map_err(io::Error::other)?;
-    match poll(&mut fds, Some(&timeout)) {
+    match poll(&mut to_be_read(fds), Some(&timeout)) {
         Ok(_) | Err(rustix::io::Errno::INTR) => Ok(()),
         Err(errno) => Err(errno.into()),
     }
+}
+
+/// Which of `fds` are readable or hung up now; `None` if that cannot be told.
+pub(crate) fn ready(fds: &[BorrowedFd<'_>]) -> Option<Vec<bool>> {
+    let mut fds = to_be_read(fds);
+    poll(&mut fds, Some(&Timespec::default())).ok()?;
+    Some(fds.iter().map(|fd| !fd.revents().is_empty()).collect())
+}
+
+fn to_be_read<'a>(fds: &[BorrowedFd<'a>]) -> Vec<PollFd<'a>> {
+    let fds = fds.iter();
+    fds.map(|&fd| PollFd::from_borrowed_fd(fd, PollFlags::IN))
+        .collect()
 }
 
 /// Why a port cannot be had, or is had no longer.

@@ -224,7 +224,7 @@ impl Supervisor {
         if tid == self.root.as_raw() {
             self.root_status = Some(status);
         }
-        self.is_touched = true;
+        self.stage.touch();
         self.is_signalled = true;
         let parents = self
             .threads

@@ -107,7 +107,7 @@ impl Supervisor {
         if tells.iter().any(|known| path.starts_with(known)) {
             self.note(format!("reads {path}"));
         }
-        self.is_touched = true;
+        self.stage.touch();
         self.open_fifo(tid, call, &path)
     }
 }

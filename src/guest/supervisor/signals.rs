@@ -50,6 +50,12 @@ impl Supervisor {
     fn deliverable(&self, process: i32, tid: i32) -> [u64; 2] {
         let call = self.threads.get(&tid).and_then(|thread| thread.call);
         let held = call.and_then(|call| mask_of(tid, &call));
+        self.deliverable_beside(held, process, tid)
+    }
+
+    /// The same while the signals in `held` are held back, or those that the thread holds back.
+    fn deliverable_beside(&self, held: Option<u64>, process: i32, tid: i32) -> [u64; 2] {
+        let call = self.threads.get(&tid).and_then(|thread| thread.call);
         let pending = Pending::of(process, tid);
         let quiet = pending.quiet(held.unwrap_or(pending.blocked));
         let wanted = call.map_or(0, |call| wanted(tid, &call));
@@ -82,8 +88,9 @@ impl Supervisor {
     /// Whether a call that lets through other signals than its thread does has to hear of one now.
     pub(super) fn is_interrupted_at_once(&self, tid: i32, call: &Call) -> bool {
         let process = self.threads.get(&tid).map(|thread| thread.process);
-        mask_of(tid, call).is_some()
-            && process.is_some_and(|process| self.deliverable(process, tid) != [0, 0])
+        let held = mask_of(tid, call);
+        held.is_some()
+            && process.is_some_and(|process| self.deliverable_beside(held, process, tid) != [0, 0])
     }
 
     /// kill and its like. A process that is killed is gone before its killer goes on.

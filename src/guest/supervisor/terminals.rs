@@ -29,7 +29,7 @@ impl Supervisor {
         let Some((Kind::Port(port), file)) = file.map(|file| (file.kind, file)) else {
             return Ok(Outcome::Kernel);
         };
-        self.is_touched = true;
+        self.stage.touch();
         let memory = Memory(Pid::from_raw(tid));
         match request {
             libc::FIONREAD => {

@@ -79,24 +79,22 @@ impl Pty {
         self.open
     }
 
-    /// Notices who came and went.
-    fn look(&mut self) {
+    /// Notices who came and went; whether anybody is there.
+    fn look(&mut self) -> bool {
         let open = !self.is_hung_up();
         let seen = self.watch.look(open);
         if seen.read {
             self.reads += 1;
             self.unread = 0;
         }
-        if !open {
-            return;
-        }
-        if !self.open {
+        if open && !self.open {
             self.opened();
-        } else if seen.reopened {
+        } else if open && seen.reopened {
             self.discard_unread();
             self.events.push_back(PortEvent::Closed);
             self.opened();
         }
+        open
     }
 
     fn opened(&mut self) {
@@ -176,8 +174,7 @@ impl Transport for Pty {
     }
 
     fn write(&mut self, bytes: &[u8]) -> usize {
-        self.look();
-        if !self.open || self.is_hung_up() {
+        if !self.look() {
             self.counters.unheard += bytes.len() as u64;
             return 0;
         }
@@ -201,8 +198,7 @@ impl Transport for Pty {
     /// What its client has not read yet is lost with the terminal. How much that is the system does
     /// not say, but the client is seen to read.
     fn is_drained(&mut self) -> bool {
-        self.look();
-        !self.open || self.is_hung_up() || self.unread == 0
+        !self.look() || self.unread == 0
     }
 
     fn reads(&self) -> Option<u64> {
@@ -236,6 +232,13 @@ impl Transport for Pty {
         if self.open && !self.is_hung_up() {
             fds.push(self.master.as_fd());
         }
+    }
+
+    fn stirs(&self) -> Option<Vec<BorrowedFd<'_>>> {
+        let mut fds = vec![self.watch.fd()?];
+        // Nobody is there, and so it is hung up.
+        fds.extend(self.open.then(|| self.master.as_fd()));
+        Some(fds)
     }
 }
 
