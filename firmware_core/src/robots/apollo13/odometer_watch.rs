@@ -259,4 +259,32 @@ mod tests {
             [false, true]
         );
     }
+
+    /// Silent from 1 s on, it is heard again before its port is opened: nothing is done about it.
+    #[test]
+    fn an_odometer_that_is_heard_again_is_not_opened() {
+        let mut watch = OdometerWatch::default();
+        watch.hear(at(1_000), true);
+        assert!(openings(&mut watch, 1_000, 1_500).is_empty() && watch.wants_rest());
+        watch.hear(at(1_500), false);
+        assert!(!watch.wants_rest());
+        let mut opened = Vec::new();
+        for ms in (1_500..6_000).step_by(10) {
+            watch.hear(at(ms), false);
+            watch.poll(at(ms));
+            opened.extend(watch.take_opening().then_some(ms));
+        }
+        assert!(opened.is_empty() && watch.openings() == 0);
+    }
+
+    /// Opened, it goes on with lines that are not the first: its port had no reset line.
+    #[test]
+    fn an_odometer_that_goes_on_behind_its_opening_is_believed() {
+        let mut watch = OdometerWatch::default();
+        watch.hear(at(0), true);
+        assert_eq!(openings(&mut watch, 0, 2_000), [1_460]);
+        watch.hear(at(2_000), false);
+        assert!(!watch.wants_rest() && !watch.is_misled());
+        assert_eq!(watch.openings(), 1);
+    }
 }

@@ -329,4 +329,102 @@ mod tests {
             assert!(is_turn, "{finding:?}");
         }
     }
+
+    /// Whether a turn is doubted after `way_m`, by odometer and steering.
+    fn is_doubted(way_m: f64, odometer_rad: f64, steered_rad: f64) -> bool {
+        let mut witness = Witness::default();
+        let told = told(at(way_m, odometer_rad), at(way_m, steered_rad));
+        matches!(witness.compare(told), Some(Finding::Turn(..)))
+    }
+
+    /// Each limit is the last that agrees: 0.25 rad apart; 0.10 rad that a gyroscope does not tell at
+    /// all, which is less than 0.01 rad; 0.30 m are long enough.
+    #[test]
+    fn turns_agree_up_to_their_limits() {
+        assert_eq!(
+            [0.25, 0.26].map(|off| is_doubted(0.31, off, 0.0)),
+            [false, true]
+        );
+        assert_eq!(
+            [0.10, 0.11].map(|off| is_doubted(0.31, 0.0, off)),
+            [false, true]
+        );
+        assert_eq!(
+            [0.01, 0.009].map(|told| is_doubted(0.31, told, 0.2)),
+            [false, true]
+        );
+        assert_eq!(
+            [0.30, 0.299].map(|way_m| is_doubted(way_m, 0.3, 0.0)),
+            [true, false]
+        );
+    }
+
+    /// Frames 30 and 150 ms apart are in time, closer or farther ones are not.
+    #[test]
+    fn frames_are_in_time_from_30_to_150_ms() {
+        let is_found = |ms: u64| {
+            let mut witness = Witness::default();
+            let told = Told {
+                now: Instant::ZERO + Duration::from_millis(ms),
+                ..told(at(-0.16, 0.0), at(0.16, 0.0))
+            };
+            witness.compare(told).is_some()
+        };
+        assert_eq!([29, 30, 150, 151].map(is_found), [false, true, true, false]);
+    }
+
+    /// Sliding aside by 0.2 m, the board says 4 cm ahead and the encoder 4 or 5 cm back: 8 cm apart
+    /// are two pulses, 9 are an encoder that counts backwards. The same behind a gap, where 0.15 m of
+    /// way are enough and 0.14 m are not.
+    #[test]
+    fn an_encoder_counts_the_other_way_by_more_than_two_pulses() {
+        let aside = |ahead_m: f64, left_m: f64| CarPose {
+            y_m: left_m,
+            ..at(ahead_m, 0.0)
+        };
+        let is_found = |back_m: f64| {
+            let mut witness = Witness::default();
+            let told = told(aside(-back_m, 0.2), aside(0.04, 0.2));
+            matches!(witness.compare(told), Some(Finding::Way(..)))
+        };
+        assert_eq!([0.04, 0.05].map(is_found), [false, true]);
+        let behind_a_gap = |odometer: CarPose, board: CarPose| {
+            let mut witness = Witness::default();
+            let turned = Told {
+                is_backwards: true,
+                ..Told::default()
+            };
+            witness.turn_round(turned);
+            let back = Told {
+                now: Instant::ZERO + Duration::from_secs(2),
+                odometer,
+                board,
+                ..turned
+            };
+            witness.compare(back).is_some()
+        };
+        assert!(!behind_a_gap(aside(0.04, 0.2), aside(-0.04, 0.2)));
+        assert!(behind_a_gap(aside(0.05, 0.2), aside(-0.04, 0.2)));
+        assert!(behind_a_gap(at(0.10, 0.0), at(-0.15, 0.0)));
+        assert!(!behind_a_gap(at(0.10, 0.0), at(-0.14, 0.0)));
+        // Neither goes the other way if one stands.
+        assert!(!behind_a_gap(at(0.0, 0.0), at(-0.40, 0.0)));
+    }
+
+    /// 0.60 m end a comparison: what was missed before, here 7 cm, is settled and does not add up.
+    #[test]
+    fn a_comparison_of_ways_ends_after_60_cm() {
+        let second = |ends_m: f64| {
+            let mut witness = Witness::default();
+            let frame = |frame: u32, odometer_m, board_m| Told {
+                now: Instant::ZERO + Duration::from_millis(67) * frame,
+                ..told(at(odometer_m, 0.0), at(board_m, 0.0))
+            };
+            assert_eq!(witness.compare(frame(1, ends_m - 0.07, ends_m)), None);
+            witness
+                .compare(frame(2, ends_m + 0.11, ends_m + 0.2))
+                .is_some()
+        };
+        assert_eq!([0.59, 0.60].map(second), [true, false]);
+    }
 }

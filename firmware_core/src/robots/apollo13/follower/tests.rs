@@ -221,3 +221,32 @@ fn a_way_that_turns_round_is_driven_to_its_end() {
     }
     assert_eq!(follower.step(poses[30]), Step::Arrived);
 }
+
+/// On a path with a pose each 25 cm, 12.5 cm to the left, the point half a metre ahead is a pose:
+/// 2 * 0.125 / (0.25 + 0.015625) times 0.25 m. Halfway between two poses the earlier one counts,
+/// from where it is 0.375 m ahead: 2 * 0.125 / (0.140625 + 0.015625).
+#[test]
+fn a_pose_as_far_as_the_point_ahead_is_the_point() {
+    let steering = |x_m: f64| {
+        let poses = (0..=20).map(|step| CarPose {
+            x_m: f64::from(step) * 0.25,
+            y_m: 0.125,
+            heading_rad: 0.0,
+        });
+        let settings = Settings {
+            ahead_m: 0.5,
+            steering_max_rad: [1.0; 2],
+            ..Settings::default()
+        };
+        let pose = CarPose {
+            x_m,
+            ..CarPose::default()
+        };
+        match Follower::new(poses.collect(), settings).step(pose) {
+            Step::Drive { steering_rad, .. } => libm::tan(steering_rad),
+            other => panic!("{other:?}"),
+        }
+    };
+    assert!((steering(0.0) - 0.0625 / 0.265_625).abs() < 1e-12);
+    assert!((steering(0.125) - 0.0625 / 0.156_25).abs() < 1e-12);
+}
