@@ -341,4 +341,21 @@ mod tests {
         let steering = CAR.steering_for(0.5596, 0.3);
         assert!((steering.to_degrees() - 25.0).abs() < 0.01, "{steering}");
     }
+
+    /// Of a turn of t radians the chord is sin(t / 2) / (t / 2) of the arc and leaves at t / 2, so it
+    /// goes sin(t) / t ahead and (1 - cos(t)) / t aside: for 1.98e-4 rad, by their series,
+    /// 1 - t^2 / 6 = 1 - 6.534e-9 and t / 2 = 9.9e-5. Short arcs and long ones meet at 2e-4 rad.
+    #[test]
+    fn a_short_arc_keeps_its_digits() {
+        let short = arc(3.0, 1.98e-4);
+        assert!(
+            (short.ahead_m / 3.0 - (1.0 - 6.534e-9)).abs() < 1e-14,
+            "{short:?}"
+        );
+        assert!((short.left_m / 3.0 - 9.9e-5).abs() < 1e-12, "{short:?}");
+        let (below, above) = (arc(3.0, 1.999_999e-4), arc(3.0, 2.000_001e-4));
+        assert!((below.ahead_m - above.ahead_m).abs() < 1e-13);
+        let quarter = arc(PI / 2.0, PI / 2.0);
+        assert!((quarter.ahead_m - 1.0).abs() < 1e-12 && (quarter.left_m - 1.0).abs() < 1e-12);
+    }
 }

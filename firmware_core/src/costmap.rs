@@ -287,4 +287,47 @@ mod tests {
             assert_eq!(*cost, expected, "at {x}, {y}");
         }
     }
+
+    /// Obstacles at random, half of all cells, on maps that are narrower and wider than what is raised
+    /// around each: a cell costs what the nearest obstacle makes it cost.
+    #[test]
+    fn each_cell_costs_what_its_nearest_obstacle_makes() {
+        let mut random = crate::random::Pcg32::new(7);
+        for (width, height) in [(1, 40), (40, 1), (3, 3), (9, 30), (30, 20)] {
+            for most in [2, 9] {
+                let obstacles: Vec<bool> = (0..width * height)
+                    .map(|_| random.below(most) == 0)
+                    .collect();
+                let map = Costmap::new(width, 0.05, [0.0; 2], obstacles.clone(), CAR);
+                for (at, cost) in map.costs().iter().enumerate() {
+                    let place = |at: usize| [(at % width) as f64, (at / width) as f64];
+                    let [x, y] = place(at);
+                    let off_m = |other: usize| {
+                        let [other_x, other_y] = place(other);
+                        libm::hypot(x - other_x, y - other_y) * 0.05
+                    };
+                    let others = (0..obstacles.len()).filter(|other| obstacles[*other]);
+                    let least_m = others.map(off_m).fold(f64::INFINITY, f64::min);
+                    let expected = match obstacles[at] {
+                        true => LETHAL,
+                        false => cost_at(least_m, CAR),
+                    };
+                    assert_eq!(*cost, expected, "{width} by {height}, at {x}, {y}");
+                }
+            }
+        }
+    }
+
+    /// Cells are counted up to 2^30 to each side; farther away, and where there is no place, is none.
+    #[test]
+    fn a_place_too_far_away_has_no_cell() {
+        let map = Costmap::new(1, 1.0, [0.0; 2], alloc::vec![false], CAR);
+        let most = f64::from(1 << 30);
+        assert_eq!(map.cell([most - 1.0, 0.0]), Some([(1 << 30) - 1, 0]));
+        assert_eq!(map.cell([0.0, 1.0 - most]), Some([0, 1 - (1 << 30)]));
+        for beyond in [most, -most, 1e300, f64::INFINITY, f64::NAN] {
+            assert_eq!(map.cell([beyond, 0.0]), None);
+            assert_eq!(map.cell([0.0, beyond]), None);
+        }
+    }
 }

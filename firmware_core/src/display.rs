@@ -698,4 +698,17 @@ mod tests {
         assert_eq!(far.pixels[480 * 7 + 212..][..268], *tile.row(7));
         assert_eq!((display.dirty, display.has_output()), ([0; 3], false));
     }
+
+    /// A tile is drawn where 1280 of the 1536 bytes of the queue are free, and not where fewer are.
+    #[test]
+    fn a_tile_waits_until_there_is_room_to_send_it() {
+        let drawn = |queued: usize| {
+            let mut display = Display::new();
+            assert!(display.tx.push(&[0; 300][..queued]));
+            let (has_work, mut is_drawn) = (display.has_work(Instant::ZERO), false);
+            display.paint(Instant::ZERO, |_| is_drawn = true);
+            [has_work, is_drawn]
+        };
+        assert_eq!([256, 257].map(drawn), [[true; 2], [false; 2]]);
+    }
 }

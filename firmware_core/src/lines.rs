@@ -304,3 +304,89 @@ fn goes_on(a: &Segment, b: &Segment, settings: &Settings) -> bool {
     }
     cos > libm::cosf(change_deg.to_radians())
 }
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use std::vec::Vec;
+
+    use super::*;
+
+    /// A segment from place to place.
+    fn segment(start: (f32, f32), end: (f32, f32)) -> Segment {
+        let [start, end] = [start, end].map(|(x, y)| Point::new(x, y));
+        let settings = Settings::default();
+        let fit = Fit::of([start, end].into_iter(), &settings);
+        Segment {
+            first: 0,
+            last: 1,
+            fit,
+        }
+    }
+
+    /// 60 mm apart and 10 degrees, of which the tangent is 0.1763. The fielded program went on below
+    /// 79.95 degrees, of which the tangent is 5.64.
+    #[test]
+    fn a_line_goes_on_nearly_straight_behind_a_small_gap() {
+        let before = segment((0.0, 0.0), (400.0, 0.0));
+        let is_one = |defects, start: f32, rise: f32| {
+            let settings = Settings {
+                defects,
+                ..Settings::default()
+            };
+            let behind = segment((start, 0.0), (start + 100.0, 100.0 * rise));
+            goes_on(&before, &behind, &settings)
+        };
+        let sound = |start, rise| is_one(Defects::NONE, start, rise);
+        assert!(sound(460.0, 0.0) && !sound(461.0, 0.0) && sound(340.0, 0.0));
+        assert!(sound(410.0, 0.175) && sound(410.0, -0.175));
+        assert!(!sound(410.0, 0.178) && !sound(410.0, -0.178));
+        let merges_below_80_deg = Defects {
+            merges_below_80_deg: true,
+            ..Defects::NONE
+        };
+        assert!(
+            is_one(merges_below_80_deg, 410.0, 5.5) && !is_one(merges_below_80_deg, 410.0, 5.8)
+        );
+    }
+
+    /// Three points within 40 mm are a line, and all there is: it goes on nowhere.
+    #[test]
+    fn a_short_line_alone_stays() {
+        let points = [0.0, 20.0, 40.0].map(|y| Point::new(1_000.0, y));
+        let lines = Lines::find(&points, &Settings::default());
+        assert_eq!(
+            lines.as_slice(),
+            [Line {
+                start: points[0],
+                end: points[2]
+            }]
+        );
+    }
+
+    /// A spiral, each point twice as far as the one before and a quarter turn on: the farthest point
+    /// beside each chord is the last but one, so that each bend waits for the next. Splitting goes as
+    /// far as there is room, and the rest is one line more.
+    #[test]
+    fn a_line_with_too_many_bends_is_split_as_far_as_there_is_room() {
+        let place = |index: u8| {
+            let far = libm::powf(1.5, index.into());
+            let [x, y] = [[far, 0.0], [0.0, far], [-far, 0.0], [0.0, -far]][usize::from(index % 4)];
+            Point::new(x, y)
+        };
+        let found = |count: u8| {
+            let points: Vec<Point> = (0..count).map(place).collect();
+            let settings = Settings {
+                gap_mm: f32::INFINITY,
+                points_min: 2,
+                tolerance_mm: 0.01,
+                ..Settings::default()
+            };
+            let lines = Lines::find(&points, &settings);
+            lines.as_slice().len() + lines.left_out() as usize
+        };
+        assert_eq!([10, 62, 66].map(found), [9, 61, 64]);
+        assert_eq!(found(82), 64);
+    }
+}

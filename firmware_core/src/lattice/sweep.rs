@@ -511,4 +511,24 @@ mod tests {
         assert_eq!(cost(&[(1, 0)], &[(-6, 0)], [16, 10]), None);
         assert_eq!(cost(&[(1, 0)], &[(-20, 0)], [30, 10]), Some(100));
     }
+
+    /// A metre straight on without a pose between: in steps of a quarter of a cell no cell of the way
+    /// is left out, whatever the cells' size.
+    #[test]
+    fn an_action_passes_every_cell_of_its_way() {
+        for cell_m in [0.05, 0.2, 1.0] {
+            let one = Primitive {
+                id: 0,
+                start: 0,
+                end: ([10, 0], 0),
+                multiplier: 1,
+                poses: [[0.0; 3], [10.0 * cell_m, 0.0, 0.0]].into(),
+            };
+            let outline = Outline::rectangle(0.1 * cell_m, 0.1 * cell_m, 0.1 * cell_m);
+            let action = action(7, &one, &outline, cell_m, &[[0, 0]]);
+            let ahead: Vec<[i32; 2]> = (1..=10).map(|x| [x, 0]).collect();
+            assert_eq!((action.primitive, action.end), (7, [10, 0]));
+            assert_eq!((&action.middle, &action.swept), (&ahead, &ahead));
+        }
+    }
 }

@@ -328,3 +328,123 @@ fn what_cannot_be_planned_is_said() {
         Err(NoPlan::Resolution)
     );
 }
+
+/// A lattice of 4 headings and cells of 1 m with one primitive each, a cell ahead, of which that
+/// of heading 0 is changed.
+fn crosses(change: impl Fn(&mut Primitive)) -> Result<(), PrimitiveError> {
+    let mut primitives: Vec<Primitive> = (0_u32..)
+        .zip([[1, 0], [0, 1], [-1, 0], [0, -1]])
+        .map(|(start, cell)| {
+            let heading = f64::from(start) * core::f64::consts::FRAC_PI_2;
+            let [x, y] = cell.map(f64::from);
+            Primitive {
+                id: 0,
+                start,
+                end: (cell, start),
+                multiplier: 1,
+                poses: [[0.0, 0.0, heading], [x, y, heading]].into(),
+            }
+        })
+        .collect();
+    change(&mut primitives[0]);
+    PrimitiveSet::new(1.0, 4, primitives).map(drop)
+}
+
+/// A primitive moves the robot, ends within half a cell of its end and with its heading, and costs
+/// something.
+#[test]
+fn a_primitive_that_leads_nowhere_is_refused() {
+    assert_eq!(crosses(|_| ()), Ok(()));
+    let turn = core::f64::consts::FRAC_PI_2;
+    let ends =
+        |end: ([i32; 2], u32), pose: [f64; 3]| crosses(|one| (one.end, one.poses[1]) = (end, pose));
+    let nowhere = Err(PrimitiveError::Empty { index: 0 });
+    let elsewhere = Err(PrimitiveError::End { index: 0 });
+    assert_eq!(ends(([0, 0], 0), [0.0; 3]), nowhere);
+    assert_eq!(ends(([0, 0], 1), [0.0, 0.0, turn]), Ok(()));
+    assert_eq!(ends(([1, 0], 1), [1.0, 0.0, turn]), Ok(()));
+    assert_eq!(ends(([1, 0], 0), [1.49, -0.49, 0.7]), Ok(()));
+    assert_eq!(ends(([1, 0], 0), [1.51, 0.0, 0.0]), elsewhere);
+    assert_eq!(ends(([1, 0], 0), [1.0, -0.51, 0.0]), elsewhere);
+    assert_eq!(ends(([1, 0], 0), [1.0, 0.0, 0.8]), elsewhere);
+    assert_eq!(ends(([1, 0], 4), [1.0, 0.0, 0.0]), nowhere);
+    assert_eq!(ends(([1, 0], 0), [1.0, 0.0, f64::NAN]), nowhere);
+    assert_eq!(crosses(|one| one.start = 4), nowhere);
+    assert_eq!(crosses(|one| one.poses[0][1] = f64::INFINITY), nowhere);
+    assert_eq!(crosses(|one| one.poses.clear()), nowhere);
+    assert_eq!(crosses(|one| one.multiplier = 0), nowhere);
+}
+
+/// 4 to 256 headings, by fours; cells from a millimetre to a kilometre.
+#[test]
+fn a_grid_has_cells_with_a_size_and_headings_by_fours() {
+    let is_grid = |size, angles| PrimitiveSet::new(size, angles, Vec::new()).is_ok();
+    let headings = [0, 3, 4, 6, 8, 256, 260].map(|angles| is_grid(0.05, angles));
+    assert_eq!(headings, [false, false, true, false, true, true, false]);
+    let sizes = [0.000_9, 0.001, 999.0, 1_000.0, f64::NAN].map(|size| is_grid(size, 4));
+    assert_eq!(sizes, [false, true, true, false, false]);
+}
+
+/// The heading nearest to an angle, whole turns left out: of four each is 90 degrees.
+#[test]
+fn a_heading_is_the_nearest_one() {
+    let set = PrimitiveSet::new(0.05, 4, Vec::new()).unwrap();
+    let of = |degrees: f64| set.angle(degrees.to_radians());
+    assert_eq!([44.0, 46.0, 134.0, 136.0].map(of), [0, 1, 1, 2]);
+    assert_eq!(
+        [-44.0, -46.0, 316.0, 404.0, -406.0].map(of),
+        [0, 3, 0, 0, 3]
+    );
+    assert!((set.heading_rad(3).to_degrees() - 270.0).abs() < 1e-9);
+}
+
+/// On a free floor of 3 m, from the left to the right.
+fn crossing(limits: Limits) -> Plan {
+    let floor = map([3.0, 2.0], |_, _| false);
+    car()
+        .plan(&floor, at(0.62, 1.02, 0.0), to(at(1.62, 1.02, 0.0)), limits)
+        .unwrap()
+}
+
+/// Each pass lowers its factor by the step, the last one is 1; a factor below 1 is 1, and one
+/// without bound is 1000.
+#[test]
+fn passes_lower_their_factor_to_one() {
+    let bounds = |first_bound, bound_step| {
+        let plan = crossing(Limits {
+            first_bound,
+            bound_step,
+            ..Limits::default()
+        });
+        // A metre at 0.4 m/s.
+        assert!(plan.passes.iter().all(|(_, cost)| *cost >= 2_500));
+        assert_eq!(
+            (plan.cost, plan.bound),
+            (2_500, plan.passes.last().unwrap().0)
+        );
+        plan.passes
+            .iter()
+            .map(|(bound, _)| *bound)
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(bounds(1.5, 0.25), [1.5, 1.25, 1.0]);
+    assert_eq!(bounds(1.6, 0.4), [1.6, 1.200_000_000_000_000_2, 1.0]);
+    assert_eq!(bounds(0.2, 0.4), [1.0]);
+    assert_eq!(bounds(f64::INFINITY, 999.5), [1_000.0, 1.0]);
+    assert_eq!(bounds(1.02, 0.0).len(), 3);
+}
+
+/// Where any heading will do the car goes straight on: 20 cells of 5 cm at 0.4 m/s.
+#[test]
+fn a_place_is_reached_with_any_heading() {
+    let floor = map([3.0, 2.0], |_, _| false);
+    let goal = Goal {
+        pose: at(1.62, 1.02, 180.0),
+        with_heading: false,
+    };
+    let plan = car()
+        .plan(&floor, at(0.62, 1.02, 0.0), goal, Limits::default())
+        .unwrap();
+    assert_eq!(plan.cost, 2_500);
+    assert_eq!(plan.poses.last().unwrap().heading_rad, 0.0);
+}

@@ -186,4 +186,28 @@ mod tests {
         assert!(fit.start.distance_mm(at(1_000.554, -503.221)) < 0.01);
         assert!(fit.end.distance_mm(at(1_301.953, -451.348)) < 0.01);
     }
+
+    /// Nearly along y, from below to above and back: the signs of x and y must both count.
+    #[test]
+    fn a_line_points_from_its_first_point_to_its_last() {
+        let points = [(3.0, 0.0), (2.0, 100.0), (0.0, 200.0), (-1.0, 300.0)].map(|(x, y)| at(x, y));
+        for (angle, swap) in [(0, false), (0, true), (1, false), (1, true)] {
+            let turned = points.map(|point| match angle {
+                0 => point,
+                _ => at(point.y_mm, point.x_mm),
+            });
+            let settings = Settings::default();
+            let fit = match swap {
+                false => Fit::of(turned.into_iter(), &settings),
+                true => Fit::of(turned.into_iter().rev(), &settings),
+            };
+            let (first, last) = if swap { (3, 0) } else { (0, 3) };
+            let way = [
+                turned[last].x_mm - turned[first].x_mm,
+                turned[last].y_mm - turned[first].y_mm,
+            ];
+            let along = way[0] * fit.direction[0] + way[1] * fit.direction[1];
+            assert!((along - 300.0).abs() < 0.1, "{angle} {swap}: {fit:?}");
+        }
+    }
 }

@@ -270,4 +270,15 @@ mod tests {
         assert_eq!(guarded(230.0, 0.0, [-10, 10]), [-10, 10]);
         assert_eq!(guarded(200.0, 0.0, [4, 20]), [-8, 8]);
     }
+
+    /// 204.2 mm on, a post at 409.0 mm is 204.8 mm away, one at 409.4 mm 205.2: that is clear.
+    #[test]
+    fn a_post_just_within_what_is_kept_counts() {
+        let guarded = |x: f32| {
+            let near = core::iter::once(Point::new(x, 0.0));
+            let far = core::iter::repeat_n(Point::new(-2_000.0, 0.0), 10);
+            Surroundings::of(near.chain(far)).guarded(&BODY, [20, 20])
+        };
+        assert_eq!([409.0, 409.4].map(guarded), [[14, 14], [20, 20]]);
+    }
 }

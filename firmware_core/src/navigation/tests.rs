@@ -323,3 +323,44 @@ fn ways_that_are_blocked_in_turn_are_none() {
     }
     panic!("it goes to and fro: {rounds:?}");
 }
+
+/// A post dead ahead is passed on the left: 43.1 degrees, in steps of five.
+#[test]
+fn of_two_sides_alike_the_left_is_taken() {
+    assert_eq!(around_a_post(0.0, 0.0), 45.0);
+}
+
+/// Points each degree, 500 mm away but for two niches of 50 degrees about 40 to the left and to
+/// the right, where they are 620 mm away: 450 mm are free nowhere, and of the 415 mm in both
+/// niches the left ones come first.
+#[test]
+fn where_nothing_is_free_far_enough_the_freest_way_is_taken() {
+    let point = |degree: i16| {
+        let is_niche = (16..=64).contains(&degree.abs());
+        let range = if is_niche { 620.0 } else { 500.0 };
+        let (sin, cos) = sin_cos(f32::from(degree.abs()).to_radians());
+        Point::new(range * cos, range * sin * f32::from(degree.signum()))
+    };
+    let around = Surroundings::of((-179..=180).map(point));
+    let mut navigator = Navigator::new(Settings::new(BODY));
+    let way = navigator.free_way(&BODY, &around, 0.0, 1_000.0);
+    assert!(
+        (way.to_degrees() - 40.0).abs() < 0.1,
+        "{}",
+        way.to_degrees()
+    );
+    assert_eq!(navigator.side, 0.0);
+}
+
+/// 10 mm nearer are no progress, more are.
+#[test]
+fn progress_is_more_than_ten_millimetres() {
+    let mut navigator = Navigator::new(Settings::new(BODY));
+    let stalled = [200.0, 190.0, 189.0, 180.0, 179.0, 178.9].map(|distance| {
+        navigator.watch_progress(Point::new(9.0, 9.0), distance);
+        navigator.stalled
+    });
+    assert_eq!(stalled, [0, 1, 0, 1, 2, 0]);
+    navigator.watch_progress(Point::new(9.0, 8.0), 300.0);
+    assert_eq!((navigator.stalled, navigator.nearest_mm), (0, 300.0));
+}

@@ -468,3 +468,26 @@ fn a_map_may_begin_anywhere() {
     localiser.weigh(&[beam; 10]);
     assert!(localiser.particles()[0].weight > 0.7 && localiser.fit() == 1.0);
 }
+
+/// What is thrown is drawn in the order x, y, heading, each to the side that the draw says.
+#[test]
+fn guesses_are_thrown_to_the_side_that_is_drawn() {
+    let (start, sigma) = (pose(2.0, 1.0, 0.5), [0.1, 0.2, 0.3]);
+    let drawn = |random: &mut Pcg32| {
+        let [x, y, turn] = sigma.map(|sigma| random.normal(sigma));
+        pose(2.0 + x, 1.0 + y, 0.5 + turn)
+    };
+    let mut localiser = guessing(&[(start, 1.0)]);
+    let mut random = localiser.random.clone();
+    random.unit();
+    let expected = drawn(&mut random);
+    localiser.search(1.0, sigma);
+    let thrown = localiser.particles()[0].pose;
+    assert!(thrown.distance_m(expected) < 1e-9 && near(thrown.heading_rad, expected.heading_rad));
+    localiser.place(start, sigma);
+    for guess in localiser.particles() {
+        let expected = drawn(&mut random);
+        assert!(guess.pose.distance_m(expected) < 1e-9);
+        assert!(near(guess.pose.heading_rad, wrapped(expected.heading_rad)));
+    }
+}

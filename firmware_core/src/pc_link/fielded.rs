@@ -578,4 +578,44 @@ mod tests {
         let found = taken(believes, many);
         assert_eq!(found[0].as_ref().map(std::vec::Vec::len), Some(511));
     }
+
+    /// Each of the receiver's faults alone makes it the fielded one; those of the sender do not.
+    #[test]
+    fn each_fault_of_the_receiver_makes_it_the_fielded_one() {
+        let with = |change: fn(&mut Defects)| {
+            let mut defects = Defects::NONE;
+            change(&mut defects);
+            (defects.of_receiver(), defects.queues())
+        };
+        let of_receiver: [fn(&mut Defects); 5] = [
+            |it| it.forgets_to_restart = true,
+            |it| it.signed_checksum = true,
+            |it| it.signed_length = true,
+            |it| it.wants_a_byte = true,
+            |it| it.believes_the_count = true,
+        ];
+        assert_eq!(of_receiver.map(with), [(true, false); 5]);
+        let of_queue: [fn(&mut Defects); 2] =
+            [|it| it.short_queue = true, |it| it.byte_per_row = true];
+        assert_eq!(of_queue.map(with), [(false, true); 2]);
+        let of_sender: [fn(&mut Defects); 4] = [
+            |_| (),
+            |it| it.unlocked = true,
+            |it| it.sends_twice = true,
+            |it| it.keeps_while_off = true,
+        ];
+        assert_eq!(of_sender.map(with), [(false, false); 4]);
+        // PU-03 alone: a length below 0 is waited for for ever, by the link as by its receiver.
+        let mut link = fielded(Defects {
+            signed_length: true,
+            ..Defects::NONE
+        });
+        let mut input = &b"PCUI_MSG\xFF\xFF\x00\x00\x00\x00LWP"[..];
+        assert_eq!(link.receive(at(5), &mut input), None);
+        let mut input = LIST;
+        assert_eq!(link.receive(at(500), &mut input), None);
+        let mut link = fielded(Defects::NONE);
+        let mut input = LIST;
+        assert!(link.receive(at(500), &mut input).is_some());
+    }
 }

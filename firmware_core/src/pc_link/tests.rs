@@ -248,3 +248,53 @@ fn rows_go_round_and_stop_while_the_queue_is_long() {
     link.transmit(&mut few[..1]);
     assert_eq!(link.row_at, at(0));
 }
+
+/// Half a list, and the other half 60 ms later: the link that is asked meanwhile waits. After 100
+/// ms it does not.
+#[test]
+fn half_a_frame_waits_for_its_rest() {
+    let list = b"PCUI_MSG\x02\x00\x00\x00\x00\x00LWP\x00\x00";
+    let takes = |asked: u64| {
+        let mut link = link(None);
+        let (mut head, mut tail) = list.split_at(9);
+        assert_eq!(link.receive(at(10), &mut head), None);
+        assert_eq!(link.freed(at(10 + asked)), None);
+        let taken = link.receive(at(10 + asked), &mut tail).is_some();
+        (taken, link.decoder.pending(), link.counters().bad_frames)
+    };
+    assert_eq!(takes(99), (true, 0, 0));
+    assert!(!takes(100).0);
+}
+
+/// The far end closed in the middle of a long frame: the next one is heard at once.
+#[test]
+fn a_line_that_broke_gives_up_what_it_had_begun() {
+    let heard = |breaks: bool| {
+        let mut link = link(None);
+        let mut input = &b"PCUI_MSG\xFF\x01\x00\x00\x00\x00LWP\x38\x00"[..];
+        assert_eq!(link.receive(at(0), &mut input), None);
+        if breaks {
+            link.line_broke();
+        }
+        let mut input = &b"PCUI_MSG\x02\x00\x00\x00\x00\x00LWP\x00\x00"[..];
+        link.receive(at(1), &mut input).is_some()
+    };
+    assert_eq!([true, false].map(heard), [true, false]);
+}
+
+/// PU-17: from the first frame that did not fit on.
+#[test]
+fn bytes_are_sent_twice_once_the_queue_was_full() {
+    let mut link = PcLink::new(Settings {
+        defects: Defects {
+            sends_twice: true,
+            ..Defects::NONE
+        },
+        ..Settings::default()
+    });
+    link.tx.push(b"ab");
+    assert_eq!((sent(&mut link), link.overflows()), (b"ab".to_vec(), 0));
+    link.tx.push(&[0; TX_LEN + 1]);
+    link.tx.push(b"abcd");
+    assert_eq!((sent(&mut link), link.overflows()), (b"aabb".to_vec(), 1));
+}

@@ -230,3 +230,43 @@ fn a_door_is_worth_any_way() {
     let worth = [0, 3, 80, 96, 667, u16::MAX].map(Outlook::worth_a_way_of);
     assert_eq!(worth, [6, 6, 26, 30, 30, 30]);
 }
+
+/// A door of 380 mm, through which the body of 320 mm only just fits, into a corridor whose upper
+/// end nobody has seen: that cannot be looked at from the room.
+#[test]
+fn a_way_that_the_body_only_just_fits_through_is_the_last_resort() {
+    let mut map = room(0);
+    fill(&mut map, [153, 27, 243, 280], 255);
+    fill(&mut map, [153, 30, 240, 280], 0);
+    fill(&mut map, [150, 30, 152, 67], 0);
+    let view = next(&mut Frontiers::new(Sought::Floor), &map).expect("a view");
+    assert!(view.place.x_mm > 1_500.0, "{view:?}");
+    fill(&mut map, [150, 60, 152, 67], 255);
+    assert_eq!(next(&mut Frontiers::new(Sought::Floor), &map), None);
+}
+
+/// From the middle of the room each of the 48 rays goes over 20 to 28 cells to the wall.
+#[test]
+fn each_step_of_a_ray_is_work() {
+    let (map, mut frontiers) = (room(0), Frontiers::new(Sought::Floor));
+    frontiers.outlook(&map, MIDDLE.position());
+    let steps = frontiers.steps - SCENE_STEPS;
+    assert!((48 * 20..=48 * 29).contains(&steps), "{steps}");
+    let points = frontiers.take_points();
+    assert_eq!(points, (SCENE_STEPS + steps) / 32);
+    assert_eq!(frontiers.steps, (SCENE_STEPS + steps) % 32);
+    assert_eq!(frontiers.take_points(), 0);
+}
+
+/// Of the floor below a robot nothing is known, four cells of 30 mm to each side: the fifth is
+/// where it sets out from. With one more it is nowhere.
+#[test]
+fn a_robot_sets_out_from_the_floor_beside_it() {
+    let finds = |cells: usize| {
+        let mut map = room(60);
+        let (first, last) = (3 * (30 - cells), 3 * (30 + cells) + 2);
+        fill(&mut map, [first, first, last, last], UNKNOWN);
+        next(&mut Frontiers::new(Sought::Floor), &map).is_some()
+    };
+    assert_eq!([1, 4, 5].map(finds), [true, true, false]);
+}

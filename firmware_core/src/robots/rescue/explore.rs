@@ -413,4 +413,280 @@ mod tests {
         }
         assert!((0..10).any(|_| step(&map) != Progress::Seeks));
     }
+
+    const BODY: Body = Body {
+        radius_mm: 160.0,
+        clearance_mm: 45.0,
+        tick_mm_s: 11.345,
+        axle_mm: 260.0,
+    };
+
+    /// A known room from 0.3 m to 1.5 m; its right wall has a door of 0.6 m if that is open.
+    fn room(is_open: bool) -> std::boxed::Box<Grid> {
+        let mut map = std::boxed::Box::new(Grid::new(10.0));
+        for (x, y) in (27..=152).flat_map(|x| (27..=152).map(move |y| (x, y))) {
+            let is_inside = (30..150).contains(&x) && (30..150).contains(&y);
+            let is_door = is_open && x >= 150 && (60..120).contains(&y);
+            map.set(x, y, if is_inside || is_door { 0 } else { 255 });
+        }
+        map
+    }
+
+    /// One step of a robot that stands there; the heat sensors feel nothing, and the lidar sees
+    /// something far away all around.
+    fn step(explore: &mut Explore, map: &Grid, pose: Pose) -> [i8; 2] {
+        let seen = (0..60_u8).map(|index| {
+            let (sin, cos) = crate::pose::sin_cos(f32::from(index) * 0.1);
+            Point::new(3_000.0 * cos, 3_000.0 * sin)
+        });
+        let sight = Sight {
+            map,
+            pose,
+            around: &Surroundings::of(seen),
+            is_felt: [false; 2],
+        };
+        explore.step(&mut Navigator::new(Settings::new(BODY)), sight)
+    }
+
+    const MIDDLE: Pose = Pose {
+        x_mm: 900.0,
+        y_mm: 900.0,
+        heading: 0.0,
+    };
+
+    /// Up to six views in vain all counts, up to twelve only what is large, up to eighteen only heat.
+    #[test]
+    fn after_views_in_vain_less_is_worth_a_way() {
+        let mut explore = Explore::new(Sought::Floor);
+        let least = [0, 6, 7, 12, 13, 18, 19].map(|vain| {
+            explore.vain = vain;
+            explore.least()
+        });
+        let expected = [
+            Some(6),
+            Some(6),
+            Some(30),
+            Some(30),
+            Some(u16::MAX),
+            Some(u16::MAX),
+            None,
+        ];
+        assert_eq!(least, expected);
+    }
+
+    /// 25 cells of 30 mm more than at the last view that showed something are news.
+    #[test]
+    fn twenty_five_cells_are_news() {
+        let map = room(false);
+        let known = Explore::new(Sought::Floor).frontiers.known_cells(&map);
+        let vain = |before: u32| {
+            let mut explore = Explore::new(Sought::Floor);
+            (explore.known, explore.vain) = (known - before, 3);
+            step(&mut explore, &map, MIDDLE);
+            (explore.vain, explore.known == known)
+        };
+        assert_eq!([24, 25].map(vain), [(4, false), (0, true)]);
+    }
+
+    /// Nine by ten cells are the floor that the robot stands on; with fewer there is no map yet.
+    #[test]
+    fn ninety_cells_are_a_map() {
+        let seconds = [90, 89].map(|cells: usize| {
+            let mut map = std::boxed::Box::new(Grid::new(10.0));
+            for cell in 0..cells {
+                let (x, y) = (30 + cell % 10, 30 + cell / 10);
+                let fine = (0..9).map(|fine| (3 * x + fine % 3, 3 * y + fine / 3));
+                fine.for_each(|(x, y)| map.set(x, y, 0));
+            }
+            let mut explore = Explore::new(Sought::Floor);
+            (explore.vain, explore.known) = (9, 1_000);
+            step(&mut explore, &map, Pose::new(1_000.0, 1_000.0, 0.0));
+            explore.vain
+        });
+        assert_eq!(seconds, [10, 0]);
+    }
+
+    fn on_the_way(x_mm: f32, way_cells: u16, scans: u16, age: u8) -> Explore {
+        let mut explore = Explore::new(Sought::Floor);
+        let place = Point::new(x_mm, 900.0);
+        let view = View { place, way_cells };
+        explore.at = Some(At::Way { view, scans, age });
+        explore
+    }
+
+    /// A way of 10 cells may take 100 scans and two for each cell.
+    #[test]
+    fn a_way_that_takes_too_long_is_given_up() {
+        let map = room(true);
+        let after = |scans| {
+            let mut explore = on_the_way(1_200.0, 10, scans, 0);
+            step(&mut explore, &map, MIDDLE);
+            explore.at
+        };
+        assert!(matches!(
+            after(120),
+            Some(At::Way {
+                scans: 121,
+                age: 1,
+                ..
+            })
+        ));
+        assert!(after(121).is_none());
+    }
+
+    /// Each fifth scan the view is judged again: behind an open door it still shows something, in a
+    /// closed room nothing.
+    #[test]
+    fn a_view_is_judged_again_each_second() {
+        let after = |map: &Grid, age| {
+            let mut explore = on_the_way(1_200.0, 10, 7, age);
+            step(&mut explore, map, MIDDLE);
+            explore.at
+        };
+        let (open, closed) = (room(true), room(false));
+        assert!(matches!(
+            after(&closed, 4),
+            Some(At::Way {
+                scans: 8,
+                age: 5,
+                ..
+            })
+        ));
+        // Another view is chosen; there is none.
+        assert!(matches!(after(&closed, 5), Some(At::Way { scans: 7, .. })));
+        let mut explore = on_the_way(1_200.0, 10, 7, 5);
+        explore
+            .frontiers
+            .next_view(&open, (&BODY, Outlook::SMALL), MIDDLE, &Surroundings::EMPTY);
+        assert!(step(&mut explore, &open, MIDDLE) != HALT);
+        assert!(matches!(
+            explore.at,
+            Some(At::Way {
+                scans: 8,
+                age: 0,
+                ..
+            })
+        ));
+    }
+
+    /// At its view the robot stands for four scans more as long as something is to be seen there, then
+    /// it gives that up.
+    #[test]
+    fn the_robot_looks_for_a_second_where_it_has_arrived() {
+        let (open, closed) = (room(true), room(false));
+        let there = Pose::new(1_200.0, 900.0, 0.0);
+        let mut explore = on_the_way(1_200.0, 10, 7, 0);
+        explore
+            .frontiers
+            .next_view(&open, (&BODY, Outlook::SMALL), there, &Surroundings::EMPTY);
+        for expected in 0..=4 {
+            assert_eq!(step(&mut explore, &open, there), HALT);
+            assert!(matches!(explore.at, Some(At::Look { scans, .. }) if scans == expected));
+        }
+        let is_worth = |explore: &mut Explore| {
+            let outlook = explore.frontiers.outlook(&open, there.position());
+            outlook.is_worth_a_way()
+        };
+        assert!(is_worth(&mut explore));
+        assert_eq!(step(&mut explore, &open, there), HALT);
+        assert!(explore.at.is_none() && !is_worth(&mut explore));
+        let place = there.position();
+        explore.at = Some(At::Look { place, scans: 0 });
+        step(&mut explore, &closed, there);
+        assert!(explore.at.is_none());
+    }
+
+    /// Beside a wall that was not felt the robot turns on the spot, half a turn and a little more;
+    /// what was not felt by then is given up.
+    #[test]
+    fn the_robot_turns_before_walls_that_it_has_not_felt() {
+        let map = room(false);
+        let place = Point::new(520.0, 900.0);
+        let mut explore = Explore::new(Sought::FloorAndHeat);
+        explore.at = Some(At::Look { place, scans: 0 });
+        let mut turn = |heading| {
+            let set_point = step(&mut explore, &map, Pose::new(520.0, 900.0, heading));
+            let turned = match explore.at {
+                Some(At::Turn { turned, .. }) => turned,
+                _ => -1.0,
+            };
+            (set_point, turned)
+        };
+        assert_eq!(turn(0.5), (HALT, 0.0));
+        for (heading, expected) in [(1.5, 1.0), (1.0, 1.5), (2.8, 3.3), (2.8, 3.3)] {
+            let (set_point, turned) = turn(heading);
+            assert!(
+                set_point == [-9, 9] && (turned - expected).abs() < 1e-5,
+                "{turned}"
+            );
+        }
+        assert_eq!(turn(2.91), (HALT, -1.0));
+        assert!(!explore.frontiers.outlook(&map, place).is_to_be_felt());
+        // What has been felt meanwhile ends the turn as well.
+        explore.at = Some(At::Turn {
+            place,
+            heading: 0.0,
+            turned: 0.0,
+        });
+        assert_eq!(step(&mut explore, &map, Pose::new(520.0, 900.0, 0.1)), HALT);
+        assert!(explore.at.is_none());
+    }
+
+    /// Both heat sensors look aside: what lies ahead is not felt, and not what is warm.
+    #[test]
+    fn only_what_lies_beside_is_felt() {
+        let map = room(false);
+        let unfelt = |heading, is_felt| {
+            let mut explore = Explore::new(Sought::FloorAndHeat);
+            let pose = Pose::new(520.0, 900.0, heading);
+            let before = explore.frontiers.outlook(&map, pose.position()).unfelt;
+            explore.feel(Sight {
+                map: &map,
+                pose,
+                around: &Surroundings::EMPTY,
+                is_felt,
+            });
+            before - explore.frontiers.outlook(&map, pose.position()).unfelt
+        };
+        assert_eq!(unfelt(0.0, [true; 2]), 0);
+        // Turned to the right its left sensor sees the room, its right one the wall behind.
+        assert_eq!(unfelt(-FRAC_PI_2, [true, false]), 0);
+        assert!(unfelt(-FRAC_PI_2, [false, true]) > 0);
+        assert!(unfelt(FRAC_PI_2, [true, false]) > 0);
+        assert_eq!(unfelt(FRAC_PI_2, [false, true]), 0);
+    }
+
+    /// Home is where the search began, or what it is told if it never did.
+    #[test]
+    fn the_robot_goes_home_to_where_it_began() {
+        let map = room(false);
+        let mut explore = Explore::new(Sought::Floor);
+        assert!(!explore.has_begun());
+        explore.at = Some(At::Look {
+            place: MIDDLE.position(),
+            scans: 0,
+        });
+        explore.go_home(Point::new(500.0, 900.0));
+        assert!(explore.has_begun() && explore.at.is_none());
+        assert!(step(&mut explore, &map, MIDDLE) != HALT);
+        assert_eq!(explore.progress(), Progress::GoesHome);
+        explore.pause();
+        assert_eq!(
+            (explore.progress(), explore.has_begun()),
+            (Progress::GoesHome, true)
+        );
+        assert_eq!(step(&mut explore, &map, Pose::new(500.0, 900.0, 0.0)), HALT);
+        assert_eq!(explore.progress(), Progress::IsHome);
+        assert_eq!(step(&mut explore, &map, MIDDLE), HALT);
+        (explore.vain, explore.is_second) = (5, true);
+        explore.pause();
+        assert_eq!(
+            (explore.progress(), explore.has_begun()),
+            (Progress::Seeks, false)
+        );
+        assert_eq!((explore.vain, explore.is_second), (0, false));
+        step(&mut explore, &map, MIDDLE);
+        explore.go_home(Point::new(500.0, 900.0));
+        assert_eq!(explore.home, Some(MIDDLE.position()));
+    }
 }
