@@ -134,4 +134,34 @@ mod tests {
         let bound = |pushes| lost.bound(Pose::default(), pushes);
         assert!(bound(Pushes::Followed).is_none() && bound(Pushes::Unlikely).is_some());
     }
+
+    /// 100 mm and half a radian unseen, and what is not sure beyond that; no more than was said. Who
+    /// was seen all the time may have drifted if nobody pushes, and be anywhere if somebody does.
+    #[test]
+    fn a_lost_robot_is_sought_as_far_as_it_may_have_moved() {
+        let pose = Pose::new(1.0, 2.0, 3.0);
+        let bound = |lost: &Lost, pushes| {
+            lost.bound(pose, pushes)
+                .map(|it| (it.centre, it.mm, it.rad))
+        };
+        let mut lost = Lost::NONE;
+        assert_eq!(bound(&lost, Pushes::Unlikely), Some((pose, 3_000.0, 0.7)));
+        assert_eq!(bound(&lost, Pushes::Followed), None);
+        lost.lose([100.0, 0.5], [280.0, 1.25]);
+        assert_eq!(
+            bound(&lost, Pushes::Followed),
+            Some((pose, 250.0, 0.5 + MARGIN_RAD))
+        );
+        lost.lose([100.0, 0.5], [280.0, 1.25]);
+        assert_eq!(
+            bound(&lost, Pushes::Unlikely),
+            Some((pose, 350.0, 1.0 + MARGIN_RAD))
+        );
+        lost.lose([100.0, 0.5], [280.0, 1.25]);
+        assert_eq!(
+            bound(&lost, Pushes::Followed),
+            Some((pose, 430.0, 1.25 + MARGIN_RAD))
+        );
+        assert_eq!(lost.unseen_rad(), 1.25);
+    }
 }

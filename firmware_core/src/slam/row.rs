@@ -420,4 +420,20 @@ mod tests {
             Sums::from_lanes(|_| u16::MAX)
         );
     }
+
+    /// Row after row as [`Cut::has_end`] says, for windows all around a map that is as wide as the
+    /// lanes or wider; on a narrower one each row has ends.
+    #[test]
+    fn the_rows_with_ends_are_those_that_hang_over() {
+        let mut narrow = 0;
+        for left in -40..60 {
+            for low in -40..60 {
+                let expected = (0..32).filter(|row| Cut::has_end::<48, 50>(left, low + row));
+                let bits = expected.fold(0, |bits, row| bits | 1_u32 << row);
+                assert_eq!(Cut::ends::<48, 50>(left, low), bits, "{left} {low}");
+                narrow |= !Cut::ends::<20, 50>(left, low);
+            }
+        }
+        assert_eq!(narrow, 0);
+    }
 }

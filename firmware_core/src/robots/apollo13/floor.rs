@@ -617,4 +617,36 @@ mod tests {
         assert!(!floor.costs(Instant::ZERO).unwrap().is_obstacle([59, 19]));
         assert!(floor.costs(Instant::ZERO).unwrap().is_obstacle([20, 10]));
     }
+
+    /// Two cells of a piece, four of another.
+    #[test]
+    fn an_even_number_of_sure_cells_is_found() {
+        let mut seen = alloc::vec![0; 200];
+        let all = [10, 11, 130, 140, 150, 160];
+        all.iter().for_each(|at| seen[*at] = SURE);
+        assert!(sure(&seen).eq(all));
+    }
+
+    /// One beam to the right, then one as far to the left: both look through what was there, 1 m away
+    /// at 0.2 rad, cells (20, 14) and (20, 6).
+    #[test]
+    fn beams_to_both_sides_look_through() {
+        let mut floor = empty();
+        let beams = |range_m| {
+            [-0.2, 0.2].map(|bearing_rad| Beam {
+                bearing_rad,
+                range_m,
+            })
+        };
+        floor.see(SCANNER, &beams(1.0));
+        floor.see(SCANNER, &beams(1.0));
+        let are_there = |floor: &mut Floor| {
+            let costs = floor.costs(Instant::ZERO).unwrap();
+            [14, 6].map(|y| costs.is_obstacle([20, y]))
+        };
+        assert_eq!(are_there(&mut floor), [true; 2]);
+        floor.see(SCANNER, &beams(2.0));
+        floor.see(SCANNER, &beams(2.0));
+        assert_eq!(are_there(&mut floor), [false; 2]);
+    }
 }

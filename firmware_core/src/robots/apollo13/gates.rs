@@ -510,4 +510,13 @@ mod tests {
         assert_eq!(gates.next(ORIGIN, anywhere), None);
         assert_eq!(gates.passed(), [[1, 2]]);
     }
+
+    /// A gate right beside the rear axle is not ahead, one a centimetre on is.
+    #[test]
+    fn a_gate_beside_the_car_is_not_ahead() {
+        let gates = seen(Settings::default(), &[(10, [2.4, 1.0]), (11, [1.6, 1.0])]);
+        let at = |x_m| CarPose { x_m, ..ORIGIN };
+        assert_eq!(gates.next(at(2.0), anywhere), None);
+        assert!(gates.next(at(1.99), anywhere).is_some());
+    }
 }

@@ -263,4 +263,30 @@ mod tests {
         watch.next = 1;
         assert_eq!(watch.over(), [0.2, 5.0, 10.0]);
     }
+
+    /// Times of 0 and of more than three tenths of a second, and what is no number, leave no trace.
+    #[test]
+    fn what_is_no_line_leaves_no_trace() {
+        extern crate std;
+        let fresh = std::format!("{:?}", SlipWatch::default());
+        for [passed_s, way_m, felt] in [
+            [0.0, 0.1, 0.0],
+            [-0.01, 0.1, 0.0],
+            [0.301, 0.1, 0.0],
+            [f64::NAN, 0.1, 0.0],
+            [0.01, f64::INFINITY, 0.0],
+            [0.01, 0.1, f64::NAN],
+        ] {
+            let mut watch = SlipWatch::default();
+            watch.update(passed_s, way_m, felt);
+            assert_eq!(
+                std::format!("{watch:?}"),
+                fresh,
+                "{passed_s} {way_m} {felt}"
+            );
+        }
+        let mut watch = SlipWatch::default();
+        watch.update(OVER_S, 0.1, 0.0);
+        assert_ne!(std::format!("{watch:?}"), fresh);
+    }
 }

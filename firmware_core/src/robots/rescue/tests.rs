@@ -7,7 +7,7 @@ use std::vec::Vec;
 
 use protocols::avr::{Frame, registers};
 use protocols::pcui::diagnosis::Condition;
-use protocols::{LineEvent, avr, panel, pcui};
+use protocols::{Decode as _, LineEvent, avr, panel, pcui};
 
 use super::screen::{Action, Hit};
 use super::*;
@@ -268,4 +268,188 @@ fn its_mode_has_a_name() {
     robot.mode = Mode::Manual;
     assert_eq!(robot.mode(), Mode::Manual);
     assert!(robot.search_progress().is_none() && Inspect::is_done(&*robot).is_none());
+}
+
+/// A base that answers all that it is asked, each byte of its registers being `value`.
+fn serve(robot: &mut Rescue, now: Instant, value: u8) {
+    let order = robot.config.checksum_order;
+    let mut decoder = avr::Decoder::new(order);
+    robot.drive.tick(now);
+    let mut buf = [0; 64];
+    while let len @ 1.. = robot.drive.transmit(&mut buf) {
+        let frames: Vec<Frame> = decoder.push(&buf[..len]).flatten().collect();
+        for frame in frames {
+            let answer = match frame.is_write() {
+                true => Frame::read(frame.register(), 0, order),
+                false => {
+                    let registers = [value; 64];
+                    Frame::write(frame.register(), &registers[..frame.count().into()], order)
+                }
+            };
+            robot.drive.receive(now, answer.as_bytes());
+        }
+    }
+}
+
+/// What thermometers and infrared sensors read is placed in the map; a robot that was never
+/// matched, or that is lost, has no place for it. 0x0101 mm are 257.
+#[test]
+fn what_is_felt_counts_where_the_robot_knows_its_place() {
+    let config = Config {
+        sought: crate::navigation::Sought::FloorAndHeat,
+        infrared: Infrared::Read,
+        ..Config::default()
+    };
+    let takes = |matched: bool, lost: bool| {
+        let mut robot = Box::new(Rescue::new(config));
+        robot.mode = Mode::Explore;
+        for _ in 0..if lost { 3 } else { 2 } {
+            let doubtful = crate::slam::Certainty::Doubtful;
+            robot.lost.after(&mut robot.mapper, doubtful);
+        }
+        assert_eq!(robot.is_lost(), lost);
+        serve(&mut robot, at(0), 1);
+        serve(&mut robot, at(200), 1);
+        robot.matched = matched.then(|| (at(200), Pose::default()));
+        let before = std::format!("{:?}", robot.victims);
+        robot.feel(at(200));
+        robot.look_near(at(200));
+        // What was read is asked for once.
+        assert!(robot.drive.take_heat().is_none() && robot.drive.take_infrared().is_none());
+        let places = robot.blind.seen_from(Pose::default()).count();
+        (std::format!("{:?}", robot.victims) != before, places > 0)
+    };
+    assert_eq!(takes(true, false), (true, true));
+    assert_eq!(takes(false, false), (false, false));
+    assert_eq!(takes(true, true), (false, false));
+}
+
+/// Rows out, taps in: a pen that comes down is one.
+#[test]
+fn what_the_display_gets_and_tells_is_counted() {
+    let mut robot = robot();
+    assert_eq!(robot.display_traffic(), [0, 0]);
+    robot.poll(at(0));
+    let rows = robot.display_traffic()[0];
+    assert!(rows >= 8, "a tile has eight rows: {rows}");
+    for (millis, contact) in [(20, panel::Contact::Down), (40, panel::Contact::Up)] {
+        let report = panel::encode_pen(panel::Pen {
+            contact,
+            reading: [4_000, 4_000],
+        });
+        robot.receive(Rescue::DISPLAY, at(millis), &report);
+    }
+    assert_eq!(robot.display_traffic()[1], 1);
+}
+
+/// Two turns of 300 rpm; the second one is whole.
+fn turn_the_lidar(robot: &mut Rescue, until: u64) {
+    for packet in 0..180_u8 {
+        let speed = xv11::SpeedWord(300 * 64);
+        let reading = xv11::Reading::Range {
+            distance_mm: 1_000,
+            strength: 200,
+            weak: false,
+        };
+        let frame = xv11::Frame::new(packet, speed, [reading.into(); 4]);
+        let millis = until - 400 + 400 * u64::from(packet) / 179;
+        robot.receive(Rescue::LIDAR, at(millis), frame.as_bytes());
+    }
+}
+
+/// A turn is looked at once the encoders behind it have been read, or 30 ms later.
+#[test]
+fn a_turn_waits_for_the_encoders_for_thirty_milliseconds() {
+    // A base that is silent would not be waited for.
+    let mut robot = Box::new(Rescue::new(Config {
+        reply_timeout: Duration::from_millis(100),
+        ..Config::default()
+    }));
+    robot.poll(at(0));
+    serve(&mut robot, at(0), 0);
+    turn_the_lidar(&mut robot, 1_000);
+    assert!(robot.lidar.has_turn() && robot.phase == Phase::Waiting);
+    assert_eq!(robot.poll_at(), Some(Instant::ZERO));
+    let since = at(1_001);
+    robot.poll(since);
+    assert_eq!(robot.phase, Phase::Reading { since });
+    assert!(
+        robot
+            .poll_at()
+            .is_some_and(|at| at > since && at <= since + WHEELS_WAIT)
+    );
+    robot.poll(at(1_030));
+    assert_eq!(
+        (robot.phase, robot.counters.scans),
+        (Phase::Reading { since }, 0)
+    );
+    let mut read = robot.clone();
+    robot.poll(at(1_031));
+    assert_eq!(
+        (robot.phase, robot.counters.scans),
+        (Phase::Matched { since }, 1)
+    );
+    assert_eq!(robot.poll_at(), Some(Instant::ZERO));
+    robot.poll(at(1_032));
+    assert_eq!(robot.phase, Phase::Waiting);
+    serve(&mut read, at(1_030), 0);
+    assert_eq!(read.poll_at(), Some(Instant::ZERO));
+    read.poll(at(1_030));
+    assert_eq!(
+        (read.phase, read.counters.scans),
+        (Phase::Matched { since }, 1)
+    );
+}
+
+/// An order by hand ends a second after it; an old one of a robot that does something else is
+/// nothing to wake up for.
+#[test]
+fn only_an_order_by_hand_has_an_end() {
+    let mut robot = robot();
+    robot.ordered_at = at(100);
+    robot.poll(at(20_000));
+    assert!(
+        robot.next_attention() > at(1_100),
+        "{:?}",
+        robot.next_attention()
+    );
+    robot.mode = Mode::Manual;
+    assert_eq!(robot.next_attention(), at(1_100));
+}
+
+/// The search is over when the robot is home, and not before it was asked for.
+#[test]
+fn a_search_is_done_at_home() {
+    let mut robot = robot();
+    assert_eq!(
+        (Inspect::is_done(&*robot), robot.search_progress()),
+        (None, None)
+    );
+    let pose = robot.mapper.pose();
+    robot.explore.go_home(pose.position());
+    assert_eq!(Inspect::is_done(&*robot), Some(false));
+    robot.search(at(5), pose, &Surroundings::EMPTY);
+    assert_eq!(Inspect::is_done(&*robot), Some(true));
+    assert_eq!(robot.search_progress(), Some(Progress::IsHome));
+}
+
+/// No module answers: after all rates were tried the radio is used as it is.
+#[test]
+fn a_radio_that_does_not_answer_is_used_all_the_same() {
+    let settings = crate::radio_setup::Settings {
+        found_baud: 9_600,
+        baud: 460_800,
+        name: "robot",
+        pin: *b"1234",
+    };
+    let mut robot = Box::new(Rescue::new(Config {
+        radio_setup: Some(settings),
+        ..Config::default()
+    }));
+    assert!(!robot.uses_radio());
+    let is_over = (0..600).position(|tenth| {
+        robot.set_radio_up(at(100 * tenth));
+        robot.uses_radio()
+    });
+    assert!(is_over.is_some_and(|tenths| tenths > 5), "{is_over:?}");
 }

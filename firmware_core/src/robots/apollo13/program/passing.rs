@@ -176,4 +176,129 @@ mod tests {
         };
         assert_eq!(through(on_the_spot), [before, before]);
     }
+
+    fn car() -> Apollo13 {
+        let floor = FloorPlan {
+            width: 120,
+            cell_m: 0.05,
+            origin_m: [0.0; 2],
+            obstacles: alloc::vec![false; 120 * 80],
+        };
+        Apollo13::new(super::super::Config {
+            floor,
+            start: HERE,
+            ..super::super::Config::default()
+        })
+    }
+
+    const HERE: CarPose = CarPose {
+        x_m: 1.5,
+        y_m: 2.0,
+        heading_rad: 0.0,
+    };
+
+    fn passage() -> Passage {
+        Passage {
+            gate: [1, 2],
+            before: HERE.shifted(2.0),
+            middle: HERE.shifted(2.9),
+            behind: HERE.shifted(3.5),
+        }
+    }
+
+    /// There is no way to the place before its gate: the gate is none of the car's any more.
+    #[test]
+    fn a_gate_that_cannot_be_reached_is_given_up() {
+        let mut car = car();
+        car.passage = Some(passage());
+        car.pilot.set_goal(Some(passage().before));
+        car.choose_gate(HERE);
+        assert!(car.passage.is_some() && car.pilot.state() == GoalState::Planning);
+        car.pilot.drive(car.now, HERE, || None);
+        assert_eq!(car.pilot.state(), GoalState::GivenUp);
+        car.choose_gate(HERE);
+        assert!(car.passage.is_none());
+        assert_eq!(car.pilot.state(), GoalState::None);
+    }
+
+    /// On the way to a gate, or to any other goal, no gate is looked for; on the way to a place to look
+    /// from, once a second.
+    #[test]
+    fn gates_are_looked_for_on_the_way_to_a_place_to_look_from() {
+        let looked = |passage, places, since_ms: Option<u64>| {
+            let mut car = car();
+            car.now = Instant::from_millis(5_000);
+            car.passage = passage;
+            car.search.places = places;
+            car.search.looked = since_ms.map(|ms| Instant::from_millis(5_000 - ms));
+            car.pilot.set_goal(Some(HERE.shifted(3.0)));
+            car.choose_gate(HERE);
+            assert_eq!(car.pilot.goal(), Some(HERE.shifted(3.0)));
+            car.search.looked == Some(car.now)
+        };
+        assert!(!looked(None, 0, None) && !looked(Some(passage()), 3, None));
+        assert!(looked(None, 3, None) && looked(None, 3, Some(1_000)));
+        assert!(!looked(None, 3, Some(999)));
+    }
+
+    /// A gate of 0.8 m that comes into sight ends the search, but not what the car was asked for.
+    #[test]
+    fn a_gate_in_sight_ends_the_search() {
+        let mut car = car();
+        car.search = Search {
+            is_asked: true,
+            since: Some(Instant::ZERO),
+            places: 3,
+            looked: None,
+        };
+        car.gates.see(10, [3.5, 2.4]);
+        car.gates.see(11, [3.5, 1.6]);
+        car.choose_gate(HERE);
+        let passage = car.passage.expect("a gate ahead");
+        assert_eq!(car.pilot.goal(), Some(passage.before));
+        let search = car.search;
+        assert!(search.is_asked && search.since.is_none() && search.places == 0);
+        // It is there: straight through.
+        car.choose_gate(HERE);
+        assert_eq!(car.pilot.goal(), Some(passage.before));
+        car.pilot.drive(car.now, passage.before, || None);
+        assert_eq!(car.pilot.state(), GoalState::Reached);
+        car.choose_gate(passage.before);
+        assert_eq!(car.pilot.path(), through(passage));
+    }
+
+    /// Without a gate for two seconds the car looks for one elsewhere if somebody asked for more of
+    /// them: in the middle of the map, 3 m by 2 m, the first of four ways.
+    #[test]
+    fn after_two_seconds_a_gate_is_looked_for_elsewhere() {
+        let goes = |is_asked: bool, after_ms: u64| {
+            let mut car = car();
+            car.search.is_asked = is_asked;
+            car.choose_gate(HERE);
+            assert_eq!(
+                (car.pilot.goal(), car.search.since),
+                (None, Some(Instant::ZERO))
+            );
+            car.now = Instant::from_millis(after_ms);
+            car.choose_gate(HERE);
+            assert_eq!(car.search.looked, Some(car.now));
+            car.pilot
+                .goal()
+                .map(|goal| (goal.x_m, goal.y_m, car.search.places))
+        };
+        assert_eq!(goes(true, 1_999), None);
+        assert_eq!(goes(false, 5_000), None);
+        assert_eq!(goes(true, 2_000), Some((3.0, 2.0, 1)));
+        // After the twelfth place there is none.
+        let mut car = car();
+        car.search = Search {
+            is_asked: true,
+            since: Some(Instant::ZERO),
+            places: 12,
+            looked: None,
+        };
+        car.now = Instant::from_millis(9_000);
+        car.choose_gate(HERE);
+        assert_eq!((car.pilot.goal(), car.search.places), (None, 12));
+    }
 }

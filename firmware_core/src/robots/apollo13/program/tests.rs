@@ -486,3 +486,69 @@ fn an_observer_is_told_pose_and_counts() {
     assert_eq!(count("board frames"), Some(9));
     assert_eq!(count("board bad frames"), Some(0));
 }
+
+/// Two bytes each 20 ms to the board, each millisecond by the fielded habit; the odometer's port
+/// may be opened at any time.
+#[test]
+fn each_port_has_its_line_and_its_time() {
+    for (floods, every_ms) in [(false, 20), (true, 1)] {
+        let mut config = Config::default();
+        config.defects.floods = floods;
+        let mut car = Apollo13::new(config);
+        assert_eq!(car.poll_at(), Some(Instant::ZERO));
+        assert!(car.may_send(Apollo13::ODOMETER) && !car.may_send(Apollo13::CAR));
+        car.poll(Instant::from_millis(5));
+        assert_eq!(car.poll_at(), Some(Instant::from_millis(5 + every_ms)));
+        assert!(car.may_send(Apollo13::CAR) && !car.may_send(Apollo13::SCAN));
+        let mut buf = [0; 8];
+        assert_eq!(car.transmit(Apollo13::ODOMETER, &mut buf), 0);
+        assert_eq!(car.transmit(Apollo13::CAR, &mut buf), 2);
+        assert!(!car.may_send(Apollo13::CAR));
+        car.poll(Instant::from_millis(4 + every_ms));
+        assert!(!car.may_send(Apollo13::CAR));
+        car.poll(Instant::from_millis(5 + every_ms));
+        assert!(car.may_send(Apollo13::CAR));
+    }
+    let car = Apollo13::new(Config::default());
+    let ports = [
+        Apollo13::CAR,
+        Apollo13::ODOMETER,
+        Apollo13::SCAN,
+        Apollo13::REMOTE,
+    ];
+    let bauds = ports.map(|port| car.line_config(port).baud);
+    assert_eq!(
+        bauds,
+        [car_board::BAUD, odometer::BAUD, 20_000_000, 20_000_000]
+    );
+}
+
+/// Half a second after the last distance a wall is not followed any more; without one to follow
+/// never.
+#[test]
+fn a_wall_is_followed_as_long_as_it_is_heard() {
+    let hears = |wall, heard_ms: Option<u64>| {
+        let mut car = Apollo13::new(Config {
+            wall,
+            ..Config::default()
+        });
+        car.now = Instant::from_millis(1_000);
+        car.wall_heard = heard_ms.map(Instant::from_millis);
+        car.hears_wall()
+    };
+    let wall = Some((Side::Left, 0.4));
+    assert!(hears(wall, Some(500)) && !hears(wall, Some(499)));
+    assert!(!hears(wall, None) && !hears(None, Some(1_000)));
+}
+
+/// 25 cm ahead is near enough to go on; nothing heard is nothing there.
+#[test]
+fn what_is_nearer_than_25_cm_is_too_near() {
+    let mut car = Apollo13::new(Config::default());
+    let mut is_too_near = |front_m| {
+        car.ultrasound_m = [front_m, Some(0.01), Some(0.01)];
+        car.is_too_near()
+    };
+    let found = [None, Some(0.24), Some(0.25), Some(2.0)].map(&mut is_too_near);
+    assert_eq!(found, [false, true, false, false]);
+}

@@ -483,3 +483,33 @@ fn the_track_is_kept_each_twenty_centimetres() {
     });
     assert_eq!(kept, [1, 1, 1, 2, 2, 2, 3]);
 }
+
+/// The same corridors from a car that is 5 m farther on, along x and along y: the edge is looked
+/// for from where the car is.
+#[test]
+fn where_an_edge_lies_is_seen_from_the_car() {
+    let quarter = core::f64::consts::FRAC_PI_2;
+    for is_turned in [false, true] {
+        let is_ahead = |heading_rad: f64, from_m: f64, to_m: f64| {
+            let mut survey = corridor(5.0 + from_m, 5.0 + to_m);
+            let mut pose = CarPose {
+                heading_rad,
+                ..at(5.01)
+            };
+            if is_turned {
+                let cells = survey.cells.clone();
+                for (index, cell) in cells.iter().enumerate() {
+                    survey.cells[index % SIDE * SIDE + index / SIDE] = *cell;
+                }
+                pose = CarPose {
+                    x_m: pose.y_m,
+                    y_m: pose.x_m,
+                    heading_rad: quarter - heading_rad,
+                };
+            }
+            let (_, edge) = edges::next(&survey, &costs(&survey), pose, |_| true).unwrap();
+            edge[usize::from(is_turned)] > 5.0
+        };
+        assert!(is_ahead(0.0, -4.0, 5.0) && !is_ahead(quarter * 2.0, -4.0, 5.0));
+    }
+}

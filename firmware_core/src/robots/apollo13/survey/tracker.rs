@@ -726,4 +726,63 @@ mod tests {
         assert!(y_m(0.19).is_some_and(|y| (y - 0.1).abs() < 1e-9));
         assert!(y_m(0.21).is_some_and(|y| (y - 0.3).abs() < 1e-9));
     }
+
+    /// 4 + 2 + 9, 1 + 10 + 6 and 3 + 4 + 18 with 1, 2 and 3.
+    #[test]
+    fn normal_equations_with_unlike_entries_are_solved() {
+        let sum = Sum {
+            matrix: [4.0, 1.0, 3.0, 5.0, 2.0, 6.0],
+            right: [15.0, 17.0, 25.0],
+        };
+        for (found, expected) in sum.solved().into_iter().zip([1.0, 2.0, 3.0]) {
+            assert!((found - expected).abs() < 1e-9);
+        }
+    }
+
+    /// Places on the wall before the camera, each 2 cm, so far behind it.
+    fn behind_the_wall(of: &[(core::ops::Range<i32>, f64)]) -> Vec<Sighting> {
+        let one = |n: i32, behind_m: f64| Sighting {
+            at: [2.1 + behind_m, f64::from(n) * 0.02 + 0.01],
+            sigma: SIGMA_M,
+            along: Some([0.0, 1.0]),
+        };
+        let all = of.iter();
+        all.flat_map(|(part, behind_m)| part.clone().map(move |n| one(n, *behind_m)))
+            .collect()
+    }
+
+    const HALF_A_METRE: Motion = Motion {
+        ahead_m: 0.5,
+        left_m: 0.0,
+        turn_rad: 0.0,
+    };
+
+    /// In its first rounds a point may be 25 cm off its line, in the rest 12 cm: an odometry that is
+    /// 20 cm off is found, one that is 26 cm off is not.
+    #[test]
+    fn a_line_is_sought_far_first_and_near_then() {
+        let seen = behind_the_wall(&[(-40..40, 0.0)]);
+        let laid = |off_m: f64| {
+            let mut tracker = before_a_wall();
+            let told = CarPose {
+                x_m: off_m,
+                ..CarPose::default()
+            };
+            let pose = tracker.laid(told, HALF_A_METRE, &seen);
+            (pose.x_m, tracker.is_fitting())
+        };
+        let (x_m, is_fitting) = laid(0.20);
+        assert!(is_fitting && x_m.abs() < 0.005, "{x_m}");
+        assert_eq!(laid(0.26), (0.26, false));
+    }
+
+    /// Sixty points on the wall and twenty 10 cm behind it, which count for no more than at 3 cm:
+    /// sixty times x is twenty times 3 cm, so that the camera is drawn 1 cm.
+    #[test]
+    fn what_is_far_off_its_line_draws_no_more() {
+        let seen = behind_the_wall(&[(-40..-10, 0.0), (-10..10, 0.1), (10..40, 0.0)]);
+        let mut tracker = before_a_wall();
+        let pose = tracker.laid(CarPose::default(), HALF_A_METRE, &seen);
+        assert!((pose.x_m + 0.01).abs() < 0.002, "{pose:?}");
+    }
 }

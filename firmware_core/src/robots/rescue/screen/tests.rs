@@ -15,7 +15,7 @@ use protocols::Decode;
 use protocols::panel::{self, Command, Contact, Pen, encode_pen};
 
 use super::*;
-use crate::pose::Point;
+use crate::pose::{Point, Pose};
 
 const BLACK: u16 = 0x0000;
 const WHITE: u16 = 0xFFFF;
@@ -505,5 +505,72 @@ fn messages_tell_what_changed() {
     assert_eq!(
         ends.map(|entry| entry.map(|entry| entry.at_s)),
         [Some(39), Some(15)]
+    );
+}
+
+/// What the robot has told so far, the newest first.
+fn told(robot: &super::super::Rescue) -> Vec<Notice> {
+    robot
+        .screen
+        .notices
+        .newest()
+        .map(|entry| entry.notice)
+        .collect()
+}
+
+fn robot() -> std::boxed::Box<super::super::Rescue> {
+    std::boxed::Box::new(super::super::Rescue::new(super::super::Config::default()))
+}
+
+/// 20 mm from the rim, there again, back in the middle, and at the rim once more.
+#[test]
+fn each_time_that_the_map_ends_is_told_once() {
+    let mut robot = robot();
+    let mut count = |x_mm: f32, y_mm: f32| {
+        robot.mapper.set_pose(Pose::new(x_mm, y_mm, 0.0));
+        robot.watch_health(Instant::ZERO);
+        told(&robot)
+            .iter()
+            .filter(|it| **it == Notice::OffMap)
+            .count()
+    };
+    assert_eq!([count(1_500.0, 1_500.0), count(20.0, 1_500.0)], [0, 1]);
+    assert_eq!([count(30.0, 1_500.0), count(2_990.0, 1_500.0)], [1, 1]);
+    assert_eq!([count(1_500.0, 1_500.0), count(1_500.0, 2_990.0)], [1, 2]);
+    assert_eq!([count(1_500.0, 1_500.0), count(1_500.0, 10.0)], [2, 3]);
+}
+
+/// When the search turns into the way home, once.
+#[test]
+fn that_nothing_is_left_is_told_once() {
+    let mut robot = robot();
+    let place = |degree: u16| {
+        let (sin, cos) = crate::pose::sin_cos(f32::from(degree).to_radians());
+        let far = 600.0 / sin.abs().max(cos.abs());
+        Point::new(far * cos, far * sin)
+    };
+    let points: Vec<Point> = (0..360).map(place).collect();
+    let scan = crate::scan::Scan::from_points(&points, Instant::ZERO, Instant::ZERO);
+    for _ in 0..20 {
+        robot.mapper.draw(&scan, [0; 2]);
+    }
+    let pose = robot.mapper.pose();
+    let around = crate::navigation::Surroundings::EMPTY;
+    let counts = [(); 20].map(|()| {
+        robot.search(Instant::ZERO, pose, &around);
+        let count = told(&robot)
+            .iter()
+            .filter(|it| **it == Notice::Explored)
+            .count();
+        (
+            robot.explore.progress() != super::super::Progress::Seeks,
+            count,
+        )
+    });
+    assert_eq!((counts[0], counts[19]), ((false, 0), (true, 1)));
+    assert!(
+        counts
+            .iter()
+            .all(|(is_over, count)| usize::from(*is_over) == *count)
     );
 }

@@ -175,3 +175,87 @@ fn a_frame_counts_when_the_board_is_quiet() {
     assert!(before <= 1 && car.board_heard.is_none());
     assert_eq!(car.ultrasound_m()[0], Some(1.0));
 }
+
+/// While it was silent the odometer counted 8 cm less than the board, three pulses, or more: half a
+/// metre by the board, and 41, 43 or minus 43 cm by the odometer.
+#[test]
+fn an_odometer_that_missed_three_pulses_was_deaf() {
+    let mut car = car();
+    car.odometry.update(1.0, 0.0);
+    car.at_line = (
+        car.odometry.clone(),
+        CarPose {
+            x_m: -0.4,
+            y_m: 0.3,
+            ..CarPose::default()
+        },
+    );
+    let missed = [0.41, -0.41, 0.43, -0.43, 0.6].map(|way_m| car.has_missed_way(1.0 + way_m));
+    assert_eq!(missed, [true, true, false, false, false]);
+}
+
+/// Frames that tell of what cannot be are counted and tell nothing.
+#[test]
+fn frames_of_the_board_that_are_damaged_are_counted() {
+    let mut car = car();
+    let readings = car_board::Readings {
+        front_cm: 100,
+        battery_mv: 7_400,
+        ..car_board::Readings::default()
+    };
+    let mut bytes = readings.encode().as_bytes().to_vec();
+    // Its range to the front is 65 m and more.
+    bytes[3] = 0xFF;
+    car.hear_board(&bytes);
+    car.now += car_board::IDLE_GAP;
+    car.let_board_idle();
+    let bad = car.counters.bad_frames;
+    assert!(bad > 0 && car.battery_mv() == 0);
+    car.hear_board(&bytes);
+    car.now += car_board::IDLE_GAP;
+    car.let_board_idle();
+    assert_eq!((car.counters.bad_frames, car.counters.frames), (2 * bad, 0));
+}
+
+/// In a hall of 10 m, ten beams that end in mid-air fit nothing: after 40 such scans the car is
+/// lost, once. Each scan that fits takes two of them back.
+#[test]
+fn a_car_is_lost_after_forty_scans_that_do_not_fit() {
+    let is_rim = |at: usize| {
+        [at % 200, at / 200]
+            .iter()
+            .any(|cell| [0, 199].contains(cell))
+    };
+    let mut car = Apollo13::new(Config {
+        floor: crate::robots::apollo13::floor::FloorPlan {
+            width: 200,
+            cell_m: 0.05,
+            origin_m: [0.0; 2],
+            obstacles: (0..200 * 200).map(is_rim).collect(),
+        },
+        start: CarPose {
+            x_m: 5.0,
+            y_m: 5.0,
+            ..CarPose::default()
+        },
+        ..Config::default()
+    });
+    let mut now = CarPose::default();
+    let mut judge = |count: usize| {
+        let beam = crate::particles::Beam {
+            bearing_rad: 0.0,
+            range_m: 1.0,
+        };
+        now.x_m = 0.1 - now.x_m;
+        let localiser = car.localiser.as_mut().expect("there is a plan");
+        assert!(localiser.update(now, &vec![beam; count]));
+        car.judge_fit();
+        (car.misfits, car.counters.lost)
+    };
+    for misfit in 1..=39 {
+        assert_eq!(judge(10), (misfit, 0));
+    }
+    assert_eq!([judge(10), judge(10), judge(10)], [(40, 1); 3]);
+    // Nine beams are too few to say anything.
+    assert_eq!([judge(9), judge(9), judge(10)], [(38, 1), (36, 1), (37, 1)]);
+}

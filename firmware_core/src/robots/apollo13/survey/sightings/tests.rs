@@ -102,3 +102,39 @@ fn the_reach_is_a_distance() {
     assert!(!is_within([3.0, 4.0], 4.999) && !is_within([-3.0, 4.0], 2.5));
     assert!(is_within([0.3, 0.4], 5.0));
 }
+
+/// What has no depth, each tenth column of a wall, is no neighbour of anything.
+#[test]
+fn what_has_no_depth_is_left_out() {
+    let wall = scan(3.0, 0.1, 6);
+    let kept = wall.iter().enumerate().filter(|(at, _)| at % 10 != 0);
+    let kept: Vec<[f64; 2]> = kept.map(|(_, seen)| *seen).collect();
+    let holed = wall
+        .iter()
+        .enumerate()
+        .map(|(at, [bearing, range])| match at % 10 {
+            0 => [*bearing, f64::INFINITY],
+            _ => [*bearing, *range],
+        });
+    let places = |all: Vec<Sighting>| all.iter().map(|it| it.at).collect::<Vec<_>>();
+    assert_eq!(
+        places(sightings(holed, 9.0)),
+        places(sightings(kept.into_iter(), 9.0))
+    );
+}
+
+/// Columns 16 cm apart on a wall 8 m ahead: five to either side span 1.6 m, more than is taken for
+/// straight, but fewer neighbours are none.
+#[test]
+fn five_neighbours_to_either_side_are_asked_however_far_they_are() {
+    let wall = (-10..=10).map(|column| {
+        let t = f64::from(column) * 0.02;
+        [libm::atan(t), 8.0 * libm::sqrt(1.0 + t * t)]
+    });
+    let places = sightings(wall, 9.0);
+    assert_eq!(places.len(), 21);
+    let middle = &places[10];
+    let along = middle.along.expect("it is of a line");
+    assert!((along[1].abs() - 1.0).abs() < 1e-6, "{along:?}");
+    assert!((middle.at[0] - 8.0).abs() < 1e-6, "{middle:?}");
+}
