@@ -293,3 +293,28 @@ fn a_frame_that_an_idle_line_frees_must_be_the_answer() {
         (WHEELS, true)
     );
 }
+
+/// What was read before is left behind ten registers if short replies or acknowledgements are taken
+/// for answers; else there is nothing.
+#[test]
+fn old_data_is_left_behind_a_reply_of_the_fielded_link() {
+    let behind = |takes_short_replies, takes_acknowledgements| {
+        let defects = Defects {
+            takes_short_replies,
+            takes_acknowledgements,
+            ..Defects::NONE
+        };
+        let mut link = BaseLink::with_defects(HighFirst, TIMEOUT, defects);
+        link.stale = [7; READ_MAX];
+        link.submit(at(0), WHEELS);
+        sent(&mut link);
+        link.receive(at(250), &REPLY);
+        match link.take_completion().map(|done| done.outcome) {
+            Some(Outcome::Data(data)) if data[..10] == REPLY[3..13] => data[10..].to_vec(),
+            other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!(behind(false, false), [0; READ_MAX - 10]);
+    assert_eq!(behind(true, false), [7; READ_MAX - 10]);
+    assert_eq!(behind(false, true), [7; READ_MAX - 10]);
+}

@@ -524,4 +524,29 @@ mod tests {
         assert!(sees((10, 11), (30, 11)) && sees((21, 2), (21, 40)) && sees((10, 3), (30, 23)));
         assert!(sees((10, 12), (19, 12)) && sees((10, 8), (30, 18)));
     }
+
+    /// A straight way of 2 m leads over 4 columns of 30 mm and farther on over 10 more: the middle is
+    /// that of the first ones.
+    #[test]
+    fn the_first_stretch_of_a_way_is_told() {
+        let (pose, goal) = (Pose::new(500.0, 1500.0, 0.0), Point::new(2500.0, 1500.0));
+        let (mut planner, map) = (Planner::new(), map(&[]));
+        planner.plan(&map, (&BODY, THIN_MM), pose, goal, &Surroundings::EMPTY);
+        let over = |columns: &[core::ops::Range<u16>]| {
+            let mut cells = Cells::NONE;
+            for x in columns.iter().cloned().flatten() {
+                (0..100).for_each(|y| cells.set(Cell { x, y }));
+            }
+            let middle = planner
+                .stretch_on_way(pose.position(), &cells)
+                .expect("a way");
+            middle.map(|cell| cell.x)
+        };
+        assert_eq!(over(&[30..34, 60..70]), Some(31));
+        assert_eq!(over(&[60..62, 62..70]), Some(64));
+        assert_eq!(over(&[95..97, 97..99]), None);
+        let mut new = Planner::new();
+        new.forget();
+        assert_eq!(new.stretch_on_way(pose.position(), &Cells::NONE), None);
+    }
 }

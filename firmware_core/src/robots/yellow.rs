@@ -367,3 +367,6 @@ impl Master for Yellow {
         Work::NONE
     }
 }
+
+#[cfg(test)]
+mod tests;

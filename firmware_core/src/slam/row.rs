@@ -436,4 +436,17 @@ mod tests {
         }
         assert_eq!(narrow, 0);
     }
+
+    /// Lanes 100, 101 up to 131; of lanes that a mask leaves out nothing counts, and of 131 without its
+    /// lowest two bits 128 is left.
+    #[test]
+    fn the_highest_lane_is_that_of_the_masks() {
+        let sums = Sums::from_lanes(|lane| 100 + u16::try_from(lane).unwrap());
+        let highest = |mask: &dyn Fn(usize) -> u16| sums.highest(&Sums::from_lanes(mask));
+        assert_eq!(highest(&|_| u16::MAX), 131);
+        assert_eq!(highest(&|_| 0), 0);
+        assert_eq!(highest(&|lane| if lane <= 7 { u16::MAX } else { 0 }), 107);
+        assert_eq!(highest(&|lane| if lane == 4 { u16::MAX } else { 0 }), 104);
+        assert_eq!(highest(&|_| !3), 128);
+    }
 }

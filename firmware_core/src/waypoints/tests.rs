@@ -223,3 +223,34 @@ fn links_of_the_sender_break_the_fielded_list() {
     assert_eq!(list(&[-1, 0, 1], unknown), (false, 0));
     assert_eq!(list(&[-1, 7, 0, 0], Defects::NONE), (false, 0));
 }
+
+/// Of 103 waypoints three find no slot; of two with one number left, one finds none.
+#[test]
+fn what_of_a_list_finds_no_room_is_told() {
+    let mut list = Waypoints::new();
+    let many = (0..103).map(|x| sent(-5, x));
+    assert_eq!(
+        (list.replace(many), list.count(), list.is_empty()),
+        (3, 100, false)
+    );
+    assert_eq!((list.replace(core::iter::empty()), list.count()), (0, 0));
+    list.next_id = Some(i16::MAX);
+    let two = [sent(-5, 1), sent(-5, 2)];
+    assert_eq!(
+        (list.replace(two.into_iter()), ids(&list)),
+        (1, [i16::MAX].to_vec())
+    );
+}
+
+/// A list that has lost its first waypoint counts what it does not reach any more.
+#[test]
+fn a_broken_list_counts_more_than_it_reaches() {
+    let mut list = Waypoints::with_defects(Defects {
+        loses_its_ends: true,
+        ..Defects::NONE
+    });
+    (0..3).for_each(|x| _ = list.push([x, 0], 0));
+    assert_eq!((list.count(), list.all().len()), (3, 3));
+    list.remove(0).expect("it is there");
+    assert_eq!((list.count(), list.all().len()), (2, 0));
+}

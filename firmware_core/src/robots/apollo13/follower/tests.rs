@@ -250,3 +250,24 @@ fn a_pose_as_far_as_the_point_ahead_is_the_point() {
     assert!((steering(0.0) - 0.0625 / 0.265_625).abs() < 1e-12);
     assert!((steering(0.125) - 0.0625 / 0.156_25).abs() < 1e-12);
 }
+
+/// A whole circle of 36 poses: halfway round its end lies beside the car, and later behind a
+/// quarter of it ahead; it is driven to its end.
+#[test]
+fn a_way_that_comes_back_to_its_beginning_is_driven_to_its_end() {
+    let poses = (0..=36).map(|step| {
+        let turned = core::f64::consts::PI / 18.0 * f64::from(step);
+        CarPose {
+            x_m: 0.5 * libm::sin(turned),
+            y_m: 0.5 - 0.5 * libm::cos(turned),
+            heading_rad: wrapped(turned),
+        }
+    });
+    let poses: Vec<CarPose> = poses.collect();
+    let mut follower = Follower::new(poses.clone(), Settings::default());
+    for (step, pose) in poses[..35].iter().enumerate() {
+        let driven = follower.step(*pose);
+        assert!(matches!(driven, Step::Drive { .. }), "{step} {driven:?}");
+    }
+    assert_eq!(follower.step(poses[36]), Step::Arrived);
+}

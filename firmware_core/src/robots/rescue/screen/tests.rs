@@ -574,3 +574,19 @@ fn that_nothing_is_left_is_told_once() {
             .all(|(is_over, count)| usize::from(*is_over) == *count)
     );
 }
+
+/// A waypoint that is set is drawn at once, not with the next sweep over the map.
+#[test]
+fn a_new_waypoint_is_drawn_at_once() {
+    let (map, mut waypoints) = (Grid::new(10.0), Waypoints::new());
+    let (mut screen, now) = (Screen::new(), Instant::from_millis(10));
+    let before = shown(&mut screen, now, &view(&map, &waypoints));
+    waypoints.push([1_000, 2_000], 0).expect("there is room");
+    screen.look(now, &view(&map, &waypoints));
+    assert!(screen.has_work(now));
+    let mut after = Picture(before.0.clone());
+    sent(&mut screen, now, &view(&map, &waypoints), &mut after);
+    assert!(after.0 != before.0);
+    screen.look(now, &view(&map, &waypoints));
+    assert!(!screen.has_work(now));
+}
