@@ -128,4 +128,27 @@ mod tests {
         assert_eq!(with_button[..5], usual);
         assert_eq!(with_button[5..], ["stop-button"]);
     }
+
+    /// By half as much again, or backwards if nobody says; sound again when the fault ends.
+    #[test]
+    fn wrong_encoders_are_sound_again_when_the_fault_ends() {
+        let mut base = AvrBase::new(super::super::AvrBaseConfig::default(), 7);
+        let mut factor = |figure, begins| {
+            base.change_fault(Instant::ZERO, "wrong", figure, begins);
+            base.encoders.factor
+        };
+        assert_eq!([factor(Some(1.5), true), factor(None, false)], [1.5, 1.0]);
+        assert_eq!([factor(None, true), factor(Some(1.5), false)], [-1.0, 1.0]);
+        let mut flags = |fault, begins| {
+            base.change_fault(Instant::ZERO, fault, None, begins);
+            (base.encoders.stuck, base.battery.is_low)
+        };
+        assert_eq!(
+            [flags("stuck", true), flags("stuck", false)],
+            [(true, false), (false, false)]
+        );
+        assert_eq!(flags("battery-low", true), (false, true));
+        assert_eq!(flags("battery-low", false), (false, false));
+        assert_eq!(flags("nothing", true), (false, false));
+    }
 }

@@ -116,4 +116,34 @@ mod tests {
         gyro.restart();
         assert_eq!(gyro.sum(Instant::from_secs(20), 3.0), 0.0);
     }
+
+    /// A base without a gyroscope leaves its registers alone; one that has it tells a radian as 57
+    /// degrees.
+    #[test]
+    fn only_a_base_with_a_gyroscope_tells_its_turn() {
+        use crate::avr_base::AvrBaseConfig;
+        use crate::world::{BodyConfig, Pose, Scene, Shape};
+        let told = |imu| {
+            let config = AvrBaseConfig {
+                imu,
+                ..AvrBaseConfig::default()
+            };
+            let mut base = AvrBase::new(config, 7);
+            base.memory.set_i32(YAW, -7);
+            for theta in [0.0, 1.0] {
+                let scene = Scene::new::<Shape>([], vec![]).unwrap();
+                let pose = Pose::new(0.0, 0.0, theta);
+                let world = World::new(scene, BodyConfig::default(), pose, 1).unwrap();
+                base.look_at_turn(&world);
+            }
+            let bytes = [0, 1, 2, 3].map(|at| base.register(YAW + at));
+            i32::from_le_bytes(bytes)
+        };
+        assert_eq!(told(Imu::None), -7);
+        assert!(
+            (5_600..5_860).contains(&told(Imu::Fitted)),
+            "{}",
+            told(Imu::Fitted)
+        );
+    }
 }

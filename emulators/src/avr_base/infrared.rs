@@ -468,4 +468,21 @@ mod tests {
             }
         }
     }
+
+    /// Just above its threshold a curve tells its farthest; what is farther away reads nothing.
+    #[test]
+    fn what_is_farther_than_a_curve_tells_reads_nothing() {
+        for sensor in SHORT.iter().chain(&LONG) {
+            let curve = sensor.curve;
+            let first = curve.threshold() + 1;
+            let farthest = f64::from(curve.distance_mm(first));
+            assert_eq!(curve.raw(farthest), first);
+            assert_eq!(
+                [0.1, 1.0, 900.0].map(|more| curve.raw(farthest + more)),
+                [0; 3]
+            );
+            let nearer = curve.raw(farthest - 20.0);
+            assert!(nearer > first && f64::from(curve.distance_mm(nearer)) <= farthest - 20.0);
+        }
+    }
 }

@@ -884,3 +884,63 @@ fn what_nobody_took_was_not_delivered() {
     lane.drop_under_way();
     assert_eq!((lane.traffic().dropped, lane.traffic().accepted), (11, 3));
 }
+
+/// By its name: no mode, no line; and with power it is as it was when it was plugged in.
+#[test]
+fn off_begins_and_ends_by_its_name() {
+    let mut bench = Bench::connected(at(BAUD));
+    bench.radio.set_fault(bench.now, "off", None, true);
+    bench.robot_sends(b"telemetry");
+    bench.host_sends(b"orders");
+    bench.run_for(SECOND);
+    assert_eq!((bench.host.len(), bench.robot.len()), (0, 0));
+    assert_ne!(bench.radio.mode(), Mode::Data);
+    bench.radio.set_fault(bench.now, "off", None, false);
+    bench.run_for(30 * SECOND);
+    assert_eq!(bench.host.len(), 0);
+    bench.robot_sends(b"AT");
+    bench.run_for(2 * SECOND);
+    assert_eq!(text_of(&bench.robot), "OK");
+}
+
+/// At most so many bytes are under way and delivered but not taken: of a window of 10 that is full
+/// four are taken, and four more go over.
+#[test]
+fn what_nobody_takes_holds_the_air_up() {
+    let mut profile = at(BAUD);
+    (profile.window, profile.frame_max) = (10, 100);
+    let mut lane = lane::Lane::new(&profile, 100, Rng::stream(1, "lane"));
+    let step = Duration::from_micros(50);
+    lane.push(&[7; 40], Instant::ZERO, step);
+    let later = Instant::from_millis(900);
+    lane.shift(Instant::ZERO, later, step);
+    assert_eq!(lane.room(), 100 - 30);
+    lane.deliver();
+    assert!(lane.is_waiting() && !lane.is_moving());
+    let mut buf = [0; 4];
+    assert_eq!(lane.take(&mut buf), 4);
+    lane.shift(later, later + SECOND, step);
+    assert_eq!(lane.room(), 100 - 26);
+}
+
+/// A radio of 1 MB/s behind a UART of 9600 baud: a byte takes 1.04 ms, so a hundred that are told
+/// at once went into the air one after the other, and the last ones are still on their way.
+#[test]
+fn a_fast_radio_waits_for_each_byte_of_the_uart() {
+    let mut profile = at(9_600);
+    profile.rate_bytes_s = 1_000_000;
+    let came = |piece: usize| {
+        let mut bench = Bench::connected(profile.clone());
+        for piece in numbered(100).chunks(piece) {
+            let bytes = u32::try_from(piece.len()).expect("short");
+            bench.now += bench.radio.line_config(Hc06::UART).byte_time() * bytes;
+            bench.radio.receive(Hc06::UART, bench.now, piece);
+        }
+        let told = bench.now;
+        bench.run_for(SECOND);
+        assert_eq!(bench.host.len(), 100);
+        assert!(bench.host[99].0 > told, "{:?} {told:?}", bench.host[99]);
+        bench.host
+    };
+    assert_eq!(came(1), came(100));
+}

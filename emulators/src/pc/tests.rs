@@ -722,3 +722,49 @@ fn a_pc_has_something_to_send_once_it_opens_its_port() {
     pc.write(Instant::ZERO, b"x");
     assert!(pc.may_send(Pc::AIR));
 }
+
+/// The list that is to be sent, and after its echo none.
+#[test]
+fn waypoints_that_were_not_confirmed_are_told() {
+    let list = [[100, 200], [3, 4]];
+    let mut desk = Desk::new(Script::mission(list.to_vec()).expect("two waypoints"));
+    desk.pc.line_event(Pc::AIR, desk.now, LineEvent::Opened);
+    desk.run_until(Instant::from_millis(1_500));
+    assert_eq!(desk.pc.unconfirmed_waypoints(), Some(&list[..]));
+    desk.hears(&echo(&list));
+    assert_eq!(desk.pc.unconfirmed_waypoints(), None);
+    assert_eq!(
+        Pc::new(Script::mission(Vec::new()).expect("short")).unconfirmed_waypoints(),
+        None
+    );
+}
+
+/// What was written goes out before the port is closed; only its own port has changes.
+#[test]
+fn a_port_is_closed_when_all_was_written() {
+    let script = opened_at_once(vec![
+        step(When::AfterConnected(SECOND), Action::Raw(b"abc".to_vec())),
+        step(When::AfterPrevious(Duration::ZERO), Action::Close),
+    ]);
+    let mut pc = Pc::new(script);
+    let mut world = empty_world();
+    pc.poll(Instant::ZERO, &mut world);
+    assert!(pc.may_send(Pc::AIR) && !pc.may_send(Port(9)));
+    assert_eq!(
+        (pc.line_change(Port(9)), pc.line_change(Pc::AIR)),
+        (None, Some(LineEvent::Opened))
+    );
+    assert_eq!(pc.line_change(Pc::AIR), None);
+    pc.line_event(Pc::AIR, Instant::ZERO, LineEvent::Opened);
+    pc.poll(Instant::from_secs(1), &mut world);
+    let mut buf = [0; 2];
+    assert_eq!(
+        (pc.line_change(Pc::AIR), pc.transmit(Port(9), &mut buf)),
+        (None, 0)
+    );
+    assert_eq!((pc.transmit(Pc::AIR, &mut buf), &buf), (2, b"ab"));
+    assert_eq!(pc.line_change(Pc::AIR), None);
+    assert_eq!(pc.transmit(Pc::AIR, &mut buf), 1);
+    assert_eq!(pc.line_change(Pc::AIR), Some(LineEvent::Closed));
+    assert!(!pc.may_send(Pc::AIR));
+}

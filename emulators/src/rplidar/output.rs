@@ -106,3 +106,32 @@ impl Output {
         self.dropped
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn output() -> Output {
+        Output::new(Rng::stream(1, "loss"), Rng::stream(1, "garbage"))
+    }
+
+    /// 4096 bytes wait for a line that takes none; a packet that does not fit whole is dropped.
+    #[test]
+    fn what_does_not_fit_whole_is_dropped() {
+        let (mut output, mut faults) = (output(), Faults::default());
+        assert!(!output.has_bytes());
+        output.send(&[1; UNTAKEN_MAX - 5], &mut faults);
+        output.send(&[2; 6], &mut faults);
+        assert_eq!((output.dropped(), output.queue.len()), (1, UNTAKEN_MAX - 5));
+        output.stream(&[3; 5], &mut faults);
+        assert_eq!((output.dropped(), output.queue.len()), (1, UNTAKEN_MAX));
+        output.send(&[4], &mut faults);
+        assert_eq!((output.dropped(), output.last()), (2, &[3; 5][..]));
+        let mut buf = [0; UNTAKEN_MAX];
+        assert!(output.has_bytes() && output.transmit(&mut buf) == UNTAKEN_MAX);
+        assert!(buf[UNTAKEN_MAX - 5..] == [3; 5] && !output.has_bytes());
+        output.send(&[5], &mut faults);
+        output.clear();
+        assert!(!output.has_bytes());
+    }
+}

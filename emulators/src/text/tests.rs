@@ -285,3 +285,19 @@ fn the_uart_has_the_line_s_settings() {
     assert_eq!(slave.line_config(Text::UART), LineConfig::new_8n1(9600));
     assert_eq!(slave.line_config(HostLine::Cts.port()), PIN_LINE);
 }
+
+/// "OK 7" is four bytes and its end two: 4096 bytes wait for a line that takes none, as long as a
+/// reply without its end fits.
+#[test]
+fn replies_wait_for_the_line_up_to_a_limit() {
+    let mut slave = Text::new(config()).expect("sound");
+    let mut world = world();
+    for millis in (0..3_000).step_by(3) {
+        slave.receive(Text::UART, Instant::from_millis(millis), b"SPEED 7\r\n");
+        slave.poll(Instant::from_millis(millis + 2), &mut world);
+    }
+    // 682 replies are 4092 bytes; the next one still fits, but for its end.
+    let mut buf = vec![0; 9_000];
+    assert_eq!(slave.transmit(Text::UART, &mut buf), 683 * 6);
+    assert!(buf.starts_with(b"OK 7\r\nOK 7\r\n"));
+}

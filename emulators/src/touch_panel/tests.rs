@@ -148,3 +148,21 @@ fn garbage_or_nothing(garbage: &[u8]) -> Vec<u8> {
         garbage.to_vec()
     }
 }
+
+/// It may send as long as a report of its pen waits.
+#[test]
+fn a_panel_may_send_while_a_report_waits() {
+    let tap = Tap {
+        at: Instant::from_millis(100),
+        place: [10, 10],
+    };
+    let (mut panel, mut world) = (TouchPanel::new(vec![tap]), world());
+    panel.receive(TouchPanel::UART, Instant::ZERO, &encode_switch(ON));
+    panel.poll(Instant::from_millis(99), &mut world);
+    assert!(!panel.may_send(TouchPanel::UART));
+    panel.poll(Instant::from_millis(100), &mut world);
+    assert!(panel.may_send(TouchPanel::UART));
+    let mut buf = [0; 64];
+    assert!(panel.transmit(TouchPanel::UART, &mut buf) > 0);
+    assert!(!panel.may_send(TouchPanel::UART));
+}

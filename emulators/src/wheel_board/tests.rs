@@ -438,3 +438,15 @@ fn a_sample_is_offered_until_it_is_taken() {
         LineConfig::new_8n1(BAUD)
     );
 }
+
+/// A restart begins, and has no end of its own.
+#[test]
+fn a_restart_is_one() {
+    let mut bench = bench(motors_alike(), &[]);
+    bench.run(10);
+    bench.rules();
+    bench.board.set_fault(bench.now, "restart", None, false);
+    assert_eq!(bench.rules(), []);
+    bench.board.set_fault(bench.now, "restart", None, true);
+    assert_eq!(bench.rules(), [(EventKind::Note, "restart")]);
+}

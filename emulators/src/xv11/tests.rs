@@ -962,3 +962,13 @@ fn a_duty_of_0_switches_a_regulated_motor_off() {
     );
     assert_eq!(powers(regulated, &[Fault::Off], &[0, 255]), [false, false]);
 }
+
+/// While it spins up there is no packet to cut: it starts again at once.
+#[test]
+fn a_restart_while_it_spins_up_is_at_once() {
+    let mut bench = plain();
+    bench.run_to(millis(300));
+    bench.rules();
+    bench.lidar.set_fault(millis(300), Fault::Restart);
+    assert_eq!(bench.rules(), ["restarted"]);
+}

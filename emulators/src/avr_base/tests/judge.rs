@@ -232,3 +232,16 @@ fn a_button_that_was_released_holds_until_its_time() {
     )));
     assert!(!is_stopped(ButtonState::Lingering(now)) && !is_stopped(ButtonState::Released));
 }
+
+/// Of the document's receiver, which searches its buffer, and of the fielded one.
+#[test]
+fn a_receiver_waits_until_a_frame_begins() {
+    for profile in Profile::ALL {
+        let mut bench = Bench::new(config(profile));
+        assert!(bench.base.receiver.is_waiting(), "{profile:?}");
+        bench.send(&[0xAB, 0x24]);
+        assert!(!bench.base.receiver.is_waiting(), "{profile:?}");
+        bench.run(PAUSE);
+        assert!(bench.base.receiver.is_waiting(), "{profile:?}");
+    }
+}

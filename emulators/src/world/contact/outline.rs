@@ -472,4 +472,86 @@ mod tests {
         assert!(is_blocked(-0.01, -0.02, 0.091) && !is_blocked(-0.01, -0.02, 0.089));
         assert!(!is_blocked(-0.01, -0.001, 0.089) && is_blocked(-0.01, -0.001, 0.091));
     }
+
+    /// A wall 1 mm ahead, approached by 3 mm in a step, ahead or pushed: a third of the way is free,
+    /// less the micrometre that counts as touch.
+    #[test]
+    fn the_free_part_of_a_way_is_found() {
+        use crate::world::geometry::Segment;
+        let footprint = Footprint::rectangle(0.1, 0.1, 0.2).expect("a square");
+        let wall = Segment::new(Point::new(0.1, -1.0), Point::new(0.1, 1.0)).expect("long");
+        let start = Pose::new(-0.001, 0.0, 0.0);
+        let free = |motion: Motion, cut: fn(Motion, f64) -> Motion| {
+            let mut step = Step::new(&footprint, start);
+            step.solids.push(Solid {
+                primitive: Primitive::Segment(wall),
+                places: [Point::default(); 2],
+                stay: Gap {
+                    gap: 0.001,
+                    ..solid().stay
+                },
+                middle_m: 0.101,
+                ..solid()
+            });
+            step.blocked(motion, cut)
+                .map(|(part, solids)| (part, solids.len()))
+        };
+        let still = Motion {
+            start,
+            ..Motion::default()
+        };
+        let ahead = |speed| Motion { speed, ..still };
+        let pushed = |x, y| Motion {
+            drift: Point::new(x, y),
+            ..still
+        };
+        for (motion, cut) in [
+            (ahead(3.0), Motion::shortened as fn(Motion, f64) -> Motion),
+            (pushed(3.0, 0.0), Motion::shortened),
+            (ahead(3.0), Motion::slowed),
+        ] {
+            let found = free(motion, cut);
+            if let Some((part, solids)) = found {
+                assert!(
+                    (part - 0.333).abs() < 0.002 && solids == 1,
+                    "{motion:?} {part}"
+                );
+            } else {
+                assert!(found.is_none() && motion.speed == 0.0, "{motion:?}");
+            }
+        }
+        assert_eq!(free(ahead(0.9), Motion::slowed), None);
+        assert_eq!(free(ahead(-3.0), Motion::slowed), None);
+        assert_eq!(free(pushed(0.0, 3.0), Motion::slowed), None);
+    }
+
+    /// A disc of 5 cm comes up by 2 mm, the second half of it into the body: half of its way is
+    /// needed, whichever way it comes.
+    #[test]
+    fn a_body_is_shoved_by_what_an_obstacle_comes_too_near() {
+        let footprint = Footprint::rectangle(0.1, 0.1, 0.2).expect("a square");
+        let needed = |from: [f64; 2], to: [f64; 2]| {
+            let step = Step::new(&footprint, Pose::default());
+            let pushing = Solid {
+                primitive: Primitive::Circle(Circle {
+                    center: Point::default(),
+                    radius: 0.05,
+                }),
+                places: [from, to].map(|[x, y]| Point::new(x, y)),
+                ..solid()
+            };
+            let by = step.needed(&pushing, Pose::default());
+            [by.x * 1e3, by.y * 1e3]
+        };
+        for (from, to, expected) in [
+            ([0.02, -0.151], [0.02, -0.149], [0.0, 1.0]),
+            ([0.02, 0.151], [0.02, 0.149], [0.0, -1.0]),
+            ([-0.151, 0.03], [-0.149, 0.03], [1.0, 0.0]),
+            ([0.151, 0.03], [0.149, 0.03], [-1.0, 0.0]),
+        ] {
+            let found = needed(from, to);
+            let off = (found[0] - expected[0]).abs() + (found[1] - expected[1]).abs();
+            assert!(off < 0.01, "{from:?}: {found:?}");
+        }
+    }
 }

@@ -88,3 +88,34 @@ fn is_doubled(word: u16) -> bool {
 fn rpm(word: u16) -> f64 {
     f64::from(word) / 64.0
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Teeth of 300, 240 and 120 rpm take 4 s, 4 s and 4 s by 60: 4 / 300, 4 / 240 and 4 / 120 s.
+    /// Their middles lie at 6.667, 21.667 and 46.667 ms. Below 200 rpm it falls a third of the way
+    /// from the second to the third; below 270 half of that from the first to the second.
+    #[test]
+    fn a_speed_is_passed_between_the_middles_of_two_teeth() {
+        let mut teeth = Teeth {
+            words: [300, 240, 120].map(|rpm: u16| rpm * 64).to_vec(),
+            packets: 1,
+        };
+        let is = |teeth: &Teeth, limit: f64, ms: f64| {
+            let found = teeth.falls_below(limit).expect("it does");
+            assert!((found * 1e3 - ms).abs() < 1e-3, "{limit}: {found}");
+        };
+        is(&teeth, 200.0, 21.667 + 25.0 / 3.0);
+        is(&teeth, 270.0, 6.667 + 15.0 / 2.0);
+        is(&teeth, 240.001, 21.666_5);
+        assert_eq!(
+            [teeth.falls_below(100.0), teeth.falls_below(310.0)],
+            [None; 2]
+        );
+        // What rises again falls again: the last time counts.
+        teeth.words.extend([240, 120].map(|rpm: u16| rpm * 64));
+        // 80 ms and 4 / 240 s more: the middles of the last two lie at 71.667 and 96.667 ms.
+        is(&teeth, 200.0, 71.667 + 25.0 / 3.0);
+    }
+}

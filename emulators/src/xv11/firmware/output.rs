@@ -146,3 +146,32 @@ fn dense(index: u8, readings: [RawReading; 4]) -> [RawReading; 4] {
         }
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Packet 88 ends in the index bytes of the next four packets: F9, and then from A0 on; what is
+    /// no range stays.
+    #[test]
+    fn dense_readings_look_like_packet_starts() {
+        let range = RawReading::from(Reading::Range {
+            distance_mm: 0x1234,
+            strength: 9,
+            weak: true,
+        });
+        let invalid = RawReading([0x21, 0x80, 3, 4]);
+        let found = dense(86, [range, invalid, range, range]);
+        assert_eq!(found[1], invalid);
+        let seen = [found[0], found[2], found[3]].map(|raw| match Reading::from(raw) {
+            Reading::Range {
+                distance_mm,
+                strength,
+                weak,
+            } => (distance_mm, strength.to_le_bytes(), weak),
+            other => panic!("{other:?}"),
+        });
+        let expected = [0xA0 + 87, 0xA0 + 89, 0xA0].map(|at| (0x12FA, [0xFA, at], true));
+        assert_eq!(seen, expected);
+    }
+}
