@@ -342,9 +342,9 @@ mod tests {
         assert!((steering.to_degrees() - 25.0).abs() < 0.01, "{steering}");
     }
 
-    /// Of a turn of t radians the chord is sin(t / 2) / (t / 2) of the arc and leaves at t / 2, so it
-    /// goes sin(t) / t ahead and (1 - cos(t)) / t aside: for 1.98e-4 rad, by their series,
-    /// 1 - t^2 / 6 = 1 - 6.534e-9 and t / 2 = 9.9e-5. Short arcs and long ones meet at 2e-4 rad.
+    /// Of a turn of t radians the chord is sin(t / 2) / (t / 2) of the arc and leaves at t / 2, so
+    /// it goes sin(t) / t ahead and (1 - cos(t)) / t aside: for 1.98e-4 rad, by their series, 1 -
+    /// t^2 / 6 = 1 - 6.534e-9 and t / 2 = 9.9e-5. Short arcs and long ones meet at 2e-4 rad.
     #[test]
     fn a_short_arc_keeps_its_digits() {
         let short = arc(3.0, 1.98e-4);

@@ -288,8 +288,8 @@ mod tests {
         }
     }
 
-    /// Obstacles at random, half of all cells, on maps that are narrower and wider than what is raised
-    /// around each: a cell costs what the nearest obstacle makes it cost.
+    /// Obstacles at random, half of all cells, on maps that are narrower and wider than what is
+    /// raised around each: a cell costs what the nearest obstacle makes it cost.
     #[test]
     fn each_cell_costs_what_its_nearest_obstacle_makes() {
         let mut random = crate::random::Pcg32::new(7);
@@ -318,7 +318,8 @@ mod tests {
         }
     }
 
-    /// Cells are counted up to 2^30 to each side; farther away, and where there is no place, is none.
+    /// Cells are counted up to 2^30 to each side; farther away, and where there is no place, is
+    /// none.
     #[test]
     fn a_place_too_far_away_has_no_cell() {
         let map = Costmap::new(1, 1.0, [0.0; 2], alloc::vec![false], CAR);

@@ -325,8 +325,8 @@ mod tests {
         }
     }
 
-    /// 60 mm apart and 10 degrees, of which the tangent is 0.1763. The fielded program went on below
-    /// 79.95 degrees, of which the tangent is 5.64.
+    /// 60 mm apart and 10 degrees, of which the tangent is 0.1763. The fielded program went on
+    /// below 79.95 degrees, of which the tangent is 5.64.
     #[test]
     fn a_line_goes_on_nearly_straight_behind_a_small_gap() {
         let before = segment((0.0, 0.0), (400.0, 0.0));
@@ -365,9 +365,9 @@ mod tests {
         );
     }
 
-    /// A spiral, each point twice as far as the one before and a quarter turn on: the farthest point
-    /// beside each chord is the last but one, so that each bend waits for the next. Splitting goes as
-    /// far as there is room, and the rest is one line more.
+    /// A spiral, each point twice as far as the one before and a quarter turn on: the farthest
+    /// point beside each chord is the last but one, so that each bend waits for the next. Splitting
+    /// goes as far as there is room, and the rest is one line more.
     #[test]
     fn a_line_with_too_many_bends_is_split_as_far_as_there_is_room() {
         let place = |index: u8| {

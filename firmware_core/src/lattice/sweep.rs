@@ -512,8 +512,8 @@ mod tests {
         assert_eq!(cost(&[(1, 0)], &[(-20, 0)], [30, 10]), Some(100));
     }
 
-    /// A metre straight on without a pose between: in steps of a quarter of a cell no cell of the way
-    /// is left out, whatever the cells' size.
+    /// A metre straight on without a pose between: in steps of a quarter of a cell no cell of the
+    /// way is left out, whatever the cells' size.
     #[test]
     fn an_action_passes_every_cell_of_its_way() {
         for cell_m in [0.05, 0.2, 1.0] {

@@ -525,8 +525,8 @@ mod tests {
         assert!(sees((10, 12), (19, 12)) && sees((10, 8), (30, 18)));
     }
 
-    /// A straight way of 2 m leads over 4 columns of 30 mm and farther on over 10 more: the middle is
-    /// that of the first ones.
+    /// A straight way of 2 m leads over 4 columns of 30 mm and farther on over 10 more: the middle
+    /// is that of the first ones.
     #[test]
     fn the_first_stretch_of_a_way_is_told() {
         let (pose, goal) = (Pose::new(500.0, 1500.0, 0.0), Point::new(2500.0, 1500.0));

@@ -135,8 +135,9 @@ mod tests {
         assert!(bound(Pushes::Followed).is_none() && bound(Pushes::Unlikely).is_some());
     }
 
-    /// 100 mm and half a radian unseen, and what is not sure beyond that; no more than was said. Who
-    /// was seen all the time may have drifted if nobody pushes, and be anywhere if somebody does.
+    /// 100 mm and half a radian unseen, and what is not sure beyond that; no more than was said.
+    /// Who was seen all the time may have drifted if nobody pushes, and be anywhere if somebody
+    /// does.
     #[test]
     fn a_lost_robot_is_sought_as_far_as_it_may_have_moved() {
         let pose = Pose::new(1.0, 2.0, 3.0);

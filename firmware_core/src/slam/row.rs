@@ -437,8 +437,8 @@ mod tests {
         assert_eq!(narrow, 0);
     }
 
-    /// Lanes 100, 101 up to 131; of lanes that a mask leaves out nothing counts, and of 131 without its
-    /// lowest two bits 128 is left.
+    /// Lanes 100, 101 up to 131; of lanes that a mask leaves out nothing counts, and of 131 without
+    /// its lowest two bits 128 is left.
     #[test]
     fn the_highest_lane_is_that_of_the_masks() {
         let sums = Sums::from_lanes(|lane| 100 + u16::try_from(lane).unwrap());

@@ -473,8 +473,8 @@ mod tests {
         assert!(!is_blocked(-0.01, -0.001, 0.089) && is_blocked(-0.01, -0.001, 0.091));
     }
 
-    /// A wall 1 mm ahead, approached by 3 mm in a step, ahead or pushed: a third of the way is free,
-    /// less the micrometre that counts as touch.
+    /// A wall 1 mm ahead, approached by 3 mm in a step, ahead or pushed: a third of the way is
+    /// free, less the micrometre that counts as touch.
     #[test]
     fn the_free_part_of_a_way_is_found() {
         use crate::world::geometry::Segment;

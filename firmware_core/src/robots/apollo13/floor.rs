@@ -627,8 +627,8 @@ mod tests {
         assert!(sure(&seen).eq(all));
     }
 
-    /// One beam to the right, then one as far to the left: both look through what was there, 1 m away
-    /// at 0.2 rad, cells (20, 14) and (20, 6).
+    /// One beam to the right, then one as far to the left: both look through what was there, 1 m
+    /// away at 0.2 rad, cells (20, 14) and (20, 6).
     #[test]
     fn beams_to_both_sides_look_through() {
         let mut floor = empty();

@@ -337,8 +337,8 @@ mod tests {
         matches!(witness.compare(told), Some(Finding::Turn(..)))
     }
 
-    /// Each limit is the last that agrees: 0.25 rad apart; 0.10 rad that a gyroscope does not tell at
-    /// all, which is less than 0.01 rad; 0.30 m are long enough.
+    /// Each limit is the last that agrees: 0.25 rad apart; 0.10 rad that a gyroscope does not tell
+    /// at all, which is less than 0.01 rad; 0.30 m are long enough.
     #[test]
     fn turns_agree_up_to_their_limits() {
         assert_eq!(
@@ -374,8 +374,8 @@ mod tests {
     }
 
     /// Sliding aside by 0.2 m, the board says 4 cm ahead and the encoder 4 or 5 cm back: 8 cm apart
-    /// are two pulses, 9 are an encoder that counts backwards. The same behind a gap, where 0.15 m of
-    /// way are enough and 0.14 m are not.
+    /// are two pulses, 9 are an encoder that counts backwards. The same behind a gap, where 0.15 m
+    /// of way are enough and 0.14 m are not.
     #[test]
     fn an_encoder_counts_the_other_way_by_more_than_two_pulses() {
         let aside = |ahead_m: f64, left_m: f64| CarPose {

@@ -454,7 +454,8 @@ mod tests {
         heading: 0.0,
     };
 
-    /// Up to six views in vain all counts, up to twelve only what is large, up to eighteen only heat.
+    /// Up to six views in vain all counts, up to twelve only what is large, up to eighteen only
+    /// heat.
     #[test]
     fn after_views_in_vain_less_is_worth_a_way() {
         let mut explore = Explore::new(Sought::Floor);
@@ -569,8 +570,8 @@ mod tests {
         ));
     }
 
-    /// At its view the robot stands for four scans more as long as something is to be seen there, then
-    /// it gives that up.
+    /// At its view the robot stands for four scans more as long as something is to be seen there,
+    /// then it gives that up.
     #[test]
     fn the_robot_looks_for_a_second_where_it_has_arrived() {
         let (open, closed) = (room(true), room(false));

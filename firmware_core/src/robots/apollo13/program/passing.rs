@@ -221,8 +221,8 @@ mod tests {
         assert_eq!(car.pilot.state(), GoalState::None);
     }
 
-    /// On the way to a gate, or to any other goal, no gate is looked for; on the way to a place to look
-    /// from, once a second.
+    /// On the way to a gate, or to any other goal, no gate is looked for; on the way to a place to
+    /// look from, once a second.
     #[test]
     fn gates_are_looked_for_on_the_way_to_a_place_to_look_from() {
         let looked = |passage, places, since_ms: Option<u64>| {

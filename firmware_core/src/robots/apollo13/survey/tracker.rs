@@ -757,8 +757,8 @@ mod tests {
         turn_rad: 0.0,
     };
 
-    /// In its first rounds a point may be 25 cm off its line, in the rest 12 cm: an odometry that is
-    /// 20 cm off is found, one that is 26 cm off is not.
+    /// In its first rounds a point may be 25 cm off its line, in the rest 12 cm: an odometry that
+    /// is 20 cm off is found, one that is 26 cm off is not.
     #[test]
     fn a_line_is_sought_far_first_and_near_then() {
         let seen = behind_the_wall(&[(-40..40, 0.0)]);
