@@ -151,4 +151,24 @@ mod tests {
         assert_eq!(flags("battery-low", false), (false, false));
         assert_eq!(flags("nothing", true), (false, false));
     }
+
+    /// Pressed it holds the motors, let go it does so for a while only.
+    #[test]
+    fn a_stop_button_is_let_go_when_its_fault_ends() {
+        let config = super::super::AvrBaseConfig {
+            announce: Announce::StopButton,
+            ..Default::default()
+        };
+        let mut base = AvrBase::new(config, 7);
+        let pressed = |base: &mut AvrBase, ms, begins| {
+            base.change_fault(Instant::from_millis(ms), "stop-button", None, begins);
+            base.button
+        };
+        use super::super::ButtonState;
+        assert_eq!(pressed(&mut base, 100, true), ButtonState::Pressed);
+        let ButtonState::Lingering(after) = pressed(&mut base, 200, false) else {
+            panic!("{:?}", base.button);
+        };
+        assert!(after > Instant::from_millis(200), "{after}");
+    }
 }

@@ -290,3 +290,68 @@ fn a_marker_is_hidden_by_what_stands_before_it_as_the_robot_stands() {
     assert!(told(vec![wall(2.0, 2.45, 0.1, 0.4)]).is_some());
     assert!(told(vec![wall(2.0, 1.95, 0.1, 0.4)]).is_some());
 }
+
+/// A camera that is blind in all columns recognises no marker; one that sees a hundredth of them
+/// does.
+#[test]
+fn a_blind_camera_recognises_no_marker() {
+    let told = |share| {
+        let config = CameraConfig {
+            markers: vec![PlacedMarker {
+                id: 3,
+                at_m: [2.5, 2.3, 0.20],
+                facing_rad: PI,
+            }],
+            ..exact()
+        };
+        let scene = Scene::new(Vec::<Fixture>::new(), Vec::new()).expect("sound");
+        let pose = Pose::new(1.0, 2.0, 0.0);
+        let mut world = World::new(scene, BodyConfig::default(), pose, 1).expect("free");
+        let mut camera = Camera::new(config, 1, "camera");
+        camera.set_fault(Instant::ZERO, "blind", share, true);
+        sent(&mut camera, &mut world, Camera::MARKERS, 40)
+            .pop()
+            .is_some()
+    };
+    assert_eq!(
+        [Some(0.99), Some(1.0), None].map(told),
+        [true, false, false]
+    );
+}
+
+/// A wall 0.4 m before the marker hides it, from one place as from another.
+#[test]
+fn a_marker_is_hidden_wherever_the_robot_stands() {
+    let told = |x: f64, y: f64, fixtures: Vec<Fixture>| {
+        let config = CameraConfig {
+            markers: vec![PlacedMarker {
+                id: 3,
+                at_m: [x + 1.5, y + 0.3, 0.20],
+                facing_rad: PI,
+            }],
+            ..exact()
+        };
+        let scene = Scene::new(fixtures, Vec::new()).expect("sound");
+        let mut world =
+            World::new(scene, BodyConfig::default(), Pose::new(x, y, 0.0), 1).expect("free");
+        let mut camera = Camera::new(config, 1, "camera");
+        sent(&mut camera, &mut world, Camera::MARKERS, 40)
+            .pop()
+            .is_some()
+    };
+    for (x, y) in [(0.0, 0.0), (3.0, 2.0), (-2.0, 5.0), (4.0, -3.0)] {
+        assert!(told(x, y, Vec::new()), "{x} {y}");
+        assert!(
+            !told(x, y, vec![wall(x + 1.1, y + 0.22, 0.1, 0.4)]),
+            "{x} {y}"
+        );
+        assert!(
+            told(x, y, vec![wall(x + 1.1, y + 0.5, 0.1, 0.4)]),
+            "{x} {y}"
+        );
+        assert!(
+            told(x, y, vec![wall(x + 1.1, y - 0.05, 0.1, 0.4)]),
+            "{x} {y}"
+        );
+    }
+}

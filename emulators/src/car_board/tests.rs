@@ -281,3 +281,43 @@ proptest! {
         }
     }
 }
+
+/// Nothing was commanded at first; byte 57 is value 7, byte 8C level 2.
+#[test]
+fn what_was_commanded_last_is_told() {
+    let mut run = run(BoardConfig::default());
+    assert_eq!(
+        (run.board.level(), run.board.steering()),
+        (Level::STOP, None)
+    );
+    run.say(&[0x8C, 0x39]);
+    assert_eq!(
+        (
+            run.board.level().get(),
+            run.board.steering().map(Steering::get)
+        ),
+        (2, Some(7))
+    );
+}
+
+/// Walls 1 m around the car: each sensor hears its own, and the one that is deaf hears none.
+#[test]
+fn a_deaf_sensor_hears_no_echo_and_the_others_do() {
+    let around = [
+        wall((1.3, -1.3), (1.3, 1.3)),
+        wall((-1.3, 1.0), (1.3, 1.0)),
+        wall((-1.3, -1.0), (1.3, -1.0)),
+    ];
+    let heard = |fault: &str| {
+        let scene = Scene::new(around.clone(), vec![]).unwrap();
+        let mut run = run_in(scene, BoardConfig::default());
+        run.board.set_fault(Instant::ZERO, fault, None, true);
+        let frames = run.until(secs(2));
+        let last = frames.last().expect("fifteen a second");
+        [last.front_cm, last.right_cm, last.left_cm].map(|cm| (1..=200).contains(&cm))
+    };
+    assert_eq!(heard("none"), [true; 3]);
+    assert_eq!(heard("front"), [false, true, true]);
+    assert_eq!(heard("right"), [true, false, true]);
+    assert_eq!(heard("left"), [true, true, false]);
+}

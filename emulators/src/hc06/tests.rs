@@ -916,7 +916,7 @@ fn what_nobody_takes_holds_the_air_up() {
     lane.shift(Instant::ZERO, later, step);
     assert_eq!(lane.room(), 100 - 30);
     lane.deliver();
-    assert!(lane.is_waiting() && !lane.is_moving());
+    assert!(lane.is_waiting() && !lane.is_moving() && !lane.is_drained());
     let mut buf = [0; 4];
     assert_eq!(lane.take(&mut buf), 4);
     lane.shift(later, later + SECOND, step);

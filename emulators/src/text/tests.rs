@@ -301,3 +301,26 @@ fn replies_wait_for_the_line_up_to_a_limit() {
     assert_eq!(slave.transmit(Text::UART, &mut buf), 683 * 6);
     assert!(buf.starts_with(b"OK 7\r\nOK 7\r\n"));
 }
+
+/// Reset at 1 s a board is up at 2.6 s; its first line comes a period after that.
+#[test]
+fn a_board_that_starts_anew_begins_its_periods_when_it_is_up() {
+    let mut slave = Text::new(TextConfig {
+        periodic: Some(Periodic {
+            line: "x={x}".to_owned(),
+            period: Duration::from_millis(100),
+        }),
+        board: BoardConfig {
+            resets_on: Some(ResetOn::Break),
+            ..BoardConfig::default()
+        },
+        ..config()
+    })
+    .expect("sound");
+    slave.line_event(Text::UART, Instant::from_millis(1_000), LineEvent::Break);
+    let first = (1_000..4_000).find(|millis| {
+        slave.poll(Instant::from_millis(*millis), &mut world());
+        slave.transmit(Text::UART, &mut [0; 64]) > 0
+    });
+    assert_eq!(first, Some(2_700));
+}
