@@ -57,14 +57,34 @@ fn each_device_names_its_faults() {
     );
 }
 
-/// The usual figures of the lidar's faults that have one, as the list of faults has them.
+/// Of those of the lidar's faults that have one: shares of starts as reported, degrees, seconds,
+/// one byte in so many.
 #[test]
 fn faults_of_the_rplidar_have_their_usual_figures() {
-    use rplidar::Fault;
-    let usual = |name: &str| Fault::from_name(name).expect("it is one").usual_figure();
-    assert_eq!(
-        ["dust", "uneven", "wrong"].map(usual),
-        [400.0, 100.0, 1.1].map(Some)
-    );
-    assert_eq!(["off", "stuck", "garbage", "restart"].map(usual), [None; 4]);
+    let usual = rplidar::Fault::ALL.map(|fault| (fault.name(), fault.usual_figure()));
+    let with: Vec<_> = usual
+        .iter()
+        .filter(|(_, figure)| figure.is_some())
+        .collect();
+    let expected = [
+        ("dust", 400.0),
+        ("uneven", 100.0),
+        ("wrong", 1.1),
+        ("protection-stop", 120.0),
+        ("byte-loss", 20_000.0),
+        ("burst", 64.0),
+        ("unclean-stop", 8.0),
+        ("torn-start", 0.8),
+        ("deaf-start", 0.3),
+        ("conf-empty", 0.0),
+        ("typical-mode", 2.0),
+        ("late-answers", 2.0),
+        ("weak-supply", 400.0),
+        ("slow-stop", 0.5),
+        ("turned", 90.0),
+    ];
+    assert_eq!(with.len(), expected.len(), "{with:?}");
+    for (name, figure) in expected {
+        assert!(with.contains(&&(name, Some(figure))), "{name}: {with:?}");
+    }
 }

@@ -768,3 +768,94 @@ fn a_port_is_closed_when_all_was_written() {
     assert_eq!(pc.line_change(Pc::AIR), Some(LineEvent::Closed));
     assert!(!pc.may_send(Pc::AIR));
 }
+
+/// How the robot is, is told when it changes; the list of victims when it grows.
+#[test]
+fn what_the_robot_says_of_itself_is_noted() {
+    use protocols::pcui::diagnosis::{
+        Condition, Conditions, Diagnosis, Search, encode_diagnosis, encode_victims,
+    };
+    let mut desk = Desk::new(opened_at_once(Vec::new()));
+    desk.pc.line_event(Pc::AIR, desk.now, LineEvent::Opened);
+    let told = |search| {
+        let diagnosis = Diagnosis {
+            search,
+            conditions: Conditions::NONE
+                .with(Condition::BatteryLow, true)
+                .with(Condition::Stopped, true),
+            ..Diagnosis::default()
+        };
+        frame(|frame| encode_diagnosis(&diagnosis, frame))
+    };
+    let victims = |list: &[[i16; 2]]| frame(|frame| encode_victims(list.iter().copied(), frame));
+    for bytes in [
+        told(Search::Seeks),
+        told(Search::Seeks),
+        victims(&[[1, 2]]),
+        victims(&[[3, 4]]),
+        told(Search::GoesHome),
+        victims(&[[3, 4], [5, 6]]),
+    ] {
+        desk.hears(&bytes);
+    }
+    let said: Vec<(&str, &str)> = desk
+        .events
+        .iter()
+        .filter(|event| ["robot-says", "victims"].contains(&event.rule))
+        .map(|event| (event.rule, event.detail.as_str()))
+        .collect();
+    assert_eq!(
+        said,
+        [
+            ("robot-says", "search seeks; battery low, stop button"),
+            ("victims", "1 victims"),
+            ("robot-says", "search goes home; battery low, stop button"),
+            ("victims", "2 victims"),
+        ]
+    );
+}
+
+/// A step that is put in front of one that was done comes first of those that were not; one that
+/// is beyond the limits of the protocol is refused.
+#[test]
+fn a_step_is_put_in_front_of_what_was_not_done_yet() {
+    let raw = |text: &[u8]| step(When::AfterConnected(SECOND), Action::Raw(text.to_vec()));
+    let mut desk = Desk::new(opened_at_once(vec![raw(b"b")]));
+    assert_eq!(desk.pc.insert(0, raw(b"a")), Ok(()));
+    assert_eq!(desk.pc.insert(99, raw(b"c")), Ok(()));
+    assert_eq!(desk.pc.steps(), 4);
+    assert!(desk.pc.insert(0, raw(&[0; 65_537])).is_err());
+    assert_eq!(desk.pc.steps(), 4);
+    desk.pc.line_event(Pc::AIR, desk.now, LineEvent::Opened);
+    desk.run_until(Instant::from_secs(2));
+    assert_eq!(desk.text(), b"abc");
+}
+
+/// An echo of a list that was never sent, or for the second time, is no news.
+#[test]
+fn an_echo_confirms_what_was_said_once() {
+    let list = [[100, 200]];
+    let mut desk = Desk::new(Script::mission(list.to_vec()).expect("one waypoint"));
+    desk.pc.line_event(Pc::AIR, desk.now, LineEvent::Opened);
+    let confirmed = |desk: &Desk| {
+        let rules = desk.rules();
+        rules
+            .iter()
+            .filter(|rule| **rule == "waypoints-confirmed")
+            .count()
+    };
+    desk.hears(&echo(&list));
+    assert_eq!(
+        (confirmed(&desk), desk.pc.waypoints_confirmed_at()),
+        (0, None)
+    );
+    desk.run_until(Instant::from_millis(1_500));
+    desk.hears(&echo(&list));
+    desk.run_until(Instant::from_millis(1_600));
+    desk.hears(&echo(&list));
+    assert_eq!(confirmed(&desk), 1);
+    assert_eq!(
+        desk.pc.waypoints_confirmed_at(),
+        Some(Instant::from_millis(1_500))
+    );
+}

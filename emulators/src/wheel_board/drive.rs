@@ -161,3 +161,32 @@ impl Battery {
         is_news
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 12 V that fall by 0.036 V an hour at rest and by 0.36 V more at full drive: 10 mV after
+    /// 1000 s at rest, or after 91 s at full drive, are worth telling, and then as many more. An
+    /// empty pack keeps its 6 V.
+    #[test]
+    fn a_loss_of_ten_millivolts_is_told() {
+        let config = Config {
+            supply_v: 12.0,
+            drain_v_per_h: [0.036, 0.36],
+            ..Config::default()
+        };
+        let told = |effort: f64| {
+            let mut battery = Battery::new(&config);
+            let news =
+                (1..2_100).filter(|second| battery.drain(Instant::from_secs(*second), effort));
+            news.take(2).collect::<Vec<_>>()
+        };
+        assert!((999..=1_001).contains(&told(0.0)[0]), "{:?}", told(0.0));
+        assert!((1_999..=2_002).contains(&told(0.0)[1]), "{:?}", told(0.0));
+        assert!((90..=92).contains(&told(1.0)[0]) && (181..=184).contains(&told(1.0)[1]));
+        let mut battery = Battery::new(&config);
+        assert!(battery.drain(Instant::from_secs(1_000_000), 1.0));
+        assert_eq!(battery.volts(), 6.0);
+    }
+}

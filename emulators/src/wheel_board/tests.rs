@@ -450,3 +450,16 @@ fn a_restart_is_one() {
     bench.board.set_fault(bench.now, "restart", None, true);
     assert_eq!(bench.rules(), [(EventKind::Note, "restart")]);
 }
+
+/// As it was set up.
+#[test]
+fn a_board_tells_its_configuration() {
+    let config = Config {
+        supply_v: 11.1,
+        mirrored: [true, false],
+        ..motors_alike()
+    };
+    let bench = bench(config.clone(), &[]);
+    assert_eq!(*bench.board.config(), config);
+    assert_ne!(config, Config::default());
+}

@@ -269,3 +269,34 @@ fn breaks_and_noise_are_told_while_there_is_supply() {
     assert_eq!(told(Rplidar::MOTOR, LineEvent::Break, false), [""; 0]);
     assert_eq!(told(Rplidar::UART, LineEvent::Break, true), [""; 0]);
 }
+
+/// The A1 knows no speed of its motor: the request is refused, and a scan goes on.
+#[test]
+fn a_speed_that_is_not_understood_ends_no_scan() {
+    let mut bench = plain();
+    bench.scan();
+    bench.send(Command::MotorSpeed { rpm: 600 }.request().as_bytes());
+    bench.bytes.clear();
+    bench.run_ms(1_000);
+    assert!(bench.bytes.len() > 9_000, "{}", bench.bytes.len());
+    assert!(bench.rules().contains(&"request-not-supported"));
+}
+
+/// Bytes wait for its own line only.
+#[test]
+fn an_answer_waits_for_its_line() {
+    let mut bench = plain();
+    assert!(!bench.lidar.may_send(Rplidar::UART));
+    let at = bench.now;
+    bench
+        .lidar
+        .receive(Rplidar::UART, at, Command::Info.request().as_bytes());
+    let mut world = room(1.0);
+    let soon = at + Duration::from_millis(20);
+    bench.lidar.poll(soon, &mut world);
+    assert!(bench.lidar.may_send(Rplidar::UART) && !bench.lidar.may_send(Rplidar::DTR));
+    let mut buf = [0; 64];
+    assert_eq!(bench.lidar.transmit(Rplidar::DTR, &mut buf), 0);
+    assert_eq!(bench.lidar.transmit(Rplidar::UART, &mut buf), 27);
+    assert!(!bench.lidar.may_send(Rplidar::UART));
+}

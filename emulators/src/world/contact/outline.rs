@@ -554,4 +554,54 @@ mod tests {
             assert!(off < 0.01, "{from:?}: {found:?}");
         }
     }
+
+    /// In one step a body goes 0.6 m, or turns by a radian, past a post of a centimetre that it meets
+    /// on its way and not at its end: ahead, pushed to any side, and turning.
+    #[test]
+    fn a_fast_body_does_not_pass_through_a_post() {
+        let post = |x: f64, y: f64| Solid {
+            primitive: Primitive::Circle(Circle {
+                center: Point::default(),
+                radius: 0.005,
+            }),
+            places: [Point::new(x, y); 2],
+            stay: Gap {
+                gap: 0.2,
+                ..solid().stay
+            },
+            middle_m: 0.4,
+            ..solid()
+        };
+        let still = Motion::default();
+        let pushed = |x, y| Motion {
+            drift: Point::new(x, y),
+            ..still
+        };
+        let square = Footprint::rectangle(0.1, 0.1, 0.2).expect("a square");
+        let bar = Footprint::rectangle(0.5, 0.01, 0.02).expect("a bar");
+        let ahead = Motion {
+            speed: 600.0,
+            ..still
+        };
+        let turning = Motion {
+            turn: 1_000.0,
+            ..still
+        };
+        let (sin, cos) = libm::sincos(0.5);
+        for (footprint, motion, [x, y], part) in [
+            (&square, ahead, [0.35, 0.0], 0.245 / 0.6),
+            (&square, pushed(600.0, 0.0), [0.35, 0.0], 0.245 / 0.6),
+            (&square, pushed(-600.0, 0.0), [-0.35, 0.0], 0.245 / 0.6),
+            (&square, pushed(0.0, 600.0), [0.0, 0.35], 0.245 / 0.6),
+            (&square, pushed(0.0, -600.0), [0.0, -0.35], 0.245 / 0.6),
+            // The bar's side is 1 cm from its middle and the post's rim 5 mm: 15 mm at 0.4 m.
+            (&bar, turning, [0.4 * cos, 0.4 * sin], 0.5 - 0.037_51),
+        ] {
+            let mut step = Step::new(footprint, Pose::default());
+            step.solids.push(post(x, y));
+            let found = step.blocked(motion, Motion::shortened);
+            let (free, _) = found.unwrap_or_else(|| panic!("{motion:?}"));
+            assert!((free - part).abs() < 0.002, "{motion:?}: {free} {part}");
+        }
+    }
 }
