@@ -555,8 +555,8 @@ mod tests {
         }
     }
 
-    /// In one step a body goes 0.6 m, or turns by a radian, past a post of a centimetre that it meets
-    /// on its way and not at its end: ahead, pushed to any side, and turning.
+    /// In one step a body goes 0.6 m, or turns by a radian, past a post of a centimetre that it
+    /// meets on its way and not at its end: ahead, pushed to any side, and turning.
     #[test]
     fn a_fast_body_does_not_pass_through_a_post() {
         let post = |x: f64, y: f64| Solid {
