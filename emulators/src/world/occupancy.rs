@@ -147,4 +147,21 @@ mod tests {
         empty.cells = vec![true];
         assert_eq!(empty.walls().len(), 4);
     }
+
+    /// The left column alone: what follows the right one in the image is the next row's beginning.
+    #[test]
+    fn a_column_at_the_side_has_its_own_walls_only() {
+        let mut walls = image(&["#.", "#."]).walls();
+        walls.retain(|found| {
+            let expected = [
+                wall(-1.0, 2.0, -0.5, 2.0),
+                wall(-1.0, 3.0, -0.5, 3.0),
+                wall(-1.0, 2.0, -1.0, 3.0),
+                wall(-0.5, 2.0, -0.5, 3.0),
+            ];
+            assert!(expected.contains(found), "{found:?}");
+            true
+        });
+        assert_eq!(walls.len(), 4);
+    }
 }

@@ -972,3 +972,28 @@ fn a_restart_while_it_spins_up_is_at_once() {
     bench.lidar.set_fault(millis(300), Fault::Restart);
     assert_eq!(bench.rules(), ["restarted"]);
 }
+
+/// Something is mended that was not broken, or not all that was: nobody switches anything on.
+#[test]
+fn only_what_was_off_is_switched_on() {
+    let mut bench = plain();
+    bench.skip_to(millis(2_000)).run_to(millis(2_100));
+    bench.rules();
+    bench.lidar.clear_fault(millis(2_100), Fault::Dark);
+    bench.lidar.clear_fault(millis(2_100), Fault::Off);
+    bench.run_to(millis(2_400));
+    assert_eq!(bench.rules(), [""; 0]);
+    assert!(bench.frames().len() > 100);
+}
+
+/// A duty that nobody waits for is told once.
+#[test]
+fn a_motor_that_is_not_wired_is_told_once() {
+    let mut bench = plain();
+    bench.run_to(millis(100));
+    bench.rules();
+    for duty in [100, 120] {
+        bench.lidar.receive(Xv11::MOTOR, millis(100), &[duty]);
+    }
+    assert_eq!(bench.rules(), ["motor-not-wired"]);
+}

@@ -335,4 +335,26 @@ mod tests {
         );
         assert!(!folds(out, side((2.0, 1.0), (0.0, 0.1))));
     }
+
+    /// There and back along any direction; not on ahead, and not around a corner.
+    #[test]
+    fn sides_that_go_back_on_themselves_fold() {
+        let fold = |a, b, c| folds(side(a, b), side(b, c));
+        for (x, y) in [
+            (2.0, 0.0),
+            (0.0, 2.0),
+            (2.0, 4.0),
+            (-4.0, 2.0),
+            (-2.0, -6.0),
+        ] {
+            assert!(fold((0.0, 0.0), (x, y), (0.5 * x, 0.5 * y)), "{x} {y}");
+            assert!(fold((0.0, 0.0), (x, y), (-x, -y)), "{x} {y}");
+            assert!(!fold((0.0, 0.0), (x, y), (1.5 * x, 1.5 * y)), "{x} {y}");
+            assert!(!fold((0.0, 0.0), (x, y), (x - y, y + x)), "{x} {y}");
+            assert!(
+                !fold((0.0, 0.0), (x, y), (0.5 * x - 0.05 * y, 0.5 * y + 0.05 * x)),
+                "{x} {y}"
+            );
+        }
+    }
 }

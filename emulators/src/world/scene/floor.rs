@@ -127,4 +127,20 @@ mod tests {
         assert!(line(1.0, f64::NAN).is_err());
         assert!(line(0.0, 0.02).is_ok_and(|dot| dot.covers(origin)));
     }
+
+    /// A line of 2 cm from (1, 2) by (3, 4) metres: across it lies (-0.8, 0.6).
+    #[test]
+    fn a_line_may_lie_askew_anywhere() {
+        let line = FloorLine::new(Point::new(1.0, 2.0), Point::new(4.0, 6.0), 0.02).unwrap();
+        let covers = |along: f64, aside: f64| {
+            let x = 1.0 + 0.6 * along - 0.8 * aside;
+            line.covers(Point::new(x, 2.0 + 0.8 * along + 0.6 * aside))
+        };
+        for along in [0.0, 1.0, 2.5, 5.0] {
+            assert!(covers(along, 0.009) && covers(along, -0.009), "{along}");
+            assert!(!covers(along, 0.011) && !covers(along, -0.011), "{along}");
+        }
+        assert!(covers(-0.009, 0.0) && !covers(-0.011, 0.0));
+        assert!(covers(5.009, 0.0) && !covers(5.011, 0.0));
+    }
 }

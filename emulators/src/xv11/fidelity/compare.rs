@@ -259,4 +259,9 @@ mod tests {
         let rows = compare(&Column::published(), &ours);
         assert!(rows.iter().any(|row| row.holds() == Some(false)));
     }
+
+    #[test]
+    fn letters_are_counted() {
+        assert_eq!([0, 1, 7].map(count), [0.0, 1.0, 7.0]);
+    }
 }
