@@ -944,3 +944,26 @@ fn a_fast_radio_waits_for_each_byte_of_the_uart() {
     };
     assert_eq!(came(1), came(100));
 }
+
+/// Each end may send as long as something waits for it.
+#[test]
+fn an_end_may_send_what_waits_for_it() {
+    let mut bench = Bench::connected(at(BAUD));
+    let sends =
+        |bench: &Bench| [Hc06::UART, Hc06::AIR, Port(7)].map(|port| bench.radio.may_send(port));
+    assert_eq!(sends(&bench), [false; 3]);
+    let mut world = empty_world();
+    bench.radio.receive(Hc06::UART, bench.now, b"up");
+    bench.radio.poll(bench.now + SECOND, &mut world);
+    assert_eq!(sends(&bench), [false, true, false]);
+    let mut buf = [0; 8];
+    assert_eq!(bench.radio.transmit(Hc06::AIR, &mut buf), 2);
+    bench.radio.receive(Hc06::AIR, bench.now + SECOND, b"down");
+    bench.radio.poll(bench.now + 2 * SECOND, &mut world);
+    assert_eq!(sends(&bench), [true, false, false]);
+    assert_eq!(bench.radio.transmit(Hc06::UART, &mut buf), 4);
+    bench
+        .radio
+        .line_event(Hc06::AIR, bench.now + 2 * SECOND, LineEvent::Closed);
+    assert!(!bench.radio.may_send(Hc06::UART));
+}

@@ -189,4 +189,31 @@ mod tests {
         assert!(battery.drain(Instant::from_secs(1_000_000), 1.0));
         assert_eq!(battery.volts(), 6.0);
     }
+
+    /// Both bridges at three quarters are half of full drive each way; one off is half of that,
+    /// both off none.
+    #[test]
+    fn the_effort_is_the_mean_of_both_bridges() {
+        let config = Config::default();
+        let effort = |duty: [u16; 2], enable| {
+            let mut drives = Drives::new("board", 7, &config);
+            assert_eq!(drives.effort(), 0.0);
+            let outputs = Outputs {
+                duty,
+                enable,
+                ..Outputs::default()
+            };
+            let scene = crate::world::Scene::new::<crate::world::Shape>([], vec![]).unwrap();
+            let body = crate::world::BodyConfig::default();
+            let pose = crate::world::Pose::default();
+            let mut world = World::new(scene, body, pose, 1).unwrap();
+            drives.apply(&mut world, outputs, config.supply_v, 1.0);
+            drives.effort()
+        };
+        assert!((effort([7_500, 7_500], true) - 0.5).abs() < 1e-9);
+        assert!((effort([2_500, 7_500], true) - 0.5).abs() < 1e-9);
+        assert!((effort([10_000, 5_000], true) - 0.5).abs() < 1e-9);
+        assert!((effort([7_500, 5_000], true) - 0.25).abs() < 1e-9);
+        assert_eq!(effort([10_000, 10_000], false), 0.0);
+    }
 }

@@ -300,3 +300,43 @@ fn an_answer_waits_for_its_line() {
     assert_eq!(bench.lidar.transmit(Rplidar::UART, &mut buf), 27);
     assert!(!bench.lidar.may_send(Rplidar::UART));
 }
+
+/// A rest that takes more than 5 s is no part of a request, one that comes in time is.
+#[test]
+fn half_a_request_waits_for_five_seconds() {
+    let answered = |pause_ms: u64| {
+        let mut bench = plain();
+        let request = Command::Conf {
+            key: 0x70,
+            mode: None,
+        };
+        let request = request.request();
+        let (head, tail) = request.as_bytes().split_at(4);
+        bench.send(head).run_ms(pause_ms);
+        bench.bytes.clear();
+        bench.send(tail).run_ms(20);
+        (bench.rules().contains(&"request-cut"), bench.bytes.len())
+    };
+    let whole = answered(10);
+    assert!(!whole.0);
+    assert_eq!(answered(4_900), whole);
+    assert!(answered(5_100).0);
+    // After a request that came whole nothing is waited for.
+    let mut bench = plain();
+    bench.ask(Command::Info);
+    bench.run_ms(6_000);
+    assert!(!bench.rules().contains(&"request-cut"));
+}
+
+#[test]
+fn a_stop_ends_the_scan_at_once() {
+    let mut bench = plain();
+    bench.scan();
+    bench.bytes.clear();
+    bench.lidar.receive(Rplidar::UART, bench.now, &[0xA5, 0x25]);
+    bench.run_ms(1);
+    let after = bench.bytes.len();
+    bench.run_ms(500);
+    assert_eq!(bench.bytes.len(), after);
+    assert!(after <= 15, "{after}");
+}
