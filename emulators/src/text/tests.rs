@@ -324,3 +324,17 @@ fn a_board_that_starts_anew_begins_its_periods_when_it_is_up() {
     });
     assert_eq!(first, Some(2_700));
 }
+
+/// Reset at 1 s a board hears again from 2.6 s on.
+#[test]
+fn a_board_hears_from_the_moment_that_it_is_up() {
+    for (millis, heard) in [(2_599, ""), (2_600, "ready\r\nX 1000\r\n")] {
+        let mut slave = on_board(ResetOn::Break);
+        slave.line_event(Text::UART, Instant::from_millis(1_000), LineEvent::Break);
+        let said = after(&mut slave, millis, "WHERE?\r\n");
+        assert!(
+            said == heard || heard.is_empty() && !said.contains('X'),
+            "{millis}: {said}"
+        );
+    }
+}

@@ -300,4 +300,24 @@ mod tests {
         assert!((distance(Point::new(0.0, 3.0), &wall, place) - 2.0).abs() < 1e-12);
         assert!((distance(Point::new(0.0, 3.0), &post, place) - 1.5).abs() < 1e-12);
     }
+
+    /// Ways at random, far from the origin: they cross if, as Cramer's rule has it, both parts lie
+    /// between 0 and 1.
+    #[test]
+    fn ways_at_random_cross_where_both_parts_lie_within() {
+        let mut dice = crate::rng::Rng::stream(1, "ways");
+        let mut crossings = 0;
+        for _ in 0..2_000 {
+            let [a, b, c, d] =
+                [(); 4].map(|()| at(20.0 + dice.range(-2.0, 2.0), -9.0 + dice.range(-2.0, 2.0)));
+            let [r, s, w] = [(a, b), (c, d), (a, c)].map(|(p, q)| [q.x - p.x, q.y - p.y]);
+            let product = |u: [f64; 2], v: [f64; 2]| u[0] * v[1] - u[1] * v[0];
+            let whole = product(r, s);
+            let parts = [product(w, s) / whole, product(w, r) / whole];
+            let expected = parts.iter().all(|part| (0.0..=1.0).contains(part));
+            assert_eq!(cross([a, b], [c, d]), expected, "{a:?} {b:?} {c:?} {d:?}");
+            crossings += u32::from(expected);
+        }
+        assert!((200..1_000).contains(&crossings), "{crossings}");
+    }
 }
