@@ -254,3 +254,20 @@ fn a_broken_list_counts_more_than_it_reaches() {
     list.remove(0).expect("it is there");
     assert_eq!((list.count(), list.all().len()), (2, 0));
 }
+
+/// NV-03: who has lost the last waypoint finds no end to put another one behind; one in the middle
+/// is no end.
+#[test]
+fn a_list_without_its_end_takes_no_more() {
+    let count = |removed: i16| {
+        let mut list = Waypoints::with_defects(Defects {
+            loses_its_ends: true,
+            ..Defects::NONE
+        });
+        (0..3).for_each(|x| _ = list.push([x, 0], 0));
+        list.remove(removed).expect("it is there");
+        list.push([9, 0], 0).expect("without a word");
+        (list.count(), list.all().len())
+    };
+    assert_eq!([0, 1, 2].map(count), [(3, 0), (3, 3), (2, 2)]);
+}
