@@ -312,12 +312,13 @@ impl PcLink {
     /// Moves bytes for the line into `buf`; returns how many.
     pub fn transmit(&mut self, buf: &mut [u8]) -> usize {
         let was_full = self.tx.len() > ROWS_BELOW;
-        let free = buf.len().min(self.tx.len() - self.held);
+        let is_twice = self.settings.defects.sends_twice && self.tx.refused() > 0;
+        let len = (self.tx.len() - self.held) * (1 + usize::from(is_twice));
+        let free = buf.len().min(len);
         let buf = &mut buf[..free];
-        let count = if self.settings.defects.sends_twice && self.tx.refused() > 0 {
-            self.pop_twice(buf)
-        } else {
-            self.tx.pop(buf)
+        let count = match is_twice {
+            true => self.pop_twice(buf),
+            false => self.tx.pop(buf),
         };
         if was_full && self.tx.len() <= ROWS_BELOW {
             self.row_at = self.row_at.min(self.passed_at);

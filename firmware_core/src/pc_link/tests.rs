@@ -296,5 +296,10 @@ fn bytes_are_sent_twice_once_the_queue_was_full() {
     assert_eq!((sent(&mut link), link.overflows()), (b"ab".to_vec(), 0));
     link.tx.push(&[0; TX_LEN + 1]);
     link.tx.push(b"abcd");
-    assert_eq!((sent(&mut link), link.overflows()), (b"aabb".to_vec(), 1));
+    assert_eq!(
+        (sent(&mut link), link.overflows()),
+        (b"aabbccdd".to_vec(), 1)
+    );
+    link.tx.push(b"e");
+    assert_eq!(sent(&mut link), b"ee");
 }
