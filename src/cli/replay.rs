@@ -147,8 +147,8 @@ pub(super) fn shortened(path: &Path, recorded: Recorded) -> Recorded {
     let (recorded, silences) = recorded.shortened();
     let (path, max) = (path.display(), SILENCE_MAX.as_secs());
     for Silence { from, lasted, .. } in silences.all().iter().take(SILENCES_TOLD) {
-        let lasted = lasted.as_secs();
-        eprintln!("{path}: nothing for {lasted} s from {from} s on; played as {max} s");
+        let lasted = lasted.as_secs_f64();
+        eprintln!("{path}: nothing for {lasted:.0} s from {from} s on; played as {max} s");
     }
     if let Some(more @ 1..) = silences.all().len().checked_sub(SILENCES_TOLD) {
         eprintln!("{path}: {more} more silences played as {max} s");
