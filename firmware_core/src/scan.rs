@@ -26,6 +26,10 @@ pub const BEAMS: usize = 360;
 const PACKETS: u8 = 90;
 const READINGS: usize = BEAMS / PACKETS as usize;
 
+/// Packets with which a turn tells anything, a tenth: a lidar that is stuck says one or two of them
+/// over and over.
+const PACKETS_MIN: u8 = 9;
+
 /// Longest turn that is waited for: 120 turns a minute.
 const TURN_MAX: Duration = Duration::from_millis(500);
 
@@ -165,7 +169,7 @@ impl TurnAssembler {
         &self.finished
     }
 
-    /// Turns given up because their packets stopped arriving.
+    /// Turns given up because their packets stopped arriving, or hardly any of them arrived.
     pub const fn abandoned(&self) -> u32 {
         self.abandoned
     }
@@ -189,7 +193,10 @@ impl TurnAssembler {
         let (Some(first), Some(last)) = (self.first.take(), self.last.take()) else {
             return false;
         };
-        let is_whole = !self.defects.synchronised_by_packet_0 || first.index == 0;
+        let is_whole = match self.defects.synchronised_by_packet_0 {
+            true => first.index == 0,
+            false => self.building.packets >= PACKETS_MIN,
+        };
         let fresh = is_whole && now - last.at < TURN_MAX && last.at - first.at < TURN_MAX;
         if fresh {
             self.building.gap = self.building.gap.max(PACKETS - 1 - last.index);
@@ -431,6 +438,10 @@ mod tests {
         Instant::from_nanos(turn * 200_000_000 + (u64::from(index) + 1) * 200_000_000 / 90)
     }
 
+    fn all() -> [u8; 90] {
+        core::array::from_fn(|index| u8::try_from(index).unwrap())
+    }
+
     /// One turn without the packets in `lost`; the ends it reported.
     fn feed(assembler: &mut TurnAssembler, turn: u64, distance_mm: u16, lost: &[u8]) -> usize {
         let kept = (0..90).filter(|index| !lost.contains(index));
@@ -532,16 +543,24 @@ mod tests {
     fn a_turn_whose_packets_stopped_is_given_up() {
         let mut assembler = TurnAssembler::new(MOUNTING);
         feed(&mut assembler, 0, 1000, &[30, 31, 32, 89]);
-        assert!(
-            assembler
-                .push(arrival(6, 89), &packet(89, range(2000)))
-                .is_some()
-        );
+        assert_eq!(feed(&mut assembler, 6, 2000, &all()[..81]), 1);
         assert_eq!(assembler.abandoned(), 1);
         assert_eq!(
             (assembler.turn().packets, assembler.turn().distances_mm[0]),
-            (1, 0)
+            (9, 0)
         );
+    }
+
+    /// A lidar that is stuck says a packet over and over, the last one among them: no turn is made
+    /// of that, and none of eight packets.
+    #[test]
+    fn a_few_packets_are_no_turn() {
+        let ends = |first: usize| {
+            let mut assembler = TurnAssembler::new(MOUNTING);
+            let ends = feed(&mut assembler, 0, 1000, &all()[..first]);
+            (ends, assembler.abandoned(), assembler.turn().packets)
+        };
+        assert_eq!([81, 82, 89].map(ends), [(1, 0, 9), (0, 1, 0), (0, 1, 0)]);
     }
 
     /// Packets that a busy program takes out of its queue all at once still span 200 ms.
