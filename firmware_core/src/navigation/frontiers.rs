@@ -274,18 +274,9 @@ impl Frontiers {
         })
     }
 
-    /// What is to be seen from `place`, or beside it, was looked at in vain.
-    pub fn give_up(&mut self, map: &Grid, place: Point) {
-        self.give_up_seen(map, place, true);
-    }
-
-    /// The robot does not get to `place`: edges that are to be seen from there are looked at no
-    /// more. Walls may be felt from other places.
-    pub fn give_up_edges(&mut self, map: &Grid, place: Point) {
-        self.give_up_seen(map, place, false);
-    }
-
-    fn give_up_seen(&mut self, map: &Grid, place: Point, and_walls: bool) {
+    /// What of `sought` is to be seen from `place`, or beside it, was looked at in vain, or the
+    /// robot does not get there.
+    pub fn give_up(&mut self, map: &Grid, place: Point, sought: Sought) {
         let scene = self.scene(map);
         let Some(from) = Raster::of(map).cell_of(place) else {
             return;
@@ -300,7 +291,7 @@ impl Frontiers {
                     Some((edge, _)) => far.set(edge),
                     None => {}
                 }
-                if let Some(wall) = end.unfelt.filter(|_| and_walls) {
+                if let Some(wall) = end.unfelt.filter(|_| sought == Sought::FloorAndHeat) {
                     near.set(wall);
                 }
             }

@@ -81,7 +81,7 @@ fn what_shows_nothing_is_given_up_in_the_end() {
     let (map, mut frontiers) = (room(60), Frontiers::new(Sought::Floor));
     let mut looks = 0;
     while let Some(view) = next(&mut frontiers, &map) {
-        frontiers.give_up(&map, view.place);
+        frontiers.give_up(&map, view.place, Sought::FloorAndHeat);
         looks += 1;
         assert!(looks < 20, "never ends");
     }
@@ -100,9 +100,9 @@ fn walls_outlive_a_place_that_is_not_got_to() {
         (outlook.unknown > 0, outlook.unfelt > 0)
     };
     assert_eq!(outlook(&mut frontiers), (true, true));
-    frontiers.give_up_edges(&map, place);
+    frontiers.give_up(&map, place, Sought::Floor);
     assert_eq!(outlook(&mut frontiers), (false, true));
-    frontiers.give_up(&map, place);
+    frontiers.give_up(&map, place, Sought::FloorAndHeat);
     assert_eq!(outlook(&mut frontiers), (false, false));
 }
 

@@ -317,14 +317,15 @@ impl Explore {
     }
 
     /// What is to be seen from `place` is given up, and places beside it are not tried either: from
-    /// afar the map shows a way there again and again. Its walls may be felt from another place, but
-    /// not if this one was another place already.
+    /// afar the map shows a way there again and again. Its walls may be felt from another place, if
+    /// this one was not another place already.
     fn cannot_reach(&mut self, map: &Grid, place: Point) -> [i8; 2] {
         let before = self.unreached.replace(place);
-        match before.is_some_and(|before| before.distance_mm(place) < SAME_WALLS_MM) {
-            true => self.frontiers.give_up(map, place),
-            false => self.frontiers.give_up_edges(map, place),
-        }
+        let sought = match before.is_some_and(|before| before.distance_mm(place) < SAME_WALLS_MM) {
+            true => Sought::FloorAndHeat,
+            false => Sought::Floor,
+        };
+        self.frontiers.give_up(map, place, sought);
         self.frontiers.showed_nothing(map, place);
         self.at = None;
         HALT
@@ -345,7 +346,7 @@ impl Explore {
             let scans = scans + 1;
             Some(At::Look { place, scans })
         } else {
-            self.frontiers.give_up(sight.map, place);
+            self.frontiers.give_up(sight.map, place, self.sought);
             None
         };
         HALT
@@ -362,7 +363,7 @@ impl Explore {
         let outlook = self.frontiers.outlook(sight.map, place);
         if !outlook.is_to_be_felt() || turned >= TURN_RAD {
             if outlook.is_to_be_felt() {
-                self.frontiers.give_up(sight.map, place);
+                self.frontiers.give_up(sight.map, place, self.sought);
             }
             self.at = None;
             return HALT;
