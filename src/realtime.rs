@@ -35,7 +35,7 @@ use emulators::{Event, EventKind};
 use protocols::{Instant, LineConfig, LineEvent};
 
 use crate::realtime::clock::Clock;
-use crate::realtime::transport::{PortEvent, Transport, TransportError, ready, wait};
+use crate::realtime::transport::{PortEvent, Transport, TransportError, stirred, wait};
 use crate::rig::{Paced, PortRate, Rig};
 use crate::robots::OpenEnd;
 use crate::scenario::Scenario;
@@ -209,27 +209,9 @@ impl<C: Clock> Realtime<C> {
     /// # Errors
     /// As [`carry`](Self::carry).
     pub(crate) fn carry_stirred(&mut self, paced: &mut impl Paced) -> Result<(), TransportError> {
-        let stirred = self.stirred();
+        let transports = self.ports.iter().map(|port| &*port.transport);
+        let stirred = stirred(transports);
         self.carry_from(&stirred, paced)
-    }
-
-    /// At which ports something may have happened.
-    fn stirred(&self) -> Vec<bool> {
-        let (mut indices, mut files) = (Vec::new(), Vec::new());
-        let mut stirred = Vec::with_capacity(self.ports.len());
-        for (index, port) in self.ports.iter().enumerate() {
-            let stirs = port.transport.stirs();
-            stirred.push(stirs.is_none() || !port.spread.is_empty());
-            for file in stirs.into_iter().flatten() {
-                indices.push(index);
-                files.push(file);
-            }
-        }
-        let ready = ready(&files).unwrap_or_else(|| vec![true; files.len()]);
-        for (index, is_ready) in indices.into_iter().zip(ready) {
-            stirred[index] |= is_ready;
-        }
-        stirred
     }
 
     fn carry_from(
@@ -237,8 +219,10 @@ impl<C: Clock> Realtime<C> {
         wanted: &[bool],
         paced: &mut impl Paced,
     ) -> Result<(), TransportError> {
-        for (port, _) in self.ports.iter_mut().zip(wanted).filter(|(_, is)| **is) {
-            port.carry_in(paced)?;
+        for (port, is_wanted) in self.ports.iter_mut().zip(wanted) {
+            if *is_wanted || !port.spread.is_empty() {
+                port.carry_in(paced)?;
+            }
         }
         for port in &mut self.ports {
             port.carry_out(paced.rig());

@@ -121,11 +121,23 @@ pub fn wait(fds: &[BorrowedFd<'_>], timeout: Duration) -> io::Result<()> {
     }
 }
 
-/// Which of `fds` are readable or hung up now; `None` if that cannot be told.
-pub(crate) fn ready(fds: &[BorrowedFd<'_>]) -> Option<Vec<bool>> {
-    let mut fds = to_be_read(fds);
-    poll(&mut fds, Some(&Timespec::default())).ok()?;
-    Some(fds.iter().map(|fd| !fd.revents().is_empty()).collect())
+/// Which of `transports` may have something new to read, by one look at all of them.
+pub(crate) fn stirred<'a>(transports: impl Iterator<Item = &'a dyn Transport>) -> Vec<bool> {
+    let (mut stirred, mut indices, mut files) = (Vec::new(), Vec::new(), Vec::new());
+    for (index, transport) in transports.enumerate() {
+        let stirs = transport.stirs();
+        stirred.push(stirs.is_none());
+        for file in stirs.into_iter().flatten() {
+            indices.push(index);
+            files.push(file);
+        }
+    }
+    let mut fds = to_be_read(&files);
+    let is_told = poll(&mut fds, Some(&Timespec::default())).is_ok();
+    for (index, fd) in indices.into_iter().zip(&fds) {
+        stirred[index] |= !is_told || !fd.revents().is_empty();
+    }
+    stirred
 }
 
 fn to_be_read<'a>(fds: &[BorrowedFd<'a>]) -> Vec<PollFd<'a>> {
