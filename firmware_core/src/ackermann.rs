@@ -135,15 +135,19 @@ impl CarGeometry {
     }
 
     /// Steering angle and travel of the front axle that bring it from where it is to `ahead_m`,
-    /// `left_m`: the shorter way round, backwards if that is the shorter one. `None` if no arc
-    /// leads there: the place is where it is, or straight to the side.
+    /// `left_m`: the shorter way round, backwards if that is the shorter one. `None` where it is
+    /// already, and for what is no place.
     pub fn front_inverse(&self, ahead_m: f64, left_m: f64) -> Option<(f64, f64)> {
         let (x, y, k) = (-left_m, ahead_m, self.wheelbase_m);
         let square = x * x + y * y;
         if !square.is_finite() || square == 0.0 {
             return None;
         }
-        let steering = libm::atan(2.0 * x * k / (-square - 2.0 * y * k));
+        let steering = match x == 0.0 {
+            // Two wheelbases behind the quotient is of two zeros.
+            true => 0.0,
+            false => libm::atan(2.0 * x * k / (-square - 2.0 * y * k)),
+        };
         if !steering.is_finite() {
             return None;
         }
@@ -334,6 +338,8 @@ mod tests {
             (-2.0, 0.0, 0.0)
         );
         assert_eq!(CAR.front_inverse(3.0, 0.0), Some((0.0, 3.0)));
+        let behind = -2.0 * CAR.wheelbase_m;
+        assert_eq!(CAR.front_inverse(behind, 0.0), Some((0.0, behind)));
         assert_eq!(CAR.front_inverse(0.0, 0.0), None);
         assert_eq!(CAR.front_inverse(f64::NAN, 1.0), None);
         assert_eq!(CAR.steering_for(1.0, 0.0), 0.0);
