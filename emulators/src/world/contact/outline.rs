@@ -510,15 +510,9 @@ mod tests {
             (pushed(3.0, 0.0), Motion::shortened),
             (ahead(3.0), Motion::slowed),
         ] {
-            let found = free(motion, cut);
-            if let Some((part, solids)) = found {
-                assert!(
-                    (part - 0.333).abs() < 0.002 && solids == 1,
-                    "{motion:?} {part}"
-                );
-            } else {
-                assert!(found.is_none() && motion.speed == 0.0, "{motion:?}");
-            }
+            let (part, solids) = free(motion, cut).unwrap_or_else(|| panic!("{motion:?}"));
+            let is_third = (part - 0.333).abs() < 0.002;
+            assert!(is_third && solids == 1, "{motion:?} {part}");
         }
         assert_eq!(free(ahead(0.9), Motion::slowed), None);
         assert_eq!(free(ahead(-3.0), Motion::slowed), None);
@@ -553,6 +547,32 @@ mod tests {
             let off = (found[0] - expected[0]).abs() + (found[1] - expected[1]).abs();
             assert!(off < 0.01, "{from:?}: {found:?}");
         }
+    }
+
+    /// One disc comes in from the right by a millimetre; another one, looked at after it, comes
+    /// nearer from below and is still a decimetre away: it shoves nobody.
+    #[test]
+    fn an_obstacle_that_is_still_away_shoves_nobody() {
+        let footprint = Footprint::rectangle(0.1, 0.1, 0.2).expect("a square");
+        let coming = |from: [f64; 2], to: [f64; 2]| Solid {
+            primitive: Primitive::Circle(Circle {
+                center: Point::default(),
+                radius: 0.05,
+            }),
+            places: [from, to].map(|[x, y]| Point::new(x, y)),
+            ..solid()
+        };
+        let near = || coming([0.151, 0.03], [0.149, 0.03]);
+        let far = || coming([0.02, -0.261], [0.02, -0.25]);
+        for solids in [vec![near()], vec![near(), far()], vec![far(), near()]] {
+            let mut step = Step::new(&footprint, Pose::default());
+            step.solids = solids;
+            let by = step.shove(Pose::default());
+            assert!((by.x + 1e-3).abs() < 1e-5 && by.y.abs() < 1e-5, "{by:?}");
+        }
+        let mut step = Step::new(&footprint, Pose::default());
+        step.solids = vec![far()];
+        assert_eq!(step.shove(Pose::default()), Point::default());
     }
 
     /// In one step a body goes 0.6 m, or turns by a radian, past a post of a centimetre that it
