@@ -49,7 +49,7 @@ fn about_in(scenario: &Scenario, clock: &str) -> Section {
 /// once, [`Tap::finish`] in the end.
 #[derive(Debug)]
 pub struct Recording {
-    scribe: WriterThread,
+    writer: WriterThread,
     is_stopped: bool,
     /// Why it stopped, if not by itself.
     error: Option<io::Error>,
@@ -78,7 +78,7 @@ impl Recording {
         let piece = usize::try_from(PIECE.min(limits.file_bytes / 8)).expect("at most PIECE");
         let files = Files::create(path, head, limits)?;
         Ok(Self {
-            scribe: WriterThread::start(Joiner::new(rig, section.start()), files, piece)?,
+            writer: WriterThread::start(Joiner::new(rig, section.start()), files, piece)?,
             is_stopped: false,
             error: None,
             is_told: false,
@@ -91,7 +91,7 @@ impl Recording {
     fn stop_unless(&mut self, can_go_on: bool) {
         if !can_go_on {
             self.is_stopped = true;
-            self.error = self.scribe.finish().err();
+            self.error = self.writer.finish().err();
         }
     }
 }
@@ -105,7 +105,7 @@ impl Tap for Recording {
             return;
         }
         let (line, at) = (line_of(link, direction), delivery.at);
-        let (batch, bytes) = (&mut self.scribe.batch, &delivery.bytes[..]);
+        let (batch, bytes) = (&mut self.writer.batch, &delivery.bytes[..]);
         if delivery.framing_errors > 0 {
             let kind = Kind::Line(LineEvent::FramingError);
             let comment = format!("{} characters without a stop bit", delivery.framing_errors);
@@ -125,7 +125,7 @@ impl Tap for Recording {
                 batch.single(line, at, Kind::Data, bytes, Extra { sent, comment });
             }
         }
-        let can_go_on = self.scribe.relieve();
+        let can_go_on = self.writer.relieve();
         self.stop_unless(can_go_on);
     }
 
@@ -137,15 +137,15 @@ impl Tap for Recording {
         let (kind, sent) = (Kind::Line(event), None);
         let line = line_of(link, direction);
         let extra = Extra { sent, comment };
-        self.scribe.batch.single(line, at, kind, &[], extra);
-        let can_go_on = self.scribe.relieve();
+        self.writer.batch.single(line, at, kind, &[], extra);
+        let can_go_on = self.writer.relieve();
         self.stop_unless(can_go_on);
     }
 
     fn reached(&mut self, now: Instant) {
         if !self.is_stopped && self.flushed_at.is_some_and(|at| now - at >= FLUSH_EVERY) {
             self.flushed_at = Some(now);
-            let can_go_on = self.scribe.reached(now);
+            let can_go_on = self.writer.reached(now);
             self.stop_unless(can_go_on);
         }
     }
@@ -158,7 +158,7 @@ impl Tap for Recording {
 
     fn finish(&mut self) -> io::Result<()> {
         self.is_stopped = true;
-        self.error.take().map_or_else(|| self.scribe.finish(), Err)
+        self.error.take().map_or_else(|| self.writer.finish(), Err)
     }
 }
 

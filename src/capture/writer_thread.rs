@@ -103,7 +103,7 @@ impl WriterThread {
     pub(super) fn start(joiner: Joiner, files: Files, piece: usize) -> io::Result<Self> {
         let (full, batches) = sync_channel::<Batch>(BATCHES_MAX);
         let (back, empty) = sync_channel(BATCHES_MAX);
-        let mut desk = WriterState {
+        let mut state = WriterState {
             joiner,
             files,
             piece,
@@ -112,12 +112,12 @@ impl WriterThread {
         let thread = thread::Builder::new().name("capture".to_owned());
         let thread = thread.spawn(move || {
             for mut batch in batches {
-                desk.take(&mut batch)?;
+                state.take(&mut batch)?;
                 batch.clear();
                 // Whoever gave it may be gone, or have enough of them.
                 let _ = back.try_send(batch);
             }
-            desk.finish()
+            state.finish()
         })?;
         Ok(Self {
             batch: Batch::default(),

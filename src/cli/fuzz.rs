@@ -212,7 +212,7 @@ fn look(args: &FuzzArgs, subjects: &Subjects) -> Result<Verdict, CliError> {
     let time = args.time.map(|time| time.0);
     let time = time.or_else(|| args.cases.is_none().then_some(TIME));
     let jobs = args.jobs.or_else(|| thread::available_parallelism().ok());
-    let mut desk = FuzzRun {
+    let mut fuzzing = FuzzRun {
         args,
         folder: Folder::create(&args.out, plan(args)?)?,
         clock: WallClock::start(),
@@ -226,10 +226,10 @@ fn look(args: &FuzzArgs, subjects: &Subjects) -> Result<Verdict, CliError> {
     for (index, subject) in subjects.iter().enumerate() {
         let left = u32::try_from(subjects.len() - index).expect("a few targets");
         let until = time.map(|time| {
-            let now = desk.clock.now();
+            let now = fuzzing.clock.now();
             now + (Instant::ZERO + time - now) / left
         });
-        let target = desk.fuzz(subject.as_ref(), until)?;
+        let target = fuzzing.fuzz(subject.as_ref(), until)?;
         ended.findings += target.findings;
         ended.targets.push(target);
     }

@@ -133,32 +133,32 @@ impl super::Bench for Client {
         behaviour: &mut Behaviour,
         tape: &mut Tape,
     ) -> Result<(), Violation> {
-        let mut desk = Operator::new(!self.defects.is_empty());
+        let mut operator = Operator::new(!self.defects.is_empty());
         let mut expected = Expected::default();
         for step in steps {
             match step {
                 Step::Wait(ms) => {
-                    desk.wait(*ms);
+                    operator.wait(*ms);
                     expected.pause();
                 }
                 Step::Send(_, bytes) => {
-                    tape.note(0, desk.now, Direction::ToDevice, bytes);
-                    desk.receive(bytes);
+                    tape.note(0, operator.now, Direction::ToDevice, bytes);
+                    operator.receive(bytes);
                     expected.heard.extend(bytes);
                 }
                 Step::Reply(_) => {}
             }
         }
-        desk.wait(PAUSE_MS);
+        operator.wait(PAUSE_MS);
         expected.pause();
-        expected.compare(&desk)?;
+        expected.compare(&operator)?;
         // Whatever came before, a good frame after a pause is understood.
         let last = properties([123, 45]);
-        tape.note(0, desk.now, Direction::ToDevice, &last);
-        desk.receive(&last);
-        behaviour.note(&desk.figures());
-        if desk.position_mm() != Some([123, 45]) {
-            let detail = format!("it shows the robot at {:?} mm", desk.position_mm());
+        tape.note(0, operator.now, Direction::ToDevice, &last);
+        operator.receive(&last);
+        behaviour.note(&operator.figures());
+        if operator.position_mm() != Some([123, 45]) {
+            let detail = format!("it shows the robot at {:?} mm", operator.position_mm());
             return Err(Violation::new("the-robot-is-heard-after-all", detail));
         }
         Ok(())
@@ -320,12 +320,12 @@ impl Expected {
         }
     }
 
-    fn compare(&self, desk: &Operator) -> Result<(), Violation> {
+    fn compare(&self, operator: &Operator) -> Result<(), Violation> {
         if self.is_another {
             return Ok(());
         }
         for y in 0..WIDTH {
-            let Some(shown) = desk
+            let Some(shown) = operator
                 .row(y)
                 .and_then(|row| row.first_chunk::<{ WIDTH - 1 }>())
             else {
