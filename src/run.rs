@@ -409,6 +409,18 @@ impl Run {
 
     /// Ends the run here and judges it.
     pub fn judge(self) -> Outcome {
+        let wall_overlap = self.wall_overlap();
+        self.outcome(wall_overlap)
+    }
+
+    /// The same for somebody who reads the verdicts alone: map and world are compared only if the
+    /// scenario expects something of that, which takes as long as a second of the run.
+    pub(crate) fn judge_what_is_expected(self) -> Outcome {
+        let wall_overlap = self.expected_overlap();
+        self.outcome(wall_overlap)
+    }
+
+    fn outcome(self, wall_overlap: Option<WallOverlap>) -> Outcome {
         let program = self.rig.program();
         let map = self.instruments.map(&self.rig).map(KeptMap::from);
         let layers = self.instruments.layers(&self.rig).into_iter();
@@ -420,7 +432,7 @@ impl Run {
                 counters.insert(name, value);
             });
         }
-        let (pose_error, wall_overlap) = self.scores();
+        let pose_error = score::pose_error(&self.pairs);
         let checks = self.checks_with(pose_error, wall_overlap);
         Outcome {
             case: self.case(),
@@ -453,21 +465,22 @@ impl Run {
 
     /// The verdicts as they would be if the run ended now.
     pub fn checks(&self) -> Vec<Check> {
-        let (pose_error, wall_overlap) = self.scores();
-        self.checks_with(pose_error, wall_overlap)
+        self.checks_with(score::pose_error(&self.pairs), self.expected_overlap())
     }
 
-    fn scores(&self) -> (Option<PoseError>, Option<WallOverlap>) {
+    fn expected_overlap(&self) -> Option<WallOverlap> {
+        let is_expected = self.scenario.expect.wall_overlap_min.is_some();
+        is_expected.then(|| self.wall_overlap()).flatten()
+    }
+
+    fn wall_overlap(&self) -> Option<WallOverlap> {
         let way = self.truth.iter().step_by(WAY_EVERY as usize);
         let mut way: Vec<Pose> = way.map(|&(_, pose)| pose).collect();
         // Where it rested, nothing else was to be seen.
         way.dedup();
-        let map = self.instruments.map(&self.rig);
-        let wall_overlap = map.map(|map| {
-            let within_mm = self.scenario.expect.wall_within_mm;
-            score::wall_overlap(map, &self.rig.world, &way, within_mm)
-        });
-        (score::pose_error(&self.pairs), wall_overlap)
+        let map = self.instruments.map(&self.rig)?;
+        let within_mm = self.scenario.expect.wall_within_mm;
+        Some(score::wall_overlap(map, &self.rig.world, &way, within_mm))
     }
 
     fn checks_with(

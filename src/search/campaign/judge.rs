@@ -63,7 +63,7 @@ pub(crate) fn run_from(
             run.step();
             watch(&run);
         }
-        Ok(Box::new(run.judge()))
+        Ok(Box::new(run.judge_what_is_expected()))
     }));
     let mut record = Record::of(scenario);
     match judged {
