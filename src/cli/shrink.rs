@@ -104,12 +104,12 @@ fn shrink_case(args: &ShrinkArgs) -> Result<Verdict, CliError> {
     let (stop, clock) = (Stop::new(None)?, WallClock::start());
     let is_over = || stop.is_due(clock.now());
     let foreign = args.program.foreign();
-    let (record, outcome) = match &foreign {
+    let (branches, record, outcome) = match &foreign {
         Some(foreign) => match run_foreign(args, foreign, &scenario, &source, &is_over)? {
-            Some((record, outcome)) => (record, Some(outcome)),
+            Some((record, outcome)) => (Branches::new(&source, ""), record, Some(outcome)),
             None => return Ok(Verdict::Interrupted(stop.signal().unwrap_or_default())),
         },
-        None => campaign::run(&scenario, &source)?,
+        None => Branches::begin(&source, &scenario)?,
     };
     // As the bytes that they hit, random faults can be left out one by one.
     let expanded = outcome.map_or_else(|| scenario.clone(), |outcome| outcome.case);
@@ -117,7 +117,7 @@ fn shrink_case(args: &ShrinkArgs) -> Result<Verdict, CliError> {
     let path = args.out.join("case.toml");
     let tries = if foreign.is_some() { TRIES_EXEC } else { TRIES };
     let mut effort = Effort::until(tries, &is_over);
-    let mut judge = judge(args, &source, &cause, &path, &is_over);
+    let mut judge = judge(args, &source, branches, &cause, &path, &is_over);
     let start = [expanded.clone(), scenario]
         .into_iter()
         .find(|case| judge(case) == Judged::FailsAlike);
@@ -180,13 +180,13 @@ fn run_foreign(
 fn judge<'a>(
     args: &'a ShrinkArgs,
     source: &'a Source,
+    mut branches: Branches<'a>,
     cause: &'a str,
     path: &'a Path,
     is_over: &'a dyn Fn() -> bool,
 ) -> impl FnMut(&Scenario) -> Judged + 'a {
     let foreign = args.program.foreign();
     let of = |record: Record| Judged::of(record.cause.as_deref(), cause);
-    let mut branches = Branches::new(source, cause);
     move |candidate| match (&args.command, &foreign) {
         (_, Some(foreign)) => match run_foreign(args, foreign, candidate, source, is_over) {
             Ok(Some((record, _))) => of(record),

@@ -4,13 +4,13 @@
 //!   run ----+---------------------> its end
 //!           |
 //!           checkpoint --resume---> the same end
-//!           +----------resume_as--> the end of a run with fewer faults from here on
+//!           +----------resume_as--> the end of a run with other faults from here on
 //! ```
 //!
 //! All nodes are plain state, so a copy goes on as the run itself does. A run of another scenario
 //! that has come to the same moment in the same state need not be run again up to there: that is
-//! known of one that only leaves out, or begins later, what had not come to bear by then, or ends
-//! it earlier.
+//! known of one that only leaves out, adds, or begins later, what has not come to bear by then, or
+//! ends it earlier.
 
 use std::rc::Rc;
 
@@ -69,11 +69,13 @@ impl Run {
 
 /// What becomes of the faults of a checkpoint's run.
 #[derive(Debug, Default)]
-struct Changes {
+struct Changes<'a> {
     /// The new number of each, if it is kept.
     numbers: Vec<Option<usize>>,
     /// Those at work in another time, which is still to come where they differ.
     moved: Vec<(FaultId, Window)>,
+    /// Those that come to it, behind those that are kept.
+    added: &'a [FaultSpec],
 }
 
 impl Checkpoint {
@@ -91,8 +93,8 @@ impl Checkpoint {
     }
 
     /// A run of `scenario` that has come to here, if it is known to have come to here as this one
-    /// did: nothing of it differs but its length, and faults that are left out, begin at another
-    /// time or end earlier and had not come so far. Its [`history`](super::Outcome::history) is
+    /// did: nothing of it differs but its length, and faults that are left out, added behind all
+    /// others, begin at another time or end earlier and had not come so far. Its [`history`](super::Outcome::history) is
     /// sampled as that of the run that it branches from.
     pub fn resume_as(&self, scenario: &Scenario) -> Option<Run> {
         let (now, asked) = (self.at(), &*self.0.asked);
@@ -112,8 +114,8 @@ impl Checkpoint {
 
     /// How `wanted` comes from the faults of this run; `None` if it does not, or if one that is not
     /// in it, or not as it was, has come to bear.
-    fn changes(&self, wanted: &[FaultSpec]) -> Option<Changes> {
-        let mut wanted = wanted.iter().peekable();
+    fn changes<'a>(&self, wanted: &'a [FaultSpec]) -> Option<Changes<'a>> {
+        let (all, mut wanted) = (wanted, wanted.iter().peekable());
         let (mut changes, mut number) = (Changes::default(), 0);
         for (index, fault) in self.0.asked.fault.iter().enumerate() {
             if fault.when.is_some() {
@@ -141,7 +143,15 @@ impl Checkpoint {
             changes.numbers.push(Some(number));
             number += 1;
         }
-        wanted.next().is_none().then_some(changes)
+        changes.added = &all[number..];
+        let can_add = |fault: &FaultSpec| self.can_add(fault);
+        changes.added.iter().all(can_add).then_some(changes)
+    }
+
+    /// Whether a fault would have made no difference by now. One that strikes at random would have
+    /// thrown its dice.
+    fn can_add(&self, fault: &FaultSpec) -> bool {
+        fault.when.is_none() && fault.rate.is_none() && self.is_to_come(fault)
     }
 
     /// Whether it would have made no difference by now had the fault been at work in `window`.
@@ -166,7 +176,7 @@ impl Checkpoint {
 }
 
 impl Run {
-    fn apply(&mut self, changes: &Changes, faults: &[FaultSpec]) -> Option<()> {
+    fn apply(&mut self, changes: &Changes<'_>, faults: &[FaultSpec]) -> Option<()> {
         for &(id, window) in &changes.moved {
             self.rig.move_fault(id, window);
             self.agenda.move_to(id, window);
@@ -188,6 +198,10 @@ impl Run {
         };
         self.rig.renumber_faults(to);
         self.agenda.renumber(to);
+        let kept = changes.numbers.iter().flatten().count();
+        for (number, fault) in (kept..).zip(changes.added) {
+            self.plan(fault, FaultId(number)).ok()?;
+        }
         Some(())
     }
 }

@@ -80,7 +80,7 @@ impl Run {
     }
 
     /// Plans a fault on the rig, and what belongs to it on the agenda.
-    fn plan(&mut self, fault: &FaultSpec, id: FaultId) -> Result<(), Flaw> {
+    pub(super) fn plan(&mut self, fault: &FaultSpec, id: FaultId) -> Result<(), Flaw> {
         let what = self.rig.plan_fault(fault, id, self.seed)?;
         if fault.when.is_some() {
             self.waiting.push(id);

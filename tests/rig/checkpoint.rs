@@ -164,8 +164,64 @@ fn what_has_come_to_bear_cannot_be_taken_back() {
     assert!(point.resume_as(&ended).is_none());
 }
 
+/// To a run without faults that has come to 2.555 s each of the twelve is added alone: not what
+/// waits for a byte of all, throws dice for each byte, or should have begun by then.
+#[test]
+fn what_is_still_to_come_can_be_added() {
+    let (scenario, source) = faulted();
+    let with = |fault: &[FaultSpec]| Scenario {
+        fault: fault.to_vec(),
+        ..scenario.clone()
+    };
+    let mut run = start((with(&[]), source));
+    run.go_on_until(Instant::from_millis(2_555));
+    let point = run.checkpoint().expect("nobody listens");
+    let faults = scenario.fault.iter();
+    let known: Vec<bool> = faults
+        .map(|fault| {
+            point
+                .resume_as(&with(core::slice::from_ref(fault)))
+                .is_some()
+        })
+        .collect();
+    let (yes, no) = (true, false);
+    assert_eq!(
+        known,
+        [no, no, no, no, yes, no, yes, yes, no, yes, yes, yes]
+    );
+}
+
 proptest! {
     #![proptest_config(cases(6))]
+
+    /// A run of the first few of the twelve faults branches into one of more of them.
+    #[test]
+    fn a_branch_with_more_faults_equals_a_run_of_its_own(
+        first in prop::sample::select(vec![0_usize, 2, 4]),
+        more in 0_u16..1 << 12,
+        at_us in 0_u64..4_500_000,
+        seed in 1_u64..1_000_000,
+    ) {
+        let (mut asked, source) = faulted();
+        asked.seed = seed;
+        let all = core::mem::take(&mut asked.fault);
+        let at = Span(Duration::from_micros(at_us));
+        let mut whole = asked.clone();
+        let numbered = all.into_iter().enumerate();
+        whole.fault.extend(numbered.filter_map(|(index, fault)| {
+            let is_to_come = fault.rate.is_none() && fault.from.is_none_or(|from| from > at);
+            let is_more = more >> index & 1 == 1 && is_to_come && fault.at_byte.is_none();
+            (index < first || is_more).then_some(fault)
+        }));
+        asked.fault = whole.fault[..first].to_vec();
+        let mut run = start((asked, source.clone()));
+        run.go_on_until(Instant::from_micros(at_us));
+        let point = run.checkpoint().expect("nobody listens");
+        if let Some(branch) = point.resume_as(&whole) {
+            let own = start((whole, source)).finish();
+            prop_assert_eq!(identity(&branch.finish()), identity(&own));
+        }
+    }
 
     /// Whole missions of several robots, cut anywhere.
     #[test]

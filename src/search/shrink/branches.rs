@@ -7,9 +7,9 @@ use core::time::Duration;
 
 use super::Judged;
 use crate::rig::trace::fingerprint;
-use crate::run::{Checkpoint, Run};
-use crate::scenario::{Scenario, Source};
-use crate::search::campaign::judge::run_from;
+use crate::run::{Checkpoint, Outcome, Run};
+use crate::scenario::{Scenario, ScenarioError, Source};
+use crate::search::campaign::judge::{Record, run_from};
 
 /// Checkpoints of one run, evenly over its time.
 const POINTS: u32 = 24;
@@ -23,7 +23,7 @@ const EVERY_MIN: Duration = Duration::from_millis(100);
 #[derive(Debug)]
 pub struct Branches<'a> {
     source: &'a Source,
-    cause: &'a str,
+    cause: String,
     /// Of the last try that failed alike, which is the best so far or near it.
     failing: Vec<Rc<Checkpoint>>,
     /// Of the last other one without faults, which is asked whenever one with them has failed.
@@ -35,19 +35,38 @@ pub struct Branches<'a> {
 
 impl<'a> Branches<'a> {
     /// Nothing tried yet; what fails for `cause` fails alike.
-    pub fn new(source: &'a Source, cause: &'a str) -> Self {
+    pub fn new(source: &'a Source, cause: &str) -> Self {
         Self {
             source,
-            cause,
+            cause: cause.to_owned(),
             failing: Vec::new(),
             faultless: Vec::new(),
             judged: BTreeMap::new(),
         }
     }
 
+    /// Runs the scenario that a search begins with, and what it came to: what fails for the same
+    /// cause fails alike.
+    ///
+    /// # Errors
+    /// If the scenario cannot be wired.
+    pub(crate) fn begin(
+        source: &'a Source,
+        start: &Scenario,
+    ) -> Result<(Self, Record, Option<Box<Outcome>>), ScenarioError> {
+        let mut branches = Self::new(source, "");
+        let (record, outcome, points) = branches.run(start)?;
+        if let Some(cause) = &record.cause {
+            branches.cause.clone_from(cause);
+            branches.failing = points;
+            branches.judged.insert(name_of(start), Judged::FailsAlike);
+        }
+        Ok((branches, record, outcome))
+    }
+
     /// What `candidate` comes to.
     pub fn judge(&mut self, candidate: &Scenario) -> Judged {
-        let name = fingerprint(candidate.to_toml().as_bytes());
+        let name = name_of(candidate);
         if let Some(known) = self.judged.get(&name) {
             return *known;
         }
@@ -57,6 +76,21 @@ impl<'a> Branches<'a> {
     }
 
     fn try_out(&mut self, candidate: &Scenario) -> Judged {
+        let Ok((record, _, points)) = self.run(candidate) else {
+            return Judged::FailsOtherwise;
+        };
+        let found = Judged::of(record.cause.as_deref(), &self.cause);
+        if found == Judged::FailsAlike {
+            self.failing = points;
+        } else if candidate.fault.is_empty() {
+            self.faultless = points;
+        }
+        found
+    }
+
+    /// Runs `candidate` from the latest checkpoint that it can branch from; with the checkpoints of
+    /// its way.
+    fn run(&self, candidate: &Scenario) -> Result<Ran, ScenarioError> {
         let ways = [&self.failing, &self.faultless];
         let branches = ways.into_iter().filter_map(|way| {
             let points = way.iter().enumerate().rev();
@@ -76,23 +110,26 @@ impl<'a> Branches<'a> {
             Some(run) => Ok(run),
             None => Run::new(candidate.clone(), self.source, None),
         };
-        let judged = run_from(candidate, begin, |run| {
+        let (record, outcome) = run_from(candidate, begin, |run| {
             if time_of(run) >= next {
                 next = time_of(run) + every;
                 points.extend(run.checkpoint().map(Rc::new));
             }
-        });
-        let Ok((record, _)) = judged else {
-            return Judged::FailsOtherwise;
-        };
-        let found = Judged::of(record.cause.as_deref(), self.cause);
-        if found == Judged::FailsAlike {
-            self.failing = points;
-        } else if candidate.fault.is_empty() {
-            self.faultless = points;
-        }
-        found
+        })?;
+        Ok((record, outcome, points))
     }
+}
+
+/// What a try came to, and the checkpoints of its way.
+type Ran = (Record, Option<Box<Outcome>>, Vec<Rc<Checkpoint>>);
+
+/// A fingerprint of all that a run depends on.
+fn name_of(case: &Scenario) -> String {
+    let plain = Scenario {
+        origin: None,
+        ..case.clone()
+    };
+    fingerprint(plain.to_toml().as_bytes())
 }
 
 fn time_of(run: &Run) -> Duration {
