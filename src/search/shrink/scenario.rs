@@ -3,7 +3,7 @@ use core::time::Duration;
 use super::culprit::Cause;
 use super::{Effort, Judged, fewest};
 use crate::run::is_of_the_end;
-use crate::scenario::{Expect, Scenario, Span};
+use crate::scenario::{Expect, FaultSpec, Scenario, Span};
 
 /// The smallest scenario found that `judge` says fails alike: a shorter run and fewer faults first,
 /// because they are what the cause is read from, then fewer orders and waypoints, less in the
@@ -49,6 +49,9 @@ pub fn scenario(
         }
         late_faults(&mut best, effort, &mut fails);
         fewer_faults(&mut best, effort, &mut fails);
+        if !keeps_time {
+            earlier(&mut best, effort, &mut fails);
+        }
         fewer_parts(&mut best, effort, &mut fails);
         plainer(&mut best, effort, &mut fails);
         if best == before {
@@ -75,6 +78,9 @@ fn nothing_in_the_end(case: &Scenario) -> Scenario {
         ..case.clone()
     }
 }
+
+/// Least time by which faults are tried earlier.
+const EARLIER_MIN: Duration = Duration::from_millis(100);
 
 type Fails<'a> = &'a mut dyn FnMut(&Scenario) -> bool;
 
@@ -167,6 +173,33 @@ fn shorter(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
             most = middle;
         } else {
             least = middle;
+        }
+    }
+}
+
+/// Lets all that goes wrong, and the end of the run, come earlier: each try that cannot go on from
+/// a checkpoint is as long as the run.
+fn earlier(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
+    let begin = |fault: &FaultSpec| {
+        let waits = fault.at_byte.is_some() || fault.at_frame.is_some() || fault.when.is_some();
+        let is_timed = fault.byte.is_none() && !waits;
+        fault.from.filter(|_| is_timed)
+    };
+    let begins: Option<Vec<Span>> = best.fault.iter().map(begin).collect();
+    let Some(first) = begins.and_then(|begins| begins.into_iter().min()) else {
+        return;
+    };
+    for quarters in [3, 2, 1] {
+        let by = whole_ms(first.0 * quarters / 4);
+        let earlier = |time: Span| Span(time.0.saturating_sub(by));
+        let mut smaller = best.clone();
+        smaller.duration = earlier(best.duration);
+        for fault in &mut smaller.fault {
+            fault.from = fault.from.map(earlier);
+            fault.until = fault.until.map(earlier);
+        }
+        if by >= EARLIER_MIN && take(best, smaller, effort, fails) {
+            return;
         }
     }
 }
@@ -294,6 +327,34 @@ mod tests {
         let small = smallest("waypoints-visited", |_| true);
         assert_eq!(small.duration, Span::from_millis(60_000));
         assert_eq!(small.mission.waypoints_m.len(), 1);
+    }
+
+    /// A cut from 16 s to 17 s matters 3 s after the mission's begin at the earliest: 12 s earlier is
+    /// the first try, and what is 1 s, 2 s or 3 s earlier than 4 s must not be a quarter too early.
+    #[test]
+    fn what_goes_wrong_comes_as_early_as_it_still_matters() {
+        let fault = "link = \"base\"\ndirection = \"to-device\"\nkind = \"cut\"\n\
+                     from = \"16s\"\nuntil = \"17s\"\n";
+        let text = format!("{}[[fault]]\n{fault}", case().to_toml());
+        let (start, _) = Scenario::from_text(&text).expect("sound");
+        let fails = |case: &Scenario| {
+            let mut begins = case.fault.iter().filter_map(|fault| fault.from);
+            let matters = begins.any(|from| from.0 >= Duration::from_secs(3));
+            matters && case.duration.0 > case.fault[0].from.unwrap_or_default().0
+        };
+        let judge = |case: &Scenario| match fails(case) {
+            true => Judged::FailsAlike,
+            false => Judged::Passes,
+        };
+        let check = "motors-stop-after-silence";
+        let small = scenario(&start, check, judge, &mut Effort::tries(1000));
+        let from = small.fault[0].from.unwrap_or_default();
+        assert_eq!(from, Span::from_millis(3_000));
+        assert!(
+            small.duration <= Span::from_millis(3_200),
+            "{}",
+            small.duration
+        );
     }
 
     /// A contact at 12 s has nothing to do with how long the run is behind it.
