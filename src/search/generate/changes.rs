@@ -83,9 +83,14 @@ fn move_something(world: &mut WorldSpec, dice: &mut Draw) {
 }
 
 /// A wall that ends in the room becomes longer or shorter, as at a door; of one that does not, a
-/// side is moved, but none that is held by something at an end.
+/// side is moved, but none that is held by something at an end. What no lidar sees stays where it
+/// is: a pane without its frame ends where nobody can know of it.
 fn move_wall(world: &mut WorldSpec, index: usize, by: f64, dice: &mut Draw) {
-    let path = &world.wall[index].get_ref().path_m;
+    let wall = world.wall[index].get_ref();
+    if wall.glass || wall.height_m.is_some() {
+        return;
+    }
+    let path = &wall.path_m;
     let last = path.len().saturating_sub(1);
     let ends = [(0, 1), (last, last.saturating_sub(1))];
     let is_closed = path.first() == path.last();
@@ -268,6 +273,25 @@ mod tests {
         }
         let pillar = |world: &WorldSpec| world.pillar[0].get_ref().at_m.clone();
         assert_eq!(pillar(&world), pillar(&before));
+    }
+
+    /// A pane that begins 4 cm before a wall is held by it: 20 cm longer it would stand out of the
+    /// wall's other side, without a post.
+    #[test]
+    fn a_pane_and_a_threshold_stay_as_they_are() {
+        let mut before = world();
+        before.wall[1].get_mut().path_m = vec![[0.04, 1.0], [0.6, 1.0]];
+        let moved = |before: &WorldSpec| {
+            let mut after = before.clone();
+            move_wall(&mut after, 1, 0.2, &mut zeros());
+            after != *before
+        };
+        assert!(moved(&before));
+        before.wall[1].get_mut().glass = true;
+        assert!(!moved(&before));
+        let threshold = before.wall[1].get_mut();
+        (threshold.glass, threshold.height_m) = (false, Some(0.04));
+        assert!(!moved(&before));
     }
 
     /// The side along y = 0 moves to the left of its direction: into the room. The path stays
