@@ -193,4 +193,26 @@ mod tests {
         let far = most(|bearing| if bearing > 1.0 { 9_000.0 } else { 1_000.0 });
         assert_eq!(far, (0.0, 1_000.0));
     }
+
+    /// Walls 190 mm to both sides, and one ahead: no way keeps the body's 205 mm. As close as the
+    /// walls are, the way back is free.
+    #[test]
+    fn where_it_is_too_narrow_everywhere_the_robot_leaves_along_the_walls() {
+        let side = |y: f32| (-100..=30_i8).map(move |n| Point::new(f32::from(n) * 10.0, y));
+        let front = (-19..=19_i8).map(|n| Point::new(300.0, f32::from(n) * 10.0));
+        let around = Surroundings::of(side(190.0).chain(side(-190.0)).chain(front));
+        let strict = most(|bearing| around.free_by_mm(SETTINGS.body.keep_mm(), bearing));
+        assert_eq!(strict, (0.0, 0.0));
+        assert_eq!(freest(&SETTINGS, &around), -PI);
+    }
+
+    /// Nothing is free to any side: straight on is as good as any.
+    #[test]
+    fn a_robot_that_is_walled_in_stays_as_it_looks() {
+        let ring = (0..72_u8).map(|n| {
+            let (sin, cos) = libm::sincosf(f32::from(n) * STEP);
+            Point::new(5.0 * cos, 5.0 * sin)
+        });
+        assert_eq!(freest(&SETTINGS, &Surroundings::of(ring)), 0.0);
+    }
 }

@@ -525,4 +525,45 @@ mod tests {
             assert_eq!(narrow_parts(part, whole), parts_2_32, "{part} {whole}");
         }
     }
+
+    /// A cell holds the places from its number on, to both sides of 0; a place off the map is not
+    /// farther than any map.
+    #[test]
+    fn a_place_lies_in_the_cell_below() {
+        let cells = [(1.5, -1.5), (-2.0, 3.0), (0.99, -0.01), (1e6, -1e6)].map(cell);
+        assert_eq!(cells, [(1, -2), (-2, 3), (0, -1), (9_000, -9_000)]);
+    }
+
+    /// Cells of 10 mm, a hole of four: a point ten cells ahead has two cells of hole behind it,
+    /// and two before. A point nearer than a tenth of a cell has no direction, and draws nothing.
+    #[test]
+    fn each_beam_of_a_scan_is_a_ray() {
+        use crate::pose::Point;
+        use protocols::Instant;
+
+        let drawn = |x_mm: f32, y_mm: f32| {
+            let mut grid = Grid::<40, 40>::new(10.0);
+            let points = [Point::new(x_mm, y_mm)];
+            let scan = Scan::from_points(&points, Instant::ZERO, Instant::ZERO);
+            draw_scan(&mut grid, Pose::new(205.0, 205.0, 0.0), &scan, 4.0, BLACK);
+            grid
+        };
+        let by_hand = |hit, end| {
+            let mut grid = Grid::<40, 40>::new(10.0);
+            let ray = Ray {
+                from: (20, 20),
+                hit,
+                end,
+            };
+            draw(grid.rows_mut(), &ray, BLACK, &mut Brush::new(BLACK));
+            grid
+        };
+        let is_alike = |one: Grid<40, 40>, other: Grid<40, 40>| one.rows() == other.rows();
+        assert!(is_alike(drawn(100.0, 0.0), by_hand((30, 20), (32, 20))));
+        assert!(is_alike(drawn(0.0, -100.0), by_hand((20, 10), (20, 8))));
+        // 30 and 40 are 50 mm away, and the hole's 20 behind them 12 and 16.
+        assert!(is_alike(drawn(30.0, 40.0), by_hand((23, 24), (24, 26))));
+        assert!(is_alike(drawn(0.9, 0.0), Grid::new(10.0)));
+        assert!(!is_alike(drawn(1.1, 0.0), Grid::new(10.0)));
+    }
 }

@@ -270,3 +270,35 @@ fn a_robot_sets_out_from_the_floor_beside_it() {
     };
     assert_eq!([1, 4, 5].map(finds), [true, true, false]);
 }
+
+/// Of nine map cells five make a planner's cell free or unknown, two that are solid keep it from
+/// both; what is neither may be a wall to feel.
+#[test]
+fn a_coarse_cell_is_what_most_of_it_is() {
+    let kind = |free: usize, unknown: usize, solid: usize| {
+        let mut map = Box::new(Grid::new(10.0));
+        let others = [70; 9].into_iter().enumerate().map(|(at, other)| match at {
+            _ if at < free => 0,
+            _ if at < free + unknown => UNKNOWN,
+            _ if at < free + unknown + solid => 255,
+            _ => other + UNKNOWN - 69,
+        });
+        for (at, value) in others.enumerate() {
+            map.set(30 + at % 3, 60 + at / 3, value);
+        }
+        let (cell, map) = (Cell { x: 10, y: 20 }, &*map);
+        let scene = Scene::of(map, &Frontiers::new(Sought::FloorAndHeat));
+        [&scene.free, &scene.unknown, &scene.unfelt].map(|cells| cells.has(cell))
+    };
+    let (free, unknown, wall) = (
+        [true, false, false],
+        [false, true, false],
+        [false, false, true],
+    );
+    assert_eq!([kind(9, 0, 0), kind(5, 3, 1), kind(5, 0, 0)], [free; 3]);
+    assert_eq!([kind(0, 9, 0), kind(3, 5, 1), kind(0, 5, 0)], [unknown; 3]);
+    assert_eq!(
+        [kind(5, 2, 2), kind(2, 5, 2), kind(4, 4, 1), kind(0, 0, 9)],
+        [wall; 4]
+    );
+}

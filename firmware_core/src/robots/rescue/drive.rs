@@ -636,4 +636,28 @@ mod tests {
         assert_eq!(run(&mut drive, [0, 500], answer), vec![]);
         assert_eq!(drive.next_at(), FAR);
     }
+
+    /// The gyroscope's sum counts if it was read at most 10 ms before the wheels; 9000 hundredths
+    /// are a quarter. One that is older has no turn, and nor has the next: it has none before it.
+    /// Where a wheel has moved, 8 hundredths in 40 ms are a turn; at rest they would be a drift.
+    #[test]
+    fn a_turn_is_of_the_gyroscope_that_was_just_read() {
+        let mut drive = Drive::new(&Config::default());
+        assert_eq!(drive.turned(at(0), [0, 0]), None);
+        drive.gyro = Some(Gyro::new());
+        let mut turned = |read: u64, sum, wheels: u64, counters| {
+            drive.yaw = Some((at(read), sum));
+            drive.turned(at(wheels), counters)
+        };
+        let rest = (0..15).map(|n| turned(40 * n, 0, 40 * n, [0, 0]));
+        assert_eq!(rest.last(), Some(Some(0.0)));
+        let quarter = turned(600, 9_000, 610, [9, 0]).expect("it was just read");
+        assert!((quarter - core::f32::consts::FRAC_PI_2).abs() < 1e-5);
+        assert_eq!(turned(640, 9_000, 645, [9, 0]), Some(0.0));
+        let slow = turned(680, 9_008, 680, [9, 1]).expect("it was just read");
+        assert!((slow - 0.08_f32.to_radians()).abs() < 2e-5, "{slow}");
+        assert_eq!(turned(720, 9_008, 731, [9, 1]), None);
+        assert_eq!(turned(760, 9_008, 760, [9, 1]), None);
+        assert_eq!(turned(800, 9_008, 800, [9, 1]), Some(0.0));
+    }
 }

@@ -453,3 +453,66 @@ fn a_radio_that_does_not_answer_is_used_all_the_same() {
     });
     assert!(is_over.is_some_and(|tenths| tenths > 5), "{is_over:?}");
 }
+
+/// Each buffer that a defect writes beside is told by its name: an answer that nobody waits for,
+/// two bytes and the checksum; index FF of a packet, place 380; a link to a shared waypoint.
+#[test]
+fn what_is_written_beside_a_buffer_is_told_by_name() {
+    let config = ["MA-06", "XV-03", "PU-09"]
+        .into_iter()
+        .try_fold(Config::default(), |config, id| config.with_defect(id));
+    let mut robot = Box::new(Rescue::new(config.expect("all are known")));
+    let frame = Frame::write(1, &[7, 7], Config::default().checksum_order);
+    robot.receive(Rescue::BASE, at(5), frame.as_bytes());
+    let mut packet = [0; 22];
+    packet[..2].copy_from_slice(&[0xFA, 0xFF]);
+    robot.receive(Rescue::LIDAR, at(5), &packet);
+    let linked = |id, previous| pcui::message::Waypoint {
+        id,
+        previous,
+        position_mm: [id, 0],
+        ..pcui::message::Waypoint::default()
+    };
+    let list = [linked(0, -1), linked(1, 0), linked(2, 0)];
+    robot.waypoints.replace(list.into_iter());
+    robot.poll(at(6));
+    let mut told = Vec::new();
+    robot.stray_writes(&mut |buffer, stray| told.push((buffer, stray.count, stray.last)));
+    let expected = [
+        ("reply buffer", 3, 2),
+        ("distances", 1, 380),
+        ("waypoint list", 1, 0),
+    ];
+    assert_eq!(told, expected);
+}
+
+/// Waypoints where the robot is are reached, all of them in one step, and then it stands.
+#[test]
+fn waypoints_that_the_robot_stands_on_are_reached_at_once() {
+    let mut robot = robot();
+    let pose = robot.mapper.pose();
+    for _ in 0..3 {
+        #[expect(clippy::cast_possible_truncation, reason = "a few metres")]
+        let here = [pose.x_mm, pose.y_mm].map(|mm| mm as i16);
+        robot.waypoints.push(here, 0).expect("there is room");
+    }
+    assert_eq!(robot.approach(pose, &Surroundings::EMPTY), [0, 0]);
+    assert_eq!(
+        (robot.counters.arrivals, robot.waypoints.target()),
+        (3, None)
+    );
+}
+
+/// A search that goes on, and one that somebody has ended, have found nothing to tell of.
+#[test]
+fn only_a_search_that_ends_by_itself_is_told_on_the_display() {
+    let mut robot = robot();
+    let pose = robot.mapper.pose();
+    let before = std::format!("{:?}", robot.screen.notices);
+    robot.search(at(5), pose, &Surroundings::EMPTY);
+    assert_eq!(robot.search_progress(), Some(Progress::Seeks));
+    assert_eq!(std::format!("{:?}", robot.screen.notices), before);
+    robot.explore.go_home(pose.position());
+    robot.search(at(6), pose, &Surroundings::EMPTY);
+    assert_eq!(std::format!("{:?}", robot.screen.notices), before);
+}

@@ -277,4 +277,17 @@ mod tests {
         assert!(is(next(false, false), 0.0, 3.707_96) && is(next(true, true), 0.0, 3.707_96));
         assert!(is(next(true, false), 0.5, 2.966_37));
     }
+
+    /// From the limits on: a hundredth off it still turns, 0.015 rad off it is not there yet.
+    #[test]
+    fn the_limits_themselves_are_still_too_far() {
+        let mut moves = moving(Some(0.01), Defects::NONE);
+        let here = |heading| Pose::new(1_000.0, 0.0, heading);
+        assert!(is(moves.step(here(0.0), false), 0.0, 0.5));
+        assert!(is(moves.step(here(0.001), false), 0.0, 0.0));
+        moves.goal.heading = Some(0.015);
+        assert!(is(moves.step(here(0.0), true), 0.0, 0.5));
+        assert!(is(moves.step(here(0.01), false), 0.0, 0.0));
+        assert_eq!(moves.step(here(0.000_1), true), None);
+    }
 }

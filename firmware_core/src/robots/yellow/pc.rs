@@ -429,3 +429,38 @@ impl Master for PcProgram {
         Work::NONE
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use alloc::string::ToString as _;
+
+    use super::*;
+
+    #[test]
+    fn a_refusal_says_why() {
+        let refused = [
+            Refused::Busy(Task::Mapping),
+            Refused::NoMap,
+            Refused::NoNumber,
+        ];
+        let said = [
+            "still busy: Mapping",
+            "there is no map",
+            "a number is not finite",
+        ];
+        assert_eq!(refused.map(|why| why.to_string()), said);
+        let failed = [
+            Failure::Silent,
+            Failure::NoAnswer,
+            Failure::NoWay,
+            Failure::NothingSeen,
+            Failure::Ambiguous,
+            Failure::TooLarge,
+        ];
+        let mut states: alloc::vec::Vec<_> = failed.map(Failure::name).into();
+        states.sort_unstable();
+        states.dedup();
+        let all_fail = states.iter().all(|state| state.starts_with("failed: "));
+        assert!(states.len() == 6 && all_fail, "{states:?}");
+    }
+}

@@ -167,3 +167,20 @@ fn a_goal_comes_with_its_order() {
     assert_eq!(ordered(Some(place(1.0, 1.0, 0.0))), (true, 0));
     assert_eq!(ordered(Some(place(1.0, 1.0, ANY_HEADING))), (true, 0));
 }
+
+/// Each defect by its number makes another robot, all of them the fielded one, and no number none.
+#[test]
+fn the_fielded_robot_has_every_defect() {
+    let (sound, fielded) = (Config::DEFAULT, Config::DEFAULT.fielded());
+    let mut all = sound;
+    for id in Config::defects() {
+        let with = sound.with_defect(id).expect("it is known").defects;
+        assert_ne!(with, sound.defects, "{id}");
+        all = all.with_defect(id).expect("it is known");
+    }
+    assert_eq!(
+        (all.defects, Config::defects().count()),
+        (fielded.defects, 24)
+    );
+    assert!(sound.with_defect("YF-99").is_none());
+}

@@ -259,3 +259,79 @@ fn a_car_is_lost_after_forty_scans_that_do_not_fit() {
     // Nine beams are too few to say anything.
     assert_eq!([judge(9), judge(9), judge(10)], [(38, 1), (36, 1), (37, 1)]);
 }
+
+/// 1.25 + 0.5 + 1.5 + 12345 is 12348.25, but the sketch rounds before it adds: the fielded host
+/// refuses the line. 100 is 100.
+#[test]
+fn an_exact_sum_refuses_what_was_rounded() {
+    let heard = |sums_exactly, line: &[u8]| {
+        let mut config = Config {
+            dialect: Some(odometer::Dialect::AsCoded),
+            ..Config::default()
+        };
+        config.defects.sums_exactly = sums_exactly;
+        let mut car = Apollo13::new(config);
+        car.hear_odometer(line);
+        [car.counters.lines, car.counters.bad_lines]
+    };
+    let (rounded, whole) = (
+        b"1.25*0.50*1.50*12345*12347.76*\r\n",
+        b"0.00*0.00*0.00*100*100.00*\r\n",
+    );
+    assert_eq!(
+        [false, true].map(|exactly| heard(exactly, rounded)),
+        [[1, 0], [0, 1]]
+    );
+    assert_eq!(
+        [false, true].map(|exactly| heard(exactly, whole)),
+        [[1, 0]; 2]
+    );
+}
+
+/// An odometer that was reset counts from 0 again, and its clock goes back: the car is where it
+/// was. A clock that stands is none that was reset.
+#[test]
+fn an_odometer_that_was_reset_moves_nobody() {
+    let mut car = car();
+    let mut line = |distance_m, time_ms| {
+        let measured = odometer::Measurement {
+            distance_m,
+            rate_rad_s: 0.0,
+            yaw_rad: 0.0,
+            time_ms,
+        };
+        car.hear_odometer(odometer::Dialect::Fixed.line(&measured).as_bytes());
+        (car.pose().x_m * 100.0).round() / 100.0
+    };
+    let begun = line(5.0, 10_000);
+    let ways = [
+        line(5.5, 10_010),
+        line(5.6, 10_010),
+        line(0.0, 20),
+        line(0.2, 30),
+    ];
+    assert_eq!(
+        ways.map(|x_m| ((x_m - begun) * 100.0).round()),
+        [50.0, 60.0, 60.0, 80.0]
+    );
+}
+
+/// 13 is a carriage return, 10 a newline.
+#[test]
+fn a_terminal_driver_may_change_what_the_board_says() {
+    let front = |reads_cr_as_nl| {
+        let mut config = Config::default();
+        config.defects.reads_cr_as_nl = reads_cr_as_nl;
+        let mut car = Apollo13::new(config);
+        let readings = car_board::Readings {
+            front_cm: 13,
+            battery_mv: 7_400,
+            ..car_board::Readings::default()
+        };
+        car.hear_board(readings.encode().as_bytes());
+        car.now += car_board::IDLE_GAP;
+        car.let_board_idle();
+        car.ultrasound_m()[0]
+    };
+    assert_eq!([false, true].map(front), [Some(0.13), Some(0.10)]);
+}
