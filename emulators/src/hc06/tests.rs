@@ -967,3 +967,20 @@ fn an_end_may_send_what_waits_for_it() {
         .line_event(Hc06::AIR, bench.now + 2 * SECOND, LineEvent::Closed);
     assert!(!bench.radio.may_send(Hc06::UART));
 }
+
+/// What is already under way takes room of the window as well: of 10 bytes six are moved at once,
+/// and four later, whoever waits.
+#[test]
+fn what_is_under_way_fills_the_window() {
+    let mut profile = at(BAUD);
+    (profile.window, profile.frame_max) = (10, 100);
+    let mut lane = lane::Lane::new(&profile, 100, Rng::stream(1, "lane"));
+    let step = Duration::from_micros(50);
+    lane.push(&[7; 40], Instant::ZERO, step);
+    lane.shift(Instant::ZERO, Instant::ZERO + step * 6, step);
+    assert_eq!((lane.room(), lane.is_moving()), (100 - 34, true));
+    lane.shift(Instant::ZERO, Instant::from_millis(900), step);
+    assert_eq!((lane.room(), lane.is_moving()), (100 - 30, false));
+    lane.deliver();
+    assert_eq!(lane.traffic().delivered, 10);
+}

@@ -859,3 +859,16 @@ fn an_echo_confirms_what_was_said_once() {
         Some(Instant::from_millis(1_500))
     );
 }
+
+/// A far end that goes while the port is closed takes nothing away: the port stays closed.
+#[test]
+fn a_closed_port_is_not_opened_by_a_far_end_that_goes() {
+    let mut desk = Desk::new(Script::default());
+    desk.pc.line_event(Pc::AIR, desk.now, LineEvent::Closed);
+    desk.run_until(Instant::from_secs(20));
+    assert_eq!(
+        (desk.changes.len(), desk.pc.connection()),
+        (0, Connection::Closed)
+    );
+    assert_eq!(desk.rules(), [""; 0]);
+}

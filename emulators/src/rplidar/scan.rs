@@ -356,3 +356,50 @@ fn whole_q6(degrees: f64) -> u16 {
     let whole = (degrees * 64.0 + 0.5) as u16;
     whole
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A scan that began at 400 rpm pauses when that differs by more than 100, either way; one of
+    /// a slow head below 54 rpm, nine tenths of the slowest that counts. A forced one never does.
+    #[test]
+    fn a_scan_pauses_where_the_head_turns_otherwise() {
+        let is_even = |stream, began_rpm, speed_rpm| {
+            let phase = Scanning::phase(stream, Instant::ZERO, Instant::ZERO, began_rpm);
+            matches!(phase, Phase::Scanning(scanning) if scanning.is_even(speed_rpm))
+        };
+        let fast = [299.0, 300.0, 400.0, 500.0, 501.0];
+        let slow = [53.0, 54.0, 60.0, 75.0, 76.0];
+        let expected = [false, true, true, true, false];
+        for stream in [Stream::Nodes, Stream::Capsules] {
+            assert_eq!(fast.map(|rpm| is_even(stream, 400.0, rpm)), expected);
+            assert_eq!(slow.map(|rpm| is_even(stream, 60.0, rpm)), expected);
+        }
+        assert_eq!(
+            [0.0, 53.0, 900.0].map(|rpm| is_even(Stream::Forced, 400.0, rpm)),
+            [true; 3]
+        );
+    }
+
+    /// 498.753 us a sample, an express one takes half of that.
+    #[test]
+    fn a_sample_is_due_at_its_number() {
+        let due = |stream, sample| {
+            let from = Instant::from_secs(2);
+            let Phase::Scanning(mut scanning) = Scanning::phase(stream, from, from, 300.0) else {
+                unreachable!("a scan");
+            };
+            scanning.sample = sample;
+            let phase = Phase::Scanning(scanning);
+            phase.next_at().map(|at| at.as_nanos() - from.as_nanos())
+        };
+        for stream in [Stream::Nodes, Stream::Forced] {
+            assert_eq!(
+                [0, 3].map(|sample| due(stream, sample)),
+                [Some(0), Some(1_496_259)]
+            );
+        }
+        assert_eq!(due(Stream::Capsules, 4), Some(997_508));
+    }
+}
