@@ -69,6 +69,8 @@ fn an_unknown_port_is_told_with_the_known_ones() {
     let error = own_slave().port("sonr").expect_err("no such port");
     let known = "no port sonr, expected one of lidar, motor, base, radio, gripper, sonar";
     assert_eq!(error.to_string(), known);
+    let names = ["lidar", "motor", "base", "radio", "gripper", "sonar"];
+    assert_eq!(own_slave().names(), names);
 }
 
 /// Two drivers in turn, one of them writing more than fits: each run is the same to the byte.
