@@ -516,3 +516,93 @@ fn only_a_search_that_ends_by_itself_is_told_on_the_display() {
     robot.search(at(6), pose, &Surroundings::EMPTY);
     assert_eq!(std::format!("{:?}", robot.screen.notices), before);
 }
+
+/// A frame as it comes from the PC.
+fn from_pc(robot: &mut Rescue, now: Instant, bytes: &[u8]) {
+    let mut decoder = pcui::Decoder::default();
+    let frames: Vec<_> = decoder.push(bytes).flatten().collect();
+    let [frame] = &frames[..] else {
+        panic!("{} frames", frames.len());
+    };
+    robot.obey(now, frame);
+}
+
+/// Set-points by hand are cut off at 35 ticks to each side; another mode has none.
+#[test]
+fn an_order_by_hand_is_no_faster_than_the_base_takes() {
+    let ordered = |mode, set_point| {
+        let mut robot = robot();
+        let mut buf = [0; 64];
+        let order = pcui::message::Order { mode, set_point };
+        let len = pcui::message::encode_order(&order, &mut buf).expect("it fits");
+        from_pc(&mut robot, at(10), &buf[..len]);
+        (robot.ordered_mode(), robot.drive.set_point())
+    };
+    for (asked, driven) in [
+        ([36, -36], [35, -35]),
+        ([35, -35], [35, -35]),
+        ([7, 0], [7, 0]),
+    ] {
+        assert_eq!(ordered(Mode::Manual, asked), (Mode::Manual, driven));
+    }
+    assert_eq!(
+        ordered(Mode::Exploration, [7, 7]),
+        (Mode::Exploration, [0, 0])
+    );
+}
+
+/// A list sets off a robot that stands or explores, not one that is driven by hand; the end of
+/// the list stops it, or lets it explore with field defect PU-11.
+#[test]
+fn a_list_from_the_pc_sets_the_robot_off() {
+    let after = |config: Config, mode, counts: [usize; 2]| {
+        let mut robot = Box::new(Rescue::new(config));
+        robot.set_mode(at(1), mode);
+        robot.mode = mode;
+        for count in counts {
+            let mut buf = [0; 4_096];
+            let list = (0..count).map(|id| pcui::message::Waypoint {
+                id: i16::try_from(id).expect("few"),
+                position_mm: [500, i16::try_from(id).expect("few")],
+                ..pcui::message::Waypoint::default()
+            });
+            let len = pcui::message::encode_waypoints(list, &mut buf).expect("it fits");
+            from_pc(&mut robot, at(10), &buf[..len]);
+            robot.mode = robot.ordered_mode();
+        }
+        (robot.mode, robot.counters.refused_waypoints)
+    };
+    let sound = Config::default();
+    assert_eq!(after(sound, Mode::Stop, [0, 0]), (Mode::Stop, 0));
+    assert_eq!(after(sound, Mode::Stop, [2, 1]), (Mode::Waypoint, 0));
+    assert_eq!(after(sound, Mode::Exploration, [1, 2]), (Mode::Waypoint, 0));
+    assert_eq!(after(sound, Mode::Manual, [1, 0]), (Mode::Manual, 0));
+    assert_eq!(after(sound, Mode::Stop, [1, 0]), (Mode::Stop, 0));
+    assert_eq!(after(sound, Mode::Stop, [100, 100]), (Mode::Waypoint, 0));
+    let fielded = sound.with_defect("PU-11").expect("it is known");
+    assert_eq!(after(fielded, Mode::Stop, [1, 0]), (Mode::Exploration, 0));
+}
+
+/// A new map begins around the robot, where it believes to be; a waypoint too many is refused.
+#[test]
+fn a_cleared_map_leaves_the_robot_where_it_is() {
+    let mut robot = robot();
+    robot.mapper.set_pose(Pose::new(1_234.0, 567.0, 0.5));
+    robot.touched(at(4), Hit::Button(Action::ClearMap));
+    assert_eq!(robot.mapper.pose(), Pose::new(1_234.0, 567.0, 0.5));
+    assert!(robot.matched.is_none());
+    robot.matched = Some((at(1), Pose::default()));
+    robot.touched(at(5), Hit::Button(Action::ClearMap));
+    assert_eq!(robot.matched.map(|(when, _)| when), Some(at(5)));
+    robot.switches.waypoints = true;
+    for _ in 0..101 {
+        robot.touched(at(6), Hit::Map([50.0, 50.0], false));
+    }
+    assert_eq!(
+        (
+            robot.waypoints.all().len(),
+            robot.counters.refused_waypoints
+        ),
+        (100, 1)
+    );
+}

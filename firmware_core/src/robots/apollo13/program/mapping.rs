@@ -110,3 +110,27 @@ impl Apollo13 {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::Config;
+    use super::*;
+
+    /// Within 15 s it has to come farther than 0.3 m; either way it then counts anew.
+    #[test]
+    fn a_car_gets_on_by_more_than_30_cm_in_15_seconds() {
+        let mut car = Apollo13::new(Config::default());
+        let mut gets_on = |millis, x_m| {
+            car.now = Instant::from_millis(millis);
+            car.gets_on(CarPose {
+                x_m,
+                ..CarPose::default()
+            })
+        };
+        assert!(gets_on(1_000, 0.0) && gets_on(16_000, 0.0));
+        assert!(!gets_on(16_001, 0.3));
+        assert!(gets_on(31_001, 0.3) && !gets_on(31_002, 0.6));
+        assert!(gets_on(40_000, 0.91) && gets_on(55_000, 1.2));
+        assert!(gets_on(56_000, 1.22) && gets_on(71_000, 1.3) && !gets_on(71_001, 1.3));
+    }
+}
