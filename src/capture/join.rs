@@ -468,6 +468,22 @@ mod tests {
         assert_eq!(lens, [128, 65, 1]);
     }
 
+    /// Pieces that are alike are written as one length and their number, at most 255: three pairs
+    /// tell of 512.
+    #[test]
+    fn pieces_that_are_alike_take_no_room() {
+        let written = |piece: usize| {
+            let (mut joiner, mut out) = (joiner(), Vec::new());
+            for end in (piece..=512).step_by(piece) {
+                joiner.bytes(0, at(10 * end as u64), &vec![7; piece], 0, &mut out);
+            }
+            joiner.finish(&mut out);
+            out.len()
+        };
+        let [ones, whole] = [1, 64].map(written);
+        assert!(ones > whole && ones <= whole + 8, "{ones} {whole}");
+    }
+
     /// Nothing follows an open record after the time of its longest piece, 640 us: then others need
     /// not wait for it any more.
     #[test]
@@ -534,5 +550,21 @@ mod tests {
         joiner.single(2, at(21), Kind::Data, &[7], ALONE, &mut out);
         joiner.emit(&mut out);
         assert!(!out.is_empty() && joiner.waiting.is_empty());
+    }
+
+    /// As comments of a capture and lines of its CSV have them.
+    #[test]
+    fn each_event_has_its_words() {
+        let events = [
+            (LineEvent::Opened, "port opened"),
+            (LineEvent::Closed, "port closed"),
+            (LineEvent::Break, "break"),
+            (LineEvent::FramingError, "framing error"),
+            (LineEvent::ParityError, "parity error"),
+            (LineEvent::Overrun, "overrun"),
+        ];
+        for (event, words) in events {
+            assert_eq!(event_words(event), words);
+        }
     }
 }

@@ -216,7 +216,7 @@ mod tests {
     use protocols::Instant;
 
     use super::*;
-    use crate::scenario::Scenario;
+    use crate::scenario::{MapCondition, Op, Scenario};
 
     /// Cells that were seen, of all: some after eight seconds in a room, and not those behind it.
     #[test]
@@ -231,5 +231,50 @@ mod tests {
         let (known, all) = (known.count(), map.width() * map.height());
         assert!(known > 100 && known < all, "{known} of {all}");
         assert!((share * all as f64 - known as f64).abs() < 1e-6, "{share}");
+    }
+
+    /// What is not there cannot be waited for; the message lists what there is.
+    #[test]
+    fn only_what_there_is_can_be_waited_for() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/empty-room.toml");
+        let (scenario, source) = Scenario::read(&path).expect("sound");
+        let mut run = Run::new(scenario, &source, None).expect("can be wired");
+        let axis = |name: &str| {
+            Condition::Axis(AxisCondition {
+                name: name.to_owned(),
+                of: Figure::Actual,
+                op: Op::Equal,
+                value: 0.0,
+            })
+        };
+        let register = |device: &str| {
+            Condition::Register(RegisterCondition {
+                device: device.to_owned(),
+                address: 0,
+                op: Op::Equal,
+                value: 0,
+            })
+        };
+        let axes = run.instruments.axes(&run.rig);
+        let known = axes.first().expect("a robot that drives").name.to_string();
+        assert!(run.watch(&axis(&known)).is_ok());
+        let refused = run.watch(&axis("nose")).expect_err("no such axis").message;
+        assert!(
+            refused.contains("nose") && refused.contains(&known),
+            "{refused:?}"
+        );
+        let refused = run.watch(&register("toaster")).expect_err("no such device");
+        assert!(refused.message.contains("toaster"), "{refused:?}");
+        let map = Condition::Map(MapCondition { known_min: 0.5 });
+        assert!(run.known_share().is_some() && run.watch(&map).is_ok());
+        let all = run.progress.waypoints();
+        assert!(all == 0 || run.watch(&Condition::Visited(all)).is_ok());
+        let refused = run
+            .watch(&Condition::Visited(all + 1))
+            .expect_err("too many");
+        assert!(
+            refused.message.contains(&format!("has {all} waypoints")),
+            "{refused:?}"
+        );
     }
 }

@@ -162,6 +162,11 @@ fn what_has_come_to_bear_cannot_be_taken_back() {
     let mut ended = scenario.clone();
     ended.duration = Span::from_millis(2_500);
     assert!(point.resume_as(&ended).is_none());
+    // Only what is still to come may be shorter, or longer.
+    for millis in [2_556, 5_000, 9_000] {
+        ended.duration = Span::from_millis(millis);
+        assert!(point.resume_as(&ended).is_some(), "{millis}");
+    }
 }
 
 /// To a run without faults that has come to 2.555 s each of the twelve is added alone: not what

@@ -196,3 +196,17 @@ fn a_record_is_written_to_the_byte() {
     ];
     assert_eq!(out, expected.concat());
 }
+
+/// Ours are those of the example enterprise 32473 (RFC 5612) with our mark behind it, whatever
+/// follows.
+#[test]
+fn a_private_option_of_others_is_not_ours() {
+    let is_ours = |enterprise: u32, mark: &[u8]| {
+        let value = [&enterprise.to_le_bytes(), mark].concat();
+        is_private(Order::Little, &value, b"hscn")
+    };
+    assert!(is_ours(32_473, b"hscn") && is_ours(32_473, b"hscn more"));
+    assert!(!is_ours(32_474, b"hscn") && !is_ours(32_473, b"hscm"));
+    assert!(!is_ours(32_473, b"hsc") && !is_ours(32_473, b""));
+    assert!(!is_private(Order::Little, &[], b"hscn"));
+}

@@ -225,4 +225,45 @@ mod tests {
         assert!(activity.window.is_empty());
         assert_eq!(activity.spell(0), None);
     }
+
+    /// Of each ten seconds two on average, so from none to four, anywhere within the ten; of nine
+    /// on average never more than the ten.
+    #[test]
+    fn spells_by_chance_have_their_mean_length() {
+        let spells = |lasting: u64| {
+            let activity = Activity {
+                window: Window::ALWAYS,
+                spells: Some(Spells {
+                    every: Duration::from_secs(10),
+                    lasting: Duration::from_secs(lasting),
+                    count: None,
+                    dice: Some((3, "clog".to_owned())),
+                }),
+                trigger: None,
+            };
+            let spell = |number: u64| {
+                let Window { from, until } = activity.spell(number.into()).expect("no end");
+                let [begin, end] = [from, until].map(|at| at.as_millis() - 10_000 * number);
+                [begin, end - begin]
+            };
+            (0..1_000).map(spell).collect::<Vec<_>>()
+        };
+        let short = spells(2);
+        let lengths = short.iter().map(|[_, length]| *length);
+        let (longest, sum) = (lengths.clone().max(), lengths.sum::<u64>());
+        assert!(
+            (3_900..=4_000).contains(&longest.expect("many")),
+            "{longest:?}"
+        );
+        assert!((1_900_000..2_100_000).contains(&sum), "{sum}");
+        let ends = short.iter().map(|[begin, length]| begin + length);
+        assert!((9_900..=10_000).contains(&ends.max().expect("many")));
+        assert!(short.iter().map(|[begin, _]| *begin).min().expect("many") < 100);
+        let long = spells(9);
+        assert!(long.iter().all(|[begin, length]| begin + length <= 10_000));
+        assert!(
+            long.iter()
+                .any(|[begin, length]| (*begin, *length) == (0, 10_000))
+        );
+    }
 }

@@ -203,3 +203,153 @@ fn a_checksum_the_other_way_round_is_named() {
         assert!(expected < 8, "{expected} sums of two equal bytes");
     }
 }
+
+/// Text may lack any value: what prints, tabs and line ends are 19 parts of 20.
+#[test]
+fn a_twentieth_of_text_may_be_anything() {
+    let is_text = |bytes: &[u8]| Counts::of(bytes).is_text();
+    let edges = [0x08, 0x09, 0x0A, 0x0B, 0x0D, 0x1F, 0x20, 0x7E, 0x7F, 0x80];
+    let expected = [
+        false, true, true, false, true, false, true, true, false, false,
+    ];
+    assert_eq!(edges.map(|byte| is_text(&[byte])), expected);
+    let mixed = |other: usize| [vec![b'a'; 20 - other], vec![0; other]].concat();
+    assert_eq!([1, 2].map(|other| is_text(&mixed(other))), [true, false]);
+}
+
+/// Beside 13 and 17 there are 1, 2, 3 and 6 bytes: 3 on average.
+#[test]
+fn values_are_counted_one_by_one() {
+    let around = [
+        vec![12; 1],
+        vec![14; 2],
+        vec![16; 3],
+        vec![18; 6],
+        vec![13; 9],
+    ]
+    .concat();
+    let counts = Counts::of(&around);
+    assert_eq!(
+        (counts.len(), counts.of_value(13), counts.around(13, 17)),
+        (21, 9, 3)
+    );
+    assert_eq!(Counts::of(&[0x7F, 0x80, 0xFF]).high(), 2);
+}
+
+/// 95 of 100 pairs are of equal bytes, of four values at least; they may begin with the second
+/// byte.
+#[test]
+fn nearly_all_bytes_are_doubled() {
+    let pairs = |values: u8, unequal: u8| -> Vec<u8> {
+        let pair = |at: u8| [at % values, at % values + if at < unequal { 99 } else { 0 }];
+        (0..100).flat_map(pair).collect()
+    };
+    let found = |equal| Some(Damage::Doubled { equal, pairs: 100 });
+    assert_eq!(
+        [5, 6].map(|unequal| doubled(&pairs(4, unequal))),
+        [found(95), None]
+    );
+    assert_eq!(
+        [3, 4].map(|values| doubled(&pairs(values, 0))),
+        [None, found(100)]
+    );
+    assert_eq!(doubled(&[&[77], &pairs(4, 0)[..]].concat()), found(100));
+}
+
+/// Changed places give frames of four fifths of all bytes, where a fifth has some as it is.
+#[test]
+fn places_are_changed_where_that_makes_a_stream_sound() {
+    let mut frames = lidar()[..2_200].to_vec();
+    frames.chunks_exact_mut(2).for_each(|pair| pair.swap(0, 1));
+    let swapped = |noise: usize, framed| {
+        let bytes = [&frames[..], &vec![1; noise]].concat();
+        swapped(&bytes, framed)
+    };
+    let found = |bytes| {
+        let framed = 2_200;
+        Some(Damage::Swapped { framed, bytes })
+    };
+    assert_eq!(
+        [440, 441].map(|framed| swapped(0, framed)),
+        [found(2_200), None]
+    );
+    assert_eq!(
+        [550, 552].map(|noise| swapped(noise, 0)),
+        [found(2_750), None]
+    );
+}
+
+/// Eight frames hold the other way round, and more than ten times as many as the right way.
+#[test]
+fn a_checksum_has_the_other_order_if_ten_times_as_many_hold() {
+    let frames = lidar();
+    let found = |wrong: usize, right: usize| {
+        let mut bytes = frames[..22 * (wrong + right)].to_vec();
+        let frames = bytes.chunks_exact_mut(22).take(wrong);
+        frames.for_each(|frame| frame.swap(20, 21));
+        other_order(&bytes, None).is_some()
+    };
+    assert_eq!([found(7, 0), found(8, 0)], [false, true]);
+    assert_eq!(
+        [found(10, 1), found(11, 1), found(20, 2), found(21, 2)],
+        [false, true, false, true]
+    );
+}
+
+/// Nine of ten frames come back, eight at least, each within the next sixteen that arrive.
+#[test]
+fn an_echo_is_nearly_all_that_was_sent() {
+    let frames = |register: u8, count: u8| -> Vec<Vec<u8>> {
+        let frame = |n: u8| avr::Frame::write(register, &[n, 200 - n, 3], LowFirst);
+        (0..count).map(|n| frame(n).as_bytes().to_vec()).collect()
+    };
+    let replies = frames(36, 60);
+    let echo = |before: usize, lost: usize, sent: u8| {
+        let requests = frames(46, sent);
+        let arrived = [&replies[..before], &requests[lost..], &replies[before..]].concat();
+        echoed(&arrived.concat(), &requests.concat())
+    };
+    let found = |back, sent| Some(Damage::Echo { back, sent });
+    assert_eq!([echo(0, 0, 7), echo(0, 0, 8)], [None, found(8, 8)]);
+    assert_eq!(
+        [echo(0, 2, 11), echo(0, 1, 10), echo(0, 2, 20)],
+        [None, found(9, 10), found(18, 20)]
+    );
+    assert_eq!([echo(15, 0, 10), echo(16, 0, 10)], [found(10, 10), None]);
+}
+
+/// Start bit and zeros make a run of 8, 6, 4, 3 or 2 bits, and ones the rest; runs of 7 and 5 are
+/// none of a slower sender. 95 of 100 bytes are so, and there are two values at least.
+#[test]
+fn a_slow_sender_stretches_nearly_all_bytes() {
+    let found = |stretched: &[u8], other: usize| {
+        let stretched = stretched.iter().copied().cycle().take(100 - other);
+        let bytes: Vec<u8> = stretched.chain(vec![0x55; other]).collect();
+        slow_sender(&bytes)
+    };
+    let slow = |factor| {
+        Some(Damage::SlowSender {
+            factor,
+            stretched: 95,
+            bytes: 100,
+        })
+    };
+    let runs = [0x80, 0xC0, 0xE0, 0xF0, 0xF8, 0xFC, 0xFE, 0xFF].map(|byte| found(&[byte], 5));
+    let factors = [
+        Some(8),
+        None,
+        Some(6),
+        None,
+        Some(4),
+        Some(3),
+        Some(2),
+        None,
+    ];
+    assert_eq!(runs, factors.map(|factor| factor.and_then(slow)));
+    // Runs of 2, 2, 2, and 2, 4, 2.
+    assert_eq!(
+        [5, 6].map(|other| found(&[0xE6, 0x9E], other)),
+        [slow(2), None]
+    );
+    assert_eq!(found(&[0xE6], 0), None);
+}
