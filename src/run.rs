@@ -468,21 +468,6 @@ impl Run {
         self.checks_with(score::pose_error(&self.pairs), self.expected_overlap())
     }
 
-    fn expected_overlap(&self) -> Option<WallOverlap> {
-        let is_expected = self.scenario.expect.wall_overlap_min.is_some();
-        is_expected.then(|| self.wall_overlap()).flatten()
-    }
-
-    fn wall_overlap(&self) -> Option<WallOverlap> {
-        let way = self.truth.iter().step_by(WAY_EVERY as usize);
-        let mut way: Vec<Pose> = way.map(|&(_, pose)| pose).collect();
-        // Where it rested, nothing else was to be seen.
-        way.dedup();
-        let map = self.instruments.map(&self.rig)?;
-        let within_mm = self.scenario.expect.wall_within_mm;
-        Some(score::wall_overlap(map, &self.rig.world, &way, within_mm))
-    }
-
     fn checks_with(
         &self,
         pose_error: Option<PoseError>,

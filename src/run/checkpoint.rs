@@ -94,8 +94,8 @@ impl Checkpoint {
 
     /// A run of `scenario` that has come to here, if it is known to have come to here as this one
     /// did: nothing of it differs but its length, and faults that are left out, added behind all
-    /// others, begin at another time or end earlier and had not come so far. Its [`history`](super::Outcome::history) is
-    /// sampled as that of the run that it branches from.
+    /// others, begin at another time or end earlier and had not come so far. Its
+    /// [`history`](super::Outcome::history) is sampled as that of the run that it branches from.
     pub fn resume_as(&self, scenario: &Scenario) -> Option<Run> {
         let (now, asked) = (self.at(), &*self.0.asked);
         let ends = asked.duration.min(scenario.duration).instant();

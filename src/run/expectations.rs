@@ -1,8 +1,10 @@
 //! What a scenario expects of a run, judged in the end.
 
+use emulators::world::Pose;
+
 use super::check::Check;
-use super::score::{PoseError, WallOverlap};
-use super::{Run, explored, victims};
+use super::score::{PoseError, WallOverlap, wall_overlap};
+use super::{Run, WAY_EVERY, explored, victims};
 
 /// Whether the check called `name` says what has not come true in the end: a run that is too short
 /// fails it as well.
@@ -47,6 +49,23 @@ impl Run {
             let pass = share.is_some_and(|share| share >= least);
             checks.push(Check::new("explored", pass, detail));
         }
+    }
+
+    /// How map and world agree, if the scenario expects something of that.
+    pub(super) fn expected_overlap(&self) -> Option<WallOverlap> {
+        let is_expected = self.scenario.expect.wall_overlap_min.is_some();
+        is_expected.then(|| self.wall_overlap()).flatten()
+    }
+
+    /// How map and world agree on what was to be seen on the robot's way.
+    pub(super) fn wall_overlap(&self) -> Option<WallOverlap> {
+        let way = self.truth.iter().step_by(WAY_EVERY as usize);
+        let mut way: Vec<Pose> = way.map(|&(_, pose)| pose).collect();
+        // Where it rested, nothing else was to be seen.
+        way.dedup();
+        let map = self.instruments.map(&self.rig)?;
+        let within_mm = self.scenario.expect.wall_within_mm;
+        Some(wall_overlap(map, &self.rig.world, &way, within_mm))
     }
 
     pub(super) fn expectations(

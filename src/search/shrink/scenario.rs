@@ -329,8 +329,8 @@ mod tests {
         assert_eq!(small.mission.waypoints_m.len(), 1);
     }
 
-    /// A cut from 16 s to 17 s matters 3 s after the mission's begin at the earliest: 12 s earlier is
-    /// the first try, and what is 1 s, 2 s or 3 s earlier than 4 s must not be a quarter too early.
+    /// A cut at 16 s that matters from 3 s on: three quarters earlier is 4 s, and of that three
+    /// quarters or a half earlier would be 1 s and 2 s, a quarter is 3 s.
     #[test]
     fn what_goes_wrong_comes_as_early_as_it_still_matters() {
         let fault = "link = \"base\"\ndirection = \"to-device\"\nkind = \"cut\"\n\
