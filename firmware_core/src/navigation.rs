@@ -204,6 +204,17 @@ const SQUEEZE_AFTER: u8 = 22;
 const SQUEEZE_SCANS: u8 = 40;
 const SQUEEZE_CLEARANCE_MM: f32 = 15.0;
 const SQUEEZE_CRUISE: i8 = 8;
+/// Plans in a row whose way is no shorter, half a minute, after which the robot goes wherever its
+/// body fits; for how many scans it does; how close it gets; and how slow it is where something is
+/// near: what it touches so it does not hurt.
+const TIGHT_AFTER_PLANS: u8 = 30;
+const TIGHT_SCANS: u8 = 200;
+const TIGHT_CLEARANCE_MM: f32 = 5.0;
+const TIGHT_CRUISE: i8 = 4;
+/// Free way that is enough then: to ask for more leads away from a narrow door.
+const TIGHT_WAY_MM: f32 = 120.0;
+/// A way that is shorter by so many cells is shorter.
+const SHORTER_CELLS: u16 = 3;
 /// Distance to the last goal at which the robot begins to slow down.
 const SLOW_DOWN_MM: f32 = 250.0;
 
@@ -227,6 +238,11 @@ pub struct Navigator {
     side: f32,
     /// For how many scans the robot still makes itself thin.
     squeeze: u8,
+    /// Cells of the shortest way to the goal so far, and plans since.
+    shortest: u16,
+    late_plans: u8,
+    /// For how many scans the robot still goes wherever it fits.
+    tight: u8,
     fielded: fielded::Psi,
 }
 
@@ -246,6 +262,9 @@ impl Navigator {
             stalled: 0,
             side: 0.0,
             squeeze: 0,
+            shortest: u16::MAX,
+            late_plans: 0,
+            tight: 0,
             fielded: fielded::Psi::new(),
         }
     }
@@ -286,7 +305,7 @@ impl Navigator {
             return Step::Arrived;
         }
         let mut steering = self.settings.steering;
-        let body = self.body(&mut steering);
+        let body = self.body(&mut steering, around);
         let way = match self.escape.step(&self.settings, pose, around) {
             Some(way) => {
                 if self.escape.has_begun() {
@@ -297,7 +316,8 @@ impl Navigator {
             None => {
                 let aim = self.aim(&body, map, pose, goal.position, around);
                 let far = pose.position().distance_mm(aim);
-                self.free_way(&body, around, bearing_of(pose, aim), far)
+                let most = if self.tight > 0 { TIGHT_WAY_MM } else { far };
+                self.free_way(&body, around, bearing_of(pose, aim), far.min(most))
             }
         };
         if goal.is_last && distance < SLOW_DOWN_MM {
@@ -320,16 +340,17 @@ impl Navigator {
     pub const fn reset(&mut self) {
         self.goal = None;
         self.side = 0.0;
-        self.squeeze = 0;
+        (self.squeeze, self.tight) = (0, 0);
         self.explorer = Explorer::new();
         self.escape = Escape::new();
         self.planner.forget();
     }
 
     /// The body to drive with: a robot that has not moved for some time goes slowly and closer to
-    /// things, as through a narrow door.
-    fn body(&mut self, steering: &mut Steering) -> Body {
+    /// things, as through a narrow door; one that gets nowhere for long, as close as it fits.
+    fn body(&mut self, steering: &mut Steering, around: &Surroundings) -> Body {
         self.squeeze = self.squeeze.saturating_sub(1);
+        self.tight = self.tight.saturating_sub(1);
         if self.escape.still_scans() >= SQUEEZE_AFTER {
             self.squeeze = SQUEEZE_SCANS;
         }
@@ -337,6 +358,16 @@ impl Navigator {
         if self.squeeze > 0 {
             body.clearance_mm = body.clearance_mm.min(SQUEEZE_CLEARANCE_MM);
             steering.cruise = steering.cruise.min(SQUEEZE_CRUISE);
+        }
+        if self.tight > 0 {
+            let is_near = around.nearest_mm() < self.settings.body.keep_mm();
+            body.clearance_mm = body.clearance_mm.min(TIGHT_CLEARANCE_MM);
+            let cruise = if is_near {
+                TIGHT_CRUISE
+            } else {
+                SQUEEZE_CRUISE
+            };
+            steering.cruise = steering.cruise.min(cruise);
         }
         body
     }
@@ -346,6 +377,7 @@ impl Navigator {
             self.goal = Some(goal);
             self.plan_ages = 0;
             (self.wayless, self.rounds) = (0, 0);
+            (self.shortest, self.late_plans, self.tight) = (u16::MAX, 0, 0);
             self.nearest_mm = f32::INFINITY;
             self.side = 0.0;
         }
@@ -354,6 +386,20 @@ impl Navigator {
             self.stalled = 0;
         } else {
             self.stalled = self.stalled.saturating_add(1);
+        }
+    }
+
+    /// Whether the plans' ways become shorter: a robot that drives to and fro before a narrow door
+    /// is never still. A goal that never had a way is not waited for.
+    fn watch_way(&mut self, from: Point) {
+        let cells = self.planner.way_cells(from).unwrap_or(u16::MAX);
+        if cells.saturating_add(SHORTER_CELLS) <= self.shortest {
+            (self.shortest, self.late_plans) = (cells, 0);
+            return;
+        }
+        self.late_plans += 1;
+        if self.late_plans >= TIGHT_AFTER_PLANS {
+            (self.late_plans, self.tight) = (0, TIGHT_SCANS);
         }
     }
 
@@ -379,10 +425,12 @@ impl Navigator {
             self.plan_ages = PLAN_SCANS;
             let full = &self.settings.body;
             let thin_mm = full.radius_mm + full.clearance_mm.min(SQUEEZE_CLEARANCE_MM);
-            let bodies = (full, thin_mm);
+            // One kind of way then: a wide one now and a narrow one next lead to and fro.
+            let bodies = (if self.tight > 0 { body } else { full }, thin_mm);
             if self.planner.plan(map, bodies, pose, goal, around) {
                 self.rounds = self.rounds.saturating_add(1);
             }
+            self.watch_way(pose.position());
             self.wayless = match self.planner.way_from(pose.position()) {
                 Some(_) => 0,
                 None => self.wayless.saturating_add(1),

@@ -157,6 +157,13 @@ impl Planner {
         best.map(|cell| self.raster.middle(cell))
     }
 
+    /// Cells of the way from `from`, if there is one.
+    pub(super) fn way_cells(&self, from: Point) -> Option<u16> {
+        let start = self.nearest_reached(self.raster.cell_of(from)?)?;
+        let way = core::iter::successors(Some(start), |&cell| self.next(cell));
+        Some(way.skip(1).fold(0, |cells: u16, _| cells.saturating_add(1)))
+    }
+
     /// The middle of the first stretch of the way from `from` that leads over `cells`: `None` if
     /// there is no way, `Some(None)` if it leads over none of them.
     fn stretch_on_way(&self, from: Point, cells: &Cells) -> Option<Option<Cell>> {

@@ -76,6 +76,11 @@ impl Surroundings {
         self.count < POINTS_MIN
     }
 
+    /// Distance of the nearest point; infinite if nothing is seen.
+    pub(super) const fn nearest_mm(&self) -> f32 {
+        self.nearest_mm
+    }
+
     /// Points with their distances.
     pub fn points(&self) -> impl Iterator<Item = (Point, f32)> + '_ {
         self.points[..self.count]

@@ -364,3 +364,84 @@ fn progress_is_more_than_ten_millimetres() {
     navigator.watch_progress(Point::new(9.0, 8.0), 300.0);
     assert_eq!((navigator.stalled, navigator.nearest_mm), (0, 300.0));
 }
+
+/// Straight walls from end to end, millimetres.
+type Walls = [[[f32; 2]; 2]];
+
+/// The map of `walls`, each 20 mm thick.
+fn drawn(walls: &Walls) -> std::boxed::Box<Grid> {
+    let mut map = std::boxed::Box::new(Grid::new(10.0));
+    for [x, y] in walls.iter().flat_map(|wall| places(*wall, 5.0)) {
+        map.set((x / 10.0) as usize, (y / 10.0) as usize, 255);
+    }
+    map
+}
+
+/// Places of a wall, so far apart.
+fn places([[x0, y0], [x1, y1]]: [[f32; 2]; 2], apart: f32) -> impl Iterator<Item = [f32; 2]> {
+    let (dx, dy) = (x1 - x0, y1 - y0);
+    let steps = libm::ceilf(libm::sqrtf(dx * dx + dy * dy) / apart) as u16;
+    (0..=steps).map(move |step| {
+        let part = f32::from(step) / f32::from(steps);
+        [x0 + part * dx, y0 + part * dy]
+    })
+}
+
+/// `walls` as seen from `pose` by a lidar that is up to 5 mm off.
+fn seen_by_lidar(walls: &Walls, pose: Pose, random: &mut crate::random::Pcg32) -> Surroundings {
+    let (sin, cos) = sin_cos(pose.heading);
+    let points = walls.iter().flat_map(|wall| places(*wall, 18.0));
+    Surroundings::of(points.map(|[x, y]| {
+        let (dx, dy) = (x - pose.x_mm, y - pose.y_mm);
+        let range = libm::sqrtf(dx * dx + dy * dy);
+        let off = 1.0 + (random.below(11) as f32 - 5.0) / range;
+        Point::new((cos * dx + sin * dy) * off, (cos * dy - sin * dx) * off)
+    }))
+}
+
+/// After how many scans a robot that drives from `pose` for a goal beyond y = 2.7 m is past
+/// y = 2.3 m, and how near it came to a wall meanwhile; `None` if not within two minutes.
+fn scans_to_leave(walls: &Walls, mut pose: Pose, seed: u64) -> Option<(u16, f32)> {
+    let map = drawn(walls);
+    let goal = Goal {
+        position: Point::new(1_000.0, 2_700.0),
+        is_last: true,
+    };
+    let mut random = crate::random::Pcg32::new(seed);
+    let mut navigator = Navigator::new(Settings::new(BODY));
+    let mut nearest = f32::INFINITY;
+    for scan in 0..600 {
+        let around = seen_by_lidar(walls, pose, &mut random);
+        let Step::Drive(set_point) = navigator.approach(&map, pose, goal, &around) else {
+            return None;
+        };
+        let at = pose.to_world(arc_end(&BODY, set_point, 0.2));
+        let turn = f32::from(set_point[1] - set_point[0]) * BODY.tick_mm_s * 0.2 / BODY.axle_mm;
+        pose = Pose::new(at.x_mm, at.y_mm, pose.heading + turn);
+        let all = walls.iter().flat_map(|wall| places(*wall, 5.0));
+        let ranges = all.map(|[x, y]| at.distance_mm(Point::new(x, y)));
+        nearest = ranges.fold(nearest, f32::min);
+        if pose.y_mm > 2_300.0 {
+            return Some((scan, nearest));
+        }
+    }
+    None
+}
+
+/// At stake: a robot that has got into a narrow place does not find out again, but drives to and
+/// fro before the door: 15 mm of distance are asked for on each side, and there are 17 less what
+/// the lidar is off.
+#[test]
+fn a_robot_leaves_by_the_narrow_door_that_it_came_in_by() {
+    let walls = [
+        [[900.0, 900.0], [900.0, 2_100.0]],
+        [[900.0, 900.0], [2_100.0, 900.0]],
+        [[2_100.0, 900.0], [2_100.0, 2_600.0]],
+        [[900.0, 2_100.0], [1_746.0, 2_100.0]],
+    ];
+    let leaves = |seed| scans_to_leave(&walls, Pose::new(1_300.0, 1_400.0, 1.0), seed);
+    let all: Vec<_> = (0..8).map(leaves).collect();
+    // What is touched is touched softly.
+    let is_sound = |left: &Option<_>| left.is_some_and(|(_, nearest)| nearest > 155.0);
+    assert!(all.iter().all(is_sound), "{all:?}");
+}
