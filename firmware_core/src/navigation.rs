@@ -314,7 +314,7 @@ impl Navigator {
                 way
             }
             None => {
-                let aim = self.aim(&body, map, pose, goal.position, around);
+                let aim = self.aim(&body, map, pose, goal, around);
                 let far = pose.position().distance_mm(aim);
                 let most = if self.tight > 0 { TIGHT_WAY_MM } else { far };
                 self.free_way(&body, around, bearing_of(pose, aim), far.min(most))
@@ -390,7 +390,8 @@ impl Navigator {
     }
 
     /// Whether the plans' ways become shorter: a robot that drives to and fro before a narrow door
-    /// is never still. A goal that never had a way is not waited for.
+    /// is never still. Only where it is to stop: of places on the way there are others, and who
+    /// squeezes to each of them is late. A goal that never had a way is not waited for.
     fn watch_way(&mut self, from: Point) {
         let cells = self.planner.way_cells(from).unwrap_or(u16::MAX);
         if cells.saturating_add(SHORTER_CELLS) <= self.shortest {
@@ -410,7 +411,10 @@ impl Navigator {
         body: &Body,
         map: &Grid,
         pose: Pose,
-        goal: Point,
+        Goal {
+            position: goal,
+            is_last,
+        }: Goal,
         around: &Surroundings,
     ) -> Point {
         self.plan_ages = self.plan_ages.saturating_sub(1);
@@ -430,7 +434,9 @@ impl Navigator {
             if self.planner.plan(map, bodies, pose, goal, around) {
                 self.rounds = self.rounds.saturating_add(1);
             }
-            self.watch_way(pose.position());
+            if is_last {
+                self.watch_way(pose.position());
+            }
             self.wayless = match self.planner.way_from(pose.position()) {
                 Some(_) => 0,
                 None => self.wayless.saturating_add(1),

@@ -368,11 +368,13 @@ fn progress_is_more_than_ten_millimetres() {
 /// Straight walls from end to end, millimetres.
 type Walls = [[[f32; 2]; 2]];
 
-/// The map of `walls`, each 20 mm thick.
+/// The map of `walls`, each a cell thick.
 fn drawn(walls: &Walls) -> std::boxed::Box<Grid> {
     let mut map = std::boxed::Box::new(Grid::new(10.0));
     for [x, y] in walls.iter().flat_map(|wall| places(*wall, 5.0)) {
-        map.set((x / 10.0) as usize, (y / 10.0) as usize, 255);
+        #[expect(clippy::cast_possible_truncation, reason = "below 3 m")]
+        let [x, y] = [x, y].map(|mm| (mm / 10.0) as usize);
+        map.set(x, y, 255);
     }
     map
 }
@@ -380,6 +382,7 @@ fn drawn(walls: &Walls) -> std::boxed::Box<Grid> {
 /// Places of a wall, so far apart.
 fn places([[x0, y0], [x1, y1]]: [[f32; 2]; 2], apart: f32) -> impl Iterator<Item = [f32; 2]> {
     let (dx, dy) = (x1 - x0, y1 - y0);
+    #[expect(clippy::cast_possible_truncation, reason = "below 3 m")]
     let steps = libm::ceilf(libm::sqrtf(dx * dx + dy * dy) / apart) as u16;
     (0..=steps).map(move |step| {
         let part = f32::from(step) / f32::from(steps);
