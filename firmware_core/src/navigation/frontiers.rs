@@ -53,6 +53,10 @@ const FEEL_WEIGHT: u16 = 4;
 const UNFELT_MIN: u16 = 3;
 /// Cells around the end of a ray that were felt with it.
 const FELT_AROUND: i8 = 1;
+/// Cells of floor around the last one of a ray before which the wall was felt with it.
+const PASSED_AROUND: i8 = 2;
+/// So many rays are the face of a board: 0.3 m from 0.3 m away.
+const FACE_MIN: u16 = 7;
 /// Clearance of a way that is the last resort.
 const THIN_MM: f32 = 15.0;
 /// The robot stands at most so many cells off the floor that its body may reach.
@@ -139,8 +143,11 @@ pub struct Frontiers {
     doubted: Cells,
     /// Edges and walls that were looked at in vain from near by.
     given_up: Cells,
-    /// Walls that the heat sensors have passed.
+    /// Walls that the heat sensors have passed, and the floor on that side of them.
     felt: Cells,
+    passed: Cells,
+    /// Whether boards are a cell thick, and have two faces to feel.
+    has_faces: bool,
     /// Places that showed nothing.
     stale: Cells,
     /// Where edges count, as of the newest view; nowhere before the first one.
@@ -156,14 +163,18 @@ impl Frontiers {
             doubted: Cells::NONE,
             given_up: Cells::NONE,
             felt: Cells::NONE,
+            passed: Cells::NONE,
+            has_faces: false,
             stale: Cells::NONE,
             within: Cells::NONE,
             steps: 0,
         }
     }
 
-    /// What was given up gets another chance.
+    /// What was given up gets another chance, and from now on boards have two faces to feel: most
+    /// are so thick that they had before, and their rest is too small for anybody.
     pub const fn forgive(&mut self) {
+        self.has_faces = true;
         self.doubted = Cells::NONE;
         self.given_up = Cells::NONE;
         self.stale = Cells::NONE;
@@ -259,12 +270,6 @@ impl Frontiers {
         Scene::of(map, self)
     }
 
-    const fn wants_to_feel(&self, cell: Cell) -> bool {
-        matches!(self.sought, Sought::FloorAndHeat)
-            && !self.felt.has(cell)
-            && !self.given_up.has(cell)
-    }
-
     /// What is to be seen from `place`.
     pub fn outlook(&mut self, map: &Grid, place: Point) -> Outlook {
         let scene = self.scene(map);
@@ -291,8 +296,9 @@ impl Frontiers {
                     Some((edge, _)) => far.set(edge),
                     None => {}
                 }
-                if let Some(wall) = end.unfelt.filter(|_| sought == Sought::FloorAndHeat) {
-                    near.set(wall);
+                let wall = end.wall.filter(|_| sought == Sought::FloorAndHeat);
+                if let Some(wall) = wall.filter(|wall| scene.is_unfelt(*wall)) {
+                    near.set(wall.at);
                 }
             }
         });
@@ -308,8 +314,9 @@ impl Frontiers {
         };
         let scene = self.scene(map);
         for ray in bearings.map(direction) {
-            if let Some(wall) = scene.cast(from, ray, &mut self.steps).unfelt {
-                wall.each_within(FELT_AROUND, |cell| self.felt.set(cell));
+            if let Some(Wall { at, before }) = scene.cast(from, ray, &mut self.steps).wall {
+                at.each_within(FELT_AROUND, |cell| self.felt.set(cell));
+                before.each_within(PASSED_AROUND, |cell| self.passed.set(cell));
             }
         }
     }
@@ -323,8 +330,18 @@ struct Scene {
     edges: Cells,
     /// Those of them that only count from near by.
     doubted: Cells,
-    /// Walls that are to be felt.
-    unfelt: Cells,
+    /// Walls, if they are to be felt; those that were, or were given up; and, if they have faces,
+    /// the floor before which they were.
+    walls: Cells,
+    felt: Cells,
+    passed: Option<Cells>,
+}
+
+/// A wall so near that it is felt, and the last floor before it.
+#[derive(Clone, Copy, Debug)]
+struct Wall {
+    at: Cell,
+    before: Cell,
 }
 
 /// Where a ray ended.
@@ -333,7 +350,7 @@ struct End {
     unknown: u16,
     /// The edge, and the step of the ray behind it.
     edge: Option<(Cell, i16)>,
-    unfelt: Option<Cell>,
+    wall: Option<Wall>,
 }
 
 impl Scene {
@@ -343,8 +360,14 @@ impl Scene {
             unknown: Cells::NONE,
             edges: Cells::NONE,
             doubted: frontiers.doubted.clone(),
-            unfelt: Cells::NONE,
+            walls: Cells::NONE,
+            felt: frontiers.given_up.clone(),
+            passed: frontiers.has_faces.then(|| frontiers.passed.clone()),
         };
+        if !frontiers.has_faces {
+            scene.felt.add(&frontiers.felt);
+        }
+        let is_to_be_felt = frontiers.sought == Sought::FloorAndHeat;
         for (y, rows) in (0..).zip(map.rows().chunks_exact(COARSE)) {
             for x in 0..EDGE {
                 let first = usize::from(x) * COARSE;
@@ -360,8 +383,8 @@ impl Scene {
                     scene.free.set(cell);
                 } else if unknown >= MOST && solid < SOLID {
                     scene.unknown.set(cell);
-                } else if frontiers.wants_to_feel(cell) {
-                    scene.unfelt.set(cell);
+                } else if is_to_be_felt {
+                    scene.walls.set(cell);
                 }
             }
         }
@@ -394,9 +417,17 @@ impl Scene {
         for ray in rays.0 {
             let end = self.cast(from, ray, steps);
             outlook.unknown += end.unknown;
-            outlook.unfelt += u16::from(end.unfelt.is_some());
+            outlook.unfelt += u16::from(end.wall.is_some_and(|wall| self.is_unfelt(wall)));
+        }
+        if self.passed.is_some() && outlook.unfelt < FACE_MIN {
+            outlook.unfelt = 0;
         }
         outlook
+    }
+
+    fn is_unfelt(&self, Wall { at, before }: Wall) -> bool {
+        let passed = self.passed.as_ref();
+        !self.felt.has(at) && !passed.is_some_and(|passed| passed.has(before))
     }
 
     /// Whether `cell` is an edge that counts for a ray's `step` behind it.
@@ -423,7 +454,11 @@ impl Scene {
                 }
             } else {
                 let is_near = end.edge.is_none() && step <= FEEL_CELLS;
-                end.unfelt = (is_near && self.unfelt.has(cell)).then_some(cell);
+                let wall = Wall {
+                    at: cell,
+                    before: last,
+                };
+                end.wall = (is_near && self.walls.has(cell)).then_some(wall);
                 break;
             }
         }

@@ -2,6 +2,8 @@ extern crate std;
 
 use std::boxed::Box;
 
+use core::f32::consts::FRAC_PI_2;
+
 use super::*;
 
 const BODY: Body = Body {
@@ -205,6 +207,29 @@ fn walls_that_were_felt_are_known_once_more() {
     );
 }
 
+/// At stake: a board of 2 cm, a planner's cell thick, is felt on both sides by a robot that has passed
+/// one, and who is on the other is never found. In the end its faces are told apart: of the
+/// 48 rays 16 go to one of 0.6 m from 0.16 m away.
+#[test]
+fn a_board_has_two_faces_in_the_end() {
+    let mut map = room(0);
+    fill(&mut map, [60, 90, 119, 92], 255);
+    let mut frontiers = Frontiers::new(Sought::FloorAndHeat);
+    let places = [740.0, 1_090.0].map(|y_mm| Point::new(900.0, y_mm));
+    let along = |side: f32| [-1.0, -0.6, -0.2, 0.2, 0.6, 1.0].map(|bend| bend + side * FRAC_PI_2);
+    let outlook = |frontiers: &mut Frontiers| places.map(|at| frontiers.outlook(&map, at).unfelt);
+    let before = outlook(&mut frontiers);
+    assert!(before.into_iter().all(|rays| rays >= 12), "{before:?}");
+    frontiers.feel(&map, places[0], along(1.0).into_iter());
+    let after = outlook(&mut frontiers);
+    assert!(after.into_iter().all(|rays| rays < 8), "{after:?}");
+    frontiers.forgive();
+    let [below, above] = outlook(&mut frontiers);
+    assert!(below == 0 && above >= 12, "{below} {above}");
+    frontiers.feel(&map, places[1], along(-1.0).into_iter());
+    assert_eq!(outlook(&mut frontiers), [0, 0]);
+}
+
 /// A niche of 3 by 3 planner's cells in the wall at the far end of a hall, of which nothing is
 /// known: a few cells. From 0.5 m away it is looked into; from 2.4 m away it is not worth the way,
 /// 80 cells, for which 6 + 80 / 4 = 26 would have to be unknown.
@@ -288,7 +313,7 @@ fn a_coarse_cell_is_what_most_of_it_is() {
         }
         let (cell, map) = (Cell { x: 10, y: 20 }, &*map);
         let scene = Scene::of(map, &Frontiers::new(Sought::FloorAndHeat));
-        [&scene.free, &scene.unknown, &scene.unfelt].map(|cells| cells.has(cell))
+        [&scene.free, &scene.unknown, &scene.walls].map(|cells| cells.has(cell))
     };
     let (free, unknown, wall) = (
         [true, false, false],
