@@ -16,6 +16,7 @@ mod fielded;
 mod frontiers;
 mod planner;
 mod raster;
+mod squeeze;
 mod surroundings;
 
 use crate::grid::Grid;
@@ -24,6 +25,7 @@ use escape::Escape;
 pub use explore::{Explorer, WallFollowing, WallLaw};
 pub use frontiers::{Frontiers, Outlook, Sought, View};
 use planner::Planner;
+use squeeze::Squeeze;
 pub use surroundings::Surroundings;
 
 /// Both wheels at rest.
@@ -198,23 +200,6 @@ const PLAN_SCANS: u8 = 5;
 /// something that moves may have stood in one.
 const WAYLESS_PLANS: u8 = 4;
 const BLOCKED_ROUNDS: u8 = 2;
-/// Scans without moving after which the robot makes itself thin: longer than any turn; for how many
-/// scans it does; and how thin and slow it gets.
-const SQUEEZE_AFTER: u8 = 22;
-const SQUEEZE_SCANS: u8 = 40;
-const SQUEEZE_CLEARANCE_MM: f32 = 15.0;
-const SQUEEZE_CRUISE: i8 = 8;
-/// Plans in a row whose way is no shorter, half a minute, after which the robot goes wherever its
-/// body fits; for how many scans it does; how close it gets; and how slow it is where something is
-/// near: what it touches so it does not hurt.
-const TIGHT_AFTER_PLANS: u8 = 30;
-const TIGHT_SCANS: u8 = 200;
-const TIGHT_CLEARANCE_MM: f32 = 5.0;
-const TIGHT_CRUISE: i8 = 4;
-/// Free way that is enough then: to ask for more leads away from a narrow door.
-const TIGHT_WAY_MM: f32 = 120.0;
-/// A way that is shorter by so many cells is shorter.
-const SHORTER_CELLS: u16 = 3;
 /// Distance to the last goal at which the robot begins to slow down.
 const SLOW_DOWN_MM: f32 = 250.0;
 
@@ -236,13 +221,7 @@ pub struct Navigator {
     stalled: u8,
     /// Side of the last way around something: 1 left, -1 right, 0 none.
     side: f32,
-    /// For how many scans the robot still makes itself thin.
-    squeeze: u8,
-    /// Cells of the shortest way to the goal so far, and plans since.
-    shortest: u16,
-    late_plans: u8,
-    /// For how many scans the robot still goes wherever it fits.
-    tight: u8,
+    squeeze: Squeeze,
     fielded: fielded::Psi,
 }
 
@@ -261,10 +240,7 @@ impl Navigator {
             nearest_mm: f32::INFINITY,
             stalled: 0,
             side: 0.0,
-            squeeze: 0,
-            shortest: u16::MAX,
-            late_plans: 0,
-            tight: 0,
+            squeeze: Squeeze::NONE,
             fielded: fielded::Psi::new(),
         }
     }
@@ -305,7 +281,9 @@ impl Navigator {
             return Step::Arrived;
         }
         let mut steering = self.settings.steering;
-        let body = self.body(&mut steering, around);
+        let still_scans = self.escape.still_scans();
+        let (body, cruise_max) = self.squeeze.step(&self.settings.body, still_scans, around);
+        steering.cruise = steering.cruise.min(cruise_max);
         let way = match self.escape.step(&self.settings, pose, around) {
             Some(way) => {
                 if self.escape.has_begun() {
@@ -316,8 +294,8 @@ impl Navigator {
             None => {
                 let aim = self.aim(&body, map, pose, goal, around);
                 let far = pose.position().distance_mm(aim);
-                let most = if self.tight > 0 { TIGHT_WAY_MM } else { far };
-                self.free_way(&body, around, bearing_of(pose, aim), far.min(most))
+                let far = far.min(self.squeeze.way_max_mm());
+                self.free_way(&body, around, bearing_of(pose, aim), far)
             }
         };
         if goal.is_last && distance < SLOW_DOWN_MM {
@@ -340,36 +318,10 @@ impl Navigator {
     pub const fn reset(&mut self) {
         self.goal = None;
         self.side = 0.0;
-        (self.squeeze, self.tight) = (0, 0);
+        self.squeeze = Squeeze::NONE;
         self.explorer = Explorer::new();
         self.escape = Escape::new();
         self.planner.forget();
-    }
-
-    /// The body to drive with: a robot that has not moved for some time goes slowly and closer to
-    /// things, as through a narrow door; one that gets nowhere for long, as close as it fits.
-    fn body(&mut self, steering: &mut Steering, around: &Surroundings) -> Body {
-        self.squeeze = self.squeeze.saturating_sub(1);
-        self.tight = self.tight.saturating_sub(1);
-        if self.escape.still_scans() >= SQUEEZE_AFTER {
-            self.squeeze = SQUEEZE_SCANS;
-        }
-        let mut body = self.settings.body;
-        if self.squeeze > 0 {
-            body.clearance_mm = body.clearance_mm.min(SQUEEZE_CLEARANCE_MM);
-            steering.cruise = steering.cruise.min(SQUEEZE_CRUISE);
-        }
-        if self.tight > 0 {
-            let is_near = around.nearest_mm() < self.settings.body.keep_mm();
-            body.clearance_mm = body.clearance_mm.min(TIGHT_CLEARANCE_MM);
-            let cruise = if is_near {
-                TIGHT_CRUISE
-            } else {
-                SQUEEZE_CRUISE
-            };
-            steering.cruise = steering.cruise.min(cruise);
-        }
-        body
     }
 
     fn watch_progress(&mut self, goal: Point, distance: f32) {
@@ -377,7 +329,7 @@ impl Navigator {
             self.goal = Some(goal);
             self.plan_ages = 0;
             (self.wayless, self.rounds) = (0, 0);
-            (self.shortest, self.late_plans, self.tight) = (u16::MAX, 0, 0);
+            self.squeeze.forget_way();
             self.nearest_mm = f32::INFINITY;
             self.side = 0.0;
         }
@@ -386,21 +338,6 @@ impl Navigator {
             self.stalled = 0;
         } else {
             self.stalled = self.stalled.saturating_add(1);
-        }
-    }
-
-    /// Whether the plans' ways become shorter: a robot that drives to and fro before a narrow door
-    /// is never still. Only where it is to stop: of places on the way there are others, and who
-    /// squeezes to each of them is late. A goal that never had a way is not waited for.
-    fn watch_way(&mut self, from: Point) {
-        let cells = self.planner.way_cells(from).unwrap_or(u16::MAX);
-        if cells.saturating_add(SHORTER_CELLS) <= self.shortest {
-            (self.shortest, self.late_plans) = (cells, 0);
-            return;
-        }
-        self.late_plans += 1;
-        if self.late_plans >= TIGHT_AFTER_PLANS {
-            (self.late_plans, self.tight) = (0, TIGHT_SCANS);
         }
     }
 
@@ -428,14 +365,17 @@ impl Navigator {
         if self.plan_ages == 0 {
             self.plan_ages = PLAN_SCANS;
             let full = &self.settings.body;
-            let thin_mm = full.radius_mm + full.clearance_mm.min(SQUEEZE_CLEARANCE_MM);
+            let thin_mm = squeeze::thin(full).keep_mm();
             // One kind of way then: a wide one now and a narrow one next lead to and fro.
-            let bodies = (if self.tight > 0 { body } else { full }, thin_mm);
+            let wide = if self.squeeze.is_tight() { body } else { full };
+            let bodies = (wide, thin_mm);
             if self.planner.plan(map, bodies, pose, goal, around) {
                 self.rounds = self.rounds.saturating_add(1);
             }
+            // Of places on the way there are others, and who squeezes to each of them is late.
             if is_last {
-                self.watch_way(pose.position());
+                self.squeeze
+                    .watch_way(self.planner.way_cells(pose.position()));
             }
             self.wayless = match self.planner.way_from(pose.position()) {
                 Some(_) => 0,

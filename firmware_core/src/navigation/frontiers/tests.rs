@@ -5,6 +5,7 @@ use std::boxed::Box;
 use core::f32::consts::FRAC_PI_2;
 
 use super::*;
+use crate::grid::UNKNOWN;
 
 const BODY: Body = Body {
     radius_mm: 160.0,
