@@ -360,4 +360,19 @@ mod tests {
         assert!(free.iter().all(|cell| (1..4).contains(&cell.x)));
         assert_eq!(free.len(), 9);
     }
+
+    /// Row by row from below, each from left to right; without the middle for the neighbours.
+    #[test]
+    fn a_block_is_told_row_by_row() {
+        let places = |cells: Vec<Cell>| cells.iter().map(|it| (it.x, it.y)).collect::<Vec<_>>();
+        let block = places(Cell::new(5, -7).block().collect());
+        let rows = [-8, -7, -6].map(|y| [(4, y), (5, y), (6, y)]);
+        assert_eq!(block, rows.concat());
+        let around = places(Cell::new(5, -7).neighbours().collect());
+        assert_eq!(around, [&rows.concat()[..4], &rows.concat()[5..]].concat());
+        let edges = places(Cell::new(5, -7).edge_neighbours().to_vec());
+        assert_eq!(edges, [(6, -7), (5, -6), (4, -7), (5, -8)]);
+        // Three to the right and four down.
+        assert_eq!(Cell::new(5, -7).distance(Cell::new(8, -11)), 5.0);
+    }
 }

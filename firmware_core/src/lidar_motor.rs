@@ -245,4 +245,20 @@ mod tests {
         motor.kick();
         assert_eq!(motor.take_duty(), Some(180));
     }
+
+    /// Off and on again before anybody asked: the duty is that which was told.
+    #[test]
+    fn a_motor_that_is_switched_on_again_tells_its_duty_only_if_it_changed() {
+        let mut motor = LidarMotor::new(300.0);
+        motor.tick(motor.next_at());
+        let next_at = motor.next_at();
+        assert_eq!(motor.take_duty(), Some(180));
+        motor.switch_off();
+        motor.switch_on();
+        assert_eq!((motor.take_duty(), motor.next_at()), (None, next_at));
+        motor.switch_off();
+        assert_eq!([motor.take_duty(), motor.take_duty()], [Some(0), None]);
+        motor.switch_on();
+        assert_eq!(motor.take_duty(), Some(180));
+    }
 }

@@ -389,4 +389,43 @@ mod tests {
         assert_eq!([10, 62, 66].map(found), [9, 61, 64]);
         assert_eq!(found(82), 64);
     }
+
+    /// Eight points along x, places 0 to 7 of a turn. Two pieces that are one line end where the
+    /// second ends; from the turn's last piece to its first that is a turn later.
+    #[test]
+    fn united_segments_end_where_the_second_ends() {
+        let points: Vec<Point> = (0..8_u8)
+            .map(|n| Point::new(f32::from(n) * 10.0, 0.0))
+            .collect();
+        let settings = Settings::default();
+        let circle = Circle {
+            points: &points,
+            begin: 0,
+            is_closed: true,
+        };
+        let united = |at: usize, next: usize| {
+            let piece = |first, last| Segment {
+                first,
+                last,
+                fit: Fit::of(circle.run(first, last), &settings),
+            };
+            let mut segments = Segments {
+                items: [piece(0, 1); SEGMENTS_MAX],
+                len: 0,
+                left_out: 0,
+            };
+            for (first, last) in [(0, 2), (2, 4), (5, 7)] {
+                segments.push(piece(first, last));
+            }
+            segments.unite(at, next, &circle, &settings);
+            segments
+                .as_slice()
+                .iter()
+                .map(|one| (one.first, one.last))
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(united(0, 1), [(0, 4), (5, 7)]);
+        assert_eq!(united(1, 2), [(0, 2), (2, 7)]);
+        assert_eq!(united(2, 0), [(2, 4), (5, 10)]);
+    }
 }

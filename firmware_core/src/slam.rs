@@ -668,4 +668,35 @@ mod tests {
         let off = Pose::new(1500.0, 1500.0, 0.0).change_to(mapper.pose());
         assert!(off.distance_mm() < 2.0 && off.turn.abs() < 0.002, "{off:?}");
     }
+
+    /// 17 of 20 points on the wall are 0.85; 5 scans later the world has changed.
+    #[test]
+    fn a_push_is_over_when_a_scan_fits_or_after_five() {
+        let mut grid = Grid::<9, 1>::new(10.0);
+        grid.set(4, 0, 255);
+        grid.set(5, 0, 0);
+        let unsettled = |hits: usize, is_elsewhere, is_at_rest, before| {
+            let points: [[i16; 2]; 20] =
+                core::array::from_fn(|at| [if at < hits { 64 } else { 80 }, 0]);
+            let pose = Pose::new(5.0, 5.0, 0.0);
+            let place = tracking::Place {
+                pose,
+                sum: 0,
+                evidence: evidence::Evidence::of(&grid, &points, pose),
+                is_elsewhere,
+            };
+            unsettled_by(&place, is_at_rest, before)
+        };
+        assert_eq!(
+            [16, 17].map(|hits| unsettled(hits, false, true, Some(0))),
+            [Some(1), None]
+        );
+        let after = [0, 3, 4].map(|before| unsettled(0, false, true, Some(before)));
+        assert_eq!(after, [Some(1), Some(4), None]);
+        // Found elsewhere, or still on its way without wheels: from the beginning.
+        assert_eq!(unsettled(20, true, true, None), Some(0));
+        assert_eq!(unsettled(20, false, false, Some(3)), Some(0));
+        assert_eq!(unsettled(0, false, false, None), None);
+        assert_eq!(unsettled(0, false, true, None), None);
+    }
 }

@@ -318,3 +318,20 @@ fn old_data_is_left_behind_a_reply_of_the_fielded_link() {
     assert_eq!(behind(true, false), [7; READ_MAX - 10]);
     assert_eq!(behind(false, true), [7; READ_MAX - 10]);
 }
+
+/// Room is for eight outcomes; the ninth, which nobody has taken by then, is counted and lost.
+#[test]
+fn outcomes_that_nobody_takes_are_counted_once_there_is_no_room() {
+    let mut link = link();
+    let overflows: Vec<u32> = (0..10)
+        .map(|round| {
+            link.submit(at(1_000 * round), WHEELS);
+            assert_eq!(sent(&mut link), READ);
+            link.receive(at(1_000 * round + 250), &REPLY);
+            link.counters().overflows
+        })
+        .collect();
+    assert_eq!(overflows, [0, 0, 0, 0, 0, 0, 0, 0, 1, 2]);
+    let taken = core::iter::from_fn(|| link.take_completion()).count();
+    assert_eq!(taken, 8);
+}

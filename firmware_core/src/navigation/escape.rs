@@ -215,4 +215,17 @@ mod tests {
         });
         assert_eq!(freest(&SETTINGS, &Surroundings::of(ring)), 0.0);
     }
+
+    #[test]
+    fn a_way_out_begins_once() {
+        let (mut escape, around) = (Escape::new(), niche());
+        let mut begins = |scans: u8| {
+            let begun = (0..scans).filter(|_| {
+                escape.step(&SETTINGS, Pose::default(), &around);
+                escape.has_begun()
+            });
+            begun.count()
+        };
+        assert_eq!([40, 1, 34].map(&mut begins), [0, 1, 0]);
+    }
 }

@@ -491,3 +491,59 @@ fn guesses_are_thrown_to_the_side_that_is_drawn() {
         assert!(near(guess.pose.heading_rad, wrapped(expected.heading_rad)));
     }
 }
+
+/// Half of the guesses are drawn anew, those whose number is below a half: the first one's is
+/// exactly so, and stays.
+#[test]
+fn a_search_takes_the_part_that_was_asked_for() {
+    let start = CarPose {
+        x_m: 2.0,
+        y_m: 1.0,
+        heading_rad: 0.5,
+    };
+    let guesses = || {
+        let settings = Settings::default();
+        Localiser::new(field(), settings, CarPose::default(), start, [0.0; 3], 3)
+    };
+    let moved = |mut guesses: Localiser, part: f64| {
+        guesses.search(part, [0.1; 3]);
+        let there: Vec<bool> = guesses
+            .particles
+            .iter()
+            .map(|it| it.pose != start)
+            .collect();
+        there
+    };
+    let first = guesses().random.unit();
+    assert!(!moved(guesses(), first)[0] && moved(guesses(), first * 1.001)[0]);
+    assert!(moved(guesses(), 0.0).iter().all(|it| !it));
+    assert!(moved(guesses(), 1.0).iter().all(|it| *it));
+    let some = moved(guesses(), 0.5);
+    let part = some.iter().filter(|it| **it).count() as f64 / some.len() as f64;
+    assert!((0.45..0.55).contains(&part), "{part}");
+}
+
+/// Weights whose sum is no number begin anew, each as likely as all others.
+#[test]
+fn weights_that_cannot_be_added_are_even() {
+    let settings = Settings::default();
+    let pose = CarPose {
+        x_m: 2.0,
+        y_m: 1.0,
+        heading_rad: 0.5,
+    };
+    let mut guesses = Localiser::new(field(), settings, CarPose::default(), pose, [0.1; 3], 3);
+    let even = 1.0 / guesses.particles.len() as f64;
+    let beams = scan(pose, &mut Pcg32::new(1));
+    for weight in [f64::MAX, 0.0] {
+        guesses
+            .particles
+            .iter_mut()
+            .for_each(|it| it.weight = weight);
+        guesses.weigh(&beams);
+        assert!(guesses.particles.iter().all(|it| it.weight == even));
+    }
+    guesses.weigh(&beams);
+    let whole: f64 = guesses.particles.iter().map(|it| it.weight).sum();
+    assert!((whole - 1.0).abs() < 1e-9, "{whole}");
+}

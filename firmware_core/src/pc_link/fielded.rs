@@ -618,4 +618,20 @@ mod tests {
         let mut input = LIST;
         assert!(link.receive(at(500), &mut input).is_some());
     }
+
+    /// The shorter way round each time: from 90 to -89 by 179 back, but half a turn counts as back;
+    /// from 300 to 20 by 80 on.
+    #[test]
+    fn a_counted_psi_takes_the_shorter_way_round() {
+        let count = |told: &[i16]| {
+            let mut psi = CountedPsi::new();
+            told.iter().map(|psi_deg| psi.count(*psi_deg)).last()
+        };
+        assert_eq!(count(&[271]), Some(-89));
+        assert_eq!(count(&[270]), Some(-90));
+        assert_eq!(count(&[269]), Some(269));
+        assert_eq!(count(&[200, 300, 20]), Some(380));
+        assert_eq!(count(&[200, 300, 20, 300]), Some(300));
+        assert_eq!(count(&[0, 350, 190, 100, 359]), Some(-361));
+    }
 }

@@ -80,6 +80,17 @@ impl Evidence {
         self.hits + other.misses >= other.hits + self.misses + self.of / 8
     }
 
+    /// Whether it speaks for the place so much more than `other` for its own that the scan belongs
+    /// there: with no more than `remains` of the disagreement. A place that shows nothing
+    /// contradicts nothing either; it is no better for that. Nor is one that a handful of points
+    /// fit: they fit many.
+    pub(super) fn outweighs(&self, other: &Self, remains: f32) -> bool {
+        self.tells_something()
+            && self.is_enough()
+            && self.exceeds(other)
+            && 1.0 - self.agreement() < (1.0 - other.agreement()) * remains
+    }
+
     /// Whether three points of eight tell something: in a room that was seen from one place only,
     /// its far walls have gaps.
     pub(super) const fn tells_something(&self) -> bool {
@@ -245,5 +256,27 @@ mod tests {
             );
         }
         assert_eq!(gap([((11, 20), 0), ((9, 20), 0)]), UNKNOWN);
+    }
+
+    /// Of 64 points, half of which agree here, a quarter may disagree there, but less: half of the
+    /// disagreement. 24 tell something, 23 do not; 35 points are a handful; 8 more must agree.
+    #[test]
+    fn a_place_outweighs_another_by_half_of_its_disagreement() {
+        let here = evidence(32, 32, 64);
+        let outweighs = |there: Evidence| there.outweighs(&here, 0.5);
+        assert!(outweighs(evidence(49, 15, 64)) && !outweighs(evidence(48, 16, 64)));
+        assert!(!outweighs(evidence(32, 32, 64)) && !outweighs(evidence(0, 64, 64)));
+        assert!(outweighs(evidence(24, 0, 64)) && !outweighs(evidence(23, 0, 64)));
+        let few = evidence(0, 35, 35);
+        assert!(!evidence(35, 0, 35).outweighs(&few, 0.5));
+        assert!(evidence(36, 0, 36).outweighs(&few, 0.5));
+        // A quarter disagrees here, an eighth may there: 56 of 64 is as much.
+        let here = evidence(48, 16, 64);
+        assert!(evidence(57, 7, 64).outweighs(&here, 0.5));
+        assert!(!evidence(56, 8, 64).outweighs(&here, 0.5));
+        // All agree there, but only by 7 more of 64 than here.
+        let here = evidence(27, 1, 64);
+        assert!(!evidence(33, 0, 64).outweighs(&here, 0.5));
+        assert!(evidence(34, 0, 64).outweighs(&here, 0.5));
     }
 }

@@ -147,4 +147,21 @@ mod tests {
         assert!((pose.x_mm - 995.0).abs() < 0.1, "{pose:?}");
         assert!((pose.y_mm - 504.0).abs() < 0.1, "{pose:?}");
     }
+
+    /// Turned by a quarter, along is y and across is x: the odometry's 500 mm along and the scan's
+    /// 1004 mm across.
+    #[test]
+    fn along_a_corridor_that_lies_askew_the_odometry_stands() {
+        let turned = core::f32::consts::FRAC_PI_2;
+        let predicted = Pose::new(1000.0, 500.0, turned);
+        let pose = as_far_as_seen(&corridor(), predicted, Pose::new(1004.0, 490.0, turned));
+        assert!((pose.x_mm - 1004.0).abs() < 0.2, "{pose:?}");
+        assert!((pose.y_mm - 500.0).abs() < 0.2, "{pose:?}");
+        let askew = core::f32::consts::FRAC_PI_4;
+        let predicted = Pose::new(1000.0, 500.0, askew);
+        let pose = as_far_as_seen(&corridor(), predicted, Pose::new(1010.0, 504.0, askew));
+        // Moved by (10, 4): 7 along (1, 1) and 3 along (1, -1), of which the scan keeps the latter.
+        assert!((pose.x_mm - 1003.0).abs() < 0.2, "{pose:?}");
+        assert!((pose.y_mm - 497.0).abs() < 0.2, "{pose:?}");
+    }
 }

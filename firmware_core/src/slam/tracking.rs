@@ -85,13 +85,7 @@ pub(super) fn track<const W: usize, const H: usize>(
     let mut is_elsewhere = false;
     let mut consider = |other: Best, evidence: &mut Evidence| {
         let found = Evidence::of(grid, task.sparse, other.pose);
-        // A place that shows nothing contradicts nothing either; it is no better for that. Nor is
-        // one that a handful of points fit: they fit many.
-        if found.tells_something()
-            && found.is_enough()
-            && found.exceeds(evidence)
-            && 1.0 - found.agreement() < (1.0 - evidence.agreement()) * REMAINS
-        {
+        if found.outweighs(evidence, REMAINS) {
             *evidence = found;
             prior = prior.around(other.pose);
             best = other;

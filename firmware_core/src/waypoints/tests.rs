@@ -271,3 +271,15 @@ fn a_list_without_its_end_takes_no_more() {
     };
     assert_eq!([0, 1, 2].map(count), [(3, 0), (3, 3), (2, 2)]);
 }
+
+#[test]
+fn only_the_end_of_a_list_is_its_last_target() {
+    let mut list = Waypoints::new();
+    list.replace([sent(0, 1), sent(1, 2), sent(2, 3)].into_iter());
+    let mut last = || {
+        let is_last = list.is_last();
+        list.advance();
+        is_last
+    };
+    assert_eq!([0; 4].map(|_| last()), [false, false, true, false]);
+}

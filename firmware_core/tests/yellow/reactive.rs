@@ -209,6 +209,8 @@ fn the_fielded_formula_is_always_at_its_ends() {
     bench.run_for(SECOND);
     let wanted = bench.robot.target();
     let seen = bench.robot.infrared_m();
+    let [ahead, right_front, left_front] = seen;
+    assert!((ahead - (0.29 - 0.09)).abs() < 0.02 && (left_front - right_front - 0.1).abs() < 0.02);
     assert!(
         (wanted.linear_m_s - 2.08).abs() < 0.1,
         "{wanted:?} {seen:?}"

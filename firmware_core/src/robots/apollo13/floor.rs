@@ -649,4 +649,64 @@ mod tests {
         floor.see(SCANNER, &beams(2.0));
         assert_eq!(are_there(&mut floor), [false; 2]);
     }
+
+    /// Cells of 5 cm from (-1.5, 2) m.
+    #[test]
+    fn an_observer_sees_the_plan_in_millimetres() {
+        let mut plan = empty().plan().clone();
+        plan.origin_m = [-1.5, 2.0];
+        plan.obstacles[0] = true;
+        let floor = Floor::new(plan, INFLATION);
+        let view = floor.view().expect("a plan");
+        assert_eq!(
+            (view.cell_mm(), view.origin_mm()),
+            (50.0, [-1_500.0, 2_000.0])
+        );
+        assert_eq!(
+            [view.get(0, 0), view.get(1, 0)],
+            [Some(crate::grid::OBSTACLE), Some(crate::grid::FREE)]
+        );
+    }
+
+    /// What is heard is in the way at once, though the costs were asked for before.
+    #[test]
+    fn what_is_heard_is_new_to_the_costs() {
+        let mut floor = empty();
+        let is_there = |floor: &mut Floor| {
+            let costs = floor.costs(Instant::ZERO).unwrap();
+            [2, 5].map(|x| costs.is_obstacle([x, 10]))
+        };
+        assert_eq!(is_there(&mut floor), [false; 2]);
+        floor.hear(Instant::ZERO, SCANNER, 0.25);
+        assert_eq!(is_there(&mut floor), [false, true]);
+    }
+
+    /// Seen twice, and heard: both are forgotten, and the plan's own is not.
+    #[test]
+    fn a_floor_that_is_forgotten_is_as_planned() {
+        let mut plan = empty().plan().clone();
+        plan.obstacles[0] = true;
+        let mut floor = Floor::new(plan, INFLATION);
+        let ahead = [Beam {
+            bearing_rad: 0.0,
+            range_m: 1.0,
+        }];
+        floor.see(SCANNER, &ahead);
+        floor.see(SCANNER, &ahead);
+        floor.hear(Instant::ZERO, SCANNER, 0.25);
+        let is_there = |floor: &mut Floor| {
+            let costs = floor.costs(Instant::ZERO).unwrap();
+            [[20, 10], [5, 10], [0, 0]].map(|cell| costs.is_obstacle(cell))
+        };
+        assert_eq!(is_there(&mut floor), [true; 3]);
+        assert!(floor.in_the_way().count() > 1);
+        floor.forget();
+        assert_eq!(floor.in_the_way().count(), 0);
+        assert_eq!(is_there(&mut floor), [false, false, true]);
+        let view = floor.view().expect("a plan");
+        assert_eq!(
+            [view.get(20, 10), view.get(0, 0)],
+            [Some(crate::grid::FREE), Some(crate::grid::OBSTACLE)]
+        );
+    }
 }

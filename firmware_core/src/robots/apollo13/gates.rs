@@ -519,4 +519,21 @@ mod tests {
         assert_eq!(gates.next(at(2.0), anywhere), None);
         assert!(gates.next(at(1.99), anywhere).is_some());
     }
+
+    /// By hand: the posts at -2, -2 and -1.4, -1.4 are 0.85 m apart. What lies where one of them
+    /// would be on the other side of an axis is 4 m away, what lies on an axis 2 m, but 1.5 m from
+    /// the other post.
+    #[test]
+    fn how_far_markers_are_apart_does_not_depend_on_where_the_map_begins() {
+        let markers = [
+            (1, [-2.0, -2.0]),
+            (2, [-1.4, -1.4]),
+            (3, [2.0, -2.0]),
+            (4, [-2.0, 2.0]),
+            (5, [0.0, -2.0]),
+            (6, [-2.0, 0.0]),
+        ];
+        let gates = seen(Settings::default(), &markers);
+        assert_eq!(gates.found(), [[[-2.0, -2.0], [-1.4, -1.4]]]);
+    }
 }

@@ -167,5 +167,7 @@ mod tests {
             lines.read(&raw(distance, 0.0));
         }
         assert_eq!(lines.slips(), 1);
+        lines.read(&raw(0.0, 0.0));
+        assert_eq!(lines.slips(), 1, "a reset of the board forgets none");
     }
 }

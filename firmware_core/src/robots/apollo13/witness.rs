@@ -427,4 +427,39 @@ mod tests {
         };
         assert_eq!([0.59, 0.60].map(second), [true, false]);
     }
+
+    /// Sliding aside, the board says 4 cm ahead and 25 cm to the left; the encoder says 25 cm
+    /// ahead: as much way, in the same direction. With 17 cm it has missed more than two pulses.
+    #[test]
+    fn an_encoder_that_told_as_much_way_is_not_short() {
+        let board = CarPose {
+            y_m: 0.25,
+            ..at(0.04, 0.0)
+        };
+        let is_found = |ahead_m: f64| {
+            let finding = Witness::default().compare(told(at(ahead_m, 0.0), board));
+            matches!(finding, Some(Finding::Way(..)))
+        };
+        assert_eq!([0.25, 0.18, 0.17].map(is_found), [false, false, true]);
+    }
+
+    /// An odometer that tells of 25 cm to the left, and of nothing ahead or back, has not counted
+    /// the other way: as much way is no less.
+    #[test]
+    fn aside_is_not_the_other_way() {
+        let aside = CarPose {
+            y_m: 0.25,
+            ..at(0.0, 0.0)
+        };
+        let mut witness = Witness::default();
+        let finding = witness.compare(told(aside, at(0.25, 0.0)));
+        assert!(!matches!(finding, Some(Finding::Way(..))), "{finding:?}");
+        let begun = Told::default();
+        assert!(begun.other_way(&told(aside, at(0.25, 0.0))).is_none());
+        assert!(
+            begun
+                .other_way(&told(at(-0.01, 0.0), at(0.25, 0.0)))
+                .is_some()
+        );
+    }
 }

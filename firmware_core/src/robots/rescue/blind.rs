@@ -304,4 +304,20 @@ mod tests {
             [8_100.0, 200.0]
         );
     }
+
+    /// At (1, 2) m and looking along y, what is at (0.7, 2.6) m is 0.6 m ahead and 0.3 m to the
+    /// left.
+    #[test]
+    fn places_are_seen_from_where_the_robot_stands() {
+        let mut blind = Blind::new();
+        blind.keep(Point::new(700.0, 2_600.0));
+        blind.keep(Point::new(1_200.0, 1_900.0));
+        let pose = Pose::new(1_000.0, 2_000.0, FRAC_PI_2);
+        let seen: Vec<Point> = blind.seen_from(pose).collect();
+        let expected = [(600.0, 300.0), (-100.0, -200.0)].map(|(x, y)| Point::new(x, y));
+        assert_eq!(seen.len(), 2);
+        for (seen, expected) in seen.iter().zip(expected) {
+            assert!(seen.distance_mm(expected) < 0.1, "{seen:?}");
+        }
+    }
 }

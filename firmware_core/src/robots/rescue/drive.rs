@@ -660,4 +660,21 @@ mod tests {
         assert_eq!(turned(760, 9_008, 760, [9, 1]), None);
         assert_eq!(turned(800, 9_008, 800, [9, 1]), Some(0.0));
     }
+
+    /// A tick is 11.345 mm/s: 20 are 227 mm/s. The fielded program took a hundredth of that.
+    #[test]
+    fn speeds_are_told_in_mm_per_second() {
+        let told = |defects| {
+            let mut drive = Drive::new(&Config {
+                defects,
+                ..fitted()
+            });
+            drive.speed = [20, -127];
+            drive.speed_mm_s()
+        };
+        let mut defects = fitted().defects;
+        assert_eq!(told(defects), [227, -1_441]);
+        defects.own.speaks_tenths = true;
+        assert_eq!(told(defects), [2, -14]);
+    }
 }

@@ -691,4 +691,25 @@ mod tests {
         explore.go_home(Point::new(500.0, 900.0));
         assert_eq!(explore.home, Some(MIDDLE.position()));
     }
+
+    /// Nearer than half a metre to a place that was not reached either, walls are given up, too.
+    #[test]
+    fn walls_are_given_up_beside_a_place_that_was_not_reached() {
+        let map = room(false);
+        let unfelt = |places: &[f32]| {
+            let mut explore = Explore::new(Sought::FloorAndHeat);
+            for x_mm in places {
+                let place = Point::new(*x_mm, 900.0);
+                assert_eq!(explore.cannot_reach(&map, place), HALT);
+            }
+            explore
+                .frontiers
+                .outlook(&map, Point::new(500.0, 900.0))
+                .unfelt
+        };
+        let all = unfelt(&[]);
+        assert!(all > 0);
+        assert_eq!([unfelt(&[500.0]), unfelt(&[1_000.0, 500.0])], [all; 2]);
+        assert!(unfelt(&[999.0, 500.0]) < all && unfelt(&[500.0, 500.0]) < all);
+    }
 }

@@ -606,3 +606,14 @@ fn a_cleared_map_leaves_the_robot_where_it_is() {
         (100, 1)
     );
 }
+
+/// Each turn that is mapped costs the processor its time once.
+#[test]
+fn the_work_of_each_turn_is_told_once() {
+    let mut robot = robot();
+    let scans = [0, 1, 2].map(|turns| {
+        (0..turns).for_each(|_| robot.map_turn());
+        robot.take_work().scans
+    });
+    assert_eq!(scans, [0, 1, 2]);
+}

@@ -163,3 +163,20 @@ impl Rescue {
 fn heading_deg(pose: Pose) -> i16 {
     libm::roundf(pose.heading.to_degrees()) as i16
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_heading_is_told_in_whole_degrees() {
+        let told = [0.0, 0.4, 89.6, -0.6, -179.4, 180.0].map(|degrees: f32| {
+            let heading = degrees.to_radians();
+            heading_deg(Pose {
+                heading,
+                ..Pose::default()
+            })
+        });
+        assert_eq!(told, [0, 0, 90, -1, -179, 180]);
+    }
+}

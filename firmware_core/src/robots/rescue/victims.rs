@@ -433,4 +433,44 @@ mod tests {
         assert_eq!([felt(265), felt(264)], [(1, true), (0, true)]);
         assert_eq!([felt(235), felt(234)], [(0, true), (0, false)]);
     }
+
+    /// Seen by the left sensor, which looks from 100 mm to the left: the nearest of what is right
+    /// beside it, less than 450 mm away. Beside it is a tenth of the distance and 8 mm: 25 mm of
+    /// 170. Of two as near it is the first.
+    #[test]
+    fn the_wall_is_the_nearest_beside_the_sensor() {
+        let wall = |points: &[[f32; 2]]| {
+            let around = points.iter().map(|[x, y]| Point::new(*x, *y));
+            let found = warm_wall(&Surroundings::of(around), 1.0, 0.0);
+            found.map(|(wall, _)| [wall.x_mm, wall.y_mm])
+        };
+        assert_eq!(wall(&[[0.0, 549.0]]), Some([0.0, 549.0]));
+        assert_eq!(wall(&[[0.0, 550.0]]), None);
+        assert_eq!(wall(&[[0.0, 100.0], [0.0, 270.0]]), Some([0.0, 270.0]));
+        assert_eq!(wall(&[[-25.0, 270.0]]), Some([-25.0, 270.0]));
+        assert_eq!(wall(&[[25.5, 270.0]]), None);
+        assert_eq!(wall(&[[0.0, 270.0], [40.0, 265.0]]), Some([0.0, 270.0]));
+        assert_eq!(wall(&[[-5.0, 270.0], [5.0, 270.0]]), Some([-5.0, 270.0]));
+        assert_eq!(wall(&[[20.0, 270.0], [0.0, 271.0]]), Some([0.0, 271.0]));
+    }
+
+    /// Behind a board 100 mm away there may be something 120 mm farther off. One 121 mm behind it
+    /// makes 150 * atan(50 / 221) / 0.305 = 109.4 tenths, five quarters of which are 136.8; at the
+    /// rim of the field of view, 63 mm of 200, it counts as well.
+    #[test]
+    fn what_is_behind_a_wall_counts_from_its_limits_on() {
+        let is_there = |behind: [f32; 2], excess: f32| {
+            let points = [[0.0, 170.0], behind].map(|[x, y]| Point::new(x, y));
+            warm_wall(&Surroundings::of(points.into_iter()), 1.0, excess).is_some()
+        };
+        assert!(is_there([0.0, 290.0], 0.0) && !is_there([0.0, 291.0], 0.0));
+        assert!(is_there([0.0, 321.0], 136.9) && !is_there([0.0, 321.0], 136.7));
+        assert!(is_there([0.0, 321.0], expected(221.0) * 1.25));
+        assert!(!is_there([63.0, 300.0], 0.0) && is_there([63.5, 300.0], 0.0));
+        // 150 * atan(50 / 170) / 0.305 = 140.7 tenths fill what somebody there should.
+        let wall = Surroundings::of([Point::new(0.0, 270.0)].into_iter());
+        let share = |excess| warm_wall(&wall, 1.0, excess).map(|(_, share)| share);
+        assert!((share(140.7).unwrap() - 1.0).abs() < 1e-3);
+        assert!((share(70.35).unwrap() - 0.5).abs() < 1e-3);
+    }
 }

@@ -339,4 +339,14 @@ mod tests {
             0.1 - 10.0
         ));
     }
+
+    /// Less than 2 cm of difference, and less than 0.16 m ahead: each limit itself is not stuck.
+    #[test]
+    fn a_robot_is_stuck_straight_before_a_wall() {
+        let law = law();
+        assert!(law.is_stuck([0.159, 0.3, 0.3]) && law.is_stuck([0.159, 0.0, 0.019]));
+        assert!(law.is_stuck([0.159, 0.019, 0.0]));
+        assert!(!law.is_stuck([0.159, 0.0, 0.02]) && !law.is_stuck([0.159, 0.02, 0.0]));
+        assert!(!law.is_stuck([0.1 + 2.0 * 0.03, 0.3, 0.3]));
+    }
 }

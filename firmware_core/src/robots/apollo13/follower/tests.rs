@@ -271,3 +271,27 @@ fn a_way_that_comes_back_to_its_beginning_is_driven_to_its_end() {
     }
     assert_eq!(follower.step(poses[36]), Step::Arrived);
 }
+
+/// 40 cm beside a way is not yet lost, nor is what is 30 cm and 0.3 rad off its end.
+#[test]
+fn what_is_as_far_off_as_may_be_is_not_lost() {
+    let beside = |y_m: f64, heading_rad: f64| {
+        let poses = [0.0, 1.0, 2.0, 3.0].map(|x_m| CarPose {
+            x_m,
+            ..CarPose::default()
+        });
+        let mut follower = Follower::new(poses.to_vec(), Settings::default());
+        [0.0, 3.0].map(|x_m| {
+            follower.step(CarPose {
+                x_m,
+                y_m,
+                heading_rad,
+            })
+        })
+    };
+    assert!(matches!(beside(0.4, 0.0)[0], Step::Drive { .. }));
+    assert_eq!(beside(0.3, 0.0)[1], Step::Arrived);
+    assert_eq!(beside(0.0, 0.3)[1], Step::Arrived);
+    assert_eq!(beside(0.0, -0.31)[1], Step::Lost);
+    assert_eq!(beside(0.31, 0.0)[1], Step::Lost);
+}

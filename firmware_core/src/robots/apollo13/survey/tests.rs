@@ -513,3 +513,47 @@ fn where_an_edge_lies_is_seen_from_the_car() {
         assert!(is_ahead(0.0, -4.0, 5.0) && !is_ahead(quarter * 2.0, -4.0, 5.0));
     }
 }
+
+/// What a look from (0.025, 0.025) m along y says of the cells of 5 cm on its way: up to one and a
+/// half cells before its end there is nothing, in steps of half a cell; what is farther than 3 m is
+/// not entered, and 4 m are looked through.
+#[test]
+fn a_look_passes_cells_up_to_its_end() {
+    let camera = CarPose {
+        x_m: 0.025,
+        y_m: 0.025,
+        heading_rad: core::f64::consts::FRAC_PI_2,
+    };
+    let seen = |beams: &[[f64; 2]]| {
+        let beams: Vec<Beam> = beams
+            .iter()
+            .map(|[bearing_rad, range_m]| Beam {
+                bearing_rad: *bearing_rad,
+                range_m: *range_m,
+            })
+            .collect();
+        let mut survey = Survey::new(camera);
+        survey.scans = 1;
+        survey.look(camera, &beams);
+        move |x: i32, y: i32| {
+            let middle = |cell: i32| (f64::from(cell) + 0.5) * CELL_M;
+            survey.seen[survey.index([middle(x), middle(y)]).unwrap()]
+        }
+    };
+    let near = seen(&[[0.0, 1.01]]);
+    let along: Vec<i8> = (-1..22).map(|y| near(0, y)).collect();
+    let expected = [&[0][..], &[-1; 19], &[0, 1, 0]].concat();
+    assert_eq!(along, expected);
+    assert!((0..22).all(|y| near(1, y) == 0 && near(-1, y) == 0));
+    let (entered, too_far) = (seen(&[[0.0, 3.0]]), seen(&[[0.0, 3.06]]));
+    assert_eq!((entered(0, 60), too_far(0, 61)), (1, 0));
+    let far = seen(&[[0.0, f64::INFINITY]]);
+    assert_eq!([79, 81, 90].map(|y| far(0, y)), [-1, 0, 0]);
+    // Beams that end less than a cell apart, 0.0125 rad, are one: 2.5 m on they are 3 cm apart.
+    let aside = |bearing: f64| seen(&[[0.0, 9.0], [bearing, 9.0]])(-1, 50);
+    assert_eq!([0.0124, 0.0125].map(aside), [0, -1]);
+    let third = seen(&[[0.0, 9.0], [0.0125, 9.0], [0.0249, 9.0]]);
+    assert_eq!([third(-1, 70), third(-2, 70)], [-1, 0]);
+    let right = seen(&[[0.0, 9.0], [-0.02, 9.0]]);
+    assert_eq!(right(1, 60), -1);
+}

@@ -590,3 +590,23 @@ fn a_new_waypoint_is_drawn_at_once() {
     screen.look(now, &view(&map, &waypoints));
     assert!(!screen.has_work(now));
 }
+
+/// All of the map is drawn with each look if the scan is on it, which moves.
+#[test]
+fn a_map_with_the_scan_on_it_is_drawn_with_each_look() {
+    let (map, waypoints) = (Grid::new(10.0), Waypoints::new());
+    let looks_again = |scan: bool| {
+        let (mut screen, now) = (Screen::new(), Instant::from_millis(10));
+        let view = View {
+            switches: Switches {
+                scan,
+                ..Switches::AT_START
+            },
+            ..view(&map, &waypoints)
+        };
+        shown(&mut screen, now, &view);
+        screen.look(now, &view);
+        screen.has_work(now)
+    };
+    assert_eq!([false, true].map(looks_again), [false, true]);
+}

@@ -233,6 +233,7 @@ impl Atlas {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::local_map::Segment;
 
     /// A cell of a wall that one look has put there is free after three looks through it, one that
     /// two have seen after five; until a look more sees it.
@@ -282,5 +283,29 @@ mod tests {
         assert!(atlas.evidence.is_empty() && atlas.way.is_empty() && atlas.local.is_none());
         assert!(atlas.vertices.is_empty() && atlas.edges.is_empty() && !atlas.corrects());
         assert!(atlas.global.iter().all(|(_, value)| value == UNKNOWN));
+    }
+
+    /// A wall a metre ahead, seen from 13 m to either side. A program with 8 bits believes to be no
+    /// farther away than 12.7 m.
+    #[test]
+    fn eight_bits_tell_no_more_than_12_7_m() {
+        let wall = |eight_bits: bool, at: [f32; 2]| {
+            let mut config = PcConfig::default();
+            config.mapping.eight_bits = eight_bits;
+            let mut atlas = Atlas::new(&config);
+            let pose = Pose::new(at[0], at[1], 0.0);
+            let line = Segment::new(Point::new(1_050.0, -500.0), Point::new(1_050.0, 500.0));
+            let sight = Sight::of(pose, alloc::vec![line]);
+            atlas.add(pose, &sight).expect("near");
+            assert_eq!(atlas.views, 1);
+            let cells = atlas.global.iter();
+            let mut walls = cells.filter(|(_, value)| *value == OBSTACLE);
+            walls.next().map(|(cell, _)| cell.x)
+        };
+        assert_eq!(wall(true, [12_600.0, 50.0]), Some(136));
+        assert_eq!(wall(true, [13_000.0, 50.0]), Some(137));
+        assert_eq!(wall(true, [-13_000.0, 50.0]), Some(-117));
+        assert_eq!(wall(false, [13_000.0, 50.0]), Some(140));
+        assert_eq!(wall(false, [-13_000.0, 50.0]), Some(-120));
     }
 }

@@ -163,3 +163,31 @@ impl Explore {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::config::PcConfig;
+    use super::*;
+
+    /// Three views of four, or twelve drives of one, and it is given up; what was never driven to
+    /// costs nothing.
+    #[test]
+    fn an_open_edge_that_costs_twelve_is_given_up() {
+        let (one, other) = (Cell::new(3, 4), Cell::new(3, 5));
+        let mut explore = Explore::new(&Link::new(&PcConfig::default()));
+        explore.edges = [one].into();
+        let costs = [4, 1, 1, 4, 1, 1].map(|more| {
+            explore.spend(more);
+            (explore.costs[&one], explore.given_up.contains(&one))
+        });
+        let told = [4, 5, 6, 10, 11, 12].map(|costs| (costs, costs == 12));
+        assert_eq!(costs, told);
+        explore.edges = [other].into();
+        explore.spend(11);
+        assert_eq!(explore.costs[&one], 12);
+        assert!(!explore.given_up.contains(&other));
+        explore.spend(250);
+        assert_eq!(explore.costs[&other], 255);
+        assert!(explore.given_up.contains(&other));
+    }
+}

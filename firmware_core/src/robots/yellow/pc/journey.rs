@@ -180,3 +180,100 @@ impl Journey {
         way.ok_or(Failure::NoWay)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::config::PcConfig;
+    use super::*;
+    use crate::grid::{FREE, UNKNOWN};
+    use crate::local_map::{CELL_MM, Segment};
+    use crate::map_view::MapView;
+
+    const GOAL: Goal = Goal {
+        place: Point::new(550.0, 550.0),
+        heading: None,
+    };
+
+    /// Ten columns and twenty rows of free cells, beside which nothing is known.
+    fn known() -> Atlas {
+        let cells = [[FREE; 10], [UNKNOWN; 10]].concat().repeat(20);
+        let mut atlas = Atlas::new(&PcConfig::default());
+        let map = MapView::new(20, CELL_MM, [0.0; 2], &cells);
+        atlas.load(&map).expect("small");
+        atlas
+    }
+
+    /// Five interruptions are borne, each time from wherever the robot is by then.
+    #[test]
+    fn a_drive_that_is_interrupted_too_often_is_given_up() {
+        let mut journey = Journey::new(GOAL);
+        for _ in 0..5 {
+            journey.way = [GOAL.place].into();
+            journey.is_lost = false;
+            assert_eq!(journey.interrupt(), Ok(()));
+            assert!(journey.way.is_empty() && journey.is_lost);
+        }
+        assert_eq!(journey.interrupt(), Err(Failure::NoAnswer));
+    }
+
+    /// 30 mm from the goal is not there yet, 29 are; four more drives, and no fifth. The end of a
+    /// stretch, or of a way to look for one, is no try.
+    #[test]
+    fn a_robot_beside_its_goal_tries_four_times_more() {
+        let mut atlas = known();
+        let beside = |off_mm: f32| Pose::new(550.0 + off_mm, 550.0, 0.0);
+        let mut journey = Journey::new(GOAL);
+        assert_eq!(journey.go_on(&mut atlas, beside(29.0), true), Ok(true));
+        for _ in 0..6 {
+            assert_eq!(journey.go_on(&mut atlas, beside(30.0), false), Ok(false));
+        }
+        journey.searches = true;
+        journey.way = [GOAL.place].into();
+        assert_eq!(journey.go_on(&mut atlas, beside(0.0), true), Ok(false));
+        journey.searches = false;
+        for _ in 0..4 {
+            assert_eq!(journey.go_on(&mut atlas, beside(-30.0), true), Ok(false));
+        }
+        let fifth = journey.go_on(&mut atlas, beside(-30.0), true);
+        assert_eq!(fifth, Err(Failure::NoAnswer));
+        // Where it looks counts as well if it was asked for: 0.04 rad.
+        let looking = Goal {
+            heading: Some(0.04),
+            ..GOAL
+        };
+        let mut journey = Journey::new(looking);
+        assert_eq!(journey.go_on(&mut atlas, beside(0.0), true), Ok(false));
+        let pose = Pose::new(550.0, 550.0, 0.01);
+        assert_eq!(journey.go_on(&mut atlas, pose, true), Ok(true));
+    }
+
+    /// The goal is a metre beyond what is known: from the left side the nearest place that can be
+    /// reached, eight columns on, is driven to, four times; without walls to correct itself by it
+    /// is not even looked for.
+    #[test]
+    fn a_way_is_looked_for_four_times_where_none_is_known() {
+        let beyond = Goal::passed(Point::new(1_950.0, 1_050.0));
+        let start = Pose::new(250.0, 1_050.0, 0.0);
+        let mut atlas = known();
+        let mut journey = Journey::new(beyond);
+        let way = journey.choose(&mut atlas, start);
+        assert_eq!(way, Err(Failure::NoWay));
+        let wall = Segment::new(Point::new(-100.0, 0.0), Point::new(-100.0, 1_900.0));
+        atlas.walls.add(Pose::default(), &[wall]);
+        let mut journey = Journey::new(beyond);
+        for _ in 0..4 {
+            let way = journey
+                .choose(&mut atlas, start)
+                .expect("as near as it can");
+            assert_eq!(way.back(), Some(&Point::new(850.0, 1_050.0)));
+            assert!(journey.searches);
+        }
+        let fifth = journey.choose(&mut atlas, start);
+        assert_eq!(fifth, Err(Failure::NoWay));
+        // A way that is known is no search.
+        let mut journey = Journey::new(GOAL);
+        let way = journey.choose(&mut atlas, start).expect("it is free");
+        assert_eq!(way.back(), Some(&GOAL.place));
+        assert!(!journey.searches && journey.searched == 0);
+    }
+}

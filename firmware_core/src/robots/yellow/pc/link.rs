@@ -79,6 +79,16 @@ const CORRECTION_MM: f32 = 5.0;
 const CORRECTION_RAD: f32 = 0.005;
 
 impl Sight {
+    /// What a test saw from `pose`.
+    #[cfg(test)]
+    pub(super) const fn of(pose: Pose, lines: Vec<Segment>) -> Self {
+        Self {
+            number: 0,
+            pose,
+            lines,
+        }
+    }
+
     /// Whether the robot truly is at `pose`, and so far from where it believes to be that it is
     /// worth telling.
     pub(super) fn is_off(&self, pose: Pose) -> bool {
