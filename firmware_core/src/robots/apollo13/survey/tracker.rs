@@ -785,4 +785,52 @@ mod tests {
         let pose = tracker.laid(CarPose::default(), HALF_A_METRE, &seen);
         assert!((pose.x_m + 0.01).abs() < 0.002, "{pose:?}");
     }
+
+    /// Two walls of a room, 2.1 m along x and 1.5 m along y, seen from places and in directions at
+    /// random: laid from 3 cm, 2 cm and 0.015 rad beside it the camera is where it truly is.
+    #[test]
+    fn a_scan_of_a_corner_is_laid_where_it_was_seen_from() {
+        let walls = || {
+            let along = |n: i32| f64::from(n) * 0.02 + 0.01;
+            let ahead = (-50..70).map(move |n| ([2.1, along(n)], [0.0, 1.0]));
+            let aside = (-50..100).map(move |n| ([along(n), 1.5], [1.0, 0.0]));
+            ahead.chain(aside)
+        };
+        let seen_from = |pose: CarPose| -> Vec<Sighting> {
+            let (sin, cos) = libm::sincos(pose.heading_rad);
+            let turned = |[x, y]: [f64; 2]| [x * cos + y * sin, y * cos - x * sin];
+            let sighting = |([x, y], along): ([f64; 2], [f64; 2])| Sighting {
+                at: turned([x - pose.x_m, y - pose.y_m]),
+                sigma: SIGMA_M,
+                along: Some(turned(along)),
+            };
+            walls().map(sighting).collect()
+        };
+        let mut tracker = Tracker::new(CarPose::default());
+        tracker.draw(&seen_from(CarPose::default()));
+        let motion = Motion {
+            ahead_m: 3.0,
+            left_m: 0.0,
+            turn_rad: 1.0,
+        };
+        for [x_m, y_m, heading_rad] in [[0.3, -0.2, 0.7], [-0.4, 0.5, 2.5], [0.7, 0.1, -1.2]] {
+            let truth = CarPose {
+                x_m,
+                y_m,
+                heading_rad,
+            };
+            let told = CarPose {
+                x_m: x_m + 0.03,
+                y_m: y_m - 0.02,
+                heading_rad: heading_rad + 0.015,
+            };
+            let pose = tracker.laid(told, motion, &seen_from(truth));
+            assert!(tracker.is_fitting());
+            let off_rad = (pose.heading_rad - heading_rad).abs();
+            assert!(
+                pose.distance_m(truth) < 0.002 && off_rad < 0.001,
+                "{pose:?}"
+            );
+        }
+    }
 }
