@@ -566,4 +566,39 @@ mod tests {
         assert!(is_alike(drawn(0.9, 0.0), Grid::new(10.0)));
         assert!(!is_alike(drawn(1.1, 0.0), Grid::new(10.0)));
     }
+
+    /// Step by step, for holes that begin before the robot, at it and behind it, drawn up to their
+    /// hit, their end and farther.
+    #[test]
+    fn both_sides_of_a_hole_are_its_steps_that_are_drawn() {
+        for (half, begins_after, steps) in (2..7).flat_map(|half| {
+            (-13..4).flat_map(move |begins| (0..12).map(move |steps| (half, begins, steps)))
+        }) {
+            let hole = Hole { begins_after, half };
+            let flanks = hole.flanks(steps, &mut Slopes::new(1));
+            let drawn = (begins_after + 1).max(0)..=steps;
+            let behind = drawn.map(|step| step - begins_after);
+            let (mut up, mut down) = ((0, None), (0, None));
+            for i in behind {
+                let (side, value) = match i <= half {
+                    true => (&mut up, (255 * i + half / 2 - 1) / half),
+                    false => {
+                        let fallen = 255 * (i - half) - half / 2;
+                        (&mut down, 255 - (fallen + half - 1).div_euclid(half))
+                    }
+                };
+                side.0 += 1;
+                side.1 = side.1.or(Some(value));
+            }
+            for (flank, (cells, first)) in flanks.into_iter().zip([up, down]) {
+                assert_eq!(flank.cells, cells, "{half} {begins_after} {steps}");
+                let is_hole = first.is_none_or(|first| (0..=255).contains(&first));
+                let whole = i32::try_from(flank.value >> 32).unwrap_or(-1);
+                assert!(
+                    !is_hole || first.is_none_or(|first| whole == first),
+                    "{half} {begins_after} {steps}: {whole} {first:?}"
+                );
+            }
+        }
+    }
 }
