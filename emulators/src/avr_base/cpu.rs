@@ -367,3 +367,144 @@ const fn nanos(duration: Duration) -> u64 {
     let nanos = duration.as_nanos() as u64;
     nanos
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(nanos: u64) -> Instant {
+        Instant::from_nanos(nanos)
+    }
+
+    /// A processor that has just started; its first tick comes after 1.004 ms.
+    fn cpu(main_from: u64) -> Cpu {
+        Cpu::new(at(0), Ticks::started_at(at(0)), at(main_from))
+    }
+
+    /// All steps up to `limit` ns.
+    fn steps(cpu: &mut Cpu, limit: u64, attentive: bool) -> Vec<(u64, Step)> {
+        let next = || {
+            let (now, step) = cpu.advance(at(limit), attentive)?;
+            Some((now.as_nanos(), step))
+        };
+        core::iter::from_fn(next).collect()
+    }
+
+    fn received(ended: u64, byte: u8) -> Step {
+        let ended = at(ended);
+        Step::Received { ended, byte }
+    }
+
+    /// A pass takes 24.6 us, and the test comes 0.8 us behind the load; without an eye on them it
+    /// goes as far.
+    #[test]
+    fn the_main_loop_loads_and_tests() {
+        for main_from in [0, 10_000] {
+            let mut seen = cpu(main_from);
+            let first = if main_from == 0 { 24_600 } else { main_from };
+            assert_eq!(seen.next_change(), at(first));
+            let expected = [
+                (24_600, Step::Load),
+                (25_400, Step::Test),
+                (49_200, Step::Load),
+                (50_000, Step::Test),
+            ];
+            let expected = expected.map(|(after, step)| (main_from + after, step));
+            assert_eq!(steps(&mut seen, main_from + 50_000, true), expected);
+            let mut unseen = cpu(main_from);
+            assert_eq!(steps(&mut unseen, main_from + 50_000, false), []);
+            assert_eq!(unseen.now(), at(main_from + 50_000));
+            assert_eq!((unseen.to_load, unseen.main_left), (true, 23_800));
+        }
+    }
+
+    /// From 24.6 us before a load: up to it, 0.4 us behind it, to the test, behind that, two
+    /// passes.
+    #[test]
+    fn the_main_loop_goes_round_without_steps() {
+        let after = |times: &[u64]| {
+            let mut cpu = cpu(0);
+            times.iter().for_each(|time| cpu.go_round(*time));
+            (cpu.to_load, cpu.main_left)
+        };
+        assert_eq!(after(&[24_600]), (true, 0));
+        assert_eq!(after(&[25_000]), (false, 400));
+        assert_eq!(after(&[25_000, 400]), (false, 0));
+        assert_eq!(after(&[25_000, 401]), (true, 23_799));
+        assert_eq!(after(&[25_400]), (true, 23_800));
+        assert_eq!(after(&[49_200]), (true, 0));
+        assert_eq!(after(&[10_000, 40_000]), (true, 23_800));
+        let mut cpu = cpu(0);
+        cpu.go_round(24_600);
+        assert_eq!(cpu.next_change(), at(24_600));
+    }
+
+    /// 6.4 us each, one behind the other; nothing comes between.
+    #[test]
+    fn a_byte_is_received_when_its_interrupt_is_over() {
+        let mut cpu = cpu(0);
+        assert!(!cpu.is_busy());
+        cpu.receive(at(1_000), 7);
+        cpu.receive(at(2_000), 8);
+        assert!(cpu.is_busy());
+        assert_eq!(cpu.next_change(), at(1_000));
+        assert_eq!(steps(&mut cpu, 3_000, false), []);
+        assert_eq!((cpu.now(), cpu.next_change()), (at(3_000), at(7_400)));
+        let expected = [(7_400, received(1_000, 7)), (13_800, received(2_000, 8))];
+        assert_eq!(steps(&mut cpu, 30_000, false), expected);
+        assert!(!cpu.is_busy());
+        // The main loop was held up by both.
+        assert_eq!((cpu.to_load, cpu.main_left), (true, 7_400));
+    }
+
+    /// The first byte is in the ring after 5 us of work and on the line 3 us later; the next ones
+    /// come each 10 us, and the last is in the ring 1.8 us of work behind the one before.
+    #[test]
+    fn a_reply_goes_out_at_the_pace_of_the_line() {
+        let mut cpu = cpu(0);
+        cpu.reply(Duration::from_micros(5), &[1, 2, 3]);
+        assert!(cpu.is_replying());
+        let expected = [
+            (8_000, Step::Sent(1)),
+            (18_000, Step::Sent(2)),
+            (21_800, Step::Replied),
+            (28_000, Step::Sent(3)),
+        ];
+        assert_eq!(steps(&mut cpu, 40_000, false), expected);
+        assert!(!cpu.is_replying());
+    }
+
+    /// 31 bytes are in the ring: one more waits, but not the end of a reply.
+    #[test]
+    fn a_reply_waits_for_room_in_the_ring() {
+        let slice = |waiting: usize, bytes: &[u8]| {
+            let mut cpu = cpu(0);
+            cpu.ring = vec![0; waiting].into();
+            cpu.reply(Duration::ZERO, bytes);
+            matches!(cpu.slice(), Slice::Idle)
+        };
+        assert!(slice(31, &[1]) && slice(32, &[1]));
+        assert!(!slice(30, &[1]) && !slice(31, &[]));
+    }
+
+    /// A tick takes 0.1 ms, and counts 66 us behind its beginning; a byte that comes meanwhile is
+    /// received at once, and the count is late by that.
+    #[test]
+    fn a_tick_lets_bytes_in_and_holds_the_main_loop_up() {
+        let mut cpu = cpu(0);
+        let tick = cpu.advance(at(1_300_000), false);
+        assert_eq!(tick, Some((at(1_004_000), Step::Tick)));
+        cpu.begin_tick(Duration::from_micros(100), true);
+        assert_eq!(cpu.next_change(), at(1_070_000));
+        cpu.receive(at(1_010_000), 9);
+        let expected = [
+            (1_016_400, received(1_010_000, 9)),
+            (1_076_400, Step::Count),
+        ];
+        assert_eq!(steps(&mut cpu, 1_300_000, false), expected);
+        // 1300 - 100 - 6.4 us are 48 passes and 12.8 us.
+        assert_eq!((cpu.to_load, cpu.main_left), (true, 11_800));
+        let tick = cpu.advance(at(2_100_000), false);
+        assert_eq!(tick, Some((at(2_008_000), Step::Tick)));
+    }
+}

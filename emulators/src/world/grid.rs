@@ -470,4 +470,16 @@ mod tests {
         assert_eq!(seen(-90.0, 1.0, 1.0), [false; 4]);
         assert_eq!(seen(2.0, 90.0, 1.0), [false; 4]);
     }
+
+    /// A quarter into a cell of half a metre: three quarters of it are left ahead and a quarter
+    /// back, at half a metre a metre along twice as far. Along the other axis it is never left.
+    #[test]
+    fn a_cell_is_left_at_the_side_that_the_ray_goes_to() {
+        assert_eq!(Walk::axis(0.25, 1.0, 0.5), (0.375, 0.5));
+        assert_eq!(Walk::axis(0.25, -1.0, 0.5), (0.125, 0.5));
+        assert_eq!(Walk::axis(0.25, 0.5, 0.5), (0.75, 1.0));
+        assert_eq!(Walk::axis(0.25, -0.5, 0.5), (0.25, 1.0));
+        let (to, across) = Walk::axis(0.25, 0.0, 0.5);
+        assert!((1e9..2e9).contains(&to) && (4e9..6e9).contains(&across));
+    }
 }
