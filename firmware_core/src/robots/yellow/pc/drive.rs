@@ -27,6 +27,11 @@ const MOVED_MM: f32 = 10.0;
 const MOVED_RAD: f32 = 0.05;
 /// Most times that it is told again.
 const RESENDS_MAX: u32 = 5;
+/// A robot that has come so far, mm, looks to its goal, unless that is nearer than this. It steers
+/// by what it is aside: a third of a radian is another goal.
+const ON_ITS_WAY_MM: f32 = 50.0;
+const BESIDE_MM: f32 = 250.0;
+const ASTRAY_RAD: f32 = 0.33;
 
 /// Where to go, and where to look there.
 #[derive(Clone, Copy, Debug)]
@@ -142,7 +147,9 @@ struct Sent {
     next_poll: Instant,
     /// The last message that was looked at.
     number: u64,
-    /// Where the robot was last known to move.
+    /// Where the robot was told.
+    told_at: Pose,
+    /// Where it was last known to move.
     from: Pose,
     /// It was seen to obey.
     drove: bool,
@@ -185,6 +192,13 @@ impl Drive {
         // Of what it says while it drives all may be lost.
         let obeys = state == State::AutoPosition || sent.has_moved(pose);
         sent.drove |= number > sent.number && obeys;
+        // A sum does not tell that two bytes have changed places: an order may arrive as another.
+        let is_watched = self.following == Following::Rested && state == State::AutoPosition;
+        if is_watched && sent.is_astray(pose, goal) {
+            sent.told_at = pose;
+            link.counts.resends += 1;
+            tell(now, link, goal);
+        }
         if now < sent.next_poll || number == sent.number {
             return Ok(Progress::Driving);
         }
@@ -221,6 +235,7 @@ impl Sent {
         Self {
             next_poll: now + POLL,
             number,
+            told_at: from,
             from,
             drove: false,
             resting: 0,
@@ -233,6 +248,15 @@ impl Sent {
     fn has_moved(&self, pose: Pose) -> bool {
         let turned = normalised(pose.heading - self.from.heading).abs();
         pose.position().distance_mm(self.from.position()) > MOVED_MM || turned > MOVED_RAD
+    }
+
+    /// Whether the robot drives elsewhere.
+    fn is_astray(&self, pose: Pose, goal: Goal) -> bool {
+        let at = pose.position();
+        let (dx, dy) = (goal.place.x_mm - at.x_mm, goal.place.y_mm - at.y_mm);
+        at.distance_mm(self.told_at.position()) > ON_ITS_WAY_MM
+            && at.distance_mm(goal.place) > BESIDE_MM
+            && normalised(libm::atan2f(dy, dx) - pose.heading).abs() > ASTRAY_RAD
     }
 
     /// Whether the robot rests, or drives without getting on.
@@ -364,6 +388,21 @@ mod tests {
         ];
         let again = states.map(|state| both.is_off(state, at(1_000.0, 0.0)));
         assert_eq!(again, [false, false, false, false, false, true]);
+    }
+
+    /// Told at 1 m to go 1 m to the left, the robot sets out 19.5 degrees, 0.34 rad, beside that way:
+    /// 51 mm later it is told again, and not while it has come less far or is nearly there.
+    #[test]
+    fn a_robot_that_drives_elsewhere_is_astray() {
+        let goal = Goal::passed(Point::new(1_000.0, 1_000.0));
+        let is_astray = |y_mm: f32, off_rad: f32| {
+            let heading = core::f32::consts::FRAC_PI_2 + off_rad;
+            sent().is_astray(Pose::new(1_000.0, y_mm, heading), goal)
+        };
+        assert!(is_astray(51.0, 0.34) && is_astray(51.0, -0.34) && is_astray(749.0, 0.34));
+        assert!(!is_astray(49.0, 0.34) && !is_astray(51.0, 0.32) && !is_astray(751.0, 0.34));
+        // Beyond its goal it looks away from it.
+        assert!(is_astray(1_251.0, 0.0) && !is_astray(1_249.0, 0.0));
     }
 
     /// Told where it rests at 1 m: more than 10 mm or 0.05 rad is a motion.
