@@ -434,4 +434,25 @@ mod tests {
         assert_eq!(told(5_000, 1_000), [""; 0]);
         assert_eq!(told(5_000, 1_001), [rules::GAP_IN_FRAME]);
     }
+
+    /// The third byte is the count. Of a write the data follow it into the buffer, and the first
+    /// byte of the checksum; of a read nothing.
+    #[test]
+    fn the_interrupt_stores_what_a_write_brings() {
+        let stored = |frame: &[u8]| {
+            let mut receiver = Interrupt::new(ChecksumOrder::LowFirst);
+            receiver.frame = frame.to_vec();
+            let (mut memory, before) = (Memory::new(), Memory::new());
+            receiver.store(0x77, &mut memory);
+            let place = (0..=255).find(|at| memory.get(*at) != before.get(*at));
+            assert_eq!(memory == before, place.is_none());
+            place
+        };
+        assert_eq!(stored(&[0xAB]), None);
+        assert_eq!(stored(&[0xAB, 0x10]), Some(54));
+        let write = [3, 4, 5, 6].map(|len| stored(&[0xAB, 0x10, 0x82, 1, 2, 3][..len]));
+        assert_eq!(write, [Some(65), Some(66), Some(67), None]);
+        let reads = (3..6).map(|len| stored(&[0xAB, 0x10, 0x02, 1, 2][..len]));
+        assert!(reads.into_iter().all(|place| place.is_none()));
+    }
 }

@@ -167,3 +167,21 @@ fn hex(row: &str) -> Vec<u8> {
         .map(|byte| u8::from_str_radix(byte, 16).unwrap())
         .collect()
 }
+
+/// Bit 1 says that the motors are off: in standby, or by the button. The fielded base says nothing.
+#[test]
+fn the_status_tells_of_motors_that_are_off() {
+    let status = |profile, standby: u8, is_pressed: bool| {
+        let mut bench = Bench::new(in_phase(profile));
+        bench.base.memory.set(registers::MOTOR_STANDBY, standby);
+        if is_pressed {
+            bench.base.button = ButtonState::Pressed;
+        }
+        bench.read(registers::SYSTEM_STATUS, 1)
+    };
+    let told = [(0, false), (1, false), (0, true), (1, true)];
+    let document = told.map(|(standby, is)| status(Profile::Document, standby, is));
+    assert_eq!(document, [[0], [2], [2], [2]]);
+    let fielded = told.map(|(standby, is)| status(Profile::Rcj2015, standby, is));
+    assert_eq!(fielded, [[0]; 4]);
+}

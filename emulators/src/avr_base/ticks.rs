@@ -186,4 +186,16 @@ mod tests {
         assert_eq!(work(50_200_000), 967_000 + 2_700);
         assert_eq!(work(200_800_000), 967_000 + 2_700 + 140_000);
     }
+
+    /// A counter that starts with the run, or a whole cycle later, has no phase.
+    #[test]
+    fn a_counter_that_starts_with_a_cycle_has_no_phase() {
+        for cycles in 0..3 {
+            let start = Instant::ZERO + CYCLE * cycles;
+            assert_eq!(Ticks::started_at(start), AT_ZERO);
+        }
+        assert_eq!(Ticks::with_phase(CYCLE), AT_ZERO);
+        let later = Instant::ZERO + CYCLE + TICK;
+        assert_eq!(Ticks::started_at(later), Ticks::with_phase(CYCLE - TICK));
+    }
 }

@@ -349,4 +349,16 @@ mod tests {
             assert!(rotor.speed_rpm() < 1e-9, "{supply:?}");
         }
     }
+
+    /// A regulator holds its speed for good; what swings about a voltage does not.
+    #[test]
+    fn a_regulated_head_at_its_speed_is_steady() {
+        let regulated = MotorSupply::Regulated { rpm: 300.0 };
+        assert!(spun_up(regulated).is_steady());
+        assert!(!Rotor::new(MOTOR, regulated, 0.0).is_steady());
+        assert!(!spun_up(MotorSupply::Fixed { volts: 3.3 }).is_steady());
+        let mut dusty = spun_up(regulated);
+        dusty.dust_rpm_s = 1e6;
+        assert!(!dusty.is_steady());
+    }
 }

@@ -205,8 +205,9 @@ mod tests {
         let error = ScriptError::Raw { step: 0, found };
         assert_eq!(script.insert(0, raw(RAW_MAX + 1)), Err(error));
         assert!(script.insert(0, raw(RAW_MAX)).is_ok());
-        let full = vec![at(1); STEPS_MAX];
+        let full = vec![at(1); STEPS_MAX - 1];
         let mut full = Script::new(full).expect("within the limits");
+        assert!(full.insert(0, at(1)).is_ok());
         let found = STEPS_MAX + 1;
         assert_eq!(full.insert(0, at(2)), Err(ScriptError::Steps { found }));
         assert_eq!(full.steps().len(), STEPS_MAX);

@@ -402,4 +402,15 @@ mod tests {
         }
         assert_eq!(due(Stream::Capsules, 4), Some(997_508));
     }
+
+    /// 550 mA are drawn as the head starts: a supply of as much holds, one of less does not.
+    #[test]
+    fn a_supply_of_what_is_drawn_holds() {
+        let gives_way = |limit_ma: f64| {
+            let mut lidar = Rplidar::new("lidar", 1, crate::rplidar::Config::default());
+            lidar.faults.set(Fault::WeakSupply, Some(limit_ma));
+            lidar.refuses_scan(Instant::from_secs(5), Command::Scan)
+        };
+        assert_eq!([549.9, 550.0].map(gives_way), [true, false]);
+    }
 }

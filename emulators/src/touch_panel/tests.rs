@@ -166,3 +166,21 @@ fn a_panel_may_send_while_a_report_waits() {
     assert!(panel.transmit(TouchPanel::UART, &mut buf) > 0);
     assert!(!panel.may_send(TouchPanel::UART));
 }
+
+/// Each candidate that was none is counted.
+#[test]
+fn damaged_frames_are_counted() {
+    let mut panel = TouchPanel::new(Vec::new());
+    let mut wrong = encode_switch(ON);
+    *wrong.last_mut().expect("a frame") ^= 1;
+    let counts = [1, 2, 3].map(|second| {
+        panel.receive(TouchPanel::UART, Instant::from_secs(second), &wrong);
+        panel.frames()[1]
+    });
+    assert!(
+        counts[0] > 0 && counts[1] > counts[0] && counts[2] > counts[1],
+        "{counts:?}"
+    );
+    panel.receive(TouchPanel::UART, Instant::from_secs(4), &encode_switch(ON));
+    assert_eq!(panel.frames()[0], 1);
+}
