@@ -188,3 +188,16 @@ impl Export<'_> {
         Ok((text.into_bytes(), words))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_form_holds_bytes_or_beliefs_or_both() {
+        let holds = |form: Format| (form.is_bytes(), form.is_belief());
+        assert_eq!([Format::Csv, Format::Vcd].map(holds), [(true, false); 2]);
+        assert_eq!([Format::Tum, Format::RosMap].map(holds), [(false, true); 2]);
+        assert_eq!(holds(Format::Carmen), (false, false));
+    }
+}

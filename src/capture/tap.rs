@@ -378,6 +378,10 @@ mod tests {
         let passed = bench.passed();
         assert_eq!((passed[0].read, passed[0].lost), (12, 12));
         assert!(bench.recorder.waiting[0][0].is_empty());
+        bench.device.write(b"five!");
+        bench.turn();
+        let passed = bench.passed();
+        assert_eq!((passed[0].read, passed[0].lost), (17, 17));
         let capture = bench.capture();
         let said: Vec<(Kind, Direction, String)> = capture
             .records
@@ -389,11 +393,11 @@ mod tests {
             let kind = Kind::Line(LineEvent::Opened);
             (kind, direction, "port opened".to_owned())
         };
-        let lost = "12 bytes lost: the far end is closed".to_owned();
-        assert_eq!(
-            said[..3],
-            [opened(in_), opened(out), (Kind::Data, in_, lost)]
-        );
+        let lost = |count: u8| {
+            let comment = format!("{count} bytes lost: the far end is closed");
+            (Kind::Data, in_, comment)
+        };
+        assert_eq!(said[..3], [opened(in_), opened(out), lost(12)]);
         assert!(
             capture
                 .records
@@ -401,6 +405,6 @@ mod tests {
                 .all(|one| one.at >= Instant::from_secs(1_000))
         );
         let closed = (Kind::Line(LineEvent::Closed), out, "port closed".to_owned());
-        assert_eq!(said[3..], [closed]);
+        assert_eq!(said[3..], [closed, lost(5)]);
     }
 }

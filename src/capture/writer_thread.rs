@@ -206,3 +206,23 @@ impl WriterState {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 4096 deliveries, or 128 KiB of them.
+    #[test]
+    fn a_batch_is_full_of_deliveries_or_of_bytes() {
+        let full_after = |bytes: &[u8], most: usize| {
+            let mut batch = Batch::default();
+            (1..=most).find(|_| {
+                batch.put(0, Instant::ZERO, bytes, 0, None);
+                batch.is_full()
+            })
+        };
+        assert_eq!(full_after(&[1], 5_000), Some(4_096));
+        assert_eq!(full_after(&[1; 1024], 5_000), Some(128));
+        assert_eq!(full_after(&[1; (128 << 10) - 1], 1), None);
+    }
+}

@@ -332,4 +332,22 @@ mod tests {
         both.links[0].sent = Track::default();
         assert!(both.is_one_way());
     }
+
+    /// A frame of which the second half comes at once is one, five seconds later none.
+    #[test]
+    fn silence_breaks_a_frame_in_two() {
+        let frame = Frame::read(36, 10, ChecksumOrder::LowFirst);
+        let (codec, _) = codec::best(frame.as_bytes()).expect("a frame");
+        let found = |cut: usize, second: Instant| {
+            let mut recorded = recorded(60);
+            let mut sent = Track::default();
+            sent.push(Instant::from_millis(1), &frame.as_bytes()[..cut]);
+            sent.push(second, &frame.as_bytes()[cut..]);
+            recorded.links[0].sent = sent;
+            decode(&recorded.links[0], Direction::ToDevice, codec).found
+        };
+        let whole = found(5, Instant::from_millis(1));
+        assert_eq!(found(3, Instant::from_millis(1)), whole);
+        assert_ne!(found(3, Instant::from_secs(5)), whole);
+    }
 }

@@ -507,4 +507,55 @@ mod tests {
         assert_eq!(ready(&mut transcript, 400), 1);
         assert_eq!(transcript.all().count(), 1);
     }
+
+    /// What lies between two texts has its own place.
+    #[test]
+    fn bad_bytes_between_texts_have_their_place() {
+        assert_eq!(
+            said(b"help\x01more\x02"),
+            [
+                line(0, "text \"help\""),
+                line(4, "BAD 1 bytes \"\\x01\""),
+                line(5, "text \"more\""),
+                line(9, "BAD 1 bytes \"\\x02\""),
+            ]
+        );
+    }
+
+    /// No protocol shows itself in 64, 128 and so on up to 2048 bytes: they are held. Of 4096 what
+    /// they are is told.
+    #[test]
+    fn bytes_of_no_protocol_are_held_for_so_long() {
+        let mut transcript = Transcript::new(None);
+        let link = Interface::new("x", 1_000_000);
+        let mut told = |bytes: usize| {
+            transcript.record(&record(5, &vec![2; bytes], ""), &link);
+            transcript.lanes[0].told
+        };
+        assert_eq!([64, 1, 4_030, 1, 1].map(&mut told), [0, 0, 0, 4_096, 4_096]);
+        // The next ones are looked at from there on.
+        assert_eq!([4_094, 1].map(&mut told), [4_096, 8_192]);
+    }
+
+    /// Of two whole frames and half of one, ten bytes are sound; what is still to be told came with
+    /// the half.
+    #[test]
+    fn what_is_told_of_a_lane_is_no_longer_waited_for() {
+        use protocols::avr::{ChecksumOrder, Frame};
+        let frame = Frame::read(36, 10, ChecksumOrder::LowFirst);
+        let codec = codec::guess(frame.as_bytes());
+        let mut transcript = Transcript::new(codec);
+        let link = Interface::new("x", 1_000_000);
+        transcript.record(&record(5, frame.as_bytes(), ""), &link);
+        transcript.record(&record(6, frame.as_bytes(), ""), &link);
+        assert_eq!(transcript.lanes[0].first_untold(), None);
+        transcript.record(&record(7, &frame.as_bytes()[..3], ""), &link);
+        let first = transcript.lanes[0].first_untold();
+        assert_eq!(first, Some(Instant::from_millis(7)));
+        let sums: Vec<_> = transcript
+            .sums()
+            .map(|sum| (sum.bytes, sum.framed))
+            .collect();
+        assert_eq!(sums, [(13, 10)]);
+    }
 }

@@ -189,4 +189,49 @@ mod tests {
         let measured: Vec<(usize, f64)> = measured.collect();
         assert_eq!(measured, [(0, 1.0), (270, 1.5)]);
     }
+
+    /// A packet holds four degrees. A turn of which more than half the packets are lost is none;
+    /// one ends where the next begins.
+    #[test]
+    fn packets_of_an_xv11_become_turns() {
+        let packet = |index: u8| {
+            let readings = core::array::from_fn(|reading: usize| {
+                let degree = usize::from(index) * 4 + reading;
+                let distance_mm = 1_000 + u16::try_from(degree).expect("small");
+                let (strength, weak) = (u16::from(index), false);
+                xv11::RawReading::from(Reading::Range {
+                    distance_mm,
+                    strength,
+                    weak,
+                })
+            });
+            *xv11::Frame::new(index, xv11::SpeedWord(19_200), readings).as_bytes()
+        };
+        let turns = |turns: &[core::ops::Range<u8>]| {
+            let packets = turns.iter().cloned().flatten().map(packet);
+            let arrivals = (0..).zip(packets).map(|(ms, bytes)| Arrival {
+                at: Instant::from_millis(ms),
+                bytes: bytes.to_vec(),
+            });
+            let passage = Passage {
+                link: "lidar".to_owned(),
+                arrivals: arrivals.collect(),
+                ..Passage::default()
+            };
+            turns_of_packets(&passage)
+        };
+        let found = turns(&[0..90, 0..45, 0..44]);
+        let times: Vec<_> = found.iter().map(|scan| scan.at.as_millis()).collect();
+        assert_eq!(times, [89, 134]);
+        assert_eq!(found[0].ranges.len(), 360);
+        for degree in [0, 1, 90, 359] {
+            let range = 1.0 + degree as f64 / 1_000.0;
+            assert_eq!(found[0].ranges[degree], Some(range));
+            assert_eq!(found[0].strengths[degree], (degree / 4) as f64);
+        }
+        assert_eq!(
+            (found[1].ranges[179], found[1].ranges[180]),
+            (Some(1.179), None)
+        );
+    }
 }

@@ -353,3 +353,41 @@ fn a_slow_sender_stretches_nearly_all_bytes() {
     );
     assert_eq!(found(&[0xE6], 0), None);
 }
+
+/// Of values as frequent as their neighbours, 40 times: a line end that occurs half as often again
+/// took the place of another. Where they are rare nothing is said.
+#[test]
+fn what_is_missing_is_told_from_its_limits_on() {
+    let of = |counts: &[(u8, usize)]| {
+        let bytes = counts.iter().map(|(value, count)| vec![*value; *count]);
+        missing(&Counts::of(&bytes.collect::<Vec<_>>().concat()))
+    };
+    let ends = |beside: usize, feeds: usize, returns: usize| {
+        let sides = [0x09, 0x0B, 0x0C, 0x0E].map(|value| (value, beside));
+        of(&[&sides[..], &[(0x0A, feeds), (0x0D, returns)]].concat())
+    };
+    let to_feed = |found, expected| vec![Damage::CrToLf { found, expected }];
+    assert_eq!(ends(40, 60, 0), to_feed(60, 40));
+    assert_eq!(ends(20, 30, 0), to_feed(30, 20));
+    assert!(
+        [ends(40, 59, 0), ends(40, 60, 1), ends(19, 60, 0)]
+            .iter()
+            .all(Vec::is_empty)
+    );
+    let flow = |beside: usize, on: usize, off: usize| {
+        let sides = [0x10, 0x12, 0x14].map(|value| (value, beside));
+        of(&[&sides[..], &[(0x11, on), (0x13, off)]].concat())
+    };
+    assert_eq!(flow(20, 0, 0), [Damage::FlowControl { expected: 20 }]);
+    assert!(
+        [flow(19, 0, 0), flow(20, 1, 0), flow(20, 0, 1)]
+            .iter()
+            .all(Vec::is_empty)
+    );
+    let high = |count: usize, nuls: usize| of(&[(0xF0, count), (0, nuls)]);
+    assert_eq!(high(5_120, 0), [Damage::NulStripped { expected: 20 }]);
+    assert!([high(5_119, 0), high(5_120, 1)].iter().all(Vec::is_empty));
+    let low = |count: usize, high: usize| of(&[(1, count), (0x80, high)]);
+    assert_eq!(low(512, 0), [Damage::SevenBits { bytes: 512 }]);
+    assert!([low(511, 0), low(511, 1)].iter().all(Vec::is_empty));
+}

@@ -445,3 +445,30 @@ fn a_gate_stays_closed_as_long_as_any() {
         [Some((60, Some(2))), Some((60, Some(2))), None]
     );
 }
+
+/// Whole messages: each time from nothing to `by`, both included; for ever is no overflow.
+#[test]
+fn the_jitter_of_messages_is_what_its_dice_say() {
+    let stream = || Rng::stream(3, "jitter");
+    let jitter = |by: Duration| {
+        let mut faults = LineFaults::default();
+        let rng = Box::new(stream());
+        faults.add(
+            FaultId(0),
+            Window::ALWAYS.into(),
+            Effect::Jitter { by, rng },
+        );
+        faults
+    };
+    let mut faults = jitter(Duration::from_nanos(2));
+    let mut dice = stream();
+    let late = (0..50).map(|number| {
+        let passed = faults.pass_message(number, Instant::ZERO, &mut Budget::default());
+        assert_eq!(passed.late.as_nanos(), u128::from(dice.below(3)));
+        passed.late.as_nanos()
+    });
+    assert_eq!(late.max(), Some(2));
+    let mut faults = jitter(Duration::MAX);
+    let passed = faults.pass_message(0, Instant::ZERO, &mut Budget::default());
+    assert_eq!(passed.late.as_nanos(), u128::from(stream().below(u64::MAX)));
+}
