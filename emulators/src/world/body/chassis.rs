@@ -302,3 +302,17 @@ impl fmt::Display for CommandError {
 }
 
 impl core::error::Error for CommandError {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_of_a_list_is_found_by_its_place_or_its_name() {
+        let find = |select: Select<'_>| select.find(["left", "right"].into_iter());
+        let places = [0, 1, 2].map(|index| find(Select::from(index)));
+        assert_eq!(places, [Some(0), Some(1), None]);
+        let names = ["left", "right", "middle"].map(|name| find(Select::from(name)));
+        assert_eq!(names, [Some(0), Some(1), None]);
+    }
+}

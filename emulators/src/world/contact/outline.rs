@@ -624,4 +624,26 @@ mod tests {
             assert!((free - part).abs() < 0.002, "{motion:?}: {free} {part}");
         }
     }
+
+    /// A car of 0.2 m ahead of its axle, 0.1 m behind it and 0.1 m to each side, before a wall: its
+    /// front, its back and its sides face it; with its front 5 cm behind the wall it is in it.
+    #[test]
+    fn free_is_what_lies_between_an_outline_and_a_wall() {
+        use crate::world::Shape;
+        let car = Footprint::rectangle(0.2, 0.1, 0.2).unwrap();
+        let wall = Shape::Wall {
+            from: Point::new(1.0, -1.0),
+            to: Point::new(1.0, 1.0),
+        };
+        let scene = Scene::new([wall], Vec::new()).unwrap();
+        let free = |x: f64, theta: f64| {
+            let pose = Pose::new(x, 0.0, theta);
+            clearance(&car, &scene, Instant::ZERO, pose)
+        };
+        let is = |found: f64, expected: f64| (found - expected).abs() < 1e-9;
+        assert!(is(free(0.75, 0.0), 0.05) && is(free(0.8, 2.0 * FRAC_PI_2), 0.1));
+        assert!(is(free(0.7, FRAC_PI_2), 0.2) && is(free(0.7, -FRAC_PI_2), 0.2));
+        assert!(free(0.85, 0.0) < 0.0);
+        assert_eq!(free(-90.0, 0.0), REACH_M);
+    }
 }
