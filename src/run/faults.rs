@@ -305,3 +305,82 @@ impl Run {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    fn run() -> Run {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/empty-room.toml");
+        let (scenario, source) = Scenario::read(&path).expect("sound");
+        Run::new(scenario, &source, None).expect("can be wired")
+    }
+
+    fn on_the_bus(keys: &str) -> FaultSpec {
+        let bus = "link = \"base\"\ndirection = \"to-device\"\n";
+        toml::from_str(&format!("{bus}{keys}")).expect("a fault")
+    }
+
+    fn states(run: &Run) -> Vec<FaultState> {
+        run.faults().map(|report| report.state).collect()
+    }
+
+    /// What is done now is at work a nanosecond later: so long before its begin a fault is active,
+    /// and so long before its end it is over.
+    #[test]
+    fn a_fault_is_planned_then_active_then_over() {
+        use FaultState::{Active, Over, Planned};
+        let mut run = run();
+        let fault = on_the_bus("kind = \"cut\"\nfrom = \"200ms\"\nuntil = \"300ms\"\n");
+        run.inject(fault).expect("sound");
+        let told = [1, 199_999_998, 199_999_999, 299_999_998, 299_999_999].map(|nanos| {
+            run.go_on_until(Instant::from_nanos(nanos));
+            states(&run)
+        });
+        let expected = [Planned, Planned, Active, Active, Over];
+        assert_eq!(told, expected.map(|state| vec![state]));
+    }
+
+    /// A byte that has passed is over, and so is what lasted for a while from a byte on; all is in
+    /// the log.
+    #[test]
+    fn a_fault_that_waits_for_a_byte_is_over_behind_it() {
+        use FaultState::{Over, Planned};
+        let mut run = run();
+        run.go_on_until(Instant::from_millis(500));
+        let drop = on_the_bus("kind = \"drop\"");
+        let sent = run.line_of(&drop).expect("a bus").traffic().sent;
+        let byte = sent + 3;
+        for keys in [
+            format!("kind = \"drop\"\nbyte = {byte}"),
+            format!("kind = \"cut\"\nat_byte = {byte}\nlasting = \"50ms\""),
+        ] {
+            run.inject(on_the_bus(&keys)).expect("sound");
+        }
+        assert_eq!(states(&run), [Planned, Planned]);
+        run.go_on_until(Instant::from_secs(3));
+        assert_eq!(states(&run), [Over, Over]);
+        let logged = run.rig.events().iter().filter(|one| one.source == "rig");
+        let logged: Vec<&str> = logged.map(|one| one.event.rule).collect();
+        assert_eq!(logged, ["fault-added", "fault-added"]);
+        let id = run.inject(on_the_bus("kind = \"cut\"")).expect("sound");
+        run.withdraw(id).expect("active");
+        let last = run.rig.events().last().map(|one| one.event.rule);
+        assert_eq!(last, Some("fault-ended"));
+    }
+
+    /// Dice are those of the fault's number in the run; in a case, in which it may have another,
+    /// they are named.
+    #[test]
+    fn a_case_names_the_dice_of_what_is_late_by_chance() {
+        let mut run = run();
+        run.inject(on_the_bus("kind = \"jitter\"\nby = \"1ms\""))
+            .expect("sound");
+        run.go_on_until(Instant::from_millis(100));
+        let case = run.case();
+        assert_eq!(case.fault.len(), 1);
+        assert!(case.fault[0].stream.is_some() && run.scenario.fault[0].stream.is_none());
+    }
+}
