@@ -40,7 +40,7 @@ const UNFELT_MIN: u16 = 3;
 /// Cells around the end of a ray that were felt with it.
 const FELT_AROUND: i8 = 1;
 /// Cells of floor around the last one of a ray before which the wall was felt with it.
-const PASSED_AROUND: i8 = 2;
+const PASSED_AROUND: i8 = 1;
 /// Clearance of a way that is the last resort.
 const THIN_MM: f32 = 15.0;
 /// The robot stands at most so many cells off the floor that its body may reach.

@@ -24,8 +24,8 @@ const EDGE_CELLS_MIN: u8 = 3;
 const FEEL_CELLS: i16 = 14;
 /// What is doubted counts from so near: 0.42 m, farther than the robot keeps off a corner.
 pub(super) const NEAR_CELLS: i16 = 14;
-/// So many rays are the face of a board: 0.3 m from 0.3 m away.
-const FACE_MIN: u16 = 7;
+/// So many rays are the face of a board: 0.2 m from 0.3 m away.
+const FACE_MIN: u16 = 5;
 
 /// The map in three kinds of cells; what is none of them is a wall's soft flank.
 pub(super) struct Scene {
