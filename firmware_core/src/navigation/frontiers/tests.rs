@@ -217,17 +217,17 @@ fn a_board_has_two_faces_in_the_end() {
     fill(&mut map, [60, 90, 119, 92], 255);
     let mut frontiers = Frontiers::new(Sought::FloorAndHeat);
     let places = [740.0, 1_090.0].map(|y_mm| Point::new(900.0, y_mm));
-    let along = |side: f32| [-1.0, -0.6, -0.2, 0.2, 0.6, 1.0].map(|bend| bend + side * FRAC_PI_2);
+    let along = |side: f32| (-6..=6_i8).map(move |n| f32::from(n) / 5.0 + side * FRAC_PI_2);
     let outlook = |frontiers: &mut Frontiers| places.map(|at| frontiers.outlook(&map, at).unfelt);
     let before = outlook(&mut frontiers);
     assert!(before.into_iter().all(|rays| rays >= 12), "{before:?}");
-    frontiers.feel(&map, places[0], along(1.0).into_iter());
+    frontiers.feel(&map, places[0], along(1.0));
     let after = outlook(&mut frontiers);
     assert!(after.into_iter().all(|rays| rays < 8), "{after:?}");
     frontiers.forgive();
     let [below, above] = outlook(&mut frontiers);
     assert!(below == 0 && above >= 12, "{below} {above}");
-    frontiers.feel(&map, places[1], along(-1.0).into_iter());
+    frontiers.feel(&map, places[1], along(-1.0));
     assert_eq!(outlook(&mut frontiers), [0, 0]);
 }
 
