@@ -208,8 +208,8 @@ fn walls_that_were_felt_are_known_once_more() {
     );
 }
 
-/// At stake: a board of 2 cm, a planner's cell thick, is felt on both sides by a robot that has passed
-/// one, and who is on the other is never found. In the end its faces are told apart: of the
+/// At stake: a board of 2 cm, a planner's cell thick, is felt on both sides by a robot that has
+/// passed one, and who is on the other is never found. In the end its faces are told apart: of the
 /// 48 rays 16 go to one of 0.6 m from 0.16 m away.
 #[test]
 fn a_board_has_two_faces_in_the_end() {

@@ -390,8 +390,8 @@ mod tests {
         assert_eq!(again, [false, false, false, false, false, true]);
     }
 
-    /// Told at 1 m to go 1 m to the left, the robot sets out 19.5 degrees, 0.34 rad, beside that way:
-    /// 51 mm later it is told again, and not while it has come less far or is nearly there.
+    /// Told at 1 m to go 1 m to the left, the robot sets out 19.5 degrees, 0.34 rad, beside that
+    /// way: 51 mm later it is told again, and not while it has come less far or is nearly there.
     #[test]
     fn a_robot_that_drives_elsewhere_is_astray() {
         let goal = Goal::passed(Point::new(1_000.0, 1_000.0));
