@@ -23,6 +23,8 @@ pub(crate) struct Bench {
     chance: Chance,
     /// Part of the drive commands that get lost.
     pub(crate) lost_drives: f64,
+    /// The first drive command's goal arrives turned about the robot by so much, radians.
+    pub(crate) first_drive_off: f64,
     /// Part of all frames, both ways, that get lost.
     pub(crate) lost_frames: f64,
     /// The robot says nothing.
@@ -46,6 +48,7 @@ impl Bench {
             decoder: Decoder::default(),
             chance: Chance::new(config.seed ^ 0xABCD),
             lost_drives: 0.0,
+            first_drive_off: 0.0,
             lost_frames: 0.0,
             is_cut: false,
             commands: Vec::new(),
@@ -85,9 +88,13 @@ impl Bench {
         let frames: Vec<_> = self.decoder.push(&buf[..len]).collect();
         for frame in frames {
             let frame = frame.expect("sound");
-            let command = Telecommand::decode(frame.payload()).expect("a command");
+            let mut command = Telecommand::decode(frame.payload()).expect("a command");
             self.commands.push((self.now_ms, command));
             let is_drive = command.state == Some(State::AutoPosition);
+            if let Some(goal) = command.desired_pose.as_mut().filter(|_| is_drive) {
+                let off = core::mem::take(&mut self.first_drive_off);
+                *goal = self.robot.turned(*goal, off);
+            }
             let part = self
                 .lost_frames
                 .max(if is_drive { self.lost_drives } else { 0.0 });

@@ -119,6 +119,21 @@ impl Robot {
         }
     }
 
+    /// `goal` turned about the robot, where it believes to be.
+    pub(crate) fn turned(&self, goal: Pose, by: f64) -> Pose {
+        let (sin, cos) = libm::sincos(by);
+        let (dx, dy) = (
+            f64::from(goal.x) - self.odometry.x,
+            f64::from(goal.y) - self.odometry.y,
+        );
+        let turned = At {
+            x: self.odometry.x + cos * dx - sin * dy,
+            y: self.odometry.y + sin * dx + cos * dy,
+            heading: f64::from(goal.alpha),
+        };
+        turned.wire()
+    }
+
     pub(crate) fn obey(&mut self, command: &Telecommand) {
         if let Some(pose) = command.corrected_pose {
             self.odometry = At::of(pose);
