@@ -127,10 +127,10 @@ pub struct Frontiers {
     doubted: Cells,
     /// Edges and walls that were looked at in vain from near by.
     given_up: Cells,
-    /// Walls that the heat sensors have passed, and the floor on that side of them.
+    /// Walls that the heat sensors have passed, and the floor from which they did.
     felt: Cells,
     passed: Cells,
-    /// Whether boards are a cell thick, and have two faces to feel.
+    /// Whether the two faces of a board are told apart.
     has_faces: bool,
     /// Places that showed nothing.
     stale: Cells,
@@ -155,8 +155,9 @@ impl Frontiers {
         }
     }
 
-    /// What was given up gets another chance, and from now on boards have two faces to feel: most
-    /// are so thick that they had before, and their rest is too small for anybody.
+    /// What was given up gets another chance, and from now on the two faces of a board are told
+    /// apart, also where it is a cell thick. What is left of a face must be wider then: strips are
+    /// noise of the map.
     pub const fn forgive(&mut self) {
         self.has_faces = true;
         self.doubted = Cells::NONE;
