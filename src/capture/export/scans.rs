@@ -151,6 +151,19 @@ mod tests {
     use super::*;
     use crate::capture::replay::Arrival;
 
+    /// What a lidar said, a piece each millisecond.
+    fn passage(pieces: impl Iterator<Item = impl AsRef<[u8]>>) -> Passage {
+        let arrivals = (0..).zip(pieces).map(|(ms, bytes)| Arrival {
+            at: Instant::from_millis(ms),
+            bytes: bytes.as_ref().to_vec(),
+        });
+        Passage {
+            link: "lidar".to_owned(),
+            arrivals: arrivals.collect(),
+            ..Passage::default()
+        }
+    }
+
     /// Clockwise from ahead on the wire, counter-clockwise in the scan: 90 degrees become 270. The
     /// turn ends with the first node of the next.
     #[test]
@@ -166,16 +179,7 @@ mod tests {
             node(false, 1, 1000),
         ];
         let whole = [&Descriptor::nodes().as_bytes()[..], nodes.as_flattened()].concat();
-        let arrivals = (0..).zip(whole.chunks(5)).map(|(ms, bytes)| Arrival {
-            at: Instant::from_millis(ms),
-            bytes: bytes.to_vec(),
-        });
-        let passage = Passage {
-            link: "lidar".to_owned(),
-            arrivals: arrivals.collect(),
-            ..Passage::default()
-        };
-        let links = vec![passage];
+        let links = vec![passage(whole.chunks(5))];
         let scans = scans(&Recorded {
             links,
             ..Recorded::default()
@@ -209,16 +213,7 @@ mod tests {
         };
         let turns = |turns: &[core::ops::Range<u8>]| {
             let packets = turns.iter().cloned().flatten().map(packet);
-            let arrivals = (0..).zip(packets).map(|(ms, bytes)| Arrival {
-                at: Instant::from_millis(ms),
-                bytes: bytes.to_vec(),
-            });
-            let passage = Passage {
-                link: "lidar".to_owned(),
-                arrivals: arrivals.collect(),
-                ..Passage::default()
-            };
-            turns_of_packets(&passage)
+            turns_of_packets(&passage(packets))
         };
         let found = turns(&[0..90, 0..45, 0..44]);
         let times: Vec<_> = found.iter().map(|scan| scan.at.as_millis()).collect();

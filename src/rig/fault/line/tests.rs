@@ -238,11 +238,12 @@ fn what_is_at_work_adds_up_and_is_named() {
     assert_eq!(at_once(&mut LineFaults::default(), &[1]).piece, None);
 }
 
-/// Drawn by the fault's own stream: each time from nothing to `by`, both included.
-#[test]
-fn jitter_is_what_its_dice_say() {
-    let by = Duration::from_nanos(2);
-    let stream = || Rng::stream(3, "jitter");
+/// The dice of [`jitter`].
+fn stream() -> Rng {
+    Rng::stream(3, "jitter")
+}
+
+fn jitter(by: Duration) -> LineFaults {
     let mut faults = LineFaults::default();
     let rng = Box::new(stream());
     faults.add(
@@ -250,6 +251,13 @@ fn jitter_is_what_its_dice_say() {
         Window::ALWAYS.into(),
         Effect::Jitter { by, rng },
     );
+    faults
+}
+
+/// Drawn by the fault's own stream: each time from nothing to `by`, both included.
+#[test]
+fn jitter_is_what_its_dice_say() {
+    let mut faults = jitter(Duration::from_nanos(2));
     let mut dice = stream();
     let mut seen = [false; 3];
     for _ in 0..50 {
@@ -449,17 +457,6 @@ fn a_gate_stays_closed_as_long_as_any() {
 /// Whole messages: each time from nothing to `by`, both included; for ever is no overflow.
 #[test]
 fn the_jitter_of_messages_is_what_its_dice_say() {
-    let stream = || Rng::stream(3, "jitter");
-    let jitter = |by: Duration| {
-        let mut faults = LineFaults::default();
-        let rng = Box::new(stream());
-        faults.add(
-            FaultId(0),
-            Window::ALWAYS.into(),
-            Effect::Jitter { by, rng },
-        );
-        faults
-    };
     let mut faults = jitter(Duration::from_nanos(2));
     let mut dice = stream();
     let late = (0..50).map(|number| {
