@@ -24,8 +24,8 @@ const REFUSED_MAX: usize = 8;
 
 /// Not reached by the wave.
 const UNREACHED: u8 = 0;
-/// A field that no wave has reached.
-const NOWHERE: [[u8; SIDE.div_ceil(2)]; SIDE] = [[UNREACHED * 0x11; SIDE.div_ceil(2)]; SIDE];
+/// Two cells that no wave has reached.
+const NOWHERE: u8 = UNREACHED * 0x11;
 /// The goal itself; the wave came to other cells from a neighbour: number in [`NEIGHBOURS`] plus
 /// one, 1 to 8.
 const GOAL: u8 = 9;
@@ -48,7 +48,7 @@ pub(super) struct Planner {
 impl Planner {
     pub(super) const fn new() -> Self {
         Self {
-            field: NOWHERE,
+            field: [[NOWHERE; SIDE.div_ceil(2)]; SIDE],
             near: Cells::NONE,
             raster: Raster::NONE,
             kept: None,
@@ -79,7 +79,7 @@ impl Planner {
         let ends = [pose.position(), goal];
         let reach = self.raster.reach(body.keep_mm() - 25.0);
         let Some(goal) = self.raster.cell_of(goal) else {
-            self.field = NOWHERE;
+            self.field.as_flattened_mut().fill(NOWHERE);
             return false;
         };
         if self.kept == Some(goal) {
@@ -132,7 +132,7 @@ impl Planner {
         }
         if let Some(cell) = ahead.and_then(|place| self.raster.cell_of(place)) {
             self.refuse(cell);
-            self.field = NOWHERE;
+            self.field.as_flattened_mut().fill(NOWHERE);
         }
     }
 
@@ -213,7 +213,7 @@ impl Planner {
     /// Plans with what is `reach` cells off the obstacles: whether a way leads from end to end.
     fn reaches(&mut self, obstacles: &Cells, reach: i8, ends: [Point; 2], goal: Cell) -> bool {
         self.near = self.raster.blocked(obstacles, reach, ends);
-        self.field = NOWHERE;
+        self.field.as_flattened_mut().fill(NOWHERE);
         self.spread(goal);
         let start = self.raster.cell_of(ends[0]);
         start.and_then(|cell| self.nearest_reached(cell)).is_some()
