@@ -103,6 +103,11 @@ impl Evidence {
         self.of >= ENOUGH
     }
 
+    /// Whether there are enough points and most of them tell something.
+    pub(super) const fn is_plain(&self) -> bool {
+        self.is_enough() && self.is_broad()
+    }
+
     /// Whether most points tell something.
     pub(super) const fn is_broad(&self) -> bool {
         (self.hits + self.misses) * 2 >= self.of

@@ -46,6 +46,11 @@ impl Travel {
         self.unseen_mm += unseen_mm;
         self.unseen_rad += unseen_rad;
     }
+
+    /// Whether there may be more of it than the odometry saw.
+    pub(super) fn is_vague(&self) -> bool {
+        self.unseen_mm > 0.0 || self.unseen_rad > 0.0
+    }
 }
 
 impl Prior {
