@@ -89,6 +89,23 @@ fn steering_values_turn_the_wheels_as_the_table_says() {
     }
 }
 
+/// Between two frames nothing waits to be sent.
+#[test]
+fn a_board_may_send_while_a_frame_waits() {
+    let mut run = run(BoardConfig::default());
+    assert!(!run.board.may_send(CarBoard::UART));
+    while !run.board.may_send(CarBoard::UART) {
+        assert!(run.now < secs(1), "no frame in a second");
+        run.now = next_poll(&run.board, run.now, secs(2));
+        run.world.advance(run.now);
+        run.board.poll(run.now, &mut run.world);
+    }
+    let mut buf = [0; 64];
+    assert!(run.board.transmit(CarBoard::UART, &mut buf) > 0);
+    assert!(!run.board.may_send(CarBoard::UART));
+    assert_eq!(run.board.transmit(CarBoard::UART, &mut buf), 0);
+}
+
 /// 10 s are 150 frames less the first period. 39.789 pulses a metre: 2 m straight are 79 or 80. In
 /// a left turn of 1/m the left wheel rolls 1 - 0.0775 of the middle's way.
 #[test]

@@ -911,7 +911,9 @@ fn what_nobody_takes_holds_the_air_up() {
     (profile.window, profile.frame_max) = (10, 100);
     let mut lane = lane::Lane::new(&profile, 100, Rng::stream(1, "lane"));
     let step = Duration::from_micros(50);
+    assert!(!lane.is_waiting() && !lane.is_moving() && lane.is_drained());
     lane.push(&[7; 40], Instant::ZERO, step);
+    assert!(!lane.is_waiting() && lane.is_moving());
     let later = Instant::from_millis(900);
     lane.shift(Instant::ZERO, later, step);
     assert_eq!(lane.room(), 100 - 30);

@@ -147,6 +147,20 @@ mod tests {
         assert!(offsets().iter().all(|o| o.abs() < 0.3));
     }
 
+    /// The first slots of the teeth lie at 3, 27, .. 339 degrees, and 2 degrees before them is the
+    /// tooth. Behind the last one comes that of the next turn.
+    #[test]
+    fn the_next_tooth_is_the_first_one_ahead() {
+        let mut encoder = Encoder::new(Rng::stream(1, "teeth"));
+        let mut seek = |angle_deg| (encoder.seek(angle_deg), encoder.tooth());
+        assert_eq!(seek(0.0), (false, 0));
+        assert_eq!(seek(0.9), (false, 0));
+        assert_eq!(seek(1.1), (false, 1));
+        assert_eq!(seek(180.0), (false, 8));
+        assert_eq!(seek(336.9), (false, 14));
+        assert_eq!(seek(337.1), (true, 0));
+    }
+
     /// The capture's boundary: skipped from 0.189-0.217 % faster, late from 3.52-3.58 % slower.
     #[test]
     fn a_slot_is_skipped_and_a_tooth_is_late_where_the_capture_says() {
