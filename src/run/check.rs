@@ -147,7 +147,8 @@ impl Checker for MotorsStopAfterSilence {
     }
 }
 
-/// The robot does not run into anything.
+/// The robot does not run into anything. That somebody runs into the robot is not its fault: what
+/// counts is its own way towards what it touches.
 #[derive(Clone, Debug, Default)]
 pub struct NoCollisionAtSpeed {
     has_moved: bool,
@@ -164,8 +165,8 @@ impl Checker for NoCollisionAtSpeed {
         self.has_moved |= look.rig.world.is_moving();
         for contact in look.contacts {
             self.contacts += 1;
-            self.worst_m_s = self.worst_m_s.max(contact.speed_m_s);
-            if contact.speed_m_s > HARMLESS_M_S && self.first.is_none() {
+            self.worst_m_s = self.worst_m_s.max(contact.own_m_s);
+            if contact.own_m_s > HARMLESS_M_S && self.first.is_none() {
                 self.first = Some(contact.at);
             }
         }

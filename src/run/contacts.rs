@@ -39,7 +39,7 @@ impl Contacts {
 
     pub(super) fn extend(&mut self, contacts: Vec<Contact>) {
         self.count += contacts.len() as u64;
-        let mut in_earnest = contacts.iter().filter(|one| one.speed_m_s > HARMLESS_M_S);
+        let mut in_earnest = contacts.iter().filter(|one| one.own_m_s > HARMLESS_M_S);
         let first = in_earnest.next().map(|one| one.at);
         self.first_in_earnest = self.first_in_earnest.or(first);
         self.kept.extend(contacts);
@@ -64,6 +64,7 @@ mod tests {
         let touch = |millis| Contact {
             at: Instant::from_millis(millis),
             speed_m_s: 0.1,
+            own_m_s: 0.1,
             place: Point::new(0.0, 0.0),
         };
         (0..count).map(touch).collect()
@@ -81,13 +82,14 @@ mod tests {
         assert_eq!((contacts.take().len(), contacts.take().len()), (1000, 0));
     }
 
-    /// What is no faster than 0.05 m/s does no harm.
+    /// A robot that is no faster than 0.05 m/s does no harm, whoever runs into it.
     #[test]
     fn the_first_touch_that_may_do_harm_stays_the_first() {
         let mut contacts = Contacts::default();
-        let touch = |millis, speed_m_s| Contact {
+        let touch = |millis, own_m_s| Contact {
             at: Instant::from_millis(millis),
-            speed_m_s,
+            speed_m_s: 1.0,
+            own_m_s,
             place: Point::new(0.0, 0.0),
         };
         contacts.extend(vec![touch(1, 0.0), touch(2, 0.05)]);

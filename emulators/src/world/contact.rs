@@ -32,8 +32,18 @@ pub struct Contact {
     pub at: Instant,
     /// How fast body and surface approached each other, m/s.
     pub speed_m_s: f64,
+    /// How fast the body itself approached the surface, m/s: 0 if somebody ran into it.
+    pub own_m_s: f64,
     /// Where on the surface.
     pub place: Point,
+}
+
+/// How much nearer body and surface came in a step, metres; 0 if they only stay near.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Approach {
+    both: f64,
+    /// What the body's own way did; less than 0 if it led away.
+    own: f64,
 }
 
 /// Keeps the body out of walls and remembers what it met.
@@ -130,20 +140,21 @@ impl Bumper {
     }
 
     /// One contact for all surfaces met in one step, unless the body leaned on each already.
-    fn record(&mut self, at: Instant, mut met: Vec<(Near, f64)>) {
+    fn record(&mut self, at: Instant, mut met: Vec<(Near, Approach)>) {
         met.sort_by_key(|(near, _)| near.index);
         met.dedup_by_key(|(near, _)| near.index);
         let fresh = met.iter().filter(|(near, approach)| {
-            *approach > 0.0 && self.touching.binary_search(&near.index).is_err()
+            approach.both > 0.0 && self.touching.binary_search(&near.index).is_err()
         });
-        if let Some((near, approach)) = fresh.copied().reduce(|a, b| if b.1 > a.1 { b } else { a })
-        {
+        let own = fresh.clone().fold(0.0, |own: f64, met| own.max(met.1.own));
+        let fastest = fresh.reduce(|a, b| if b.1.both > a.1.both { b } else { a });
+        if let Some((near, approach)) = fastest {
             self.count += 1;
             if self.contacts.len() < CONTACTS_MAX {
-                let speed_m_s = approach / STEP_S;
                 self.contacts.push(Contact {
                     at,
-                    speed_m_s,
+                    speed_m_s: approach.both / STEP_S,
+                    own_m_s: own / STEP_S,
                     place: near.at,
                 });
             }
@@ -151,7 +162,7 @@ impl Bumper {
         self.touching = met
             .iter()
             .filter(|(near, approach)| {
-                *approach > 0.0 || self.touching.binary_search(&near.index).is_ok()
+                approach.both > 0.0 || self.touching.binary_search(&near.index).is_ok()
             })
             .map(|(near, _)| near.index)
             .collect();
@@ -208,9 +219,10 @@ mod tests {
     fn a_step_makes_one_contact_at_most() {
         let scene = Scene::new::<Shape>([], vec![]).expect("empty");
         let mut bumper = Bumper::new(&scene, Footprint::circle(0.1).expect("round"));
+        let own = |both| Approach { both, own: both };
         bumper.record(
             Instant::from_millis(5),
-            vec![(near(3, 0.2), 1e-3), (near(1, 0.1), 2e-3)],
+            vec![(near(3, 0.2), own(1e-3)), (near(1, 0.1), own(2e-3))],
         );
         assert_eq!(
             (bumper.count(), bumper.touching.as_slice()),
@@ -225,7 +237,7 @@ mod tests {
         // On both still; then on one, beside another that is only near; then on none.
         bumper.record(
             Instant::from_millis(6),
-            vec![(near(1, 0.1), 1e-3), (near(3, 0.2), 0.0)],
+            vec![(near(1, 0.1), own(1e-3)), (near(3, 0.2), own(0.0))],
         );
         assert_eq!(
             (bumper.count(), bumper.touching.as_slice()),
@@ -233,14 +245,14 @@ mod tests {
         );
         bumper.record(
             Instant::from_millis(7),
-            vec![(near(3, 0.1), 0.0), (near(5, 0.2), 0.0)],
+            vec![(near(3, 0.1), own(0.0)), (near(5, 0.2), own(0.0))],
         );
         assert_eq!((bumper.count(), bumper.touching.as_slice()), (1, &[3][..]));
         bumper.record(Instant::from_millis(8), vec![]);
         assert!(!bumper.is_touching() && bumper.take_contacts().is_empty());
         bumper.record(
             Instant::from_millis(9),
-            vec![(near(3, 0.1), 1e-3), (near(3, 0.1), 5e-3)],
+            vec![(near(3, 0.1), own(1e-3)), (near(3, 0.1), own(5e-3))],
         );
         assert_eq!((bumper.count(), bumper.is_touching()), (2, true));
     }

@@ -287,6 +287,17 @@ fn a_sudden_push_is_stretched() {
     assert!(close(world.pose().x, 0.5, 1e-12));
 }
 
+/// 20 rad/s at most: 3 rad take 150 ms.
+#[test]
+fn a_sudden_twist_is_stretched() {
+    let mut world = open_floor();
+    world.push(0.0, 0.0, 3.0, Duration::ZERO);
+    world.advance(Instant::from_millis(50));
+    assert!(close(world.pose().theta, 1.0, 1e-12), "{:?}", world.pose());
+    world.advance(Instant::from_millis(200));
+    assert!(close(world.pose().theta, 3.0, 1e-12));
+}
+
 #[test]
 fn a_push_does_not_go_through_a_wall() {
     let mut world = facing_a_wall();
@@ -430,11 +441,30 @@ fn somebody_who_walks_into_the_robot_shoves_it_along() {
     let contacts = world.take_contacts();
     assert_eq!(contacts.len(), 1);
     assert!(close(contacts[0].speed_m_s, 0.5, 1e-6), "{contacts:?}");
+    assert_eq!(contacts[0].own_m_s, 0.0);
     // He is 1.64 m away from touching: 3.28 s.
     assert!(
         close(contacts[0].at.as_secs_f64(), 3.28, 0.002),
         "{contacts:?}"
     );
+}
+
+/// At 0.5 m/s towards a robot that comes at 0.35 m/s, or goes away at that: what each of them does.
+#[test]
+fn a_contact_tells_the_robots_own_way_from_that_of_who_comes() {
+    let contact = |power: i16| {
+        let person = walker(Point::new(2.0, 0.0), Point::new(-8.0, 0.0), 20);
+        let mut world = ideal(Scene::new::<Shape>([], vec![person]).unwrap());
+        drive(&mut world, power, power);
+        world.advance(Instant::from_secs(15));
+        let first = world.take_contacts()[0];
+        [first.speed_m_s, first.own_m_s]
+    };
+    for (power, expected) in [(255, [0.85, 0.35]), (-255, [0.15, 0.0]), (0, [0.5, 0.0])] {
+        let found = contact(power);
+        let alike = |at: usize| close(found[at], expected[at], 1e-6);
+        assert!(alike(0) && alike(1), "{power}: {found:?}");
+    }
 }
 
 #[test]
@@ -457,6 +487,38 @@ fn a_robot_drives_up_to_somebody_who_stands_still() {
         world.pose()
     );
     assert_eq!(world.contact_count(), 1);
+}
+
+/// Somebody who never walks is as solid as who does.
+#[test]
+fn a_robot_drives_up_to_somebody_who_never_moves() {
+    let mut person = walker(Point::new(1.0, 0.0), Point::new(1.0, 0.0), 1);
+    for waypoints in [1, 2] {
+        let mut here = person.clone();
+        here.path.waypoints.truncate(waypoints);
+        let mut world = ideal(Scene::new::<Shape>([], vec![here]).unwrap());
+        drive(&mut world, 255, 255);
+        world.advance(Instant::from_secs(5));
+        assert!(close(world.pose().x, 0.64, 1e-6), "{:?}", world.pose());
+        assert_eq!(world.contact_count(), 1);
+    }
+    // Whom the robot is not near, it never meets.
+    person.path.waypoints[0].position.y = 3.0;
+    person.path.waypoints[1].position.y = 3.0;
+    let mut world = ideal(Scene::new::<Shape>([], vec![person]).unwrap());
+    drive(&mut world, 255, 255);
+    world.advance(Instant::from_secs(5));
+    assert!(world.pose().x > 1.7 && world.contact_count() == 0);
+}
+
+/// Of two in the same place the ray meets the first.
+#[test]
+fn of_two_obstacles_in_one_place_the_first_is_seen() {
+    let mut people = vec![walker(Point::new(2.0, 0.0), Point::new(2.0, 0.0), 1); 2];
+    people[0].fixture.reflectivity = 0.3;
+    let world = ideal(Scene::new::<Shape>([], people).unwrap());
+    let hit = world.cast_ray(Point::default(), 0.0, 6.0).unwrap();
+    assert_eq!((hit.distance, hit.reflectivity), (1.8, 0.3));
 }
 
 #[test]
@@ -497,6 +559,23 @@ fn a_teleported_robot_is_exactly_there_and_drives_on() {
         "{:?}",
         world.pose()
     );
+}
+
+/// In the middle of a step of a turn on the spot, 2.69 rad/s: it is there, and turns on from there.
+#[test]
+fn a_turning_robot_is_teleported_exactly() {
+    let mut world = open_floor();
+    drive(&mut world, -255, 255);
+    for micros in [1_500_300, 1_500_700] {
+        world.advance(Instant::from_micros(micros));
+        world.teleport(Pose::new(2.0, 1.0, 0.5));
+        let pose = world.pose();
+        assert!(close(pose.theta, 0.5, 1e-12), "{pose:?}");
+        assert!(close(pose.x, 2.0, 1e-12) && close(pose.y, 1.0, 1e-12));
+    }
+    world.advance(Instant::from_micros(1_600_700));
+    let turned = world.pose().theta - 0.5;
+    assert!(close(turned, 0.7 / 0.26 * 0.1, 1e-6), "{turned}");
 }
 
 #[test]

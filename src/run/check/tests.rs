@@ -100,9 +100,10 @@ fn motors_may_run_for_the_time_of_the_silence() {
 #[test]
 fn a_touch_of_five_centimetres_a_second_does_no_harm() {
     let (mut rig, mut checker) = (rig(), NoCollisionAtSpeed::default());
-    let contact = |millis, speed_m_s| Contact {
+    let contact = |millis, own_m_s| Contact {
         at: Instant::from_millis(millis),
-        speed_m_s,
+        speed_m_s: own_m_s + 0.5,
+        own_m_s,
         place: Point::default(),
     };
     look(&mut checker, &mut rig, 1, &[], &[]);

@@ -7,7 +7,7 @@ use core::time::Duration;
 
 use protocols::Instant;
 
-use super::{Bumper, LEFT_M};
+use super::{Approach, Bumper, LEFT_M};
 use crate::world::body::{Motion, STEP_NANOS, STEP_S};
 use crate::world::geometry::Point;
 use crate::world::scene::{Near, Scene};
@@ -30,11 +30,11 @@ impl Bumper {
             met: Vec::new(),
         };
         test.fixtures(scene, start, end, used + LEFT_M);
-        if self.obstacle_speed > 0.0 {
+        if !scene.obstacles().is_empty() {
             test.obstacles(scene, (began, start), (ended, end));
         }
         let mut motion = wanted.slowed(test.part);
-        if self.obstacle_speed > 0.0 {
+        if !scene.obstacles().is_empty() {
             let shove = self.shove_disc(scene, radius, (began, ended), motion.pose(STEP_S).point());
             motion.drift.x += shove.x / STEP_S;
             motion.drift.y += shove.y / STEP_S;
@@ -87,8 +87,8 @@ struct Test {
     radius: f64,
     /// Part of the translation that is free.
     part: f64,
-    /// Surfaces in touch, and how much nearer they came; 0 if they only stay near.
-    met: Vec<(Near, f64)>,
+    /// Surfaces in touch, and how much nearer they came.
+    met: Vec<(Near, Approach)>,
 }
 
 impl Test {
@@ -120,15 +120,16 @@ impl Test {
     /// `before`: at the beginning; `stay` and `go`: at the end, if the body stays or goes.
     fn surface(&mut self, before: Near, stay: Near, go: Near) {
         let enters = go.distance < self.radius && go.distance < before.distance;
+        let own = stay.distance - go.distance;
         if enters {
-            self.met.push((go, before.distance - go.distance));
+            let both = before.distance - go.distance;
+            self.met.push((go, Approach { both, own }));
         } else if go.distance < self.radius + LEFT_M {
-            self.met.push((go, 0.0));
+            self.met.push((go, Approach::default()));
         }
-        let own_way = stay.distance - go.distance;
-        if enters && own_way > 0.0 {
+        if enters && own > 0.0 {
             let free = (stay.distance - self.radius).max(0.0);
-            self.part = self.part.min(free / own_way);
+            self.part = self.part.min(free / own);
         }
     }
 }
@@ -150,37 +151,43 @@ mod tests {
         }
     }
 
-    /// A body of 0.5 m: what the surface leaves of its way, and by how much it came nearer.
-    fn left(before: f64, stay: f64, go: f64) -> (f64, Option<f64>) {
+    /// A body of 0.5 m: what the surface leaves of its way, and by how much it came nearer, and
+    /// that by itself.
+    fn left(before: f64, stay: f64, go: f64) -> (f64, Option<[f64; 2]>) {
         let mut test = Test {
             radius: 0.5,
             part: 1.0,
             met: Vec::new(),
         };
         test.surface(near(before), near(stay), near(go));
-        (test.part, test.met.first().map(|met| met.1))
+        let met = test.met.first().map(|met| [met.1.both, met.1.own]);
+        (test.part, met)
     }
 
     #[test]
     fn a_surface_leaves_the_way_up_to_it() {
-        let is = |found: (f64, Option<f64>), part: f64, met: Option<f64>| {
-            (found.0 - part).abs() < 1e-12
-                && found.1.zip(met).is_none_or(|(a, b)| (a - b).abs() < 1e-12)
+        let is = |found: (f64, Option<[f64; 2]>), part: f64, met: Option<[f64; 2]>| {
+            let alike = |(a, b): (f64, f64)| (a - b).abs() < 1e-12;
+            alike((found.0, part))
+                && found
+                    .1
+                    .zip(met)
+                    .is_none_or(|(a, b)| a.into_iter().zip(b).all(alike))
                 && found.1.is_some() == met.is_some()
         };
         // 0.2 m nearer, of which 0.1 m are free.
-        assert!(is(left(0.6, 0.6, 0.4), 0.5, Some(0.2)));
+        assert!(is(left(0.6, 0.6, 0.4), 0.5, Some([0.2, 0.2])));
         // Up to the surface, and no farther; away from it; past it far away.
-        assert!(is(left(0.6, 0.6, 0.5), 1.0, Some(0.0)));
-        assert!(is(left(0.4, 0.4, 0.45), 1.0, Some(0.0)));
+        assert!(is(left(0.6, 0.6, 0.5), 1.0, Some([0.0; 2])));
+        assert!(is(left(0.4, 0.4, 0.45), 1.0, Some([0.0; 2])));
         assert!(is(left(0.9, 0.9, 0.8), 1.0, None));
         // An obstacle comes by itself: it takes nothing of the body's own way, which leads away.
-        assert!(is(left(0.6, 0.4, 0.45), 1.0, Some(0.15)));
+        assert!(is(left(0.6, 0.4, 0.45), 1.0, Some([0.15, -0.05])));
         // Where it already overlaps nothing is left.
-        assert!(is(left(0.6, 0.45, 0.35), 0.0, Some(0.25)));
-        assert!(is(left(0.45, 0.45, 0.45), 1.0, Some(0.0)));
+        assert!(is(left(0.6, 0.45, 0.35), 0.0, Some([0.25, 0.1])));
+        assert!(is(left(0.45, 0.45, 0.45), 1.0, Some([0.0; 2])));
         // No nearer in the end than in the beginning: what went away took nothing.
-        assert!(is(left(0.45, 0.47, 0.45), 1.0, Some(0.0)));
+        assert!(is(left(0.45, 0.47, 0.45), 1.0, Some([0.0; 2])));
     }
 
     #[test]

@@ -17,7 +17,7 @@ use core::time::Duration;
 
 use protocols::Instant;
 
-use super::{Bumper, LEFT_M, REACH_M};
+use super::{Approach, Bumper, LEFT_M, REACH_M};
 use crate::world::body::{Footprint, Motion, STEP_NANOS, STEP_S};
 use crate::world::geometry::{Point, Pose, Primitive};
 use crate::world::scene::{Near, Scene};
@@ -83,7 +83,7 @@ impl Bumper {
         let mut step = Step::new(&self.footprint, wanted.start);
         step.find(scene, [began, ended], used);
         let mut motion = step.free(wanted);
-        if self.obstacle_speed > 0.0 {
+        if !scene.obstacles().is_empty() {
             let by = step.shove(motion.pose(STEP_S));
             motion.drift.x += by.x / STEP_S;
             motion.drift.y += by.y / STEP_S;
@@ -101,7 +101,7 @@ struct Step<'a> {
     start: Pose,
     solids: Vec<Solid>,
     /// Surfaces in touch, and how much nearer they came; 0 if they only stay near.
-    met: Vec<(Near, f64)>,
+    met: Vec<(Near, Approach)>,
     /// Of the body where it is being tried.
     corners: Vec<Point>,
 }
@@ -335,7 +335,7 @@ impl<'a> Step<'a> {
                 let approach = solid.approach(solid.began, wanted, self.start);
                 self.met.push((solid.near(solid.began), approach));
             } else if now.gap < LEFT_M {
-                self.met.push((solid.near(now), 0.0));
+                self.met.push((solid.near(now), Approach::default()));
             }
         }
     }
@@ -351,25 +351,30 @@ impl Solid {
     }
 
     /// How much closer body and surface come in a step where they are closest.
-    fn approach(&self, there: Gap, wanted: Motion, pose: Pose) -> f64 {
+    fn approach(&self, there: Gap, wanted: Motion, pose: Pose) -> Approach {
         let (sin, cos) = libm::sincos(pose.theta);
         let (ax, ay) = (there.body.x - pose.x, there.body.y - pose.y);
         let body_x = wanted.speed * cos + wanted.drift.x - wanted.turn * ay;
         let body_y = wanted.speed * sin + wanted.drift.y + wanted.turn * ax;
         let [from, to] = self.places;
-        let way_x = body_x * STEP_S - (to.x - from.x);
-        let way_y = body_y * STEP_S - (to.y - from.y);
+        let own = Point::new(body_x * STEP_S, body_y * STEP_S);
+        let both = Point::new(own.x - (to.x - from.x), own.y - (to.y - from.y));
         let (nx, ny) = (
             there.surface.x - there.body.x,
             there.surface.y - there.body.y,
         );
         let length = there.body.distance(there.surface);
         if length == 0.0 {
-            return Point::default().distance(Point::new(way_x, way_y));
+            let [both, own] = [both, own].map(|way| Point::default().distance(way));
+            return Approach { both, own };
         }
         // Within each other the shortest way leads out.
         let sign = if there.gap < 0.0 { -1.0 } else { 1.0 };
-        (sign * (way_x * nx + way_y * ny) / length).max(0.0)
+        let closer = |way: Point| sign * (way.x * nx + way.y * ny) / length;
+        Approach {
+            both: closer(both).max(0.0),
+            own: closer(own),
+        }
     }
 }
 
@@ -407,7 +412,8 @@ mod tests {
 
     /// At (1, 2) from its reference point a body that goes 3 m/s, turns 0.5 rad/s and is pushed by
     /// (0.1, 0.2) m/s goes (2.1, 0.7) mm in a step; less what the surface goes, (2.0, 0.9) mm.
-    /// Along (3, 4) / 5 that is 1.92 mm. Turned by a quarter it is (-1.0, 3.9) mm and 2.52 mm.
+    /// Along (3, 4) / 5 that is 1.92 mm, and 1.82 mm of it its own. Turned by a quarter it is
+    /// (-1.0, 3.9) mm and 2.52 mm, its own (-0.9, 3.7) mm and 2.42 mm.
     #[test]
     fn a_surface_is_approached_by_the_difference_of_both_ways() {
         let wanted = Motion {
@@ -425,14 +431,17 @@ mod tests {
             };
             solid().approach(there, wanted, Pose::new(7.0, 7.0, theta))
         };
-        let is = |found: f64, mm: f64| (found * 1e3 - mm).abs() < 1e-9;
-        assert!(is(approach(5.0, [3.0, 4.0], 0.0), 1.92));
-        assert!(is(approach(5.0, [3.0, 4.0], FRAC_PI_2), 2.52));
-        assert!(is(approach(5.0, [-3.0, -4.0], 0.0), 0.0));
-        assert!(is(approach(-5.0, [-3.0, -4.0], 0.0), 1.92));
-        assert!(is(approach(-5.0, [3.0, 4.0], 0.0), 0.0));
-        // In touch the whole way counts: sqrt(4 + 0.81).
-        assert!(is(approach(0.0, [0.0, 0.0], 0.0), 4.81_f64.sqrt()));
+        let is = |found: Approach, both_mm: f64, own_mm: f64| {
+            (found.both * 1e3 - both_mm).abs() < 1e-9 && (found.own * 1e3 - own_mm).abs() < 1e-9
+        };
+        assert!(is(approach(5.0, [3.0, 4.0], 0.0), 1.92, 1.82));
+        assert!(is(approach(5.0, [3.0, 4.0], FRAC_PI_2), 2.52, 2.42));
+        assert!(is(approach(5.0, [-3.0, -4.0], 0.0), 0.0, -1.82));
+        assert!(is(approach(-5.0, [-3.0, -4.0], 0.0), 1.92, 1.82));
+        assert!(is(approach(-5.0, [3.0, 4.0], 0.0), 0.0, -1.82));
+        // In touch the whole way counts: the roots of 4 + 0.81 and 4.41 + 0.49.
+        let whole = approach(0.0, [0.0, 0.0], 0.0);
+        assert!(is(whole, 4.81_f64.sqrt(), 4.9_f64.sqrt()));
     }
 
     /// A body of 0.2 m before a wall so far away: whether that wall, which was `stay_m` away
