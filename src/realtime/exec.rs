@@ -340,9 +340,9 @@ pub(crate) fn port_variable(name: &str) -> String {
 /// Lets the log tell what the robot touched.
 pub(crate) fn log_contacts(run: &mut Run) {
     for contact in run.take_contacts() {
-        let (place, speed) = (contact.place, contact.speed_m_s);
+        let (place, both, own) = (contact.place, contact.speed_m_s, contact.own_m_s);
         let detail = format!(
-            "robot touched something at ({:.2}, {:.2}) m with {speed:.3} m/s",
+            "robot touched something at ({:.2}, {:.2}) m with {both:.3} m/s, {own:.3} its own",
             place.x, place.y
         );
         let event = Event {

@@ -175,9 +175,9 @@ impl Checker for NoCollisionAtSpeed {
     fn verdict(&self) -> Check {
         let contacts = self.contacts;
         let detail = match self.first {
-            None => format!("{contacts} contacts, none faster than {HARMLESS_M_S} m/s"),
+            None => format!("{contacts} contacts, none driven into faster than {HARMLESS_M_S} m/s"),
             Some(at) => format!(
-                "{contacts} contacts, the first in earnest at {at} s, worst {:.3} m/s",
+                "{contacts} contacts, the first in earnest at {at} s, worst driven into at {:.3} m/s",
                 self.worst_m_s
             ),
         };

@@ -256,4 +256,20 @@ mod tests {
         );
         assert_eq!((bumper.count(), bumper.is_touching()), (2, true));
     }
+
+    /// Beside one who runs into it at 1 m/s the robot drives at a wall with 0.5 m/s: both are told.
+    #[test]
+    fn the_robots_own_way_is_that_towards_any_surface_it_met() {
+        let scene = Scene::new::<Shape>([], vec![]).expect("empty");
+        let mut bumper = Bumper::new(&scene, Footprint::circle(0.1).expect("round"));
+        let (comes, drives) = ([1e-3, -1e-3], [0.5e-3, 0.5e-3]);
+        let met = [(1, comes), (2, drives)].map(|(index, [both, own])| {
+            let near = near(index, 0.1);
+            (near, Approach { both, own })
+        });
+        bumper.record(Instant::ZERO, met.to_vec());
+        let contact = bumper.take_contacts()[0];
+        assert!((contact.speed_m_s - 1.0).abs() < 1e-12, "{contact:?}");
+        assert!((contact.own_m_s - 0.5).abs() < 1e-12, "{contact:?}");
+    }
 }

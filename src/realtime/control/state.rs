@@ -117,6 +117,7 @@ fn contacts(run: &Run, session: &mut Session) -> Value {
             "x_m": contact.place.x,
             "y_m": contact.place.y,
             "speed_m_s": contact.speed_m_s,
+            "own_m_s": contact.own_m_s,
         })
     });
     let new: Vec<Value> = new.collect();

@@ -2,6 +2,7 @@
 
 use hilrig::realtime::control::obey;
 use hilrig::run::Run;
+use hilrig::run::check::Status;
 use protocols::Instant;
 
 use crate::{in_a_room, start};
@@ -38,4 +39,32 @@ fn a_request_that_makes_no_sense_is_told_what_was_expected() {
     let add = r#"{"do":"add","fault":{"link":"sonar","direction":"to-device","kind":"cut"}}"#;
     insta::assert_snapshot!(said(&mut run, add), @r#"{"ok":false,"key":"link","message":"is \"sonar\", expected one of lidar, motor, base, radio, pc"}"#);
     assert_eq!(run.faults().count(), 0);
+}
+
+/// Somebody walks at 0.5 m/s into the robot that stands, 0.31 m centre to centre on contact, 0.59 m
+/// from where he sets off: both speeds are told, and it is not the robot's fault.
+#[test]
+fn who_ran_into_whom_is_told() {
+    let person = "[[world.moving]]\npath_m = [[0.6, 1.2], [1.3, 1.2]]\nspeed_m_s = 0.5\n\
+                  radius_m = 0.15\n";
+    let mut run = start(in_a_room("10s", person));
+    run.go_on_until(Instant::from_secs(5));
+    let state = obey(&mut run, br#"{"do":"state"}"#, Instant::from_secs(5)).line();
+    let state: serde_json::Value = serde_json::from_str(&state).expect("JSON");
+    assert_eq!(state["contacts"]["count"], 1, "{state}");
+    let contact = &state["contacts"]["new"][0];
+    let number = |key: &str| contact[key].as_f64().expect("a number");
+    assert!((number("at_ns") / 1e9 - 1.18).abs() < 0.002, "{contact}");
+    assert!((number("speed_m_s") - 0.5).abs() < 1e-6, "{contact}");
+    assert_eq!(number("own_m_s"), 0.0);
+    let checks = run.checks();
+    let check = checks
+        .iter()
+        .find(|check| check.name == "no-collision-at-speed");
+    let check = check.expect("it is always judged");
+    assert_eq!(check.status, Status::Pass);
+    assert_eq!(
+        check.detail,
+        "1 contacts, none driven into faster than 0.05 m/s"
+    );
 }
