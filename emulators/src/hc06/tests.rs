@@ -986,3 +986,24 @@ fn what_is_under_way_fills_the_window() {
     lane.deliver();
     assert_eq!(lane.traffic().delivered, 10);
 }
+
+/// Window 10: of nothing, of what finds room on the air, of what has filled the window and of what
+/// fills it with nothing behind it only the second is moved and only the third waits.
+#[test]
+fn a_lane_moves_what_has_room_and_waits_with_what_has_none() {
+    let mut profile = at(BAUD);
+    (profile.window, profile.frame_max) = (10, 100);
+    let step = Duration::from_micros(50);
+    let lane_of = |bytes: &[u8], is_shifted: bool| {
+        let mut lane = lane::Lane::new(&profile, 100, Rng::stream(1, "lane"));
+        lane.push(bytes, Instant::ZERO, step);
+        if is_shifted {
+            lane.shift(Instant::ZERO, Instant::from_millis(900), step);
+        }
+        (lane.is_moving(), lane.is_waiting())
+    };
+    assert_eq!(lane_of(&[], false), (false, false));
+    assert_eq!(lane_of(&[7; 40], false), (true, false));
+    assert_eq!(lane_of(&[7; 40], true), (false, true));
+    assert_eq!(lane_of(&[7; 10], true), (false, false));
+}

@@ -236,3 +236,101 @@ impl Record {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use protocols::pcui::{FRAME_MAX, HEADER_LEN, seal};
+
+    use super::*;
+
+    /// What a frame of `id` with this payload told.
+    fn told(record: &mut Record, id: [u8; 3], payload: &[u8]) -> News {
+        let mut frame = [0; FRAME_MAX];
+        frame[HEADER_LEN..HEADER_LEN + payload.len()].copy_from_slice(payload);
+        let len = seal(&mut frame, id, payload.len()).expect("fits");
+        let mut news = Vec::new();
+        let now = Instant::from_secs(1);
+        record.take(now, &frame[..len], |item| news.push(item));
+        assert_eq!(news.len(), 1);
+        news[0]
+    }
+
+    /// Cells of 10 mm, 30 mm x 20 mm of them in one layer, the robot at (0, 0): 3 x 2 cells.
+    const MAP: [u8; 13] = [10, 30, 0, 20, 0, 1, 0, 0, 0, 0, 0, 0, 0];
+    /// The same without any cell.
+    const NO_MAP: [u8; 13] = [10, 9, 0, 20, 0, 1, 0, 0, 0, 0, 0, 0, 0];
+
+    /// Each kind of message is counted as what it is and tells what is new about it.
+    #[test]
+    fn each_message_is_counted_and_tells_what_is_new() {
+        let mut record = Record::default();
+        let mut says = |id: &[u8; 3], payload: &[u8]| told(&mut record, *id, payload);
+        assert_eq!(says(b"MAP", &[0, 0, 0, 1, 2, 3]), News::Row);
+        assert_eq!(says(b"MPD", &MAP), News::MapSize);
+        assert_eq!(says(b"MPD", &MAP), News::MapProperties);
+        assert_eq!(says(b"MPD", &NO_MAP), News::BadSize);
+        assert_eq!(says(b"MAP", &[0, 0, 0, 1, 2, 3]), News::Row);
+        assert_eq!(says(b"MAR", &[0, 0, 0, 2, 9]), News::Row);
+        let beyond = RowError::Row {
+            height: 2,
+            found: 2,
+        };
+        assert_eq!(says(b"MAR", &[0, 2, 0, 2, 9]), News::BadRow(beyond));
+        // The second of two rows; what comes after it is nothing new.
+        assert_eq!(says(b"MAR", &[0, 1, 0, 2, 9]), News::MapComplete);
+        assert_eq!(says(b"MAP", &[0, 1, 0, 1, 2, 3]), News::Row);
+        assert_eq!(says(b"LWP", &[0, 0]), News::Waypoints);
+        let state = [0; 9];
+        assert_eq!(says(b"STA", &state), News::State);
+        assert_eq!(says(b"STA", &state), News::State);
+        let battery = |percent: u8, search: u8| [0, 30, percent, 0, 0, search, 0, 0, 0, 0, 0, 0];
+        assert_eq!(says(b"DIA", &battery(50, 0)), News::Condition);
+        assert_eq!(says(b"DIA", &battery(49, 0)), News::Nothing);
+        assert_eq!(says(b"DIA", &battery(49, 1)), News::Condition);
+        assert_eq!(says(b"VIC", &[]), News::Nothing);
+        assert_eq!(says(b"VIC", &[1, 0, 2, 0]), News::Victims);
+        assert_eq!(says(b"VIC", &[3, 0, 4, 0]), News::Nothing);
+        assert_eq!(says(b"VIC", &[]), News::Victims);
+        // Orders are the PC's own: three bytes.
+        assert!(matches!(says(b"STA", &[0; 3]), News::BadMessage(_)));
+        assert!(matches!(says(b"XYZ", &[]), News::BadMessage(_)));
+        let expected = Counts {
+            bytes: record.counts.bytes,
+            map_properties: 3,
+            rows: 3,
+            coded_rows: 3,
+            waypoint_lists: 1,
+            states: 2,
+            diagnoses: 3,
+            bad_messages: 3,
+            bad_rows: 1,
+            early_rows: 1,
+            ..Counts::default()
+        };
+        assert_eq!(record.counts, expected);
+    }
+
+    /// 500,000 poses are kept, further ones counted.
+    #[test]
+    fn a_full_trajectory_counts_what_it_does_not_keep() {
+        let mut record = Record::default();
+        let any = StatedPose {
+            at: Instant::ZERO,
+            position_mm: [7, 7],
+            psi_deg: 0,
+        };
+        record.trajectory = vec![any; TRAJECTORY_MAX - 1];
+        let at = |x: u8| {
+            let mut map = MAP;
+            map[6] = x;
+            map
+        };
+        let mut kept = |x: u8| {
+            told(&mut record, *b"MPD", &at(x));
+            (record.trajectory.len(), record.counts.poses_dropped)
+        };
+        assert_eq!([kept(1), kept(2)], [(500_000, 0), (500_000, 1)]);
+        // Where the last one that was kept is.
+        assert_eq!(kept(1), (500_000, 1));
+    }
+}

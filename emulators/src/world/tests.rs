@@ -287,15 +287,24 @@ fn a_sudden_push_is_stretched() {
     assert!(close(world.pose().x, 0.5, 1e-12));
 }
 
-/// 20 rad/s at most: 3 rad take 150 ms.
+/// 20 rad/s at most, either way: 3 rad take 150 ms; beside a metre, at 5 m/s, 200 ms.
 #[test]
 fn a_sudden_twist_is_stretched() {
-    let mut world = open_floor();
-    world.push(0.0, 0.0, 3.0, Duration::ZERO);
-    world.advance(Instant::from_millis(50));
-    assert!(close(world.pose().theta, 1.0, 1e-12), "{:?}", world.pose());
-    world.advance(Instant::from_millis(200));
-    assert!(close(world.pose().theta, 3.0, 1e-12));
+    for (way, twist, half_ms) in [
+        (0.0, 3.0, 75),
+        (0.0, -3.0, 75),
+        (1.0, 3.0, 100),
+        (0.2, 3.0, 75),
+    ] {
+        let mut world = open_floor();
+        world.push(way, 0.0, twist, Duration::from_nanos(1));
+        world.advance(Instant::from_millis(half_ms));
+        let pose = world.pose();
+        assert!(close(pose.theta, 0.5 * twist, 1e-9), "{pose:?}");
+        assert!(close(pose.x, 0.5 * way, 1e-9), "{pose:?}");
+        world.advance(Instant::from_millis(900));
+        assert!(close(world.pose().theta, twist, 1e-9), "{:?}", world.pose());
+    }
 }
 
 #[test]
@@ -509,16 +518,6 @@ fn a_robot_drives_up_to_somebody_who_never_moves() {
     drive(&mut world, 255, 255);
     world.advance(Instant::from_secs(5));
     assert!(world.pose().x > 1.7 && world.contact_count() == 0);
-}
-
-/// Of two in the same place the ray meets the first.
-#[test]
-fn of_two_obstacles_in_one_place_the_first_is_seen() {
-    let mut people = vec![walker(Point::new(2.0, 0.0), Point::new(2.0, 0.0), 1); 2];
-    people[0].fixture.reflectivity = 0.3;
-    let world = ideal(Scene::new::<Shape>([], people).unwrap());
-    let hit = world.cast_ray(Point::default(), 0.0, 6.0).unwrap();
-    assert_eq!((hit.distance, hit.reflectivity), (1.8, 0.3));
 }
 
 #[test]
@@ -770,4 +769,42 @@ fn headings_stay_within_half_a_turn() {
         widest = widest.max(world.pose().theta.abs());
     }
     assert!(widest <= PI && widest > PI - TAU / 100.0, "{widest}");
+}
+
+/// What is left of a push goes on in the next one, the twist as well: half of 1 rad and 1 rad.
+#[test]
+fn a_second_push_turns_by_what_is_left_of_the_first() {
+    let mut world = open_floor();
+    world.push(0.0, 1.0, 1.0, Duration::from_secs(1));
+    world.advance(Instant::from_millis(500));
+    world.push(1.0, 0.0, 1.0, Duration::from_secs(1));
+    world.advance(Instant::from_millis(1_000));
+    let pose = world.pose();
+    assert!(close(pose.theta, 0.5 + 0.75, 1e-9), "{pose:?}");
+    assert!(
+        close(pose.x, 0.5, 1e-9) && close(pose.y, 0.75, 1e-9),
+        "{pose:?}"
+    );
+}
+
+/// In the middle of a step of a robot that turns.
+#[test]
+fn a_teleported_robot_that_turns_is_exactly_there_and_turns_on() {
+    let mut world = open_floor();
+    drive(&mut world, -255, 255);
+    world.advance(Instant::from_micros(1_500_300));
+    let before = world.pose().theta;
+    world.advance(Instant::from_micros(1_600_300));
+    let turned = world.pose().theta - before;
+    assert!(turned > 0.1);
+    world.teleport(Pose::new(2.0, 1.0, FRAC_PI_2));
+    let pose = world.pose();
+    assert!(close(pose.theta, FRAC_PI_2, 1e-12), "{pose:?}");
+    assert!(
+        close(pose.x, 2.0, 1e-12) && close(pose.y, 1.0, 1e-12),
+        "{pose:?}"
+    );
+    world.advance(Instant::from_micros(1_700_300));
+    let after = world.pose().theta;
+    assert!(close(after, FRAC_PI_2 + turned, 1e-9), "{after}");
 }

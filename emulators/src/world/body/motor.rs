@@ -55,11 +55,7 @@ impl MotorFigures {
         let power = f64::from(power.clamp(-255, 255));
         let dead = f64::from(self.dead_zone_drive);
         let part = (power.abs() - dead).max(0.0) / (255.0 - dead);
-        if power < 0.0 {
-            -part * self.full_speed_m_s
-        } else {
-            part * self.full_speed_m_s
-        }
+        part.copysign(power) * self.full_speed_m_s
     }
 }
 

@@ -335,3 +335,19 @@ fn a_scene_has_two_hundred_thousand_walls_at_most() {
         "{error}"
     );
 }
+
+/// Of two surfaces at the same distance the fixture is met, and of two obstacles the first.
+#[test]
+fn of_two_surfaces_in_one_place_the_first_is_met() {
+    let met = |fixtures: Vec<Shape>, second: f64| {
+        let mut dark = walker(circle(0.0, 0.0, 0.5));
+        dark.fixture.reflectivity = second;
+        let scene = Scene::new(fixtures, vec![walker(circle(0.0, 0.0, 0.5)), dark]).unwrap();
+        let hit = scene.cast_ray(Instant::ZERO, Point::default(), 0.0, 10.0);
+        hit.unwrap().reflectivity
+    };
+    assert_eq!(met(Vec::new(), 0.1), 0.4);
+    let fixed = met(vec![circle(2.0, 0.0, 0.5)], 0.1);
+    assert_eq!(fixed, Fixture::from(circle(2.0, 0.0, 0.5)).reflectivity);
+    assert_ne!(fixed, 0.4);
+}

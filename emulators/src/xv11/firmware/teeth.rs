@@ -387,4 +387,46 @@ mod tests {
     fn a_tooth_tells_the_speed() {
         assert!((rpm(1.0 / 75.0) - 300.0).abs() < 1e-9 && (rpm(0.02) - 200.0).abs() < 1e-9);
     }
+
+    /// 3 % more or less than the tooth before is uneven; 100 / 8192 s are 327.7 rpm, and 3 / 8192 s
+    /// of them are 3 % to the last bit. Slower than 185 rpm no tooth counts: 4 / 185 s.
+    #[test]
+    fn a_tooth_counts_if_it_is_even_and_not_slow() {
+        let part = |of_8192: f64| of_8192 / 8192.0;
+        let slow_s = 4.0 / LOCK_RPM;
+        for (before_s, took_s, counts) in [
+            (part(100.0), part(100.0), true),
+            (part(100.0), part(102.9), true),
+            (part(100.0), part(97.1), true),
+            (part(100.0), part(103.0), false),
+            (part(100.0), part(97.0), false),
+            (slow_s, 0.999 * slow_s, true),
+            (slow_s, 1.001 * slow_s, false),
+        ] {
+            let (mut lidar, seen) = turning(3, took_s);
+            (lidar.firmware.tooth_s, lidar.firmware.good_teeth) = (before_s, 4);
+            lidar.await_lock(seen);
+            let expected = if counts { 5 } else { 0 };
+            assert_eq!(lidar.firmware.good_teeth, expected, "{before_s} {took_s}");
+        }
+    }
+
+    /// The fifteenth even tooth in a row locks, none before it, and counting begins anew.
+    #[test]
+    fn a_turn_of_even_teeth_locks() {
+        let (mut lidar, seen) = turning(3, 1.0 / 75.0);
+        lidar.firmware.phase = Phase::Spin {
+            print_at: None,
+            dots: 0,
+            give_up_at: Instant::from_secs(99),
+        };
+        (lidar.firmware.tooth_s, lidar.firmware.good_teeth) = (seen.took_s, 0);
+        for _ in 0..14 {
+            lidar.await_lock(seen);
+            assert!(matches!(lidar.firmware.phase, Phase::Spin { .. }));
+        }
+        lidar.await_lock(seen);
+        assert!(matches!(lidar.firmware.phase, Phase::Locked));
+        assert_eq!(lidar.firmware.good_teeth, 0);
+    }
 }
