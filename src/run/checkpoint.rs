@@ -17,6 +17,7 @@ use std::rc::Rc;
 use protocols::Instant;
 
 use super::Run;
+use super::mission::ends_alike;
 use crate::rig::fault::{FaultId, Window};
 use crate::scenario::{FaultKind, FaultSpec, Scenario};
 
@@ -93,8 +94,9 @@ impl Checkpoint {
     }
 
     /// A run of `scenario` that has come to here, if it is known to have come to here as this one
-    /// did: nothing of it differs but its length, and faults that are left out, added behind all
-    /// others, begin at another time or end earlier and had not come so far. Its
+    /// did: nothing of it differs but its length, what is judged in the end, and faults that are
+    /// left out, added behind all others, begin at another time or end earlier and had not come so
+    /// far. Its
     /// [`history`](super::Outcome::history) is sampled as that of the run that it branches from.
     pub fn resume_as(&self, scenario: &Scenario) -> Option<Run> {
         let (now, asked) = (self.at(), &*self.0.asked);
@@ -108,6 +110,7 @@ impl Checkpoint {
         run.apply(&changes, &asked.fault)?;
         run.scenario.fault.clone_from(&scenario.fault);
         run.scenario.duration = scenario.duration;
+        run.scenario.expect = scenario.expect;
         run.asked = Rc::new(scenario.clone());
         Some(run)
     }
@@ -206,10 +209,12 @@ impl Run {
     }
 }
 
-/// Whether the two differ in nothing but their faults, their length, and words.
+/// Whether the two differ in nothing but their faults, their length, what is judged in the end, and
+/// words.
 fn is_alike(a: &Scenario, b: &Scenario) -> bool {
     let like = Scenario {
         duration: a.duration,
+        expect: a.expect,
         fault: Vec::new(),
         origin: a.origin.clone(),
         description: a.description.clone(),
@@ -219,7 +224,7 @@ fn is_alike(a: &Scenario, b: &Scenario) -> bool {
         fault: Vec::new(),
         ..a.clone()
     };
-    like == plain
+    like == plain && ends_alike(&a.expect, &b.expect)
 }
 
 /// Whether `other` is `fault` at another time.

@@ -12,6 +12,25 @@ const WITHIN_MM: f64 = 200.0;
 /// Time at rest after which a mission is over if the scenario names none.
 const REST: Duration = Duration::from_secs(2);
 
+/// How near counts as a visit, mm, and how long a rest ends the mission.
+fn visits_and_rest(expect: &Expect) -> (f64, Duration) {
+    (
+        expect.visit_within_mm.unwrap_or(WITHIN_MM),
+        expect.settle.map_or(REST, |settle| settle.0),
+    )
+}
+
+/// Whether a run is over at the same moment if these are expected of it. All else that they expect
+/// is judged in the end.
+pub(super) fn ends_alike(a: &Expect, b: &Expect) -> bool {
+    let ends = |expect: &Expect| {
+        let is_home_wanted = expect.home_within_mm.is_some();
+        let is_map_wanted = expect.map_received == Some(true);
+        (visits_and_rest(expect), is_home_wanted, is_map_wanted)
+    };
+    ends(a) == ends(b)
+}
+
 /// A visited waypoint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Visit {
@@ -42,12 +61,13 @@ impl Progress {
     pub fn new(mission: &Mission, expect: &Expect) -> Self {
         let waypoints = mission.waypoints_m.iter();
         let waypoints: Vec<Point> = waypoints.map(|&[x, y]| Point::new(x, y)).collect();
+        let (within_mm, settle) = visits_and_rest(expect);
         Self {
             left: waypoints.clone(),
             waypoints,
             any_order: mission.any_order,
-            within_mm: expect.visit_within_mm.unwrap_or(WITHIN_MM),
-            settle: expect.settle.map_or(REST, |settle| settle.0),
+            within_mm,
+            settle,
             visits: Vec::new(),
             resting_since: None,
             last: None,

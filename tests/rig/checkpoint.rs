@@ -169,6 +169,41 @@ fn what_has_come_to_bear_cannot_be_taken_back() {
     }
 }
 
+/// 200 mm and a rest of 2 s are what a mission is over with if nothing is asked for.
+#[test]
+fn what_is_judged_in_the_end_can_be_another() {
+    let (scenario, source) = faulted();
+    let mut run = start((scenario, source.clone()));
+    run.go_on_until(Instant::from_millis(2_555));
+    let point = run.checkpoint().expect("nobody listens");
+    let expecting = |more: &str| in_a_room("6s", &format!("{FAULTS}[expect]\n{more}\n")).0;
+    for (more, is_known) in [
+        ("visit_within_mm = 200", true),
+        ("visit_within_mm = 199", false),
+        ("settle = '2s'", true),
+        ("settle = '1s'", false),
+        ("home_within_mm = 100", false),
+        ("map_received = false", true),
+        ("map_received = true", false),
+        (
+            "pose_rms_mm_max = 0\nviolations_max = 0\nwall_overlap_min = 1",
+            true,
+        ),
+        (
+            "heading_rms_deg_max = 0\nreturn_within_mm = 0\nexplored_min = 1",
+            true,
+        ),
+    ] {
+        let scenario = expecting(more);
+        let branch = point.resume_as(&scenario);
+        assert_eq!(branch.is_some(), is_known, "{more}");
+        if let Some(branch) = branch {
+            let own = start((scenario, source.clone())).finish();
+            assert_eq!(identity(&branch.finish()), identity(&own), "{more}");
+        }
+    }
+}
+
 /// To a run without faults that has come to 2.555 s each of the twelve is added alone: not what
 /// waits for a byte of all, throws dice for each byte, or should have begun by then.
 #[test]

@@ -12,7 +12,7 @@ use crate::scenario::{Scenario, ScenarioError, Source};
 use crate::search::campaign::judge::{Record, run_from};
 
 /// Checkpoints of one run, evenly over its time.
-const POINTS: u32 = 24;
+const POINTS: u32 = 48;
 /// Least time between two.
 const EVERY_MIN: Duration = Duration::from_millis(100);
 
@@ -123,10 +123,11 @@ impl<'a> Branches<'a> {
 /// What a try came to, and the checkpoints of its way.
 type Ran = (Record, Option<Box<Outcome>>, Vec<Rc<Checkpoint>>);
 
-/// A fingerprint of all that a run depends on.
+/// A fingerprint of all that a run depends on: not of its words.
 fn name_of(case: &Scenario) -> String {
     let plain = Scenario {
         origin: None,
+        description: String::new(),
         ..case.clone()
     };
     fingerprint(plain.to_toml().as_bytes())
@@ -134,4 +135,24 @@ fn name_of(case: &Scenario) -> String {
 
 fn time_of(run: &Run) -> Duration {
     run.rig.now() - protocols::Instant::ZERO
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A case in other words is the same case; one of another seed is not.
+    #[test]
+    fn what_was_judged_is_not_run_again() {
+        let text = "schema = 1\nname = \"test\"\nrobot = \"rescue\"\nduration = \"100ms\"\n\
+                    world.start = { x_m = 0.6, y_m = 0.6, heading_deg = 0 }\n";
+        let (mut case, source) = Scenario::from_text(text).expect("sound");
+        let mut branches = Branches::new(&source, "");
+        let first = branches.judge(&case);
+        case.description = "in other words".to_owned();
+        assert_eq!((branches.judge(&case), branches.judged.len()), (first, 1));
+        case.seed += 1;
+        branches.judge(&case);
+        assert_eq!(branches.judged.len(), 2);
+    }
 }
