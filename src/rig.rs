@@ -289,11 +289,14 @@ impl Rig {
     pub fn device_mut<T: Device + Any>(&mut self, name: &str) -> Option<&mut T> {
         let node = self.nodes.iter_mut().find(|node| node.name == name)?;
         node.stir();
-        let Body::Device(device) = &mut node.body else {
-            return None;
-        };
-        let device: &mut dyn Any = device.as_mut();
-        device.downcast_mut()
+        node.device_mut()
+    }
+
+    /// The same, to be told what to do later: it is polled when it wants to be, not before, as if
+    /// it had known from the start.
+    pub(crate) fn device_to_plan<T: Device + Any>(&mut self, name: &str) -> Option<&mut T> {
+        let mut nodes = self.nodes.iter_mut();
+        nodes.find(|node| node.name == name)?.device_mut()
     }
 
     /// The program under test, if it runs in this process.

@@ -175,6 +175,15 @@ impl Node {
         }
     }
 
+    /// The device of this node, if it is a `T`.
+    pub(super) fn device_mut<T: Any>(&mut self) -> Option<&mut T> {
+        let Body::Device(device) = &mut self.body else {
+            return None;
+        };
+        let device: &mut dyn Any = device.as_mut();
+        device.downcast_mut()
+    }
+
     /// Something happened to the node: it is polled next, and asked for bytes to send.
     pub(super) fn stir(&mut self) {
         self.stirred = true;
@@ -234,8 +243,9 @@ impl Node {
         self.stirred || self.poll_at.is_some_and(|at| at <= now)
     }
 
-    /// Room in a device's transmitter may be what it was waiting for.
-    pub(super) fn after_transmit(&mut self, now: Instant) {
+    /// Asks a device anew when it wants to be polled: room in its transmitter may be what it was
+    /// waiting for, or it was told of something that it does later.
+    pub(super) fn replan(&mut self, now: Instant) {
         if let Body::Device(device) = &self.body {
             self.poll_at = device.poll_at().map(|at| later_than(now, at));
         }

@@ -45,8 +45,11 @@ impl Rig {
         next
     }
 
-    /// Looks at all lines anew, whatever was done to them meanwhile.
+    /// Looks at all lines and devices anew, whatever was done to them meanwhile.
     pub(super) fn foresee(&mut self) {
+        for node in &mut self.nodes {
+            node.replan(self.now);
+        }
         let lines = self.links.iter().flat_map(|link| &link.lines);
         self.due.clear();
         self.due.extend(lines.map(|line| Due {
@@ -207,10 +210,75 @@ impl Rig {
         if let Some((at, bytes)) = line.take_echo() {
             link.lines[1 - direction as usize].receive(at, bytes);
         }
-        self.nodes[from.node].after_transmit(self.now);
+        self.nodes[from.node].replan(self.now);
         self.trace.record(index, direction, Side::Sent, ends, sent);
         for tap in &mut self.taps {
             tap.record(index, direction, Side::Sent, ends, sent);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use emulators::world::{BodyConfig, Pose, Scene, Shape, World};
+    use emulators::{Device, Event};
+    use protocols::{Instant, LineConfig, Port};
+
+    use super::*;
+
+    /// Wants to be polled at one moment, and remembers when it was.
+    #[derive(Clone, Default)]
+    struct Clockwork {
+        rings_at: Option<Instant>,
+        polls: Vec<Instant>,
+    }
+
+    impl Device for Clockwork {
+        fn receive(&mut self, _: Port, _: Instant, _: &[u8]) {}
+
+        fn poll(&mut self, now: Instant, _: &mut World) {
+            self.polls.push(now);
+        }
+
+        fn transmit(&mut self, _: Port, _: &mut [u8]) -> usize {
+            0
+        }
+
+        fn poll_at(&self) -> Option<Instant> {
+            let is_to_come = |at: &Instant| self.polls.last().is_none_or(|last| last < at);
+            self.rings_at.filter(is_to_come)
+        }
+
+        fn line_config(&self, _: Port) -> LineConfig {
+            LineConfig::new_8n1(9600)
+        }
+
+        fn take_events(&mut self) -> Vec<Event> {
+            Vec::new()
+        }
+    }
+
+    /// What is told at 10 ms of 20 ms changes nothing before that, and comes to the same as what
+    /// was known from the start; who does something to a device at once wakes it.
+    #[test]
+    fn what_is_planned_later_wakes_nobody_now() {
+        let polls = |tell: &dyn Fn(&mut Rig)| {
+            let scene = Scene::new(Vec::<Shape>::new(), Vec::new()).expect("empty");
+            let world = World::new(scene, BodyConfig::default(), Pose::default(), 1);
+            let mut rig = Rig::new(world.expect("free"));
+            rig.add_device("clock", Clockwork::default());
+            rig.run_until(Instant::from_millis(10));
+            tell(&mut rig);
+            rig.run_until(Instant::from_millis(30));
+            let clock = rig.device::<Clockwork>("clock").expect("it is there");
+            let millis = clock.polls.iter().map(|at| at.as_millis());
+            millis.collect::<Vec<u64>>()
+        };
+        let ring = |clock: Option<&mut Clockwork>| {
+            clock.expect("it is there").rings_at = Some(Instant::from_millis(20));
+        };
+        assert_eq!(polls(&|_| {}), [0]);
+        assert_eq!(polls(&|rig| ring(rig.device_to_plan("clock"))), [0, 20]);
+        assert_eq!(polls(&|rig| ring(rig.device_mut("clock"))), [0, 10, 20]);
     }
 }

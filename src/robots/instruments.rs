@@ -216,7 +216,7 @@ pub trait Instruments {
         None
     }
 
-    /// The same, to let it do something.
+    /// The same, to plan what it does later.
     fn station_mut<'a>(&'a self, _rig: &'a mut Rig) -> Option<&'a mut dyn Station> {
         None
     }

@@ -88,7 +88,7 @@ impl Instruments for ApolloInstruments {
     }
 
     fn station_mut<'a>(&'a self, rig: &'a mut Rig) -> Option<&'a mut dyn Station> {
-        let phone = rig.device_mut::<Phone>(PHONE)?;
+        let phone = rig.device_to_plan::<Phone>(PHONE)?;
         Some(phone)
     }
 

@@ -136,7 +136,7 @@ impl Instruments for RescueInstruments {
     }
 
     fn tap(&self, rig: &mut Rig, at: Instant, place: [u16; 2]) -> bool {
-        let panel = rig.device_mut::<TouchPanel>(display::NAME);
+        let panel = rig.device_to_plan::<TouchPanel>(display::NAME);
         panel.map(|panel| panel.tap(at, place)).is_some()
     }
 
@@ -145,7 +145,7 @@ impl Instruments for RescueInstruments {
     }
 
     fn station_mut<'a>(&'a self, rig: &'a mut Rig) -> Option<&'a mut dyn Station> {
-        let pc = rig.device_mut::<Pc>("pc")?;
+        let pc = rig.device_to_plan::<Pc>("pc")?;
         Some(pc)
     }
 

@@ -121,7 +121,7 @@ impl Instruments for YellowInstruments {
     }
 
     fn station_mut<'a>(&'a self, rig: &'a mut Rig) -> Option<&'a mut dyn Station> {
-        let pc = rig.device_mut::<PcStation>(PC)?;
+        let pc = rig.device_to_plan::<PcStation>(PC)?;
         Some(pc)
     }
 
