@@ -46,6 +46,9 @@ pub struct Pilot {
     /// How near it is reached, metres and radians.
     tolerance: [f64; 2],
     follower: Option<Follower>,
+    /// Poses of its way that [`Self::is_free`] did not call free when it was planned, ascending:
+    /// between two headings of the lattice it is stricter than the search.
+    tight: Vec<usize>,
     state: GoalState,
     plans: u64,
     failed: u8,
@@ -63,6 +66,7 @@ impl Pilot {
             with_heading: true,
             tolerance: settings.tolerance,
             follower: None,
+            tight: Vec::new(),
             state: GoalState::None,
             plans: 0,
             failed: 0,
@@ -102,6 +106,7 @@ impl Pilot {
     pub fn follow(&mut self, path: Vec<CarPose>) {
         self.set_goal(path.last().copied());
         if !path.is_empty() {
+            self.tight.clear();
             self.follower = Some(Follower::new(path, self.settings));
             self.state = GoalState::Driving;
         }
@@ -214,6 +219,8 @@ impl Pilot {
                     tolerance: self.tolerance,
                     ..self.settings
                 };
+                let is_tight = |index: &usize| !self.is_free(map, plan.poses[*index]);
+                self.tight = (0..plan.poses.len()).filter(is_tight).collect();
                 self.follower = Some(Follower::new(plan.poses, settings));
                 self.state = GoalState::Driving;
             }
@@ -243,11 +250,14 @@ impl Pilot {
     /// Whether the next metre and a half of the way is not free any more.
     fn is_blocked(&self, map: &Costmap, pose: CarPose) -> bool {
         let path = self.path();
-        let near = |index: &usize| pose.distance_m(path[*index]);
-        let nearest = (0..path.len()).min_by(|one, other| near(one).total_cmp(&near(other)));
-        let ahead = nearest.map_or(&[][..], |nearest| &path[nearest..]);
-        let near = ahead.iter().take_while(|at| pose.distance_m(**at) < 1.5);
-        near.skip(1).any(|at| !self.is_free(map, *at))
+        let far = |index: usize| pose.distance_m(path[index]);
+        let nearest = (0..path.len()).min_by(|one, other| far(*one).total_cmp(&far(*other)));
+        let ahead = nearest.unwrap_or(path.len())..path.len();
+        let mut near = ahead.take_while(|index| far(*index) < 1.5).skip(1);
+        near.any(|index| {
+            let was_free = self.tight.binary_search(&index).is_err();
+            was_free && !self.is_free(map, path[index])
+        })
     }
 }
 

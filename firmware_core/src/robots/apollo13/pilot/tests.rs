@@ -182,3 +182,32 @@ fn the_car_fits_beside_a_wall_that_it_cannot_face() {
     assert_eq!(free, [false, true, true, true]);
     assert!(!pilot.is_free(&map, CarPose { x_m: 7.0, ..START }));
 }
+
+/// To a place behind it beside a wall the car turns round in several moves. Of 24 such ways some
+/// pass where a heading between two of the lattice's looks too near; none is planned twice.
+#[test]
+fn a_map_that_has_not_changed_blocks_no_way_that_was_planned_on_it() {
+    let map = hall([3.0, 0.5]);
+    let mut tight = 0;
+    for step in 0..24_i32 {
+        let start = CarPose {
+            x_m: 4.2 + 0.05 * f64::from(step),
+            y_m: 1.0 + 0.04 * f64::from(step),
+            heading_rad: 0.05 * f64::from(step - 12),
+        };
+        let mut pilot = pilot();
+        pilot.set_place(Some(CarPose {
+            x_m: start.x_m - 1.6,
+            y_m: start.y_m - 0.6,
+            ..start
+        }));
+        pilot.drive(millis(0), start, || Some(&map));
+        let path = pilot.path().to_vec();
+        for (look, pose) in (1..).zip(path) {
+            pilot.drive(millis(200 * look), pose, || Some(&map));
+        }
+        assert_eq!(pilot.plans(), 1, "{step}");
+        tight += usize::from(!pilot.tight.is_empty());
+    }
+    assert!(tight > 0);
+}
