@@ -97,7 +97,7 @@ pub struct Run {
     pairs: Vec<PosePair>,
     history: History,
     contacts: Contacts,
-    /// Steps of the mission that wait for something.
+    /// Steps of the mission that wait for something, and those that somebody added.
     steps: Steps,
     /// What hears the lines for those who wait for bytes, once somebody does.
     line_watches: Option<LineWatches>,

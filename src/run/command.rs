@@ -13,7 +13,10 @@ impl Run {
     /// # Errors
     /// If the rig has no PC, or the action is beyond the limits of its protocol.
     pub fn command(&mut self, action: Action) -> Result<(), CommandError> {
-        let at = self.order(action)?;
+        let at = self.order(action.clone())?;
+        self.steps
+            .by_hand
+            .push(Step::at(Span(at - Instant::ZERO), action));
         self.go_on_until(at);
         Ok(())
     }
@@ -166,10 +169,33 @@ mod tests {
             .iter()
             .map(|s| s.at.expect("a time").instant().as_millis())
             .collect();
-        assert_eq!(times, [2_501, 3_000, 4_001, 4_002, 6_000, 8_001]);
+        // Behind those of the scenario, as it has them.
+        assert_eq!(times, [6_000, 3_000, 2_501, 4_001, 4_002, 8_001]);
         let outcome = again(&case).finish();
         assert_eq!(outcome.trace_hash, run.rig.trace_hash());
         assert_eq!(outcome.ran.as_nanos(), 10_000_000_000);
+    }
+
+    /// The robot rests where it is to go, 2 s of which end a mission: but one step waits for what
+    /// comes at 2.5 s, and one for what that comes to.
+    #[test]
+    fn a_mission_that_waits_for_something_is_repeated_byte_by_byte() {
+        let mut run = run("[mission]\nwaypoints_m = [[1.5, 1.2]]\nstep = [\
+             { at = \"2500ms\", do = { mode = \"stop\" } }, \
+             { when = { visited = 1 }, do = { drive = [10, 10] } }, \
+             { when = { pose = { near_m = [1.5, 1.5], within_m = 0.1 } }, do = { drive = [0, 0] } }]");
+        run.go_on_until(Instant::from_millis(1_500));
+        run.command(Action::Connect).expect("has a PC");
+        while !run.is_over() {
+            run.step();
+        }
+        let (case, ran) = (run.case(), run.rig.now());
+        assert!(ran > Instant::from_secs(4), "{ran}");
+        assert_eq!(case.mission.step.len(), 4);
+        let outcome = again(&case).finish();
+        let checks = |checks: &[Check]| checks.iter().map(Check::to_string).collect::<Vec<_>>();
+        assert_eq!(outcome.trace_hash, run.rig.trace_hash());
+        assert_eq!(checks(&outcome.checks), checks(&run.checks()));
     }
 
     /// U11: a session that is saved two seconds after the start has been nowhere yet. Run again it

@@ -239,7 +239,9 @@ impl Run {
             tool: concat!("hilrig ", env!("CARGO_PKG_VERSION")).to_owned(),
             trace_hash: self.rig.trace_hash(),
         });
-        case.mission.step.extend(self.steps.left());
+        // A step that waits waits again, and the mission is not over before it is done.
+        case.mission.step.clone_from(&self.asked.mission.step);
+        case.mission.step.extend(self.steps.by_hand.iter().cloned());
         let ran = self.rig.now() - Instant::ZERO;
         case.duration = case.duration.max(Span(ran));
         // What was struck is written out, so there is no budget to be kept any more.

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use hilrig::run::Run;
+use hilrig::run::{Outcome, Run};
 use hilrig::scenario::Scenario;
 
 use super::{failures, shipped};
@@ -46,6 +46,25 @@ fn ye6_the_published_law_runs_into_corners() {
     let failed = judged("yellow-reactive", 1, fielded);
     let is_contact = |check: &String| check.starts_with("no-collision-at-speed");
     assert!(failed.iter().any(is_contact), "{failed:?}");
+}
+
+/// What is waited for in a case is waited for again: maps, ways and places alike come to the same.
+#[test]
+fn the_case_of_a_mission_that_waits_is_that_mission() {
+    for name in ["yellow-map", "yellow-alike"] {
+        let (scenario, source) = shipped(name);
+        let run = Run::new(scenario, &source, None).expect("can be wired");
+        let outcome = run.finish();
+        let again = Run::new(outcome.case.clone(), &source, None)
+            .expect("can be wired")
+            .finish();
+        let checks = |outcome: &Outcome| {
+            let checks = outcome.checks.iter();
+            checks.map(ToString::to_string).collect::<Vec<_>>()
+        };
+        assert_eq!(again.trace_hash, outcome.trace_hash, "{name}");
+        assert_eq!(checks(&again), checks(&outcome), "{name}");
+    }
 }
 
 #[test]

@@ -181,7 +181,41 @@ fn situations(scenario: &Scenario, outcome: &Outcome) -> BTreeSet<String> {
 
 #[cfg(test)]
 mod tests {
+    use core::time::Duration;
+    use std::path::Path;
+
     use super::*;
+    use crate::scenario::Span;
+    use crate::search::generate::{self, Dice, Vary};
+
+    /// What a campaign finds is found in its case: of each scenario that is shipped, with
+    /// everything made anew, the first 40 s, in which most faults come and the first steps that
+    /// wait are done.
+    #[test]
+    fn a_case_does_again_what_its_run_did() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios");
+        let files = std::fs::read_dir(folder).expect("a folder");
+        let mut paths: Vec<_> = files.map(|file| file.expect("a file").path()).collect();
+        paths.sort();
+        let mut tried = 0;
+        for path in paths {
+            let (shipped, source) = Scenario::read(&path).expect("sound");
+            let mut dice = Dice::of_seed(7, &shipped.name);
+            let mut made = generate::scenario(&shipped, Vary::ALL, &mut dice);
+            made.duration = made.duration.min(Span(Duration::from_secs(40)));
+            let name = &made.name;
+            let Ok((record, outcome)) = run(&made, &source) else {
+                assert_eq!(name, "custom-robot", "it alone has no program");
+                continue;
+            };
+            let case = outcome.expect("no panic").case.to_toml();
+            let (case, source) = Scenario::from_text(&case).expect("a case is a scenario");
+            let (again, _) = run(&case, &source).expect("can be wired");
+            assert_eq!(again, record, "{name}");
+            tried += 1;
+        }
+        assert!(tried >= 20, "{tried}");
+    }
 
     #[test]
     fn figures_do_not_tell_causes_apart() {
