@@ -1,6 +1,6 @@
 //! How many simulated seconds does one second of computing give? The whole loop of the demo: lidar,
 //! base, radio and PC, faults off, checkers on, the robot's program with its mapping; the same of
-//! every robot; and what does writing the capture add?
+//! every robot; what does writing the capture add; and what do checkpoints save a search?
 //!
 //! Criterion prints the rate in "elements": simulated milliseconds per second; divide by 1000 for
 //! the factor over real time. One thread. The rates of the robots are by processor time, so they
@@ -15,6 +15,7 @@ use hilrig::capture::{Capture, Limits, Recording, about};
 use hilrig::realtime::clock::{Clock, WallClock};
 use hilrig::run::Run;
 use hilrig::scenario::Scenario;
+use hilrig::search::shrink::{self, Branches, Effort, Judged};
 use protocols::Instant;
 use rustix::time::{ClockId, clock_gettime};
 
@@ -136,11 +137,48 @@ fn cost_of_capture(_: &mut Criterion) {
     }
 }
 
+/// What do checkpoints save where twelve faults become the two that matter? The same search, in
+/// which each try is a whole run, against one whose tries go on from where they part.
+fn shrinking(_: &mut Criterion) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cli/twelve-faults.toml");
+    let (scenario, source) = Scenario::read(&path).expect("it is there");
+    let run = Run::new(scenario, &source, None).expect("can be wired");
+    let start = run.finish().case;
+    let cause = "motors-stop-after-silence";
+    let tries = if is_measured() { 5 } else { 1 };
+    let mut best = [Duration::MAX; 2];
+    let mut cases = Vec::new();
+    for _ in 0..tries {
+        let (mut branches, mut effort) = (Branches::new(&source, cause), Effort::tries(1_000));
+        let mut whole = |case: &Scenario| Branches::new(&source, cause).judge(case);
+        let judges: [&mut dyn FnMut(&Scenario) -> Judged; 2] =
+            [&mut |case| branches.judge(case), &mut whole];
+        for (best, judge) in best.iter_mut().zip(judges) {
+            let began = cpu_time(ClockId::ThreadCPUTime);
+            assert_eq!(judge(&start), Judged::FailsAlike);
+            cases.push(shrink::scenario(&start, cause, judge, &mut effort));
+            *best = (*best).min(cpu_time(ClockId::ThreadCPUTime) - began);
+        }
+    }
+    assert!(
+        cases
+            .iter()
+            .all(|case| *case == cases[0] && case.fault.len() == 2)
+    );
+    let [branched, whole] = best.map(|time| time.as_secs_f64() * 1e3);
+    println!(
+        "shrink, twelve faults: {whole:.0} ms by whole runs, {branched:.0} ms by checkpoints: \
+         {:.1} times faster, best of {tries} each",
+        whole / branched
+    );
+}
+
 criterion_group!(
     benches,
     whole_loop,
     every_robot,
     reading_a_capture,
-    cost_of_capture
+    cost_of_capture,
+    shrinking
 );
 criterion_main!(benches);

@@ -8,40 +8,12 @@ use protocols::xv11::{Frame, RawReading, SpeedWord};
 
 use super::{Session, shipped, text};
 
-/// Two cuts back to back take 1.2 s from the line to a base whose firmware forgets to stop the
-/// motors (5f54f4d, fixed later). Each alone is shorter than the second that it may take. Ten
-/// more faults do not matter.
-fn twelve_faults() -> String {
-    let scenario = shipped("empty-room").replace("violations_max = 0", "");
-    let mut scenario = scenario.replace("\"90s\"", "\"11s\"");
-    scenario += "[device.base.avr-base]\nprofile = \"rcj2015-2014\"\n";
-    for (link, direction, kind, from, until) in [
-        ("lidar", "to-master", "flip", 1000, 9000),
-        ("lidar", "to-master", "drop", 2000, 3000),
-        ("base", "to-device", "cut", 9000, 9600),
-        ("radio", "to-master", "flip", 1000, 9000),
-        ("radio", "to-device", "insert", 1000, 9000),
-        ("lidar", "to-master", "cut", 4000, 4200),
-        ("pc", "to-master", "duplicate", 1000, 9000),
-        ("base", "to-device", "cut", 9600, 10200),
-        ("pc", "to-device", "drop", 1000, 9000),
-        ("radio", "to-master", "cut", 8000, 8200),
-        ("pc", "to-master", "cut", 8500, 9000),
-        ("base", "to-master", "flip", 3000, 4000),
-    ] {
-        let rate = if kind == "cut" { "" } else { "rate = 0.001\n" };
-        scenario += &format!(
-            "[[fault]]\nlink = \"{link}\"\ndirection = \"{direction}\"\nkind = \"{kind}\"\n\
-             {rate}from = \"{from}ms\"\nuntil = \"{until}ms\"\n"
-        );
-    }
-    scenario
-}
+const TWELVE_FAULTS: &str = include_str!("twelve-faults.toml");
 
 #[test]
 fn twelve_faults_of_which_two_matter_come_down_to_those_two() {
     let session = Session::new("shrink-faults");
-    session.write("twelve.toml", &twelve_faults());
+    session.write("twelve.toml", TWELVE_FAULTS);
     for out in ["one", "two"] {
         let output = session.hilrig(&["shrink", "twelve.toml", "--out", out]);
         assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
@@ -121,7 +93,7 @@ fn a_capture_with_one_bad_packet_comes_down_to_a_few() {
 #[test]
 fn a_command_decides_what_is_bad() {
     let session = Session::new("shrink-while");
-    session.write("twelve.toml", &twelve_faults());
+    session.write("twelve.toml", TWELVE_FAULTS);
     let judge = "grep -q 'y_m = 1.0'";
     let output = session.hilrig(&["shrink", "twelve.toml", "--while", judge, "--out", "small"]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
@@ -135,7 +107,7 @@ fn a_command_decides_what_is_bad() {
 #[test]
 fn the_best_so_far_is_the_result_when_somebody_stops_the_search() {
     let session = Session::new("shrink-stopped");
-    session.write("twelve.toml", &twelve_faults());
+    session.write("twelve.toml", TWELVE_FAULTS);
     let judge = "kill -INT $PPID; sleep 0.2; grep -q 'y_m = 1.0'";
     let output = session.hilrig(&["shrink", "twelve.toml", "--while", judge, "--out", "small"]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
