@@ -367,6 +367,23 @@ mod tests {
         );
     }
 
+    /// Ports that do not say when more comes are looked at again after 5 ms, and after 1 ms while a
+    /// far end has no room. How long each chunk was held is counted.
+    #[test]
+    fn a_turn_waits_longer_when_nothing_waits_for_room() {
+        let mut bench = bench("turn");
+        let now = |bench: &Bench| bench.recorder.clock().now().as_millis();
+        bench.turn();
+        assert_eq!((now(&bench), bench.recorder.held().count()), (5, 0));
+        for len in [3_000, 2_000] {
+            bench.device.write(&vec![1; len]);
+            bench.turn();
+        }
+        assert!(!bench.recorder.waiting[0][0].is_empty());
+        assert_eq!((now(&bench), bench.recorder.held().count()), (5 + 5 + 1, 5));
+        bench.capture();
+    }
+
     /// Nobody takes what comes for a closed port: it is lost, counted, and said in the file.
     #[test]
     fn what_comes_for_a_closed_port_is_lost() {

@@ -209,7 +209,46 @@ impl WriterState {
 
 #[cfg(test)]
 mod tests {
+    use emulators::world::{BodyConfig, Pose, Scene, Shape, World};
+    use protocols::{LineConfig, Port};
+
     use super::*;
+    use crate::capture::record::{Interface, Section};
+    use crate::capture::{Capture, Limits};
+    use crate::rig::Rig;
+    use crate::rig::line::End;
+
+    /// A batch that comes back from the thread is used again: what was in it is not written twice.
+    #[test]
+    fn a_batch_that_comes_back_is_empty() {
+        let scene = Scene::new(Vec::<Shape>::new(), Vec::new()).expect("empty");
+        let world = World::new(scene, BodyConfig::default(), Pose::default(), 1);
+        let mut rig = Rig::new(world.expect("free"));
+        let ends = [0, 1].map(|_| End {
+            node: rig.add_outside("one", LineConfig::new_8n1(9600)),
+            port: Port(0),
+        });
+        rig.connect("one", ends[0], ends[1], 1);
+        let mut head = Vec::new();
+        Section::default().write(&mut head);
+        Interface::new("one", 9600).write(&mut head);
+        let name = format!("hilrig-batch-{}.pcapng", std::process::id());
+        let path = std::env::temp_dir().join(name);
+        let files = Files::create(&path, head, Limits::default()).expect("writable");
+        let joiner = Joiner::new(&rig, Instant::ZERO);
+        let mut writer = WriterThread::start(joiner, files, 1024).expect("a thread");
+        for second in 1..=3 {
+            let at = Instant::from_secs(u64::from(second));
+            writer.batch.bytes(0, at, &[second], 0);
+            assert!(writer.reached(at));
+            writer.batch = writer.empty.recv().expect("it comes back");
+        }
+        writer.finish().expect("writable");
+        let capture = Capture::read(&path).expect("readable");
+        let _ = std::fs::remove_file(&path);
+        let records = capture.records.iter().map(|one| one.bytes.to_vec());
+        assert_eq!(records.collect::<Vec<_>>(), [[1], [2], [3]]);
+    }
 
     /// 4096 deliveries, or 128 KiB of them.
     #[test]

@@ -213,11 +213,14 @@ fn a_fielded_defect_fails_the_case_until_it_is_switched_off() {
 }
 
 /// A run without a fault pins what the program sends: another program fails at its first byte
-/// that differs.
+/// that differs. The checks of every run must pass again, but for collisions: a mended program goes
+/// another way.
 #[test]
 fn a_sound_run_becomes_a_case_that_pins_the_outputs() {
     let (case, _) = case_of("case-sound", None);
     assert!(case.expect.same_outputs && case.expect.never.is_empty());
+    let asked = |name: &str| case.expect.checks.iter().any(|check| check == name);
+    assert!(asked("memory-intact") && !asked("no-collision-at-speed"));
     let same = run(&case, None);
     assert!(same.passed(), "{same}");
     let other = run(&case, Some(Defect::Mangles));

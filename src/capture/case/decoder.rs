@@ -204,6 +204,7 @@ mod tests {
 
     use super::*;
     use crate::capture::divergence::Track;
+    use crate::capture::replay::Arrival;
     use crate::run::check::Status;
 
     /// Two register reads towards the base with a byte between them that belongs to neither.
@@ -265,6 +266,27 @@ mod tests {
         );
     }
 
+    /// Eight characters without a stop bit beside fifty bytes are more than one in fifty.
+    #[test]
+    fn what_was_no_character_is_a_cause() {
+        let read = Frame::read(36, 10, ChecksumOrder::LowFirst);
+        let bytes = [read.as_bytes(); 10].into_iter().chain([&[][..]; 8]);
+        let arrivals = (1..).zip(bytes).map(|(millis, bytes)| Arrival {
+            at: Instant::from_millis(millis),
+            bytes: bytes.to_vec(),
+        });
+        let mut recorded = recorded(60);
+        recorded.links[0].arrivals = arrivals.collect();
+        recorded.links[0].sent = Track::default();
+        let case = Case::of_decoders("x", &recorded).expect("it has a form");
+        let decoder = case.expect("there are frames").expect.decoder;
+        let cause = "wrong baud rate (8 characters without a stop bit beside 50 bytes)";
+        assert_eq!(
+            (decoder.len(), &decoder[0].diagnosis[..]),
+            (1, &[cause.to_owned()][..])
+        );
+    }
+
     #[test]
     fn another_frame_or_cause_is_told_with_both() {
         let verdict = verdicts(&decoded(), &recorded(61)).remove(0);
@@ -322,12 +344,10 @@ mod tests {
     fn a_dump_is_one_way_unless_both_ends_speak() {
         let mut both = recorded(60);
         assert!(both.is_one_way());
-        both.links[0]
-            .arrivals
-            .push(crate::capture::replay::Arrival {
-                at: Instant::ZERO,
-                bytes: vec![1],
-            });
+        both.links[0].arrivals.push(Arrival {
+            at: Instant::ZERO,
+            bytes: vec![1],
+        });
         assert!(!both.is_one_way());
         both.links[0].sent = Track::default();
         assert!(both.is_one_way());

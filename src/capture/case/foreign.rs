@@ -81,3 +81,89 @@ impl Expectation {
         checks
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::capture::divergence::Track;
+    use crate::capture::replay::{Arrival, Passage};
+    use crate::run::check::Status;
+
+    /// A byte each half second, the last one at `last_ms`.
+    fn track(last_ms: u64) -> Track {
+        let mut track = Track::default();
+        for millis in (500..=last_ms).step_by(500) {
+            track.push(Instant::from_millis(millis), &[1]);
+        }
+        track
+    }
+
+    const END: Instant = Instant::from_secs(10);
+
+    /// Of a program that talked to the end the same is expected again; of one that fell silent,
+    /// that it talks. A link on which nothing was said to it is none of its own.
+    #[test]
+    fn what_is_expected_of_an_outsider_depends_on_whether_it_fell_silent() {
+        let passage = |link: &str, last_ms, heard: &[u8]| Passage {
+            link: link.to_owned(),
+            arrivals: Vec::from_iter((!heard.is_empty()).then(|| Arrival {
+                at: Instant::ZERO,
+                bytes: heard.to_vec(),
+            })),
+            sent: track(last_ms),
+            ..Passage::default()
+        };
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/empty-room.toml");
+        let (scenario, _) = Scenario::read(&path).expect("sound");
+        let expected = |last_ms| {
+            let recorded = Recorded {
+                links: vec![passage("deaf", 10_000, &[]), passage("base", last_ms, &[7])],
+                end: END,
+                zero: Instant::ZERO,
+            };
+            let case = Case::of_outsider("x", &recorded, &scenario);
+            assert!(case.is_foreign);
+            let links: Vec<_> = case.link.iter().map(|link| &*link.name).collect();
+            assert_eq!(
+                (links, &case.expect.talks[..]),
+                (vec!["base"], &["base".to_owned()][..])
+            );
+            case.expect.same_outputs
+        };
+        assert_eq!([10_000, 8_500].map(expected), [true, false]);
+    }
+
+    /// Each link by its own name: one talks to the end, the other fell silent.
+    #[test]
+    fn a_program_is_judged_on_each_link_by_what_it_said_there() {
+        let expect = Expectation {
+            talks: ["base", "radio", "lidar"].map(str::to_owned).to_vec(),
+            ..Expectation::default()
+        };
+        let links = [("base", 9_000), ("radio", 8_500)].map(|(link, last_ms)| Played {
+            link: link.to_owned(),
+            expected: Track::default(),
+            got: track(last_ms),
+        });
+        let checks = expect.judge_links(&links, END);
+        let checks: Vec<_> = checks
+            .iter()
+            .map(|one| (one.status, &*one.detail))
+            .collect();
+        let (pass, fail) = (Status::Pass, Status::Fail);
+        let said = [
+            (
+                pass,
+                "the program sent on base last at 9.000000 s, of 10.000000 s",
+            ),
+            (
+                fail,
+                "the program sent on radio last at 8.500000 s, of 10.000000 s",
+            ),
+            (fail, "the program sent on lidar never, of 10.000000 s"),
+        ];
+        assert_eq!(checks, said);
+    }
+}

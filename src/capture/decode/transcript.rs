@@ -537,6 +537,40 @@ mod tests {
         assert_eq!([4_094, 1].map(&mut told), [4_096, 8_192]);
     }
 
+    /// One frame of five bytes among 64 may be chance: it is believed when nothing better is found
+    /// in 4096.
+    #[test]
+    fn a_single_frame_is_not_believed_at_once() {
+        use protocols::avr::{ChecksumOrder, Frame};
+        let frame = Frame::read(36, 10, ChecksumOrder::LowFirst);
+        let mut transcript = Transcript::new(None);
+        let link = Interface::new("x", 1_000_000);
+        let mut framed = |bytes: &[u8]| {
+            transcript.record(&record(5, bytes, ""), &link);
+            let sum = transcript.sums().next().expect("one lane");
+            (sum.codec.is_some(), sum.framed)
+        };
+        let first = [frame.as_bytes(), &[2; 59]].concat();
+        assert_eq!(framed(&first), (false, 0));
+        assert_eq!(framed(&[2; 4_031]), (false, 0));
+        assert_eq!(framed(&[2; 1]), (true, 5));
+    }
+
+    /// A frame that comes in two pieces within its protocol's idle time is one.
+    #[test]
+    fn a_frame_may_come_in_pieces() {
+        use protocols::avr::{ChecksumOrder, Frame};
+        let frame = Frame::read(36, 10, ChecksumOrder::LowFirst);
+        let (begin, rest) = frame.as_bytes().split_at(2);
+        let mut transcript = Transcript::new(None);
+        let link = Interface::new("x", 1_000_000);
+        transcript.record(&record(5, begin, ""), &link);
+        transcript.record(&record(6, rest, ""), &link);
+        let all: Vec<_> = transcript.finish().collect();
+        assert_eq!(all.len(), 1);
+        assert!(matches!(&all[0].said, Said::Frame(words) if words.contains("36")));
+    }
+
     /// Of two whole frames and half of one, ten bytes are sound; what is still to be told came with
     /// the half.
     #[test]

@@ -210,3 +210,40 @@ fn a_private_option_of_others_is_not_ours() {
     assert!(!is_ours(32_473, b"hsc") && !is_ours(32_473, b""));
     assert!(!is_private(Order::Little, &[], b"hscn"));
 }
+
+/// A block of another tool, by hand: two comments are two lines, and where the flags say which way
+/// it went (1 in, 2 out), the head of the link type (1 sent, 2 received) does not count.
+#[test]
+fn a_record_of_another_tool_is_read_with_all_its_options() {
+    let read = |number: u8, flags: u8| {
+        let options = [
+            &[1, 0, 3, 0, b'o', b'n', b'e', 0][..],
+            &[1, 0, 4, 0, b'm', b'o', b'r', b'e'],
+            &[2, 0, 4, 0, flags, 0, 0, 0],
+            &[0, 0, 0, 0],
+        ];
+        let block = [
+            &[6, 0, 0, 0, 76, 0, 0, 0, 0, 0, 0, 0][..],
+            &[0, 0, 0, 0, 7, 0, 0, 0, 13, 0, 0, 0, 13, 0, 0, 0],
+            &[0, 0, 0, 0, 0, 0, 0, 0, number, 0x10, 0, 0, 0xAB, 0, 0, 0],
+            &options.concat(),
+            &[76, 0, 0, 0],
+        ];
+        let mut file = Vec::new();
+        Section::default().write(&mut file);
+        Interface::new("base", 9600).write(&mut file);
+        file.extend(block.concat());
+        let mut capture = crate::capture::Capture::of(&file);
+        assert_eq!((capture.broken, capture.cut, capture.skipped), (None, 0, 0));
+        let record = capture.records.remove(0);
+        assert_eq!(
+            (&*record.bytes, &*record.comment),
+            (&[0xAB][..], "one\nmore")
+        );
+        record.direction
+    };
+    let (to_device, to_master) = (Direction::ToDevice, Direction::ToMaster);
+    assert_eq!([1, 2].map(|number| read(number, 0)), [to_device, to_master]);
+    assert_eq!([1, 2].map(|number| read(number, 1)), [to_master; 2]);
+    assert_eq!([1, 2].map(|number| read(number, 2)), [to_device; 2]);
+}
