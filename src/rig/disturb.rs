@@ -190,3 +190,49 @@ impl Rig {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use core::time::Duration;
+
+    use emulators::world::{BodyConfig, Pose, Scene, Shape, World};
+    use protocols::{LineConfig, Port};
+
+    use super::*;
+    use crate::rig::line::End;
+
+    /// The first of three links has nothing to do with it; the way to the
+    /// devices stays as it is.
+    #[test]
+    fn two_of_three_links_change_receivers_one_way_and_get_them_back() {
+        let scene = Scene::new(Vec::<Shape>::new(), Vec::new()).expect("empty");
+        let world = World::new(scene, BodyConfig::default(), Pose::default(), 1);
+        let mut rig = Rig::new(world.expect("free"));
+        let ends = ["one", "two", "three"].map(|name| {
+            let [device, master] = [(), ()].map(|()| End {
+                node: rig.add_outside(name, LineConfig::new_8n1(9600)),
+                port: Port(0),
+            });
+            rig.connect(name, device, master, 1);
+            [device.node, master.node]
+        });
+        // What comes at the three masters, then at the three devices.
+        let received = |rig: &mut Rig| {
+            for (byte, [device, master]) in (1..).zip(ends) {
+                rig.inject(device, &[byte]);
+                rig.inject(master, &[byte + 10]);
+            }
+            rig.run_for(Duration::from_millis(10));
+            [1, 0].map(|side| ends.map(|nodes| rig.take_output(nodes[side]).to_vec()))
+        };
+        let crossed = Disturbance::Cross {
+            links: ["two", "three"].map(str::to_owned),
+            direction: Direction::ToMaster,
+        };
+        let to_devices = [[11], [12], [13]];
+        rig.disturb(&crossed, true);
+        assert_eq!(received(&mut rig), [[[1], [3], [2]], to_devices]);
+        rig.disturb(&crossed, false);
+        assert_eq!(received(&mut rig), [[[1], [2], [3]], to_devices]);
+    }
+}

@@ -62,4 +62,15 @@ mod tests {
         assert!(!rig.reaches(&["lidar", "motor", "base"], "pc"));
         assert!(!rig.reaches(&[], "lidar"));
     }
+
+    /// No link is called as the program is, which is at the end of most of them.
+    #[test]
+    fn a_node_is_reached_by_its_own_name() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/empty-room.toml");
+        let (scenario, source) = Scenario::read(&path).expect("sound");
+        let wired = robots::wire(&scenario, &source, Dut::Internal, PcEnd::Scripted);
+        let rig = wired.expect("can be wired").rig;
+        assert!(rig.link("program").is_none());
+        assert!(rig.reaches(&["lidar"], "program") && rig.reaches(&["lidar"], "pc"));
+    }
 }

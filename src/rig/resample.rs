@@ -234,6 +234,9 @@ mod tests {
     /// - 61 62: bit 1 is H, a false start; `e` = 2: start L; data (5, 7 .. 19) L H H L L L H H,
     ///   stop (21, idle) H: 1100 0110.
     /// - 00 00, `e` = 0: data L L L H L L L L, stop H: 0000 1000.
+    /// - 03 00 01: bit 1 is H, a false start; `e` = 3: start L; data (6, 8 .. 20) L, stop (22) L,
+    ///   so it is none. But with bit 22, L behind the H of 21, the next one begins: start (23) L;
+    ///   data (25, 27) L L, (29, 31 .. idle) H H H H H H, stop H: 1111 1100.
     /// - 61 62 00: as the second, but bit 21 is in the low third character: no stop bit. The next
     ///   edge would be behind it; there is none.
     #[test]
@@ -242,6 +245,7 @@ mod tests {
         assert_eq!(half(&[0x48, 0x69]), (vec![0b1001_1100], 0));
         assert_eq!(half(&[0x61, 0x62]), (vec![0b1100_0110], 0));
         assert_eq!(half(&[0x00, 0x00]), (vec![0b0000_1000], 0));
+        assert_eq!(half(&[0x03, 0x00, 0x01]), (vec![0b1111_1100], 1));
         assert_eq!(half(&[0x61, 0x62, 0x00]), (vec![], 1));
     }
 

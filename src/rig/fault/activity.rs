@@ -185,6 +185,10 @@ mod tests {
         assert_eq!(at(&spells(None, None)), [10, 13, 16, 19]);
         assert_eq!(at(&spells(Some(2), None)), [10, 13]);
         assert_eq!(at(&spells(Some(0), None)), [0; 0]);
+        // A period of more than the 584 years that nanoseconds count comes once.
+        let mut once = spells(None, None);
+        once.spells.as_mut().expect("it has some").every = Duration::MAX;
+        assert_eq!(at(&once), [10]);
     }
 
     #[test]

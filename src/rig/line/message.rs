@@ -234,6 +234,32 @@ mod tests {
         assert_eq!((traffic.lost, traffic.added), (72, 72));
     }
 
+    /// Of three messages of 8 bytes the second, number 1, comes twice; what befell it is told with
+    /// the first of the two.
+    #[test]
+    fn a_message_that_was_struck_says_so_when_it_arrives() {
+        let [left, right] = [LEFT, RIGHT].map(|node| End {
+            node,
+            port: Port(0),
+        });
+        let mut line = Line::new(left, right);
+        let (byte, damage) = (1, Damage::Duplicate);
+        line.faults.add_strike(Strike { byte, damage });
+        let (rate, mut now) = (LineConfig::new_8n1(100_000), Instant::ZERO);
+        for first in 1..=3 {
+            let (kind, budget) = (LinkKind::I2c, &mut Budget::default());
+            now = line.take_message(kind, now, rate, budget, &[first; 8]);
+        }
+        let arrived = core::iter::from_fn(|| line.deliver(now));
+        let told = arrived.map(|one| {
+            let strikes = one.original.map(|original| original.strikes);
+            (one.bytes[0], strikes)
+        });
+        let struck = Some(vec![Strike { byte, damage }]);
+        let expected = [(1, None), (2, struck), (2, None), (3, None)];
+        assert_eq!(told.collect::<Vec<_>>(), expected);
+    }
+
     /// Until 500 us packets take 5 ms longer: the first arrives behind the second.
     #[test]
     fn a_late_packet_is_overtaken() {
