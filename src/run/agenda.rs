@@ -174,6 +174,24 @@ mod tests {
         assert_eq!(due_after(&mut agenda, &mut rig, 11), None);
     }
 
+    /// Moved to 12 s the spells are at 12 and 15 s, and what nothing is left of is forgotten.
+    #[test]
+    fn what_is_moved_is_due_in_its_other_window() {
+        let (mut agenda, mut rig) = (Agenda::default(), rig());
+        for id in [0, 1] {
+            agenda.add(FaultId(id), twice(), nothing());
+        }
+        let from_12 = |until| Window {
+            from: Instant::from_secs(12),
+            until: Instant::from_secs(until),
+        };
+        agenda.move_to(FaultId(0), from_12(12));
+        assert_eq!((agenda.0.len(), agenda.0[0].id), (1, FaultId(1)));
+        agenda.move_to(FaultId(1), from_12(20));
+        let due = [0, 12, 13, 15].map(|secs| due_after(&mut agenda, &mut rig, secs));
+        assert_eq!(due, [12, 13, 15, 16].map(Some));
+    }
+
     #[test]
     fn faults_are_left_out_and_numbered_anew() {
         let mut agenda = Agenda::default();

@@ -373,6 +373,22 @@ mod tests {
         assert_eq!(last, Some("fault-ended"));
     }
 
+    /// A clog by the dice called `clogs` is in a case one stall for each spell, without dice: each
+    /// 300 ms there is one, of 100 ms on average.
+    #[test]
+    fn a_case_has_the_spells_of_a_clog_as_stalls() {
+        let mut run = run();
+        let clog = "kind = \"clog\"\nevery = \"300ms\"\nlasting = \"100ms\"\nstream = \"clogs\"";
+        run.inject(on_the_bus(clog)).expect("sound");
+        run.go_on_until(Instant::from_secs(3));
+        let case = run.case();
+        assert!((9..=10).contains(&case.fault.len()), "{:?}", case.fault);
+        let stalls = |fault: &FaultSpec| fault.kind == FaultKind::Stall && fault.stream.is_none();
+        assert!(case.fault.iter().all(stalls), "{:?}", case.fault);
+        let read = Scenario::parse(Path::new("case.toml"), case.to_toml());
+        assert_eq!(read.expect("sound").0.fault, case.fault);
+    }
+
     /// Dice are those of the fault's number in the run; in a case, in which it may have another,
     /// they are named.
     #[test]

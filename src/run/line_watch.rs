@@ -99,7 +99,10 @@ impl Tap for LineWatches {
 
 #[cfg(test)]
 mod tests {
+    use core::time::Duration;
+
     use super::*;
+    use crate::codec::BUS_HIGH_FIRST;
 
     /// A pattern across the border of two chunks is found, and half of it is not enough.
     #[test]
@@ -143,6 +146,26 @@ mod tests {
             assert_eq!(tail, kept);
         }
         assert!(wanted.is_in(Instant::ZERO, &[2]));
+    }
+
+    /// The golden read of ten registers from 36 (field firmware b77a6df) in two halves: a pause as
+    /// long as the protocol's idle time still joins them, a longer one cuts them.
+    #[test]
+    fn a_frame_is_found_unless_a_pause_cuts_it() {
+        let is_found_after = |pause: Duration| {
+            let mut wanted = Wanted::Frame {
+                contains: "36".to_owned(),
+                codec: &BUS_HIGH_FIRST,
+                stream: Stream::new(&BUS_HIGH_FIRST),
+                heard: Instant::ZERO,
+            };
+            let begin = Instant::from_secs(1);
+            assert!(!wanted.is_in(begin, &[0xAB, 0x24]));
+            wanted.is_in(begin + pause, &[0x0A, 0x00, 0xD9])
+        };
+        let idle = BUS_HIGH_FIRST.idle();
+        assert!(is_found_after(idle));
+        assert!(!is_found_after(idle + Duration::from_nanos(1)));
     }
 
     /// Only what is received on the own line counts, and only as long as somebody waits.

@@ -64,6 +64,17 @@ fn a_port_is_hung_up_at_the_end_of_the_scenario() {
     );
 }
 
+/// So is one that is written to: of 6000 bytes 960 go in the last second, and 4096 wait.
+#[test]
+fn a_write_that_finds_no_room_ends_with_the_scenario() {
+    let bench = own_slave();
+    let mut sonar = bench.port("sonar").expect("a port");
+    bench.sleep(Duration::from_secs(59));
+    let refused = sonar.write_all(&[b' '; 6000]).map_err(|error| error.kind());
+    assert_eq!(refused, Err(ErrorKind::BrokenPipe));
+    assert_eq!(bench.now().as_millis(), 60_000);
+}
+
 #[test]
 fn an_unknown_port_is_told_with_the_known_ones() {
     let error = own_slave().port("sonr").expect_err("no such port");

@@ -21,6 +21,21 @@ fn verdict_of(name: &str, outcome: &Outcome) -> (Status, String) {
     (check.status, check.detail.clone())
 }
 
+/// Whoever asks while a run goes on is told what its end will say, of its map too.
+#[test]
+fn the_verdicts_so_far_are_those_of_the_end() {
+    let walls = "[expect]\nwall_overlap_min = 0.1\n";
+    let mut run = start(in_a_room("5s", &format!("[program]\n{EXPLORES}{walls}")));
+    while !run.is_over() {
+        run.step();
+    }
+    let so_far: Vec<String> = run.checks().iter().map(ToString::to_string).collect();
+    let outcome = run.judge();
+    let in_the_end: Vec<String> = outcome.checks.iter().map(ToString::to_string).collect();
+    assert_eq!(so_far, in_the_end);
+    assert_eq!(verdict_of("wall-overlap", &outcome).0, Status::Pass);
+}
+
 /// A lidar that sees nothing, before a robot that takes nothing for free space (XV-11): it drives
 /// into the wall at its travelling speed. The sound program stands still.
 #[test]

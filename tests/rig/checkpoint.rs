@@ -3,7 +3,7 @@
 use core::time::Duration;
 
 use hilrig::run::Outcome;
-use hilrig::scenario::{FaultSpec, Scenario, Source, Span};
+use hilrig::scenario::{FaultSpec, PhasesSpec, Scenario, Source, Span};
 use proptest::prelude::*;
 use protocols::Instant;
 
@@ -116,9 +116,20 @@ fn cases(usual: u32) -> ProptestConfig {
     ProptestConfig::with_cases(more.unwrap_or(usual))
 }
 
-/// The run goes on as well, so both the checkpoint and what it was taken from are seen to be whole.
+/// The run goes on as well, so both the checkpoint and what it was taken from are seen to be whole,
+/// with what watches whether the robot recovers.
 #[test]
 fn taking_a_checkpoint_changes_nothing() {
+    let faulted = || {
+        let (mut scenario, source) = faulted();
+        scenario.phases = Some(PhasesSpec {
+            warm_up: Span::from_millis(1_000),
+            adversity: Span::from_millis(3_000),
+            recovery: Span::from_millis(1_000),
+            judgement: Span::from_millis(1_000),
+        });
+        (scenario, source)
+    };
     let mut run = start(faulted());
     run.go_on_until(Instant::from_millis(2_555));
     let point = run.checkpoint().expect("nobody listens");
@@ -156,6 +167,16 @@ fn what_has_come_to_bear_cannot_be_taken_back() {
     // The first has no time from which on it may be at work.
     let begins_later: Vec<bool> = (1..12).map(later).collect();
     assert_eq!(begins_later, known_by_then[1..]);
+    // The stall of 2.5 s on is there from that nanosecond on.
+    let known_at = [2_499_999_999, 2_500_000_000].map(|nanos| {
+        let mut run = start(faulted());
+        run.go_on_until(Instant::from_nanos(nanos));
+        let mut other = scenario.clone();
+        other.fault.remove(3);
+        let point = run.checkpoint().expect("nobody listens");
+        point.resume_as(&other).is_some()
+    });
+    assert_eq!(known_at, [yes, no]);
     let mut moved = scenario.clone();
     moved.mission.connect = Span::from_millis(700);
     assert!(point.resume_as(&moved).is_none());

@@ -4,7 +4,9 @@ use emulators::world::{BodyConfig, Contact, Point, Pose, Scene, Shape, World};
 use protocols::{LineConfig, Port};
 
 use super::*;
+use crate::rig::fault::Window;
 use crate::rig::line::End;
+use crate::robots::Dialect;
 
 const MASTER: usize = 1;
 
@@ -156,6 +158,50 @@ fn without_a_program_there_is_none_to_watch() {
     look(&mut alive, &mut rig, 2, &[], &[]);
     assert_eq!(verdict(&alive), nothing);
     assert!(memory.fork(&mut rig).is_some() && alive.fork(&mut rig).is_some());
+}
+
+/// The judgement ends at 20 s: who has not seen that cannot say that all is well.
+#[test]
+fn a_run_that_ends_within_its_judgement_is_not_judged() {
+    let mut from = Instant::ZERO;
+    let phases = [8, 2, 2, 8].map(|secs| {
+        let until = from + Duration::from_secs(secs);
+        let window = Window { from, until };
+        from = until;
+        window
+    });
+    let (mut rig, mut checker) = (rig(), AtWorkAgain::new(phases, &[]));
+    look(&mut checker, &mut rig, 19_999, &[], &[]);
+    let early = "the run ended before the end of the judgement".to_owned();
+    assert_eq!(verdict(&checker), (Status::Fail, early));
+    look(&mut checker, &mut rig, 20_000, &[], &[]);
+    let silent = "no line was busy in the warm-up, so none can be judged".to_owned();
+    assert_eq!(verdict(&checker), (Status::Fail, silent));
+}
+
+/// Each byte is a frame that tells one axis its set-point. What was told two seconds ago is
+/// remembered, however often something else was told since; then only the last eight are.
+#[test]
+fn a_set_point_is_remembered_for_two_seconds_or_eight_commands() {
+    let dialect = Dialect {
+        link: "base",
+        frame_max: 1,
+        command: |bytes| Some(vec![Some(f64::from(bytes[0]))]),
+    };
+    // A byte takes 10 us: the first nine arrive in one piece at 90 us, the last alone.
+    let after = |last_us: u64| {
+        let mut rig = rig();
+        let mut checker = SetPointsAsAccepted::listening(&mut rig, dialect).expect("a link");
+        rig.inject(MASTER, &[5, 1, 1, 1, 1, 1, 1, 1, 1]);
+        rig.run_until(Instant::from_micros(last_us - 10));
+        rig.inject(MASTER, &[2]);
+        look(&mut checker, &mut rig, 3_000, &[axis(5.0, None)], &[]);
+        verdict(&checker)
+    };
+    let told = "as told by 10 sound frames".to_owned();
+    assert_eq!(after(2_000_090), (Status::Pass, told));
+    let untold = "5 at 3.000000 s, which no sound frame told".to_owned();
+    assert_eq!(after(2_000_091), (Status::Fail, untold));
 }
 
 /// A write and an end are told with the first time at which they were seen.
