@@ -253,7 +253,7 @@ impl LineFaults {
                 }
                 if !matches!(entry.effect, Effect::Strikes { .. }) {
                     order.others.push(index);
-                } else if activity.trigger.is_some() || activity.window.from <= now {
+                } else if activity.trigger.is_some() {
                     order.striking.push(index);
                 } else {
                     order.later.push(index);
