@@ -152,6 +152,22 @@ mod tests {
         assert_eq!(flags("nothing", true), (false, false));
     }
 
+    /// It starts when its supply comes back and when it is restarted, not when that is over.
+    #[test]
+    fn a_base_starts_with_its_supply_and_when_it_is_restarted() {
+        let mut base = AvrBase::new(super::super::AvrBaseConfig::default(), 7);
+        let mut told = |fault, begins| {
+            base.change_fault(Instant::from_secs(1), fault, None, begins);
+            let events = crate::Device::take_events(&mut base);
+            let rules: Vec<_> = events.iter().map(|event| event.rule).collect();
+            (rules, base.start.crashed_until.is_some())
+        };
+        assert_eq!(told("off", true), (vec!["off"], true));
+        assert_eq!(told("off", false), (vec!["started"], false));
+        assert_eq!(told("restart", true), (vec!["started"], false));
+        assert_eq!(told("restart", false), (vec![], false));
+    }
+
     /// Pressed it holds the motors, let go it does so for a while only.
     #[test]
     fn a_stop_button_is_let_go_when_its_fault_ends() {

@@ -143,6 +143,21 @@ fn ap4_the_board_counts_all_edges_up_to_22_cm_a_second() {
     }
 }
 
+/// A wheel with half as many edges as the one in the world: of 4.4 m it counts 656, or one more.
+#[test]
+fn a_coarser_wheel_counts_fewer_edges() {
+    let mut run = run(OdometerConfig {
+        edges_per_m: 298.4155 / 2.0,
+        ..OdometerConfig::default()
+    });
+    run.until(secs(1));
+    let before = run.board.counted();
+    run.drive(0.22, 0.0);
+    run.until(secs(21));
+    let counted = run.board.counted() - before;
+    assert!((655..=657).contains(&counted), "{counted}");
+}
+
 /// 20 s at 0.22 m/s are 4.4 m; a circle of 0.36053 rad/s is 7.2106 rad, of which the program, whose
 /// loops last 10.03 ms and not 10, sees 0.997.
 #[test]

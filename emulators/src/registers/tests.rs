@@ -288,3 +288,16 @@ fn the_bus_has_the_line_s_settings() {
     );
     assert_eq!(slave.line_config(RESET_PIN), PIN_LINE);
 }
+
+/// One, two and four bytes, without sign and in two's complement.
+#[test]
+fn a_width_holds_from_its_least_to_its_greatest_value() {
+    use Width::{I8, I16, I32, U8, U16, U32};
+    assert_eq!([U8, I8].map(Width::limits), [[0, 255], [-128, 127]]);
+    assert_eq!(
+        [U16, I16].map(Width::limits),
+        [[0, 65_535], [-32_768, 32_767]]
+    );
+    let limits = [[0, 4_294_967_295], [-2_147_483_648, 2_147_483_647]];
+    assert_eq!([U32, I32].map(Width::limits), limits);
+}

@@ -99,6 +99,21 @@ fn a_tap_is_reported_until_the_finger_is_lifted() {
     );
 }
 
+/// Beside the panel, to the right of it or below it, a finger is felt by nobody.
+#[test]
+fn a_tap_beside_the_panel_is_not_reported() {
+    let mut panel = TouchPanel::new(Vec::new());
+    panel.tap(Instant::ZERO, [480, 0]);
+    panel.tap(Instant::ZERO, [0, 272]);
+    let (mut world, mut tapped) = (world(), 0);
+    while let Some(now) = panel.poll_at() {
+        panel.poll(now, &mut world);
+        assert_eq!(panel.transmit(TouchPanel::UART, &mut [0; 16]), 0);
+        tapped += panel.take_events().len();
+    }
+    assert_eq!(tapped, 2);
+}
+
 /// A double tap comes as two taps, even when both are asked for at once.
 #[test]
 fn taps_do_not_run_into_each_other() {

@@ -173,6 +173,18 @@ fn a_sensor_ahead_and_left_of_a_robot_that_looks_left_is_behind_it_in_x() {
     );
 }
 
+/// From (1, 0) to (1, 1), and a nanometre longer at either end, itself included.
+#[test]
+fn a_wall_is_met_up_to_a_nanometre_beyond_its_ends() {
+    let wall = Segment::new(Point::new(1.0, 0.0), Point::new(1.0, 1.0)).unwrap();
+    let is_met = |y: f64| cast(Primitive::Segment(wall), 0.0, y, 0.0).is_some();
+    assert_eq!([-2e-9, -1e-9, 0.0].map(is_met), [false, true, true]);
+    assert_eq!(
+        [0.0, 0.5e-9, 2e-9].map(|over| is_met(1.0 + over)),
+        [true, true, false]
+    );
+}
+
 /// On the wall's line: from its far end on it is behind, up to a nanometre; it is met as far as the
 /// ray reaches, and a nanometre beside it.
 #[test]

@@ -93,6 +93,14 @@ fn rpm(word: u16) -> f64 {
 mod tests {
     use super::*;
 
+    /// The head turns at 330 rpm at most, 4 / 330 s a tooth; what is shown faster, by a 64th of a
+    /// rpm at least, took twice its time.
+    #[test]
+    fn a_tooth_that_is_faster_than_the_line_allows_is_two() {
+        assert!((tooth_s(330 * 64) - 4.0 / 330.0).abs() < 1e-12);
+        assert!((tooth_s(330 * 64 + 1) - 8.0 / (330.0 + 1.0 / 64.0)).abs() < 1e-12);
+    }
+
     /// Teeth of 300, 240 and 120 rpm take 4 s, 4 s and 4 s by 60: 4 / 300, 4 / 240 and 4 / 120 s.
     /// Their middles lie at 6.667, 21.667 and 46.667 ms. Below 200 rpm it falls a third of the way
     /// from the second to the third; below 270 half of that from the first to the second.
