@@ -10,7 +10,8 @@ use super::{FaultSpec, Span};
 use crate::rig::fault::{Budget, Window};
 
 /// Lengths of the parts of a run, one after the other. Faults at random, and those that name no
-/// time, happen in the adversity only; in the judgement the robot must be at work again.
+/// time, happen in the adversity only, unless they wait for something; in the judgement the robot
+/// must be at work again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PhasesSpec {
@@ -45,12 +46,11 @@ impl PhasesSpec {
     pub(super) fn confine(&self, fault: &mut FaultSpec) {
         let [_, adversity, ..] = self.windows();
         let span = |at: Instant| Some(Span(at - Instant::ZERO));
-        let says_when = fault.from.is_some()
-            || fault.byte.is_some()
+        let waits = fault.byte.is_some()
             || fault.at_byte.is_some()
             || fault.at_frame.is_some()
             || fault.when.is_some();
-        if says_when && fault.rate.is_none() {
+        if waits || (fault.from.is_some() && fault.rate.is_none()) {
             return;
         }
         let from = fault.from.map_or(adversity.from, Span::instant);
@@ -81,5 +81,45 @@ pub struct BudgetSpec {
 impl From<BudgetSpec> for Budget {
     fn from(spec: BudgetSpec) -> Self {
         Self::new(spec.total, spec.at_once)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::scenario::Scenario;
+
+    /// From 2 s to 5 s things go wrong: at random, or whenever is not said. What waits for
+    /// something says when, also at random; a time of one's own is kept.
+    #[test]
+    fn faults_that_say_no_time_happen_in_the_adversity() {
+        let text = |fault: &str| {
+            format!(
+                "schema = 1\nname = \"test\"\nrobot = \"rescue\"\nduration = \"9s\"\n\
+                 [phases]\nwarm_up = \"2s\"\nadversity = \"3s\"\nrecovery = \"1s\"\n\
+                 judgement = \"1s\"\n[[fault]]\nlink = \"base\"\n\
+                 direction = \"to-device\"\nkind = \"drop\"\n{fault}\n\
+                 [world]\nstart = {{ x_m = 1.0, y_m = 1.0, heading_deg = 0 }}\n"
+            )
+        };
+        let window = |fault: &str| {
+            let read = Scenario::from_text(&text(fault)).expect("sound");
+            let fault = &read.0.fault[0];
+            let times = [fault.from, fault.until, fault.lasting];
+            times.map(|time| time.map(|time| time.0.as_millis()))
+        };
+        let all = [Some(2_000), Some(5_000), None];
+        assert_eq!(window("rate = 0.5"), all);
+        assert_eq!(window("rate = 0.5\nfrom = \"1s\"\nuntil = \"9s\""), all);
+        let four = [Some(3_000), Some(4_000), None];
+        assert_eq!(window("rate = 0.5\nfrom = \"3s\"\nlasting = \"1s\""), four);
+        let waits = [None, None, Some(20)];
+        for event in [
+            "at_byte = 2000",
+            "at_frame = 20",
+            "when = { near_m = [1, 1], within_m = 1 }",
+        ] {
+            let found = window(&format!("rate = 0.5\nlasting = \"20ms\"\n{event}"));
+            assert_eq!(found, waits, "{event}");
+        }
     }
 }
