@@ -90,7 +90,7 @@ impl Planner {
                     self.near = self.raster.blocked(&obstacles, reach, ends);
                     return false;
                 }
-                Some(Some(cell)) => self.refuse(cell),
+                Some(Some(cell)) => self.refuse(self.in_the_way(cell, &obstacles, reach)),
                 None => {}
             }
         } else {
@@ -134,6 +134,21 @@ impl Planner {
             self.refuse(cell);
             self.field.as_flattened_mut().fill(NOWHERE);
         }
+    }
+
+    /// What is seen to stand in the way at `cell`: it is remembered where it is, so that a way that
+    /// is farther off stays one. If it is remembered already, `cell` itself.
+    fn in_the_way(&self, cell: Cell, obstacles: &Cells, reach: i8) -> Cell {
+        let known = &self.refused[..self.refusals.min(REFUSED_MAX)];
+        let apart = |other: Cell| other.x.abs_diff(cell.x).pow(2) + other.y.abs_diff(cell.y).pow(2);
+        let mut nearest: Option<Cell> = None;
+        cell.each_within(reach, |other| {
+            let is_nearer = nearest.is_none_or(|nearest| apart(other) < apart(nearest));
+            if obstacles.has(other) && is_nearer {
+                nearest = Some(other);
+            }
+        });
+        nearest.filter(|at| !known.contains(at)).unwrap_or(cell)
     }
 
     fn refuse(&mut self, cell: Cell) {
@@ -452,6 +467,37 @@ mod tests {
         assert!(!is_nearer(&in_the_door, false));
         assert!(!is_nearer(&before_the_other, false));
         assert!(is_nearer(&before_the_other, true));
+    }
+
+    /// A corridor of 43 cm between a wall and a board that the map does not show, 15 cm from the
+    /// way: what is refused is where the board is, so the corridor stays open, also for who does
+    /// not see the board any more. The same board once more refuses the place on the way.
+    #[test]
+    fn a_board_beside_the_way_does_not_close_the_corridor() {
+        let map = map(&[[0, 0, 299, 1]]);
+        let (pose, goal) = (Pose::new(500.0, 300.0, 0.0), Point::new(2500.0, 300.0));
+        let board = Surroundings::of((50..=110_i8).map(|n| Point::new(f32::from(n) * 10.0, 150.0)));
+        let mut corridor = Cells::NONE;
+        (0..14).for_each(|y| corridor.set(Cell { x: 43, y }));
+        let mut planner = Planner::new();
+        for (around, refusals) in [
+            (&Surroundings::EMPTY, 0),
+            (&board, 1),
+            (&Surroundings::EMPTY, 1),
+        ] {
+            planner.plan(&map, (&BODY, THIN_MM), pose, goal, around);
+            assert_eq!(planner.refusals, refusals);
+            let way = planner.stretch_on_way(pose.position(), &corridor);
+            assert!(way.expect("there is a way").is_some(), "{refusals}");
+        }
+        let obstacles = planner.raster.obstacles(&map, pose, &board);
+        let [at, again] = [Cell { x: 40, y: 10 }, planner.refused[0]];
+        assert_eq!(again.y, 15);
+        let beside = Cell { y: 10, ..again };
+        assert_eq!(planner.in_the_way(beside, &obstacles, 6), beside);
+        planner.forget();
+        assert_eq!(planner.in_the_way(at, &obstacles, 6), Cell { x: 40, y: 15 });
+        assert_eq!(planner.in_the_way(at, &obstacles, 4), at);
     }
 
     /// A door of 36 cm is too narrow for 16 cm of body and 4.5 cm on each side, but not for 1.5 cm.
