@@ -14,6 +14,7 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use hilrig::capture::{Capture, Limits, Recording, about};
 use hilrig::realtime::clock::{Clock, WallClock};
 use hilrig::run::Run;
+use hilrig::run::check::Status;
 use hilrig::scenario::Scenario;
 use hilrig::search::shrink::{self, Branches, Effort, Judged};
 use protocols::Instant;
@@ -150,7 +151,15 @@ fn shrinking(_: &mut Criterion) {
     let mut cases = Vec::new();
     for _ in 0..tries {
         let (mut branches, mut effort) = (Branches::new(&source, cause), Effort::tries(1_000));
-        let mut whole = |case: &Scenario| Branches::new(&source, cause).judge(case);
+        let mut whole = |case: &Scenario| {
+            let mut run = Run::new(case.clone(), &source, None).expect("can be wired");
+            while !run.is_over() {
+                run.step();
+            }
+            let checks = run.checks();
+            let failed = checks.iter().find(|check| check.status == Status::Fail);
+            Judged::of(failed.map(|check| &*check.name), cause)
+        };
         let judges: [&mut dyn FnMut(&Scenario) -> Judged; 2] =
             [&mut |case| branches.judge(case), &mut whole];
         for (best, judge) in best.iter_mut().zip(judges) {

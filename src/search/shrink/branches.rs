@@ -12,7 +12,7 @@ use crate::scenario::{Scenario, ScenarioError, Source};
 use crate::search::campaign::judge::{Record, run_from};
 
 /// Checkpoints of one run, evenly over its time.
-const POINTS: u32 = 48;
+const POINTS: u32 = 24;
 /// Least time between two.
 const EVERY_MIN: Duration = Duration::from_millis(100);
 
