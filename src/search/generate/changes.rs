@@ -1,3 +1,5 @@
+use toml::Spanned;
+
 use super::dice::Draw;
 use super::ground::Ground;
 use crate::scenario::{Scenario, WorldSpec};
@@ -112,9 +114,13 @@ fn move_wall(world: &mut WorldSpec, index: usize, by: f64, dice: &mut Draw) {
     path[end] = moved(path[end], along.map(|part| part * by));
 }
 
-/// Furniture that stands free is moved, of the rest a side that touches nothing.
+/// Furniture that stands free is moved, of the rest a side that touches nothing. What a pane ends at
+/// is its frame and stays.
 fn move_polygon(world: &mut WorldSpec, index: usize, by: [f64; 2], dice: &mut Draw) {
     let corners = &world.polygon[index].get_ref().corners_m;
+    if is_frame(world, corners) {
+        return;
+    }
     let is_free = |&place: &[f64; 2]| !touches(world, place, 0.0, Of::Polygon(index));
     if corners.iter().all(is_free) {
         for corner in &mut world.polygon[index].get_mut().corners_m {
@@ -138,6 +144,14 @@ fn move_polygon(world: &mut WorldSpec, index: usize, by: [f64; 2], dice: &mut Dr
         corners[0] = corners[side + 1];
     }
     corners.pop();
+}
+
+/// Whether a pane of glass begins or ends at the outline of `corners`.
+fn is_frame(world: &WorldSpec, corners: &[[f64; 2]]) -> bool {
+    let panes = world.wall.iter().map(Spanned::get_ref);
+    let panes = panes.filter(|wall| wall.glass);
+    let mut ends = panes.flat_map(|pane| pane.path_m.first().into_iter().chain(pane.path_m.last()));
+    ends.any(|&end| is_near_outline(corners, 0.0, end))
 }
 
 /// Moves the line from corner `side` of `path` to the next across itself; where the path is
@@ -177,17 +191,21 @@ fn touches(world: &WorldSpec, place: [f64; 2], reach_m: f64, of: Of) -> bool {
     let mut polygons = polygons.filter(|&(index, _)| of != Of::Polygon(index));
     let mut posts = world.pillar.iter().filter(|_| of != Of::Pillar);
     walls.any(|(_, wall)| along(&wall.get_ref().path_m))
-        || polygons.any(|(_, polygon)| {
-            let corners = &polygon.get_ref().corners_m;
-            let ends = corners.first().zip(corners.last());
-            along(corners) || ends.is_some_and(|(&first, &last)| near(last, first))
-        })
+        || polygons
+            .any(|(_, polygon)| is_near_outline(&polygon.get_ref().corners_m, reach_m, place))
         || posts.any(|pillar| {
             let pillar = pillar.get_ref();
             let is_near =
                 |&at: &[f64; 2]| line_distance(at, at, place) <= pillar.radius_m + JOINED_M;
             pillar.at_m.iter().any(is_near)
         })
+}
+
+/// Whether what reaches so many metres around `place` touches the outline of `corners`.
+fn is_near_outline(corners: &[[f64; 2]], reach_m: f64, place: [f64; 2]) -> bool {
+    let next = corners.iter().cycle().skip(1);
+    let mut sides = corners.iter().zip(next);
+    sides.any(|(&from, &to)| line_distance(from, to, place) <= reach_m + JOINED_M)
 }
 
 fn line_distance(from: [f64; 2], to: [f64; 2], place: [f64; 2]) -> f64 {
@@ -292,6 +310,24 @@ mod tests {
         let threshold = before.wall[1].get_mut();
         (threshold.glass, threshold.height_m) = (false, Some(0.04));
         assert!(!moved(&before));
+    }
+
+    /// A pane in the middle of a block's narrow side, 4 cm from its corners: without the block it
+    /// would end in the open, where no lidar sees it. The block without the pane is furniture.
+    #[test]
+    fn the_frame_of_a_pane_stays_with_it() {
+        let mut world = world();
+        world.wall[1].get_mut().path_m = vec![[2.2, 0.0], [2.2, 1.0]];
+        let moved = |world: &WorldSpec| {
+            let mut after = world.clone();
+            move_polygon(&mut after, 0, [0.1, 0.1], &mut zeros());
+            after != *world
+        };
+        assert!(moved(&world));
+        world.wall[1].get_mut().glass = true;
+        assert!(!moved(&world));
+        world.wall[1].get_mut().path_m[1] = [2.2, 0.97];
+        assert!(moved(&world));
     }
 
     /// The side along y = 0 moves to the left of its direction: into the room. The path stays
