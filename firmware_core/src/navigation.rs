@@ -192,8 +192,14 @@ pub enum Step {
 const STALLED_SCANS: u8 = 15;
 /// Progress that counts.
 const PROGRESS_MM: f32 = 10.0;
-/// Free way that is asked for before a direction is taken.
+/// Free way that is asked for before a direction is taken; of one that leads to where the robot
+/// wants to get, by so many steps of five degrees, less will do: it gets there by and by, where
+/// what is free far enough may lead away.
 const FREE_WAY_MM: f32 = 450.0;
+const NEARER_WAY_MM: f32 = 200.0;
+const NEARER_STEPS: i8 = 12;
+/// A direction that is better by so many radians is much better.
+const MUCH: f32 = STEP * 8.0;
 /// A plan is made anew each second.
 const PLAN_SCANS: u8 = 5;
 /// Plans without a way after which there is none, and rounds in which all were found blocked:
@@ -395,14 +401,22 @@ impl Navigator {
         // Best cost of those that are free far enough; failing that, the freest.
         let (mut best, mut least) = (None, f32::INFINITY);
         let (mut freest, mut most) = (bearing, 0.0);
-        for step in 1..=24_i8 {
+        for step in 0..=24_i8 {
             for side in [1.0, -1.0] {
                 let offset = f32::from(step) * side * STEP;
                 let free = around.free_mm(body, bearing + offset);
-                // Once a side was chosen, the other one must be much better.
-                let loyalty = if self.side == -side { STEP * 8.0 } else { 0.0 };
-                let cost = offset.abs() + loyalty;
-                if free >= wanted && cost < least {
+                let enough = if step <= NEARER_STEPS {
+                    NEARER_WAY_MM.min(wanted)
+                } else {
+                    wanted
+                };
+                // Once a side was chosen, the other one must be much better, and a way that is not
+                // free so far must lead much nearer.
+                let is_disloyal = step > 0 && self.side == -side;
+                let loyalty = if is_disloyal { MUCH } else { 0.0 };
+                let shortness = if free < wanted { MUCH } else { 0.0 };
+                let cost = offset.abs() + loyalty + shortness;
+                if free >= enough && cost < least {
                     (best, least) = (Some((offset, side)), cost);
                 }
                 if free > most {
@@ -412,7 +426,9 @@ impl Navigator {
         }
         match best {
             Some((offset, side)) => {
-                self.side = side;
+                if offset != 0.0 {
+                    self.side = side;
+                }
                 bearing + offset
             }
             None => freest,

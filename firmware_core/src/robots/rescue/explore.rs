@@ -30,9 +30,11 @@ const FOOTPRINT_CELLS: u32 = 90;
 const NOTHING_CELLS: u32 = 3;
 /// Scans for which the robot looks at what it came for.
 const LOOK_SCANS: u8 = 4;
-/// Scans that a way may take: 20 s, and 13 cm/s.
+/// Scans that a way may take: 20 s, and 13 cm/s; and ten seconds more for who is nearly there.
 const PATIENCE_SCANS: u16 = 100;
 const PATIENCE_PER_CELL: u16 = 2;
+const NEARLY_SCANS: u16 = 50;
+const NEARLY_MM: f32 = 500.0;
 /// Two views that are no farther apart are there for the same walls, millimetres: both feel what is
 /// 0.42 m away.
 const SAME_WALLS_MM: f32 = 500.0;
@@ -282,7 +284,11 @@ impl Explore {
         let Sight {
             map, pose, around, ..
         } = sight;
-        if scans > PATIENCE_SCANS.saturating_add(view.way_cells.saturating_mul(PATIENCE_PER_CELL)) {
+        let is_nearly_there = pose.position().distance_mm(view.place) < NEARLY_MM;
+        let patience = PATIENCE_SCANS
+            .saturating_add(view.way_cells.saturating_mul(PATIENCE_PER_CELL))
+            .saturating_add(if is_nearly_there { NEARLY_SCANS } else { 0 });
+        if scans > patience {
             return self.cannot_reach(map, view.place);
         }
         let is_due = age >= JUDGE_SCANS.into();
@@ -516,24 +522,26 @@ mod tests {
         explore
     }
 
-    /// A way of 10 cells may take 100 scans and two for each cell.
+    /// A way of 10 cells may take 100 scans and two for each cell, and 50 more as soon as less than
+    /// half a metre of it is left.
     #[test]
     fn a_way_that_takes_too_long_is_given_up() {
         let map = room(true);
-        let after = |scans| {
-            let mut explore = on_the_way(1_200.0, 10, scans, 0);
+        let after = |x_mm, scans| {
+            let mut explore = on_the_way(x_mm, 10, scans, 0);
             step(&mut explore, &map, MIDDLE);
             explore.at
         };
         assert!(matches!(
-            after(120),
+            after(1_400.0, 120),
             Some(At::Way {
                 scans: 121,
                 age: 1,
                 ..
             })
         ));
-        assert!(after(121).is_none());
+        assert!(after(1_400.0, 121).is_none());
+        assert!(after(1_399.0, 170).is_some() && after(1_399.0, 171).is_none());
     }
 
     /// Each fifth scan the view is judged again: behind an open door it still shows something, in a
