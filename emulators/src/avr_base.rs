@@ -307,6 +307,7 @@ impl AvrBase {
         self.receiver = Receiver::new(&self.quirks);
         self.pending.clear();
         self.memory = Memory::new();
+        self.count_kits();
         self.gyro.restart();
         self.sides = [Side::default(); 2];
         self.regulator_at = now + REGULATOR;

@@ -3,7 +3,8 @@
 //! The report looks forward to the sensors without naming type or registers. Ours are as a
 //! thermometer of 35 degrees field of view (MLX90614 and its like) on the two converter channels
 //! that the fielded base has free, 13 and 17, in tenths of a degree Celsius; the kits have register
-//! 53, behind the fielded map: how many shall be dropped.
+//! 53, behind the fielded map: how many have left the magazine, and written how many shall have. The
+//! magazine stays where it is when the board restarts.
 
 use core::f64::consts::FRAC_PI_2;
 
@@ -90,10 +91,21 @@ impl AvrBase {
             let reading = self.thermometers.reading(world, side);
             self.memory.write(register, &reading.to_le_bytes());
         }
-        for _ in 0..self.memory.get(KITS) {
+        for _ in self.dropped()..self.memory.get(KITS) {
             self.thermometers.kits.push(world.pose());
         }
-        self.memory.set(KITS, 0);
+        self.count_kits();
+    }
+
+    /// Enters how many kits have left the magazine.
+    pub(super) fn count_kits(&mut self) {
+        if self.config.heat == Heat::Fitted {
+            self.memory.set(KITS, self.dropped());
+        }
+    }
+
+    fn dropped(&self) -> u8 {
+        u8::try_from(self.kits().len()).unwrap_or(u8::MAX)
     }
 }
 
@@ -101,7 +113,7 @@ impl AvrBase {
 mod tests {
     use protocols::Instant;
 
-    use super::super::AvrBaseConfig;
+    use super::super::{AvrBaseConfig, StartCause};
     use super::*;
     use crate::world::{BodyConfig, HeatPlate, Point, Scene, Shape};
 
@@ -173,8 +185,8 @@ mod tests {
         );
     }
 
-    /// Three kits where the robot stands, and the register is empty; both thermometers are read
-    /// low byte first.
+    /// Three kits where the robot stands, and no fourth one when it is told again, told less, or
+    /// restarted; both thermometers are read low byte first.
     #[test]
     fn kits_drop_where_the_robot_is() {
         let world = world(0.5, 3.0);
@@ -187,15 +199,23 @@ mod tests {
         base.feel(&world);
         assert_eq!(
             (base.kits(), base.memory.get(KITS)),
-            (&[world.pose(); 3][..], 0)
+            (&[world.pose(); 3][..], 3)
         );
         let word = |register| {
             let bytes = base.memory.read(register, 2);
             i16::from_le_bytes([bytes[0], bytes[1]])
         };
         assert!((360..=380).contains(&word(HEAT_LEFT)) && (210..=230).contains(&word(HEAT_RIGHT)));
+        for told in [3, 0] {
+            base.memory.set(KITS, told);
+            base.feel(&world);
+            assert_eq!((base.kits().len(), base.memory.get(KITS)), (3, 3));
+        }
+        base.reset(Instant::from_millis(1), StartCause::PowerOn);
+        assert_eq!(base.memory.get(KITS), 3);
+        base.memory.set(KITS, 4);
         base.feel(&world);
-        assert_eq!(base.kits().len(), 3);
+        assert_eq!(base.kits().len(), 4);
         assert_eq!(world.now(), Instant::ZERO);
     }
 }

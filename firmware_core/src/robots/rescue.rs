@@ -19,6 +19,7 @@ mod defects;
 mod drive;
 mod explore;
 mod health;
+mod kits;
 mod lidar;
 mod lost;
 mod master;

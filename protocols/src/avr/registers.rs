@@ -88,7 +88,8 @@ pub const LED_MODE: u8 = 49;
 pub const HEAT_LEFT: u8 = 13;
 /// The same on the right.
 pub const HEAT_RIGHT: u8 = 17;
-/// How many rescue kits shall be dropped; ours, behind the fielded map.
+/// How many rescue kits have left the magazine, which is kept over restarts; what is written is how
+/// many shall have, so that nothing is dropped twice. Ours, behind the fielded map.
 pub const KITS: u8 = 53;
 /// How far the base has turned by its gyroscope, hundredths of a degree, counter-clockwise, four
 /// bytes; ours, behind the kits.

@@ -10,13 +10,14 @@ use crate::odometry::Odometry;
 
 use super::blind;
 use super::config::{Config, Infrared, TICK_MM_S, Turning};
+use super::kits::Kits;
 
 /// Encoders and measured speeds: ten registers in one answer, so that they belong together.
 const WHEELS: Request = Request::read(registers::ENCODER_LEFT, 10);
 /// Both thermometers, and the floor sensor that lies between them.
 const HEAT: Request = Request::read(registers::HEAT_LEFT, 6);
-/// One rescue kit.
-const KIT: Request = Request::write(registers::KITS, [1]);
+/// How many rescue kits have been dropped.
+const KITS: Request = Request::read(registers::KITS, 1);
 /// The infrared sensors, and others that lie between them; in two reads.
 const INFRARED: [Request; 2] = [
     Request::read(registers::DIST_BACK_RIGHT, 12),
@@ -86,8 +87,7 @@ pub(super) struct Drive {
     /// Their readings, mm, and whether both halves were read since somebody asked last.
     infrared: [i16; blind::SENSORS],
     is_infrared_new: bool,
-    /// Kits that are still to be dropped.
-    kits: u8,
+    kits: Kits,
     probe_at: Instant,
     was_silent: bool,
     speed: [i8; 2],
@@ -132,7 +132,7 @@ impl Drive {
             },
             infrared: [i16::MAX; blind::SENSORS],
             is_infrared_new: false,
-            kits: 0,
+            kits: Kits::NONE,
             probe_at: Instant::ZERO,
             was_silent: false,
             speed: HALT,
@@ -214,8 +214,8 @@ impl Drive {
         if self.heat_at.is_some_and(|at| now >= at) {
             self.heat_at = Some(now + HEAT_PERIOD);
             self.link.submit(now, HEAT);
-            if self.kits > 0 {
-                self.link.submit(now, KIT);
+            if self.kits.is_waiting() {
+                self.link.submit(now, KITS);
             }
         }
         if self.infrared_at.is_some_and(|at| now >= at) {
@@ -271,9 +271,9 @@ impl Drive {
             .map(|status| status & MOTORS_OFF != 0)
     }
 
-    /// A kit is to be dropped; again and again until the base has said that it is.
-    pub(super) const fn drop_kit(&mut self) {
-        self.kits = self.kits.saturating_add(1);
+    /// A kit is to be dropped; the base is told again and again until it has.
+    pub(super) fn drop_kit(&mut self) {
+        self.kits.add();
     }
 
     pub(super) const fn is_silent(&self) -> bool {
@@ -364,7 +364,13 @@ impl Drive {
             }
             Outcome::Data(data) if done.request == INFRARED[0] => self.infrared_read(0, &data),
             Outcome::Data(data) if done.request == INFRARED[1] => self.infrared_read(1, &data),
-            Outcome::Written if done.request == KIT => self.kits = self.kits.saturating_sub(1),
+            Outcome::Data(data) if done.request == KITS => {
+                if let Some(target) = self.kits.counted(data[0]) {
+                    self.link
+                        .submit(done.at, Request::write(registers::KITS, [target]));
+                }
+            }
+            Outcome::Written if done.request.register() == registers::KITS => {}
             Outcome::Data(data) => {
                 self.is_battery_new = true;
                 self.battery = Some(Battery {
@@ -573,19 +579,33 @@ mod tests {
         assert_eq!(drive.take_infrared(), None);
     }
 
-    /// Two kits are two writes; a base that does not say that one is dropped is asked again.
+    /// A base that is deaf is asked again, one whose count stays is told again, and one that has
+    /// counted on is left alone. Registers answer with their own number, so 53 kits have left.
     #[test]
-    fn a_kit_is_dropped_when_the_base_says_so() {
+    fn a_kit_is_dropped_when_the_base_has_counted_it() {
         let mut drive = Drive::new(&fitted());
         run(&mut drive, [0, 10], answer);
         drive.drop_kit();
-        drive.drop_kit();
-        let deaf = |frame: &Frame| (frame.register() != registers::KITS).then(|| answer(frame))?;
+        let is_kits = |frame: &Frame| frame.register() == registers::KITS;
+        let deaf = |frame: &Frame| (!is_kits(frame)).then(|| answer(frame))?;
         let asked = run(&mut drive, [10, 250], deaf);
-        assert!(times(&asked, registers::KITS).len() >= 2 && drive.kits == 2);
-        let asked = run(&mut drive, [250, 700], answer);
-        assert!(!times(&asked, registers::KITS).is_empty() && drive.kits == 0);
-        let asked = run(&mut drive, [700, 1_000], answer);
+        let writes = |asked: &[(u64, u8, bool)]| {
+            let kits = asked.iter().filter(|it| it.1 == registers::KITS);
+            kits.filter(|it| it.2).count()
+        };
+        assert!(times(&asked, registers::KITS).len() >= 2 && writes(&asked) == 0);
+        let asked = run(&mut drive, [250, 550], answer);
+        assert!(writes(&asked) >= 2 && drive.kits.is_waiting());
+        let counted = |frame: &Frame| match is_kits(frame) && !frame.is_write() {
+            true => {
+                let order = Config::default().checksum_order;
+                Some(Frame::write(registers::KITS, &[54], order))
+            }
+            false => answer(frame),
+        };
+        let asked = run(&mut drive, [550, 800], counted);
+        assert!(writes(&asked) == 0 && !drive.kits.is_waiting());
+        let asked = run(&mut drive, [800, 1_000], counted);
         assert!(times(&asked, registers::KITS).is_empty());
     }
 

@@ -1,0 +1,79 @@
+//! Rescue kits: each is dropped once, whatever is lost on the wire.
+//!
+//! The base counts what has left its magazine, over restarts as well, and drops until its count is
+//! what it was told: to be told again drops nothing, and what it forgot it is told again.
+
+/// Kits that are still to be dropped.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Kits {
+    waiting: u8,
+    /// What the base's count is to come to; `None` as long as it has not told its count.
+    target: Option<u8>,
+}
+
+impl Kits {
+    pub(super) const NONE: Self = Self {
+        waiting: 0,
+        target: None,
+    };
+
+    /// One more.
+    pub(super) fn add(&mut self) {
+        self.waiting = self.waiting.saturating_add(1);
+        self.target = self.target.map(|target| target.saturating_add(1));
+    }
+
+    /// Whether the base is to be asked for its count.
+    pub(super) const fn is_waiting(&self) -> bool {
+        self.waiting > 0
+    }
+
+    /// So many have left the magazine: what the base is to be told, if any are missing.
+    pub(super) fn counted(&mut self, dropped: u8) -> Option<u8> {
+        let all = dropped.saturating_add(self.waiting);
+        let target = *self.target.get_or_insert(all);
+        if dropped >= target {
+            *self = Self::NONE;
+            return None;
+        }
+        Some(target)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The robot has found somebody when two were dropped: the base is told three until it says
+    /// three, also when it forgot what it was told.
+    #[test]
+    fn the_base_is_told_until_its_count_is_right() {
+        let mut kits = Kits::NONE;
+        kits.add();
+        assert!(kits.is_waiting());
+        assert_eq!([2, 2, 2].map(|told| kits.counted(told)), [Some(3); 3]);
+        assert_eq!(kits.counted(3), None);
+        assert!(!kits.is_waiting());
+        assert_eq!((kits.counted(3), kits), (None, Kits::NONE));
+    }
+
+    /// Somebody else is found before the first kit was dropped.
+    #[test]
+    fn one_more_on_the_way_is_one_more() {
+        let mut kits = Kits::NONE;
+        kits.add();
+        assert_eq!(kits.counted(0), Some(1));
+        kits.add();
+        assert_eq!((kits.counted(0), kits.counted(1)), (Some(2), Some(2)));
+        assert!(kits.is_waiting());
+        assert_eq!((kits.counted(2), kits), (None, Kits::NONE));
+    }
+
+    /// A magazine of 255 is empty then.
+    #[test]
+    fn more_than_there_are_is_not_waited_for() {
+        let mut kits = Kits::NONE;
+        kits.add();
+        assert_eq!((kits.counted(255), kits), (None, Kits::NONE));
+    }
+}
