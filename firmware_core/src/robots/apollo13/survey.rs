@@ -40,6 +40,8 @@ const LOOK_M: f64 = 4.0;
 /// In how many scans more there must have been something than nothing.
 const SURE: i8 = 2;
 const COUNT_MAX: i8 = 10;
+/// What nobody has seen so many cells beside a wall, 20 cm, may be wall.
+const BESIDE_CELLS: usize = 4;
 /// Cells around what is known that a plan has.
 const MARGIN: usize = 12;
 /// An edge so near the way that the car came is a corner that its camera turned away from, metres:
@@ -196,15 +198,31 @@ impl Survey {
         }
         let first = low.map(|cell| cell.saturating_sub(MARGIN));
         let last = high.map(|cell| (cell + MARGIN).min(SIDE - 1));
-        let row = |y: usize| self.cells[y * SIDE..][first[0]..=last[0]].iter();
         FloorPlan {
             width: last[0] - first[0] + 1,
             cell_m: CELL_M,
             origin_m: [0, 1].map(|axis| self.corner_m[axis] + first[axis] as f64 * CELL_M),
             obstacles: (first[1]..=last[1])
-                .flat_map(row)
-                .map(|value| *value == OBSTACLE)
+                .flat_map(|y| (first[0]..=last[0]).map(move |x| [x, y]))
+                .map(|cell| self.is_kept_off(cell))
                 .collect(),
+        }
+    }
+
+    /// Whether the car keeps off a cell: something is there, or nobody has looked and something is
+    /// beside it. A camera that looks ahead does not see how a wall goes on beside the car, nor the
+    /// corner that it turns around, and the way back is not looked at at all.
+    fn is_kept_off(&self, [x, y]: [usize; 2]) -> bool {
+        let is_wall =
+            |x: usize, y: usize| x < SIDE && self.cells.get(y * SIDE + x) == Some(&OBSTACLE);
+        match self.cells[y * SIDE + x] {
+            OBSTACLE => true,
+            UNKNOWN => (1..=BESIDE_CELLS).any(|by| {
+                let before = |at: usize| at.wrapping_sub(by).min(SIDE);
+                let along = [x + by, before(x)].into_iter().any(|x| is_wall(x, y));
+                along || [y + by, before(y)].into_iter().any(|y| is_wall(x, y))
+            }),
+            _ => false,
         }
     }
 

@@ -193,10 +193,7 @@ fn a_plan_is_cut_out_around_what_is_known() {
         "{:?}",
         plan.origin_m
     );
-    let at: Vec<usize> = (0..35 * 35)
-        .filter(|index| plan.obstacles[*index])
-        .collect();
-    assert_eq!(at, [12 * 35 + 22]);
+    assert!(plan.obstacles[12 * 35 + 22] && !plan.obstacles[22 * 35 + 12]);
     // At the map's corner there is nothing to be added.
     survey.cells[SIDE * SIDE - 1] = FREE;
     survey.cells[5] = FREE;
@@ -204,6 +201,31 @@ fn a_plan_is_cut_out_around_what_is_known() {
         (survey.plan().width, survey.plan().obstacles.len()),
         (640, 640 * 640)
     );
+}
+
+/// Nobody has looked: four cells to each side of a wall's end may be wall, a fifth is not kept off,
+/// nor what was seen to be free. The map's rim is not beside its other one.
+#[test]
+fn what_nobody_has_seen_beside_a_wall_may_be_wall() {
+    let mut survey = Survey::new(at(0.0));
+    survey.cells[100 * SIDE + 200] = OBSTACLE;
+    survey.cells[100 * SIDE + 202] = FREE;
+    let kept_off = |survey: &Survey, cells: core::ops::Range<usize>, is_column: bool| {
+        let cell = |at| if is_column { [200, at] } else { [at, 100] };
+        let all = cells.filter(|at| survey.is_kept_off(cell(*at)));
+        all.collect::<Vec<usize>>()
+    };
+    let along = [196, 197, 198, 199, 200, 201, 203, 204];
+    assert_eq!(kept_off(&survey, 180..220, false), along);
+    assert_eq!(
+        kept_off(&survey, 80..120, true),
+        (96..=104).collect::<Vec<usize>>()
+    );
+    assert!(!survey.is_kept_off([201, 101]));
+    survey.cells[50 * SIDE] = OBSTACLE;
+    survey.cells[SIDE - 1] = OBSTACLE;
+    assert!(!survey.is_kept_off([SIDE - 1, 49]) && !survey.is_kept_off([0, 1]));
+    assert!(survey.is_kept_off([0, 46]) && survey.is_kept_off([SIDE - 5, 0]));
 }
 
 /// Two scans more with something than without make an obstacle, one more without a free cell. It
