@@ -505,6 +505,21 @@ mod tests {
         assert!(joiner.waiting.is_empty() && joiner.arena.is_empty());
     }
 
+    /// At 650 us the longest piece may still follow what ended at 10 us, though then it is known
+    /// that nothing follows what another line had at 0 us.
+    #[test]
+    fn the_longest_piece_joins_when_others_are_over() {
+        let records = read(|joiner, out| {
+            joiner.bytes(2, at(0), &[1], 0, out);
+            joiner.bytes(0, at(10), &[2], 0, out);
+            joiner.reached(at(650));
+            joiner.bytes(0, at(650), &[3; 64], 0, out);
+        });
+        let joined = [&[2][..], &[3; 64]].concat();
+        let expected = [(1, 0, vec![1], vec![]), (0, 650, joined, vec![1, 64])];
+        assert_eq!(told(&records), expected);
+    }
+
     /// Records are written a batch at a time, whether they stand alone or were joined.
     #[test]
     fn a_full_batch_is_written() {

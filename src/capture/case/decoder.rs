@@ -200,6 +200,8 @@ fn line(bytes: &[u8], Stretch { bytes: range, what }: Stretch) -> String {
 
 #[cfg(test)]
 mod tests {
+    use core::time::Duration;
+
     use protocols::avr::{ChecksumOrder, Frame};
 
     use super::*;
@@ -353,7 +355,8 @@ mod tests {
         assert!(both.is_one_way());
     }
 
-    /// A frame of which the second half comes at once is one, five seconds later none.
+    /// A frame of which the second half comes at once is one, five seconds later none: half a frame
+    /// is kept for a time and no longer.
     #[test]
     fn silence_breaks_a_frame_in_two() {
         let frame = Frame::read(36, 10, ChecksumOrder::LowFirst);
@@ -369,5 +372,10 @@ mod tests {
         let whole = found(5, Instant::from_millis(1));
         assert_eq!(found(3, Instant::from_millis(1)), whole);
         assert_ne!(found(3, Instant::from_secs(5)), whole);
+        // Two bytes at 1 Mbaud take 20 us; the silence before them is as long as half a frame is
+        // kept, or a nanosecond longer.
+        let kept = Instant::from_micros(1_020) + codec.idle();
+        assert_eq!(found(3, kept), whole);
+        assert_ne!(found(3, kept + Duration::from_nanos(1)), whole);
     }
 }

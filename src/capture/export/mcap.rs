@@ -235,21 +235,33 @@ fn base64(bytes: &[u8]) -> String {
 mod tests {
     use emulators::world::Pose;
     use firmware_core::map_view::MapView;
+    use protocols::LineEvent;
 
+    use super::super::Laser;
     use super::*;
+    use crate::capture::replay::Recorded;
+    use crate::capture::{Capture, Interface, Record};
 
-    /// All messages of a file: topic, time, text.
-    fn messages(out: Out) -> Vec<(String, u64, Value)> {
+    /// All messages of a file: topic, time, bytes.
+    fn raw(out: Out) -> Vec<(String, u64, Vec<u8>)> {
         let mut writer = out.writer;
         writer.finish().expect("it is in memory");
         let bytes = writer.into_inner().into_inner();
         let all = mcap::MessageStream::new(&bytes).expect("a file");
         all.map(|message| {
             let message = message.expect("whole");
-            let text = serde_json::from_slice(&message.data).expect("JSON");
-            (message.channel.topic.clone(), message.log_time, text)
+            let topic = message.channel.topic.clone();
+            (topic, message.log_time, message.data.into_owned())
         })
         .collect()
+    }
+
+    /// The same with the bytes as text.
+    fn messages(out: Out) -> Vec<(String, u64, Value)> {
+        let json = |data: Vec<u8>| serde_json::from_slice(&data).expect("JSON");
+        let all = raw(out).into_iter();
+        all.map(|(topic, at, data)| (topic, at, json(data)))
+            .collect()
     }
 
     fn empty() -> Out {
@@ -259,6 +271,52 @@ mod tests {
             writer,
             messages: 0,
         }
+    }
+
+    /// What was lost on the way came to nobody, and a break is no bytes.
+    #[test]
+    fn bytes_that_came_are_messages_of_their_link_and_direction() {
+        let [to_master, to_device] = [Direction::ToMaster, Direction::ToDevice];
+        let line_break = Kind::Line(LineEvent::Break);
+        let happened = [
+            (to_master, Kind::Data, &[1, 2][..]),
+            (to_master, Kind::Data, &[]),
+            (to_device, line_break, &[]),
+            (to_device, Kind::Data, &[3]),
+        ];
+        let records = (1..).zip(happened);
+        let records = records.map(|(second, (direction, kind, bytes))| Record {
+            link: 0,
+            sequence: None,
+            at: Instant::from_secs(second),
+            direction,
+            kind,
+            bytes: bytes.to_vec().into(),
+            sent: None,
+            pieces: Vec::new(),
+            comment: String::new(),
+        });
+        let capture = Capture {
+            links: vec![Interface::new("base", 9600)],
+            records: records.collect(),
+            ..Capture::default()
+        };
+        let export = Export {
+            capture: &capture,
+            recorded: &Recorded::default(),
+            belief: None,
+            laser: Laser::default(),
+        };
+        let mut out = empty();
+        out.bytes(&export).expect("in memory");
+        let said = |topic: &str, second: u64, bytes: &[u8]| {
+            (topic.to_owned(), second * 1_000_000_000, bytes.to_vec())
+        };
+        let expected = [
+            said("/base/to-master", 1, &[1, 2]),
+            said("/base/to-device", 4, &[3]),
+        ];
+        assert_eq!(raw(out), expected);
     }
 
     /// A capture that began at 5 s. Half a turn is (0, 0, 1, 0) as a quaternion. Of a map of 50 mm

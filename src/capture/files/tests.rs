@@ -89,6 +89,19 @@ fn a_file_that_is_no_capture_is_left_alone() {
     fs::remove_dir_all(folder).expect("ours");
 }
 
+/// Who makes a file to reserve its name, or is killed before the first byte, leaves nothing that
+/// would be lost: no number is spent on it.
+#[test]
+fn an_empty_file_of_the_same_name_is_written_over() {
+    let folder = folder("empty");
+    fs::write(folder.join("live.pcapng"), "").expect("writable");
+    drop(files(&folder).expect("nothing is lost"));
+    assert_eq!(names(&folder), ["live.pcapng"]);
+    let path = folder.join("live.pcapng");
+    assert_eq!(fs::read(path).expect("there"), head());
+    fs::remove_dir_all(folder).expect("ours");
+}
+
 /// A name may hold any number, also the last one there is, and a folder may have such a name.
 #[test]
 fn the_files_around_one_are_told_whatever_their_names() {

@@ -139,7 +139,9 @@ fn pieces_lie_back_to_back_before_their_record() {
         told(0, &[1, 2, 3], &[1, 2]),
         [(1000, vec![1]), (1000, vec![2, 3])]
     );
+    assert_eq!(told(1_000_000, &[1, 2, 3], &[4, 7, 2]), two);
     assert_eq!(told(1_000_000, &[], &[]), []);
+    assert_eq!(told(1_000_000, &[], &[5]), []);
 }
 
 /// Lengths that follow each other are counted, up to 255 at a time.
