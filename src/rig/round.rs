@@ -258,27 +258,48 @@ mod tests {
         }
     }
 
+    /// A rig with such a clock and nothing else, at 10 ms.
+    fn rig() -> Rig {
+        let scene = Scene::new(Vec::<Shape>::new(), Vec::new()).expect("empty");
+        let world = World::new(scene, BodyConfig::default(), Pose::default(), 1);
+        let mut rig = Rig::new(world.expect("free"));
+        rig.add_device("clock", Clockwork::default());
+        rig.run_until(Instant::from_millis(10));
+        rig
+    }
+
+    fn ring(clock: Option<&mut Clockwork>) {
+        clock.expect("it is there").rings_at = Some(Instant::from_millis(20));
+    }
+
     /// What is told at 10 ms of 20 ms changes nothing before that, and comes to the same as what
     /// was known from the start; who does something to a device at once wakes it.
     #[test]
     fn what_is_planned_later_wakes_nobody_now() {
         let polls = |tell: &dyn Fn(&mut Rig)| {
-            let scene = Scene::new(Vec::<Shape>::new(), Vec::new()).expect("empty");
-            let world = World::new(scene, BodyConfig::default(), Pose::default(), 1);
-            let mut rig = Rig::new(world.expect("free"));
-            rig.add_device("clock", Clockwork::default());
-            rig.run_until(Instant::from_millis(10));
+            let mut rig = rig();
             tell(&mut rig);
             rig.run_until(Instant::from_millis(30));
             let clock = rig.device::<Clockwork>("clock").expect("it is there");
             let millis = clock.polls.iter().map(|at| at.as_millis());
             millis.collect::<Vec<u64>>()
         };
-        let ring = |clock: Option<&mut Clockwork>| {
-            clock.expect("it is there").rings_at = Some(Instant::from_millis(20));
-        };
         assert_eq!(polls(&|_| {}), [0]);
         assert_eq!(polls(&|rig| ring(rig.device_to_plan("clock"))), [0, 20]);
         assert_eq!(polls(&|rig| ring(rig.device_mut("clock"))), [0, 10, 20]);
+    }
+
+    /// Who was told something is asked at once, then it rings at 20 ms; nothing comes after that.
+    #[test]
+    fn where_nobody_waits_for_anything_nothing_comes_next() {
+        let mut rig = rig();
+        assert_eq!(rig.next_event(), None);
+        ring(rig.device_mut("clock"));
+        let millis = Instant::from_millis;
+        assert_eq!(rig.next_event(), Some(millis(10)));
+        rig.run_until(millis(15));
+        assert_eq!(rig.next_event(), Some(millis(20)));
+        rig.run_until(millis(30));
+        assert_eq!(rig.next_event(), None);
     }
 }

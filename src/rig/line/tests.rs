@@ -260,6 +260,42 @@ fn what_was_sent_is_kept_where_something_else_arrives() {
     assert_eq!((traffic.sent, traffic.delivered), (6, 6));
 }
 
+/// Whatever else befell the bytes is to be told, even if they arrive as they were sent: one that
+/// another replaced, an echo, a rate at which they were read right all the same.
+#[test]
+fn what_more_than_time_befell_is_not_only_late() {
+    let late = Original {
+        at: Instant::ZERO,
+        bytes: vec![1, 2],
+        strikes: Vec::new(),
+        effects: Vec::new(),
+        bauds: None,
+    };
+    assert!(late.is_only_late(&[1, 2]));
+    let (byte, damage) = (0, Damage::Drop);
+    let others = [
+        Original {
+            strikes: vec![Strike { byte, damage }],
+            ..late.clone()
+        },
+        Original {
+            effects: vec!["echo"],
+            ..late.clone()
+        },
+        Original {
+            bauds: Some([9600, 9601]),
+            ..late.clone()
+        },
+        Original {
+            bytes: vec![1, 2, 3],
+            ..late
+        },
+    ];
+    for other in others {
+        assert!(!other.is_only_late(&[1, 2]), "{other:?}");
+    }
+}
+
 /// A byte that waits for the next one is on its way.
 #[test]
 fn a_byte_that_is_held_back_is_in_flight() {

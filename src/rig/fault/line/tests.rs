@@ -266,6 +266,9 @@ fn jitter_is_what_its_dice_say() {
         seen[usize::try_from(late).expect("small")] = true;
     }
     assert_eq!(seen, [true; 3]);
+    // For ever is no overflow.
+    let late = at_once(&mut jitter(Duration::MAX), &[0]).late.as_nanos();
+    assert_eq!(late, u128::from(stream().below(u64::MAX)));
 }
 
 /// 2 to the power 3 copies of one; of ten doublings 64 are left.
