@@ -216,6 +216,7 @@ mod tests {
     use protocols::Instant;
 
     use super::*;
+    use crate::robots::Axis;
     use crate::scenario::{MapCondition, Op, Scenario};
 
     /// Cells that were seen, of all: some after eight seconds in a room, and not those behind it.
@@ -231,6 +232,40 @@ mod tests {
         let (known, all) = (known.count(), map.width() * map.height());
         assert!(known > 100 && known < all, "{known} of {all}");
         assert!((share * all as f64 - known as f64).abs() < 1e-6, "{share}");
+    }
+
+    /// What an axis is told to do and what it does are two figures, which differ when it begins to
+    /// drive.
+    #[test]
+    fn an_axis_is_compared_by_the_figure_that_is_asked_for() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/yellow-reactive.toml");
+        let (scenario, source) = Scenario::read(&path).expect("sound");
+        let mut run = Run::new(scenario, &source, None).expect("can be wired");
+        let axis = (1..1000).find_map(|step| {
+            run.go_on_until(Instant::from_millis(10 * step));
+            let axes = run.instruments.axes(&run.rig);
+            let differ = |axis: &Axis| axis.actual.is_some_and(|actual| actual != axis.set_point);
+            axes.into_iter().find(differ)
+        });
+        let axis = axis.expect("it drives");
+        let actual = axis.actual.expect("it differs");
+        let mut holds = |of, op, value| {
+            let name = axis.name.to_string();
+            let condition = Condition::Axis(AxisCondition {
+                name,
+                of,
+                op,
+                value,
+            });
+            let watch = run.watch(&condition).expect("there is such an axis");
+            run.has_come(&watch)
+        };
+        let told = axis.set_point;
+        assert!(holds(Figure::SetPoint, Op::Equal, told));
+        assert!(holds(Figure::Actual, Op::Equal, actual));
+        assert!(holds(Figure::Actual, Op::Unequal, told));
+        assert!(!holds(Figure::SetPoint, Op::Equal, actual));
+        assert!(!holds(Figure::SetPoint, Op::Unequal, told));
     }
 
     /// What is not there cannot be waited for; the message lists what there is.

@@ -373,6 +373,26 @@ mod tests {
         assert_eq!(last, Some("fault-ended"));
     }
 
+    /// Bytes count from 0: the next one has as its number how many have passed.
+    #[test]
+    fn the_next_byte_is_to_come_and_the_last_one_has_passed() {
+        let mut run = run();
+        run.go_on_until(Instant::from_millis(500));
+        let drop = on_the_bus("kind = \"drop\"");
+        let sent = run.line_of(&drop).expect("a bus").traffic().sent;
+        for (key, keys) in [
+            ("byte", "kind = \"drop\""),
+            ("at_byte", "kind = \"cut\"\nlasting = \"50ms\""),
+        ] {
+            let mut inject = |byte| run.inject(on_the_bus(&format!("{keys}\n{key} = {byte}")));
+            assert!(inject(sent).is_ok(), "{key}");
+            let last = sent - 1;
+            let refused = inject(last).expect_err("it has passed").message;
+            let expected = format!("is {last}, expected one to come: {sent} have passed");
+            assert_eq!(refused, expected, "{key}");
+        }
+    }
+
     /// A clog by the dice called `clogs` is in a case one stall for each spell, without dice: each
     /// 300 ms there is one, of 100 ms on average.
     #[test]

@@ -180,6 +180,28 @@ mod tests {
         assert!(steps.is_waiting());
     }
 
+    /// What holds anyway comes true with the step before it, at 1 s; the run is looked at then, as
+    /// each 10 ms.
+    #[test]
+    fn a_step_may_be_done_as_soon_as_those_before_it() {
+        let text = "schema = 1\nname = \"steps\"\nrobot = \"rescue\"\nduration = \"5s\"\n\
+                    [[mission.step]]\nat = \"1s\"\ndo = { mode = \"stop\" }\n\
+                    [[mission.step]]\n\
+                    when = { pose = { near_m = [1.0, 1.0], within_m = 9.0 } }\n\
+                    do = { mode = \"stop\" }\n\
+                    [world]\nstart = { x_m = 1.0, y_m = 1.0, heading_deg = 0 }\n";
+        let parsed = Scenario::parse(Path::new("<test>"), text.to_owned());
+        let (scenario, source) = parsed.expect("sound");
+        let mut run = Run::new(scenario, &source, None).expect("can be wired");
+        run.go_on_until(Instant::from_secs(2));
+        let checks = told(&run.steps, false);
+        let [(name, Status::Pass, detail)] = &checks[..] else {
+            panic!("{checks:?}")
+        };
+        assert_eq!(name, "mission-step-2");
+        assert!(detail.ends_with(" came true by 1.000000 s"), "{detail}");
+    }
+
     /// Only the next one can have failed; the others' turn has not come.
     #[test]
     fn what_was_waited_for_is_judged_at_the_end() {

@@ -190,6 +190,55 @@ fn what_has_come_to_bear_cannot_be_taken_back() {
     }
 }
 
+/// Asked for at 2.555 s: what was to begin later can begin earlier, but not just then.
+#[test]
+fn what_is_to_come_can_begin_earlier() {
+    let (scenario, source) = faulted();
+    let mut run = start((scenario.clone(), source));
+    let now = Duration::from_millis(2_555);
+    run.go_on_until(Instant::ZERO + now);
+    let point = run.checkpoint().expect("nobody listens");
+    let begins = |from: Duration| {
+        let mut other = scenario.clone();
+        other.fault[4].from = Some(Span(from));
+        point.resume_as(&other).is_some()
+    };
+    let nanosecond = Duration::from_nanos(1);
+    let known = [now - nanosecond, now, now + nanosecond].map(begins);
+    assert_eq!(known, [false, false, true]);
+    assert_eq!(
+        format!("{point:?}"),
+        format!("Checkpoint({:?})", point.at())
+    );
+}
+
+/// Of two faults that are still to come the first is left out: the second then stands in its place,
+/// and would throw the dice that are named by that, unless its own have a name.
+#[test]
+fn dice_that_are_named_by_a_place_keep_it() {
+    let cut = "[[fault]]\nkind = 'cut'\nlink = 'base'\ndirection = 'to-master'\nfrom = '5s'\n";
+    let is_known = |keys: &str| {
+        let second =
+            format!("[[fault]]\nlink = 'lidar'\ndirection = 'to-master'\nfrom = '4s'\n{keys}\n");
+        let (scenario, source) = in_a_room("6s", &format!("{cut}{second}"));
+        let mut run = start((scenario.clone(), source));
+        run.go_on_until(Instant::from_secs(1));
+        let point = run.checkpoint().expect("nobody listens");
+        let mut other = scenario;
+        other.fault.remove(0);
+        point.resume_as(&other).is_some()
+    };
+    let known = [
+        "kind = 'latency'\nby = '5ms'",
+        "kind = 'jitter'\nby = '5ms'",
+        "kind = 'jitter'\nby = '5ms'\nstream = 'late'",
+        "kind = 'clog'\nevery = '300ms'\nlasting = '10ms'",
+        "kind = 'clog'\nevery = '300ms'\nlasting = '10ms'\nstream = 'clogs'",
+        "kind = 'flip'\nrate = 0.1",
+    ];
+    assert_eq!(known.map(is_known), [true, false, true, false, true, false]);
+}
+
 /// 200 mm and a rest of 2 s are what a mission is over with if nothing is asked for.
 #[test]
 fn what_is_judged_in_the_end_can_be_another() {
