@@ -41,7 +41,7 @@ impl Resampler {
         if let Some((end, _)) = self.end {
             let bit_ns = 1_000_000_000 / u64::from(sender.baud);
             let gap = u64::try_from((start - end).as_nanos()).unwrap_or(u64::MAX) / bit_ns.max(1);
-            let idle_bits = usize::try_from(gap.min(2 * IDLE_BITS)).expect("small");
+            let idle_bits = usize::try_from(gap.min(IDLE_BITS_MAX)).expect("small");
             self.bits.extend(core::iter::repeat_n(true, idle_bits));
         }
         bytes
@@ -247,6 +247,31 @@ mod tests {
         assert_eq!(half(&[0x00, 0x00]), (vec![0b0000_1000], 0));
         assert_eq!(half(&[0x03, 0x00, 0x01]), (vec![0b1111_1100], 1));
         assert_eq!(half(&[0x61, 0x62, 0x00]), (vec![], 1));
+    }
+
+    /// By hand, bits of the sender, of which the receiver has ten to one of its own: a zero is low
+    /// from 0 to 9, the second one so many bits after the first one's end at 10. From an edge at 0
+    /// the receiver looks at 5 for the start bit, at 15, 25 .. 85 for data, at 95 for the stop bit.
+    ///
+    /// - 48: low from 58 to 67, data bit 5 (65) is low: 1101 1111.
+    /// - 80: low from 90 to 99, the data are all high and so no stop bit is at 95; none begins
+    ///   after that.
+    /// - 120: low from 130 to 139; the first one is all high, and so is the one that begins there.
+    #[test]
+    fn a_pause_is_as_long_for_a_slow_receiver_as_for_the_sender() {
+        let [sender, receiver] = [100_000, 10_000].map(LineConfig::new_8n1);
+        let after = |pause: u64| {
+            let mut resampler = Resampler::default();
+            let [mut first, mut second, mut rest] = [vec![0], vec![0], vec![]];
+            let start = Instant::from_micros(100 + 10 * pause);
+            let errors = resampler.feed(&mut first, Instant::ZERO, sender, receiver)
+                + resampler.feed(&mut second, start, sender, receiver)
+                + resampler.idle(&mut rest);
+            ([first, second, rest].concat(), errors)
+        };
+        assert_eq!(after(48), (vec![0b1101_1111], 0));
+        assert_eq!(after(80), (vec![], 1));
+        assert_eq!(after(120), (vec![0xFF, 0xFF], 0));
     }
 
     #[test]

@@ -3,8 +3,8 @@
 //! The report looks forward to the sensors without naming type or registers. Ours are as a
 //! thermometer of 35 degrees field of view (MLX90614 and its like) on the two converter channels
 //! that the fielded base has free, 13 and 17, in tenths of a degree Celsius; the kits have register
-//! 53, behind the fielded map: how many have left the magazine, and written how many shall have. The
-//! magazine stays where it is when the board restarts.
+//! 53, behind the fielded map: how many have left the magazine, and written how many shall have.
+//! The magazine stays where it is when the board restarts.
 
 use core::f64::consts::FRAC_PI_2;
 

@@ -114,8 +114,8 @@ fn move_wall(world: &mut WorldSpec, index: usize, by: f64, dice: &mut Draw) {
     path[end] = moved(path[end], along.map(|part| part * by));
 }
 
-/// Furniture that stands free is moved, of the rest a side that touches nothing. What a pane ends at
-/// is its frame and stays.
+/// Furniture that stands free is moved, of the rest a side that touches nothing. What a pane ends
+/// at is its frame and stays.
 fn move_polygon(world: &mut WorldSpec, index: usize, by: [f64; 2], dice: &mut Draw) {
     let corners = &world.polygon[index].get_ref().corners_m;
     if is_frame(world, corners) {
