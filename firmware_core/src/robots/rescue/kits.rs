@@ -4,7 +4,7 @@
 //! what it was told: to be told again drops nothing, and what it forgot it is told again.
 
 /// Kits that are still to be dropped.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Kits {
     waiting: u8,
     /// What the base's count is to come to; `None` as long as it has not told its count.

@@ -178,7 +178,8 @@ fn the_map_lies_around_the_first_cell_of_the_camera() {
 }
 
 /// An obstacle in column 200 of row 100 and a free cell in column 190 of row 110: with 12 cells
-/// around them, 35 columns from 178 and 35 rows from 88 on.
+/// around them, 35 columns from 178 and 35 rows from 88 on. The obstacle is in column 22 of row 12,
+/// and what nobody has seen beside it, four cells to each side, is kept off as well.
 #[test]
 fn a_plan_is_cut_out_around_what_is_known() {
     let mut survey = Survey::new(at(0.0));
@@ -193,7 +194,17 @@ fn a_plan_is_cut_out_around_what_is_known() {
         "{:?}",
         plan.origin_m
     );
-    assert!(plan.obstacles[12 * 35 + 22] && !plan.obstacles[22 * 35 + 12]);
+    let at: Vec<usize> = (0..35 * 35)
+        .filter(|index| plan.obstacles[*index])
+        .collect();
+    let mut cross: Vec<usize> = (8..=16).map(|row| row * 35 + 22).collect();
+    cross.extend(
+        (18..=26)
+            .filter(|column| *column != 22)
+            .map(|column| 12 * 35 + column),
+    );
+    cross.sort_unstable();
+    assert_eq!(at, cross);
     // At the map's corner there is nothing to be added.
     survey.cells[SIDE * SIDE - 1] = FREE;
     survey.cells[5] = FREE;
