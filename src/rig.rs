@@ -1,6 +1,8 @@
 //! World, devices and the robot's program, wired by lines, run by one clock that jumps from event
 //! to event.
 
+#[cfg(test)]
+pub(crate) mod bare;
 pub mod cpu;
 mod disturb;
 pub mod fault;

@@ -308,12 +308,9 @@ pub(crate) const fn event_words(event: LineEvent) -> &'static str {
 
 #[cfg(test)]
 mod tests {
-    use emulators::world::{BodyConfig, Pose, Scene, Shape, World};
-    use protocols::Port;
-
     use super::*;
     use crate::capture::{Capture, Interface, Record, Section};
-    use crate::rig::line::End;
+    use crate::rig::bare;
 
     const ALONE: Extra = Extra {
         sent: None,
@@ -322,16 +319,7 @@ mod tests {
 
     /// Two links at 1 Mbaud, 10 us a byte; the run began at 5 s.
     fn joiner() -> Joiner {
-        let scene = Scene::new(Vec::<Shape>::new(), Vec::new()).expect("empty");
-        let world = World::new(scene, BodyConfig::default(), Pose::default(), 1);
-        let mut rig = Rig::new(world.expect("free"));
-        for link in ["one", "two"] {
-            let ends = [0, 1].map(|_| End {
-                node: rig.add_outside(link, LineConfig::new_8n1(1_000_000)),
-                port: Port(0),
-            });
-            rig.connect(link, ends[0], ends[1], 1);
-        }
+        let (rig, _) = bare::linked(["one", "two"], 1_000_000);
         Joiner::new(&rig, Instant::from_secs(5))
     }
 

@@ -191,24 +191,14 @@ fn words(original: &Original) -> String {
 
 #[cfg(test)]
 mod tests {
-    use emulators::world::{BodyConfig, Pose, Scene, Shape, World};
-    use protocols::{LineConfig, Port};
-
     use super::*;
     use crate::capture::Capture;
-    use crate::rig::line::End;
+    use crate::rig::bare;
 
     /// Who gives up a rig in the middle, by an error or a panic, has in the file what came so far.
     #[test]
     fn a_recording_that_is_dropped_is_whole() {
-        let scene = Scene::new(Vec::<Shape>::new(), Vec::new()).expect("empty");
-        let world = World::new(scene, BodyConfig::default(), Pose::default(), 1);
-        let mut rig = Rig::new(world.expect("free"));
-        let ends = [0, 1].map(|_| End {
-            node: rig.add_outside("one", LineConfig::new_8n1(9600)),
-            port: Port(0),
-        });
-        rig.connect("one", ends[0], ends[1], 1);
+        let (mut rig, [ends]) = bare::linked(["one"], 9600);
         let name = format!("hilrig-dropped-{}.pcapng", std::process::id());
         let path = std::env::temp_dir().join(name);
         let section = Section::default();

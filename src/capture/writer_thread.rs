@@ -209,26 +209,15 @@ impl WriterState {
 
 #[cfg(test)]
 mod tests {
-    use emulators::world::{BodyConfig, Pose, Scene, Shape, World};
-    use protocols::{LineConfig, Port};
-
     use super::*;
     use crate::capture::record::{Interface, Section};
     use crate::capture::{Capture, Limits};
-    use crate::rig::Rig;
-    use crate::rig::line::End;
+    use crate::rig::bare;
 
     /// A batch that comes back from the thread is used again: what was in it is not written twice.
     #[test]
     fn a_batch_that_comes_back_is_empty() {
-        let scene = Scene::new(Vec::<Shape>::new(), Vec::new()).expect("empty");
-        let world = World::new(scene, BodyConfig::default(), Pose::default(), 1);
-        let mut rig = Rig::new(world.expect("free"));
-        let ends = [0, 1].map(|_| End {
-            node: rig.add_outside("one", LineConfig::new_8n1(9600)),
-            port: Port(0),
-        });
-        rig.connect("one", ends[0], ends[1], 1);
+        let (rig, _) = bare::linked(["one"], 9600);
         let mut head = Vec::new();
         Section::default().write(&mut head);
         Interface::new("one", 9600).write(&mut head);

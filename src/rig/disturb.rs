@@ -195,27 +195,15 @@ impl Rig {
 mod tests {
     use core::time::Duration;
 
-    use emulators::world::{BodyConfig, Pose, Scene, Shape, World};
-    use protocols::{LineConfig, Port};
-
     use super::*;
-    use crate::rig::line::End;
+    use crate::rig::bare;
 
     /// The first of three links has nothing to do with it; the way to the
     /// devices stays as it is.
     #[test]
     fn two_of_three_links_change_receivers_one_way_and_get_them_back() {
-        let scene = Scene::new(Vec::<Shape>::new(), Vec::new()).expect("empty");
-        let world = World::new(scene, BodyConfig::default(), Pose::default(), 1);
-        let mut rig = Rig::new(world.expect("free"));
-        let ends = ["one", "two", "three"].map(|name| {
-            let [device, master] = [(), ()].map(|()| End {
-                node: rig.add_outside(name, LineConfig::new_8n1(9600)),
-                port: Port(0),
-            });
-            rig.connect(name, device, master, 1);
-            [device.node, master.node]
-        });
+        let (mut rig, ends) = bare::linked(["one", "two", "three"], 9600);
+        let ends = ends.map(|ends| ends.map(|end| end.node));
         // What comes at the three masters, then at the three devices.
         let received = |rig: &mut Rig| {
             for (byte, [device, master]) in (1..).zip(ends) {

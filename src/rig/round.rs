@@ -220,11 +220,12 @@ impl Rig {
 
 #[cfg(test)]
 mod tests {
-    use emulators::world::{BodyConfig, Pose, Scene, Shape, World};
+    use emulators::world::World;
     use emulators::{Device, Event};
     use protocols::{Instant, LineConfig, Port};
 
     use super::*;
+    use crate::rig::bare;
 
     /// Wants to be polled at one moment, and remembers when it was.
     #[derive(Clone, Default)]
@@ -260,9 +261,7 @@ mod tests {
 
     /// A rig with such a clock and nothing else, at 10 ms.
     fn rig() -> Rig {
-        let scene = Scene::new(Vec::<Shape>::new(), Vec::new()).expect("empty");
-        let world = World::new(scene, BodyConfig::default(), Pose::default(), 1);
-        let mut rig = Rig::new(world.expect("free"));
+        let mut rig = bare::rig();
         rig.add_device("clock", Clockwork::default());
         rig.run_until(Instant::from_millis(10));
         rig

@@ -92,17 +92,10 @@ impl Agenda {
 mod tests {
     use core::time::Duration;
 
-    use emulators::world::{BodyConfig, Pose, Scene, Shape, World};
-
     use super::*;
+    use crate::rig::bare::rig;
     use crate::rig::fault::{Spells, Window};
     use crate::rig::line::Direction;
-
-    fn rig() -> Rig {
-        let scene = Scene::new(Vec::<Shape>::new(), Vec::new()).expect("empty");
-        let world = World::new(scene, BodyConfig::default(), Pose::default(), 1);
-        Rig::new(world.expect("free"))
-    }
 
     /// Of links that there are not: nothing happens to the rig.
     fn nothing() -> Vec<Disturbance> {
