@@ -52,8 +52,8 @@ const READINGS_MIN: u8 = 2;
 const SAME_MM: f32 = 250.0;
 /// What was felt too little to be somebody is remembered, the last ones of it.
 const DOUBTS_MAX: usize = 4;
-/// Nearer together than this two such are one, millimetres: what a robot that passes at 0.2 m/s feels
-/// once of a plate lies so close to what it feels of it when it comes back.
+/// Nearer together than this two such are one, millimetres: what a robot that passes at 0.2 m/s
+/// feels once of a plate lies so close to what it feels of it when it comes back.
 const SAME_DOUBT_MM: f32 = 150.0;
 
 /// Somebody.
