@@ -163,3 +163,34 @@ fn dependencies_are_free_to_use() {
         .collect();
     assert_eq!(wrong, Vec::<String>::new());
 }
+
+fn manifest(path: &str) -> toml::Table {
+    let text = std::fs::read_to_string(root().join(path)).expect("is in the repository");
+    text.parse()
+        .unwrap_or_else(|error| panic!("{path}: {error}"))
+}
+
+/// A crate that both workspaces are built from has the same settings in both: the same folder then
+/// holds it once.
+#[test]
+fn the_crate_outside_is_built_as_the_workspace_is() {
+    let [main, outside] = ["Cargo.toml", "tests/outside/Cargo.toml"].map(manifest);
+    let lock = manifest("tests/outside/Cargo.lock");
+    let locked: BTreeSet<_> = lock["package"]
+        .as_array()
+        .expect("packages")
+        .iter()
+        .filter_map(|package| package["name"].as_str())
+        .collect();
+    // Its own build of the rig is needed there, which runs for less than it compiles.
+    let shared = |name: &str| locked.contains(name) && name != "hilrig";
+    let mut expected = main["profile"]["test"]["package"].clone();
+    let levels = expected.as_table_mut().expect("packages");
+    levels.retain(|name, _| shared(name));
+    assert!(levels.len() > 10, "{levels:?}");
+    let told = &outside["profile"]["test"];
+    assert_eq!(told["package"], expected);
+    for setting in ["debug", "lto"] {
+        assert_eq!(told[setting], main["profile"]["dev"][setting], "{setting}");
+    }
+}
