@@ -19,7 +19,17 @@ pub(super) fn check(found: &Found, world: &World, most: f64) -> Check {
         .iter()
         .map(|plate| nearest(plate.middle(), &mut marks.iter().copied()))
         .collect();
-    let near = errors.iter().filter(|error| **error <= most).count();
+    let missed = plates
+        .iter()
+        .zip(&errors)
+        .filter(|(_, error)| **error > most);
+    let missed: Vec<String> = missed
+        .map(|(plate, _)| {
+            let Point { x, y } = plate.middle();
+            format!("({x:.2}, {y:.2})")
+        })
+        .collect();
+    let near = errors.len() - missed.len();
     let wrong = marks.iter().filter(|mark| {
         let mut middles = plates.iter().map(|plate| plate.middle());
         nearest(**mark, &mut middles) > most
@@ -30,10 +40,13 @@ pub(super) fn check(found: &Found, world: &World, most: f64) -> Check {
     let kits = found
         .kits
         .map_or_else(|| "unknown".to_owned(), |kits| kits.to_string());
-    let detail = format!(
+    let mut detail = format!(
         "{near} of {all} victims within {most} mm, the worst {worst:.0} mm; {wrong} marks without \
          one; {kits} kits dropped"
     );
+    if !missed.is_empty() {
+        detail += &format!("; missed at {} m", missed.join(", "));
+    }
     let is_once = marks.len() == all && found.kits.is_none_or(|kits| kits == all);
     Check::new(
         "victims-found",
@@ -93,5 +106,7 @@ mod tests {
         assert!(!passes && said.contains("; 0 marks without one"), "{said}");
         let (passes, said) = judged(&[], None);
         assert!(!passes && said.starts_with("0 of 2 victims"), "{said}");
+        let ends = "kits dropped; missed at (1.00, 0.00), (3.00, 0.00) m";
+        assert!(said.ends_with(ends), "{said}");
     }
 }
