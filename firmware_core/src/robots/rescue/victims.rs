@@ -41,6 +41,10 @@ const CALM: i16 = 15;
 /// Beside the middle of the field of view a wall is looked for so far: tangent, and millimetres.
 const BESIDE_TAN: f32 = 0.1;
 const BESIDE_MM: f32 = 8.0;
+/// Whoever is on a wall that is seen more obliquely than this, cosine, may be elsewhere as well.
+const OBLIQUE_COS: f32 = 0.5;
+/// So far around a point of a wall others tell how it runs, millimetres.
+const AROUND_MM: f32 = 60.0;
 /// What is farther away than the wall by so much, millimetres, may be where the warmth comes from,
 /// unless it is warmer than somebody there would be by this factor.
 const BEHIND_MM: f32 = 120.0;
@@ -256,23 +260,64 @@ fn mix(victim: &mut Victim, place: Point, weight: f32) {
 /// The wall beside the sensor on that side (1 left, -1 right), seen from the robot, if it is there
 /// that it is so warm, and what share that is of somebody there.
 fn warm_wall(around: &Surroundings, side: f32, excess: f32) -> Option<(Point, f32)> {
-    let (mut wall, mut near, mut far) = (None, FAR_MM, 0.0_f32);
-    for (point, _) in around.points() {
-        let ahead = side * point.y_mm - MOUNT_MM;
-        let aside = point.x_mm.abs();
-        if ahead <= 0.0 || aside > ahead * HALF_VIEW_TAN {
-            continue;
-        }
-        far = far.max(ahead);
-        // Of a wall that runs along the robot, the point right beside the sensor.
+    let seen_by = |point: Point| {
+        let seen = Point::new(point.x_mm, side * point.y_mm - MOUNT_MM);
+        let Point {
+            x_mm: aside,
+            y_mm: ahead,
+        } = seen;
+        (ahead > 0.0 && aside.abs() <= ahead * HALF_VIEW_TAN).then_some(seen)
+    };
+    let seen = || around.points().filter_map(|(point, _)| seen_by(point));
+    // Of a wall that runs along the robot, the point right beside the sensor.
+    let (mut wall, mut near) = (None, FAR_MM);
+    for point in seen() {
+        let Point {
+            x_mm: aside,
+            y_mm: ahead,
+        } = point;
         let range = libm::sqrtf(ahead * ahead + aside * aside);
-        if range < near && aside <= ahead * BESIDE_TAN + BESIDE_MM {
+        if range < near && aside.abs() <= ahead * BESIDE_TAN + BESIDE_MM {
             (wall, near) = (Some(point), range);
         }
     }
-    let is_there = far - near <= BEHIND_MM || excess >= expected(far) * NOT_BEHIND;
-    wall.filter(|_| is_there)
-        .map(|wall| (wall, excess / expected(near)))
+    let wall = wall?;
+    let along = direction(wall, seen());
+    if along[0] < OBLIQUE_COS {
+        return None;
+    }
+    // What lies farther away than the wall does where it runs on.
+    let behind = |point: &Point| {
+        (point.y_mm - wall.y_mm) * along[0] - (point.x_mm - wall.x_mm) * along[1] > BEHIND_MM
+    };
+    let far = seen()
+        .filter(behind)
+        .fold(0.0_f32, |far, point| far.max(point.y_mm));
+    let is_there = far == 0.0 || excess >= expected(far) * NOT_BEHIND;
+    let place = Point::new(wall.x_mm, side * (wall.y_mm + MOUNT_MM));
+    is_there.then(|| (place, excess / plate_there(wall, along)))
+}
+
+/// Where the wall runs around a point of it: a unit vector, forward or straight away.
+fn direction(at: Point, seen: impl Iterator<Item = Point>) -> [f32; 2] {
+    let (mut xx, mut yy, mut xy) = (0.0, 0.0, 0.0);
+    for point in seen.filter(|point| point.distance_mm(at) <= AROUND_MM) {
+        let [x, y] = [point.x_mm - at.x_mm, point.y_mm - at.y_mm];
+        (xx, yy, xy) = (xx + x * x, yy + y * y, xy + x * y);
+    }
+    let (sin, cos) = libm::sincosf(libm::atan2f(2.0 * xy, xx - yy) / 2.0);
+    [cos, sin]
+}
+
+/// What somebody makes a sensor read who is at that place on a wall that runs so, above the
+/// surroundings.
+fn plate_there(wall: Point, along: [f32; 2]) -> f32 {
+    let bearing = |half: f32| {
+        let [x, y] = [wall.x_mm + half * along[0], wall.y_mm + half * along[1]];
+        libm::atan2f(x, y).clamp(-HALF_VIEW_RAD, HALF_VIEW_RAD)
+    };
+    let seen = (bearing(HALF_PLATE_MM) - bearing(-HALF_PLATE_MM)).abs();
+    FULL * seen / (2.0 * HALF_VIEW_RAD)
 }
 
 /// What somebody makes a sensor read that looks right at him, above the surroundings.
@@ -519,6 +564,27 @@ mod tests {
         assert_eq!(wall(&[[0.0, 270.0], [40.0, 265.0]]), Some([0.0, 270.0]));
         assert_eq!(wall(&[[-5.0, 270.0], [5.0, 270.0]]), Some([-5.0, 270.0]));
         assert_eq!(wall(&[[20.0, 270.0], [0.0, 271.0]]), Some([0.0, 271.0]));
+    }
+
+    /// A wall that runs at 49 degrees to the robot, 228 mm before the sensor: of somebody there it
+    /// sees from 32.8 mm before its axis at 190.3 mm to 32.8 mm behind it at 265.7 mm, which is
+    /// (atan(0.1725) + atan(0.1235)) / 0.61 of 150 tenths, 72.2. What of it is farther away is no
+    /// other wall; at 61 degrees nobody can tell.
+    #[test]
+    fn a_wall_seen_obliquely_shows_less_of_somebody() {
+        let seen = |degrees: f32| {
+            let (sin, cos) = libm::sincosf(degrees.to_radians());
+            let wall = (0..=200_i16).map(|n| f32::from(n) * 5.0 - 500.0);
+            let wall = wall.map(|at| Point::new(at * cos, 328.0 + at * sin));
+            // Nearer than the axis nothing is beside the sensor.
+            let wall = wall.filter(|point| point.x_mm >= 0.0 || point.x_mm < -60.0);
+            warm_wall(&Surroundings::of(wall), 1.0, 72.2)
+        };
+        let (place, share) = seen(49.0).expect("is there");
+        assert!(place.distance_mm(Point::new(0.0, 328.0)) < 1.0, "{place:?}");
+        assert!((share - 1.0).abs() < 0.01, "{share}");
+        assert!(seen(59.0).is_some() && seen(61.0).is_none());
+        assert!(seen(-59.0).is_some() && seen(-61.0).is_none());
     }
 
     /// Behind a board 100 mm away there may be something 120 mm farther off. One 121 mm behind it
