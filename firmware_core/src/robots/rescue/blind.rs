@@ -1,7 +1,8 @@
 //! What the lidar does not see: glass, which its beam goes through, and what is lower than it.
 //!
 //! The base's infrared sensors do. What they meet where the lidar shows nothing is kept on a list
-//! of places and is from then on among the robot's surroundings, until a sensor looks through it.
+//! of places and is from then on among the robot's surroundings, until a sensor looks through it;
+//! what they meet now is among them as exactly as they read it.
 
 use core::f32::consts::{FRAC_PI_2, PI};
 
@@ -64,6 +65,8 @@ pub(super) struct Blind {
     places: [Place; PLACES_MAX],
     count: usize,
     oldest: usize,
+    /// What each sensor meets now.
+    met: [Option<Point>; SENSORS],
 }
 
 impl Blind {
@@ -76,6 +79,7 @@ impl Blind {
             places: [nowhere; PLACES_MAX],
             count: 0,
             oldest: 0,
+            met: [None; SENSORS],
         }
     }
 
@@ -92,8 +96,9 @@ impl Blind {
             true => BELIEVED_TURNING_MM,
             false => BELIEVED_MM,
         };
-        let sensors = MOUNTS.into_iter().zip(readings_mm);
-        for (mount, reading) in sensors.filter(|(_, reading)| *reading != UNMEASURED) {
+        self.met = [None; SENSORS];
+        let sensors = (0..).zip(MOUNTS).zip(readings_mm);
+        for ((index, mount), reading) in sensors.filter(|(_, reading)| *reading != UNMEASURED) {
             let range_mm = f32::from(reading);
             self.look_through(mount, range_mm.min(reach_mm), pose);
             let [ahead, left, bearing] = mount;
@@ -104,16 +109,19 @@ impl Blind {
                 points.any(|(point, _)| point.distance_mm(seen) < SAME_MM)
             };
             if range_mm < reach_mm && !is_shown() {
-                self.keep(pose.to_world(seen));
+                let place = pose.to_world(seen);
+                self.met[index] = Some(place);
+                self.keep(place);
             }
         }
     }
 
-    /// All places, as seen from `pose`.
+    /// All places, and what the sensors meet now, as seen from `pose`.
     pub(super) fn seen_from(&self, pose: Pose) -> impl Iterator<Item = Point> + '_ {
         let (sin, cos) = sin_cos(pose.heading);
-        self.places[..self.count].iter().map(move |place| {
-            let (dx, dy) = (place.at.x_mm - pose.x_mm, place.at.y_mm - pose.y_mm);
+        let kept = self.places[..self.count].iter().map(|place| place.at);
+        kept.chain(self.met.into_iter().flatten()).map(move |at| {
+            let (dx, dy) = (at.x_mm - pose.x_mm, at.y_mm - pose.y_mm);
             Point::new(cos * dx + sin * dy, cos * dy - sin * dx)
         })
     }
@@ -190,7 +198,8 @@ mod tests {
     }
 
     fn places(blind: &Blind) -> Vec<Point> {
-        blind.seen_from(Pose::default()).collect()
+        let kept = blind.places[..blind.count].iter();
+        kept.map(|place| place.at).collect()
     }
 
     /// The sensor sits 150 mm ahead: a pane at 400 mm lies at 550. Turned to the left at (1, 2) m,
@@ -204,10 +213,28 @@ mod tests {
             panic!("{:?}", places(&blind));
         };
         assert!(place.distance_mm(Point::new(1_000.0, 2_550.0)) < 0.5);
-        let [seen] = blind.seen_from(pose).collect::<Vec<_>>()[..] else {
-            panic!("one place");
+        // It is kept, and met now.
+        let seen: Vec<Point> = blind.seen_from(pose).collect();
+        assert_eq!(seen.len(), 2);
+        let is_there = |seen: &Point| seen.distance_mm(Point::new(550.0, 0.0)) < 0.5;
+        assert!(seen.iter().all(is_there), "{seen:?}");
+    }
+
+    /// A pane that comes nearer by 40 mm is no other place, but it is met where it is; nothing is
+    /// met any more as soon as the sensor reads farther than it is believed, or nothing.
+    #[test]
+    fn what_is_met_now_is_where_it_was_read() {
+        let mut blind = Blind::new();
+        let mut seen = |mm| {
+            blind.take(front(mm), Pose::default(), &wall(), AT_REST);
+            let seen = blind.seen_from(Pose::default());
+            seen.map(|place| place.x_mm).collect::<Vec<_>>()
         };
-        assert!(seen.distance_mm(Point::new(550.0, 0.0)) < 0.5);
+        assert_eq!(seen(400), [550.0, 550.0]);
+        assert_eq!(seen(360), [550.0, 510.0]);
+        assert_eq!(seen(700), [550.0]);
+        assert_eq!(seen(360), [550.0, 510.0]);
+        assert_eq!(seen(UNMEASURED), [550.0]);
     }
 
     #[test]
