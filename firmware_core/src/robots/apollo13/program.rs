@@ -55,7 +55,7 @@ const WALL_SILENT_MAX: Duration = Duration::from_millis(500);
 /// After so many scans that do not fit, 2 m of way, the car is lost.
 const MISFITS_MAX: u8 = 40;
 /// Where the camera sits before the rear axle's middle, metres.
-const CAMERA_AHEAD_M: f64 = 0.18 + 0.129;
+pub(super) const CAMERA_AHEAD_M: f64 = 0.18 + 0.129;
 /// Where the ultrasonic sensor ahead sits before the rear axle's middle.
 const FRONT_AHEAD_M: f64 = 0.175 + 0.129;
 

@@ -18,6 +18,7 @@ use alloc::vec::Vec;
 use protocols::Instant;
 
 use super::floor::FloorPlan;
+use super::program::CAMERA_AHEAD_M;
 use crate::ackermann::{CarPose, Motion};
 use crate::costmap::Costmap;
 use crate::grid::{FREE, OBSTACLE, UNKNOWN};
@@ -150,8 +151,10 @@ impl Survey {
         self.drawn = Some(now);
         self.scans = self.scans.saturating_add(1);
         let seen = beams.iter().map(|beam| [beam.bearing_rad, beam.range_m]);
-        // A car cannot turn where it stands.
-        let is_at_rest = libm::hypot(motion.ahead_m, motion.left_m) < REST_M;
+        // A car cannot turn where it stands: what its gyroscope turns swings the camera aside, which
+        // sits before its axle.
+        let swung_m = CAMERA_AHEAD_M * libm::sin(motion.turn_rad);
+        let is_at_rest = libm::hypot(motion.ahead_m, motion.left_m - swung_m) < REST_M;
         if is_at_rest && self.scans > SCANS_AT_REST {
             return self.tracker.rest(motion);
         }

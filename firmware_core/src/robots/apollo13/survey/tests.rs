@@ -154,6 +154,37 @@ fn a_car_that_stands_does_not_turn() {
     );
 }
 
+/// The camera sits 0.309 m before the axle that such a car seems to turn about. A wall straight
+/// ahead says nothing of where along it the car is: the map does not swing with the camera either,
+/// 60 mm for each 0.2 rad.
+#[test]
+fn a_car_that_stands_before_a_wall_does_not_wander_along_it() {
+    let wall: Vec<Beam> = (-30..=30_i32)
+        .map(|degrees| {
+            let bearing_rad = f64::from(degrees).to_radians();
+            let range_m = 0.85 / libm::cos(bearing_rad);
+            Beam {
+                bearing_rad,
+                range_m,
+            }
+        })
+        .collect();
+    let axle = at(-CAMERA_AHEAD_M);
+    let mut survey = Survey::new(at(0.0));
+    let mut found = at(0.0);
+    for step in 0..1_000_u32 {
+        // A hundredth of a radian each four seconds, as an odometer tells it.
+        let heading_rad = f64::from(step / 20) * 0.01;
+        let camera = CarPose {
+            heading_rad,
+            ..axle
+        }
+        .shifted(CAMERA_AHEAD_M);
+        found = survey.draw(after(step.into()), camera, &wall);
+    }
+    assert!(found.distance_m(at(0.0)) < 0.005, "{found:?}");
+}
+
 /// The map's first cell is 16 m behind and to the right of the camera's, whole cells of 50 mm.
 #[test]
 fn the_map_lies_around_the_first_cell_of_the_camera() {
