@@ -35,6 +35,10 @@ const PATIENCE_SCANS: u16 = 100;
 const PATIENCE_PER_CELL: u16 = 2;
 const NEARLY_SCANS: u16 = 50;
 const NEARLY_MM: f32 = 500.0;
+/// Who stays within so much, millimetres, for so many scans, 15 s, shuffles before something that
+/// he does not get through.
+const SHUFFLE_MM: f32 = 300.0;
+const SHUFFLE_SCANS: u8 = 75;
 /// Two views that are no farther apart are there for the same walls, millimetres: both feel what is
 /// 0.42 m away.
 const SAME_WALLS_MM: f32 = 500.0;
@@ -59,11 +63,37 @@ pub enum Progress {
     IsHome,
 }
 
+/// Where the robot has stayed on its way, and for how many scans.
+#[derive(Clone, Copy, Debug)]
+struct Shuffle {
+    about: Point,
+    scans: u8,
+}
+
+impl Shuffle {
+    const fn at(about: Point) -> Self {
+        Self { about, scans: 0 }
+    }
+
+    fn after(self, place: Point) -> Self {
+        if self.about.distance_mm(place) > SHUFFLE_MM {
+            return Self::at(place);
+        }
+        let scans = self.scans.saturating_add(1);
+        Self { scans, ..self }
+    }
+}
+
 /// What is done at a view.
 #[derive(Clone, Copy, Debug)]
 enum At {
     /// On the way there.
-    Way { view: View, scans: u16, age: u8 },
+    Way {
+        view: View,
+        scans: u16,
+        age: u8,
+        shuffle: Shuffle,
+    },
     /// Standing there and looking.
     Look { place: Point, scans: u8 },
     /// Turning on the spot; `turned` radians of it are done since `heading`.
@@ -203,9 +233,12 @@ impl Explore {
     fn seek(&mut self, navigator: &mut Navigator, sight: Sight<'_>) -> [i8; 2] {
         match self.at {
             None => self.choose(navigator.settings().body, sight),
-            Some(At::Way { view, scans, age }) => {
-                self.go(navigator, sight, view, [scans, age.into()])
-            }
+            Some(At::Way {
+                view,
+                scans,
+                age,
+                shuffle,
+            }) => self.go(navigator, sight, (view, shuffle), [scans, age.into()]),
             Some(At::Look { place, scans }) => self.look(sight, place, scans),
             Some(At::Turn {
                 place,
@@ -263,6 +296,7 @@ impl Explore {
                     view,
                     scans: 0,
                     age: 0,
+                    shuffle: Shuffle::at(pose.position()),
                 });
             }
             None if !self.is_second => {
@@ -278,7 +312,7 @@ impl Explore {
         &mut self,
         navigator: &mut Navigator,
         sight: Sight<'_>,
-        view: View,
+        (view, shuffle): (View, Shuffle),
         [scans, age]: [u16; 2],
     ) -> [i8; 2] {
         let Sight {
@@ -288,7 +322,8 @@ impl Explore {
         let patience = PATIENCE_SCANS
             .saturating_add(view.way_cells.saturating_mul(PATIENCE_PER_CELL))
             .saturating_add(if is_nearly_there { NEARLY_SCANS } else { 0 });
-        if scans > patience {
+        let shuffle = shuffle.after(pose.position());
+        if scans > patience || shuffle.scans > SHUFFLE_SCANS {
             return self.cannot_reach(map, view.place);
         }
         let is_due = age >= JUDGE_SCANS.into();
@@ -310,6 +345,7 @@ impl Explore {
                     view,
                     scans: scans + 1,
                     age: u8::try_from(age).unwrap_or(u8::MAX),
+                    shuffle,
                 };
                 (at, set_point)
             }
@@ -518,8 +554,35 @@ mod tests {
         let mut explore = Explore::new(Sought::Floor);
         let place = Point::new(x_mm, 900.0);
         let view = View { place, way_cells };
-        explore.at = Some(At::Way { view, scans, age });
+        explore.at = Some(At::Way {
+            view,
+            scans,
+            age,
+            shuffle: Shuffle::at(MIDDLE.position()),
+        });
         explore
+    }
+
+    /// Within 300 mm for 75 scans: the 76th is too many. Whoever has come farther has got on.
+    #[test]
+    fn who_shuffles_before_a_view_for_15_seconds_gives_it_up() {
+        let map = room(true);
+        let stayed = |scans, mm| {
+            let mut explore = on_the_way(1_400.0, 100, 80, 0);
+            let Some(At::Way { shuffle, .. }) = &mut explore.at else {
+                panic!("is on its way");
+            };
+            let here = MIDDLE.position();
+            let about = Point::new(here.x_mm - mm, here.y_mm);
+            *shuffle = Shuffle { about, scans };
+            step(&mut explore, &map, MIDDLE);
+            match explore.at {
+                Some(At::Way { shuffle, .. }) => Some(shuffle.scans),
+                _ => None,
+            }
+        };
+        assert_eq!([stayed(74, 299.0), stayed(75, 299.0)], [Some(75), None]);
+        assert_eq!([stayed(75, 300.0), stayed(75, 301.0)], [None, Some(0)]);
     }
 
     /// A way of 10 cells may take 100 scans and two for each cell, and 50 more as soon as less than
