@@ -151,8 +151,8 @@ impl Survey {
         self.drawn = Some(now);
         self.scans = self.scans.saturating_add(1);
         let seen = beams.iter().map(|beam| [beam.bearing_rad, beam.range_m]);
-        // A car cannot turn where it stands: what its gyroscope turns swings the camera aside, which
-        // sits before its axle.
+        // A car cannot turn where it stands: what its gyroscope turns swings the camera, which sits
+        // before its axle, aside.
         let swung_m = CAMERA_AHEAD_M * libm::sin(motion.turn_rad);
         let is_at_rest = libm::hypot(motion.ahead_m, motion.left_m - swung_m) < REST_M;
         if is_at_rest && self.scans > SCANS_AT_REST {
