@@ -4,7 +4,7 @@
 # usage: bash tests/run.sh
 #
 # Needs Debian 12 and Rust 1.95 by rustup; installs what else is missing. From nothing it takes
-# some ten minutes on two cores, most of them spent compiling.
+# some twenty minutes on two cores, most of them spent compiling.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

@@ -5,9 +5,9 @@
 //! ```
 //!
 //! A view is dropped as soon as what it was to show is seen, which is mostly on the way to it, and
-//! given up when the way takes much longer than its length. Before the robot believes that nothing
-//! is left, what it has given up gets one more chance: something that moves may have been in the
-//! way.
+//! given up when the way takes much longer than its length, or the robot shuffles on the spot.
+//! Before it believes that nothing is left, what it has given up gets one more chance: something
+//! that moves may have been in the way.
 
 use core::f32::consts::FRAC_PI_2;
 
