@@ -200,6 +200,10 @@ fn go(
     let mut log = Log::default();
     while !stop.is_due(realtime.clock().now()) && !going.is_over() && !control.has_quit() {
         realtime.turn(going)?;
+        // Who opens a port and asks for its lines at once finds them raised.
+        if control.hear() {
+            realtime.carry(going)?;
+        }
         if control.has_lines() {
             for sign in realtime.signs() {
                 control.see(&sign, &mut going.run);

@@ -206,7 +206,11 @@ impl Trial {
     pub(crate) fn turn(&mut self) -> Result<(), TransportError> {
         let before = self.run.rig.now();
         let behind = self.realtime.clock().now() - before;
-        let turned = self.realtime.turn(&mut self.run);
+        let mut turned = self.realtime.turn(&mut self.run);
+        // Who opens a port and asks for its lines at once finds them raised.
+        if self.control.hear() {
+            turned = turned.and(self.realtime.carry(&mut self.run));
+        }
         let now = self.run.rig.now();
         log_contacts(&mut self.run);
         let on_time = match behind > LATE {

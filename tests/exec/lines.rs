@@ -1,12 +1,9 @@
 //! Modem lines in real time, for a program on the ports of a run.
 
-use crate::support::{BEGIN, folder, run_in};
+use crate::support::{BEGIN, Ended, folder, run_in};
 
-/// The adapter runs the lidar's head while DTR is low. Opening raises DTR, so a scan brings nothing
-/// until the program lowers it; lines read back as they were set, also in a child of the program.
-#[test]
-fn dtr_reads_back_and_stops_the_motor_of_a_lidar() {
-    let lidar = "\
+/// A lidar whose head the adapter runs while DTR is low.
+const LIDAR: &str = "\
 schema = 1
 name = \"sonar\"
 robot = \"custom\"
@@ -17,6 +14,21 @@ start = { x_m = 1.0, y_m = 1.4, heading_deg = 0 }
 [[world.wall]]
 path_m = [[0, 0], [2.6, 0], [2.6, 2.2], [0, 2.2], [0, 0]]
 ";
+
+fn run_with_lines(name: &str, program: &str) -> Ended {
+    let program = format!("{BEGIN}{program}");
+    let files = [("sonar.toml", LIDAR), ("program.py", &program)];
+    let command = format!(
+        "exec {} with -- python3 program.py",
+        env!("CARGO_BIN_EXE_hilrig")
+    );
+    run_in(&folder(name), &files, &command, &[])
+}
+
+/// The adapter runs the lidar's head while DTR is low. Opening raises DTR, so a scan brings nothing
+/// until the program lowers it; lines read back as they were set, also in a child of the program.
+#[test]
+fn dtr_reads_back_and_stops_the_motor_of_a_lidar() {
     let program = "\
 import fcntl, struct, termios, select
 fd = os.open(os.environ['HILRIG_PORT_SONAR'], os.O_RDWR | os.O_NOCTTY)
@@ -47,14 +59,7 @@ termios.tcsendbreak(fd, 0)
 sys.stdout.flush()
 sys.exit(5)
 ";
-    let folder = folder("lines");
-    let program = format!("{BEGIN}{program}");
-    let files = [("sonar.toml", lidar), ("program.py", &program)];
-    let command = format!(
-        "exec {} with -- python3 program.py",
-        env!("CARGO_BIN_EXE_hilrig")
-    );
-    let ended = run_in(&folder, &files, &command, &[]);
+    let ended = run_with_lines("lines", program);
     let said: Vec<&str> = ended.log.lines().skip(1).collect();
     let wanted = [
         "DTR RTS CTS DSR CAR",
@@ -72,4 +77,33 @@ sys.exit(5)
         "{}",
         ended.said
     );
+}
+
+/// What is asked right after opening comes after it: the lines are up, and one that was lowered at
+/// once stays low. The rig may be anywhere in its turn meanwhile, so once would be luck.
+#[test]
+fn lines_are_up_for_who_asks_right_after_opening() {
+    let program = "\
+import fcntl, struct, termios
+DTR, RTS = termios.TIOCM_DTR, termios.TIOCM_RTS
+def outputs(fd):
+    return struct.unpack('I', fcntl.ioctl(fd, termios.TIOCMGET, bytes(4)))[0] & (DTR | RTS)
+up = lowered = 0
+for _ in range(50):
+    fd = port()
+    up += outputs(fd) == DTR | RTS
+    os.close(fd)
+    time.sleep(0.012)
+    fd = port()
+    fcntl.ioctl(fd, termios.TIOCMBIC, struct.pack('I', DTR))
+    time.sleep(0.012)
+    lowered += outputs(fd) == RTS
+    os.close(fd)
+    time.sleep(0.012)
+print('up', up, 'lowered', lowered)
+sys.exit(5)
+";
+    let ended = run_with_lines("reopened", program);
+    let said: Vec<&str> = ended.log.lines().skip(1).collect();
+    assert_eq!(said, ["up 50 lowered 50"], "{}", ended.said);
 }

@@ -64,20 +64,21 @@ impl Client {
         (self.pending.is_none() || self.has_ended).then_some(self.heard)
     }
 
-    /// Does what it wants by now; the answers.
-    pub(super) fn serve(
-        &mut self,
-        office: &mut Office<'_>,
-        now: Instant,
-        look: u64,
-    ) -> Vec<Answer> {
+    /// Reads what it has sent, up to the longest line; whether there was anything.
+    pub(super) fn hear(&mut self, look: u64) -> bool {
+        let before = self.request.len();
+        while self.fill(look) {}
+        self.request.len() > before
+    }
+
+    /// Does what it was heard to want; the answers.
+    pub(super) fn serve(&mut self, office: &mut Office<'_>, now: Instant) -> Vec<Answer> {
         let mut answers = Vec::new();
         self.write();
-        self.fill(look);
         while answers.len() < REQUESTS_MAX && self.unread.len() <= UNREAD_MAX {
             let reply = match self.pending.take() {
                 Some(pending) => office.look_again(pending),
-                None => match self.next_line(look) {
+                None => match self.next_line() {
                     None => break,
                     Some(Err(refusal)) => {
                         office.tally.requests += 1;
@@ -118,29 +119,25 @@ impl Client {
     }
 
     /// The next whole line, or that it is too long.
-    fn next_line(&mut self, look: u64) -> Option<Result<Vec<u8>, Refusal>> {
-        loop {
-            if let Some(end) = self.request.iter().position(|&byte| byte == b'\n') {
-                let line: Vec<u8> = self.request.drain(..=end).collect();
-                if !core::mem::take(&mut self.skips) {
-                    return Some(Ok(line));
-                }
-                continue;
-            }
-            if self.request.len() >= LINE_MAX {
-                self.request.clear();
-                if !core::mem::replace(&mut self.skips, true) {
-                    let message = format!("is too long, expected at most {LINE_MAX} bytes a line");
-                    return Some(Err(Refusal::new("request", message)));
-                }
-            }
-            if !self.fill(look) {
-                return None;
+    fn next_line(&mut self) -> Option<Result<Vec<u8>, Refusal>> {
+        while let Some(end) = self.request.iter().position(|&byte| byte == b'\n') {
+            let line: Vec<u8> = self.request.drain(..=end).collect();
+            if !core::mem::take(&mut self.skips) {
+                return Some(Ok(line));
             }
         }
+        if self.request.len() < LINE_MAX {
+            return None;
+        }
+        self.request.clear();
+        let is_first = !core::mem::replace(&mut self.skips, true);
+        is_first.then(|| {
+            let message = format!("is too long, expected at most {LINE_MAX} bytes a line");
+            Err(Refusal::new("request", message))
+        })
     }
 
-    /// Reads what there is, up to the length of a line; whether there was anything.
+    /// Reads a piece of what there is; whether there was anything.
     fn fill(&mut self, look: u64) -> bool {
         let mut buf = [0; 4096];
         let room = LINE_MAX.saturating_sub(self.request.len()).min(buf.len());

@@ -99,11 +99,20 @@ impl Control {
         modem::see(&mut self.ports, sign.name, sign.is_open && has_lines, run);
     }
 
-    /// Does what clients have asked for. `now` is the time of the rig's clock; `tempo` is what
-    /// moves it, if clients may. Never waits.
-    pub fn serve(&mut self, run: &mut Run, tempo: Option<&Held>, now: Instant) {
+    /// Reads what clients ask for; whether there was anything. What was done at the ports before
+    /// they asked is there now at the latest, and can be carried in before [`serve`](Self::serve).
+    /// Never waits.
+    pub fn hear(&mut self) -> bool {
         self.looks += 1;
         self.accept();
+        let heard = self.clients.iter_mut().map(|one| one.hear(self.looks));
+        // Each of them is to be heard.
+        heard.fold(false, |any, one| any | one)
+    }
+
+    /// Does what clients were heard to ask for. `now` is the time of the rig's clock; `tempo` is
+    /// what moves it, if clients may. Never waits.
+    pub fn serve(&mut self, run: &mut Run, tempo: Option<&Held>, now: Instant) {
         let since_last = now - self.looked_at;
         self.looked_at = now;
         let mut office = Office {
@@ -114,7 +123,7 @@ impl Control {
             tally: &mut self.tally,
         };
         for client in &mut self.clients {
-            for answer in client.serve(&mut office, now, self.looks) {
+            for answer in client.serve(&mut office, now) {
                 if let Some(applied) = answer.applied {
                     self.delays
                         .record(since_last + apart(now, applied.instant()));
