@@ -43,6 +43,9 @@ pub(crate) const PORTS_VARIABLE: &str = "HILRIG_DIR";
 /// Rig time for which a run goes on when its program is gone: the devices must notice that.
 pub(crate) const SETTLE: Duration = Duration::from_secs(2);
 
+/// Rig time between two looks at why a program does not read: all processes are listed for that.
+const LOOK_EVERY: Duration = Duration::from_millis(20);
+
 /// Checks about a program that hold however late the rig was.
 pub(crate) const FACTS: [&str; 3] = ["program-connected", "program-alive", "no-children-left"];
 
@@ -108,6 +111,8 @@ pub(crate) struct Trial {
     ended: Option<(Ended, Instant)>,
     /// Since when there is nobody at the ports any more.
     gone_at: Option<Instant>,
+    /// When it was last looked whether the machine holds the program up, and what was seen.
+    held_up: (Instant, bool),
 }
 
 /// What came of it.
@@ -169,6 +174,7 @@ impl Trial {
             gave_up: false,
             ended: None,
             gone_at: None,
+            held_up: (Instant::ZERO, false),
         })
     }
 
@@ -213,7 +219,7 @@ impl Trial {
         }
         let now = self.run.rig.now();
         log_contacts(&mut self.run);
-        let on_time = match behind > LATE {
+        let on_time = match behind > LATE || self.is_held_up(now) {
             true => Duration::ZERO,
             false => now - before,
         };
@@ -228,6 +234,19 @@ impl Trial {
             self.begin_if_ready();
         }
         turned
+    }
+
+    /// Whether the machine holds up a program that does not read, as of the last look at that.
+    fn is_held_up(&mut self, now: Instant) -> bool {
+        if !self.ports.any_waits_long() {
+            return false;
+        }
+        let (at, is_held_up) = self.held_up;
+        if now - at >= LOOK_EVERY {
+            self.held_up = (now, self.process.is_held_up());
+            return self.held_up.1;
+        }
+        is_held_up
     }
 
     fn look_at_process(&mut self, now: Instant) {

@@ -201,6 +201,11 @@ impl Process {
         self.ended
     }
 
+    /// Whether the system holds it up, or anything that it started: the machine's doing.
+    pub(crate) fn is_held_up(&self) -> bool {
+        self.group.is_held_up()
+    }
+
     /// Ends it and whatever it started: asks first, then kills. Nobody of its group is there any
     /// more when this returns.
     pub(crate) fn end(mut self, patience: Patience) -> Farewell {

@@ -79,6 +79,25 @@ fn who_opens_and_never_reads_hangs() {
 }
 
 /// A byte a second of ninety that come: there is never a moment at which nothing waits.
+/// The system holds up a parent until its child of `vfork` has begun; this child first waits for
+/// somebody to write to a pipe. Nothing that the parent could do would shorten that: a page of its
+/// code that the disk is slow to bring holds it up as well.
+#[test]
+fn who_is_held_up_by_the_system_is_not_charged() {
+    let python = "\
+fd = port()
+os.read(fd, 100)
+os.mkfifo('out/gate')
+subprocess.Popen(['sh', '-c', 'sleep 2.5; echo > out/gate'])
+waits = [(os.POSIX_SPAWN_OPEN, 0, 'out/gate', os.O_RDONLY, 0)]
+os.posix_spawn('/bin/true', ['true'], {}, file_actions=waits)
+while True:
+    os.read(fd, 100)
+";
+    let ended = Bench::new("held-up", "4s", python).run(&[]);
+    assert_eq!(ended.failed(), Vec::<&str>::new(), "{}", ended.said);
+}
+
 #[test]
 fn who_reads_slowly_but_steadily_does_not_hang() {
     let python = "fd = port()\nwhile True:\n    os.read(fd, 1)\n    time.sleep(1)\n";

@@ -9,6 +9,8 @@ use crate::run::check::Check;
 
 /// Rig time for which bytes may wait at an open port of which nothing is read.
 const UNREAD_MAX: Duration = Duration::from_secs(2);
+/// Rig time after which it is worth a look why a program does not read.
+const UNREAD_LONG: Duration = Duration::from_millis(100);
 
 /// One port.
 #[derive(Clone, Debug, Default)]
@@ -42,7 +44,7 @@ impl Ports {
     }
 
     /// Takes note of `sign` at the rig's `now`, `on_time` after the last one: zero if the rig was
-    /// late, because then the program may have been as well.
+    /// late, because then the program may have been as well, or if the machine held the program up.
     pub(crate) fn observe(&mut self, now: Instant, on_time: Duration, sign: &Sign<'_>) {
         let Some(port) = self.all.iter_mut().find(|port| port.name == sign.name) else {
             return;
@@ -61,6 +63,11 @@ impl Ports {
         if port.unread_for > UNREAD_MAX && port.hangs_at.is_none() {
             port.hangs_at = Some(now);
         }
+    }
+
+    /// Whether bytes have waited at one of them for longer than is usual.
+    pub(crate) fn any_waits_long(&self) -> bool {
+        self.all.iter().any(|port| port.unread_for > UNREAD_LONG)
     }
 
     /// How many were opened so far.

@@ -52,21 +52,34 @@ impl Group {
             .collect()
     }
 
+    /// Whether a thread of theirs waits for the system and cannot even be killed: for a page of its
+    /// own code from the disk, say. Nothing that it could do would end that.
+    pub(super) fn is_held_up(self) -> bool {
+        let threads = |member: Left| {
+            let tasks = fs::read_dir(format!("/proc/{}/task", member.pid));
+            tasks.into_iter().flatten().flatten()
+        };
+        self.members().into_iter().flat_map(threads).any(|task| {
+            let stat = fs::read_to_string(task.path().join("stat")).unwrap_or_default();
+            state_and_group_of(&stat).is_some_and(|(state, _)| state == "D")
+        })
+    }
+
     fn has(self, pid: u32) -> bool {
         let stat = fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
         let group = self.0.as_raw_nonzero().get();
-        group_of(&stat) == Some(group)
+        state_and_group_of(&stat).is_some_and(|(_, its)| its == group)
     }
 }
 
-/// The group in a line of `/proc/PID/stat`, unless the process is dead. Its name is in brackets and
-/// may hold anything, brackets too.
-fn group_of(stat: &str) -> Option<i32> {
+/// State and group in a line of `/proc/PID/stat`, unless the process is dead. Its name is in
+/// brackets and may hold anything, brackets too.
+fn state_and_group_of(stat: &str) -> Option<(&str, i32)> {
     let (_, fields) = stat.rsplit_once(')')?;
     let mut fields = fields.split_ascii_whitespace();
     let state = fields.next()?;
     let group = fields.nth(1)?.parse().ok()?;
-    (!["Z", "X"].contains(&state)).then_some(group)
+    (!["Z", "X"].contains(&state)).then_some((state, group))
 }
 
 /// The command of a process, `?` if it has none any more.
@@ -86,8 +99,9 @@ mod tests {
 
     #[test]
     fn a_name_with_brackets_and_blanks_does_not_hide_the_group() {
-        assert_eq!(group_of("12 (a) S (b) S 1 77 77 0 -1"), Some(77));
-        assert_eq!(group_of("12 (sleep) Z 1 77 77 0 -1"), None);
-        assert_eq!(group_of("12 (sleep"), None);
+        let found = state_and_group_of("12 (a) S (b) D 1 77 77 0 -1");
+        assert_eq!(found, Some(("D", 77)));
+        assert_eq!(state_and_group_of("12 (sleep) Z 1 77 77 0 -1"), None);
+        assert_eq!(state_and_group_of("12 (sleep"), None);
     }
 }
