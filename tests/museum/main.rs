@@ -57,7 +57,7 @@ fn wing_holds(prefixes: &[&str]) {
 /// Rows of the catalogue of the rescue robot: sections a to f, and F-01 to F-13; and of yellow, by
 /// the switches of its two programs, with two more that come of YL-01 and one of YP-09. Those of
 /// apollo13 are told in their own test.
-const ROWS: usize = 112 + 24 + 11 + 3;
+const ROWS: usize = 112 + 25 + 11 + 3;
 
 /// 99 rows of the sections a to f: 25 of the base, 10 of the bus, 12 of the lidar, 15 of the
 /// mapper, 22 of the PC link, 5 of navigation, 10 of the PC program; and 13 failures told in prose.
@@ -71,7 +71,7 @@ fn all_rows_are_there_and_nearly_all_are_live() {
         let rows = museum::catalogue();
         rows.filter(|bug| bug.id.starts_with(wing)).count()
     });
-    assert_eq!(counts, [23, 2, 10, 12, 14, 1, 22, 5, 10, 13, 38]);
+    assert_eq!(counts, [23, 2, 10, 12, 14, 1, 22, 5, 10, 13, 39]);
     let own = || museum::catalogue().filter(|bug| wings.iter().any(|it| bug.id.starts_with(it)));
     let rows = own().count();
     assert_eq!(rows, ROWS);

@@ -36,6 +36,8 @@ pub(super) struct Robot {
     pub(super) lidar: Head,
     /// What the PC has received.
     pub(super) heard: Vec<Telemetry>,
+    /// The same as frames.
+    pub(super) sent: Vec<Vec<u8>>,
     channel: u8,
     outputs: OutputsDecoder,
     pc: telemetry::Decoder,
@@ -52,6 +54,7 @@ impl Robot {
             counts: [0.0; 2],
             lidar: Head::default(),
             heard: Vec::new(),
+            sent: Vec::new(),
             channel: 0,
             outputs: OutputsDecoder::with_format(OutputsFormat),
             pc: telemetry::Decoder::default(),
@@ -140,6 +143,7 @@ impl Robot {
             for frame in self.pc.push(&buf[..len]).flatten() {
                 let told = Telemetry::decode(frame.payload());
                 self.heard.push(told.expect("the program's own message"));
+                self.sent.push(self::frame(frame.payload()));
             }
         }
     }

@@ -1,6 +1,6 @@
 //! The robot's end of the telemetry link.
 
-use protocols::telemetry::message::{State, Telecommand, Velocities};
+use protocols::telemetry::message::{Pose, State, Telecommand, Velocities};
 
 use super::bench::{Robot, SECOND, flipped, framed};
 use super::head::Head;
@@ -8,7 +8,7 @@ use crate::museum::{Bug, Observation, Variant};
 
 const LINK: &str = "robot's program, telemetry link";
 
-pub(super) const ROWS: [Bug; 4] = [
+pub(super) const ROWS: [Bug; 5] = [
     Bug::mutant(
         "YF-01",
         LINK,
@@ -32,6 +32,12 @@ pub(super) const ROWS: [Bug; 4] = [
         LINK,
         "a scan of each degree does not fit: the message before is sent again",
         yf_04,
+    ),
+    Bug::mutant(
+        "YF-05",
+        LINK,
+        "its own scan, sent back by the radio, is a telecommand: the robot believes to be at 0, 0",
+        yf_05,
     ),
 ];
 
@@ -102,4 +108,28 @@ fn yf_04(variant: Variant) -> Observation {
     robot.seen.figure(name, since);
     robot.seen.figure("points of the scan", points);
     robot.judged(is_old)
+}
+
+/// Field 4 of what it tells is the scan, field 4 of what it is told is where it is.
+fn yf_05(variant: Variant) -> Observation {
+    let mut robot = Robot::new(variant, "YF-05");
+    robot.lidar = Head::new(|_, _| 1_000);
+    robot.run(SECOND * 2 + SECOND / 20);
+    robot.order(&Telecommand {
+        lidar_step_deg: Some(90),
+        corrected_pose: Some(Pose {
+            x: 1.5,
+            y: 0.5,
+            alpha: 0.0,
+        }),
+        ..Telecommand::default()
+    });
+    robot.run(SECOND / 5);
+    let told = robot.sent.last().cloned().expect("telemetry each 200 ms");
+    robot.hear(&told);
+    robot.run(SECOND / 5);
+    let pose = robot.heard.last().and_then(|told| told.odometry.as_ref());
+    let x = pose.map_or(f32::NAN, |odometry| odometry.pose.x);
+    robot.seen.figure("where it is after that, m", x);
+    robot.judged(x < 0.1)
 }

@@ -55,11 +55,12 @@ type Switch = fn(&mut Defects);
 
 /// Every defect that the program can have.
 #[rustfmt::skip]
-const SWITCHES: [(&str, Switch); 24] = [
+const SWITCHES: [(&str, Switch); 25] = [
     ("YF-01", |d| d.radio.framing.deliver_corrupt = true),
     ("YF-02", |d| d.radio.framing.ignore_start = true),
     ("YF-03", |d| d.radio.framing.deaf_while_done = true),
     ("YF-04", |d| d.radio.resends_stale = true),
+    ("YF-05", |d| d.radio.obeys_itself = true),
     ("YL-01", |d| d.lidar.unchecked = true),
     ("YL-02", |d| {
         d.lidar.unchecked = true;

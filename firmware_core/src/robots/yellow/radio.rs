@@ -26,6 +26,9 @@ pub struct Defects {
     /// A scan that does not fit into the buffer leaves the message before in it, which is sent
     /// again.
     pub resends_stale: bool,
+    /// Its own message is a telecommand to it, if the radio sends it back: nothing in a frame tells
+    /// who it is from. A scan's fields are those of a pose.
+    pub obeys_itself: bool,
 }
 
 impl Defects {
@@ -37,6 +40,7 @@ impl Defects {
             deaf_while_done: false,
         },
         resends_stale: false,
+        obeys_itself: false,
     };
 }
 
@@ -72,6 +76,8 @@ pub(super) struct Counters {
     pub(super) telecommands: u32,
     pub(super) bad_frames: u32,
     pub(super) bad_messages: u32,
+    /// Its own messages that came back.
+    pub(super) echoes: u32,
     pub(super) telemetry: u32,
     /// The line was still busy.
     pub(super) skipped: u32,
@@ -98,6 +104,7 @@ impl Radio {
                 telecommands: 0,
                 bad_frames: 0,
                 bad_messages: 0,
+                echoes: 0,
                 telemetry: 0,
                 skipped: 0,
                 over_size: 0,
@@ -117,6 +124,10 @@ impl Radio {
                 self.counters.bad_frames = self.counters.bad_frames.saturating_add(1);
                 continue;
             };
+            if self.is_own(frame.payload()) && !self.defects.obeys_itself {
+                self.counters.echoes = self.counters.echoes.saturating_add(1);
+                continue;
+            }
             match Telecommand::decode(frame.payload()) {
                 Ok(command) => {
                     self.counters.telecommands = self.counters.telecommands.saturating_add(1);
@@ -129,6 +140,12 @@ impl Radio {
             }
         }
         None
+    }
+
+    /// Whether it is what the robot told last. No telecommand is that by chance: its time of
+    /// sending would be the same.
+    fn is_own(&self, payload: &[u8]) -> bool {
+        self.payload_len > 0 && *payload == self.payload[..self.payload_len]
     }
 
     pub(super) fn line_broke(&mut self) {

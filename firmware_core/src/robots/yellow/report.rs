@@ -42,6 +42,7 @@ impl Inspect for Yellow {
             ("telecommands refused", self.counters.refused),
             ("radio bad frames", radio.bad_frames),
             ("radio bad messages", radio.bad_messages),
+            ("radio echoes", radio.echoes),
             ("telemetry", radio.telemetry),
             ("telemetry skipped", radio.skipped),
             ("over-size answers", radio.over_size),

@@ -180,7 +180,7 @@ fn the_fielded_robot_has_every_defect() {
     }
     assert_eq!(
         (all.defects, Config::defects().count()),
-        (fielded.defects, 24)
+        (fielded.defects, 25)
     );
     assert!(sound.with_defect("YF-99").is_none());
 }
