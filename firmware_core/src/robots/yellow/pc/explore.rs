@@ -22,6 +22,8 @@ const DRIVE_COSTS: u8 = 1;
 const COSTS_MAX: u8 = 12;
 /// Ways that are looked for before the next view counts as unreachable.
 const PLANS_MAX: usize = 50;
+/// Times that the robot may turn to another view on its way to one.
+const TURNS_MAX: u8 = 2;
 /// Drives in sequence that may fail: the robot is asked where it is, and another one begins.
 const FAILURES_MAX: u32 = 5;
 
@@ -31,8 +33,11 @@ pub(super) struct Explore {
     phase: Phase,
     costs: BTreeMap<Cell, u8>,
     given_up: BTreeSet<Cell>,
-    /// The open edges that are driven to.
+    /// Where the robot is on its way to, to look around; and the open edges to be seen from there.
+    place: Option<Cell>,
     edges: BTreeSet<Cell>,
+    /// How often it turned to others on the way, while these were still worth it.
+    turns: u8,
     failures: u32,
     /// The robot does not know how far it has rolled.
     is_lost: bool,
@@ -52,7 +57,9 @@ impl Explore {
             phase: Phase::Look(Look::new(link)),
             costs: BTreeMap::new(),
             given_up: BTreeSet::new(),
+            place: None,
             edges: BTreeSet::new(),
+            turns: 0,
             failures: 0,
             is_lost: false,
         }
@@ -83,6 +90,9 @@ impl Explore {
                     Ok(Progress::Arrived) => {
                         let is_last = stretch.is_last;
                         self.spend(if is_last { VIEW_COSTS } else { DRIVE_COSTS });
+                        if is_last {
+                            (self.place, self.turns) = (None, 0);
+                        }
                         self.failures = 0;
                     }
                     Ok(Progress::Interrupted) | Err(_) if self.failures < FAILURES_MAX => {
@@ -132,6 +142,7 @@ impl Explore {
             if atlas.view == NextView::Random {
                 break;
             }
+            self.place = None;
             self.spend(VIEW_COSTS);
         }
         Err(Failure::NoWay)
@@ -141,14 +152,25 @@ impl Explore {
         let map = &atlas.global;
         let start = map.cell_of(pose.position())?;
         // Walled in by what was seen from a pose that was none: such a map is not complete.
-        if reach(map, &map.eroded(), start).is_empty() {
+        let reach = reach(map, &map.eroded(), start);
+        if reach.is_empty() {
             return Err(Failure::NoWay);
         }
-        let edges = open_edges(map, start, &self.given_up);
-        let Some(View { place, edges }) = next_view(map, start, &edges) else {
+        let open = open_edges(map, start, &self.given_up);
+        let Some(View { place, edges }) = next_view(map, start, &open) else {
             return Ok(None);
         };
-        self.edges = edges;
+        // On the way now this place looks better, now that one, as a wall that is seen obliquely
+        // comes and goes: who always goes for the best goes to and fro.
+        let goes_on = self.place.filter(|place| reach.contains_key(place));
+        let is_worth = self.edges.intersection(&open).count() * 2 >= self.edges.len();
+        if goes_on.is_some() && is_worth && self.edges.is_disjoint(&edges) {
+            if self.turns == TURNS_MAX {
+                return Ok(goes_on);
+            }
+            self.turns += 1;
+        }
+        (self.place, self.edges) = (Some(place), edges);
         Ok(Some(place))
     }
 
@@ -168,6 +190,48 @@ impl Explore {
 mod tests {
     use super::super::config::PcConfig;
     use super::*;
+    use crate::grid::{FREE, OBSTACLE};
+
+    /// A room of 70 by 9 cells, longer than a view, with a door of five cells at each end. From near
+    /// its left end the left door is the better view; who is on his way to the right one turns
+    /// twice, and then goes on as long as half of what he goes for is still open.
+    #[test]
+    fn who_is_on_the_way_goes_on() {
+        let mut atlas = Atlas::new(&PcConfig::default());
+        for (x, y) in (0..=71).flat_map(|x| (0..=10).map(move |y| (x, y))) {
+            let is_door = [0, 71].contains(&x) && (3..8).contains(&y);
+            let is_wall = [0, 71].contains(&x) || [0, 10].contains(&y);
+            let value = if is_wall && !is_door { OBSTACLE } else { FREE };
+            atlas.global.set(Cell::new(x, y), value).expect("fits");
+        }
+        let pose = Pose::new(450.0, 550.0, 0.0);
+        let mut explore = Explore::new(&Link::new(&PcConfig::default()));
+        let chosen = |explore: &mut Explore, atlas: &Atlas| {
+            let place = explore.choose(atlas, pose).expect("not walled in");
+            place.map(|place| place.x)
+        };
+        assert!(chosen(&mut explore, &atlas).is_some_and(|x| x < 8));
+        let right = Cell::new(69, 5);
+        let door = (3..7).map(|y| Cell::new(71, y));
+        for turns in 0..TURNS_MAX {
+            (explore.place, explore.edges) = (Some(right), door.clone().collect());
+            assert_eq!(explore.turns, turns);
+            assert!(chosen(&mut explore, &atlas).is_some_and(|x| x < 8));
+        }
+        (explore.place, explore.edges) = (Some(right), door.collect());
+        assert_eq!(chosen(&mut explore, &atlas), Some(69));
+        let mut close = |y| atlas.global.set(Cell::new(71, y), OBSTACLE);
+        assert!(close(3).is_ok() && close(7).is_ok());
+        // Three are left: (71, 4) to (71, 6).
+        assert_eq!(chosen(&mut explore, &atlas), Some(69));
+        explore
+            .given_up
+            .extend([Cell::new(71, 4), Cell::new(71, 5)]);
+        assert!(chosen(&mut explore, &atlas).is_some_and(|x| x < 8));
+        // Where no way leads any more nobody goes.
+        (explore.place, explore.edges) = (Some(Cell::new(80, 5)), explore.edges);
+        assert!(chosen(&mut explore, &atlas).is_some_and(|x| x < 8));
+    }
 
     /// Three views of four, or twelve drives of one, and it is given up; what was never driven to
     /// costs nothing.
