@@ -19,6 +19,9 @@ const AGAIN: Duration = Duration::from_secs(1);
 const AGAIN_MAX: u32 = 12;
 /// Fewer walls than this are none, mm.
 const WALLS_MIN_MM: f32 = 300.0;
+/// And fewer than this the first time, mm: all that comes is laid on what was seen first, and a
+/// lidar that tells little tells that askew. A robot between walls sees more.
+const FIRST_MIN_MM: f32 = 2_000.0;
 /// Two sights of one place have most of their walls in common.
 const SHARE_MIN: f32 = 0.6;
 /// Lines as the robot finds them by itself: 0 asks for its own figures.
@@ -106,8 +109,11 @@ impl Look {
     ) -> Option<Sight> {
         let is_of = |walls: &Walls| walls.share_known(sight.pose, &sight.lines) >= SHARE_MIN;
         let walls_mm: f32 = sight.lines.iter().map(|line| line.length_mm()).sum();
-        let is_believed =
-            walls_mm >= WALLS_MIN_MM && (known.is_none_or(is_of) || is_of(&self.before));
+        let least_mm = match known.is_some_and(Walls::is_empty) {
+            true => FIRST_MIN_MM,
+            false => WALLS_MIN_MM,
+        };
+        let is_believed = walls_mm >= least_mm && (known.is_none_or(is_of) || is_of(&self.before));
         if is_believed || self.again == AGAIN_MAX || link.asks_once() {
             return Some(sight);
         }
@@ -116,5 +122,43 @@ impl Look {
         self.before.add(sight.pose, &sight.lines);
         self.phase = Phase::Resting(now + AGAIN);
         None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use alloc::vec;
+
+    use super::super::config::PcConfig;
+    use super::*;
+    use crate::local_map::Segment;
+    use crate::pose::{Point, Pose};
+
+    /// The first sight of all is believed from 2 m of walls on, another one from 300 mm on; each
+    /// when it was seen twice.
+    #[test]
+    fn little_is_not_believed_the_first_time() {
+        let link = Link::new(&PcConfig::default());
+        let wall = |mm: f32| Segment::new(Point::new(1e3, -mm / 2.0), Point::new(1e3, mm / 2.0));
+        let known = {
+            let mut walls = Walls::default();
+            let far = Segment::new(Point::new(-9e3, 1e3), Point::new(-9e3, -1e3));
+            walls.add(Pose::new(0.0, 0.0, 0.0), &[far]);
+            walls
+        };
+        let is_believed = |mm: f32, known: &Walls| {
+            let mut look = Look::new(&link);
+            let mut ask = || {
+                let sight = Sight::of(Pose::new(0.0, 0.0, 0.0), vec![wall(mm)]);
+                look.judged(Instant::ZERO, &link, sight, Some(known))
+                    .is_some()
+            };
+            [ask(), ask()]
+        };
+        let none = Walls::default();
+        assert_eq!(is_believed(1_999.0, &none), [false, false]);
+        assert_eq!(is_believed(2_001.0, &none), [false, true]);
+        assert_eq!(is_believed(299.0, &known), [false, false]);
+        assert_eq!(is_believed(301.0, &known), [false, true]);
     }
 }
