@@ -251,6 +251,9 @@ impl Process {
         };
         group.signal(Signal::TERM);
         let was_killed = is_running && !wait_until(patience.program, || self.ended().is_some());
+        // Whoever began while its tracer ended stands still until it is told to go on, and hears
+        // nothing before.
+        group.signal(Signal::CONT);
         if is_running && !was_killed {
             wait_until(TOGETHER.min(patience.children), || {
                 group.members().is_empty()
@@ -301,6 +304,8 @@ fn wait_until(most: Duration, mut is_so: impl FnMut() -> bool) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     fn ports() -> Vec<(String, OsString)> {
@@ -385,5 +390,25 @@ mod tests {
             (left.command.as_str(), left.was_killed),
             ("sleep 60", false)
         );
+    }
+
+    /// One that was stopped hears a request to end as soon as it goes on: it need not be killed.
+    #[test]
+    fn a_child_that_stands_still_is_woken_to_hear_that_it_shall_end() {
+        // Not before its parent has ended: whoever is stopped then is hung up on by the system.
+        let command = "export parent=$$; sh -c 'while kill -0 $parent 2>/dev/null; do \
+                       sleep 0.01; done; kill -STOP $$; sleep 60; true' & exit 0";
+        let mut process = Process::start(command, &ports(), None).expect("a shell");
+        let stands = |process: &Process| {
+            let state = |one: &Left| fs::read_to_string(format!("/proc/{}/stat", one.pid));
+            let mut members = process.group.members().into_iter();
+            members.any(|one| state(&one).is_ok_and(|stat| stat.contains(") T ")))
+        };
+        wait_until(Duration::from_secs(10), || {
+            process.ended().is_some() && stands(&process)
+        });
+        let farewell = process.end(Patience::FAIR);
+        let killed: Vec<bool> = farewell.left.iter().map(|one| one.was_killed).collect();
+        assert_eq!(killed, [false], "{:?}", farewell.left);
     }
 }
