@@ -10,7 +10,8 @@
 //! | YN | lines |
 //! | YR | reactive driving |
 //!
-//! All were read in the public code of the robot.
+//! All were read in the public code of the robot; YF-05 follows from the numbers of its messages'
+//! fields.
 
 use super::{Config, autoposition, infrared, lidar, radio, reactive, state, wheels};
 use crate::lines;

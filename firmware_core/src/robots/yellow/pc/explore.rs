@@ -192,8 +192,8 @@ mod tests {
     use super::*;
     use crate::grid::{FREE, OBSTACLE};
 
-    /// A room of 70 by 9 cells, longer than a view, with a door of five cells at each end. From near
-    /// its left end the left door is the better view; who is on his way to the right one turns
+    /// A room of 70 by 9 cells, longer than a view, with a door of five cells at each end. From
+    /// near its left end the left door is the better view; who is on his way to the right one turns
     /// twice, and then goes on as long as half of what he goes for is still open.
     #[test]
     fn who_is_on_the_way_goes_on() {
