@@ -78,7 +78,6 @@ fn who_opens_and_never_reads_hangs() {
     ended.assert_is_failure();
 }
 
-/// A byte a second of ninety that come: there is never a moment at which nothing waits.
 /// The system holds up a parent until its child of `vfork` has begun; this child first waits for
 /// somebody to write to a pipe. Nothing that the parent could do would shorten that: a page of its
 /// code that the disk is slow to bring holds it up as well.
@@ -98,6 +97,7 @@ while True:
     assert_eq!(ended.failed(), Vec::<&str>::new(), "{}", ended.said);
 }
 
+/// A byte a second of ninety that come: there is never a moment at which nothing waits.
 #[test]
 fn who_reads_slowly_but_steadily_does_not_hang() {
     let python = "fd = port()\nwhile True:\n    os.read(fd, 1)\n    time.sleep(1)\n";

@@ -37,29 +37,33 @@ impl Group {
 
     /// Its members, the dead ones that nobody has buried yet left out.
     pub(super) fn members(self) -> Vec<Left> {
+        let left = |pid| Left {
+            pid,
+            command: command_of(pid),
+            was_killed: false,
+        };
+        self.pids().into_iter().map(left).collect()
+    }
+
+    fn pids(self) -> Vec<u32> {
         // The list of all processes is long; mostly there is nobody to look for.
         if test_kill_process_group(self.0).is_err() {
             return Vec::new();
         }
         let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
         let pids = entries.filter_map(|entry| entry.file_name().to_str()?.parse().ok());
-        pids.filter(|&pid| self.has(pid))
-            .map(|pid| Left {
-                pid,
-                command: command_of(pid),
-                was_killed: false,
-            })
-            .collect()
+        pids.filter(|&pid| self.has(pid)).collect()
     }
 
     /// Whether a thread of theirs waits for the system and cannot even be killed: for a page of its
     /// own code from the disk, say. Nothing that it could do would end that.
     pub(super) fn is_held_up(self) -> bool {
-        let threads = |member: Left| {
-            let tasks = fs::read_dir(format!("/proc/{}/task", member.pid));
+        // Not its command: that lies in its memory, for which this thread might have to wait.
+        let threads = |pid: u32| {
+            let tasks = fs::read_dir(format!("/proc/{pid}/task"));
             tasks.into_iter().flatten().flatten()
         };
-        self.members().into_iter().flat_map(threads).any(|task| {
+        self.pids().into_iter().flat_map(threads).any(|task| {
             let stat = fs::read_to_string(task.path().join("stat")).unwrap_or_default();
             state_and_group_of(&stat).is_some_and(|(state, _)| state == "D")
         })
