@@ -83,6 +83,7 @@ struct Port {
     transport: Box<dyn Transport>,
     traffic: Traffic,
     is_open: bool,
+    openings: u64,
     baud: u32,
     adapter: Option<Adapter>,
     spread: Spread,
@@ -120,6 +121,7 @@ impl<C: Clock> Realtime<C> {
             transport,
             traffic: Traffic::default(),
             is_open: false,
+            openings: 0,
             adapter: None,
             spread: Spread::default(),
             inputs: None,
@@ -188,6 +190,7 @@ impl<C: Clock> Realtime<C> {
         self.ports.iter_mut().map(|port| Sign {
             name: &port.end.name,
             is_open: port.is_open,
+            openings: port.openings,
             from_client: port.traffic.from_client,
             is_drained: port.transport.is_drained(),
             reads: port.transport.reads(),
@@ -451,6 +454,7 @@ impl Port {
         match event {
             PortEvent::Opened => {
                 self.is_open = true;
+                self.openings += 1;
                 rig.change_line(node, LineEvent::Opened);
                 self.log(rig, "port-opened", format!("client at {} baud", self.baud));
                 self.judge_baud(rig);

@@ -22,6 +22,8 @@ pub struct Sign<'a> {
     pub name: &'a str,
     /// Whether somebody has it open.
     pub is_open: bool,
+    /// How often it was opened. Who closes and opens it between two looks is seen by this alone.
+    pub openings: u64,
     /// Bytes that clients sent so far.
     pub from_client: u64,
     /// Whether the client has read since the last write, see

@@ -40,8 +40,8 @@ pub(super) struct Port {
     pub(super) outputs: [bool; 2],
     /// What its client sees.
     pub(super) inputs: Inputs,
-    /// Whether a client that has modem lines has it open.
-    pub(super) is_open: bool,
+    /// By its number, the opening that a client with modem lines has it by, if one has.
+    pub(super) opening: Option<u64>,
 }
 
 /// Changes lines of the port `name`; how they are then.
@@ -79,14 +79,21 @@ pub(super) fn change(
     Ok(lines)
 }
 
-/// A client has come to the port `name`, or left it: a serial port raises its lines when it is
-/// opened, and lowers them when it is closed.
-pub(super) fn see(ports: &mut [Port], name: &str, is_open: bool, run: &mut Run) {
+/// A client has come to the port `name` by that opening, or left it: a serial port raises its lines
+/// when it is opened, and lowers them when it is closed.
+pub(super) fn see(ports: &mut [Port], name: &str, opening: Option<u64>, run: &mut Run) {
     let Some(index) = ports.iter().position(|port| port.name == name) else {
         return;
     };
-    if core::mem::replace(&mut ports[index].is_open, is_open) != is_open {
-        set(ports, index, [is_open; 2], run);
+    let before = core::mem::replace(&mut ports[index].opening, opening);
+    if before == opening {
+        return;
+    }
+    if before.is_some() {
+        set(ports, index, [false; 2], run);
+    }
+    if opening.is_some() {
+        set(ports, index, [true; 2], run);
     }
 }
 

@@ -82,21 +82,23 @@ impl Control {
             node: place.node,
             outputs: [false; 2],
             inputs: Inputs::of(place.name, all.clone()),
-            is_open: false,
+            opening: None,
         };
         self.ports.extend(ports.map(port));
     }
 
     /// Whether it matters who has which port open.
     pub fn has_lines(&self) -> bool {
-        self.clients.iter().any(Client::has_modem) || self.ports.iter().any(|port| port.is_open)
+        self.clients.iter().any(Client::has_modem)
+            || self.ports.iter().any(|port| port.opening.is_some())
     }
 
     /// Whether somebody has a port open. It counts for its modem lines if a client of this socket
     /// sets them.
     pub fn see(&mut self, sign: &Sign<'_>, run: &mut Run) {
         let has_lines = self.clients.iter().any(Client::has_modem);
-        modem::see(&mut self.ports, sign.name, sign.is_open && has_lines, run);
+        let opening = (sign.is_open && has_lines).then_some(sign.openings);
+        modem::see(&mut self.ports, sign.name, opening, run);
     }
 
     /// Reads what clients ask for; whether there was anything. What was done at the ports before

@@ -150,6 +150,7 @@ mod tests {
             let sign = Sign {
                 name: "base",
                 is_open: true,
+                openings: 1,
                 from_client: 0,
                 is_drained: false,
                 reads: Some(look / reads_each),

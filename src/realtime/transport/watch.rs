@@ -2,7 +2,7 @@
 //!
 //! The master alone cannot tell a client that closed and reopened between two looks, nor whether
 //! a client reads. inotify on the terminal's node tells both. It is a help, not a need: where it is
-//! not to be had (its instances are limited per user), nothing is ever seen.
+//! not to be had (its instances are limited per user), only who is away at a look is seen to go.
 
 use core::mem::MaybeUninit;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
@@ -26,8 +26,7 @@ pub(super) struct PortChanges {
 #[derive(Debug)]
 pub(super) struct Watch {
     queue: Option<OwnedFd>,
-    /// Clients that have the node open, as far as the queue tells: it merges equal neighbours.
-    clients: u32,
+    clients: Clients,
 }
 
 impl Watch {
@@ -39,35 +38,157 @@ impl Watch {
         let queue = inotify::init(CreateFlags::NONBLOCK | CreateFlags::CLOEXEC)
             .and_then(|queue| inotify::add_watch(&queue, node, flags).map(|_| queue))
             .ok();
-        Self { queue, clients: 0 }
+        let clients = Clients::default();
+        Self { queue, clients }
     }
 
-    /// Empties the queue. `open` is the truth about now: whether any client has the node open.
+    /// Empties the queue. `open` is whether any client had the node open right before.
     pub(super) fn look(&mut self, open: bool) -> PortChanges {
-        let mut seen = PortChanges::default();
-        let mut closed = false;
+        let mut read = false;
         if let Some(queue) = &self.queue {
             let mut buf = [MaybeUninit::uninit(); 1024];
             let mut reader = Reader::new(queue, &mut buf);
             for _ in 0..ENTRIES_MAX {
                 let Ok(entry) = reader.next() else { break };
                 let what = entry.events();
-                seen.read |= what.contains(ReadFlags::ACCESS);
+                read |= what.contains(ReadFlags::ACCESS);
                 if what.contains(ReadFlags::OPEN) {
-                    seen.reopened |= closed;
-                    self.clients += 1;
+                    self.clients.opened();
                 }
                 if what.intersects(ReadFlags::CLOSE_WRITE | ReadFlags::CLOSE_NOWRITE) {
-                    self.clients = self.clients.saturating_sub(1);
-                    closed |= self.clients == 0;
+                    self.clients.closed();
                 }
             }
         }
-        self.clients = if open { self.clients.max(1) } else { 0 };
-        seen
+        let reopened = self.clients.looked(open);
+        PortChanges { reopened, read }
     }
 
     pub(super) fn fd(&self) -> Option<BorrowedFd<'_>> {
         self.queue.as_ref().map(AsFd::as_fd)
+    }
+}
+
+/// Clients that have the node open, as far as the queue tells: it merges equal neighbours. What it
+/// says may be from after the moment for which it is known whether any client is there.
+#[derive(Clone, Copy, Debug, Default)]
+struct Clients {
+    count: u32,
+    /// Nobody was there at the last look.
+    was_away: bool,
+    /// For so many looks more, who opens does it after the last one has closed.
+    left: u8,
+    /// Somebody did, and nobody was told yet.
+    reopened: bool,
+    /// At the last look one was there that the queue may only now tell of.
+    is_ahead: bool,
+}
+
+impl Clients {
+    fn opened(&mut self) {
+        self.reopened |= core::mem::take(&mut self.left) > 0;
+        if !core::mem::take(&mut self.is_ahead) {
+            self.count += 1;
+        }
+    }
+
+    fn closed(&mut self) {
+        self.count = self.count.saturating_sub(1);
+        if self.count == 0 {
+            self.left = 2;
+        }
+    }
+
+    /// The queue is empty, and `open` is the truth about right before: whether somebody was there.
+    /// Whether it is somebody who opened after the last look's client had closed.
+    fn looked(&mut self, open: bool) -> bool {
+        self.left = self.left.saturating_sub(1);
+        self.is_ahead = open && self.count == 0;
+        if !open {
+            (self.count, self.left, self.was_away) = (0, 0, true);
+            return false;
+        }
+        self.count = self.count.max(1);
+        core::mem::take(&mut self.reopened) | core::mem::take(&mut self.was_away)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What the queue tells in one look, oldest first, and whether anybody is there right before.
+    fn look(clients: &mut Clients, told: &str, open: bool) -> bool {
+        for what in told.chars() {
+            match what {
+                '+' => clients.opened(),
+                _ => clients.closed(),
+            }
+        }
+        clients.looked(open)
+    }
+
+    /// A client of before closes, another opens. Wherever the rig looks meanwhile, it hears of it
+    /// once, when somebody is there.
+    #[test]
+    fn who_opens_again_is_heard_of_wherever_the_looks_fall() {
+        let looks: [&[(&str, bool)]; 6] = [
+            // Both before it looks.
+            &[("-+", true)],
+            // The old one is there when it asks, and closes before it empties the queue.
+            &[("-", true), ("+", true)],
+            &[("-+", true), ("", true)],
+            // Nobody is there when it asks, the new one comes before it empties the queue.
+            &[("-+", false), ("", true)],
+            &[("-", false), ("+", true)],
+            // The new one is there when it asks, the queue says so later.
+            &[("-", false), ("", true), ("+", true)],
+        ];
+        for looks in looks {
+            let mut clients = Clients::default();
+            assert!(!look(&mut clients, "+", true), "{looks:?}");
+            let told = looks
+                .iter()
+                .map(|(told, open)| look(&mut clients, told, *open))
+                .filter(|told| *told);
+            assert_eq!(told.count(), 1, "{looks:?}");
+            assert!(!look(&mut clients, "", true), "{looks:?}");
+            // The same once more: the count is right.
+            assert!(look(&mut clients, "-+", true), "{looks:?}");
+        }
+    }
+
+    /// Who is away at a look has closed, and opens when somebody is there again.
+    #[test]
+    fn who_was_away_opens_once() {
+        let mut clients = Clients::default();
+        assert!(!look(&mut clients, "", false));
+        assert!(look(&mut clients, "+", true));
+        assert!(!look(&mut clients, "", true));
+        assert!(!look(&mut clients, "-", false));
+        assert!(!look(&mut clients, "+-", false));
+        assert!(look(&mut clients, "+", true));
+        assert!(!look(&mut clients, "+", true));
+    }
+
+    /// The queue tells of two that open at once as of one. When the first of them has closed, the
+    /// second is still there, and who comes later comes beside it.
+    #[test]
+    fn who_comes_beside_another_has_not_opened_again() {
+        let mut clients = Clients::default();
+        assert!(!look(&mut clients, "+", true));
+        assert!(!look(&mut clients, "-", true));
+        assert!(!look(&mut clients, "", true));
+        assert!(!look(&mut clients, "+", true));
+        assert!(!look(&mut clients, "-+", true));
+    }
+
+    /// Somebody is there before the queue says so: that is one client.
+    #[test]
+    fn who_is_there_before_the_queue_says_so_counts_once() {
+        let mut clients = Clients::default();
+        assert!(!look(&mut clients, "", true));
+        assert!(!look(&mut clients, "+", true));
+        assert!(look(&mut clients, "-+", true));
     }
 }
