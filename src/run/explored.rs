@@ -57,10 +57,28 @@ impl Floor {
         ];
         near.into_iter().flatten()
     }
+
+    /// Whether both cells beside one, or above and below it, or at two opposite corners, are among
+    /// `those`.
+    fn lies_between(&self, cell: usize, those: &[bool]) -> bool {
+        let (x, y, width) = (cell % self.width, cell / self.width, self.width);
+        let [has_sides, has_rows] = [x > 0 && x + 1 < width, y > 0 && y + 1 < self.height];
+        let pairs = [
+            (has_sides, 1),
+            (has_rows, width),
+            (has_sides && has_rows, width + 1),
+            (has_sides && has_rows, width - 1),
+        ];
+        pairs
+            .into_iter()
+            .any(|(has, apart)| has && those[cell - apart] && those[cell + apart])
+    }
 }
 
 /// Share of the floor that the body covers wherever it can get to from `start`, of which `map` says
-/// anything; `None` if it can get nowhere on the map. What moves stands where it is now.
+/// anything; `None` if it can get nowhere on the map. What moves stands where it is now. A slit of
+/// one cell counts with its sides: beams of a scanner are 35 mm apart at 2 m, and a robot that has
+/// stood still has a fan of slits between them.
 pub(crate) fn explored(map: MapView<'_>, world: &World, start: Pose) -> Option<f64> {
     let floor = Floor::of(map);
     let covered = covered(&floor, world.clone(), start);
@@ -78,8 +96,10 @@ pub(crate) fn explored(map: MapView<'_>, world: &World, start: Pose) -> Option<f
         let value = map.get(index(place.x, x0), index(place.y, y0));
         value.is_some_and(|value| value != UNKNOWN)
     };
+    let known: Vec<bool> = (0..covered.len()).map(known).collect();
+    let is_seen = |cell: usize| known[cell] || floor.lies_between(cell, &known);
     let cells = covered.iter().enumerate().filter(|(_, covered)| **covered);
-    let seen = cells.filter(|(cell, _)| known(*cell)).count();
+    let seen = cells.filter(|(cell, _)| is_seen(*cell)).count();
     (all > 0).then(|| seen as f64 / all as f64)
 }
 
@@ -196,6 +216,40 @@ mod tests {
         assert_eq!(around(5), [4, 6, 1, 9]);
         assert_eq!(around(8), [9, 4]);
         assert_eq!(around(11), [10, 7]);
+    }
+
+    /// Twelve cells of which some are known: between two of them in a row, a column or a diagonal
+    /// lies what is seen; at the rim nothing does, and the end of one row is not beside the next.
+    #[test]
+    fn a_slit_lies_between_what_is_known() {
+        let between = |known: [usize; 2]| {
+            let mut those = [false; 12];
+            known.iter().for_each(|cell| those[*cell] = true);
+            (0..12)
+                .filter(|cell| floor().lies_between(*cell, &those))
+                .collect::<Vec<_>>()
+        };
+        assert_eq!([between([4, 6]), between([1, 9])], [[5], [5]]);
+        assert_eq!([between([0, 10]), between([2, 8])], [[5], [5]]);
+        assert_eq!([between([1, 11]), between([3, 9])], [[6], [6]]);
+        for known in [[3, 5], [2, 4], [7, 9], [0, 1], [4, 7], [0, 8]] {
+            let wanted: &[usize] = if known == [0, 8] { &[4] } else { &[] };
+            assert_eq!(between(known), wanted, "{known:?}");
+        }
+    }
+
+    /// All is known but for slits of 20 mm each 60 mm, or of 40 mm.
+    #[test]
+    fn slits_count_with_their_sides_and_gaps_do_not() {
+        let share = |gap: usize| {
+            let is_known = |x: usize| x % 6 >= gap;
+            let value = |cell: usize| if is_known(cell % 300) { 0 } else { UNKNOWN };
+            let cells: Vec<u8> = (0..300 * 300).map(value).collect();
+            explored(MapView::new(300, 10.0, [0.0; 2], &cells), &world(), START)
+        };
+        assert_eq!(share(2), Some(1.0));
+        let gaps = share(4).expect("there is floor");
+        assert!((gaps - 1.0 / 3.0).abs() < 0.03, "{gaps}");
     }
 
     /// 3 x 2 cells of 50 mm: 150 mm and 100 mm, of 20 mm each.

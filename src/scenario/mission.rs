@@ -143,7 +143,7 @@ pub struct Expect {
     #[schemars(range(min = 0.0))]
     pub home_within_mm: Option<f64>,
     /// Share of the floor that the robot's body covers wherever it can get to, of which its map
-    /// says anything, 0 to 1, at least.
+    /// says anything, 0 to 1, at least. Slits of 20 mm between beams count as seen.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub explored_min: Option<f64>,
