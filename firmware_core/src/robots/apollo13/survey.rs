@@ -50,8 +50,9 @@ const MARGIN: usize = 12;
 const BESIDE_M: f64 = 0.9;
 /// From one place of the track to the next, metres.
 const TRACK_M: f64 = 0.2;
-/// The newest places of the track, a metre, are not passed yet: what is open there may lie ahead.
-const STILL_HERE: usize = 5;
+/// The newest places of the track, as far as they are no farther off than this, metres, are not
+/// passed yet, also if the car moves to and fro there: what is open may lie ahead.
+const STILL_HERE_M: f64 = 1.0;
 /// Less from one scan to the next is a car that stands, metres; of one, so many are drawn first.
 const REST_M: f64 = 0.000_5;
 const SCANS_AT_REST: u32 = 10;
@@ -101,6 +102,8 @@ pub struct Survey {
     /// The edge that the car was sent to last.
     edge: Option<[f64; 2]>,
     tried: Tried,
+    /// Edges that it had given up when it went back, to try them once more.
+    again: Vec<[f64; 2]>,
     /// How often it went back.
     went_back: u8,
     /// Cells known at the last goal that showed something, and goals since.
@@ -127,6 +130,7 @@ impl Survey {
             track: Vec::new(),
             edge: None,
             tried: Tried::default(),
+            again: Vec::new(),
             went_back: 0,
             known: 0,
             vain: 0,
@@ -280,22 +284,34 @@ impl Survey {
 
     /// Some way back from `pose`, if the car has given up on an edge: it may try that once more.
     fn back(&mut self, pose: CarPose, is_free: impl Fn(CarPose) -> bool) -> Option<CarPose> {
-        if self.went_back >= BACK_MAX || !self.tried.has_given_up() {
+        let given_up: Vec<_> = self.tried.given_up().collect();
+        if self.went_back >= BACK_MAX || given_up.is_empty() {
             return None;
         }
         let mut way = self.track.iter().rev().copied();
         let goal = way.find(|at| at.distance_m(pose) >= BACK_M && is_free(*at))?;
         self.went_back += 1;
+        self.again = given_up;
         self.tried = Tried::default();
         Some(goal)
     }
 
     /// Whether the camera has come by so near that what it has not seen there lies beside its way.
     fn is_beside(&self, [x_m, y_m]: [f64; 2]) -> bool {
-        let passed = self.track.len().saturating_sub(STILL_HERE);
-        let mut track = self.track[..passed].iter();
-        let far = |at: &CarPose| [at.x_m - x_m, at.y_m - y_m];
-        track.any(|at| far(at).map(|m| m * m).iter().sum::<f64>() < BESIDE_M * BESIDE_M)
+        let is_near = |[at_x_m, at_y_m]: [f64; 2]| {
+            let off = [at_x_m - x_m, at_y_m - y_m];
+            off.map(|m| m * m).iter().sum::<f64>() < BESIDE_M * BESIDE_M
+        };
+        let mut track = self.passed().iter();
+        track.any(|at| is_near([at.x_m, at.y_m])) && !self.again.iter().copied().any(is_near)
+    }
+
+    /// The part of the track that the camera has left behind.
+    fn passed(&self) -> &[CarPose] {
+        let here = self.track.last().copied().unwrap_or_default();
+        let is_left = |at: &CarPose| at.distance_m(here) >= STILL_HERE_M;
+        let len = self.track.iter().rposition(is_left).map_or(0, |at| at + 1);
+        &self.track[..len]
     }
 
     /// Whether the camera has passed the cell at this place, metres.

@@ -44,9 +44,10 @@ impl Tried {
         self.near(place).is_some_and(|at| self.0[at].1 >= TRIES_MAX)
     }
 
-    /// Whether there is an edge that the car does not go to any more.
-    pub(super) fn has_given_up(&self) -> bool {
-        self.0.iter().any(|(_, tries)| *tries >= TRIES_MAX)
+    /// Edges that the car does not go to any more.
+    pub(super) fn given_up(&self) -> impl Iterator<Item = [f64; 2]> {
+        let given_up = self.0.iter().filter(|(_, tries)| *tries >= TRIES_MAX);
+        given_up.map(|(at, _)| *at)
     }
 
     /// The car goes to the edge at this place; whether for the first time.
