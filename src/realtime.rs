@@ -44,7 +44,7 @@ use adapter::Adapter;
 use inputs::Inputs;
 pub(crate) use lateness::LATE;
 pub use lateness::Lateness;
-pub use place::{Place, Sign};
+pub use place::{Place, Sign, Traffic};
 pub use port_report::PortReport;
 use spread::Spread;
 
@@ -89,15 +89,6 @@ struct Port {
     spread: Spread,
     /// Modem lines that it may have to wait for.
     inputs: Option<Inputs>,
-}
-
-/// What passed a port.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Traffic {
-    /// Bytes that clients sent.
-    pub from_client: u64,
-    /// Bytes that clients could read.
-    pub to_client: u64,
 }
 
 impl<C: Clock> Realtime<C> {

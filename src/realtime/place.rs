@@ -15,6 +15,15 @@ pub struct Place<'a> {
     pub node: usize,
 }
 
+/// What passed a port.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Traffic {
+    /// Bytes that clients sent.
+    pub from_client: u64,
+    /// Bytes that clients could read.
+    pub to_client: u64,
+}
+
 /// A sign of life of the client at a port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sign<'a> {
