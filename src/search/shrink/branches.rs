@@ -7,11 +7,11 @@ use core::time::Duration;
 
 use super::Judged;
 use crate::rig::trace::fingerprint;
-use crate::run::{Checkpoint, Outcome, Run};
+use crate::run::{Checkpoint, LOOK_EVERY, Outcome, Run};
 use crate::scenario::{Scenario, ScenarioError, Source};
 use crate::search::campaign::judge::{Record, run_from};
 
-/// Checkpoints of one run, evenly over its time.
+/// Checkpoints of one run, evenly over its time; as many at most before what goes wrong.
 const POINTS: u32 = 24;
 /// Least time between two.
 const EVERY_MIN: Duration = Duration::from_millis(100);
@@ -105,14 +105,24 @@ impl<'a> Branches<'a> {
             (points.to_vec(), Some(run))
         });
         let every = (candidate.duration.0 / POINTS).max(EVERY_MIN);
-        let mut next = run.as_ref().map_or(every, |run| time_of(run) + every);
+        let from = run.as_ref().map_or(Duration::ZERO, time_of);
+        let mut next = from + every;
+        // Most tries leave out or move something that goes wrong: they part where it begins.
+        let mut begins = begins_of(candidate);
+        begins.retain(|begin| *begin > from + LOOK_EVERY);
+        let mut begins = begins.into_iter().peekable();
         let begin = || match run {
             Some(run) => Ok(run),
             None => Run::new(candidate.clone(), self.source, None),
         };
         let (record, outcome) = run_from(candidate, begin, |run| {
-            if time_of(run) >= next {
-                next = time_of(run) + every;
+            let now = time_of(run);
+            let mut is_due = now >= next;
+            while begins.next_if(|begin| *begin <= now + LOOK_EVERY).is_some() {
+                is_due = true;
+            }
+            if is_due {
+                next = now + every;
                 points.extend(run.checkpoint().map(Rc::new));
             }
         })?;
@@ -131,6 +141,19 @@ fn name_of(case: &Scenario) -> String {
         ..case.clone()
     };
     fingerprint(plain.to_toml().as_bytes())
+}
+
+/// When what goes wrong in `case` begins, as far as it is planned by time, in order. Where that is at
+/// more times than there are checkpoints, those lie among them anyway, and none counts.
+fn begins_of(case: &Scenario) -> Vec<Duration> {
+    let begins = case.fault.iter().filter_map(|fault| fault.from);
+    let mut begins: Vec<Duration> = begins.map(|from| from.0).collect();
+    begins.sort_unstable();
+    begins.dedup();
+    if begins.len() > POINTS as usize {
+        begins.clear();
+    }
+    begins
 }
 
 fn time_of(run: &Run) -> Duration {
@@ -154,5 +177,22 @@ mod tests {
         case.seed += 1;
         branches.judge(&case);
         assert_eq!(branches.judged.len(), 2);
+    }
+
+    /// 400 ms have checkpoints each 100 ms, and one more before the cut at 250 ms, behind which they
+    /// count anew.
+    #[test]
+    fn what_goes_wrong_has_a_checkpoint_before_it() {
+        let text = "schema = 1\nname = \"test\"\nrobot = \"rescue\"\nduration = \"400ms\"\n\
+                    world.start = { x_m = 0.6, y_m = 0.6, heading_deg = 0 }\n\
+                    [[fault]]\nlink = \"base\"\ndirection = \"to-device\"\nkind = \"cut\"\n\
+                    from = \"250ms\"\nuntil = \"300ms\"\n";
+        let (case, source) = Scenario::from_text(text).expect("sound");
+        let branches = Branches::new(&source, "");
+        let (.., points) = branches.run(&case).expect("can be wired");
+        let at = points
+            .iter()
+            .map(|point| point.at() - protocols::Instant::ZERO);
+        assert!(at.map(|at| at.as_millis()).eq([100, 200, 240, 340]));
     }
 }
