@@ -41,8 +41,9 @@ const LOOK_M: f64 = 4.0;
 /// In how many scans more there must have been something than nothing.
 const SURE: i8 = 2;
 const COUNT_MAX: i8 = 10;
-/// What nobody has seen so many cells beside a wall, 20 cm, may be wall.
-const BESIDE_CELLS: usize = 4;
+/// What nobody has seen so many cells beside a wall, 30 cm, may be wall: of a wall that the car turns
+/// away from its camera misses as much, up to its corner.
+const BESIDE_CELLS: usize = 6;
 /// Cells around what is known that a plan has.
 const MARGIN: usize = 12;
 /// An edge so near the way that the car came is a corner that its camera turned away from, metres:
@@ -166,6 +167,9 @@ impl Survey {
         if self.tracker.is_fitting() {
             self.look(camera, beams);
         }
+        // Where it backs out from it has not come by.
+        let is_ahead = |at: &mut CarPose| camera.motion_to(*at).ahead_m > 0.0;
+        while motion.ahead_m < 0.0 && self.track.pop_if(is_ahead).is_some() {}
         let last = self.track.last();
         if last.is_none_or(|last| last.distance_m(camera) >= TRACK_M) {
             self.track.push(camera);
@@ -248,14 +252,13 @@ impl Survey {
         if self.is_complete {
             return Choice::Done;
         }
-        let Some((goal, place)) = edges::next(self, costs, pose, &is_free) else {
-            return match self.back(pose, is_free) {
-                Some(goal) => Choice::Go(goal),
-                None => {
-                    self.is_complete = true;
-                    Choice::Done
-                }
-            };
+        let (goal, place) = match edges::next(self, costs, pose, &is_free) {
+            Ok(next) => next,
+            Err(barred) => {
+                let back = self.back(pose, barred, is_free);
+                self.is_complete = back.is_none();
+                return back.map_or(Choice::Done, Choice::Go);
+            }
         };
         let before = self.edge.replace(place);
         if is_under_way && before.is_some_and(|before| edges::are_same(before, place)) {
@@ -282,9 +285,15 @@ impl Survey {
         self.vain > VAIN_MAX
     }
 
-    /// Some way back from `pose`, if the car has given up on an edge: it may try that once more.
-    fn back(&mut self, pose: CarPose, is_free: impl Fn(CarPose) -> bool) -> Option<CarPose> {
-        let given_up: Vec<_> = self.tried.given_up().collect();
+    /// Some way back from `pose`, if the car has given up on an edge or is `barred` from one: it may
+    /// try that once more.
+    fn back(
+        &mut self,
+        pose: CarPose,
+        barred: Vec<[f64; 2]>,
+        is_free: impl Fn(CarPose) -> bool,
+    ) -> Option<CarPose> {
+        let given_up: Vec<_> = self.tried.given_up().chain(barred).collect();
         if self.went_back >= BACK_MAX || given_up.is_empty() {
             return None;
         }

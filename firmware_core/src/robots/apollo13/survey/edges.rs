@@ -70,14 +70,18 @@ struct Reach {
     order: Vec<usize>,
 }
 
-/// The goal to go to, and the place of the edge to be seen from there; `None`: there is no edge.
+/// The goal to go to, and the place of the edge to be seen from there.
+///
+/// # Errors
+/// If there is none, the places of edges before which the car has no room to stand.
 pub(super) fn next(
     survey: &Survey,
     costs: &Costmap,
     pose: CarPose,
     is_free: impl Fn(CarPose) -> bool,
-) -> Option<(CarPose, [f64; 2])> {
-    let reach = Reach::new(survey, costs, pose)?;
+) -> Result<(CarPose, [f64; 2]), Vec<[f64; 2]>> {
+    let reach = Reach::new(survey, costs, pose).ok_or_else(Vec::new)?;
+    let mut barred = Vec::new();
     let mut best: Option<(f64, CarPose, [f64; 2])> = None;
     for edge in reach.edges(survey, costs) {
         let middle = middle(&edge, costs.width());
@@ -86,6 +90,7 @@ pub(super) fn next(
             continue;
         }
         let Some(goal) = reach.goal(costs, middle, &is_free) else {
+            barred.push(place);
             continue;
         };
         let bearing = libm::atan2(place[1] - pose.y_m, place[0] - pose.x_m);
@@ -97,7 +102,7 @@ pub(super) fn next(
             best = Some((score, goal, place));
         }
     }
-    best.map(|(_, goal, place)| (goal, place))
+    best.map(|(_, goal, place)| (goal, place)).ok_or(barred)
 }
 
 #[expect(

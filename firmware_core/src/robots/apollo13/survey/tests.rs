@@ -210,7 +210,7 @@ fn the_map_lies_around_the_first_cell_of_the_camera() {
 
 /// An obstacle in column 200 of row 100 and a free cell in column 190 of row 110: with 12 cells
 /// around them, 35 columns from 178 and 35 rows from 88 on. The obstacle is in column 22 of row 12,
-/// and what nobody has seen beside it, four cells to each side, is kept off as well.
+/// and what nobody has seen beside it, six cells to each side, is kept off as well.
 #[test]
 fn a_plan_is_cut_out_around_what_is_known() {
     let mut survey = Survey::new(at(0.0));
@@ -228,9 +228,9 @@ fn a_plan_is_cut_out_around_what_is_known() {
     let at: Vec<usize> = (0..35 * 35)
         .filter(|index| plan.obstacles[*index])
         .collect();
-    let mut cross: Vec<usize> = (8..=16).map(|row| row * 35 + 22).collect();
+    let mut cross: Vec<usize> = (6..=18).map(|row| row * 35 + 22).collect();
     cross.extend(
-        (18..=26)
+        (16..=28)
             .filter(|column| *column != 22)
             .map(|column| 12 * 35 + column),
     );
@@ -245,7 +245,7 @@ fn a_plan_is_cut_out_around_what_is_known() {
     );
 }
 
-/// Nobody has looked: four cells to each side of a wall's end may be wall, a fifth is not kept off,
+/// Nobody has looked: six cells to each side of a wall's end may be wall, a seventh is not kept off,
 /// nor what was seen to be free. The map's rim is not beside its other one.
 #[test]
 fn what_nobody_has_seen_beside_a_wall_may_be_wall() {
@@ -257,17 +257,17 @@ fn what_nobody_has_seen_beside_a_wall_may_be_wall() {
         let all = cells.filter(|at| survey.is_kept_off(cell(*at)));
         all.collect::<Vec<usize>>()
     };
-    let along = [196, 197, 198, 199, 200, 201, 203, 204];
+    let along = [194, 195, 196, 197, 198, 199, 200, 201, 203, 204, 205, 206];
     assert_eq!(kept_off(&survey, 180..220, false), along);
     assert_eq!(
         kept_off(&survey, 80..120, true),
-        (96..=104).collect::<Vec<usize>>()
+        (94..=106).collect::<Vec<usize>>()
     );
     assert!(!survey.is_kept_off([201, 101]));
     survey.cells[50 * SIDE] = OBSTACLE;
     survey.cells[SIDE - 1] = OBSTACLE;
     assert!(!survey.is_kept_off([SIDE - 1, 49]) && !survey.is_kept_off([0, 1]));
-    assert!(survey.is_kept_off([0, 46]) && survey.is_kept_off([SIDE - 5, 0]));
+    assert!(survey.is_kept_off([0, 44]) && survey.is_kept_off([SIDE - 7, 0]));
 }
 
 /// Two scans more with something than without make an obstacle, one more without a free cell. It
@@ -354,19 +354,28 @@ fn four_goals_may_show_nothing() {
 fn the_car_goes_back_once_by_two_and_a_half_metres() {
     let mut survey = Survey::new(at(0.0));
     survey.track = [0.0, 1.0, 2.0, 3.5, 4.5].map(at).to_vec();
-    assert_eq!(survey.back(at(4.5), |_| true), None);
+    assert_eq!(survey.back(at(4.5), Vec::new(), |_| true), None);
     for _ in 0..3 {
         survey.tried.add([9.0, 0.0]);
     }
-    assert_eq!(survey.back(at(4.5), |_| false), None);
-    assert_eq!(survey.clone().back(at(4.5), |_| true), Some(at(2.0)));
-    assert_eq!(survey.clone().back(at(4.4), |_| true), Some(at(1.0)));
-    assert_eq!(survey.back(at(4.5), |pose| pose.x_m < 1.5), Some(at(1.0)));
+    assert_eq!(survey.back(at(4.5), Vec::new(), |_| false), None);
+    assert_eq!(
+        survey.clone().back(at(4.5), Vec::new(), |_| true),
+        Some(at(2.0))
+    );
+    assert_eq!(
+        survey.clone().back(at(4.4), Vec::new(), |_| true),
+        Some(at(1.0))
+    );
+    assert_eq!(
+        survey.back(at(4.5), Vec::new(), |pose| pose.x_m < 1.5),
+        Some(at(1.0))
+    );
     assert_eq!(survey.tried.given_up().count(), 0);
     for _ in 0..3 {
         survey.tried.add([9.0, 0.0]);
     }
-    assert_eq!(survey.back(at(4.5), |_| true), None);
+    assert_eq!(survey.back(at(4.5), Vec::new(), |_| true), None);
 }
 
 /// 0.2 s after a scan the next one is due.
@@ -450,9 +459,12 @@ fn the_goal_lies_before_the_edge() {
     let near = |pose: CarPose| pose.x_m < 5.0;
     let found = edges::next(&survey, &costs(&survey), at(0.01), near).expect("there is room");
     assert!((found.0.x_m - 4.975).abs() < 1e-6, "{found:?}");
-    assert_eq!(
-        edges::next(&survey, &costs(&survey), at(0.01), |_| false),
-        None
+    let barred = edges::next(&survey, &costs(&survey), at(0.01), |_| false).unwrap_err();
+    let mut ends: Vec<f64> = barred.iter().map(|[x_m, _]| *x_m).collect();
+    ends.sort_by(f64::total_cmp);
+    assert!(
+        (ends[0] + 1.575).abs() < 0.03 && (ends[1] - 7.975).abs() < 0.03,
+        "{ends:?}"
     );
 }
 
@@ -469,7 +481,7 @@ fn twelve_cells_make_an_edge() {
                 row[325..325 + side].fill(UNKNOWN);
             }
         }
-        edges::next(&survey, &costs(&survey), at(0.01), |_| true).is_some()
+        edges::next(&survey, &costs(&survey), at(0.01), |_| true).is_ok()
     };
     assert_eq!([0, 2, 3].map(found), [false, false, true]);
 }
@@ -564,8 +576,38 @@ fn what_was_given_up_beside_the_way_counts_after_going_back() {
     }
     let is_beside = |survey: &Survey, x_m| survey.is_beside([x_m, 0.5]);
     assert!(is_beside(&survey, 6.0) && is_beside(&survey, 6.8));
-    assert!(survey.back(at(9.5), |_| true).is_some());
+    assert!(survey.back(at(9.5), Vec::new(), |_| true).is_some());
     assert!(!is_beside(&survey, 6.0) && !is_beside(&survey, 6.8) && is_beside(&survey, 7.0));
+}
+
+/// A car that came 2 m, a place each 0.25 m, and backs by 1.25 m has the last of them ahead of it
+/// again: it has not come by them. Going on it comes by them once more.
+#[test]
+fn who_backs_out_has_not_come_by() {
+    let mut survey = Survey::new(at(0.0));
+    let mut after_steps = |steps: &mut dyn Iterator<Item = i32>| {
+        for step in steps {
+            survey.draw(after(0), at(f64::from(step) * 0.25), &[]);
+        }
+        survey.track.len()
+    };
+    assert_eq!(after_steps(&mut (0..=8)), 9);
+    assert_eq!(after_steps(&mut (3..8).rev()), 4);
+    assert_eq!(after_steps(&mut (4..=8)), 9);
+}
+
+/// Before an edge that the car has no room to stand before it goes back by some of its way and
+/// tries it anew, once.
+#[test]
+fn who_is_barred_from_an_edge_goes_back() {
+    let mut survey = Survey::new(at(0.0));
+    survey.track = (0..20).map(|n| at(f64::from(n) * 0.5)).collect();
+    let mut back = |barred: Vec<[f64; 2]>| survey.back(at(9.5), barred, |_| true);
+    assert_eq!(back(Vec::new()), None);
+    let goal = back(alloc::vec![[6.0, 0.5]]).expect("a place on its way");
+    assert!((goal.x_m - 7.0).abs() < 1e-9);
+    assert_eq!(back(alloc::vec![[6.0, 0.5]]), None);
+    assert!(!survey.is_beside([6.0, 0.5]));
 }
 
 /// Where the camera came by is kept each 20 cm.
