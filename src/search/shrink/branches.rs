@@ -143,8 +143,8 @@ fn name_of(case: &Scenario) -> String {
     fingerprint(plain.to_toml().as_bytes())
 }
 
-/// When what goes wrong in `case` begins, as far as it is planned by time, in order. Where that is at
-/// more times than there are checkpoints, those lie among them anyway, and none counts.
+/// When what goes wrong in `case` begins, as far as it is planned by time, in order. Where that is
+/// at more times than there are checkpoints, those lie among them anyway, and none counts.
 fn begins_of(case: &Scenario) -> Vec<Duration> {
     let begins = case.fault.iter().filter_map(|fault| fault.from);
     let mut begins: Vec<Duration> = begins.map(|from| from.0).collect();
@@ -179,8 +179,8 @@ mod tests {
         assert_eq!(branches.judged.len(), 2);
     }
 
-    /// 400 ms have checkpoints each 100 ms, and one more before the cut at 250 ms, behind which they
-    /// count anew.
+    /// 400 ms have checkpoints each 100 ms, and one more before the cut at 250 ms, behind which
+    /// they count anew.
     #[test]
     fn what_goes_wrong_has_a_checkpoint_before_it() {
         let text = "schema = 1\nname = \"test\"\nrobot = \"rescue\"\nduration = \"400ms\"\n\

@@ -41,8 +41,8 @@ const LOOK_M: f64 = 4.0;
 /// In how many scans more there must have been something than nothing.
 const SURE: i8 = 2;
 const COUNT_MAX: i8 = 10;
-/// What nobody has seen so many cells beside a wall, 30 cm, may be wall: of a wall that the car turns
-/// away from its camera misses as much, up to its corner.
+/// What nobody has seen so many cells beside a wall, 30 cm, may be wall: of a wall that the car
+/// turns away from its camera misses as much, up to its corner.
 const BESIDE_CELLS: usize = 6;
 /// Cells around what is known that a plan has.
 const MARGIN: usize = 12;
@@ -285,8 +285,8 @@ impl Survey {
         self.vain > VAIN_MAX
     }
 
-    /// Some way back from `pose`, if the car has given up on an edge or is `barred` from one: it may
-    /// try that once more.
+    /// Some way back from `pose`, if the car has given up on an edge or is `barred` from one: it
+    /// may try that once more.
     fn back(
         &mut self,
         pose: CarPose,

@@ -245,8 +245,8 @@ fn a_plan_is_cut_out_around_what_is_known() {
     );
 }
 
-/// Nobody has looked: six cells to each side of a wall's end may be wall, a seventh is not kept off,
-/// nor what was seen to be free. The map's rim is not beside its other one.
+/// Nobody has looked: six cells to each side of a wall's end may be wall, a seventh is not kept
+/// off, nor what was seen to be free. The map's rim is not beside its other one.
 #[test]
 fn what_nobody_has_seen_beside_a_wall_may_be_wall() {
     let mut survey = Survey::new(at(0.0));
