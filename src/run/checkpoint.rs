@@ -212,19 +212,30 @@ impl Run {
 /// Whether the two differ in nothing but their faults, their length, what is judged in the end, and
 /// words.
 fn is_alike(a: &Scenario, b: &Scenario) -> bool {
-    let like = Scenario {
-        duration: a.duration,
-        expect: a.expect,
-        fault: Vec::new(),
-        origin: a.origin.clone(),
-        description: a.description.clone(),
-        ..b.clone()
-    };
-    let plain = Scenario {
-        fault: Vec::new(),
-        ..a.clone()
-    };
-    like == plain && ends_alike(&a.expect, &b.expect)
+    let Scenario {
+        schema,
+        name,
+        description: _,
+        robot,
+        duration: _,
+        seed,
+        origin: _,
+        mission,
+        expect,
+        program,
+        chassis,
+        device,
+        link,
+        budget,
+        phases,
+        world,
+        fault: _,
+    } = a;
+    (schema, seed, name, robot) == (&b.schema, &b.seed, &b.name, &b.robot)
+        && (mission, program, chassis) == (&b.mission, &b.program, &b.chassis)
+        && (device, link, world) == (&b.device, &b.link, &b.world)
+        && (budget, phases) == (&b.budget, &b.phases)
+        && ends_alike(expect, &b.expect)
 }
 
 /// Whether `other` is `fault` at another time.

@@ -2,6 +2,7 @@
 //! stays small however long the run.
 
 use core::time::Duration;
+use std::sync::Arc;
 
 use protocols::Instant;
 
@@ -37,11 +38,12 @@ pub struct Lane {
     struck_before: usize,
 }
 
-/// Samples in order of time, every second one dropped when there are too many.
+/// Samples in order of time, every second one dropped when there are too many. Copies share them:
+/// the maps are most of what a checkpoint would copy.
 #[derive(Clone, Debug)]
 pub struct Thinned<T> {
     /// Times and samples.
-    pub samples: Vec<(Instant, T)>,
+    pub samples: Vec<(Instant, Arc<T>)>,
     period: Duration,
     next: Instant,
     most: usize,
@@ -68,7 +70,7 @@ impl<T> Thinned<T> {
     }
 
     fn take(&mut self, now: Instant, sample: T) {
-        self.samples.push((now, sample));
+        self.samples.push((now, Arc::new(sample)));
         if self.samples.len() > self.most {
             let mut number = 0;
             self.samples.retain(|_| {
@@ -91,7 +93,7 @@ impl<T> Thinned<T> {
         self.next = now + self.period;
         let sample = make();
         let is_news = match self.samples.last() {
-            Some((_, last)) => *last != sample,
+            Some((_, last)) => **last != sample,
             None => sample != T::default(),
         };
         if is_news {
@@ -208,7 +210,7 @@ mod tests {
         for (second, value) in (0..).zip(["", "", "a", "a", "a", "b", ""]) {
             thinned.offer_change(Instant::from_secs(second), || value);
         }
-        let kept: Vec<_> = thinned.samples.iter().map(|&(_, value)| value).collect();
+        let kept: Vec<_> = thinned.samples.iter().map(|(_, value)| **value).collect();
         assert_eq!(kept, ["a", "b", ""]);
     }
 
@@ -219,7 +221,7 @@ mod tests {
         for second in 0..10 {
             thinned.offer(Instant::from_secs(second), || Some(second));
         }
-        let kept: Vec<u64> = thinned.samples.iter().map(|&(_, second)| second).collect();
+        let kept: Vec<u64> = thinned.samples.iter().map(|(_, second)| **second).collect();
         assert_eq!(kept, [0, 2, 4, 7, 9]);
     }
 

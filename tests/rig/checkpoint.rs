@@ -3,7 +3,10 @@
 use core::time::Duration;
 
 use hilrig::run::Outcome;
-use hilrig::scenario::{FaultSpec, PhasesSpec, Scenario, Source, Span};
+use hilrig::scenario::{
+    BudgetSpec, ChassisSpec, DifferentialSpec, FaultSpec, LinkSpec, PhasesSpec, Scenario, Source,
+    Span,
+};
 use proptest::prelude::*;
 use protocols::Instant;
 
@@ -177,9 +180,6 @@ fn what_has_come_to_bear_cannot_be_taken_back() {
         point.resume_as(&other).is_some()
     });
     assert_eq!(known_at, [yes, no]);
-    let mut moved = scenario.clone();
-    moved.mission.connect = Span::from_millis(700);
-    assert!(point.resume_as(&moved).is_none());
     let mut ended = scenario.clone();
     ended.duration = Span::from_millis(2_500);
     assert!(point.resume_as(&ended).is_none());
@@ -188,6 +188,49 @@ fn what_has_come_to_bear_cannot_be_taken_back() {
         ended.duration = Span::from_millis(millis);
         assert!(point.resume_as(&ended).is_some(), "{millis}");
     }
+}
+
+/// Whatever else a scenario says, it is another run from the beginning; its words are no part of
+/// it.
+#[test]
+fn a_run_of_something_else_does_not_branch() {
+    let (scenario, source) = faulted();
+    let mut run = start((scenario.clone(), source));
+    run.go_on_until(Instant::from_millis(2_555));
+    let point = run.checkpoint().expect("nobody listens");
+    let branches = |change: fn(&mut Scenario)| {
+        let mut other = scenario.clone();
+        change(&mut other);
+        assert_ne!(other, scenario);
+        point.resume_as(&other).is_some()
+    };
+    let changes: [fn(&mut Scenario); 12] = [
+        |it| {
+            let (other, _) = in_a_room("6s", "[device.lidar.xv11]\nmount = { heading_deg = 30 }");
+            it.device = other.device;
+        },
+        |it| it.schema += 1,
+        |it| it.name.push('x'),
+        |it| it.robot.push('x'),
+        |it| it.seed += 1,
+        |it| it.mission.connect = Span::from_millis(700),
+        |it| it.program.start_mode = Some("x".to_owned()),
+        |it| it.chassis = Some(ChassisSpec::Differential(DifferentialSpec::default())),
+        |it| drop(it.link.insert("base".to_owned(), LinkSpec::default())),
+        |it| it.budget = Some(BudgetSpec::default()),
+        |it| {
+            let span = Span::from_millis(1_000);
+            it.phases = Some(PhasesSpec {
+                warm_up: span,
+                adversity: span,
+                recovery: span,
+                judgement: span,
+            });
+        },
+        |it| it.world.wall.clear(),
+    ];
+    assert_eq!(changes.map(branches), [false; 12]);
+    assert!(branches(|it| it.description.push('x')));
 }
 
 /// Asked for at 2.555 s: what was to begin later can begin earlier, but not just then.

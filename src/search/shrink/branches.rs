@@ -1,9 +1,9 @@
 //! Tries of one case that begin where they part from the best so far, not at the beginning.
 
+use core::cmp::Reverse;
+use core::time::Duration;
 use std::collections::BTreeMap;
 use std::rc::Rc;
-
-use core::time::Duration;
 
 use super::Judged;
 use crate::rig::trace::fingerprint;
@@ -92,18 +92,17 @@ impl<'a> Branches<'a> {
     /// its way.
     fn run(&self, candidate: &Scenario) -> Result<Ran, ScenarioError> {
         let ways = [&self.failing, &self.faultless];
-        let branches = ways.into_iter().filter_map(|way| {
-            let points = way.iter().enumerate().rev();
-            let mut branches = points.filter_map(|(last, point)| {
-                let run = point.resume_as(candidate)?;
-                Some((&way[..=last], run))
-            });
-            branches.next()
+        let ends = ways.into_iter().flat_map(|way| {
+            let points = way.iter().enumerate();
+            points.map(|(last, point)| (point, &way[..=last]))
         });
-        let branched = branches.max_by_key(|(_, run)| run.rig.now());
-        let (mut points, run) = branched.map_or((Vec::new(), None), |(points, run)| {
-            (points.to_vec(), Some(run))
+        let mut ends: Vec<_> = ends.collect();
+        ends.sort_by_key(|(point, _)| Reverse(point.at()));
+        let mut branches = ends.into_iter().filter_map(|(point, way)| {
+            let run = point.resume_as(candidate)?;
+            Some((way.to_vec(), Some(run)))
         });
+        let (mut points, run) = branches.next().unwrap_or_default();
         let every = (candidate.duration.0 / POINTS).max(EVERY_MIN);
         let from = run.as_ref().map_or(Duration::ZERO, time_of);
         let mut next = from + every;

@@ -51,9 +51,9 @@ pub(super) fn json(outcome: &Outcome, events: &[&Logged]) -> String {
     let maps = maps.map(|(at, map)| json!({"at": seconds(at), "shades": base64(&map_shades(map))}));
     let last = last.map(|(at, map)| json!({"at": seconds(at), "runs": base64(&map_runs(map))}));
     let scans = history.scans.samples.iter();
-    let scans = scans.map(|(at, points)| json!({"at": seconds(*at), "points": points}));
+    let scans = scans.map(|(at, points)| json!({"at": seconds(*at), "points": **points}));
     let overlays = history.overlays.samples.iter();
-    let overlays = overlays.map(|(at, all)| json!({"at": seconds(*at), "overlays": all}));
+    let overlays = overlays.map(|(at, all)| json!({"at": seconds(*at), "overlays": **all}));
     let data = json!({
         "end": end,
         "footprint": outcome.footprint,
