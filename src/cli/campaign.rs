@@ -11,14 +11,13 @@ use clap::{Args, Subcommand};
 
 use self::live::Live;
 use super::answer::{CampaignEnded, CauseFound};
-use super::exec::ExecArgs;
+use super::exec::{ExecArgs, is_bare};
 use super::out::answer;
 use super::progress::is_watched;
 use super::stop::Stop;
 use super::{CliError, Verdict};
 use crate::realtime::clock::{Clock, WallClock};
 use crate::realtime::exec::Foreign;
-use crate::robots;
 use crate::run::Outcome;
 use crate::scenario::{Scenario, Source, Span};
 use crate::search::campaign::{
@@ -252,10 +251,7 @@ fn read_all(paths: &[PathBuf]) -> Result<BTreeMap<String, (Scenario, Source)>, C
 fn leave_out_bare(read: &mut BTreeMap<String, (Scenario, Source)>) -> Result<(), CliError> {
     let mut bare = Vec::new();
     for (name, (scenario, source)) in &*read {
-        if robots::of(scenario, source)?
-            .program(scenario, source)?
-            .is_none()
-        {
+        if is_bare(scenario, source)? {
             bare.push(name.clone());
         }
     }

@@ -7,7 +7,8 @@ use clap::Args;
 
 use crate::guest::HAS_LINES;
 use crate::realtime::exec::{Foreign, ProgramEnd, Supervision};
-use crate::scenario::Span;
+use crate::robots;
+use crate::scenario::{Scenario, ScenarioError, Source, Span};
 
 /// Somebody's program.
 #[derive(Debug, Args)]
@@ -105,6 +106,12 @@ impl ExecArgs {
 /// `text` as one word for the shell.
 pub(super) fn quoted(text: &str) -> String {
     format!("'{}'", text.replace('\'', "'\\''"))
+}
+
+/// Whether nobody drives the robot unless `--exec` starts somebody's program.
+pub(super) fn is_bare(scenario: &Scenario, source: &Source) -> Result<bool, ScenarioError> {
+    let program = robots::of(scenario, source)?.program(scenario, source)?;
+    Ok(program.is_none())
 }
 
 /// Lines of a program's words that are shown.

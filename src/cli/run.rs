@@ -10,7 +10,7 @@ use clap::Args;
 
 use super::answer::{RunEnded, Runs};
 use super::ends::EndArgs;
-use super::exec::ExecArgs;
+use super::exec::{ExecArgs, is_bare};
 use super::replay::judge_case;
 use super::show::{Show, ShowArgs};
 use super::stop::Stop;
@@ -169,6 +169,12 @@ fn one(
 ) -> Result<Ran, CliError> {
     scenario.seed = args.seed.unwrap_or(scenario.seed);
     let Some(foreign) = args.program.foreign() else {
+        if is_bare(&scenario, &source)? {
+            let name = &scenario.name;
+            eprintln!(
+                "{name}: its robot has no program and nobody drives it; --exec CMD starts one"
+            );
+        }
         let pace = match args.realtime {
             true => Clocking::Realtime(show),
             false => Clocking::Virtual,
