@@ -64,8 +64,11 @@ const NS: (&str, f64) = ("ns", 1.0);
 const US: (&str, f64) = ("us", 1e3);
 const MS: (&str, f64) = ("ms", 1e6);
 
+/// With the robot's own map, also where another size is built.
+type RobotMapper = Box<Mapper<300, 300>>;
+
 /// A mapper that has seen the flat, and one more scan from where it stands.
-fn toured(settings: Settings) -> (Box<Mapper>, Scan) {
+fn toured(settings: Settings) -> (RobotMapper, Scan) {
     let start = [1000.0, 1000.0, core::f64::consts::FRAC_PI_2];
     let mut run: Run = Run::new(World::new(flat(), start, 1), settings);
     run.tour(&FLAT_TOUR);
@@ -140,7 +143,7 @@ fn exhaustive() {
     let (at_edge, scan) = toured(settings);
     // The same place in the middle of another map.
     let middle = Pose::new(5250.0, 5250.0, at_edge.pose().heading);
-    let mut in_middle: Box<Mapper> = Box::new(Mapper::new(Settings {
+    let mut in_middle: RobotMapper = Box::new(Mapper::new(Settings {
         start: middle,
         ..settings
     }));

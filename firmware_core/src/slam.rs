@@ -524,7 +524,7 @@ mod tests {
     }
 
     /// Budget S10: 128 KiB for the whole robot, some 14 KiB of it for everything else.
-    const _: () = assert!(size_of::<Mapper>() <= 105 * 1024);
+    const _: () = assert!(size_of::<Mapper<300, 300>>() <= 105 * 1024);
 
     /// Field firmware, checked on its code: at psi 90 a beam 1000 mm ahead from (3000, 3000) with
     /// cells of 20 mm clears column 150, row 180: columns are x, and psi 90 looks to +y.
