@@ -31,8 +31,8 @@ use crate::rig::line::{Direction, End, Line};
 use crate::rig::trace::{Tap, Trace};
 pub use disturb::Disturbance;
 pub use link_kind::{LinkKind, PortRate};
+use node::{AT_ONCE, Body, Node, Outside};
 pub use node::{AnyDevice, Program};
-use node::{Body, Node, Outside};
 pub use paced::Paced;
 use round::Due;
 
@@ -173,8 +173,7 @@ impl Rig {
         self.nodes.push(Node {
             name,
             body,
-            stirred: true,
-            poll_at: None,
+            polled_at: AT_ONCE,
         });
         self.touched.push(false);
         self.nodes.len() - 1

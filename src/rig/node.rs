@@ -12,7 +12,7 @@ use firmware_core::{Inspect, Master};
 use protocols::{Instant, LineConfig, LineEvent, Port};
 
 use crate::rig::cpu::CpuModel;
-use crate::rig::line::MESSAGE_MAX;
+use crate::rig::line::{MESSAGE_MAX, NEVER};
 
 /// An emulated device in a rig: any [`Device`] that owns its data and can be cloned, so that a rig
 /// can go on from one state in several ways.
@@ -160,11 +160,13 @@ pub(super) enum Body {
 pub(super) struct Node {
     pub(super) name: String,
     pub(super) body: Body,
-    /// Something came in since the last poll.
-    pub(super) stirred: bool,
-    /// What was asked of the node last, so that it is not asked again each time.
-    pub(super) poll_at: Option<Instant>,
+    /// When it is polled next: what the node was last asked, so that it is not asked again each
+    /// time, or [`AT_ONCE`].
+    pub(super) polled_at: Instant,
 }
+
+/// Something came in since the last poll.
+pub(super) const AT_ONCE: Instant = Instant::ZERO;
 
 impl Node {
     pub(super) fn line_config(&self, port: Port) -> LineConfig {
@@ -186,7 +188,7 @@ impl Node {
 
     /// Something happened to the node: it is polled next, and asked for bytes to send.
     pub(super) fn stir(&mut self) {
-        self.stirred = true;
+        self.polled_at = AT_ONCE;
     }
 
     pub(super) fn receive(&mut self, port: Port, now: Instant, bytes: &[u8]) {
@@ -240,52 +242,50 @@ impl Node {
     /// Whether the node wants to be polled by `now`.
     #[inline]
     pub(super) fn is_due(&self, now: Instant) -> bool {
-        self.stirred || self.poll_at.is_some_and(|at| at <= now)
+        self.polled_at <= now
     }
 
     /// Asks a device anew when it wants to be polled: room in its transmitter may be what it was
     /// waiting for, or it was told of something that it does later.
     pub(super) fn replan(&mut self, now: Instant) {
-        if let Body::Device(device) = &self.body {
-            self.poll_at = device.poll_at().map(|at| later_than(now, at));
+        if let Body::Device(device) = &self.body
+            && self.polled_at > AT_ONCE
+        {
+            self.polled_at = later_than(now, device.poll_at());
         }
     }
 
     /// Polls the node, which is due.
     pub(super) fn poll(&mut self, now: Instant, world: &mut World, cpu: CpuModel) {
-        match &mut self.body {
+        self.polled_at = match &mut self.body {
             Body::Device(device) => {
                 device.poll(now, world);
-                self.poll_at = device.poll_at().map(|at| later_than(now, at));
+                later_than(now, device.poll_at())
             }
+            Body::Program { busy_until, .. } if *busy_until > now => *busy_until,
             Body::Program {
                 program,
                 busy_until,
                 last_cost,
             } => {
-                if *busy_until > now {
-                    self.poll_at = Some(*busy_until);
+                program.poll(now);
+                let cost = cpu.cost(program.take_work());
+                if cost > Duration::ZERO {
+                    *busy_until = now + cost;
+                    *last_cost = cost;
+                    *busy_until
                 } else {
-                    program.poll(now);
-                    let cost = cpu.cost(program.take_work());
-                    self.poll_at = if cost > Duration::ZERO {
-                        *busy_until = now + cost;
-                        *last_cost = cost;
-                        Some(*busy_until)
-                    } else {
-                        program.poll_at().map(|at| later_than(now, at))
-                    };
+                    later_than(now, program.poll_at())
                 }
             }
-            Body::Outside(_) => {}
-        }
-        self.stirred = false;
+            Body::Outside(_) => NEVER,
+        };
     }
 }
 
 /// A node that asks for a moment that has passed is polled a nanosecond later, so that time moves.
-fn later_than(now: Instant, at: Instant) -> Instant {
-    at.max(now + Duration::from_nanos(1))
+fn later_than(now: Instant, at: Option<Instant>) -> Instant {
+    at.map_or(NEVER, |at| at.max(now + Duration::from_nanos(1)))
 }
 
 #[cfg(test)]
@@ -366,20 +366,19 @@ mod tests {
     fn time_moves_between_two_polls() {
         let at = Instant::from_nanos;
         assert_eq!(
-            [5, 10, 11, 12].map(|nanos| later_than(at(10), at(nanos))),
+            [5, 10, 11, 12].map(|nanos| later_than(at(10), Some(at(nanos)))),
             [11, 11, 11, 12].map(at)
         );
         let mut node = Node {
             name: "end".to_owned(),
             body: Body::Outside(outside()),
-            stirred: false,
-            poll_at: Some(at(10)),
+            polled_at: at(10),
         };
         assert_eq!(
             [9, 10, 11].map(|nanos| node.is_due(at(nanos))),
             [false, true, true]
         );
-        node.poll_at = None;
+        node.polled_at = later_than(at(10), None);
         assert!(!node.is_due(at(99)));
         node.receive(Port(0), at(1), b"x");
         assert!(node.is_due(at(0)) && node.may_send(Port(0)) && node.is_silent(Port(0)));

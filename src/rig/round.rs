@@ -31,18 +31,10 @@ impl Rig {
         (next < NEVER).then_some(next)
     }
 
-    /// When a node next wants to be polled. A plain loop: this is asked between any two events.
+    /// When a node next wants to be polled.
     fn next_poll(&self) -> Instant {
-        let mut next = NEVER;
-        for node in &self.nodes {
-            if node.stirred {
-                return self.now;
-            }
-            if let Some(at) = node.poll_at {
-                next = next.min(at);
-            }
-        }
-        next
+        let polls = self.nodes.iter().map(|node| node.polled_at);
+        polls.fold(NEVER, Instant::min).max(self.now)
     }
 
     /// Looks at all lines and devices anew, whatever was done to them meanwhile.

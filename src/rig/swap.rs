@@ -5,7 +5,7 @@ use protocols::LineConfig;
 
 use super::Rig;
 use super::node::{Body, Node, Outside, Program};
-use crate::rig::line::{Direction, End, Line};
+use crate::rig::line::{Direction, End, Line, NEVER};
 
 impl Rig {
     /// The links whose master end is the program under test, by their numbers.
@@ -31,7 +31,7 @@ impl Rig {
         };
         let line = device.line_config(port);
         self.nodes[old].body = Body::Outside(Outside::new(line));
-        self.nodes[old].poll_at = None;
+        self.nodes[old].polled_at = NEVER;
         let name = self.nodes[old].name.clone();
         let end = End {
             node: self.add_outside(&name, line),
