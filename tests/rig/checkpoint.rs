@@ -4,8 +4,7 @@ use core::time::Duration;
 
 use hilrig::run::Outcome;
 use hilrig::scenario::{
-    BudgetSpec, ChassisSpec, DifferentialSpec, FaultSpec, LinkSpec, PhasesSpec, Scenario, Source,
-    Span,
+    BudgetSpec, ChassisSpec, DifferentialSpec, FaultSpec, PhasesSpec, Scenario, Source, Span,
 };
 use proptest::prelude::*;
 use protocols::Instant;
@@ -216,7 +215,9 @@ fn a_run_of_something_else_does_not_branch() {
         |it| it.mission.connect = Span::from_millis(700),
         |it| it.program.start_mode = Some("x".to_owned()),
         |it| it.chassis = Some(ChassisSpec::Differential(DifferentialSpec::default())),
-        |it| drop(it.link.insert("base".to_owned(), LinkSpec::default())),
+        |it| {
+            it.link.entry("base".to_owned()).or_default();
+        },
         |it| it.budget = Some(BudgetSpec::default()),
         |it| {
             let span = Span::from_millis(1_000);
