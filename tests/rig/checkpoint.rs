@@ -141,8 +141,7 @@ fn taking_a_checkpoint_changes_nothing() {
     assert_eq!(identity(&start(faulted()).finish()), whole);
 }
 
-/// The branch was asked for at 2.555 s: what had begun by then cannot be left out or begin
-/// later, nor can the world be another.
+/// The branch was asked for at 2.555 s: what had begun by then cannot be left out or begin later.
 #[test]
 fn what_has_come_to_bear_cannot_be_taken_back() {
     let (scenario, source) = faulted();
